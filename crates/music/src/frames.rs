@@ -1,0 +1,205 @@
+//! The sheet as the learner reads it: which keys are down in each control step, and back again.
+//!
+//! The rules are RoboPianist's (fact sheet §1.7), because published scores rest on them: how many frames a song
+//! has, which frames a note covers, and the one-frame gap that makes two strokes of a key two strokes.
+
+use crate::error::{MAX_CONTROL_HZ, SongError};
+use crate::keys::{KEYS, KeySet, LOWEST_PITCH, key_of_pitch};
+use crate::note::{Note, one_string_a_pitch};
+use crate::song::Song;
+
+/// A moment this close to a frame's border, in frames, lies on it. RoboPianist truncates raw floating point
+/// products, so that 0.7 s steps fall off their frame now and then; here they never do.
+const ON_BORDER_FRAMES: f64 = 1e-6;
+
+impl Song {
+    /// One set of keys a control step.
+    ///
+    /// A song of *T* seconds has floor(*T*·rate) + 1 frames. A note covers the frames from floor(start·rate) up
+    /// to but not including ceil(end·rate), one at least. Where a key sounds in one frame and is struck again in
+    /// the next, it is left out of that next frame, so that it has to be released.
+    ///
+    /// # Errors
+    /// If a note is off the keyboard, or the rate is not a positive number of hertz within reason.
+    pub fn frames(&self, control_hz: f64) -> Result<Vec<KeySet>, SongError> {
+        if !(control_hz > 0.0 && control_hz <= MAX_CONTROL_HZ) {
+            return Err(SongError::BadControlRate { control_hz });
+        }
+        self.check_range()?;
+        let count = floor_frame(self.duration_secs() * control_hz) + 1;
+        let mut sounding = vec![KeySet::EMPTY; count];
+        let mut struck = vec![KeySet::EMPTY; count];
+        for note in self.notes() {
+            let Some(key) = key_of_pitch(note.pitch) else { continue };
+            let first = floor_frame(note.start_secs * control_hz).min(count - 1);
+            let end = ceil_frame(note.end_secs * control_hz).clamp(first + 1, count);
+            struck[first].insert(key);
+            for frame in &mut sounding[first..end] {
+                frame.insert(key);
+            }
+        }
+        let mut before = KeySet::EMPTY;
+        for (frame, struck) in sounding.iter_mut().zip(&struck) {
+            let now = *frame;
+            *frame = now.difference(struck.intersection(before));
+            before = now;
+        }
+        Ok(sounding)
+    }
+
+    /// The frames of a whole episode: silence first, then the song. The silence lasts the whole number of frames
+    /// nearest to `initial_silence_secs` (RoboPianist's `initial_buffer_time`, fact sheet §1.6).
+    ///
+    /// # Errors
+    /// As [`Song::frames`]; also if the silence is negative or takes the song beyond the longest duration.
+    pub fn episode_frames(
+        &self,
+        control_hz: f64,
+        initial_silence_secs: f64,
+    ) -> Result<Vec<KeySet>, SongError> {
+        let song = self.frames(control_hz)?;
+        self.with_initial_silence(initial_silence_secs)?;
+        let silent = (initial_silence_secs * control_hz).round() as usize;
+        let mut frames = vec![KeySet::EMPTY; silent];
+        frames.extend(song);
+        Ok(frames)
+    }
+}
+
+fn floor_frame(frames: f64) -> usize {
+    (frames + ON_BORDER_FRAMES).floor() as usize
+}
+
+fn ceil_frame(frames: f64) -> usize {
+    (frames - ON_BORDER_FRAMES).ceil().max(0.0) as usize
+}
+
+/// The notes that a sequence of frames sounds: each unbroken run of a key is one note of this velocity, from
+/// the start of its first frame to the end of its last. Keys held to the end are released there.
+///
+/// # Panics
+/// If the rate is not positive or the velocity not a MIDI velocity: both are constants of ours.
+pub fn notes_from_frames(pressed: &[KeySet], control_hz: f64, velocity: u8) -> Vec<Note> {
+    assert!(control_hz > 0.0, "control rate {control_hz} Hz is not positive");
+    assert!((1..=127).contains(&velocity), "velocity {velocity} is not from 1 to 127");
+    let mut down_since = [0; KEYS];
+    let mut before = KeySet::EMPTY;
+    let mut notes = Vec::new();
+    for (frame, &now) in pressed.iter().chain([&KeySet::EMPTY]).enumerate() {
+        for key in before.difference(now).iter() {
+            notes.push(Note {
+                pitch: LOWEST_PITCH + key as u8,
+                velocity,
+                start_secs: down_since[key] as f64 / control_hz,
+                end_secs: frame as f64 / control_hz,
+            });
+        }
+        for key in now.difference(before).iter() {
+            down_since[key] = frame;
+        }
+        before = now;
+    }
+    one_string_a_pitch(notes)
+}
+
+/// A key going down or coming up, as a physics step or a MIDI keyboard reports it.
+#[derive(Copy, Clone, Debug, PartialEq)]
+pub struct KeyEvent {
+    /// When, in seconds.
+    pub secs: f64,
+    /// Key index from the left.
+    pub key: usize,
+    /// MIDI velocity of the stroke, 1 to 127; zero for a release.
+    pub velocity: u8,
+}
+
+/// The notes that key events make, in order of time. A stroke of a key that is down strikes it anew, a release
+/// of a key that is up means nothing, keys never released end at `end_secs`. Events with keys off the keyboard
+/// or times that are not finite are left out.
+pub fn notes_from_key_events(events: &[KeyEvent], end_secs: f64) -> Vec<Note> {
+    let mut events: Vec<&KeyEvent> =
+        events.iter().filter(|event| event.key < KEYS && event.secs.is_finite()).collect();
+    events.sort_by(|a, b| a.secs.total_cmp(&b.secs));
+    let mut down: [Option<(f64, u8)>; KEYS] = [None; KEYS];
+    let mut notes = Vec::new();
+    let mut close = |key: usize, stroke: Option<(f64, u8)>, at_secs: f64| {
+        if let Some((start_secs, velocity)) = stroke {
+            let end_secs = at_secs.max(start_secs);
+            notes.push(Note { pitch: LOWEST_PITCH + key as u8, velocity, start_secs, end_secs });
+        }
+    };
+    for event in events {
+        let stroke = (event.velocity > 0).then(|| (event.secs, event.velocity.min(127)));
+        close(event.key, std::mem::replace(&mut down[event.key], stroke), event.secs);
+    }
+    for (key, stroke) in down.into_iter().enumerate() {
+        close(key, stroke, end_secs);
+    }
+    one_string_a_pitch(notes)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::CONTROL_HZ;
+
+    fn note(pitch: u8, start_secs: f64, end_secs: f64) -> Note {
+        Note { pitch, velocity: 64, start_secs, end_secs }
+    }
+
+    fn keys(frames: &[KeySet]) -> Vec<String> {
+        frames.iter().map(KeySet::to_string).collect()
+    }
+
+    #[test]
+    fn a_repeated_note_gets_a_gap_and_a_short_one_a_frame() {
+        let notes = vec![note(60, 0.0, 0.1), note(60, 0.1, 0.2), note(62, 0.2, 0.2)];
+        let song = Song::new("", notes, 0.0).unwrap();
+        assert_eq!(keys(&song.frames(CONTROL_HZ).unwrap()), ["60", "60", "", "60", "62"]);
+    }
+
+    #[test]
+    fn notes_between_borders_cover_every_frame_they_touch() {
+        let song = Song::new("", vec![note(60, 0.04, 0.11)], 0.25).unwrap();
+        assert_eq!(keys(&song.frames(CONTROL_HZ).unwrap()), ["60", "60", "60", "", "", ""]);
+    }
+
+    #[test]
+    fn silly_rates_are_refused() {
+        let song = Song::new("", vec![note(60, 0.0, 1.0)], 0.0).unwrap();
+        for rate in [0.0, -20.0, f64::NAN, f64::INFINITY, 1e9] {
+            assert!(matches!(song.frames(rate), Err(SongError::BadControlRate { .. })), "{rate}");
+        }
+        assert!(song.episode_frames(CONTROL_HZ, f64::INFINITY).is_err());
+    }
+
+    #[test]
+    fn frames_come_back_as_notes() {
+        let frames = [KeySet::from_pitches([60]), KeySet::from_pitches([60, 64]), KeySet::EMPTY]
+            .into_iter()
+            .chain([KeySet::from_pitches([64])])
+            .collect::<Vec<_>>();
+        assert_eq!(
+            notes_from_frames(&frames, CONTROL_HZ, 64),
+            [note(60, 0.0, 0.1), note(64, 0.05, 0.1), note(64, 0.15, 0.2)]
+        );
+    }
+
+    #[test]
+    fn key_events_come_back_as_notes() {
+        let event = |secs, key, velocity| KeyEvent { secs, key, velocity };
+        let events = [
+            event(0.5, 24, 64),
+            event(1.0, 24, 0),
+            event(1.1, 24, 0),
+            event(1.2, 26, 64),
+            event(1.4, 26, 64),
+            event(0.0, 999, 64),
+            event(f64::NAN, 24, 64),
+        ];
+        assert_eq!(
+            notes_from_key_events(&events, 2.0),
+            [note(60, 0.5, 1.0), note(62, 1.2, 1.4), note(62, 1.4, 2.0)]
+        );
+    }
+}

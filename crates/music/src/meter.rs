@@ -1,0 +1,160 @@
+//! Where in the score a moment lies.
+//!
+//! People find a place in a piece by bar and beat, not by seconds, so every message about a song names both.
+//! The grid is a list of stretches, each with one tempo and one time signature; it may begin in the middle of
+//! a bar (a pickup) and before or after the first second (a trimmed or delayed song).
+
+use std::fmt;
+
+/// A place in the score. Bars and beats count from one; bar zero is whatever comes before the first full bar:
+/// a pickup, or silence added in front.
+#[derive(Copy, Clone, Debug, PartialEq)]
+pub struct Position {
+    /// Bar number.
+    pub bar: u32,
+    /// Beat within the bar, with its fraction: 2.5 is half-way between the second and the third beat.
+    pub beat: f64,
+}
+
+impl fmt::Display for Position {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let hundredths = (self.beat * 100.0).round() / 100.0;
+        write!(f, "bar {}, beat {hundredths}", self.bar)
+    }
+}
+
+/// One stretch of even beats.
+#[derive(Copy, Clone, Debug, PartialEq)]
+pub(crate) struct Stretch {
+    /// Seconds at which it begins.
+    pub start_secs: f64,
+    /// Length of a beat in seconds.
+    pub beat_secs: f64,
+    /// Upper number of the time signature.
+    pub beats_per_bar: u8,
+    /// Lower number of the time signature: 4 for quarter notes.
+    pub beat_unit: u8,
+    /// Bar in which it begins.
+    pub bar: u32,
+    /// Beats of that bar already gone.
+    pub beats_gone: f64,
+}
+
+impl Stretch {
+    /// Bar and beats gone in it, this long after the start of the stretch.
+    pub fn after(&self, beats: f64) -> (u32, f64) {
+        let gone = self.beats_gone + beats + TINY_BEATS;
+        let per_bar = f64::from(self.beats_per_bar.max(1));
+        let bars = (gone / per_bar).floor();
+        // `as` saturates: a bar number beyond u32 stays at its largest value.
+        let bar = self.bar.saturating_add(bars as u32);
+        let within = (gone - bars * per_bar - TINY_BEATS).max(0.0);
+        (bar, within)
+    }
+}
+
+/// A moment this close to a beat, in beats, lies on it: rounding of seconds must not name the bar before.
+const TINY_BEATS: f64 = 1e-6;
+/// The same for the borders of stretches, in seconds.
+const TINY_SECS: f64 = 1e-6;
+
+/// The beats of a song: which bar and beat a second falls on.
+#[derive(Clone, Debug, PartialEq)]
+pub struct BeatGrid {
+    stretches: Vec<Stretch>,
+}
+
+impl Default for BeatGrid {
+    /// What a MIDI file means when it says nothing: 120 quarter notes a minute in 4/4.
+    fn default() -> BeatGrid {
+        BeatGrid::regular(0.5, 4, 0.0)
+    }
+}
+
+impl BeatGrid {
+    /// Even beats of `beat_secs` seconds, quarter notes, in bars of `beats_per_bar`. A song that starts with a
+    /// pickup gives its length in `pickup_beats`, zero otherwise; those beats are the end of bar zero.
+    pub fn regular(beat_secs: f64, beats_per_bar: u8, pickup_beats: f64) -> BeatGrid {
+        let (bar, beats_gone) =
+            if pickup_beats > 0.0 { (0, f64::from(beats_per_bar) - pickup_beats) } else { (1, 0.0) };
+        let first = Stretch { start_secs: 0.0, beat_secs, beats_per_bar, beat_unit: 4, bar, beats_gone };
+        BeatGrid { stretches: vec![first] }
+    }
+
+    /// A grid of stretches in order of time; there must be at least one.
+    pub(crate) fn from_stretches(stretches: Vec<Stretch>) -> BeatGrid {
+        if stretches.is_empty() { BeatGrid::default() } else { BeatGrid { stretches } }
+    }
+
+    pub(crate) fn stretches(&self) -> &[Stretch] {
+        &self.stretches
+    }
+
+    /// Bar and beat at this many seconds.
+    pub fn position(&self, secs: f64) -> Position {
+        let index = self.stretches.partition_point(|stretch| stretch.start_secs <= secs + TINY_SECS);
+        match index.checked_sub(1) {
+            None => Position { bar: 0, beat: 1.0 },
+            Some(index) => {
+                let stretch = &self.stretches[index];
+                let (bar, gone) = stretch.after((secs - stretch.start_secs) / stretch.beat_secs);
+                Position { bar, beat: gone + 1.0 }
+            }
+        }
+    }
+
+    /// The same grid, later by this many seconds (earlier if negative).
+    pub(crate) fn delayed(&self, secs: f64) -> BeatGrid {
+        self.map(|stretch| Stretch { start_secs: stretch.start_secs + secs, ..stretch })
+    }
+
+    /// The same grid with all times multiplied.
+    pub(crate) fn stretched(&self, factor: f64) -> BeatGrid {
+        self.map(|stretch| Stretch {
+            start_secs: stretch.start_secs * factor,
+            beat_secs: stretch.beat_secs * factor,
+            ..stretch
+        })
+    }
+
+    fn map(&self, change: impl Fn(Stretch) -> Stretch) -> BeatGrid {
+        BeatGrid { stretches: self.stretches.iter().copied().map(change).collect() }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn at(grid: &BeatGrid, secs: f64) -> String {
+        grid.position(secs).to_string()
+    }
+
+    #[test]
+    fn beats_count_from_one_and_survive_rounding() {
+        let grid = BeatGrid::regular(0.7, 4, 0.0);
+        assert_eq!(at(&grid, 0.0), "bar 1, beat 1");
+        assert_eq!(at(&grid, 0.7 * 3.5), "bar 1, beat 4.5");
+        for beat in 0..1000u32 {
+            let position = grid.position(f64::from(beat) * 0.7);
+            assert_eq!(position.bar, beat / 4 + 1);
+            assert!((position.beat - f64::from(beat % 4 + 1)).abs() < 1e-6);
+        }
+    }
+
+    #[test]
+    fn a_pickup_is_bar_zero() {
+        let grid = BeatGrid::regular(1.0, 3, 1.0);
+        assert_eq!(at(&grid, 0.0), "bar 0, beat 3");
+        assert_eq!(at(&grid, 1.0), "bar 1, beat 1");
+        assert_eq!(at(&grid, 4.0), "bar 2, beat 1");
+    }
+
+    #[test]
+    fn silence_in_front_is_bar_zero() {
+        let grid = BeatGrid::default().delayed(1.0).stretched(2.0);
+        assert_eq!(at(&grid, 0.5), "bar 0, beat 1");
+        assert_eq!(at(&grid, 2.0), "bar 1, beat 1");
+        assert_eq!(at(&grid, 6.0), "bar 2, beat 1");
+    }
+}

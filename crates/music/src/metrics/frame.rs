@@ -1,0 +1,136 @@
+//! Scores by control step: which of the due keys were down, which of the keys down were due.
+//!
+//! Two ways to sum up. The paper's is RoboPianist's (fact sheet §1.8): precision, recall and F1 of every single
+//! step, then the mean of each; a silent step kept silent is perfect, and pressing nothing is always precise.
+//! *Pooled* counts keys over the whole song first, so silence is worth nothing.
+
+use serde::{Deserialize, Serialize};
+
+use super::share;
+use crate::keys::KeySet;
+
+/// Precision, recall and F1 of one control step, each from 0 to 1.
+#[derive(Copy, Clone, Debug, PartialEq)]
+pub struct StepScores {
+    /// Share of the pressed keys that were due; 1 if none was pressed.
+    pub precision: f64,
+    /// Share of the due keys that were pressed; 1 if none was due.
+    pub recall: f64,
+    /// Right keys counted twice over due keys and pressed keys together; 1 if there are none of either.
+    pub f1: f64,
+}
+
+/// Scores of a performance by control step, each from 0 to 1.
+#[derive(Copy, Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct FrameScores {
+    /// Mean of the steps' precisions.
+    pub precision: f64,
+    /// Mean of the steps' recalls.
+    pub recall: f64,
+    /// Mean of the steps' F1: the paper's F1, not made of the two means above.
+    pub f1: f64,
+    /// Precision over all key-time.
+    pub pooled_precision: f64,
+    /// Recall over all key-time.
+    pub pooled_recall: f64,
+    /// F1 over all key-time.
+    pub pooled_f1: f64,
+}
+
+/// Scores one control step (scikit-learn's binary scores with `zero_division=1`).
+pub fn step_scores(due: KeySet, pressed: KeySet) -> StepScores {
+    let right = due.intersection(pressed).len();
+    StepScores {
+        precision: share(right, pressed.len(), 1.0),
+        recall: share(right, due.len(), 1.0),
+        f1: share(2 * right, due.len() + pressed.len(), 1.0),
+    }
+}
+
+/// Scores a performance as it goes, without keeping it.
+#[derive(Copy, Clone, Debug, Default, PartialEq)]
+pub struct FrameTally {
+    steps: usize,
+    precision: f64,
+    recall: f64,
+    f1: f64,
+    due: usize,
+    pressed: usize,
+    right: usize,
+}
+
+impl FrameTally {
+    /// Counts one control step.
+    pub fn push(&mut self, due: KeySet, pressed: KeySet) {
+        let step = step_scores(due, pressed);
+        self.steps += 1;
+        self.precision += step.precision;
+        self.recall += step.recall;
+        self.f1 += step.f1;
+        self.due += due.len();
+        self.pressed += pressed.len();
+        self.right += due.intersection(pressed).len();
+    }
+
+    /// How many control steps were counted.
+    pub fn steps(&self) -> usize {
+        self.steps
+    }
+
+    /// The scores so far; perfect if nothing was counted.
+    pub fn scores(&self) -> FrameScores {
+        let mean = |sum: f64| if self.steps == 0 { 1.0 } else { sum / self.steps as f64 };
+        FrameScores {
+            precision: mean(self.precision),
+            recall: mean(self.recall),
+            f1: mean(self.f1),
+            pooled_precision: share(self.right, self.pressed, 1.0),
+            pooled_recall: share(self.right, self.due, 1.0),
+            pooled_f1: share(2 * self.right, self.due + self.pressed, 1.0),
+        }
+    }
+}
+
+/// Scores a performance, one set of keys a control step. Where one of the two is shorter, it is silent: a
+/// performance that broke off pays for what it left out.
+pub fn frame_scores(due: &[KeySet], pressed: &[KeySet]) -> FrameScores {
+    let mut tally = FrameTally::default();
+    for step in 0..due.len().max(pressed.len()) {
+        tally
+            .push(due.get(step).copied().unwrap_or_default(), pressed.get(step).copied().unwrap_or_default());
+    }
+    tally.scores()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The table of fact sheet §1.8.
+    #[test]
+    fn the_table_of_corner_cases() {
+        let third = 2.0 / 3.0;
+        for (due, pressed, precision, recall, f1) in [
+            (&[][..], &[][..], 1.0, 1.0, 1.0),
+            (&[], &[60], 0.0, 1.0, 0.0),
+            (&[60], &[], 1.0, 0.0, 0.0),
+            (&[60], &[60], 1.0, 1.0, 1.0),
+            (&[60], &[61], 0.0, 0.0, 0.0),
+            (&[60], &[60, 61], 0.5, 1.0, third),
+            (&[60, 61], &[60], 1.0, 0.5, third),
+            (&[60, 61], &[60, 62], 0.5, 0.5, 0.5),
+        ] {
+            let set = |pitches: &[u8]| KeySet::from_pitches(pitches.iter().copied());
+            let scores = step_scores(set(due), set(pressed));
+            assert_eq!(scores, StepScores { precision, recall, f1 }, "{due:?} {pressed:?}");
+        }
+    }
+
+    #[test]
+    fn breaking_off_costs() {
+        let due = [KeySet::from_pitches([60]); 4];
+        let scores = frame_scores(&due, &due[..1]);
+        assert_eq!((scores.f1, scores.precision, scores.pooled_recall), (0.25, 1.0, 0.25));
+        assert_eq!(frame_scores(&[], &[]).f1, 1.0);
+    }
+}

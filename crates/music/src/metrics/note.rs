@@ -1,0 +1,299 @@
+//! Scores by note: which notes of the song were played, which played notes belong to it, how late they came.
+//!
+//! The measure is that of music transcription, as the `mir_eval` package computes it: played notes are matched
+//! to the song's, one to one and as many as possible, where the pitch is the same and the onset near; in the
+//! stricter variant the release must be near too. Notes of different pitch never match, so each pitch is matched
+//! on its own.
+
+use serde::{Deserialize, Serialize};
+
+use super::share;
+use crate::note::Note;
+
+/// How near is near enough.
+#[derive(Copy, Clone, Debug, PartialEq)]
+pub struct NoteTolerance {
+    /// Onsets may differ by this much, in seconds.
+    pub onset_secs: f64,
+    /// Releases may always differ by this much, in seconds …
+    pub offset_secs: f64,
+    /// … and by this share of the song's note, if that is more.
+    pub offset_ratio: f64,
+}
+
+impl Default for NoteTolerance {
+    /// What transcription contests use (mir_eval, speed fact sheet §7).
+    fn default() -> NoteTolerance {
+        NoteTolerance { onset_secs: 0.05, offset_secs: 0.05, offset_ratio: 0.2 }
+    }
+}
+
+/// Scores of a performance by note. Precision, recall and F1 are from 0 to 1, and 0 where the song or the
+/// performance has no notes, as in `mir_eval`.
+#[derive(Copy, Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct NoteScores {
+    /// Share of the played notes that match one of the song by pitch and onset.
+    pub onset_precision: f64,
+    /// Share of the song's notes that were matched by pitch and onset.
+    pub onset_recall: f64,
+    /// Harmonic mean of the two.
+    pub onset_f1: f64,
+    /// As `onset_precision`, with the release near as well.
+    pub onset_offset_precision: f64,
+    /// As `onset_recall`, with the release near as well.
+    pub onset_offset_recall: f64,
+    /// Harmonic mean of the two.
+    pub onset_offset_f1: f64,
+    /// Median of played minus due onset over the notes matched by onset, in seconds; late is positive. None
+    /// without a match.
+    pub onset_error_median_secs: Option<f64>,
+    /// Distance between the quartiles of the same errors, in seconds.
+    pub onset_error_iqr_secs: Option<f64>,
+    /// Their mean, in seconds: the bias.
+    pub onset_error_mean_secs: Option<f64>,
+    /// Notes matched by pitch and onset.
+    pub matched: usize,
+    /// Notes of the song that were not.
+    pub missed: usize,
+    /// Played notes that match none.
+    pub wrong: usize,
+}
+
+/// Scores played notes against those of the song within the usual tolerances.
+pub fn note_scores(reference: &[Note], played: &[Note]) -> NoteScores {
+    note_scores_within(reference, played, NoteTolerance::default())
+}
+
+/// Scores played notes against those of the song.
+///
+/// Of all largest matchings by onset, the errors are those of the one with the smallest sum. The time taken grows
+/// with the square of the number of strokes of one pitch that follow each other within the tolerance.
+pub fn note_scores_within(reference: &[Note], played: &[Note], near: NoteTolerance) -> NoteScores {
+    let mut errors = Vec::new();
+    let mut with_offset = 0;
+    for pitch in 0..=u8::MAX {
+        let strokes = |notes: &[Note]| {
+            let mut notes: Vec<Note> = notes.iter().filter(|note| note.pitch == pitch).copied().collect();
+            notes.sort_by(|a, b| {
+                a.start_secs.total_cmp(&b.start_secs).then(a.end_secs.total_cmp(&b.end_secs))
+            });
+            notes
+        };
+        let (due, heard) = (strokes(reference), strokes(played));
+        for (due, heard) in clusters(&due, &heard, near.onset_secs) {
+            nearest_onsets(due, heard, near.onset_secs, &mut errors);
+            with_offset += most_pairs(due, heard, near);
+        }
+    }
+    let matched = errors.len();
+    errors.sort_by(f64::total_cmp);
+    let quantile = |q| (matched > 0).then(|| quantile(&errors, q));
+    let iqr = quantile(0.75).zip(quantile(0.25)).map(|(upper, lower)| upper - lower);
+    let [onset_precision, onset_recall, onset_f1] = rates(matched, reference.len(), played.len());
+    let [onset_offset_precision, onset_offset_recall, onset_offset_f1] =
+        rates(with_offset, reference.len(), played.len());
+    NoteScores {
+        onset_precision,
+        onset_recall,
+        onset_f1,
+        onset_offset_precision,
+        onset_offset_recall,
+        onset_offset_f1,
+        onset_error_median_secs: quantile(0.5),
+        onset_error_iqr_secs: iqr,
+        onset_error_mean_secs: (matched > 0).then(|| errors.iter().sum::<f64>() / matched as f64),
+        matched,
+        missed: reference.len() - matched,
+        wrong: played.len() - matched,
+    }
+}
+
+fn rates(matched: usize, reference: usize, played: usize) -> [f64; 3] {
+    let (precision, recall) = (share(matched, played, 0.0), share(matched, reference, 0.0));
+    [precision, recall, share(2 * matched, reference + played, 0.0)]
+}
+
+/// Differences are rounded as in `mir_eval`, so that a note exactly at the tolerance is within it.
+fn rounded(secs: f64) -> f64 {
+    const STEPS_PER_SEC: f64 = 1e4;
+    (secs * STEPS_PER_SEC).round_ties_even() / STEPS_PER_SEC
+}
+
+fn onsets_near(due: &Note, heard: &Note, near: NoteTolerance) -> bool {
+    rounded((due.start_secs - heard.start_secs).abs()) <= near.onset_secs
+}
+
+fn ends_near(due: &Note, heard: &Note, near: NoteTolerance) -> bool {
+    let tolerance = (near.offset_ratio * due.duration_secs().abs()).max(near.offset_secs);
+    rounded((due.end_secs - heard.end_secs).abs()) <= tolerance
+}
+
+/// Cuts two sorted lists where no match can cross: wherever the next onset of either is out of reach.
+fn clusters<'a>(due: &'a [Note], heard: &'a [Note], onset_secs: f64) -> Vec<(&'a [Note], &'a [Note])> {
+    let mut cut = Vec::new();
+    let (mut d, mut h) = (0, 0);
+    let (mut d0, mut h0) = (0, 0);
+    let mut latest = f64::NEG_INFINITY;
+    while d < due.len() || h < heard.len() {
+        let next_due = due.get(d).map_or(f64::INFINITY, |note| note.start_secs);
+        let next_heard = heard.get(h).map_or(f64::INFINITY, |note| note.start_secs);
+        let next = next_due.min(next_heard);
+        if rounded(next - latest) > onset_secs {
+            cut.push((&due[d0..d], &heard[h0..h]));
+            (d0, h0) = (d, h);
+        }
+        latest = next;
+        // One of the two advances even past a time that is no number.
+        let take_due = h == heard.len() || (d < due.len() && next_due <= next_heard);
+        if take_due { d += 1 } else { h += 1 }
+    }
+    cut.push((&due[d0..], &heard[h0..]));
+    cut.retain(|(due, heard)| !due.is_empty() && !heard.is_empty());
+    cut
+}
+
+/// Matches onsets, as many as possible and then with the smallest sum of distances, and appends the errors
+/// (played minus due, in seconds). Along a line such a matching never crosses, so dynamic programming finds it.
+fn nearest_onsets(due: &[Note], heard: &[Note], onset_secs: f64, errors: &mut Vec<f64>) {
+    /// Pairs made, and their summed distance in seconds.
+    type Cell = (usize, f64);
+    if due.len().saturating_mul(heard.len()) > MAX_CELLS {
+        return first_come(due, heard, onset_secs, errors);
+    }
+    let better = |a: Cell, b: Cell| if (a.0, -a.1) >= (b.0, -b.1) { a } else { b };
+    let width = heard.len() + 1;
+    let mut best: Vec<Cell> = vec![(0, 0.0); (due.len() + 1) * width];
+    let pair = |d: usize, h: usize| {
+        let error = heard[h].start_secs - due[d].start_secs;
+        (rounded(error.abs()) <= onset_secs).then_some(error)
+    };
+    for d in 1..=due.len() {
+        for h in 1..=heard.len() {
+            let mut cell = better(best[(d - 1) * width + h], best[d * width + h - 1]);
+            if let Some(error) = pair(d - 1, h - 1) {
+                let (pairs, distance) = best[(d - 1) * width + h - 1];
+                cell = better((pairs + 1, distance + error.abs()), cell);
+            }
+            best[d * width + h] = cell;
+        }
+    }
+    let (mut d, mut h) = (due.len(), heard.len());
+    while d > 0 && h > 0 {
+        let cell = best[d * width + h];
+        if cell == best[(d - 1) * width + h] {
+            d -= 1;
+        } else if cell == best[d * width + h - 1] {
+            h -= 1;
+        } else {
+            errors.extend(pair(d - 1, h - 1));
+            (d, h) = (d - 1, h - 1);
+        }
+    }
+}
+
+/// Largest table worth filling; no song for hands comes near it.
+const MAX_CELLS: usize = 1 << 22;
+
+/// Matches as many onsets as possible, each with the first that it can have.
+fn first_come(due: &[Note], heard: &[Note], onset_secs: f64, errors: &mut Vec<f64>) {
+    let (mut d, mut h) = (0, 0);
+    while d < due.len() && h < heard.len() {
+        let error = heard[h].start_secs - due[d].start_secs;
+        if rounded(error.abs()) <= onset_secs {
+            errors.push(error);
+            (d, h) = (d + 1, h + 1);
+        } else if error < 0.0 {
+            h += 1;
+        } else {
+            d += 1;
+        }
+    }
+}
+
+/// Size of a largest matching where releases must be near as well: free notes look for a partner along chains of
+/// pairs that can be exchanged (augmenting paths, breadth first).
+fn most_pairs(due: &[Note], heard: &[Note], near: NoteTolerance) -> usize {
+    // Notes are in order of onset, so those near one lie side by side; a little wider, against rounding.
+    let candidates = |d: usize| {
+        let start = due[d].start_secs;
+        let first = heard.partition_point(|note| note.start_secs < start - near.onset_secs * 1.01 - 1e-3);
+        let near_enough =
+            move |h: &usize| onsets_near(&due[d], &heard[*h], near) && ends_near(&due[d], &heard[*h], near);
+        let window = heard[first..]
+            .iter()
+            .take_while(move |note| note.start_secs <= start + near.onset_secs * 1.01 + 1e-3);
+        (first..first + window.count()).filter(near_enough)
+    };
+    let mut partner_of_due: Vec<Option<usize>> = vec![None; due.len()];
+    let mut partner_of_heard: Vec<Option<usize>> = vec![None; heard.len()];
+    let mut pairs = 0;
+    for free in 0..due.len() {
+        let mut reached_from: Vec<Option<usize>> = vec![None; heard.len()];
+        let mut queue = std::collections::VecDeque::from([free]);
+        let mut open = None;
+        'search: while let Some(d) = queue.pop_front() {
+            for h in candidates(d) {
+                if reached_from[h].is_none() {
+                    reached_from[h] = Some(d);
+                    match partner_of_heard[h] {
+                        Some(next) => queue.push_back(next),
+                        None => {
+                            open = Some(h);
+                            break 'search;
+                        }
+                    }
+                }
+            }
+        }
+        pairs += usize::from(open.is_some());
+        while let Some(h) = open {
+            let Some(d) = reached_from[h] else { break };
+            partner_of_heard[h] = Some(d);
+            open = partner_of_due[d].replace(h);
+        }
+    }
+    pairs
+}
+
+/// Linear interpolation between order statistics, as numpy's default; the list is sorted and not empty.
+fn quantile(sorted: &[f64], q: f64) -> f64 {
+    let place = q * (sorted.len() - 1) as f64;
+    let (below, above) = (place.floor() as usize, place.ceil() as usize);
+    sorted[below] + (sorted[above] - sorted[below]) * (place - place.floor())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn strokes(starts: &[f64]) -> Vec<Note> {
+        let note =
+            |&start_secs: &f64| Note { pitch: 60, velocity: 64, start_secs, end_secs: start_secs + 0.1 };
+        starts.iter().map(note).collect()
+    }
+
+    #[test]
+    fn errors_come_from_the_nearest_of_the_largest_matchings() {
+        // Taking the nearest first would leave a note over; the largest matching pairs both.
+        let scores = note_scores(&strokes(&[1.0, 1.04]), &strokes(&[0.96, 1.01]));
+        assert_eq!((scores.matched, scores.missed, scores.wrong), (2, 0, 0));
+        assert!((scores.onset_error_mean_secs.unwrap() + 0.035).abs() < 1e-12);
+        // Two ways to match one: the nearer counts.
+        let scores = note_scores(&strokes(&[1.0]), &strokes(&[0.97, 1.01]));
+        assert_eq!((scores.matched, scores.wrong), (1, 1));
+        assert!((scores.onset_error_median_secs.unwrap() - 0.01).abs() < 1e-12);
+    }
+
+    #[test]
+    fn exactly_at_the_tolerance_is_within_it() {
+        let scores = note_scores(&strokes(&[1.0]), &strokes(&[1.05]));
+        assert_eq!(scores.onset_f1, 1.0);
+        assert_eq!(note_scores(&strokes(&[1.0]), &strokes(&[1.0502])).onset_f1, 0.0);
+    }
+
+    #[test]
+    fn nothing_scores_nothing() {
+        let scores = note_scores(&[], &[]);
+        assert_eq!((scores.onset_f1, scores.onset_error_median_secs, scores.matched), (0.0, None, 0));
+    }
+}

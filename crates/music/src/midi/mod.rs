@@ -1,0 +1,18 @@
+//! Standard MIDI Files in and out.
+//!
+//! `midly` decodes and encodes events. Around it stands what a file from anywhere needs: chunks checked before
+//! anything is trusted ([`chunks`]), ticks turned into seconds ([`tempo`]), limits on everything that a hostile
+//! file could inflate, and errors where `midly` would end a track silently.
+
+mod chunks;
+mod read;
+mod tempo;
+mod write;
+
+pub(crate) use read::read;
+pub(crate) use write::write;
+
+/// Largest file read, in bytes: dense piano recordings of an hour stay far below.
+pub(crate) const MAX_FILE_BYTES: u64 = 10 * 1024 * 1024;
+/// Most tempo and time signature changes kept.
+pub(crate) const MAX_TEMPO_CHANGES: usize = 100_000;

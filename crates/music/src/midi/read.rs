@@ -1,0 +1,145 @@
+//! From bytes to a song.
+
+use std::collections::BTreeMap;
+
+use midly::{EventIter, MetaMessage, MidiMessage, TrackEventKind};
+
+use super::MAX_FILE_BYTES;
+use super::chunks::{TrackChunk, split};
+use super::tempo::{Change, Changes};
+use crate::error::{MidiError, SongError};
+use crate::note::Note;
+use crate::song::{MAX_DURATION_SECS, MAX_NOTES, Song};
+
+/// Channel 10, counting from one: percussion by General MIDI, where a key number names a drum.
+const PERCUSSION: u8 = 9;
+
+/// Reads a whole file; see [`Song::from_midi`] for what is made of it.
+pub(crate) fn read(bytes: &[u8], title: String) -> Result<Song, MidiError> {
+    if bytes.len() as u64 > MAX_FILE_BYTES {
+        return Err(MidiError::TooLarge { bytes: bytes.len() as u64 });
+    }
+    let file = split(bytes)?;
+    let mut reader = Reader::default();
+    for (index, track) in file.tracks.iter().enumerate() {
+        reader.track(index + 1, track)?;
+    }
+    reader.finish(title, file.division)
+}
+
+/// A key held down in one channel of one track.
+#[derive(Copy, Clone)]
+struct Held {
+    start: u64,
+    velocity: u8,
+}
+
+/// A note in ticks; without an end it lasts until the end of the file.
+struct TickNote {
+    pitch: u8,
+    velocity: u8,
+    start: u64,
+    end: Option<u64>,
+}
+
+#[derive(Default)]
+struct Reader {
+    changes: Changes,
+    notes: Vec<TickNote>,
+    percussion: usize,
+    last_tick: u64,
+}
+
+impl Reader {
+    fn track(&mut self, number: usize, chunk: &TrackChunk<'_>) -> Result<(), MidiError> {
+        let mut held: BTreeMap<(u8, u8), Held> = BTreeMap::new();
+        let mut tick = 0u64;
+        let mut events = EventIter::new(chunk.body);
+        let mut may_have_swallowed = false;
+        loop {
+            let unread = events.unread();
+            let bad = || MidiError::BadEvent {
+                track: number,
+                offset: chunk.offset + chunk.body.len() - unread.len(),
+            };
+            let event = match events.next() {
+                Some(Ok(event)) => event,
+                // `midly` ends a track without a word at an event that it cannot read, and lets a text that
+                // claims to be longer than the track swallow the rest of it.
+                None if unread.is_empty() && !may_have_swallowed => break,
+                Some(Err(_)) | None => return Err(bad()),
+            };
+            tick = tick.saturating_add(u64::from(event.delta.as_int()));
+            may_have_swallowed = !matches!(event.kind, TrackEventKind::Midi { .. });
+            match event.kind {
+                TrackEventKind::Midi { channel, message } => {
+                    let (pitch, velocity) = match message {
+                        MidiMessage::NoteOn { key, vel } => (key.as_int(), vel.as_int()),
+                        MidiMessage::NoteOff { key, .. } => (key.as_int(), 0),
+                        _ => continue,
+                    };
+                    let channel = channel.as_int();
+                    if channel == PERCUSSION {
+                        self.percussion += usize::from(velocity > 0);
+                        continue;
+                    }
+                    let before = if velocity > 0 {
+                        held.insert((channel, pitch), Held { start: tick, velocity })
+                    } else {
+                        held.remove(&(channel, pitch))
+                    };
+                    if let Some(before) = before {
+                        self.note(pitch, before, Some(tick))?;
+                    }
+                }
+                TrackEventKind::Meta(MetaMessage::Tempo(micros)) => match micros.as_int() {
+                    0 => return Err(MidiError::ZeroTempo { track: number }),
+                    micros => self.changes.push(tick, Change::Tempo(micros))?,
+                },
+                TrackEventKind::Meta(MetaMessage::TimeSignature(numerator, power, ..)) => {
+                    if let Some(signature) = Change::signature(numerator, power) {
+                        self.changes.push(tick, signature)?;
+                    }
+                }
+                TrackEventKind::Meta(MetaMessage::EndOfTrack) => break,
+                _ => {}
+            }
+        }
+        self.last_tick = self.last_tick.max(tick);
+        for ((_, pitch), stroke) in held {
+            self.note(pitch, stroke, None)?;
+        }
+        Ok(())
+    }
+
+    fn note(&mut self, pitch: u8, held: Held, end: Option<u64>) -> Result<(), MidiError> {
+        if self.notes.len() >= MAX_NOTES {
+            return Err(MidiError::TooManyNotes);
+        }
+        self.notes.push(TickNote { pitch, velocity: held.velocity, start: held.start, end });
+        Ok(())
+    }
+
+    fn finish(self, title: String, division: super::chunks::Division) -> Result<Song, MidiError> {
+        if self.notes.is_empty() {
+            return Err(MidiError::NoNotes { percussion: self.percussion });
+        }
+        let map = self.changes.into_map(division);
+        let seconds = |note: &TickNote| Note {
+            pitch: note.pitch,
+            velocity: note.velocity,
+            start_secs: map.secs(note.start),
+            end_secs: map.secs(note.end.unwrap_or(self.last_tick)),
+        };
+        let notes: Vec<Note> = self.notes.iter().map(seconds).collect();
+        let secs = notes.iter().map(|note| note.end_secs).fold(0.0, f64::max);
+        if secs > MAX_DURATION_SECS {
+            return Err(MidiError::TooLong { secs });
+        }
+        match Song::new(title, notes, 0.0) {
+            Ok(song) => Ok(song.with_beats(map.into_beats())),
+            Err(SongError::TooManyNotes { .. }) => Err(MidiError::TooManyNotes),
+            Err(_) => Err(MidiError::TooLong { secs }),
+        }
+    }
+}

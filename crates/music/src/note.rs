@@ -1,0 +1,83 @@
+//! One note, and the rule that a key is one string.
+//!
+//! Two voices may hold the same pitch at once on paper, but a keyboard has one key for it. Every song obeys
+//! that from the start, so that frames, metrics, MIDI files and sound all see the same notes.
+
+use serde::{Deserialize, Serialize};
+
+/// A key struck, held and released.
+#[derive(Copy, Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Note {
+    /// MIDI number; 60 is middle C.
+    pub pitch: u8,
+    /// MIDI velocity, 1 to 127.
+    pub velocity: u8,
+    /// When the key goes down, in seconds from the start of the song.
+    pub start_secs: f64,
+    /// When the key comes up, in seconds; never before the start.
+    pub end_secs: f64,
+}
+
+impl Note {
+    /// How long the key is held, in seconds.
+    pub fn duration_secs(&self) -> f64 {
+        self.end_secs - self.start_secs
+    }
+}
+
+/// Onsets of one pitch closer than this, in seconds, are one stroke: far below a MIDI tick of any real file.
+const SAME_STROKE_SECS: f64 = 1e-6;
+
+/// Makes the notes playable on strings and sorts them by start, then pitch.
+///
+/// Where notes of one pitch overlap, the key is held as long as any of them asks for it and struck anew at each
+/// onset: each note ends where the next begins, the last one at the latest end. Notes of one pitch that begin
+/// together become one, as loud as the louder.
+pub(crate) fn one_string_a_pitch(mut notes: Vec<Note>) -> Vec<Note> {
+    notes.sort_by(|a, b| a.pitch.cmp(&b.pitch).then(a.start_secs.total_cmp(&b.start_secs)));
+    let mut kept: Vec<Note> = Vec::with_capacity(notes.len());
+    for mut note in notes {
+        if let Some(last) = kept.last_mut().filter(|last| last.pitch == note.pitch) {
+            if note.start_secs - last.start_secs <= SAME_STROKE_SECS {
+                last.velocity = last.velocity.max(note.velocity);
+                last.end_secs = last.end_secs.max(note.end_secs);
+                continue;
+            }
+            if note.start_secs < last.end_secs {
+                note.end_secs = note.end_secs.max(last.end_secs);
+                last.end_secs = note.start_secs;
+            }
+        }
+        kept.push(note);
+    }
+    kept.sort_by(|a, b| a.start_secs.total_cmp(&b.start_secs).then(a.pitch.cmp(&b.pitch)));
+    kept
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn note(pitch: u8, start_secs: f64, end_secs: f64) -> Note {
+        Note { pitch, velocity: 64, start_secs, end_secs }
+    }
+
+    #[test]
+    fn an_overlap_is_struck_anew_and_held_to_the_latest_end() {
+        let notes = one_string_a_pitch(vec![note(60, 0.0, 4.0), note(60, 1.0, 2.0), note(62, 0.5, 3.0)]);
+        assert_eq!(notes, [note(60, 0.0, 1.0), note(62, 0.5, 3.0), note(60, 1.0, 4.0)]);
+    }
+
+    #[test]
+    fn a_unison_is_one_note() {
+        let loud = Note { velocity: 100, ..note(60, 0.0, 1.0) };
+        let notes = one_string_a_pitch(vec![loud, note(60, 0.0, 2.0), note(60, 0.0, 0.0)]);
+        assert_eq!(notes, [Note { velocity: 100, ..note(60, 0.0, 2.0) }]);
+    }
+
+    #[test]
+    fn touching_notes_stay_as_they_are() {
+        let notes = vec![note(60, 0.0, 1.0), note(60, 1.0, 2.0)];
+        assert_eq!(one_string_a_pitch(notes.clone()), notes);
+    }
+}

@@ -1,0 +1,157 @@
+//! Does the song fit the keyboard, and if not, what would make it fit?
+
+use std::fmt::Write;
+
+use thiserror::Error;
+
+use crate::error::SongError;
+use crate::keys::{HIGHEST_PITCH, LOWEST_PITCH, key_of_pitch, pitch_name};
+use crate::meter::Position;
+use crate::note::Note;
+use crate::song::Song;
+
+/// A note that the keyboard does not have.
+#[derive(Copy, Clone, Debug, PartialEq)]
+pub struct OffendingNote {
+    /// The note.
+    pub note: Note,
+    /// Where in the score it starts.
+    pub position: Position,
+}
+
+/// A song that goes beyond the keyboard.
+#[derive(Clone, Debug, PartialEq, Error)]
+#[error("{}", self.message())]
+pub struct OutOfRange {
+    /// Title of the song.
+    pub title: String,
+    /// Every note off the keyboard, in order of time.
+    pub notes: Vec<OffendingNote>,
+    /// Every transposition in semitones that brings the whole song onto the keyboard, lowest first; empty if
+    /// the song is wider than the keyboard.
+    pub transpositions: Vec<i32>,
+}
+
+/// How many places a message lists for one pitch before it counts the rest.
+const PLACES_A_PITCH: usize = 6;
+const OCTAVE: i32 = 12;
+
+impl OutOfRange {
+    fn message(&self) -> String {
+        let mut text = format!(
+            "\"{}\" has notes outside the keyboard, which reaches from {} ({LOWEST_PITCH}) to {} ({HIGHEST_PITCH}):",
+            self.title,
+            pitch_name(LOWEST_PITCH),
+            pitch_name(HIGHEST_PITCH),
+        );
+        let mut pitches: Vec<u8> = self.notes.iter().map(|offending| offending.note.pitch).collect();
+        pitches.sort_unstable();
+        pitches.dedup();
+        for pitch in pitches {
+            let places: Vec<_> =
+                self.notes.iter().filter(|offending| offending.note.pitch == pitch).collect();
+            let _ = write!(text, "\n  {} ({pitch}) at", pitch_name(pitch));
+            for (i, place) in places.iter().take(PLACES_A_PITCH).enumerate() {
+                let comma = if i == 0 { "" } else { ";" };
+                let _ = write!(text, "{comma} {} ({:.2} s)", place.position, place.note.start_secs);
+            }
+            if places.len() > PLACES_A_PITCH {
+                let _ = write!(text, " and {} more", places.len() - PLACES_A_PITCH);
+            }
+        }
+        text + "\n" + &self.advice()
+    }
+
+    fn advice(&self) -> String {
+        let by = |semitones: &i32| format!("{semitones:+}");
+        let (Some(lowest), Some(highest)) = (self.transpositions.first(), self.transpositions.last()) else {
+            return "No transposition makes it fit: the song spans more than the keyboard. Leave out the notes above."
+                .into();
+        };
+        let mut text = if lowest == highest {
+            format!("Transpose it by {} semitones to make it fit", by(lowest))
+        } else {
+            format!("Transpose it by any of {} to {} semitones to make it fit", by(lowest), by(highest))
+        };
+        let octaves: Vec<String> = self.transpositions.iter().filter(|s| *s % OCTAVE == 0).map(by).collect();
+        if !octaves.is_empty() {
+            let _ = write!(text, "; {} keeps its key", octaves.join(" or "));
+        }
+        text + "."
+    }
+}
+
+impl Song {
+    /// Checks that the keyboard has every note.
+    ///
+    /// # Errors
+    /// [`SongError::OutOfRange`] with every note that it lacks and every transposition that would help.
+    pub fn check_range(&self) -> Result<(), SongError> {
+        let notes: Vec<OffendingNote> = self
+            .notes()
+            .iter()
+            .filter(|note| key_of_pitch(note.pitch).is_none())
+            .map(|note| OffendingNote { note: *note, position: self.position(note.start_secs) })
+            .collect();
+        if notes.is_empty() {
+            return Ok(());
+        }
+        let pitches = || self.notes().iter().map(|note| i32::from(note.pitch));
+        let lowest = pitches().min().unwrap_or_default();
+        let highest = pitches().max().unwrap_or_default();
+        let transpositions =
+            (i32::from(LOWEST_PITCH) - lowest..=i32::from(HIGHEST_PITCH) - highest).collect();
+        Err(OutOfRange { title: self.title().to_owned(), notes, transpositions }.into())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn song(pitches: &[u8]) -> Song {
+        let note = |(i, &pitch): (usize, &u8)| Note {
+            pitch,
+            velocity: 64,
+            start_secs: i as f64 * 0.5,
+            end_secs: i as f64 * 0.5 + 0.4,
+        };
+        Song::new("Too wide", pitches.iter().enumerate().map(note).collect(), 0.0).unwrap()
+    }
+
+    #[test]
+    fn the_message_names_notes_places_and_remedies() {
+        let error = song(&[60, 96, 72, 35, 60, 96]).check_range().unwrap_err().to_string();
+        assert_eq!(
+            error,
+            "\"Too wide\" has notes outside the keyboard, which reaches from C2 (36) to C6 (84):\n\
+             \x20 B1 (35) at bar 1, beat 4 (1.50 s)\n\
+             \x20 C7 (96) at bar 1, beat 2 (0.50 s); bar 2, beat 2 (2.50 s)\n\
+             No transposition makes it fit: the song spans more than the keyboard. Leave out the notes above."
+        );
+        let error = song(&[60, 96]).check_range().unwrap_err().to_string();
+        assert!(
+            error.ends_with(
+                "Transpose it by any of -24 to -12 semitones to make it fit; -24 or -12 keeps its key."
+            ),
+            "{error}"
+        );
+    }
+
+    #[test]
+    fn the_transpositions_offered_fit_and_no_others_do() {
+        for pitches in [vec![35, 60], vec![90, 50], vec![20, 20], vec![36, 85], vec![37, 85]] {
+            let song = song(&pitches);
+            let Err(SongError::OutOfRange(out)) = song.check_range() else { panic!("{pitches:?} fits") };
+            for semitones in -128..=128 {
+                let fits = song.transpose(semitones).is_ok_and(|song| song.check_range().is_ok());
+                assert_eq!(fits, out.transpositions.contains(&semitones), "{pitches:?} by {semitones}");
+            }
+        }
+    }
+
+    #[test]
+    fn a_song_on_the_keyboard_passes() {
+        song(&[LOWEST_PITCH, HIGHEST_PITCH]).check_range().unwrap();
+    }
+}

@@ -1,0 +1,88 @@
+//! One argument, two kinds of song: a name of the repertoire or a file.
+
+use std::path::Path;
+
+use crate::error::SongError;
+use crate::repertoire;
+use crate::song::Song;
+
+/// A miss lists at most this many names.
+const MOST_SUGGESTIONS: usize = 3;
+
+/// The song of this name: a built-in id, or the path of a MIDI file.
+///
+/// A name of the repertoire wins over a file of the same name; write `./name` for the file.
+///
+/// # Errors
+/// If there is neither; ids that look like the name are suggested. If the file cannot be read or used.
+pub fn resolve(name_or_path: &str) -> Result<Song, SongError> {
+    if let Some(song) = repertoire::get(name_or_path) {
+        return Ok(song);
+    }
+    let path = Path::new(name_or_path);
+    let named_like_a_file = path.components().count() > 1
+        || path
+            .extension()
+            .is_some_and(|end| end.eq_ignore_ascii_case("mid") || end.eq_ignore_ascii_case("midi"));
+    if named_like_a_file || path.is_file() {
+        return Song::load(path);
+    }
+    Err(SongError::Unknown { name: name_or_path.to_owned(), close: close_ids(name_or_path) })
+}
+
+/// Ids that a mistyped name may mean, best first.
+fn close_ids(name: &str) -> Vec<&'static str> {
+    let plain: String = name.to_lowercase().replace([' ', '_'], "-").chars().take(64).collect();
+    let mut close: Vec<(usize, &str)> = repertoire::ids()
+        .filter_map(|id| {
+            let part = plain.len() > 2 && (id.contains(&plain) || plain.contains(id));
+            let edits = if part { 0 } else { edit_distance(&plain, id) };
+            // A third of the letters wrong is a typing error, more is another word.
+            (edits * 3 <= id.len()).then_some((edits, id))
+        })
+        .collect();
+    close.sort();
+    close.into_iter().take(MOST_SUGGESTIONS).map(|(_, id)| id).collect()
+}
+
+/// Letters to insert, delete or replace to get from one word to the other (Levenshtein).
+fn edit_distance(a: &str, b: &str) -> usize {
+    let mut row: Vec<usize> = (0..=b.chars().count()).collect();
+    for (i, from) in a.chars().enumerate() {
+        let mut diagonal = std::mem::replace(&mut row[0], i + 1);
+        for (j, to) in b.chars().enumerate() {
+            let replaced = diagonal + usize::from(from != to);
+            diagonal = row[j + 1];
+            row[j + 1] = replaced.min(diagonal + 1).min(row[j] + 1);
+        }
+    }
+    row.last().copied().unwrap_or_default()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_miss_suggests_what_was_meant() {
+        let message = |name: &str| resolve(name).unwrap_err().to_string();
+        assert_eq!(
+            message("twinckle"),
+            "there is no song called \"twinckle\" (did you mean twinkle?); `etude songs` lists the built-in ones, or \
+             give the path of a .mid file"
+        );
+        assert!(message("Happy Birthday!").contains("did you mean happy-birthday?"));
+        assert!(message("scale").contains("did you mean c-major-scale, d-major-scale?"));
+        assert!(message("für-elise").contains("\"für-elise\"; `etude songs`"));
+        assert!(message("").contains("\"\"; `etude songs`"));
+        assert!(matches!(resolve("no/such.mid"), Err(SongError::Read { .. })));
+        assert!(matches!(resolve("nosuch.MID"), Err(SongError::Read { .. })));
+    }
+
+    #[test]
+    fn edits_are_counted() {
+        assert_eq!(edit_distance("kitten", "sitting"), 3);
+        assert_eq!(edit_distance("", "abc"), 3);
+        assert_eq!(edit_distance("abc", ""), 3);
+    }
+}

@@ -1,0 +1,272 @@
+//! A song: notes in seconds, and the beat grid they were written on.
+//!
+//! A song is immutable; changing one makes another. Whatever way it was made, its notes are sorted, finite,
+//! playable on one string a pitch, and within fixed limits, so nothing further down needs to check again.
+
+use std::fs::File;
+use std::io::{Read, Write};
+use std::path::Path;
+
+use crate::error::{MidiError, SongError};
+use crate::files::write_whole;
+use crate::meter::{BeatGrid, Position};
+use crate::midi;
+use crate::note::{Note, one_string_a_pitch};
+
+/// Longest song in seconds: an hour. Learning one takes frames of the whole song in memory.
+pub const MAX_DURATION_SECS: f64 = 3600.0;
+/// Most notes a song may have: an hour of very fast playing.
+pub const MAX_NOTES: usize = 100_000;
+
+const MAX_PITCH: u8 = 127;
+const MAX_VELOCITY: u8 = 127;
+
+/// Notes with times in seconds, a title, and bars and beats.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Song {
+    title: String,
+    notes: Vec<Note>,
+    duration_secs: f64,
+    beats: BeatGrid,
+}
+
+impl Song {
+    /// A song of these notes, in any order. It lasts `duration_secs` or until its last note ends, whichever is
+    /// later. Overlapping notes of one pitch are made playable on a single key: the key stays down as long as
+    /// any of them asks for it and is struck anew at each onset.
+    ///
+    /// # Errors
+    /// If a note has a pitch or velocity that MIDI lacks, or times that are not finite, negative or reversed;
+    /// if there are too many notes, or they last too long ([`MAX_NOTES`], [`MAX_DURATION_SECS`]).
+    pub fn new(title: impl Into<String>, notes: Vec<Note>, duration_secs: f64) -> Result<Song, SongError> {
+        if notes.len() > MAX_NOTES {
+            return Err(SongError::TooManyNotes { notes: notes.len() });
+        }
+        for (index, note) in notes.iter().enumerate() {
+            check(note).map_err(|why| SongError::BadNote { index, why })?;
+        }
+        let duration_secs = notes.iter().map(|note| note.end_secs).fold(duration_secs, f64::max);
+        if !(0.0..=MAX_DURATION_SECS).contains(&duration_secs) {
+            return Err(SongError::BadDuration { secs: duration_secs });
+        }
+        let notes = one_string_a_pitch(notes);
+        Ok(Song { title: title.into(), notes, duration_secs, beats: BeatGrid::default() })
+    }
+
+    /// The same song on this beat grid.
+    #[must_use]
+    pub fn with_beats(self, beats: BeatGrid) -> Song {
+        Song { beats, ..self }
+    }
+
+    /// Reads a Standard MIDI File of format 0 or 1.
+    ///
+    /// All tracks and channels are played together except channel 10, which is percussion by General MIDI and
+    /// has no place on a keyboard. A second note-on of a sounding pitch strikes it anew; a note never closed
+    /// ends with the file. The pedal is ignored: the keyboard has none. The song ends with its last note, as in
+    /// RoboPianist (`total_time`, fact sheet §1.7), whatever rest the file holds after it.
+    ///
+    /// # Errors
+    /// If the bytes are not such a file, are damaged, hold no notes, or exceed the limits on size, notes and
+    /// duration.
+    pub fn from_midi(bytes: &[u8], title: impl Into<String>) -> Result<Song, MidiError> {
+        midi::read(bytes, title.into())
+    }
+
+    /// Reads a MIDI file from disk, titled by its file name; see [`Song::from_midi`].
+    ///
+    /// # Errors
+    /// If the file cannot be read or used; the path is named.
+    pub fn load(path: impl AsRef<Path>) -> Result<Song, SongError> {
+        let path = path.as_ref();
+        let unreadable = |source| SongError::Read { path: path.into(), source };
+        let unusable = |source| SongError::Midi { path: path.into(), source };
+        let file = File::open(path).map_err(unreadable)?;
+        let mut bytes = Vec::new();
+        // One byte more than allowed tells "too large" without trusting the size that the system reports.
+        file.take(midi::MAX_FILE_BYTES + 1).read_to_end(&mut bytes).map_err(unreadable)?;
+        let title = path.file_stem().map(|stem| stem.to_string_lossy().into_owned()).unwrap_or_default();
+        Song::from_midi(&bytes, title).map_err(unusable)
+    }
+
+    /// The song as a Standard MIDI File (format 0) with its tempo, time signatures and title. Times are rounded
+    /// to a tick, a twentieth of a millisecond at usual tempos and less than two milliseconds at any; reading the
+    /// file back gives the same notes to that precision. Rest after the last note is not read back.
+    pub fn to_midi(&self) -> Vec<u8> {
+        midi::write(self)
+    }
+
+    /// Writes [`Song::to_midi`] to a file that appears whole or not at all.
+    ///
+    /// # Errors
+    /// If the file cannot be written; the path is named.
+    pub fn save(&self, path: impl AsRef<Path>) -> Result<(), SongError> {
+        let path = path.as_ref();
+        write_whole::<std::io::Error>(path, |file| file.write_all(&self.to_midi()))
+            .map_err(|source| SongError::Write { path: path.into(), source })
+    }
+
+    /// What the song is called.
+    pub fn title(&self) -> &str {
+        &self.title
+    }
+
+    /// The notes, sorted by start and then pitch. Notes of one pitch never overlap.
+    pub fn notes(&self) -> &[Note] {
+        &self.notes
+    }
+
+    /// Length in seconds.
+    pub fn duration_secs(&self) -> f64 {
+        self.duration_secs
+    }
+
+    /// The beat grid.
+    pub fn beats(&self) -> &BeatGrid {
+        &self.beats
+    }
+
+    /// Bar and beat at this many seconds.
+    pub fn position(&self, secs: f64) -> Position {
+        self.beats.position(secs)
+    }
+
+    /// The song without silence before its first and after its last note. Bars keep their numbers.
+    #[must_use]
+    pub fn trim_silence(&self) -> Song {
+        let Some(first) = self.notes.first() else {
+            return Song { duration_secs: 0.0, ..self.clone() };
+        };
+        let start = first.start_secs;
+        let end = self.notes.iter().map(|note| note.end_secs).fold(start, f64::max);
+        Song {
+            notes: self.notes.iter().map(|note| shifted(note, -start)).collect(),
+            duration_secs: end - start,
+            beats: self.beats.delayed(-start),
+            title: self.title.clone(),
+        }
+    }
+
+    /// The song slower (`factor` above 1) or faster (below 1).
+    ///
+    /// # Errors
+    /// If the factor is not a positive number, or the song becomes longer than [`MAX_DURATION_SECS`].
+    pub fn stretch(&self, factor: f64) -> Result<Song, SongError> {
+        if !(factor.is_finite() && factor > 0.0) {
+            return Err(SongError::BadStretch { factor });
+        }
+        let scale = |note: &Note| Note {
+            start_secs: note.start_secs * factor,
+            end_secs: note.end_secs * factor,
+            ..*note
+        };
+        let notes = self.notes.iter().map(scale).collect();
+        Ok(Song::new(self.title.clone(), notes, self.duration_secs * factor)?
+            .with_beats(self.beats.stretched(factor)))
+    }
+
+    /// The song higher (positive) or lower (negative). Unlike RoboPianist it drops no notes: what no longer fits
+    /// the keyboard is reported by [`Song::check_range`].
+    ///
+    /// # Errors
+    /// If a note leaves the pitches that MIDI has.
+    pub fn transpose(&self, semitones: i32) -> Result<Song, SongError> {
+        let mut song = self.clone();
+        for note in &mut song.notes {
+            note.pitch = i32::from(note.pitch)
+                .checked_add(semitones)
+                .and_then(|pitch| u8::try_from(pitch).ok())
+                .filter(|&pitch| pitch <= MAX_PITCH)
+                .ok_or(SongError::BadTransposition { semitones, pitch: note.pitch })?;
+        }
+        Ok(song)
+    }
+
+    /// The song after this many seconds of silence, which count as bar zero.
+    ///
+    /// # Errors
+    /// If the silence is negative or not finite, or the song becomes longer than [`MAX_DURATION_SECS`].
+    pub fn with_initial_silence(&self, secs: f64) -> Result<Song, SongError> {
+        let duration_secs = self.duration_secs + secs;
+        if !(secs >= 0.0 && duration_secs <= MAX_DURATION_SECS) {
+            return Err(SongError::BadDuration { secs: duration_secs });
+        }
+        let notes = self.notes.iter().map(|note| shifted(note, secs)).collect();
+        Ok(Song { notes, duration_secs, beats: self.beats.delayed(secs), title: self.title.clone() })
+    }
+}
+
+fn shifted(note: &Note, secs: f64) -> Note {
+    Note { start_secs: note.start_secs + secs, end_secs: note.end_secs + secs, ..*note }
+}
+
+fn check(note: &Note) -> Result<(), &'static str> {
+    if note.pitch > MAX_PITCH {
+        return Err("its pitch is above 127, the highest that MIDI has");
+    }
+    if note.velocity == 0 || note.velocity > MAX_VELOCITY {
+        return Err("its velocity must be from 1 to 127");
+    }
+    if !(note.start_secs >= 0.0 && note.end_secs >= note.start_secs && note.end_secs.is_finite()) {
+        return Err("its times must be finite, not negative, and the end not before the start");
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::repertoire;
+
+    fn note(pitch: u8, start_secs: f64, end_secs: f64) -> Note {
+        Note { pitch, velocity: 64, start_secs, end_secs }
+    }
+
+    #[test]
+    fn impossible_notes_are_refused() {
+        let bad = [
+            note(128, 0.0, 1.0),
+            note(60, -1.0, 1.0),
+            note(60, 1.0, 0.5),
+            note(60, 0.0, f64::NAN),
+            note(60, f64::NAN, 1.0),
+            note(60, 0.0, f64::INFINITY),
+            Note { velocity: 0, ..note(60, 0.0, 1.0) },
+        ];
+        for one in bad {
+            let refused = Song::new("", vec![note(60, 0.0, 1.0), one], 0.0).unwrap_err();
+            assert!(matches!(refused, SongError::BadNote { index: 1, .. }), "{one:?}: {refused}");
+        }
+        assert!(Song::new("", vec![note(60, 0.0, 1e5)], 0.0).is_err());
+        assert!(Song::new("", vec![], -1.0).is_err());
+        assert!(Song::new("", vec![], f64::NAN).is_err());
+    }
+
+    #[test]
+    fn changes_move_notes_and_bars_together() {
+        let song = repertoire::get("happy-birthday").unwrap();
+        let late = song.with_initial_silence(2.5).unwrap();
+        assert_eq!(late.position(3.5), song.position(1.0));
+        assert_eq!(late.trim_silence(), song);
+        let slow = song.stretch(2.0).unwrap();
+        assert_eq!(slow.position(8.0), song.position(4.0));
+        assert_eq!(slow.duration_secs(), 48.0);
+        let high = song.transpose(12).unwrap();
+        assert_eq!(high.notes()[0].pitch, song.notes()[0].pitch + 12);
+        assert_eq!(high.transpose(-12).unwrap(), song);
+    }
+
+    #[test]
+    fn impossible_changes_are_refused() {
+        let song = repertoire::get("twinkle").unwrap();
+        for factor in [0.0, -1.0, f64::NAN, f64::INFINITY, 1e9] {
+            assert!(song.stretch(factor).is_err(), "{factor}");
+        }
+        for semitones in [100, -100, i32::MAX, i32::MIN] {
+            assert!(song.transpose(semitones).is_err(), "{semitones}");
+        }
+        for secs in [-1.0, f64::NAN, f64::INFINITY, 4000.0] {
+            assert!(song.with_initial_silence(secs).is_err(), "{secs}");
+        }
+    }
+}
