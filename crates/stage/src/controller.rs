@@ -1,0 +1,228 @@
+//! The controller of one joint: low-pass, bounded-jerk reference, PD, torque clamp.
+//!
+//! The paper drives every simulated joint by "a PD controller with maximum jerk, a low pass filter and damping", tuned
+//! joint by joint. It is ours and runs at each physics step, so that the exported model needs nothing but torques.
+//!
+//! ```text
+//! target ─► delay ─► low-pass ─► reference (velocity, acceleration, jerk bounded) ─► PD ─► clamp ─► torque
+//! ```
+
+use serde::{Deserialize, Serialize};
+
+use crate::params::{Joint, PhysicalParams};
+
+/// How joints are driven.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Actuation {
+    /// The paper's main text: low-pass, bounded jerk, PD, torque clamp.
+    #[default]
+    Controlled,
+    /// The paper's appendix: a position actuator (torque proportional to the error) and damping in the joint, without
+    /// filter, reference or clamp.
+    Position,
+}
+
+/// Longest delay, in physics steps, that the command queue holds.
+const QUEUE: usize = 32;
+
+/// Constants of one controller, worked out from [`PhysicalParams`] and the physics step.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Gains {
+    step_secs: f64,
+    stiffness: f64,
+    damping: f64,
+    torque_limit: f64,
+    smoothing: f64,
+    velocity_limit: f64,
+    acceleration_limit: f64,
+    jerk_limit: f64,
+    approach: f64,
+    settle_secs: f64,
+    delay_steps: usize,
+    encoder_bias: f64,
+    actuation: Actuation,
+}
+
+impl Gains {
+    /// The constants of joint `index` for a physics step of `step_secs`.
+    pub fn new(params: &PhysicalParams, index: usize, actuation: Actuation, step_secs: f64) -> Self {
+        let value = |quantity| params.joint(quantity, index);
+        let (acceleration_limit, jerk_limit) = (value(Joint::AccelerationLimit), value(Joint::JerkLimit));
+        // Near the target the reference is a critically damped third-order system whose fastest part takes as long
+        // as the jerk limit needs to build up the full acceleration.
+        let settle_secs = (acceleration_limit / jerk_limit).max(step_secs);
+        Self {
+            step_secs,
+            stiffness: value(Joint::Stiffness),
+            damping: value(Joint::Damping),
+            torque_limit: value(Joint::TorqueLimit),
+            smoothing: 1.0 - (-step_secs / value(Joint::LowPass).max(1e-9)).exp(),
+            velocity_limit: value(Joint::VelocityLimit),
+            acceleration_limit,
+            jerk_limit,
+            approach: 1.0 / (4.0 * settle_secs),
+            settle_secs,
+            delay_steps: ((value(Joint::Delay) / step_secs).round() as usize).min(QUEUE - 1),
+            encoder_bias: value(Joint::EncoderBias),
+            actuation,
+        }
+    }
+
+    /// What the encoder reads when the joint is at `position`.
+    pub fn measured(&self, position: f64) -> f64 {
+        position + self.encoder_bias
+    }
+}
+
+/// State of one joint's controller. Positions are encoder readings.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Controller {
+    queue: Vec<f64>,
+    head: usize,
+    filtered: f64,
+    position: f64,
+    velocity: f64,
+    acceleration: f64,
+}
+
+impl Controller {
+    /// At rest at `position`, with that as its target.
+    pub fn at_rest(position: f64) -> Self {
+        Self {
+            queue: vec![position; QUEUE],
+            head: 0,
+            filtered: position,
+            position,
+            velocity: 0.0,
+            acceleration: 0.0,
+        }
+    }
+
+    /// Back to rest at `position`, without allocating.
+    pub fn rest(&mut self, position: f64) {
+        self.queue.fill(position);
+        self.head = 0;
+        self.filtered = position;
+        self.position = position;
+        self.velocity = 0.0;
+        self.acceleration = 0.0;
+    }
+
+    /// Whether a stored controller can be used.
+    pub(crate) fn is_sound(&self) -> bool {
+        self.queue.len() == QUEUE && self.head < QUEUE
+    }
+
+    /// The reference that the joint follows: position, velocity, acceleration.
+    pub fn reference(&self) -> [f64; 3] {
+        [self.position, self.velocity, self.acceleration]
+    }
+
+    /// One physics step: the torque for `target` when the encoder reads `measured` and the joint moves at `velocity`.
+    pub fn torque(&mut self, gains: &Gains, target: f64, measured: f64, velocity: f64) -> f64 {
+        self.head = (self.head + 1) % QUEUE;
+        self.queue[self.head] = target;
+        let delayed = self.queue[(self.head + QUEUE - gains.delay_steps) % QUEUE];
+        match gains.actuation {
+            Actuation::Position => gains.stiffness * (delayed - measured),
+            Actuation::Controlled => {
+                self.filtered += gains.smoothing * (delayed - self.filtered);
+                self.advance(gains);
+                let torque = gains.stiffness * (self.position - measured) - gains.damping * velocity;
+                torque.clamp(-gains.torque_limit, gains.torque_limit)
+            }
+        }
+    }
+
+    /// Moves the reference one step toward the filtered target within its limits.
+    fn advance(&mut self, gains: &Gains) {
+        let dt = gains.step_secs;
+        let error = self.filtered - self.position;
+        // Far away: the speed from which half the acceleration limit still stops in time (the other half is what
+        // the jerk limit costs). Close by: proportional, so that it settles without overshoot.
+        let stoppable = (gains.acceleration_limit * error.abs()).sqrt();
+        let speed = (gains.approach * error.abs()).min(stoppable).min(gains.velocity_limit);
+        let wanted = (speed.copysign(error) - self.velocity) / gains.settle_secs;
+        let wanted = wanted.clamp(-gains.acceleration_limit, gains.acceleration_limit);
+        let most = gains.jerk_limit * dt;
+        self.acceleration += (wanted - self.acceleration).clamp(-most, most);
+        let velocity = self.velocity + self.acceleration * dt;
+        let limited = velocity.clamp(-gains.velocity_limit, gains.velocity_limit);
+        self.position += limited * dt;
+        self.velocity = limited;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::hand::{JOINTS, RAIL};
+    use proptest::prelude::*;
+
+    const STEP: f64 = 0.005;
+
+    fn gains(index: usize) -> Gains {
+        Gains::new(&PhysicalParams::default(), index, Actuation::Controlled, STEP)
+    }
+
+    proptest! {
+        #[test]
+        fn the_reference_keeps_its_limits(
+            index in 0..JOINTS,
+            targets in prop::collection::vec(-1.5f64..1.5, 1..12),
+        ) {
+            let gains = gains(index);
+            let mut controller = Controller::at_rest(0.0);
+            let mut previous = [0.0; 3];
+            for target in targets.iter().flat_map(|t| std::iter::repeat_n(*t, 10)) {
+                let torque = controller.torque(&gains, target, 0.0, 0.0);
+                prop_assert!(torque.abs() <= gains.torque_limit);
+                let now = controller.reference();
+                let slack = 1.0 + 1e-9;
+                prop_assert!(now[1].abs() <= gains.velocity_limit * slack);
+                prop_assert!(now[2].abs() <= gains.acceleration_limit * slack);
+                prop_assert!((now[2] - previous[2]).abs() <= gains.jerk_limit * STEP * slack);
+                prop_assert!((now[0] - previous[0] - now[1] * STEP).abs() < 1e-12);
+                previous = now;
+            }
+        }
+
+        #[test]
+        fn the_reference_arrives_and_stays(index in 0..JOINTS, target in -0.3f64..0.3) {
+            let gains = gains(index);
+            let mut controller = Controller::at_rest(0.0);
+            let mut furthest: f64 = 0.0;
+            for _ in 0..600 {
+                controller.torque(&gains, target, 0.0, 0.0);
+                furthest = furthest.max(controller.reference()[0] * target.signum());
+            }
+            prop_assert!((controller.reference()[0] - target).abs() < 1e-4);
+            prop_assert!(furthest <= target.abs() * 1.05 + 1e-6, "overshoot to {furthest} for {target}");
+        }
+    }
+
+    #[test]
+    fn a_delay_is_a_whole_number_of_steps() {
+        let mut params = PhysicalParams::default();
+        params.set("joint.rail.delay", 0.02).unwrap();
+        let gains = Gains::new(&params, RAIL, Actuation::Position, STEP);
+        let mut controller = Controller::at_rest(0.0);
+        let torques: Vec<f64> = (0..6).map(|_| controller.torque(&gains, 1.0, 0.0, 0.0)).collect();
+        assert_eq!(torques.iter().position(|t| *t > 0.0), Some(4));
+    }
+
+    #[test]
+    fn a_step_of_one_white_key_takes_what_the_limits_say() {
+        let gains = gains(RAIL);
+        let mut controller = Controller::at_rest(0.0);
+        let distance = crate::geometry::WHITE_PITCH;
+        let steps = (1..400).find(|_| {
+            controller.torque(&gains, distance, 0.0, 0.0);
+            (controller.reference()[0] - distance).abs() < 0.1 * distance
+        });
+        let fastest = (32.0 * distance / gains.jerk_limit).cbrt();
+        let secs = steps.expect("it arrives") as f64 * STEP;
+        assert!(secs > 0.6 * fastest && secs < 4.0 * fastest, "{secs} s, ideal {fastest} s");
+    }
+}

@@ -1,0 +1,259 @@
+//! The world as MJCF, written from [`PhysicalParams`].
+//!
+//! Text rather than calls: what is built is what `etude model export` prints, and stock MuJoCo loads it unchanged.
+//!
+//! Choices that matter for speed or physics:
+//! - No gravity: the hand's controller compensates it (as the authors' does), and the keys' springs are at rest where
+//!   gravity leaves them. The lower limit stands just below, so that no resting key keeps a constraint active.
+//! - Contact bits let only what can touch be tested: hand with keyboard (bit 1), a finger with its neighbour (bit 2).
+//! - Resting keys sleep (MuJoCo's `sleep` flag) until something touches them.
+
+use std::fmt::Write as _;
+
+use etude_music::KEYS;
+
+use crate::config::StageConfig;
+use crate::controller::Actuation;
+use crate::geometry::{FENCE_RISE, FENCE_THICKNESS, HALF_WIDTH, KeyShape, WHITE, fences, key_lateral};
+use crate::hand::{
+    DISTAL_LENGTH, FINGER_JOINTS, FINGER_NAMES, FINGER_RANGE, JOINT_NAMES, LINK_MASSES, LINK_SECTION, LINKS,
+    MOUNT, PALM_CENTRE, PALM_MASS, PALM_SIZE, RAIL, ROOT_SPACING, ROOT_Z, SPLAY, THUMB_MASS, TIP_CENTRE,
+    TIP_HALF_LENGTH, TIP_RADIUS, root_side,
+};
+use crate::params::{Joint, PhysicalParams, World};
+
+/// How far above rest a key may spring before its upper stop, rad.
+const KEY_REBOUND: f64 = 0.01;
+/// Contact bit of hand against keyboard.
+const TOUCHES_KEYBOARD: u32 = 1;
+/// Contact bit of a finger against its neighbour; the middle finger receives it, the outer ones send it.
+const TOUCHES_NEIGHBOUR: u32 = 2;
+
+/// The whole model as an MJCF document.
+pub fn mjcf(config: &StageConfig, params: &PhysicalParams) -> String {
+    let mut xml = String::with_capacity(32 * 1024);
+    // Writing to a string cannot fail.
+    let _ = document(&mut xml, config, params);
+    xml
+}
+
+fn document(out: &mut String, config: &StageConfig, params: &PhysicalParams) -> std::fmt::Result {
+    let step = config.physics_step_secs();
+    writeln!(out, r#"<mujoco model="etude">"#)?;
+    writeln!(out, r#"  <compiler angle="radian" autolimits="true"/>"#)?;
+    writeln!(
+        out,
+        r#"  <option timestep="{step}" gravity="0 0 0" cone="elliptic" impratio="10" integrator="Euler" iterations="20" ls_iterations="20">"#
+    )?;
+    writeln!(out, r#"    <flag sleep="enable"/>"#)?;
+    writeln!(out, r#"  </option>"#)?;
+    writeln!(out, r#"  <visual><global offwidth="1280" offheight="960"/><quality shadowsize="2048"/></visual>"#)?;
+    writeln!(out, r#"  <statistic center="0 0 0.05" extent="0.5"/>"#)?;
+    writeln!(out, r#"  <default>"#)?;
+    writeln!(out, r#"    <geom solref="{} 1"/>"#, 2.0 * step)?;
+    writeln!(out, r#"    <default class="visual"><geom contype="0" conaffinity="0"/></default>"#)?;
+    writeln!(out, r#"  </default>"#)?;
+    writeln!(out, r#"  <worldbody>"#)?;
+    writeln!(out, r#"    <light pos="0.3 -0.2 1.2" dir="-0.2 0.1 -1" diffuse="0.8 0.8 0.8"/>"#)?;
+    writeln!(out, r#"    <camera name="player" pos="0.62 0 0.48" xyaxes="0 1 0 -0.58 0 0.81"/>"#)?;
+    writeln!(out, r#"    <camera name="side" pos="0.05 -0.75 0.18" xyaxes="1 0 0 0 0.15 0.99"/>"#)?;
+    keyboard(out, config, params)?;
+    hand(out, config, params)?;
+    writeln!(out, r#"  </worldbody>"#)?;
+    writeln!(out, r#"  <actuator>"#)?;
+    for name in JOINT_NAMES {
+        writeln!(out, r#"    <motor name="{name}" joint="{name}"/>"#)?;
+    }
+    writeln!(out, r#"  </actuator>"#)?;
+    writeln!(out, r#"</mujoco>"#)
+}
+
+fn keyboard(out: &mut String, config: &StageConfig, params: &PhysicalParams) -> std::fmt::Result {
+    let value = |quantity| params.world(quantity);
+    let friction = value(World::KeyFriction);
+    let contact = format!(
+        r#"contype="0" conaffinity="{TOUCHES_KEYBOARD}" priority="1" friction="{friction} 0.005 0.0001""#
+    );
+    let [depth, lateral, height] = keyboard_place(params);
+    writeln!(out, r#"    <body name="keyboard" pos="{depth} {lateral} {height}">"#)?;
+    writeln!(
+        out,
+        r#"      <geom class="visual" type="box" pos="-0.125 0 0.02" size="0.05 {} 0.02" rgba="0.15 0.15 0.17 1"/>"#,
+        HALF_WIDTH + 0.02
+    )?;
+    if config.fences {
+        let top = WHITE.top() + FENCE_RISE;
+        for (index, fence) in fences().enumerate() {
+            let [rear, front] = fence.x;
+            writeln!(
+                out,
+                r#"      <geom name="fence_{index}" type="box" pos="{} {} {}" size="{} {} {}" rgba="0.9 0.75 0.1 1" {contact}/>"#,
+                (rear + front) / 2.0,
+                fence.y,
+                top / 2.0,
+                (front - rear) / 2.0,
+                FENCE_THICKNESS / 2.0,
+                top / 2.0,
+            )?;
+        }
+    }
+    for key in 0..KEYS {
+        let shape = KeyShape::of(key);
+        let [length, width, thick] = shape.size;
+        let colour = if etude_music::key_is_black(key) { "0.08 0.08 0.08 1" } else { "0.95 0.95 0.93 1" };
+        writeln!(
+            out,
+            r#"      <body name="key_{key}" pos="{} {} {}">"#,
+            shape.x,
+            key_lateral(key),
+            shape.z
+        )?;
+        writeln!(
+            out,
+            r#"        <joint name="key_{key}" type="hinge" axis="0 1 0" pos="{} 0 0" range="{} {}" stiffness="{}" damping="{}" armature="{}"/>"#,
+            -length / 2.0,
+            -KEY_REBOUND,
+            shape.max_angle(),
+            value(World::KeyStiffness),
+            value(World::KeyDamping),
+            value(World::KeyArmature),
+        )?;
+        writeln!(
+            out,
+            r#"        <geom name="key_{key}" type="box" size="{} {} {}" mass="{}" rgba="{colour}" {contact}/>"#,
+            length / 2.0,
+            width / 2.0,
+            thick / 2.0,
+            shape.mass,
+        )?;
+        writeln!(out, r#"      </body>"#)?;
+    }
+    writeln!(out, r#"    </body>"#)
+}
+
+/// Where the keyboard's body stands, m.
+pub(crate) fn keyboard_place(params: &PhysicalParams) -> [f64; 3] {
+    [World::KeyboardDepth, World::KeyboardLateral, World::KeyboardHeight].map(|q| params.world(q))
+}
+
+/// Passive damping of joint `index` in the world: under position actuation all damping is there (paper, appendix).
+pub(crate) fn passive_damping(config: &StageConfig, params: &PhysicalParams, index: usize) -> f64 {
+    let viscosity = params.joint(Joint::Viscosity, index);
+    match config.actuation {
+        Actuation::Controlled => viscosity,
+        Actuation::Position => viscosity + params.joint(Joint::Damping, index),
+    }
+}
+
+fn joint_attributes(config: &StageConfig, params: &PhysicalParams, index: usize) -> String {
+    format!(
+        r#"damping="{}" frictionloss="{}" armature="{}""#,
+        passive_damping(config, params, index),
+        params.joint(Joint::Friction, index),
+        params.joint(Joint::Armature, index),
+    )
+}
+
+fn hand(out: &mut String, config: &StageConfig, params: &PhysicalParams) -> std::fmt::Result {
+    let [back, up] = MOUNT;
+    // The palm faces down and the fingers point into the keyboard: palm x is world -z, palm z is world -x.
+    writeln!(
+        out,
+        r#"    <body name="palm" pos="{back} 0 {up}" xyaxes="0 0 -1 0 -1 0">"#
+    )?;
+    writeln!(
+        out,
+        r#"      <joint name="rail" type="slide" axis="0 -1 0" range="{} {}" {}/>"#,
+        -HALF_WIDTH,
+        HALF_WIDTH,
+        joint_attributes(config, params, RAIL),
+    )?;
+    let [sx, sy, sz] = PALM_SIZE.map(|s| s / 2.0);
+    let [cx, cy, cz] = PALM_CENTRE;
+    writeln!(
+        out,
+        r#"      <geom class="visual" type="box" pos="{cx} {cy} {cz}" size="{sx} {sy} {sz}" mass="{PALM_MASS}" rgba="0.2 0.2 0.22 1"/>"#
+    )?;
+    // The thumb is folded along the palm's far side: it adds its mass and touches nothing.
+    let thumb = if root_side(config.side, 0) > 0.0 { 1.0 } else { -1.0 };
+    writeln!(
+        out,
+        r#"      <geom class="visual" name="thumb" type="capsule" fromto="-0.018 {} -0.046 -0.018 {} 0.02" size="0.012" mass="{THUMB_MASS}" rgba="0.25 0.25 0.27 1"/>"#,
+        thumb * 0.07,
+        thumb * 0.075,
+    )?;
+    for (finger, name) in FINGER_NAMES.iter().enumerate() {
+        self::finger(out, config, params, finger, name)?;
+    }
+    writeln!(out, r#"    </body>"#)
+}
+
+fn finger(
+    out: &mut String,
+    config: &StageConfig,
+    params: &PhysicalParams,
+    finger: usize,
+    name: &str,
+) -> std::fmt::Result {
+    let side = root_side(config.side, finger);
+    let outer = side != 0.0;
+    let z = ROOT_Z[usize::from(!outer)];
+    let half = -side * SPLAY / 2.0;
+    let (sx, sy) = (LINK_SECTION[0] / 2.0, LINK_SECTION[1] / 2.0);
+    let neighbour = if outer {
+        format!(r#"contype="{TOUCHES_NEIGHBOUR}" conaffinity="0""#)
+    } else {
+        format!(r#"contype="0" conaffinity="{TOUCHES_NEIGHBOUR}""#)
+    };
+    let both = if outer {
+        format!(r#"contype="{}" conaffinity="0""#, TOUCHES_KEYBOARD | TOUCHES_NEIGHBOUR)
+    } else {
+        format!(r#"contype="{TOUCHES_KEYBOARD}" conaffinity="{TOUCHES_NEIGHBOUR}""#)
+    };
+    let joint = |number: usize, axis: &str| {
+        let [low, high] = FINGER_RANGE[number];
+        format!(
+            r#"<joint name="{name}_{number}" type="hinge" axis="{axis}" range="{low} {high}" {}/>"#,
+            joint_attributes(config, params, finger * FINGER_JOINTS + number)
+        )
+    };
+    let link = |part: &str, length: f64, mass: f64, contact: &str| {
+        format!(
+            r#"<geom name="{name}_{part}" type="box" pos="0 0 {}" size="{sx} {sy} {}" mass="{mass}" rgba="0.3 0.3 0.33 1" {contact}/>"#,
+            length / 2.0,
+            length / 2.0,
+        )
+    };
+    writeln!(
+        out,
+        r#"      <body name="{name}_base" pos="0 {} {z}" quat="{} {} 0 0">"#,
+        side * ROOT_SPACING,
+        half.cos(),
+        half.sin(),
+    )?;
+    writeln!(out, "        {}", joint(0, "0 0 1"))?;
+    writeln!(out, "        {}", link("base", LINKS[0], LINK_MASSES[0], r#"class="visual""#))?;
+    writeln!(out, r#"        <body name="{name}_proximal" pos="0 0 {}">"#, LINKS[0])?;
+    writeln!(out, "          {}", joint(1, "0 1 0"))?;
+    writeln!(out, "          {}", link("proximal", LINKS[1], LINK_MASSES[1], &neighbour))?;
+    writeln!(out, r#"          <body name="{name}_medial" pos="0 0 {}">"#, LINKS[1])?;
+    writeln!(out, "            {}", joint(2, "0 1 0"))?;
+    writeln!(out, "            {}", link("medial", LINKS[2], LINK_MASSES[2], &both))?;
+    writeln!(out, r#"            <body name="{name}_distal" pos="0 0 {}">"#, LINKS[2])?;
+    writeln!(out, "              {}", joint(3, "0 1 0"))?;
+    writeln!(out, "              {}", link("distal", DISTAL_LENGTH, LINK_MASSES[3], &both))?;
+    writeln!(
+        out,
+        r#"              <geom name="{name}_tip" type="capsule" pos="0 0 {TIP_CENTRE}" size="{TIP_RADIUS} {TIP_HALF_LENGTH}" mass="{}" rgba="0.95 0.95 0.9 1" {both}/>"#,
+        LINK_MASSES[4],
+    )?;
+    writeln!(
+        out,
+        r#"              <site name="{name}_tip" pos="0 0 {}" size="0.003"/>"#,
+        TIP_CENTRE + TIP_HALF_LENGTH
+    )?;
+    for indent in ["            ", "          ", "        ", "      "] {
+        writeln!(out, "{indent}</body>")?;
+    }
+    Ok(())
+}

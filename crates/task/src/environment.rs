@@ -1,0 +1,175 @@
+//! One environment: an episode is the song played once.
+
+use etude_learn::EnvironmentError;
+use etude_music::{KeySet, key_is_black};
+use etude_stage::geometry::HALF_WIDTH;
+use etude_stage::hand::root_lateral;
+use etude_stage::{FINGERS, JOINTS, PhysicalParams, RAIL, Snapshot, World};
+use rand::{RngExt as _, SeedableRng as _};
+use rand_pcg::Pcg64;
+use serde::{Deserialize, Serialize};
+
+use crate::observation::observe;
+use crate::randomise::Randomisation;
+use crate::reward::{Moment, Reward};
+use crate::{ACTION_LEN, Piece, TaskConfig, TaskError, action, targets};
+
+/// Result of one control step.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Step {
+    /// Sum of the weighted reward terms.
+    pub reward: f64,
+    /// Whether the song is over. Not a terminal state: the learner bootstraps on.
+    pub song_over: bool,
+}
+
+/// A world, a piece, and the place in it.
+pub struct Environment {
+    world: World,
+    piece: Piece,
+    config: TaskConfig,
+    reward: Reward,
+    randomisation: Randomisation,
+    random: Pcg64,
+    step: usize,
+    previous_joints: [f64; JOINTS],
+    previous_action: [f32; ACTION_LEN],
+}
+
+/// What [`Environment::save`] keeps.
+#[derive(Serialize, Deserialize)]
+struct Saved {
+    snapshot: Snapshot,
+    params: PhysicalParams,
+    random: Pcg64,
+    step: usize,
+    previous_joints: [f64; JOINTS],
+    previous_action: [f32; ACTION_LEN],
+}
+
+impl Environment {
+    /// An environment for `piece`, with its own stream of randomness from `seed`, at the start of an episode.
+    ///
+    /// # Errors
+    /// If the configuration is not sound.
+    pub fn new(config: &TaskConfig, piece: &Piece, seed: u64) -> Result<Self, TaskError> {
+        config.check()?;
+        let params = config.params()?;
+        let mut environment = Self {
+            world: World::new(&config.stage, &params)?,
+            piece: piece.clone(),
+            config: config.clone(),
+            reward: Reward::new(&config.reward)?,
+            randomisation: Randomisation::new(params, &config.randomisation),
+            random: Pcg64::seed_from_u64(seed),
+            step: 0,
+            previous_joints: [0.0; JOINTS],
+            previous_action: [0.0; ACTION_LEN],
+        };
+        environment.reset();
+        Ok(environment)
+    }
+
+    /// Starts the next episode: a new draw of the randomised numbers, the hand in its starting pose, the beginning of
+    /// the song (or, with `random_start`, any place in it with a finger over the key that is due next).
+    pub fn reset(&mut self) {
+        if self.config.randomisation.intensity > 0.0 {
+            let params = self.randomisation.draw(&mut self.random);
+            self.world.set_params(&params);
+        }
+        self.world.reset();
+        self.step = 0;
+        if self.config.random_start {
+            self.step = self.random.random_range(0..self.piece.steps());
+            let finger = self.random.random_range(0..FINGERS);
+            if self.step > 0
+                && let Some(key) = self.next_due_key()
+            {
+                let mut pose = self.world.start_pose();
+                let over = self.world.key_target(key)[1] - root_lateral(self.config.stage.side, finger);
+                pose[RAIL] = over.clamp(-HALF_WIDTH, HALF_WIDTH);
+                self.world.reset_to(&pose);
+            }
+        }
+        self.previous_joints = self.world.joints();
+        self.previous_action = action(&self.previous_joints);
+    }
+
+    /// The lowest key, white if there is one, of the next frame that has any.
+    fn next_due_key(&self) -> Option<usize> {
+        let due = self.piece.frames()[self.step..].iter().find(|due| !due.is_empty())?;
+        due.iter().find(|key| !key_is_black(*key)).or_else(|| due.iter().next())
+    }
+
+    /// Plays one control step. `parts` receives the weighted reward terms in the order of [`Reward::names`].
+    pub fn step(&mut self, action: &[f32; ACTION_LEN], parts: &mut [f32]) -> Step {
+        let due = self.piece.due(self.step);
+        self.previous_joints = self.world.joints();
+        let outcome = self.world.step(&targets(action));
+        let moment =
+            Moment { world: &self.world, due, outcome, action, previous_action: &self.previous_action };
+        let reward = self.reward.evaluate(&moment, parts);
+        self.previous_action = *action;
+        self.step += 1;
+        Step { reward, song_over: self.step >= self.piece.steps() }
+    }
+
+    /// Writes the current observation.
+    pub fn observe(&self, out: &mut [f32]) {
+        let joints = self.world.joints();
+        let pressed = self.world.pressed();
+        observe(&self.config, &joints, &self.previous_joints, pressed, &self.piece, self.step, out);
+    }
+
+    /// Keys that sound now.
+    pub fn pressed(&self) -> KeySet {
+        self.world.pressed()
+    }
+
+    /// The next control step to be played.
+    pub fn position(&self) -> usize {
+        self.step
+    }
+
+    /// The world behind the task.
+    pub fn world(&self) -> &World {
+        &self.world
+    }
+
+    /// The reward in force.
+    pub fn reward(&self) -> &Reward {
+        &self.reward
+    }
+
+    /// Everything needed to continue bit for bit.
+    pub fn save(&self) -> Vec<u8> {
+        let saved = Saved {
+            snapshot: self.world.snapshot(),
+            params: self.world.params().clone(),
+            random: self.random.clone(),
+            step: self.step,
+            previous_joints: self.previous_joints,
+            previous_action: self.previous_action,
+        };
+        // Plain numbers and strings: writing them as JSON cannot fail.
+        serde_json::to_vec(&saved).unwrap_or_default()
+    }
+
+    /// Continues from [`Environment::save`].
+    ///
+    /// # Errors
+    /// If the bytes are not the saved state of such an environment; the environment is then unusable until reset.
+    pub fn load(&mut self, bytes: &[u8]) -> Result<(), EnvironmentError> {
+        let saved: Saved = serde_json::from_slice(bytes).map_err(|e| EnvironmentError::new(e.to_string()))?;
+        if saved.step > self.piece.steps() {
+            return Err(EnvironmentError::new("it is beyond the end of the song"));
+        }
+        self.world.set_params(&saved.params);
+        self.world.restore(&saved.snapshot).map_err(|e| EnvironmentError::new(e.to_string()))?;
+        self.random = saved.random;
+        self.step = saved.step;
+        self.previous_joints = saved.previous_joints;
+        self.previous_action = saved.previous_action;
+        Ok(())
+    }
+}

@@ -1,0 +1,52 @@
+//! Evaluation for the trainer: the whole song, from the beginning, without exploration.
+
+use etude_learn::{Evaluator, Score};
+
+use crate::environment::Environment;
+use crate::performance::play;
+use crate::{Piece, TaskConfig, TaskError, layout};
+
+/// Plays the song once per evaluation, always in the nominal world, and scores it.
+pub struct SongEvaluator {
+    environment: Environment,
+    piece: Piece,
+    observation_len: usize,
+}
+
+impl SongEvaluator {
+    /// An evaluator for `piece`.
+    ///
+    /// # Errors
+    /// If the configuration is not sound.
+    pub fn new(config: &TaskConfig, piece: &Piece) -> Result<Self, TaskError> {
+        let mut config = config.clone();
+        config.random_start = false;
+        config.randomisation.intensity = 0.0;
+        let observation_len = layout(&config).len();
+        Ok(Self { environment: Environment::new(&config, piece, 0)?, piece: piece.clone(), observation_len })
+    }
+}
+
+impl Evaluator for SongEvaluator {
+    fn evaluate(&mut self, act: &mut dyn FnMut(&[f32], &mut [f32])) -> Vec<Score> {
+        self.environment.reset();
+        let mut act_on = |_: &Environment, observation: &[f32], action: &mut [f32; crate::ACTION_LEN]| {
+            act(observation, action);
+        };
+        let performance =
+            play(&mut self.environment, &self.piece, self.observation_len, &mut act_on, &mut |_, _| {});
+        let frame = performance.frame_scores();
+        let note = performance.note_scores();
+        let scores = [
+            ("f1", frame.f1),
+            ("precision", frame.precision),
+            ("recall", frame.recall),
+            ("pooled_f1", frame.pooled_f1),
+            ("onset_f1", note.onset_f1),
+            ("onset_offset_f1", note.onset_offset_f1),
+            ("collision_free", performance.collision_free),
+            ("return", performance.reward),
+        ];
+        scores.map(|(name, value)| Score { name: name.to_string(), value }).to_vec()
+    }
+}

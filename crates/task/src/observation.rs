@@ -1,0 +1,95 @@
+//! The observation: joints, previous joints, pressed keys, and the sheet for now and the steps ahead.
+
+use etude_learn::ObservationLayout;
+use etude_music::{KEYS, KeySet};
+use etude_stage::geometry::WHITE_PITCH;
+use etude_stage::{JOINTS, RAIL, joint_range};
+use serde::{Deserialize, Serialize};
+
+use crate::{Piece, TaskConfig};
+
+/// How joint positions are given to the agent.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum ObservationScale {
+    /// As the paper's table has it: rad, and m for the rail.
+    Si,
+    /// Each joint by its range, to [−1, 1], and the rail in white keys from the middle: one key's width of movement
+    /// is then as visible to the network as a finger's bend. `docs/results` has the comparison.
+    #[default]
+    Normalised,
+}
+
+/// Columns of the observation that `config` asks for.
+pub fn layout(config: &TaskConfig) -> ObservationLayout {
+    let joints = if config.previous_joints { 2 * JOINTS } else { JOINTS };
+    ObservationLayout { real: joints, binary: KEYS * (config.lookahead + 2) }
+}
+
+/// Writes an observation of [`layout`]'s length: `joints` (encoder readings), those of one control step ago, the keys
+/// down (0 or 1), and the keys due at `step` and the next `lookahead` steps (0 or 1).
+pub fn observe(
+    config: &TaskConfig,
+    joints: &[f64; JOINTS],
+    previous: &[f64; JOINTS],
+    pressed: KeySet,
+    piece: &Piece,
+    step: usize,
+    out: &mut [f32],
+) {
+    let (real, binary) = out.split_at_mut(layout(config).real);
+    for (half, readings) in real.chunks_exact_mut(JOINTS).zip([joints, previous]) {
+        for (joint, slot) in half.iter_mut().enumerate() {
+            *slot = scaled(config.scale, joint, readings[joint]);
+        }
+    }
+    binary.fill(0.0);
+    for (index, columns) in binary.chunks_exact_mut(KEYS).enumerate() {
+        let keys = if index == 0 { pressed } else { piece.due(step + index - 1) };
+        for key in keys.iter() {
+            columns[key] = 1.0;
+        }
+    }
+}
+
+fn scaled(scale: ObservationScale, joint: usize, reading: f64) -> f32 {
+    match scale {
+        ObservationScale::Si => reading as f32,
+        ObservationScale::Normalised if joint == RAIL => (reading / WHITE_PITCH) as f32,
+        ObservationScale::Normalised => {
+            let [low, high] = joint_range(joint);
+            ((reading - low) / (high - low) * 2.0 - 1.0) as f32
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use etude_music::repertoire;
+
+    #[test]
+    fn the_parts_lie_in_the_papers_order() {
+        let config = TaskConfig { scale: ObservationScale::Si, ..TaskConfig::default() };
+        let piece = Piece::new(&repertoire::get("c-major-scale").expect("built in"), 1.0).unwrap();
+        assert_eq!(layout(&config).len(), 369);
+        let joints = std::array::from_fn(|j| 0.01 * j as f64);
+        let previous = std::array::from_fn(|j| -0.01 * j as f64);
+        let mut out = vec![9.0; 369];
+        let mut pressed = KeySet::EMPTY;
+        pressed.insert(48);
+        observe(&config, &joints, &previous, pressed, &piece, 18, &mut out);
+        assert_eq!((out[1], out[12], out[14], out[25]), (0.01, 0.12, -0.01, -0.12));
+        assert_eq!(out[26 + 48], 1.0);
+        // The first note, middle C, starts at step 20: two steps ahead of step 18.
+        let sheet = &out[26 + 49..];
+        assert_eq!((sheet[49 + 24], sheet[2 * 49 + 24], sheet[5 * 49 + 24]), (0.0, 1.0, 1.0));
+        assert_eq!(out.iter().skip(26).filter(|v| **v == 1.0).count(), 1 + 4);
+    }
+
+    #[test]
+    fn the_appendix_leaves_out_previous_joints() {
+        let config = TaskConfig { previous_joints: false, ..TaskConfig::default() };
+        assert_eq!(layout(&config).len(), 356);
+    }
+}

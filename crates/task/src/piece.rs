@@ -1,0 +1,53 @@
+//! The sheet music as the task sees it: the keys that are due at each control step.
+
+use std::sync::Arc;
+
+use etude_music::{CONTROL_HZ, KeySet, Note, Song, SongError};
+
+/// A song in control steps. Cheap to clone: environments share it.
+#[derive(Clone, Debug)]
+pub struct Piece {
+    title: String,
+    due: Arc<[KeySet]>,
+    notes: Arc<[Note]>,
+}
+
+impl Piece {
+    /// The song after `initial_silence_secs` of silence.
+    ///
+    /// # Errors
+    /// If a note lies outside the keyboard, or the song is longer than the frames may be.
+    pub fn new(song: &Song, initial_silence_secs: f64) -> Result<Self, SongError> {
+        let silent_start = song.with_initial_silence(initial_silence_secs)?;
+        Ok(Self {
+            title: song.title().to_string(),
+            due: song.episode_frames(CONTROL_HZ, initial_silence_secs)?.into(),
+            notes: silent_start.notes().into(),
+        })
+    }
+
+    /// Title of the song.
+    pub fn title(&self) -> &str {
+        &self.title
+    }
+
+    /// Number of control steps.
+    pub fn steps(&self) -> usize {
+        self.due.len()
+    }
+
+    /// Keys due at control step `step`; none after the end.
+    pub fn due(&self, step: usize) -> KeySet {
+        self.due.get(step).copied().unwrap_or_default()
+    }
+
+    /// Keys due at every control step.
+    pub fn frames(&self) -> &[KeySet] {
+        &self.due
+    }
+
+    /// The notes, with times that include the initial silence.
+    pub fn notes(&self) -> &[Note] {
+        &self.notes
+    }
+}
