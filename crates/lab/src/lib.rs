@@ -1,1 +1,11 @@
-//! Placeholder.
+//! Runs: from names and files to a trained policy and its scores.
+//!
+//! [`RunConfig`] is everything that decides a training; it comes in layers (preset, file, overrides) and is written
+//! into the run's folder, where it is itself a valid config file. [`train`] and [`resume`] make policies, [`perform`]
+//! plays them.
+
+mod config;
+mod run;
+
+pub use config::{ConfigError, PRESETS, RunConfig, resolve};
+pub use run::{RunError, open_run, resume, train};

@@ -1,0 +1,181 @@
+//! The configuration of a run, in layers: preset, then file, then single overrides.
+
+use std::path::{Path, PathBuf};
+
+use etude_learn::{DroqConfig, TrainerConfig};
+use etude_task::TaskConfig;
+use serde::{Deserialize, Serialize};
+
+/// Everything that decides a training, apart from the song.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct RunConfig {
+    /// The trainer: steps, environments, intervals, seed.
+    pub trainer: TrainerConfig,
+    /// The algorithm.
+    pub droq: DroqConfig,
+    /// The world and the task.
+    pub task: TaskConfig,
+}
+
+/// The presets: name, what it is for, and its text, which `configs/presets` holds.
+pub const PRESETS: &[(&str, &str, &str)] = &[
+    (
+        "quick",
+        "a song in minutes: eight environments, one update for every eight steps",
+        include_str!("../../../configs/presets/quick.toml"),
+    ),
+    (
+        "paper",
+        "the paper's training: one environment, one update a step, 3e6 steps",
+        include_str!("../../../configs/presets/paper.toml"),
+    ),
+    (
+        "appendix",
+        "the paper's appendix: no fences, position actuators, its own reward",
+        include_str!("../../../configs/presets/appendix.toml"),
+    ),
+];
+
+/// A configuration that cannot be read or makes no sense.
+#[derive(Debug, thiserror::Error)]
+pub enum ConfigError {
+    /// No preset has this name.
+    #[error("there is no preset `{name}`; there are: {list}", list = preset_names())]
+    UnknownPreset {
+        /// What was asked for.
+        name: String,
+    },
+    /// The file cannot be read.
+    #[error("cannot read the configuration {path}: {source}")]
+    Read {
+        /// The file.
+        path: PathBuf,
+        /// Why.
+        source: std::io::Error,
+    },
+    /// The text is not TOML.
+    #[error("{origin} is not valid TOML: {message}")]
+    Syntax {
+        /// Which layer.
+        origin: String,
+        /// What the parser says.
+        message: String,
+    },
+    /// An override is not `path=value`.
+    #[error("`--set {0}` is not of the form path=value, for example trainer.seed=3")]
+    NotAnOverride(String),
+    /// A key is unknown or its value has the wrong type.
+    #[error("configuration key `{path}`: {message}")]
+    Key {
+        /// Dotted path of the key.
+        path: String,
+        /// What is wrong.
+        message: String,
+    },
+}
+
+fn preset_names() -> String {
+    PRESETS.iter().map(|(name, ..)| *name).collect::<Vec<_>>().join(", ")
+}
+
+/// Merges the layers: `preset`, then the TOML `file`, then `overrides` of the form `a.b=value`, the later ones winning.
+///
+/// # Errors
+/// If a layer cannot be read, or the result has an unknown key or a value of the wrong type; the message names the key.
+pub fn resolve(preset: &str, file: Option<&Path>, overrides: &[String]) -> Result<RunConfig, ConfigError> {
+    let text = PRESETS.iter().find(|(name, ..)| *name == preset).map(|(_, _, text)| *text);
+    let text = text.ok_or_else(|| ConfigError::UnknownPreset { name: preset.to_string() })?;
+    let mut table = parse(text, &format!("preset {preset}"))?;
+    if let Some(path) = file {
+        let text = std::fs::read_to_string(path)
+            .map_err(|source| ConfigError::Read { path: path.to_path_buf(), source })?;
+        merge(&mut table, parse(&text, &path.display().to_string())?);
+    }
+    for text in overrides {
+        let (path, value) = text.split_once('=').ok_or_else(|| ConfigError::NotAnOverride(text.clone()))?;
+        merge(&mut table, override_table(path.trim(), value.trim()));
+    }
+    serde_path_to_error::deserialize(toml::Value::Table(table)).map_err(|error| ConfigError::Key {
+        path: error.path().to_string(),
+        message: error.inner().message().to_string(),
+    })
+}
+
+fn parse(text: &str, origin: &str) -> Result<toml::Table, ConfigError> {
+    text.parse().map_err(|error: toml::de::Error| ConfigError::Syntax {
+        origin: origin.to_string(),
+        message: error.message().to_string(),
+    })
+}
+
+/// The table that says `value` at a dotted `path`. A value that is not TOML is taken as a string, so that
+/// `task.stage.side=right` needs no quotes. Physical parameters keep the rest of their path as one key.
+fn override_table(path: &str, value: &str) -> toml::Table {
+    let parsed = format!("v = {value}").parse::<toml::Table>().ok().and_then(|mut t| t.remove("v"));
+    let mut value = parsed.unwrap_or_else(|| toml::Value::String(value.to_string()));
+    let mut parts: Vec<&str> = match path.strip_prefix("task.physics.") {
+        Some(parameter) => vec!["task", "physics", parameter],
+        None => path.split('.').collect(),
+    };
+    // Physical numbers are real: `1` is as good as `1.0`.
+    if let (Some("physics" | "reward"), toml::Value::Integer(whole)) = (parts.get(1).copied(), &value) {
+        value = toml::Value::Float(*whole as f64);
+    }
+    let mut table = toml::Table::new();
+    let last = parts.pop().unwrap_or_default();
+    table.insert(last.to_string(), value);
+    for part in parts.into_iter().rev() {
+        table = toml::Table::from_iter([(part.to_string(), toml::Value::Table(table))]);
+    }
+    table
+}
+
+fn merge(base: &mut toml::Table, over: toml::Table) {
+    for (key, value) in over {
+        match (base.get_mut(&key), value) {
+            (Some(toml::Value::Table(base)), toml::Value::Table(over)) => merge(base, over),
+            (_, value) => {
+                base.insert(key, value);
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_preset_resolves_and_the_paper_is_the_default() {
+        for (name, doc, _) in PRESETS {
+            resolve(name, None, &[]).unwrap();
+            assert!(!doc.is_empty());
+        }
+        assert_eq!(resolve("paper", None, &[]).unwrap(), RunConfig::default());
+    }
+
+    #[test]
+    fn later_layers_win_and_the_result_is_a_valid_file() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("c.toml");
+        std::fs::write(&path, "[trainer]\nseed = 4\nnum_envs = 3\n").unwrap();
+        let sets = ["trainer.seed=9", "task.stage.side=right", "task.physics.key.threshold=0.6", "task.reward.collision=0"];
+        let config = resolve("quick", Some(&path), &sets.map(String::from)).unwrap();
+        assert_eq!((config.trainer.seed, config.trainer.num_envs), (9, 3));
+        assert_eq!(config.task.physics["key.threshold"], 0.6);
+        assert_eq!(config.task.reward["collision"], 0.0);
+        std::fs::write(&path, toml::to_string(&config).unwrap()).unwrap();
+        assert_eq!(resolve("paper", Some(&path), &[]).unwrap(), config);
+    }
+
+    #[test]
+    fn errors_name_the_key() {
+        let message = |set: &str| resolve("quick", None, &[set.to_string()]).unwrap_err().to_string();
+        assert!(message("trainer.sead=3").contains("trainer"), "{}", message("trainer.sead=3"));
+        assert!(message("trainer.sead=3").contains("sead"));
+        assert!(message("droq.batch=many").contains("droq.batch"));
+        assert!(message("nonsense").contains("path=value"));
+        assert!(resolve("slow", None, &[]).unwrap_err().to_string().contains("quick, paper, appendix"));
+    }
+}

@@ -1,0 +1,20 @@
+//! Prints our update rate as JSON, in the form of `benches/peers/*_update.py`.
+//!
+//! ```text
+//! cargo run --release -p etude-learn --example update_bench -- [seconds] [threads]
+//! ```
+#![allow(clippy::print_stdout)] // Printing is what it is for.
+
+use std::error::Error;
+
+use etude_learn::{DroqConfig, bench::update_rate};
+
+fn main() -> Result<(), Box<dyn Error>> {
+    let mut arguments = std::env::args().skip(1);
+    let seconds: f64 = arguments.next().map_or(Ok(3.0), |text| text.parse())?;
+    let threads: usize = arguments.next().map_or(Ok(1), |text| text.parse())?;
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build()?;
+    let rate = pool.install(|| update_rate(&DroqConfig::default(), seconds, threads > 1))?;
+    println!("{{\"peer\": \"etude\", \"threads\": {threads}, \"updates_per_sec\": {rate:.1}}}");
+    Ok(())
+}

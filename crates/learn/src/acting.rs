@@ -1,0 +1,104 @@
+//! The actor outside of updates: actions for a few observations at a time, with or without exploration.
+
+use crate::{
+    droq::Gaussian,
+    env::ObservationLayout,
+    kernels::squash,
+    network::{Inputs, Network, Workspace},
+};
+
+/// Buffers for actor passes over any number of rows, `capacity` at a time.
+#[derive(Clone)]
+pub(crate) struct Acting {
+    network: Network,
+    action_len: usize,
+    inputs: Inputs,
+    workspace: Workspace,
+    gaussian: Gaussian,
+    /// `[capacity, action]`
+    means: Vec<f32>,
+    unused: Vec<f32>,
+}
+
+impl Acting {
+    pub(crate) fn new(network: &Network, capacity: usize) -> Self {
+        let action_len = network.shape.outputs / 2;
+        Self {
+            workspace: network.workspace(capacity, false),
+            inputs: Inputs::new(network.shape.layout, 0, capacity),
+            gaussian: Gaussian::new(action_len, capacity),
+            means: vec![0.0; capacity * action_len],
+            unused: vec![0.0; capacity * action_len],
+            network: network.clone(),
+            action_len,
+        }
+    }
+
+    pub(crate) fn layout(&self) -> ObservationLayout {
+        self.network.shape.layout
+    }
+
+    /// `tanh(mean)` for `[rows, observation]`, into `[rows, action]`.
+    pub(crate) fn best(&mut self, parameters: &[f32], observations: &[f32], actions: &mut [f32]) {
+        self.each(parameters, observations, actions, |acting, output, _, actions| {
+            let n = acting.action_len;
+            for (mean, row) in acting.means.chunks_exact_mut(n).zip(output.chunks_exact(2 * n)) {
+                mean.copy_from_slice(&row[..n]);
+            }
+            squash(&acting.means[..actions.len()], actions, &mut acting.unused[..actions.len()]);
+        });
+    }
+
+    /// A sample of the policy for `[rows, observation]`, with `noise` (`[rows, action]`, standard normal).
+    pub(crate) fn explore(
+        &mut self,
+        parameters: &[f32],
+        observations: &[f32],
+        noise: &[f32],
+        log_std_bounds: [f64; 2],
+        actions: &mut [f32],
+    ) {
+        self.each(parameters, observations, actions, |acting, output, start, actions| {
+            let noise = &noise[start..start + actions.len()];
+            acting.gaussian.sample(output, noise, log_std_bounds);
+            actions.copy_from_slice(acting.gaussian.actions(noise.len() / acting.action_len));
+        });
+    }
+
+    /// Runs the network over batches of rows; `finish(self, head, offset into actions, actions)` ends each.
+    fn each(
+        &mut self,
+        parameters: &[f32],
+        observations: &[f32],
+        actions: &mut [f32],
+        mut finish: impl FnMut(&mut Finish<'_>, &[f32], usize, &mut [f32]),
+    ) {
+        let (len, n) = (self.layout().len(), self.action_len);
+        assert!(
+            observations.len() * n == actions.len() * len,
+            "observations and actions must have equally many rows"
+        );
+        let capacity = self.inputs.capacity();
+        let batches = observations.chunks(capacity * len).zip(actions.chunks_mut(capacity * n));
+        for (index, (observations, actions)) in batches.enumerate() {
+            self.inputs.clear();
+            observations.chunks_exact(len).for_each(|observation| self.inputs.push(observation));
+            let output = self.network.forward(parameters, &self.inputs, &[], 0.0, false, &mut self.workspace);
+            let mut rest = Finish {
+                action_len: n,
+                gaussian: &mut self.gaussian,
+                means: &mut self.means,
+                unused: &mut self.unused,
+            };
+            finish(&mut rest, output, index * capacity * n, actions);
+        }
+    }
+}
+
+/// What turns a head's output into actions, apart from the workspace that holds that output.
+struct Finish<'a> {
+    action_len: usize,
+    gaussian: &'a mut Gaussian,
+    means: &'a mut [f32],
+    unused: &'a mut [f32],
+}

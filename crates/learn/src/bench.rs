@@ -1,0 +1,60 @@
+//! How many updates a second this machine makes, for `etude bench` and the comparison with peers in `benches/peers`.
+
+use std::time::{Duration, Instant};
+
+use crate::{
+    config::{ConfigError, DroqConfig},
+    droq::Droq,
+    env::ObservationLayout,
+    random::Stream,
+    replay::{Replay, Transition},
+};
+
+/// Length of the actions, and columns of the observations, of the paper's task.
+const ACTION: usize = 13;
+const LAYOUT: ObservationLayout = ObservationLayout { real: 26, binary: 343 };
+/// Ones among the binary columns of an average observation: a few keys now and in each frame ahead.
+const ONES: usize = 15;
+
+/// Full updates (both critics, actor, temperature, targets) a second, on random transitions of the paper's sizes.
+///
+/// Measures for about `seconds` after a warm-up of a tenth of that. With `two_threads`, the critics may use two threads of
+/// the rayon pool that this is called from.
+pub fn update_rate(config: &DroqConfig, seconds: f64, two_threads: bool) -> Result<f64, ConfigError> {
+    config.validate()?;
+    let mut stream = Stream::new(0, "bench");
+    let mut replay = Replay::new(LAYOUT, ACTION, 20_000);
+    let observation = |stream: &mut Stream| {
+        let mut observation: Vec<f32> = (0..LAYOUT.real).map(|_| 2.0 * stream.uniform() - 1.0).collect();
+        observation.resize(LAYOUT.len(), 0.0);
+        (0..ONES).for_each(|_| observation[LAYOUT.real + stream.below(LAYOUT.binary)] = 1.0);
+        observation
+    };
+    for _ in 0..20_000 {
+        let (before, after) = (observation(&mut stream), observation(&mut stream));
+        let action: Vec<f32> = (0..ACTION).map(|_| 2.0 * stream.uniform() - 1.0).collect();
+        let reward = stream.uniform();
+        replay.push(Transition {
+            observation: &before,
+            action: &action,
+            reward,
+            terminal: false,
+            next_observation: &after,
+        });
+    }
+    let mut droq = Droq::new(config, LAYOUT, ACTION, 0);
+    run(&mut droq, &replay, two_threads, 0.1 * seconds);
+    Ok(run(&mut droq, &replay, two_threads, seconds))
+}
+
+fn run(droq: &mut Droq, replay: &Replay, two_threads: bool, seconds: f64) -> f64 {
+    let (start, limit) = (Instant::now(), Duration::from_secs_f64(seconds.max(0.0)));
+    let mut updates = 0u32;
+    loop {
+        droq.learn(replay, two_threads);
+        updates += 1;
+        if start.elapsed() >= limit {
+            return f64::from(updates) / start.elapsed().as_secs_f64();
+        }
+    }
+}

@@ -1,0 +1,220 @@
+//! Every constant of the algorithm and of a training, with the paper's values as defaults.
+//!
+//! The paper is silent on most of them; those come from the RoboPianist line that it names (robopianist-rl's `run.sh`).
+//! Plain data: `validate` is the only behaviour.
+
+use serde::{Deserialize, Serialize};
+
+/// A configured value that cannot work.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[error("`{field}` is {value}, but {rule}; change it in the configuration")]
+pub struct ConfigError {
+    /// Name of the field, as in the configuration file.
+    pub field: &'static str,
+    /// What it was set to.
+    pub value: String,
+    /// What it must be.
+    pub rule: &'static str,
+}
+
+fn require(
+    holds: bool,
+    field: &'static str,
+    value: impl std::fmt::Display,
+    rule: &'static str,
+) -> Result<(), ConfigError> {
+    if holds { Ok(()) } else { Err(ConfigError { field, value: value.to_string(), rule }) }
+}
+
+/// The algorithm: soft actor-critic whose two critics have dropout and LayerNorm ("DroQ" in the RoboPianist line).
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct DroqConfig {
+    /// Widths of the hidden layers, the same in the actor and in both critics.
+    pub hidden: Vec<usize>,
+    /// Probability with which a critic's unit is dropped, in online, target and actor passes alike.
+    pub dropout: f64,
+    /// Transitions a batch, drawn uniformly with replacement.
+    pub batch: usize,
+    /// Transitions that the replay holds; the oldest make room.
+    pub replay_capacity: usize,
+    /// Weight of the next step's value, per control step.
+    pub discount: f64,
+    /// Fraction of the way that the target critics move towards the critics at each update.
+    pub polyak: f64,
+    /// Adam step size of the actor.
+    pub actor_learning_rate: f64,
+    /// Adam step size of the critics.
+    pub critic_learning_rate: f64,
+    /// Adam step size of the logarithm of the temperature.
+    pub temperature_learning_rate: f64,
+    /// Temperature (weight of the entropy) at the start; learned from there.
+    pub initial_temperature: f64,
+    /// Entropy that the temperature is steered towards, in nats per action dimension.
+    pub target_entropy_per_action: f64,
+    /// Bounds of the logarithm of the policy's standard deviation, before squashing.
+    pub log_std_bounds: [f64; 2],
+}
+
+impl Default for DroqConfig {
+    fn default() -> Self {
+        Self {
+            hidden: vec![128, 128, 128],
+            dropout: 0.01,
+            batch: 256,
+            replay_capacity: 1_000_000,
+            discount: 0.8,
+            polyak: 0.005,
+            actor_learning_rate: 3e-4,
+            critic_learning_rate: 3e-4,
+            temperature_learning_rate: 3e-4,
+            initial_temperature: 1.0,
+            target_entropy_per_action: -0.5,
+            log_std_bounds: [-20.0, 2.0],
+        }
+    }
+}
+
+/// The most units a layer may have; also keeps the sizes in a hostile file from overflowing.
+pub(crate) const WIDEST_LAYER: usize = 8192;
+/// The most hidden layers a network may have.
+pub(crate) const MOST_LAYERS: usize = 16;
+
+impl DroqConfig {
+    /// Refuses values that cannot work, naming the field.
+    pub fn validate(&self) -> Result<(), ConfigError> {
+        let text = format!("{:?}", self.hidden);
+        let widths = self.hidden.iter().all(|&width| (1..=WIDEST_LAYER).contains(&width));
+        let depth = (1..=MOST_LAYERS).contains(&self.hidden.len());
+        require(widths && depth, "droq.hidden", text, "it must list 1 to 16 layers of 1 to 8192 units")?;
+        let rate = (0.0..=0.9).contains(&self.dropout);
+        require(rate, "droq.dropout", self.dropout, "it must be at least 0 and at most 0.9")?;
+        let batch = (1..=1 << 16).contains(&self.batch);
+        require(batch, "droq.batch", self.batch, "it must be from 1 to 65536")?;
+        let capacity = (1..=1 << 31).contains(&self.replay_capacity);
+        require(capacity, "droq.replay_capacity", self.replay_capacity, "it must be from 1 to 2147483648")?;
+        let discount = (0.0..1.0).contains(&self.discount);
+        require(discount, "droq.discount", self.discount, "it must be at least 0 and below 1")?;
+        let polyak = self.polyak > 0.0 && self.polyak <= 1.0;
+        require(polyak, "droq.polyak", self.polyak, "it must be above 0 and at most 1")?;
+        for (field, value) in [
+            ("droq.actor_learning_rate", self.actor_learning_rate),
+            ("droq.critic_learning_rate", self.critic_learning_rate),
+            ("droq.temperature_learning_rate", self.temperature_learning_rate),
+        ] {
+            require((0.0..=1.0).contains(&value), field, value, "it must be at least 0 and at most 1")?;
+        }
+        let temperature = self.initial_temperature > 0.0 && self.initial_temperature <= 1e6;
+        let rule = "it must be above 0 and at most 1000000";
+        require(temperature, "droq.initial_temperature", self.initial_temperature, rule)?;
+        let entropy = self.target_entropy_per_action;
+        require(entropy.is_finite(), "droq.target_entropy_per_action", entropy, "it must be finite")?;
+        let [low, high] = self.log_std_bounds;
+        let bounds = low >= -40.0 && low < high && high <= 20.0;
+        let rule = "the two bounds must ascend and lie within -40 and 20";
+        require(bounds, "droq.log_std_bounds", format!("{:?}", self.log_std_bounds), rule)
+    }
+}
+
+/// A training: how long, how much learning per step of experience, and how often it is looked at and saved.
+///
+/// A *round* is one vectorised step: `num_envs` environment steps and then `updates_per_round` updates. All lengths are
+/// counted in environment steps and take effect at the end of the round that reaches them.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct TrainerConfig {
+    /// Root of every random draw of the learner.
+    pub seed: u64,
+    /// Environment steps after which the training is finished.
+    pub total_steps: u64,
+    /// Environments that step together.
+    pub num_envs: usize,
+    /// Updates after each vectorised step, once the warm-up is over.
+    pub updates_per_round: usize,
+    /// Environment steps with uniformly random actions, before the first update.
+    pub warmup_steps: u64,
+    /// Environment steps between rows of metrics.
+    pub log_every_steps: u64,
+    /// Environment steps between evaluations; 0 for none.
+    pub evaluate_every_steps: u64,
+    /// Environment steps between checkpoints; a kill loses at most this much.
+    pub checkpoint_every_steps: u64,
+    /// Threads for environments and learning together; 0 for one a processor core. The result does not depend on it.
+    pub threads: usize,
+    /// Whether the environments step while the learner updates. The result does not depend on it.
+    pub overlap: bool,
+}
+
+impl Default for TrainerConfig {
+    fn default() -> Self {
+        Self {
+            seed: 0,
+            total_steps: 3_000_000,
+            num_envs: 1,
+            updates_per_round: 1,
+            warmup_steps: 5_000,
+            log_every_steps: 2_000,
+            evaluate_every_steps: 10_000,
+            checkpoint_every_steps: 50_000,
+            threads: 0,
+            overlap: true,
+        }
+    }
+}
+
+impl TrainerConfig {
+    /// Refuses values that cannot work, naming the field.
+    pub fn validate(&self) -> Result<(), ConfigError> {
+        require(self.num_envs >= 1, "trainer.num_envs", self.num_envs, "there must be at least 1")?;
+        let rule = "it must be at most 1024";
+        require(self.updates_per_round <= 1024, "trainer.updates_per_round", self.updates_per_round, rule)?;
+        require(self.threads <= 1024, "trainer.threads", self.threads, rule)?;
+        let rule = "it must be at least 1, since updates need something to learn from";
+        require(self.warmup_steps >= 1, "trainer.warmup_steps", self.warmup_steps, rule)?;
+        for (field, value) in [
+            ("trainer.total_steps", self.total_steps),
+            ("trainer.log_every_steps", self.log_every_steps),
+            ("trainer.checkpoint_every_steps", self.checkpoint_every_steps),
+        ] {
+            require(value >= 1, field, value, "it must be at least 1")?;
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn defaults_are_valid_and_survive_json() {
+        DroqConfig::default().validate().unwrap();
+        TrainerConfig::default().validate().unwrap();
+        let text = serde_json::to_string(&DroqConfig::default()).unwrap();
+        assert_eq!(serde_json::from_str::<DroqConfig>(&text).unwrap(), DroqConfig::default());
+        assert!(serde_json::from_str::<TrainerConfig>(r#"{"sead": 1}"#).is_err());
+    }
+
+    #[test]
+    fn errors_name_the_field() {
+        type Spoil = fn(&mut DroqConfig);
+        let broken: [(&str, Spoil); 8] = [
+            ("droq.hidden", |c| c.hidden.clear()),
+            ("droq.dropout", |c| c.dropout = f64::NAN),
+            ("droq.batch", |c| c.batch = 0),
+            ("droq.replay_capacity", |c| c.replay_capacity = 0),
+            ("droq.discount", |c| c.discount = 1.0),
+            ("droq.polyak", |c| c.polyak = 0.0),
+            ("droq.critic_learning_rate", |c| c.critic_learning_rate = -1.0),
+            ("droq.log_std_bounds", |c| c.log_std_bounds = [2.0, -20.0]),
+        ];
+        for (field, spoil) in broken {
+            let mut config = DroqConfig::default();
+            spoil(&mut config);
+            let error = config.validate().unwrap_err();
+            assert_eq!(error.field, field);
+            assert!(error.to_string().contains("change it in the configuration"));
+        }
+        assert!(TrainerConfig { num_envs: 0, ..Default::default() }.validate().is_err());
+    }
+}

@@ -1,0 +1,165 @@
+//! The algorithm: soft actor-critic with two dropout critics (Hiraoka et al. 2022, arXiv 2110.02034) in the form that
+//! the RoboPianist line uses: one update a step, and the mean of the critics in the actor's loss.
+//!
+//! One update is, in this order: the critics towards `reward + discount · (min target Q - temperature · log π)`, their
+//! targets a step behind them, the actor along `temperature · log π - mean Q`, and the temperature towards the target
+//! entropy. Dropout is active in all critic passes, the target's included.
+
+mod critic;
+mod draws;
+mod gaussian;
+mod learned;
+mod tensors;
+mod update;
+
+#[cfg(test)]
+mod tests;
+
+pub(crate) use draws::{CRITICS, Draws, UpdateStreams};
+pub(crate) use gaussian::Gaussian;
+pub(crate) use learned::Learned;
+
+use crate::{
+    config::DroqConfig,
+    env::ObservationLayout,
+    network::{Network, Shape, Workspace},
+    random::Stream,
+    replay::{Batch, Replay},
+};
+use critic::Critic;
+
+/// What one update measured.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(crate) struct Losses {
+    /// Mean over rows and critics of `(Q - wanted)²`.
+    pub critic: f64,
+    /// Mean over rows of `temperature · log π - mean Q`.
+    pub actor: f64,
+    /// `temperature · (entropy - target entropy)`.
+    pub temperature: f64,
+    /// Mean over rows of `-log π`, in nats.
+    pub entropy: f64,
+    /// Mean over rows and critics of Q at the actions taken.
+    pub q_mean: f64,
+}
+
+/// A scalar with its Adam moments.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(crate) struct LearnedScalar {
+    pub value: f32,
+    pub mean: f32,
+    pub square: f32,
+}
+
+/// The actor, the critics and the temperature, with everything an update needs allocated.
+pub(crate) struct Droq {
+    config: DroqConfig,
+    action_len: usize,
+    actor_network: Network,
+    critic_network: Network,
+    actor: Learned,
+    critics: [Critic; CRITICS],
+    log_temperature: LearnedScalar,
+    /// Updates made so far, which is also Adam's step count.
+    updates: u64,
+    streams: UpdateStreams,
+    scratch: Scratch,
+}
+
+struct Scratch {
+    batch: Batch,
+    draws: Draws,
+    actor: Workspace,
+    /// The policy at the next observation, and at the observation.
+    next_policy: Gaussian,
+    policy: Gaussian,
+    /// `[batch]`: what the critics shall say.
+    wanted: Vec<f32>,
+    /// `[batch, 2 · action]`
+    output_error: Vec<f32>,
+    /// `[batch, action]`
+    action_error: Vec<f32>,
+}
+
+/// The form of the actor.
+pub(crate) fn actor_shape(layout: ObservationLayout, action_len: usize, hidden: &[usize]) -> Shape {
+    Shape { layout, extra: 0, hidden: hidden.to_vec(), outputs: 2 * action_len, normalised: false }
+}
+
+impl Droq {
+    /// Fresh networks. `config` must be valid.
+    pub(crate) fn new(config: &DroqConfig, layout: ObservationLayout, action_len: usize, seed: u64) -> Self {
+        let rows = config.batch;
+        let actor_network = Network::new(actor_shape(layout, action_len, &config.hidden));
+        let critic_network = Network::new(Shape {
+            layout,
+            extra: action_len,
+            hidden: config.hidden.clone(),
+            outputs: 1,
+            normalised: true,
+        });
+        let actor = actor_network.initialise(&mut Stream::new(seed, "init/actor"));
+        let critics = ["init/critic-0", "init/critic-1"].map(|purpose| {
+            Critic::new(&critic_network, critic_network.initialise(&mut Stream::new(seed, purpose)), rows)
+        });
+        let scratch = Scratch {
+            batch: Batch::new(layout, action_len, rows),
+            draws: Draws::new(config, action_len),
+            actor: actor_network.workspace(rows, true),
+            next_policy: Gaussian::new(action_len, rows),
+            policy: Gaussian::new(action_len, rows),
+            wanted: vec![0.0; rows],
+            output_error: vec![0.0; rows * 2 * action_len],
+            action_error: vec![0.0; rows * action_len],
+        };
+        Self {
+            config: config.clone(),
+            action_len,
+            actor: Learned::new(&actor_network, actor),
+            actor_network,
+            critic_network,
+            critics,
+            log_temperature: LearnedScalar {
+                value: config.initial_temperature.ln() as f32,
+                ..Default::default()
+            },
+            updates: 0,
+            streams: UpdateStreams::new(seed),
+            scratch,
+        }
+    }
+
+    /// One update on a batch from `replay`, which must not be empty. With `parallel`, the critics may run on two rayon
+    /// threads; the result has the same bytes.
+    pub(crate) fn learn(&mut self, replay: &Replay, parallel: bool) -> Losses {
+        replay.sample(&mut self.streams.replay, self.config.batch, &mut self.scratch.batch);
+        self.scratch.draws.fill(&self.config, &mut self.streams);
+        self.update(parallel)
+    }
+
+    pub(crate) fn actor_network(&self) -> &Network {
+        &self.actor_network
+    }
+
+    pub(crate) fn actor_parameters(&self) -> &[f32] {
+        &self.actor.parameters
+    }
+
+    pub(crate) fn updates(&self) -> u64 {
+        self.updates
+    }
+
+    pub(crate) fn temperature(&self) -> f64 {
+        f64::from(self.log_temperature.value).exp()
+    }
+
+    pub(crate) fn streams(&self) -> &UpdateStreams {
+        &self.streams
+    }
+
+    /// Continues with the draws and the count of a saved learner.
+    pub(crate) fn restore_counters(&mut self, updates: u64, streams: UpdateStreams) {
+        self.updates = updates;
+        self.streams = streams;
+    }
+}

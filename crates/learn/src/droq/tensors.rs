@@ -1,0 +1,63 @@
+//! The learner's state as named tensors, for checkpoints.
+//!
+//! Names are `<network>.<kind>.<tensor>`: networks `actor`, `critic0`, `critic1`; kinds `parameters`, `adam_mean`,
+//! `adam_square`, and `target` for critics; tensors as in [`Shape`](crate::network::Shape), for example
+//! `critic0.target.layer1.norm_scale`. Weights are `[inputs, outputs]`; the rows of a first layer are real columns, then
+//! (critics) the action, then binary columns. `temperature.log` is `[3]`: value and its two moments.
+
+use super::{Droq, LearnedScalar};
+use crate::tensors::{Lookup, NamedTensor, TensorError, find, find_tensors, name_tensors};
+
+const TEMPERATURE: &str = "temperature.log";
+
+impl Droq {
+    /// Everything but the generators and the update count. The temperature's three values are lent by the caller.
+    pub(crate) fn tensors<'a>(&'a self, temperature: &'a [f32; 3]) -> Vec<NamedTensor<'a>> {
+        let mut out = Vec::new();
+        let plan = &self.actor_network.plan;
+        name_tensors(plan, "actor.parameters", &self.actor.parameters, &mut out);
+        name_tensors(plan, "actor.adam_mean", &self.actor.mean, &mut out);
+        name_tensors(plan, "actor.adam_square", &self.actor.square, &mut out);
+        let plan = &self.critic_network.plan;
+        for (index, critic) in self.critics.iter().enumerate() {
+            name_tensors(plan, &format!("critic{index}.parameters"), &critic.learned.parameters, &mut out);
+            name_tensors(plan, &format!("critic{index}.adam_mean"), &critic.learned.mean, &mut out);
+            name_tensors(plan, &format!("critic{index}.adam_square"), &critic.learned.square, &mut out);
+            name_tensors(plan, &format!("critic{index}.target"), &critic.target, &mut out);
+        }
+        out.push(NamedTensor { name: TEMPERATURE.to_owned(), shape: vec![3], values: temperature });
+        out
+    }
+
+    pub(crate) fn temperature_tensor(&self) -> [f32; 3] {
+        let LearnedScalar { value, mean, square } = self.log_temperature;
+        [value, mean, square]
+    }
+
+    /// Takes over saved tensors. On error the learner is in no useful state and must be dropped.
+    pub(crate) fn load_tensors(&mut self, lookup: &Lookup<'_>) -> Result<(), TensorError> {
+        let plan = &self.actor_network.plan;
+        find_tensors(plan, "actor.parameters", lookup, &mut self.actor.parameters)?;
+        find_tensors(plan, "actor.adam_mean", lookup, &mut self.actor.mean)?;
+        find_tensors(plan, "actor.adam_square", lookup, &mut self.actor.square)?;
+        let plan = &self.critic_network.plan;
+        for (index, critic) in self.critics.iter_mut().enumerate() {
+            find_tensors(plan, &format!("critic{index}.parameters"), lookup, &mut critic.learned.parameters)?;
+            find_tensors(plan, &format!("critic{index}.adam_mean"), lookup, &mut critic.learned.mean)?;
+            find_tensors(plan, &format!("critic{index}.adam_square"), lookup, &mut critic.learned.square)?;
+            find_tensors(plan, &format!("critic{index}.target"), lookup, &mut critic.target)?;
+        }
+        let temperature = find(lookup, TEMPERATURE.to_owned(), &[3])?;
+        self.log_temperature =
+            LearnedScalar { value: temperature[0], mean: temperature[1], square: temperature[2] };
+        Ok(())
+    }
+
+    /// The name of a tensor that holds a value that is not finite, if there is one.
+    pub(crate) fn not_finite(&self) -> Option<String> {
+        let temperature = self.temperature_tensor();
+        (self.tensors(&temperature).into_iter())
+            .find(|tensor| !tensor.values.iter().all(|value| value.is_finite()))
+            .map(|tensor| tensor.name)
+    }
+}

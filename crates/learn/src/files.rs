@@ -1,0 +1,179 @@
+//! Files that are either the old one or the new one, whatever happens in between; and safetensors with a JSON header.
+
+use std::{
+    collections::HashMap,
+    fs::{self, File},
+    io::{self, Write},
+    path::{Path, PathBuf},
+};
+
+use safetensors::{Dtype, SafeTensors, tensor::TensorView};
+use serde::{Serialize, de::DeserializeOwned};
+
+use crate::tensors::NamedTensor;
+
+/// A file could not be read, written or understood.
+#[derive(Debug, thiserror::Error)]
+pub enum FileError {
+    /// The operating system refused.
+    #[error("cannot {action} {}: {source}{}", path.display(), hint(source))]
+    Io {
+        /// "read", "write", …
+        action: &'static str,
+        /// The file or folder.
+        path: PathBuf,
+        /// The system's reason.
+        source: io::Error,
+    },
+    /// The contents are not what they should be.
+    #[error("{} cannot be used: {reason}", path.display())]
+    Content {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong, and what to do about it.
+        reason: String,
+    },
+}
+
+fn hint(source: &io::Error) -> &'static str {
+    match source.kind() {
+        io::ErrorKind::StorageFull | io::ErrorKind::QuotaExceeded => {
+            " (the last checkpoint is intact: make room on the disk and resume)"
+        }
+        _ => "",
+    }
+}
+
+impl FileError {
+    pub(crate) fn io(action: &'static str, path: &Path) -> impl FnOnce(io::Error) -> Self {
+        let path = path.to_owned();
+        move |source| Self::Io { action, path, source }
+    }
+
+    pub(crate) fn content(path: &Path, reason: impl std::fmt::Display) -> Self {
+        Self::Content { path: path.to_owned(), reason: reason.to_string() }
+    }
+}
+
+/// Writes beside `path`, forces the bytes to the disk, and only then takes the name.
+pub(crate) fn write_atomically(path: &Path, bytes: &[u8]) -> Result<(), FileError> {
+    let folder = path.parent().unwrap_or(Path::new("."));
+    let name = path.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
+    let temporary = folder.join(format!(".{name}.tmp"));
+    let written = File::create(&temporary).and_then(|mut file| {
+        file.write_all(bytes)?;
+        file.sync_all()
+    });
+    if let Err(error) = written {
+        // Give the space back; if even that fails, the first error is the one to report.
+        let _ = fs::remove_file(&temporary);
+        return Err(FileError::io("write", path)(error));
+    }
+    fs::rename(&temporary, path).map_err(FileError::io("write", path))?;
+    sync_folder(folder)
+}
+
+/// Makes renames and removals inside `folder` durable.
+pub(crate) fn sync_folder(folder: &Path) -> Result<(), FileError> {
+    // Windows has no such call on folders and needs none.
+    if cfg!(unix) {
+        File::open(folder).and_then(|f| f.sync_all()).map_err(FileError::io("sync", folder))
+    } else {
+        Ok(())
+    }
+}
+
+pub(crate) fn read(path: &Path) -> Result<Vec<u8>, FileError> {
+    fs::read(path).map_err(FileError::io("read", path))
+}
+
+/// The one metadata entry of our safetensors files. One entry, since the format's own map has no fixed order.
+const HEADER_KEY: &str = "etude";
+
+/// A tensor of any type on its way to a file.
+pub(crate) struct RawTensor {
+    pub name: String,
+    pub dtype: Dtype,
+    pub shape: Vec<usize>,
+    /// Little endian.
+    pub bytes: Vec<u8>,
+}
+
+impl From<NamedTensor<'_>> for RawTensor {
+    fn from(tensor: NamedTensor<'_>) -> Self {
+        let bytes = tensor.values.iter().flat_map(|value| value.to_le_bytes()).collect();
+        Self { name: tensor.name, dtype: Dtype::F32, shape: tensor.shape, bytes }
+    }
+}
+
+/// The bytes of a safetensors file. Same input, same bytes.
+pub(crate) fn encode_tensors(header: &impl Serialize, tensors: &[RawTensor]) -> Result<Vec<u8>, String> {
+    let header = serde_json::to_string(header).map_err(|error| error.to_string())?;
+    let views = (tensors.iter())
+        .map(|t| TensorView::new(t.dtype, t.shape.clone(), &t.bytes).map(|view| (t.name.as_str(), view)))
+        .collect::<Result<Vec<_>, _>>()
+        .map_err(|error| error.to_string())?;
+    safetensors::serialize(views, Some(HashMap::from([(HEADER_KEY.to_owned(), header)])))
+        .map_err(|error| error.to_string())
+}
+
+/// A parsed safetensors file.
+pub(crate) struct TensorFile<'a> {
+    header: String,
+    tensors: SafeTensors<'a>,
+}
+
+impl<'a> TensorFile<'a> {
+    /// `Err` says what is wrong with the bytes.
+    pub(crate) fn parse(bytes: &'a [u8]) -> Result<Self, String> {
+        let (_, metadata) = SafeTensors::read_metadata(bytes)
+            .map_err(|error| format!("it is not a safetensors file, or a damaged one ({error:?})"))?;
+        let header = (metadata.metadata().as_ref())
+            .and_then(|entries| entries.get(HEADER_KEY))
+            .ok_or("it was not written by Étude (its metadata has no entry `etude`)")?
+            .clone();
+        let tensors =
+            SafeTensors::deserialize(bytes).map_err(|error| format!("it is damaged ({error:?})"))?;
+        Ok(Self { header, tensors })
+    }
+
+    pub(crate) fn header<T: DeserializeOwned>(&self) -> Result<T, String> {
+        serde_json::from_str(&self.header)
+            .map_err(|error| format!("its header is damaged or from another version of Étude ({error})"))
+    }
+
+    /// Shape and bytes of a tensor of type `dtype`.
+    pub(crate) fn bytes(&self, name: &str, dtype: Dtype) -> Option<(Vec<usize>, &[u8])> {
+        let view = self.tensors.tensor(name).ok().filter(|view| view.dtype() == dtype)?;
+        Some((view.shape().to_vec(), view.data()))
+    }
+
+    /// Shape and values of a tensor of `f32`.
+    pub(crate) fn floats(&self, name: &str) -> Option<(Vec<usize>, Vec<f32>)> {
+        let (shape, bytes) = self.bytes(name, Dtype::F32)?;
+        Some((shape, bytes.as_chunks::<4>().0.iter().map(|bytes| f32::from_le_bytes(*bytes)).collect()))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_failed_write_leaves_the_old_file() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("file");
+        write_atomically(&path, b"old").unwrap();
+        // A device that is always full stands for a full disk.
+        #[cfg(target_os = "linux")]
+        {
+            std::os::unix::fs::symlink("/dev/full", folder.path().join(".file.tmp")).unwrap();
+            let error = write_atomically(&path, b"new").unwrap_err();
+            assert!(error.to_string().contains("make room on the disk and resume"), "{error}");
+            assert_eq!(fs::read(&path).unwrap(), b"old");
+        }
+        write_atomically(&path, b"new").unwrap();
+        assert_eq!(fs::read(&path).unwrap(), b"new");
+        assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 1);
+    }
+}

@@ -1,0 +1,133 @@
+//! From the gradient of the outputs to that of the parameters or of the action.
+
+use super::{Drops, Inputs, Network, Wanted, Workspace, forward::keep_scale};
+use crate::kernels::{Matrix, NormBackward, column_sums, multiply, norm_backward, product, scatter_rows};
+
+impl Network {
+    /// Propagates `output_error` (`[rows, outputs]`, the loss's gradient) through the pass that the workspace holds.
+    ///
+    /// `inputs`, `drops` and `rate` must be those of that pass, which must have been run with `keep`.
+    #[allow(clippy::too_many_arguments)] // One call site each for critic, actor through critic, and actor.
+    pub(crate) fn backward(
+        &self,
+        parameters: &[f32],
+        inputs: &Inputs,
+        drops: &Drops,
+        rate: f64,
+        output_error: &[f32],
+        mut wanted: Wanted<'_>,
+        workspace: &mut Workspace,
+    ) {
+        let rows = inputs.rows();
+        let Workspace { layers, errors: [error, next_error], .. } = workspace;
+        let head = &self.plan.head;
+        let last = &layers[self.plan.layers.len() - 1].out[..rows * head.inputs];
+        if let Wanted::Parameters(gradient) = &mut wanted {
+            column_sums(output_error, &mut gradient[head.bias.clone()]);
+            let errors = Matrix::new(output_error, rows, head.outputs);
+            product(
+                &mut gradient[head.weight.clone()],
+                false,
+                Matrix::new(last, rows, head.inputs).transposed(),
+                errors,
+            );
+        }
+        product(
+            &mut error[..rows * head.inputs],
+            false,
+            Matrix::new(output_error, rows, head.outputs),
+            Matrix::new(&parameters[head.weight.clone()], head.inputs, head.outputs).transposed(),
+        );
+        let (mut error, mut next_error) = (error, next_error);
+        for (index, layer) in self.plan.layers.iter().enumerate().rev() {
+            let len = rows * layer.outputs;
+            let values = &layers[index];
+            let current = &mut error[..len];
+            if self.shape.normalised {
+                let [bias, scale, shift] = match &mut wanted {
+                    Wanted::Parameters(gradient) => {
+                        gradient_slices(gradient, [&layer.bias, &layer.scale, &layer.shift])
+                    }
+                    Wanted::Extra(_) => [&mut [][..], &mut [][..], &mut [][..]],
+                };
+                norm_backward(NormBackward {
+                    error: current,
+                    scale: &parameters[layer.scale.clone()],
+                    drops: &drops[index],
+                    keep_scale: keep_scale(rate),
+                    normalised: &values.normalised[..len],
+                    slope: &values.slope[..len],
+                    inverse_deviation: &values.inverse_deviation[..rows],
+                    bias_gradient: bias,
+                    scale_gradient: scale,
+                    shift_gradient: shift,
+                });
+            } else {
+                multiply(current, &values.slope[..len]);
+                if let Wanted::Parameters(gradient) = &mut wanted {
+                    column_sums(current, &mut gradient[layer.bias.clone()]);
+                }
+            }
+            let current = Matrix::new(&error[..len], rows, layer.outputs);
+            let weight = &parameters[layer.weight.clone()];
+            if index == 0 {
+                self.first_layer_backward(weight, layer.outputs, inputs, &error[..len], &mut wanted);
+                break;
+            }
+            if let Wanted::Parameters(gradient) = &mut wanted {
+                let previous = &layers[index - 1].out[..rows * layer.inputs];
+                product(
+                    &mut gradient[layer.weight.clone()],
+                    false,
+                    Matrix::new(previous, rows, layer.inputs).transposed(),
+                    current,
+                );
+            }
+            product(
+                &mut next_error[..rows * layer.inputs],
+                false,
+                current,
+                Matrix::new(weight, layer.inputs, layer.outputs).transposed(),
+            );
+            std::mem::swap(&mut error, &mut next_error);
+        }
+    }
+
+    fn first_layer_backward(
+        &self,
+        weight: &[f32],
+        width: usize,
+        inputs: &Inputs,
+        error: &[f32],
+        wanted: &mut Wanted<'_>,
+    ) {
+        let (rows, dense) = (inputs.rows(), self.shape.dense_inputs());
+        let errors = Matrix::new(error, rows, width);
+        match wanted {
+            Wanted::Parameters(gradient) => {
+                let gradient = &mut gradient[self.plan.layers[0].weight.clone()];
+                let (dense_gradient, binary_gradient) = gradient.split_at_mut(dense * width);
+                let inputs_dense = Matrix::strided(inputs.dense(), rows, dense, inputs.stride());
+                product(dense_gradient, false, inputs_dense.transposed(), errors);
+                scatter_rows(binary_gradient, width, inputs.offsets(), inputs.ones(), error);
+            }
+            Wanted::Extra(gradient) => {
+                let extra_weight = &weight[self.shape.layout.real * width..dense * width];
+                product(
+                    gradient,
+                    false,
+                    errors,
+                    Matrix::new(extra_weight, self.shape.extra, width).transposed(),
+                );
+            }
+        }
+    }
+}
+
+/// Three disjoint ranges, in ascending order, of one buffer.
+fn gradient_slices<'g>(gradient: &'g mut [f32], ranges: [&std::ops::Range<usize>; 3]) -> [&'g mut [f32]; 3] {
+    let [a, b, c] = ranges;
+    let (head, tail) = gradient.split_at_mut(b.start);
+    let (middle, tail) = tail.split_at_mut(c.start - b.start);
+    [&mut head[a.clone()], &mut middle[..b.len()], &mut tail[..c.len()]]
+}

@@ -1,0 +1,85 @@
+//! From observations to outputs.
+
+use super::{Drops, Inputs, Network, Workspace};
+use crate::kernels::{Matrix, NormForward, add_row, bias_gelu, gather_rows, norm_forward, product};
+
+impl Network {
+    /// Computes `[rows, outputs]`, which the workspace holds until the next pass.
+    ///
+    /// `drops` names the units to drop (none in an actor), `rate` is the dropout rate that they were drawn with. With
+    /// `keep`, the workspace keeps what [`backward`](Self::backward) needs.
+    pub(crate) fn forward<'w>(
+        &self,
+        parameters: &[f32],
+        inputs: &Inputs,
+        drops: &Drops,
+        rate: f64,
+        keep: bool,
+        workspace: &'w mut Workspace,
+    ) -> &'w [f32] {
+        let rows = inputs.rows();
+        for (index, layer) in self.plan.layers.iter().enumerate() {
+            let (before, after) = workspace.layers.split_at_mut(index);
+            let values = &mut after[0];
+            let len = rows * layer.outputs;
+            let out = &mut values.out[..len];
+            let weight = &parameters[layer.weight.clone()];
+            match before.last() {
+                None => self.first_layer(weight, layer.outputs, inputs, out),
+                Some(previous) => product(
+                    out,
+                    false,
+                    Matrix::new(&previous.out, rows, layer.inputs),
+                    Matrix::new(weight, layer.inputs, layer.outputs),
+                ),
+            }
+            let kept = if keep { len } else { 0 };
+            let bias = &parameters[layer.bias.clone()];
+            if self.shape.normalised {
+                norm_forward(NormForward {
+                    values: out,
+                    bias,
+                    scale: &parameters[layer.scale.clone()],
+                    shift: &parameters[layer.shift.clone()],
+                    drops: &drops[index],
+                    keep_scale: keep_scale(rate),
+                    normalised: &mut values.normalised[..kept],
+                    slope: &mut values.slope[..kept],
+                    inverse_deviation: &mut values.inverse_deviation[..if keep { rows } else { 0 }],
+                });
+            } else {
+                bias_gelu(out, bias, &mut values.slope[..kept]);
+            }
+        }
+        let head = &self.plan.head;
+        let output = &mut workspace.output[..rows * head.outputs];
+        let weight = &parameters[head.weight.clone()];
+        let last = &workspace.layers[self.plan.layers.len() - 1];
+        product(
+            output,
+            false,
+            Matrix::new(&last.out, rows, head.inputs),
+            Matrix::new(weight, head.inputs, head.outputs),
+        );
+        add_row(output, &parameters[head.bias.clone()]);
+        output
+    }
+
+    /// `out = [real, extra] W_dense + Σ rows of W_binary`.
+    fn first_layer(&self, weight: &[f32], width: usize, inputs: &Inputs, out: &mut [f32]) {
+        let dense = self.shape.dense_inputs();
+        let (dense_weight, binary_weight) = weight.split_at(dense * width);
+        gather_rows(binary_weight, width, inputs.offsets(), inputs.ones(), out);
+        product(
+            out,
+            true,
+            Matrix::strided(inputs.dense(), inputs.rows(), dense, inputs.stride()),
+            Matrix::new(dense_weight, dense, width),
+        );
+    }
+}
+
+/// What kept units are multiplied by.
+pub(super) fn keep_scale(rate: f64) -> f32 {
+    (1.0 / (1.0 - rate)) as f32
+}

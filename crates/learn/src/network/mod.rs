@@ -1,0 +1,86 @@
+//! Multi-layer networks: actor (GELU) and critics (dropout, LayerNorm, GELU), forward and backward.
+//!
+//! A network is a [`Shape`], a flat parameter buffer and a [`Workspace`]; nothing is allocated once the
+//! workspace exists.
+
+mod backward;
+mod forward;
+mod init;
+mod input;
+mod shape;
+
+#[cfg(test)]
+mod tests;
+
+pub(crate) use input::Inputs;
+pub(crate) use shape::{Plan, Shape};
+
+use crate::buffer::Buffer;
+
+/// Dropped units of one pass: for each hidden layer the positions `row * width + unit`, ascending. Empty for actors.
+pub(crate) type Drops = [Vec<u32>];
+
+/// A network's form with its ranges worked out.
+#[derive(Clone)]
+pub(crate) struct Network {
+    pub shape: Shape,
+    pub plan: Plan,
+}
+
+/// Intermediate values of one pass over up to `capacity` rows.
+#[derive(Clone)]
+pub(crate) struct Workspace {
+    layers: Vec<LayerValues>,
+    /// `[rows, outputs]` of the head.
+    output: Buffer,
+    /// Two gradients that take turns on the way back, `[rows, widest layer]` each.
+    errors: [Buffer; 2],
+}
+
+#[derive(Clone)]
+struct LayerValues {
+    /// `[rows, outputs]` each.
+    out: Buffer,
+    slope: Buffer,
+    normalised: Buffer,
+    /// `[rows]`
+    inverse_deviation: Buffer,
+}
+
+/// What the backward pass shall leave behind.
+pub(crate) enum Wanted<'a> {
+    /// The gradient of every parameter, in a buffer laid out like the parameters.
+    Parameters(&'a mut [f32]),
+    /// The gradient of the extra inputs (the action), `[rows, extra]`, and none of the parameters'.
+    Extra(&'a mut [f32]),
+}
+
+impl Network {
+    pub(crate) fn new(shape: Shape) -> Self {
+        let plan = shape.plan();
+        Self { shape, plan }
+    }
+
+    pub(crate) fn parameters(&self) -> Buffer {
+        Buffer::new(self.plan.len)
+    }
+
+    /// Buffers for passes over at most `capacity` rows; without `gradients`, for forward passes only.
+    pub(crate) fn workspace(&self, capacity: usize, gradients: bool) -> Workspace {
+        let kept = |wanted: bool, len: usize| Buffer::new(if wanted { len } else { 0 });
+        let normalised = gradients && self.shape.normalised;
+        let widest = self.shape.hidden.iter().copied().max().unwrap_or(0);
+        Workspace {
+            layers: (self.shape.hidden.iter())
+                .map(|&width| LayerValues {
+                    out: Buffer::new(capacity * width),
+                    slope: kept(gradients, capacity * width),
+                    normalised: kept(normalised, capacity * width),
+                    inverse_deviation: kept(normalised, capacity),
+                })
+                .collect(),
+            output: Buffer::new(capacity * self.shape.outputs),
+            errors: [kept(gradients, capacity * widest), kept(gradients, capacity * widest)],
+        }
+    }
+}

@@ -1,0 +1,149 @@
+//! The replay: a ring of transitions, observations packed (real columns as `f32`, binary columns as bits).
+//!
+//! Transitions are numbered from the beginning of the training. Number `k` lives in slot `k % capacity`, so "the last
+//! `capacity` transitions" and "transitions a to b" (what a checkpoint appends to disk) are the same arithmetic.
+
+mod segment;
+
+pub(crate) use segment::Segment;
+
+use crate::{env::ObservationLayout, network::Inputs, random::Stream};
+
+/// One transition as the trainer has it; the slices are `[observation]`, `[action]`, `[observation]`.
+#[derive(Clone, Copy)]
+pub(crate) struct Transition<'a> {
+    pub observation: &'a [f32],
+    pub action: &'a [f32],
+    pub reward: f32,
+    pub terminal: bool,
+    pub next_observation: &'a [f32],
+}
+
+/// A ring of transitions.
+pub(crate) struct Replay {
+    layout: ObservationLayout,
+    action_len: usize,
+    capacity: usize,
+    /// Transitions ever pushed.
+    total: u64,
+    /// `[capacity, 2 * real + action + 1]`: observation, next observation, action, reward.
+    values: Vec<f32>,
+    /// `[capacity, 2 * words]`: observation, next observation.
+    words: Vec<u64>,
+    terminal: Vec<bool>,
+}
+
+/// A batch drawn from the replay, in the form the networks want.
+pub(crate) struct Batch {
+    pub observation: Inputs,
+    pub next_observation: Inputs,
+    /// `[batch, action]`
+    pub action: Vec<f32>,
+    /// `[batch]`
+    pub reward: Vec<f32>,
+    /// `[batch]`: 0 where the step was terminal, 1 elsewhere.
+    pub continues: Vec<f32>,
+}
+
+impl Batch {
+    pub(crate) fn new(layout: ObservationLayout, action_len: usize, rows: usize) -> Self {
+        Self {
+            observation: Inputs::new(layout, action_len, rows),
+            next_observation: Inputs::new(layout, action_len, rows),
+            action: Vec::with_capacity(rows * action_len),
+            reward: Vec::with_capacity(rows),
+            continues: Vec::with_capacity(rows),
+        }
+    }
+
+    pub(crate) fn rows(&self) -> usize {
+        self.reward.len()
+    }
+
+    pub(crate) fn clear(&mut self) {
+        self.observation.clear();
+        self.next_observation.clear();
+        self.action.clear();
+        self.reward.clear();
+        self.continues.clear();
+    }
+}
+
+/// Packs 0/1 values into words, bit `i` of the words being value `i`. A value counts as 1 when it is not 0.
+fn pack(binary: &[f32], words: &mut [u64]) {
+    for (bits, word) in binary.chunks(64).zip(words) {
+        *word = bits.iter().enumerate().fold(0, |word, (i, &bit)| word | (u64::from(bit != 0.0) << i));
+    }
+}
+
+impl Replay {
+    pub(crate) fn new(layout: ObservationLayout, action_len: usize, capacity: usize) -> Self {
+        // Zeroed pages cost nothing until they are written, so a short training does not pay for a long replay.
+        Self {
+            layout,
+            action_len,
+            capacity,
+            total: 0,
+            values: vec![0.0; capacity * (2 * layout.real + action_len + 1)],
+            words: vec![0; capacity * 2 * layout.words()],
+            terminal: vec![false; capacity],
+        }
+    }
+
+    /// Number of transitions held.
+    pub(crate) fn len(&self) -> usize {
+        self.total.min(self.capacity as u64) as usize
+    }
+
+    /// Transitions ever pushed.
+    pub(crate) fn total(&self) -> u64 {
+        self.total
+    }
+
+    /// Number of the oldest transition that is still held.
+    pub(crate) fn oldest(&self) -> u64 {
+        self.total - self.len() as u64
+    }
+
+    fn value_stride(&self) -> usize {
+        2 * self.layout.real + self.action_len + 1
+    }
+
+    fn slot(&self, number: u64) -> usize {
+        (number % self.capacity as u64) as usize
+    }
+
+    pub(crate) fn push(&mut self, transition: Transition<'_>) {
+        let (slot, real, words) = (self.slot(self.total), self.layout.real, self.layout.words());
+        let stride = self.value_stride();
+        let values = &mut self.values[slot * stride..(slot + 1) * stride];
+        values[..real].copy_from_slice(&transition.observation[..real]);
+        values[real..2 * real].copy_from_slice(&transition.next_observation[..real]);
+        values[2 * real..stride - 1].copy_from_slice(transition.action);
+        values[stride - 1] = transition.reward;
+        let packed = &mut self.words[slot * 2 * words..(slot + 1) * 2 * words];
+        pack(&transition.observation[real..], &mut packed[..words]);
+        pack(&transition.next_observation[real..], &mut packed[words..]);
+        self.terminal[slot] = transition.terminal;
+        self.total += 1;
+    }
+
+    /// Fills `batch` with `rows` transitions, uniformly with replacement. The replay must not be empty.
+    pub(crate) fn sample(&self, stream: &mut Stream, rows: usize, batch: &mut Batch) {
+        batch.clear();
+        let (stride, real, words) = (self.value_stride(), self.layout.real, self.layout.words());
+        for _ in 0..rows {
+            let slot = stream.below(self.len());
+            let values = &self.values[slot * stride..(slot + 1) * stride];
+            let packed = &self.words[slot * 2 * words..(slot + 1) * 2 * words];
+            batch.observation.push_packed(&values[..real], &packed[..words]);
+            batch.next_observation.push_packed(&values[real..2 * real], &packed[words..]);
+            batch.action.extend_from_slice(&values[2 * real..stride - 1]);
+            batch.reward.push(values[stride - 1]);
+            batch.continues.push(if self.terminal[slot] { 0.0 } else { 1.0 });
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests;

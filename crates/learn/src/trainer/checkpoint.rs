@@ -1,0 +1,189 @@
+//! Checkpoints: a training on disk, such that a kill at any moment leaves one that loads.
+//!
+//! `checkpoints/last.safetensors` is the checkpoint; it names the replay segments that belong to it. The order of a save
+//! is: metrics forced to disk; the new replay segment written under its own name; `last.safetensors` replaced in one
+//! rename; only then segments that it does not name removed. So whichever `last.safetensors` is there, all that it names
+//! is there too. See [`crate::Trainer`] for the folder.
+
+use std::{
+    fs,
+    path::{Path, PathBuf},
+};
+
+use safetensors::Dtype;
+use serde::{Deserialize, Serialize};
+
+use super::{TrainError, metrics::Mark};
+use crate::{
+    config::DroqConfig,
+    droq::UpdateStreams,
+    env::{ObservationLayout, Score},
+    files::{FileError, RawTensor, TensorFile, encode_tensors, read, sync_folder, write_atomically},
+    random::Stream,
+    replay::{Replay, Segment},
+};
+
+const SCHEMA: &str = "etude-checkpoint-1";
+const OBSERVATION: &str = "trainer.observation";
+const SUMS: &str = "trainer.sums";
+const ENVIRONMENT: &str = "environment.state";
+
+/// The best evaluation so far.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Best {
+    /// Environment step of that evaluation.
+    pub step: u64,
+    /// Its scores.
+    pub scores: Vec<Score>,
+}
+
+/// The JSON in a checkpoint's metadata: all of a training that is not a tensor.
+#[derive(Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct Header {
+    pub schema: String,
+    pub step: u64,
+    pub updates: u64,
+    pub layout: ObservationLayout,
+    pub action_len: usize,
+    pub reward_terms: Vec<String>,
+    pub droq: DroqConfig,
+    pub seed: u64,
+    pub num_envs: usize,
+    pub updates_per_round: usize,
+    pub warmup_steps: u64,
+    pub best: Option<Best>,
+    pub last_evaluation: Option<u64>,
+    pub metrics: Mark,
+    pub segments: Vec<Segment>,
+    pub update_streams: UpdateStreams,
+    pub policy_stream: Stream,
+    pub warmup_stream: Stream,
+}
+
+impl Header {
+    pub(crate) fn schema() -> String {
+        SCHEMA.to_owned()
+    }
+}
+
+/// The tensors that the learner knows nothing of.
+pub(crate) struct Extras {
+    /// `[n, observation]`: what the policy acts on next.
+    pub observation: Vec<f32>,
+    pub sums: Vec<f64>,
+    pub environment: Vec<u8>,
+}
+
+/// The files of a run's checkpoint.
+#[derive(Clone, Debug)]
+pub(crate) struct Store {
+    folder: PathBuf,
+}
+
+impl Store {
+    pub(crate) fn new(run_folder: &Path) -> Self {
+        Self { folder: run_folder.join("checkpoints") }
+    }
+
+    pub(crate) fn path(&self) -> PathBuf {
+        self.folder.join("last.safetensors")
+    }
+
+    fn replay_folder(&self) -> PathBuf {
+        self.folder.join("replay")
+    }
+
+    pub(crate) fn exists(&self) -> bool {
+        self.path().exists()
+    }
+
+    /// Creates the folders, and removes what a training that never reached its first checkpoint left.
+    pub(crate) fn prepare(&self) -> Result<(), FileError> {
+        let folder = self.replay_folder();
+        fs::create_dir_all(&folder).map_err(FileError::io("create", &folder))?;
+        self.remove_all_but(&[])
+    }
+
+    /// Writes the transitions since the last checkpoint; `segments` is then what the next checkpoint must name.
+    pub(crate) fn save_replay(&self, replay: &Replay, segments: &mut Vec<Segment>) -> Result<(), FileError> {
+        let begin = segments.last().map_or(0, |last| last.end).max(replay.oldest());
+        segments.retain(|segment| segment.end > replay.oldest());
+        if begin < replay.total() {
+            let segment = Segment { begin, end: replay.total() };
+            write_atomically(&self.replay_folder().join(segment.file_name()), &replay.encode(segment))?;
+            segments.push(segment);
+        }
+        Ok(())
+    }
+
+    /// Replaces the checkpoint, then removes segments that it does not name.
+    pub(crate) fn save(
+        &self,
+        header: &Header,
+        learner: Vec<RawTensor>,
+        extras: &Extras,
+    ) -> Result<(), FileError> {
+        let path = self.path();
+        let mut tensors = learner;
+        let mut add = |name: &str, dtype, len, bytes| {
+            tensors.push(RawTensor { name: name.to_owned(), dtype, shape: vec![len], bytes });
+        };
+        let observation = extras.observation.iter().flat_map(|value| value.to_le_bytes()).collect();
+        add(OBSERVATION, Dtype::F32, extras.observation.len(), observation);
+        let sums = extras.sums.iter().flat_map(|value| value.to_le_bytes()).collect();
+        add(SUMS, Dtype::F64, extras.sums.len(), sums);
+        add(ENVIRONMENT, Dtype::U8, extras.environment.len(), extras.environment.clone());
+        let bytes = encode_tensors(header, &tensors).map_err(|reason| FileError::content(&path, reason))?;
+        write_atomically(&path, &bytes)?;
+        self.remove_all_but(&header.segments)
+    }
+
+    fn remove_all_but(&self, segments: &[Segment]) -> Result<(), FileError> {
+        let folder = self.replay_folder();
+        let kept: Vec<String> = segments.iter().map(Segment::file_name).collect();
+        for entry in fs::read_dir(&folder).map_err(FileError::io("read", &folder))? {
+            let entry = entry.map_err(FileError::io("read", &folder))?;
+            if !kept.iter().any(|name| entry.file_name() == name.as_str()) {
+                fs::remove_file(entry.path()).map_err(FileError::io("remove", &entry.path()))?;
+            }
+        }
+        sync_folder(&folder)
+    }
+
+    /// Reads the checkpoint and hands its parts to `take`.
+    pub(crate) fn load(
+        &self,
+        take: impl FnOnce(Header, &TensorFile<'_>, Extras) -> Result<(), TrainError>,
+    ) -> Result<(), TrainError> {
+        let path = self.path();
+        let bytes = read(&path)?;
+        let bad = |reason: String| FileError::content(&path, reason);
+        let file = TensorFile::parse(&bytes).map_err(bad)?;
+        let header: Header = file.header().map_err(bad)?;
+        if header.schema != SCHEMA {
+            return Err(bad(format!(
+                "its schema is `{}`, and this version of Étude reads `{SCHEMA}`",
+                header.schema
+            ))
+            .into());
+        }
+        let missing = |name: &str| FileError::content(&path, format!("tensor `{name}` is missing"));
+        let (_, observation) = file.floats(OBSERVATION).ok_or_else(|| missing(OBSERVATION))?;
+        let (_, sums) = file.bytes(SUMS, Dtype::F64).ok_or_else(|| missing(SUMS))?;
+        let sums = sums.as_chunks::<8>().0.iter().map(|bytes| f64::from_le_bytes(*bytes)).collect();
+        let (_, environment) = file.bytes(ENVIRONMENT, Dtype::U8).ok_or_else(|| missing(ENVIRONMENT))?;
+        take(header, &file, Extras { observation, sums, environment: environment.to_vec() })
+    }
+
+    /// Fills an empty replay from the segments.
+    pub(crate) fn load_replay(&self, segments: &[Segment], replay: &mut Replay) -> Result<(), FileError> {
+        replay.start_at(segments.first().map_or(0, |first| first.begin));
+        for &segment in segments {
+            let path = self.replay_folder().join(segment.file_name());
+            replay.decode(segment, &read(&path)?).map_err(|error| FileError::content(&path, error))?;
+        }
+        Ok(())
+    }
+}

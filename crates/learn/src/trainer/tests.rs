@@ -1,0 +1,261 @@
+use std::fs;
+
+use super::{
+    toy::{Grid, Tracking, Watch, assert_same_files, config, droq, files, parts, raw},
+    *,
+};
+
+#[test]
+fn the_toy_is_solved() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut watch = Watch::default();
+    let mut trainer = Trainer::start(folder.path(), &droq(), &config(6_000), parts()).unwrap();
+    let outcome = trainer.run(&mut watch).unwrap();
+    let best = outcome.best.unwrap();
+    assert!(best.scores[0].value > 0.95, "{best:?}");
+    assert_eq!((outcome.step, outcome.stopped, outcome.updates), (6_000, None, 2 * (6_000 - 100) / 4));
+    assert_eq!((watch.logs.len(), watch.evaluations.len()), (40, 15));
+    let (first, last) = (&watch.logs[0], &watch.logs[39]);
+    assert!(last.get("charts/reward_per_step").unwrap() > first.get("charts/reward_per_step").unwrap() + 0.1);
+    assert_eq!(last.get("reward/bonus"), Some(1.0));
+    assert_eq!(last.get("charts/episodic_length"), Some(10.0));
+    for name in
+        ["losses/critic", "losses/actor", "charts/entropy", "charts/temperature", "perf/steps_per_sec"]
+    {
+        assert!(last.get(name).unwrap().is_finite(), "{name}");
+    }
+    let mut policy = Policy::load(&folder.path().join("policy-best.safetensors")).unwrap();
+    assert_eq!(policy.header().notes["training"]["toy"], 1);
+    let score = Grid.evaluate(&mut |observations, actions| policy.act(observations, actions))[0].value;
+    assert_eq!(score, best.scores[0].value);
+}
+
+#[test]
+fn stopping_and_resuming_changes_nothing() {
+    let (whole, halves) = (tempfile::tempdir().unwrap(), tempfile::tempdir().unwrap());
+    Trainer::start(whole.path(), &droq(), &config(1_600), parts()).unwrap().run(&mut ()).unwrap();
+    // Stops at a checkpoint: 200 rounds of 4 steps.
+    let mut watch = Watch { stop_at: Some(200), ..Watch::default() };
+    let mut first = Trainer::start(halves.path(), &droq(), &config(1_600), parts()).unwrap();
+    assert_eq!(first.run(&mut watch).unwrap().stopped, Some(StopReason::Requested));
+    drop(first);
+    let mut second = Trainer::resume(halves.path(), &droq(), &config(1_600), parts()).unwrap();
+    assert_eq!(second.step(), 800);
+    second.run(&mut ()).unwrap();
+    assert_same_files(whole.path(), halves.path());
+}
+
+#[test]
+fn stopping_between_checkpoints_changes_no_number() {
+    let (whole, halves) = (tempfile::tempdir().unwrap(), tempfile::tempdir().unwrap());
+    Trainer::start(whole.path(), &droq(), &config(1_200), parts()).unwrap().run(&mut ()).unwrap();
+    for stop_at in [37, 50, 100] {
+        let mut watch = Watch { stop_at: Some(stop_at), ..Watch::default() };
+        let make = if Trainer::exists(halves.path()) { Trainer::resume } else { Trainer::start };
+        make(halves.path(), &droq(), &config(1_200), parts()).unwrap().run(&mut watch).unwrap();
+    }
+    Trainer::resume(halves.path(), &droq(), &config(1_200), parts()).unwrap().run(&mut ()).unwrap();
+    let (whole, halves) = (files(whole.path()), files(halves.path()));
+    // The replay is cut into other segments, and the checkpoint names those; all else is alike.
+    for name in ["metrics.jsonl", "policy-best.safetensors", "policy-last.safetensors"] {
+        assert!(whole[name] == halves[name], "{name} differs");
+    }
+}
+
+#[test]
+fn threads_and_overlap_change_nothing() {
+    let reference = tempfile::tempdir().unwrap();
+    Trainer::start(reference.path(), &droq(), &config(800), parts()).unwrap().run(&mut ()).unwrap();
+    for (threads, overlap) in [(1, true), (1, false), (2, false), (4, true)] {
+        let folder = tempfile::tempdir().unwrap();
+        let config = TrainerConfig { threads, overlap, ..config(800) };
+        Trainer::start(folder.path(), &droq(), &config, parts()).unwrap().run(&mut ()).unwrap();
+        assert_same_files(reference.path(), folder.path());
+    }
+}
+
+#[test]
+fn a_kill_at_any_write_leaves_a_checkpoint_that_resumes() {
+    // Rebuilds every state that the folder can be in between two checkpoints, from copies of both.
+    let small = DroqConfig { replay_capacity: 300, ..droq() };
+    let folder = tempfile::tempdir().unwrap();
+    let mut watch = Watch { stop_at: Some(100), ..Watch::default() };
+    Trainer::start(folder.path(), &small, &config(1_200), parts()).unwrap().run(&mut watch).unwrap();
+    let before = raw(folder.path());
+    let mut watch = Watch { stop_at: Some(100), ..Watch::default() };
+    Trainer::resume(folder.path(), &small, &config(1_200), parts()).unwrap().run(&mut watch).unwrap();
+    let after = raw(folder.path());
+    let finished = tempfile::tempdir().unwrap();
+    Trainer::start(finished.path(), &small, &config(1_200), parts()).unwrap().run(&mut ()).unwrap();
+
+    let new: Vec<_> = after.keys().filter(|name| !before.contains_key(*name)).collect();
+    let gone: Vec<_> = before.keys().filter(|name| !after.contains_key(*name)).collect();
+    assert!(new.iter().any(|name| name.ends_with(".replay")) && !gone.is_empty(), "{new:?} {gone:?}");
+    for stage in 0..4 {
+        let killed = tempfile::tempdir().unwrap();
+        fs::create_dir_all(killed.path().join("checkpoints/replay")).unwrap();
+        let write = |name: &str, bytes: &[u8]| fs::write(killed.path().join(name), bytes).unwrap();
+        for (name, bytes) in &before {
+            write(name, bytes);
+        }
+        for name in ["metrics.jsonl", "events.out.tfevents.etude", "policy-best.safetensors"] {
+            write(name, &after[name]);
+        }
+        write("checkpoints/replay/.half.replay.tmp", b"half");
+        if stage >= 1 {
+            new.iter().for_each(|name| write(name, &after[*name]));
+        }
+        if stage >= 2 {
+            write("checkpoints/last.safetensors", &after["checkpoints/last.safetensors"]);
+        }
+        if stage >= 3 {
+            gone.iter().for_each(|name| fs::remove_file(killed.path().join(name)).unwrap());
+        }
+        let mut trainer = Trainer::resume(killed.path(), &small, &config(1_200), parts()).unwrap();
+        assert_eq!(trainer.step(), if stage >= 2 { 800 } else { 400 });
+        trainer.run(&mut ()).unwrap();
+        for name in ["policy-best.safetensors", "policy-last.safetensors"] {
+            assert!(
+                fs::read(killed.path().join(name)).unwrap() == raw(finished.path())[name],
+                "{name}, {stage}"
+            );
+        }
+    }
+}
+
+/// Not a test by itself: the process that the next test kills.
+#[test]
+fn a_training_to_be_killed() {
+    let Some(folder) = std::env::var_os("ETUDE_LEARN_CHILD") else { return };
+    let folder = Path::new(&folder);
+    let config = TrainerConfig { checkpoint_every_steps: 100, ..config(4_000) };
+    let make = if Trainer::exists(folder) { Trainer::resume } else { Trainer::start };
+    make(folder, &droq(), &config, parts()).unwrap().run(&mut ()).unwrap();
+}
+
+#[test]
+fn killed_again_and_again_it_still_arrives_at_the_same_policy() {
+    let (whole, killed) = (tempfile::tempdir().unwrap(), tempfile::tempdir().unwrap());
+    let child = |folder: &Path| {
+        std::process::Command::new(std::env::current_exe().unwrap())
+            .args(["--exact", "trainer::tests::a_training_to_be_killed"])
+            .env("ETUDE_LEARN_CHILD", folder)
+            .stdout(std::process::Stdio::null())
+            .spawn()
+            .unwrap()
+    };
+    assert!(child(whole.path()).wait().unwrap().success());
+    let mut stream = Stream::new(9, "kills");
+    let mut kills = 0;
+    loop {
+        let mut child = child(killed.path());
+        // The waits grow, so that the training gets to its end on a machine of any speed.
+        std::thread::sleep(std::time::Duration::from_millis(30 + stream.below(60 + 20 * kills) as u64));
+        match child.try_wait().unwrap() {
+            Some(status) => {
+                assert!(status.success());
+                break;
+            }
+            None => {
+                child.kill().unwrap();
+                child.wait().unwrap();
+                kills += 1;
+            }
+        }
+    }
+    assert!(kills > 0, "the training was too quick to be killed");
+    let (whole, killed) = (files(whole.path()), files(killed.path()));
+    for name in ["metrics.jsonl", "policy-best.safetensors", "policy-last.safetensors"] {
+        assert!(whole[name] == killed[name], "{name} differs after {kills} kills");
+    }
+}
+
+#[test]
+fn numbers_that_are_not_finite_stop_the_training_and_spare_the_checkpoint() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut environment = Tracking::new(4);
+    environment.poison_at = Some(150);
+    let parts_with = Parts { environment: Box::new(environment), ..parts() };
+    let mut trainer = Trainer::start(folder.path(), &droq(), &config(1_200), parts_with).unwrap();
+    let error = trainer.run(&mut ()).unwrap_err();
+    assert!(error.to_string().contains("not a finite number"), "{error}");
+    assert_eq!(Trainer::resume(folder.path(), &droq(), &config(1_200), parts()).unwrap().step(), 400);
+
+    let folder = tempfile::tempdir().unwrap();
+    let wild = DroqConfig {
+        critic_learning_rate: 1.0,
+        actor_learning_rate: 1.0,
+        temperature_learning_rate: 1.0,
+        ..droq()
+    };
+    let result = Trainer::start(folder.path(), &wild, &config(100_000), parts()).unwrap().run(&mut ());
+    assert!(matches!(result, Err(TrainError::NotFinite { .. })), "{result:?}");
+    assert!(Trainer::resume(folder.path(), &wild, &config(100_000), parts()).is_ok());
+}
+
+#[test]
+#[cfg(target_os = "linux")]
+fn a_full_disk_stops_the_training_and_spares_the_checkpoint() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut watch = Watch { stop_at: Some(100), ..Watch::default() };
+    Trainer::start(folder.path(), &droq(), &config(1_200), parts()).unwrap().run(&mut watch).unwrap();
+    let path = folder.path().join("checkpoints/last.safetensors");
+    let before = fs::read(&path).unwrap();
+    std::os::unix::fs::symlink("/dev/full", folder.path().join("checkpoints/.last.safetensors.tmp")).unwrap();
+    let mut trainer = Trainer::resume(folder.path(), &droq(), &config(1_200), parts()).unwrap();
+    let error = trainer.run(&mut ()).unwrap_err();
+    assert!(error.to_string().contains("make room on the disk"), "{error}");
+    assert_eq!(fs::read(&path).unwrap(), before);
+    assert_eq!(Trainer::resume(folder.path(), &droq(), &config(1_200), parts()).unwrap().step(), 400);
+}
+
+#[test]
+fn wrong_beginnings_are_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let resume = |droq: &DroqConfig, config: &TrainerConfig| match Trainer::resume(
+        folder.path(),
+        droq,
+        config,
+        parts(),
+    ) {
+        Ok(_) => String::new(),
+        Err(error) => error.to_string(),
+    };
+    assert!(resume(&droq(), &config(800)).contains("start a training there first"));
+    let start = |config: &TrainerConfig| {
+        Trainer::start(folder.path(), &droq(), config, parts()).err().map(|e| e.to_string())
+    };
+    assert!(start(&TrainerConfig { num_envs: 5, ..config(8) }).unwrap().contains("trainer.num_envs"));
+    assert_eq!(start(&config(8)), None);
+    assert!(start(&config(8)).unwrap().contains("holds a training already"));
+    assert!(resume(&DroqConfig { discount: 0.9, ..droq() }, &config(800)).contains("droq"));
+    assert!(resume(&droq(), &TrainerConfig { seed: 6, ..config(800) }).contains("trainer.seed = 5, not 6"));
+    assert_eq!(resume(&droq(), &TrainerConfig { threads: 1, ..config(900) }), "");
+    fs::write(folder.path().join("checkpoints/last.safetensors"), b"not a checkpoint").unwrap();
+    assert!(resume(&droq(), &config(800)).contains("not a safetensors file"));
+}
+
+proptest::proptest! {
+    #![proptest_config(proptest::prelude::ProptestConfig::with_cases(64))]
+    #[test]
+    fn hostile_checkpoints_never_panic(at in proptest::prelude::any::<proptest::sample::Index>(), value: u8, in_header: bool) {
+        thread_local! {
+            static RUN: tempfile::TempDir = {
+                let folder = tempfile::tempdir().unwrap();
+                Trainer::start(folder.path(), &droq(), &config(8), parts()).unwrap();
+                folder
+            };
+        }
+        RUN.with(|folder| {
+            let path = folder.path().join("checkpoints/last.safetensors");
+            let whole = fs::read(&path).unwrap();
+            let header = u64::from_le_bytes(whole[..8].try_into().unwrap()) as usize + 8;
+            let mut bytes = whole.clone();
+            bytes[at.index(if in_header { header } else { whole.len() })] = value;
+            fs::write(&path, bytes).unwrap();
+            let resumed = Trainer::resume(folder.path(), &droq(), &config(8), parts());
+            drop(resumed);
+            fs::write(&path, whole).unwrap();
+        });
+    }
+}
