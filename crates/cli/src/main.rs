@@ -1,2 +1,92 @@
-//! Placeholder.
-fn main() {}
+//! The `etude` command: one file a verb, nothing but parsing, calling and printing.
+#![allow(clippy::print_stdout, clippy::print_stderr)] // Printing is what this crate is for.
+
+mod progress;
+mod verbs;
+
+use std::io::Write as _;
+use std::process::ExitCode;
+
+use clap::{Parser, Subcommand};
+
+/// Teaches a robot hand to play the piano: from a MIDI file to a policy, and from a policy to music.
+#[derive(Parser)]
+#[command(name = "etude", version, after_help = EXIT_CODES, max_term_width = 110)]
+struct Cli {
+    #[command(subcommand)]
+    verb: Verb,
+}
+
+const EXIT_CODES: &str = "\
+First steps:
+  etude songs                 what can be played
+  etude play twinkle          hear what a trained policy makes of it
+  etude train my-song.mid     learn a song of your own
+  etude doctor                what this machine has and lacks
+
+Exit codes:
+  0  done
+  1  it failed; the message on standard error says why
+  2  the command line is wrong
+  3  stopped on request (Ctrl-C, SIGTERM); a training has saved itself and `--resume` continues it";
+
+#[derive(Subcommand)]
+enum Verb {
+    /// List the built-in songs, or show one
+    Songs(verbs::songs::Args),
+    /// Learn to play a song
+    Train(verbs::train::Args),
+    /// Play a song with a trained policy and keep the MIDI, sound, frames and recording
+    Play(verbs::play::Args),
+    /// Export the simulated world, or list its physical parameters
+    Model(verbs::model::Args),
+    /// Measure the speed of the simulation and of the learner
+    Bench(verbs::bench::Args),
+    /// Report what this machine has, and what each missing thing costs
+    Doctor(verbs::doctor::Args),
+}
+
+/// How a verb ended when it did not fail.
+enum Ending {
+    Done,
+    Stopped,
+}
+
+fn main() -> ExitCode {
+    let cli = Cli::parse();
+    let ended = match cli.verb {
+        Verb::Songs(args) => verbs::songs::run(args),
+        Verb::Train(args) => verbs::train::run(args),
+        Verb::Play(args) => verbs::play::run(args),
+        Verb::Model(args) => verbs::model::run(args),
+        Verb::Bench(args) => verbs::bench::run(args),
+        Verb::Doctor(args) => verbs::doctor::run(args),
+    };
+    match ended {
+        Ok(Ending::Done) => ExitCode::SUCCESS,
+        Ok(Ending::Stopped) => ExitCode::from(3),
+        Err(error) if broken_pipe(&error) => ExitCode::SUCCESS,
+        Err(error) => {
+            let _ = writeln!(std::io::stderr(), "etude: {error:#}");
+            ExitCode::FAILURE
+        }
+    }
+}
+
+/// `etude songs | head` is no failure.
+fn broken_pipe(error: &anyhow::Error) -> bool {
+    error
+        .chain()
+        .filter_map(|cause| cause.downcast_ref::<std::io::Error>())
+        .any(|error| error.kind() == std::io::ErrorKind::BrokenPipe)
+}
+
+#[cfg(test)]
+mod tests {
+    use clap::CommandFactory as _;
+
+    #[test]
+    fn the_command_line_is_consistent() {
+        super::Cli::command().debug_assert();
+    }
+}

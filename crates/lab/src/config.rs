@@ -92,6 +92,22 @@ pub fn resolve(preset: &str, file: Option<&Path>, overrides: &[String]) -> Resul
             .map_err(|source| ConfigError::Read { path: path.to_path_buf(), source })?;
         merge(&mut table, parse(&text, &path.display().to_string())?);
     }
+    finish(table, overrides)
+}
+
+/// `config` with single values changed.
+///
+/// # Errors
+/// As [`resolve`].
+pub(crate) fn change(config: &RunConfig, overrides: &[String]) -> Result<RunConfig, ConfigError> {
+    let table = toml::Table::try_from(config).map_err(|error| ConfigError::Syntax {
+        origin: "the resolved configuration".to_string(),
+        message: error.to_string(),
+    })?;
+    finish(table, overrides)
+}
+
+fn finish(mut table: toml::Table, overrides: &[String]) -> Result<RunConfig, ConfigError> {
     for text in overrides {
         let (path, value) = text.split_once('=').ok_or_else(|| ConfigError::NotAnOverride(text.clone()))?;
         merge(&mut table, override_table(path.trim(), value.trim()));

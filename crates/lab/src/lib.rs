@@ -5,7 +5,9 @@
 //! plays them.
 
 mod config;
+mod play;
 mod run;
 
 pub use config::{ConfigError, PRESETS, RunConfig, resolve};
+pub use play::{Files, PlayError, Player, Report, load_player, perform, shipped_policies};
 pub use run::{RunError, open_run, resume, train};

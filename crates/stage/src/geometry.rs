@@ -95,7 +95,10 @@ pub struct Fence {
 /// Height of the fences' top above the white keys at rest, m. High enough that a fingertip which has pressed a key
 /// past its threshold meets a wall and not an edge; far below the black keys' tops. Our choice: the paper shows the
 /// fences but gives no size.
-pub const FENCE_RISE: f64 = 0.003;
+pub const FENCE_RISE: f64 = -0.002;
+/// Sliding friction of the fences: slippery plastic, so that a fingertip which comes down on a fence is guided onto a
+/// key instead of standing on the wall (paper, appendix: "the plastic surfaces … are slippery").
+pub const FENCE_FRICTION: f64 = 0.1;
 /// Thickness of a fence, m: it fills the gap between two white keys.
 pub const FENCE_THICKNESS: f64 = WHITE_PITCH - WHITE.size[1];
 

@@ -64,6 +64,10 @@ pub const TIP_RADIUS: f64 = 0.0085;
 pub const TIP_HALF_LENGTH: f64 = 0.016;
 /// Centre of the fingertip capsule beyond the last joint, m.
 pub const TIP_CENTRE: f64 = 0.029;
+/// Place of the finger pad beyond the last joint, m: the point whose distance to a key the rewards measure. It lies in
+/// the fingertip and not at its end, as in RoboPianist and in the authors' code (§1.5, §2.6), so that the reward goes
+/// on rising while a key is pressed down.
+pub const PAD: f64 = 0.026;
 
 /// Distance of an outer finger's root from the middle one's, m.
 pub const ROOT_SPACING: f64 = 0.0435;

@@ -14,10 +14,10 @@ use etude_music::KEYS;
 
 use crate::config::StageConfig;
 use crate::controller::Actuation;
-use crate::geometry::{FENCE_RISE, FENCE_THICKNESS, HALF_WIDTH, KeyShape, WHITE, fences, key_lateral};
+use crate::geometry::{FENCE_FRICTION, FENCE_RISE, FENCE_THICKNESS, HALF_WIDTH, KeyShape, WHITE, fences, key_lateral};
 use crate::hand::{
     DISTAL_LENGTH, FINGER_JOINTS, FINGER_NAMES, FINGER_RANGE, JOINT_NAMES, LINK_MASSES, LINK_SECTION, LINKS,
-    MOUNT, PALM_CENTRE, PALM_MASS, PALM_SIZE, RAIL, ROOT_SPACING, ROOT_Z, SPLAY, THUMB_MASS, TIP_CENTRE,
+    MOUNT, PAD, PALM_CENTRE, PALM_MASS, PALM_SIZE, RAIL, ROOT_SPACING, ROOT_Z, SPLAY, THUMB_MASS, TIP_CENTRE,
     TIP_HALF_LENGTH, TIP_RADIUS, root_side,
 };
 use crate::params::{Joint, PhysicalParams, World};
@@ -71,9 +71,12 @@ fn document(out: &mut String, config: &StageConfig, params: &PhysicalParams) -> 
 fn keyboard(out: &mut String, config: &StageConfig, params: &PhysicalParams) -> std::fmt::Result {
     let value = |quantity| params.world(quantity);
     let friction = value(World::KeyFriction);
-    let contact = format!(
-        r#"contype="0" conaffinity="{TOUCHES_KEYBOARD}" priority="1" friction="{friction} 0.005 0.0001""#
-    );
+    let contact = |friction: f64| {
+        format!(
+            r#"contype="0" conaffinity="{TOUCHES_KEYBOARD}" priority="1" friction="{friction} 0.005 0.0001""#
+        )
+    };
+    let (key_contact, fence_contact) = (contact(friction), contact(FENCE_FRICTION));
     let [depth, lateral, height] = keyboard_place(params);
     writeln!(out, r#"    <body name="keyboard" pos="{depth} {lateral} {height}">"#)?;
     writeln!(
@@ -87,7 +90,7 @@ fn keyboard(out: &mut String, config: &StageConfig, params: &PhysicalParams) -> 
             let [rear, front] = fence.x;
             writeln!(
                 out,
-                r#"      <geom name="fence_{index}" type="box" pos="{} {} {}" size="{} {} {}" rgba="0.9 0.75 0.1 1" {contact}/>"#,
+                r#"      <geom name="fence_{index}" type="box" pos="{} {} {}" size="{} {} {}" rgba="0.9 0.75 0.1 1" {fence_contact}/>"#,
                 (rear + front) / 2.0,
                 fence.y,
                 top / 2.0,
@@ -97,20 +100,21 @@ fn keyboard(out: &mut String, config: &StageConfig, params: &PhysicalParams) -> 
             )?;
         }
     }
+    writeln!(out, r#"    </body>"#)?;
+    // Each key stands by itself in the world and not in the keyboard: MuJoCo keeps the axes of a sleeping key relative
+    // to the centre of mass of everything under its outermost body, and other keys would move that while it sleeps.
     for key in 0..KEYS {
         let shape = KeyShape::of(key);
         let [length, width, thick] = shape.size;
+        let [x, y, z] = key_place(params, key);
         let colour = if etude_music::key_is_black(key) { "0.08 0.08 0.08 1" } else { "0.95 0.95 0.93 1" };
         writeln!(
             out,
-            r#"      <body name="key_{key}" pos="{} {} {}">"#,
-            shape.x,
-            key_lateral(key),
-            shape.z
+            r#"    <body name="key_{key}" pos="{x} {y} {z}">"#
         )?;
         writeln!(
             out,
-            r#"        <joint name="key_{key}" type="hinge" axis="0 1 0" pos="{} 0 0" range="{} {}" stiffness="{}" damping="{}" armature="{}"/>"#,
+            r#"      <joint name="key_{key}" type="hinge" axis="0 1 0" pos="{} 0 0" range="{} {}" stiffness="{}" damping="{}" armature="{}"/>"#,
             -length / 2.0,
             -KEY_REBOUND,
             shape.max_angle(),
@@ -120,15 +124,22 @@ fn keyboard(out: &mut String, config: &StageConfig, params: &PhysicalParams) -> 
         )?;
         writeln!(
             out,
-            r#"        <geom name="key_{key}" type="box" size="{} {} {}" mass="{}" rgba="{colour}" {contact}/>"#,
+            r#"      <geom name="key_{key}" type="box" size="{} {} {}" mass="{}" rgba="{colour}" {key_contact}/>"#,
             length / 2.0,
             width / 2.0,
             thick / 2.0,
             shape.mass,
         )?;
-        writeln!(out, r#"      </body>"#)?;
+        writeln!(out, r#"    </body>"#)?;
     }
-    writeln!(out, r#"    </body>"#)
+    Ok(())
+}
+
+/// Where the body of key `key` stands, m.
+pub(crate) fn key_place(params: &PhysicalParams, key: usize) -> [f64; 3] {
+    let shape = KeyShape::of(key);
+    let [depth, lateral, height] = keyboard_place(params);
+    [depth + shape.x, lateral + key_lateral(key), height + shape.z]
 }
 
 /// Where the keyboard's body stands, m.
@@ -252,6 +263,7 @@ fn finger(
         r#"              <site name="{name}_tip" pos="0 0 {}" size="0.003"/>"#,
         TIP_CENTRE + TIP_HALF_LENGTH
     )?;
+    writeln!(out, r#"              <site name="{name}_pad" pos="0 0 {PAD}" size="0.003"/>"#)?;
     for indent in ["            ", "          ", "        ", "      "] {
         writeln!(out, "{indent}</body>")?;
     }

@@ -1,8 +1,8 @@
 //! Snapshots: everything that a world needs to continue bit for bit, as plain numbers that can be stored.
 #![allow(unsafe_code)] // Restores which key trees sleep; see the use.
 
-use etude_music::KeySet;
-use mujoco_rs::mujoco_c::mjtState;
+use etude_music::{KEYS, KeySet};
+use mujoco_rs::mujoco_c::{mjData, mjModel, mjtState};
 use serde::{Deserialize, Serialize};
 
 use crate::controller::Controller;
@@ -14,6 +14,7 @@ use crate::world::World;
 pub struct Snapshot {
     physics: Vec<f64>,
     asleep: Vec<i32>,
+    derived_at: Vec<f64>,
     controllers: Vec<Controller>,
     pressed: KeySet,
     physics_steps: u64,
@@ -26,12 +27,27 @@ pub struct SnapshotError(&'static str);
 
 const STATE: u32 = mjtState::mjSTATE_INTEGRATION as u32;
 
+unsafe extern "C" {
+    /// Works out which bodies and degrees of freedom are awake from which trees are. Exported by the library but not
+    /// declared in its headers; MuJoCo's version is pinned.
+    fn mj_updateSleep(model: *const mjModel, data: *mut mjData);
+}
+
+/// Whether the links that are not negative form closed cycles: MuJoCo ends the process where they do not.
+fn are_cycles(asleep: &[i32]) -> bool {
+    let mut reached = vec![false; asleep.len()];
+    let mut links = asleep.iter().filter_map(|link| usize::try_from(*link).ok());
+    // Each sleeping tree is pointed to exactly once, and only sleeping ones are.
+    links.all(|next| next < asleep.len() && asleep[next] >= 0 && !std::mem::replace(&mut reached[next], true))
+}
+
 impl World {
     /// The current state.
     pub fn snapshot(&self) -> Snapshot {
         Snapshot {
             physics: self.data.state(STATE).into_vec(),
             asleep: self.data.tree_asleep().to_vec(),
+            derived_at: self.derived_at.to_vec(),
             controllers: self.controllers.to_vec(),
             pressed: self.pressed,
             physics_steps: self.physics_steps,
@@ -44,29 +60,38 @@ impl World {
         if snapshot.asleep.len() != trees {
             return Err(SnapshotError("another number of kinematic trees"));
         }
-        if snapshot.asleep.iter().any(|next| *next >= trees as i32) {
-            return Err(SnapshotError("a sleeping tree that does not exist"));
+        if !are_cycles(&snapshot.asleep) {
+            return Err(SnapshotError("sleeping trees that form no cycles"));
         }
         let controllers: &[Controller; JOINTS] =
             snapshot.controllers.as_slice().try_into().map_err(|_| SnapshotError("another number of joints"))?;
         if !controllers.iter().all(Controller::is_sound) {
             return Err(SnapshotError("a controller with a damaged queue"));
         }
+        let derived_at: &[f64; KEYS] =
+            snapshot.derived_at.as_slice().try_into().map_err(|_| SnapshotError("another number of keys"))?;
         // Everything derived is computed while all trees are awake, then those that slept are put to sleep again:
-        // the engine does not compute anything for a sleeping tree.
+        // the engine computes nothing for a sleeping tree. What it has for one is from the beginning of the step in
+        // which it fell asleep, except for its place, and is used once more in the step in which it wakes.
+        let wrong_size = |_| SnapshotError("another number of physical state values");
         self.data.reset();
-        self.data
-            .set_state(&snapshot.physics, STATE)
-            .map_err(|_| SnapshotError("another number of physical state values"))?;
+        self.data.set_state(&snapshot.physics, STATE).map_err(wrong_size)?;
+        self.put_keys(derived_at);
         self.data.forward();
-        self.data
-            .set_state(&snapshot.physics, STATE)
-            .map_err(|_| SnapshotError("another number of physical state values"))?;
-        // SAFETY: the length is checked above and every link of a sleep cycle points to an existing tree.
-        unsafe { self.data.tree_asleep_mut() }.copy_from_slice(&snapshot.asleep);
+        self.data.set_state(&snapshot.physics, STATE).map_err(wrong_size)?;
+        self.data.kinematics();
+        self.derived_at = *derived_at;
+        // SAFETY: the length is checked above, the links are cycles, and the lists that the engine keeps beside them
+        // are brought up to date at once: it would wake a sleeping tree that those call awake.
+        unsafe {
+            self.data.tree_asleep_mut().copy_from_slice(&snapshot.asleep);
+            let model = std::ptr::from_ref(self.data.model().ffi());
+            mj_updateSleep(model, std::ptr::from_mut(self.data.ffi_mut()));
+        }
         self.controllers.clone_from_slice(controllers);
         self.pressed = snapshot.pressed;
         self.physics_steps = snapshot.physics_steps;
+        self.forget_last_step();
         Ok(())
     }
 }

@@ -15,7 +15,7 @@ use crate::hand::{
     FINGER_JOINTS, FINGER_NAMES, FINGER_RANGE, FINGERS, JOINT_NAMES, JOINTS, RAIL, TIP_RADIUS, root_lateral,
 };
 use crate::kinematics;
-use crate::mjcf::{keyboard_place, mjcf, passive_damping};
+use crate::mjcf::{key_place, keyboard_place, mjcf, passive_damping};
 use crate::params::{Joint, PhysicalParams, World as Quantity};
 
 /// The version of the MuJoCo library that is loaded.
@@ -57,11 +57,13 @@ pub struct StepOutcome {
 struct Layout {
     keyboard: usize,
     key_dof: [usize; KEYS],
+    key_tree: [usize; KEYS],
+    key_body: [usize; KEYS],
     key_geom: [usize; KEYS],
     joint_dof: [usize; JOINTS],
     tip_site: [usize; FINGERS],
+    pad_site: [usize; FINGERS],
     geom_part: Vec<Part>,
-    keyboard_geoms: Vec<usize>,
 }
 
 /// A world that can be stepped.
@@ -75,6 +77,8 @@ pub struct World {
     pub(crate) controllers: [Controller; JOINTS],
     pub(crate) pressed: KeySet,
     pub(crate) physics_steps: u64,
+    /// Angles of the keys from which MuJoCo last computed what depends on them; see `snapshot`.
+    pub(crate) derived_at: [f64; KEYS],
     torques: [f64; JOINTS],
     events: Vec<KeyEvent>,
 }
@@ -90,28 +94,31 @@ impl Layout {
         let mut layout = Self {
             keyboard: id(model, MjtObjBase::mjOBJ_BODY, "keyboard")?,
             key_dof: [0; KEYS],
+            key_tree: [0; KEYS],
+            key_body: [0; KEYS],
             key_geom: [0; KEYS],
             joint_dof: [0; JOINTS],
             tip_site: [0; FINGERS],
+            pad_site: [0; FINGERS],
             geom_part: vec![Part::OtherLink; model.geom_friction().len()],
-            keyboard_geoms: Vec::new(),
         };
         for key in 0..KEYS {
             layout.key_dof[key] = dof(&format!("key_{key}"))?;
+            // A key is never fixed, so it has a tree.
+            layout.key_tree[key] = model.dof_treeid()[layout.key_dof[key]] as usize;
+            layout.key_body[key] = id(model, MjtObjBase::mjOBJ_BODY, &format!("key_{key}"))?;
             layout.key_geom[key] = id(model, MjtObjBase::mjOBJ_GEOM, &format!("key_{key}"))?;
         }
         for (slot, name) in layout.joint_dof.iter_mut().zip(JOINT_NAMES) {
             *slot = dof(name)?;
         }
-        for (slot, name) in layout.tip_site.iter_mut().zip(FINGER_NAMES) {
-            *slot = id(model, MjtObjBase::mjOBJ_SITE, &format!("{name}_tip"))?;
+        for (finger, name) in FINGER_NAMES.iter().enumerate() {
+            layout.tip_site[finger] = id(model, MjtObjBase::mjOBJ_SITE, &format!("{name}_tip"))?;
+            layout.pad_site[finger] = id(model, MjtObjBase::mjOBJ_SITE, &format!("{name}_pad"))?;
         }
         for geom in 0..layout.geom_part.len() {
             let name = model.id_to_name(MjtObjBase::mjOBJ_GEOM, geom).unwrap_or_default();
             layout.geom_part[geom] = Part::of(name);
-            if layout.geom_part[geom] == Part::Keyboard {
-                layout.keyboard_geoms.push(geom);
-            }
         }
         Ok(layout)
     }
@@ -134,6 +141,7 @@ impl World {
             controllers: std::array::from_fn(|_| Controller::at_rest(0.0)),
             pressed: KeySet::EMPTY,
             physics_steps: 0,
+            derived_at: [0.0; KEYS],
             torques: [0.0; JOINTS],
             events: Vec::with_capacity(EVENTS),
         };
@@ -157,12 +165,11 @@ impl World {
         model.body_pos_mut()[self.layout.keyboard] = keyboard_place(params);
         for key in 0..KEYS {
             let dof = self.layout.key_dof[key];
+            model.body_pos_mut()[self.layout.key_body[key]] = key_place(params, key);
             model.jnt_stiffness_mut()[dof] = value(Quantity::KeyStiffness);
             model.dof_damping_mut()[dof] = value(Quantity::KeyDamping);
             model.dof_armature_mut()[dof] = value(Quantity::KeyArmature);
-        }
-        for geom in &self.layout.keyboard_geoms {
-            model.geom_friction_mut()[*geom][0] = value(Quantity::KeyFriction);
+            model.geom_friction_mut()[self.layout.key_geom[key]][0] = value(Quantity::KeyFriction);
         }
         for joint in 0..JOINTS {
             let dof = self.layout.joint_dof[joint];
@@ -170,6 +177,8 @@ impl World {
             model.dof_frictionloss_mut()[dof] = params.joint(Joint::Friction, joint);
             model.dof_armature_mut()[dof] = params.joint(Joint::Armature, joint);
         }
+        // What MuJoCo derives from inertias, and scales contacts by, is for the new ones too.
+        self.data.set_const();
         self.params = params.clone();
     }
 
@@ -190,9 +199,23 @@ impl World {
         }
         self.pressed = KeySet::EMPTY;
         self.physics_steps = 0;
-        self.torques = [0.0; JOINTS];
-        self.events.clear();
+        self.derived_at = [0.0; KEYS];
         self.data.forward();
+        self.forget_last_step();
+    }
+
+    /// Nothing has happened since this moment; the torques are those that the state holds.
+    pub(crate) fn forget_last_step(&mut self) {
+        self.torques.copy_from_slice(self.data.ctrl());
+        self.events.clear();
+    }
+
+    /// Moves the keys to these angles.
+    pub(crate) fn put_keys(&mut self, angles: &[f64; KEYS]) {
+        let positions = self.data.qpos_mut();
+        for (dof, angle) in self.layout.key_dof.iter().zip(angles) {
+            positions[*dof] = *angle;
+        }
     }
 
     fn start_pose_true(&self) -> [f64; JOINTS] {
@@ -216,10 +239,16 @@ impl World {
     /// One control step toward `targets` (encoder readings: rad, the rail in m). Targets beyond a joint's range are
     /// clamped to it.
     pub fn step(&mut self, targets: &[f64; JOINTS]) -> StepOutcome {
+        self.step_watched(targets, |_| {})
+    }
+
+    /// As [`step`](Self::step), calling `watch` after each physics step.
+    pub fn step_watched(&mut self, targets: &[f64; JOINTS], mut watch: impl FnMut(&Self)) -> StepOutcome {
         let mut outcome = StepOutcome::default();
         self.events.clear();
         for _ in 0..PHYSICS_STEPS {
             self.physics_step(targets, &mut outcome);
+            watch(self);
         }
         outcome.finger_power /= PHYSICS_STEPS as f64;
         outcome.rail_power /= PHYSICS_STEPS as f64;
@@ -239,6 +268,11 @@ impl World {
             self.torques[joint] = torque;
         }
         self.data.ctrl_mut().copy_from_slice(&self.torques);
+        for key in 0..KEYS {
+            if self.data.tree_asleep()[self.layout.key_tree[key]] < 0 {
+                self.derived_at[key] = self.data.qpos()[self.layout.key_dof[key]];
+            }
+        }
         self.data.step();
         self.physics_steps += 1;
         self.watch_keys();
@@ -312,6 +346,11 @@ impl World {
         self.data.site_xpos()[self.layout.tip_site[finger]]
     }
 
+    /// A finger's pad in the world, m: what the rewards measure from.
+    pub fn finger_pad(&self, finger: usize) -> [f64; 3] {
+        self.data.site_xpos()[self.layout.pad_site[finger]]
+    }
+
     /// Point of key `key` (at rest) that a fingertip should aim for, in the world, m.
     pub fn key_target(&self, key: usize) -> [f64; 3] {
         let place = keyboard_place(&self.params);
@@ -346,8 +385,10 @@ impl World {
         &self.data
     }
 
-    /// One bare `mj_step` with the torques of the last step held: what a benchmark compares [`step`](Self::step) with.
-    pub fn bare_physics_step(&mut self) {
+    /// One bare `mj_step` under `torques`, without controllers, keys or contacts being looked at: what a benchmark
+    /// compares [`step`](Self::step) with.
+    pub fn bare_physics_step(&mut self, torques: &[f64; JOINTS]) {
+        self.data.ctrl_mut().copy_from_slice(torques);
         self.data.step();
     }
 }

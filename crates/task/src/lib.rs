@@ -5,6 +5,7 @@
 //! [`Performance`] with its scores.
 
 mod assignment;
+pub mod bench;
 mod config;
 mod environment;
 mod evaluate;

@@ -125,7 +125,7 @@ fn optimal_transport(moment: &Moment) -> f64 {
     if due.is_empty() {
         return 1.0;
     }
-    let tips: [[f64; 3]; FINGERS] = std::array::from_fn(|finger| moment.world.fingertip(finger));
+    let tips: [[f64; 3]; FINGERS] = std::array::from_fn(|finger| moment.world.finger_pad(finger));
     let mut targets = [[0.0; 3]; KEYS];
     let mut lateral = [0.0; KEYS];
     for (slot, key) in due.iter().enumerate() {

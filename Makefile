@@ -1,0 +1,53 @@
+# Étude's two commands: `make demo` sets up, learns a song and plays it; `make test` sets up and runs every check.
+
+CARGO ?= cargo
+PYTHON ?= python3
+ETUDE := target/release/etude
+# Minutes that the demonstration trains.
+MINUTES ?= 10
+SONG ?= twinkle
+
+.DEFAULT_GOAL := help
+.PHONY: help setup build demo test check fuzz bench clean-runs
+
+help:
+	@echo "make demo    set up, learn $(SONG) for $(MINUTES) minutes, play it, say where the sound is"
+	@echo "make test    set up and run every check: format, lints, docs, tests, checks against other libraries"
+	@echo "make setup   fetch MuJoCo into .mujoco/ and say what is missing"
+	@echo "make build   the etude command, optimised, at $(ETUDE)"
+	@echo "make bench   speed of the simulation and of the learner, against the bare engine and JAX"
+	@echo "make fuzz    ten minutes of hostile MIDI files"
+
+setup:
+	@command -v $(CARGO) >/dev/null || { echo "setup: Rust is missing; install it with rustup (rustup.rs), then run this again"; exit 1; }
+	@command -v cc >/dev/null || { echo "setup: a C compiler is missing (Debian, Ubuntu: apt-get install -y build-essential)"; exit 1; }
+	@command -v $(PYTHON) >/dev/null || { echo "setup: Python 3 is missing (Debian, Ubuntu: apt-get install -y python3 python3-pip)"; exit 1; }
+	@$(PYTHON) scripts/setup.py
+
+build: setup
+	$(CARGO) build --release --locked --package etude
+
+# A second `make demo` goes on where the first one stopped.
+demo: build
+	@if [ -f runs/demo-$(SONG)/config.toml ]; then \
+		$(ETUDE) train --resume runs/demo-$(SONG) --minutes $(MINUTES); \
+	else \
+		$(ETUDE) train $(SONG) --minutes $(MINUTES) --out runs/demo-$(SONG); \
+	fi
+	$(ETUDE) play $(SONG) --policy runs/demo-$(SONG) --out out/demo-$(SONG)
+
+test: setup
+	$(CARGO) fmt --all --check
+	$(CARGO) clippy --workspace --all-targets --locked -- -D warnings
+	RUSTDOCFLAGS="-D warnings" $(CARGO) doc --workspace --no-deps --locked --quiet
+	$(PYTHON) scripts/python_packages.py
+	ETUDE_PYTHON=$(PYTHON) PYTHONPATH=$(CURDIR)/.python $(CARGO) test --workspace --locked
+
+bench: build
+	$(ETUDE) bench --jax
+
+fuzz:
+	cd fuzz && ./run.sh
+
+clean-runs:
+	rm -rf runs out

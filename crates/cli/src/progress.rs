@@ -1,0 +1,121 @@
+//! Progress of a training: a bar on a terminal, plain lines elsewhere, and the request to stop.
+
+use std::io::IsTerminal as _;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::{Duration, Instant};
+
+use etude_learn::{EvaluationRow, LogRow, StopReason, TrainingObserver};
+use indicatif::{ProgressBar, ProgressStyle};
+
+/// Set by Ctrl-C or SIGTERM. A second Ctrl-C ends the program at once.
+pub fn stop_flag() -> anyhow::Result<Arc<AtomicBool>> {
+    let flag = Arc::new(AtomicBool::new(false));
+    for signal in [signal_hook::consts::SIGINT, signal_hook::consts::SIGTERM] {
+        signal_hook::flag::register_conditional_shutdown(signal, 3, flag.clone())?;
+        signal_hook::flag::register(signal, flag.clone())?;
+    }
+    Ok(flag)
+}
+
+/// Watches a training for the user.
+pub struct Progress {
+    stop: Arc<AtomicBool>,
+    deadline: Option<Instant>,
+    quiet: bool,
+    bar: Option<ProgressBar>,
+    total: u64,
+    started: Instant,
+    first_step: Option<u64>,
+    last_f1: Option<f64>,
+    best_f1: f64,
+    rate: f64,
+}
+
+impl Progress {
+    /// Progress toward `total` steps; `limit` ends the training early. Quiet when nobody should read it.
+    pub fn new(total: u64, limit: Option<Duration>, quiet: bool, stop: Arc<AtomicBool>) -> Self {
+        let bar = (!quiet && std::io::stderr().is_terminal()).then(|| {
+            let style = ProgressStyle::with_template("{bar:32} {percent:>3} %  {msg}");
+            ProgressBar::new(total).with_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()))
+        });
+        let started = Instant::now();
+        Self {
+            stop,
+            deadline: limit.map(|limit| started + limit),
+            quiet,
+            bar,
+            total,
+            started,
+            first_step: None,
+            last_f1: None,
+            best_f1: 0.0,
+            rate: 0.0,
+        }
+    }
+
+    /// Takes the bar away so that the closing lines stand alone.
+    pub fn finish(&self) {
+        if let Some(bar) = &self.bar {
+            bar.finish_and_clear();
+        }
+    }
+
+    fn message(&self, step: u64) -> String {
+        let f1 = self.last_f1.map_or_else(
+            || "F1 not yet evaluated".to_string(),
+            |f1| format!("F1 {f1:.3} (best {:.3})", self.best_f1),
+        );
+        let made = step.saturating_sub(self.first_step.unwrap_or(0)) as f64;
+        let by_steps = self.started.elapsed().as_secs_f64() / made.max(1.0) * (self.total.saturating_sub(step)) as f64;
+        let left = self.deadline.map_or(by_steps, |deadline| {
+            by_steps.min(deadline.saturating_duration_since(Instant::now()).as_secs_f64())
+        });
+        format!("{f1}  step {step}  {:.0} steps/s  {} left", self.rate, clock(left))
+    }
+}
+
+fn clock(secs: f64) -> String {
+    let whole = secs.round() as u64;
+    let (hours, minutes, secs) = (whole / 3600, whole / 60 % 60, whole % 60);
+    if hours > 0 { format!("{hours} h {minutes:02} min") } else { format!("{minutes}:{secs:02}") }
+}
+
+impl TrainingObserver for Progress {
+    fn on_log(&mut self, row: &LogRow) {
+        self.first_step.get_or_insert(row.step);
+        self.rate = row.get("perf/steps_per_sec").unwrap_or(self.rate);
+        if let Some(bar) = &self.bar {
+            bar.set_position(row.step);
+            bar.set_message(self.message(row.step));
+        }
+    }
+
+    fn on_evaluation(&mut self, row: &EvaluationRow) {
+        let f1 = row.scores.first().map_or(0.0, |score| score.value);
+        self.last_f1 = Some(f1);
+        self.best_f1 = self.best_f1.max(f1);
+        match &self.bar {
+            Some(bar) => bar.set_message(self.message(row.step)),
+            None if self.quiet => {}
+            None => eprintln!("{:>7.0} s  {}", self.started.elapsed().as_secs_f64(), self.message(row.step)),
+        }
+    }
+
+    fn should_stop(&mut self) -> Option<StopReason> {
+        if self.stop.load(Ordering::Relaxed) {
+            return Some(StopReason::Requested);
+        }
+        self.deadline.is_some_and(|deadline| Instant::now() >= deadline).then_some(StopReason::OutOfTime)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::clock;
+
+    #[test]
+    fn times_read_like_a_clock() {
+        assert_eq!((clock(59.6), clock(3725.0)), ("1:00".to_string(), "1 h 02 min".to_string()));
+    }
+}

@@ -1,0 +1,87 @@
+//! `etude play`: play a song with a trained policy.
+
+use std::path::{Path, PathBuf};
+
+use anyhow::Context as _;
+use etude_lab::{Report, load_player, perform};
+use etude_music::resolve;
+use etude_music::sound::SoundFont;
+
+use super::{json, line, slug};
+use crate::Ending;
+
+/// What to play, with what, and where to keep it.
+#[derive(clap::Args)]
+#[command(after_help = "\
+Without --policy the best policy is taken that comes with Étude or lies in a run of this song under runs/.
+
+Files: performance.mid and performance.wav (what was played), frames.csv (step,due,pressed: MIDI numbers of the keys
+due and pressed at each control step, so that anyone can compute the scores again), recording.mcap, report.json.
+
+Examples:
+  etude play twinkle
+  etude play my-song.mid --policy runs/my-song__quick__0 -o out/mine")]
+pub struct Args {
+    /// A built-in id (see `etude songs`) or a MIDI file
+    song: String,
+    /// A policy file or the folder of a run
+    #[arg(long, value_name = "PATH")]
+    policy: Option<PathBuf>,
+    /// Where the files go; out/SONG if not given
+    #[arg(short = 'o', long = "out", value_name = "DIR")]
+    out: Option<PathBuf>,
+    /// Change the world that it is played in, for example --set task.physics.key.threshold=0.7
+    #[arg(long = "set", value_name = "PATH=VALUE")]
+    overrides: Vec<String>,
+    /// A SoundFont (.sf2) for the sound; a built-in piano tone if not given
+    #[arg(long, value_name = "FILE")]
+    soundfont: Option<PathBuf>,
+    /// Print JSON: precision, recall, f1, pooled_f1, onset_f1, onset_offset_f1, matched, missed, wrong, files, …
+    #[arg(long)]
+    json: bool,
+}
+
+/// Runs the verb.
+pub fn run(args: Args) -> anyhow::Result<Ending> {
+    let song = resolve(&args.song)?;
+    let name = slug(&args.song);
+    let mut player = load_player(&name, args.policy.as_deref(), Path::new("runs"))?;
+    if !args.overrides.is_empty() {
+        player.reconfigure(&args.overrides)?;
+    }
+    if let Some(learned) = player.song.as_deref().filter(|learned| *learned != song.title()) {
+        eprintln!("warning: this policy learned `{learned}`; it plays `{}` from the sheet alone", song.title());
+    }
+    let font = args.soundfont.as_deref().map(SoundFont::load).transpose().context("no sound")?;
+    let folder = args.out.unwrap_or_else(|| PathBuf::from("out").join(&name));
+    let report = perform(&song, &mut player, Some(&folder), font.as_ref())?;
+    if args.json { json(&report)? } else { print(&report)? }
+    Ok(Ending::Done)
+}
+
+fn print(report: &Report) -> anyhow::Result<()> {
+    let (frame, note) = (&report.frame, &report.note);
+    line(format!("{} played by {}, {} control steps", report.song, report.player, report.steps))?;
+    line(format!("{:22} {:>9} {:>9} {:>9}", "", "precision", "recall", "F1"))?;
+    let row = |name: &str, values: [f64; 3]| {
+        line(format!("{name:22} {:>9.3} {:>9.3} {:>9.3}", values[0], values[1], values[2]))
+    };
+    row("by control step", [frame.precision, frame.recall, frame.f1])?;
+    row("pooled over key-time", [frame.pooled_precision, frame.pooled_recall, frame.pooled_f1])?;
+    row("notes, onset", [note.onset_precision, note.onset_recall, note.onset_f1])?;
+    row(
+        "notes, onset + offset",
+        [note.onset_offset_precision, note.onset_offset_recall, note.onset_offset_f1],
+    )?;
+    let error = note.onset_error_median_secs.map_or_else(String::new, |median| {
+        format!(", onsets {:+.0} ms in the median", median * 1e3)
+    });
+    line(format!("{} notes right, {} missed, {} wrong{error}", note.matched, note.missed, note.wrong))?;
+    if let Some(files) = &report.files {
+        line(format!("Listen: {}", files.wav.display()))?;
+        for path in [&files.midi, &files.frames, &files.recording, &files.report] {
+            line(format!("        {}", path.display()))?;
+        }
+    }
+    Ok(())
+}

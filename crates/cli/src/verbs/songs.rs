@@ -1,0 +1,142 @@
+//! `etude songs`: what can be played, and what a song asks for.
+
+use std::path::PathBuf;
+
+use etude_lab::shipped_policies;
+use etude_music::{CONTROL_HZ, pitch_name, repertoire, resolve};
+use serde::Serialize;
+
+use super::{json, line};
+use crate::Ending;
+
+/// What to show.
+#[derive(clap::Args)]
+pub struct Args {
+    #[command(subcommand)]
+    what: Option<What>,
+    /// Print JSON: id, title, notes, secs, frames, policy
+    #[arg(long)]
+    json: bool,
+}
+
+#[derive(clap::Subcommand)]
+enum What {
+    /// Show one song: notes by bar, range, what may be hard
+    Show {
+        /// A built-in id or a MIDI file
+        song: String,
+        /// Write the keys due at each control step (20 a second) to this CSV file: step,due
+        #[arg(long, value_name = "OUT.csv")]
+        frames: Option<PathBuf>,
+        /// Silence before the first note, s
+        #[arg(long, default_value_t = 1.0, value_name = "SECS")]
+        initial_silence: f64,
+        /// Print JSON: title, notes, secs, frames, lowest, highest, warnings
+        #[arg(long)]
+        json: bool,
+    },
+}
+
+#[derive(Serialize)]
+struct Entry {
+    id: &'static str,
+    title: String,
+    notes: usize,
+    secs: f64,
+    frames: usize,
+    policy: bool,
+}
+
+#[derive(Serialize)]
+struct Shown {
+    title: String,
+    notes: usize,
+    secs: f64,
+    frames: usize,
+    lowest: Option<u8>,
+    highest: Option<u8>,
+    warnings: Vec<String>,
+}
+
+/// Runs the verb.
+pub fn run(args: Args) -> anyhow::Result<Ending> {
+    match args.what {
+        None => list(args.json)?,
+        Some(What::Show { song, frames, initial_silence, json }) => {
+            show(&song, frames, initial_silence, json || args.json)?;
+        }
+    }
+    Ok(Ending::Done)
+}
+
+fn list(as_json: bool) -> anyhow::Result<()> {
+    let mut entries = Vec::new();
+    for piece in repertoire::PIECES {
+        let song = piece.song();
+        entries.push(Entry {
+            id: piece.id,
+            title: song.title().to_string(),
+            notes: song.notes().len(),
+            secs: song.duration_secs(),
+            frames: song.episode_frames(CONTROL_HZ, 1.0)?.len(),
+            policy: !shipped_policies(piece.id, &PathBuf::from("runs")).is_empty(),
+        });
+    }
+    if as_json {
+        return json(&entries);
+    }
+    line(format!("{:18} {:28} {:>5} {:>7} {:>7}  policy", "id", "title", "notes", "secs", "frames"))?;
+    for e in entries {
+        let policy = if e.policy { "yes" } else { "train it" };
+        line(format!("{:18} {:28} {:>5} {:>7.1} {:>7}  {policy}", e.id, e.title, e.notes, e.secs, e.frames))?;
+    }
+    line("\nFrames are control steps at 20 Hz after one second of silence. `etude songs show ID` shows one.")
+}
+
+fn show(name: &str, frames_csv: Option<PathBuf>, silence: f64, as_json: bool) -> anyhow::Result<()> {
+    let song = resolve(name)?;
+    let fits = song.check_range();
+    let frames = if fits.is_ok() { song.episode_frames(CONTROL_HZ, silence)? } else { Vec::new() };
+    let pitches = || song.notes().iter().map(|note| note.pitch);
+    let shown = Shown {
+        title: song.title().to_string(),
+        notes: song.notes().len(),
+        secs: song.duration_secs(),
+        frames: frames.len(),
+        lowest: pitches().min(),
+        highest: pitches().max(),
+        warnings: song.warnings().iter().map(ToString::to_string).collect(),
+    };
+    if as_json {
+        json(&shown)?;
+    } else {
+        let name = |pitch: Option<u8>| pitch.map_or_else(String::new, pitch_name);
+        line(&shown.title)?;
+        line(format!(
+            "{} notes from {} to {}, {:.1} s, {} frames with {silence} s of silence first",
+            shown.notes,
+            name(shown.lowest),
+            name(shown.highest),
+            shown.secs,
+            shown.frames
+        ))?;
+        let mut bar = None;
+        let mut text = String::new();
+        for note in song.notes() {
+            let position = song.position(note.start_secs);
+            if bar.replace(position.bar) != Some(position.bar) {
+                text.push_str(&format!("\n  bar {:3}  ", position.bar));
+            }
+            text.push_str(&format!("{} ", pitch_name(note.pitch)));
+        }
+        line(text.trim_start_matches('\n'))?;
+        for warning in &shown.warnings {
+            line(format!("warning: {warning}"))?;
+        }
+    }
+    fits?;
+    if let Some(path) = frames_csv {
+        etude_perform::write_frames_csv(&path, &frames, None)?;
+    }
+    Ok(())
+}

@@ -1,0 +1,47 @@
+//! Small files beside a performance. Each is written under another name first and then renamed, so that a full disk or
+//! an interruption never leaves half a file where a whole one was.
+
+use std::fmt::Write as _;
+use std::path::{Path, PathBuf};
+
+use etude_music::KeySet;
+
+/// A file could not be written.
+#[derive(Debug, thiserror::Error)]
+#[error("cannot write {path}: {source}; free some space or choose another folder with -o")]
+pub struct FileError {
+    path: PathBuf,
+    source: std::io::Error,
+}
+
+/// Writes `text` to `path`.
+///
+/// # Errors
+/// If the folder is missing or not writable, or the disk is full.
+pub fn write_text(path: &Path, text: &str) -> Result<(), FileError> {
+    let fail = |source| FileError { path: path.to_path_buf(), source };
+    let mut scratch = path.as_os_str().to_owned();
+    scratch.push(".partial");
+    let scratch = PathBuf::from(scratch);
+    std::fs::write(&scratch, text).and_then(|()| std::fs::rename(&scratch, path)).map_err(|error| {
+        let _ = std::fs::remove_file(&scratch);
+        fail(error)
+    })
+}
+
+/// Writes one line a control step: `step`, then the MIDI numbers of the keys due and, if given, of those pressed,
+/// separated by spaces, so that anyone can compute the scores again.
+///
+/// # Errors
+/// As [`write_text`].
+pub fn write_frames_csv(path: &Path, due: &[KeySet], pressed: Option<&[KeySet]>) -> Result<(), FileError> {
+    let mut text = String::from(if pressed.is_some() { "step,due,pressed\n" } else { "step,due\n" });
+    for (step, keys) in due.iter().enumerate() {
+        // Writing to a string cannot fail.
+        let _ = match pressed.and_then(|pressed| pressed.get(step)) {
+            Some(pressed) => writeln!(text, "{step},{keys},{pressed}"),
+            None => writeln!(text, "{step},{keys}"),
+        };
+    }
+    write_text(path, &text)
+}

@@ -1,0 +1,205 @@
+//! What the tests share: poses over keys, random but shrinkable ways to move, and a replica of the world that is built
+//! only from public parts.
+//!
+//! The replica matters: it is the exported model in plain MuJoCo, driven by the public controllers. Where it and
+//! [`World`] agree bit for bit, nothing hidden happens in `World::step`, and what holds for its torques and positions
+//! at each *physics* step (which `World` does not show) holds for the world.
+
+use etude_stage::controller::{Controller, Gains};
+use etude_stage::geometry::{HALF_WIDTH, KeyShape};
+use etude_stage::hand::{FINGER_JOINTS, TIP_RADIUS, root_lateral};
+use etude_stage::params::{Joint, World as Quantity};
+use etude_stage::{
+    FINGERS, JOINTS, PHYSICS_STEPS, PhysicalParams, RAIL, StageConfig, World, joint_range, kinematics, mjcf,
+};
+use mujoco_rs::prelude::{MjData, MjModel, MjtObjBase};
+use proptest::prelude::*;
+
+/// Physics step, s (design: 200 Hz).
+pub const STEP_SECS: f64 = 0.005;
+
+/// A nominal world of the default kind.
+pub fn nominal() -> World {
+    World::new(&StageConfig::default(), &PhysicalParams::default()).unwrap()
+}
+
+/// Targets with `finger`'s tip `height` metres above the top of `key` (negative: pressed that deep), the other
+/// fingers hovering as at the start. `None` where the finger cannot get there.
+pub fn over(world: &World, finger: usize, key: usize, height: f64) -> Option<[f64; JOINTS]> {
+    over_beside(world, finger, key, height, 0.0)
+}
+
+/// As [`over`], with the tip `aside` metres to the right of the key's middle while the rail stays over the middle.
+pub fn over_beside(
+    world: &World,
+    finger: usize,
+    key: usize,
+    height: f64,
+    aside: f64,
+) -> Option<[f64; JOINTS]> {
+    let side = world.config().side;
+    let [x, y, _] = world.key_target(key);
+    let top = KeyShape::of(key).top() + world.params().world(Quantity::KeyboardHeight);
+    let rail = y - root_lateral(side, finger);
+    if rail.abs() > HALF_WIDTH {
+        return None;
+    }
+    let mut pose = world.start_pose();
+    let angles = kinematics::reach(side, finger, [x, y + aside, top + TIP_RADIUS + height], rail)?;
+    pose[RAIL] = rail + world.params().joint(Joint::EncoderBias, RAIL);
+    for (number, angle) in angles.into_iter().enumerate() {
+        let joint = finger * FINGER_JOINTS + number;
+        pose[joint] = angle + world.params().joint(Joint::EncoderBias, joint);
+    }
+    Some(pose)
+}
+
+/// Targets at these shares (0 to 1) of the joints' ranges.
+pub fn at_shares(shares: &[f64; JOINTS]) -> [f64; JOINTS] {
+    std::array::from_fn(|joint| {
+        let [low, high] = joint_range(joint);
+        low + shares[joint] * (high - low)
+    })
+}
+
+/// One way to move for a few control steps.
+#[derive(Clone, Debug)]
+pub enum Gesture {
+    /// A finger to a place over, on or deep in a key.
+    Reach {
+        /// Which finger.
+        finger: usize,
+        /// Which key.
+        key: usize,
+        /// Height over the key, m.
+        height: f64,
+        /// Control steps.
+        steps: usize,
+    },
+    /// All joints anywhere.
+    Fling {
+        /// Shares of the joints' ranges.
+        shares: [f64; JOINTS],
+        /// Control steps.
+        steps: usize,
+    },
+}
+
+impl Gesture {
+    /// The targets, once for each control step.
+    pub fn targets(&self, world: &World) -> Vec<[f64; JOINTS]> {
+        match self {
+            Gesture::Reach { finger, key, height, steps } => {
+                vec![over(world, *finger, *key, *height).unwrap_or_else(|| world.start_pose()); *steps]
+            }
+            Gesture::Fling { shares, steps } => vec![at_shares(shares); *steps],
+        }
+    }
+}
+
+/// Targets of all gestures, one after the other.
+pub fn all_targets(world: &World, gestures: &[Gesture]) -> Vec<[f64; JOINTS]> {
+    gestures.iter().flat_map(|gesture| gesture.targets(world)).collect()
+}
+
+/// Some gestures near the middle of the keyboard, most of them presses.
+pub fn gestures() -> impl Strategy<Value = Vec<Gesture>> {
+    let reach = (0..FINGERS, 20usize..30, -0.02f64..0.005, 2usize..14)
+        .prop_map(|(finger, key, height, steps)| Gesture::Reach { finger, key, height, steps });
+    let fling = (prop::array::uniform13(0.0f64..1.0), 1usize..6)
+        .prop_map(|(shares, steps)| Gesture::Fling { shares, steps });
+    prop::collection::vec(prop_oneof![3 => reach, 1 => fling], 1..7)
+}
+
+/// Settings of the property tests: physics is dear, so few cases.
+pub fn cases(cases: u32) -> ProptestConfig {
+    ProptestConfig { cases, failure_persistence: None, ..ProptestConfig::default() }
+}
+
+/// Any world: side, fences, actuation.
+pub fn config() -> impl Strategy<Value = StageConfig> {
+    use etude_stage::{Actuation, Side};
+    let side = prop_oneof![Just(Side::Left), Just(Side::Right)];
+    let actuation = prop_oneof![Just(Actuation::Controlled), Just(Actuation::Position)];
+    (side, any::<bool>(), actuation)
+        .prop_map(|(side, fences, actuation)| StageConfig { side, fences, actuation })
+}
+
+/// The exported model in plain MuJoCo, driven by the public controllers.
+pub struct Replica {
+    /// The data of the model.
+    pub data: MjData<Box<MjModel>>,
+    dofs: [usize; JOINTS],
+    gains: [Gains; JOINTS],
+    controllers: [Controller; JOINTS],
+}
+
+impl Replica {
+    /// A replica of `world` in its starting pose; `edit` may change the text of the model.
+    pub fn of(world: &World, edit: impl FnOnce(String) -> String) -> Self {
+        let model = MjModel::from_xml_string(&edit(mjcf(world.config(), world.params()))).unwrap();
+        let dofs = std::array::from_fn(|joint| {
+            model.name_to_id(MjtObjBase::mjOBJ_JOINT, etude_stage::JOINT_NAMES[joint]).unwrap()
+        });
+        let mut data = MjData::try_new(Box::new(model)).unwrap();
+        let actuation = world.config().actuation;
+        let gains = std::array::from_fn(|joint| Gains::new(world.params(), joint, actuation, STEP_SECS));
+        let readings = world.start_pose();
+        for (joint, dof) in dofs.into_iter().enumerate() {
+            let bias = world.params().joint(Joint::EncoderBias, joint);
+            data.qpos_mut()[dof] = readings[joint] - bias;
+        }
+        data.forward();
+        Self { data, dofs, gains, controllers: readings.map(Controller::at_rest) }
+    }
+
+    /// The torques that the controllers ask for now. Advances the controllers.
+    pub fn torques(&mut self, targets: &[f64; JOINTS]) -> [f64; JOINTS] {
+        std::array::from_fn(|joint| {
+            let dof = self.dofs[joint];
+            let [low, high] = joint_range(joint);
+            let (position, velocity) = (self.data.qpos()[dof], self.data.qvel()[dof]);
+            let gains = &self.gains[joint];
+            self.controllers[joint].torque(gains, targets[joint].clamp(low, high), gains.measured(position), velocity)
+        })
+    }
+
+    /// One physics step under these torques.
+    pub fn physics_step(&mut self, torques: &[f64; JOINTS]) {
+        self.data.ctrl_mut().copy_from_slice(torques);
+        self.data.step();
+    }
+
+    /// Plays all targets and keeps torques and positions of each physics step.
+    pub fn record(&mut self, targets: &[[f64; JOINTS]]) -> Vec<Moment> {
+        let mut moments = Vec::with_capacity(targets.len() * PHYSICS_STEPS);
+        for targets in targets {
+            for _ in 0..PHYSICS_STEPS {
+                let torques = self.torques(targets);
+                self.physics_step(&torques);
+                moments.push(Moment { torques, positions: self.data.qpos().to_vec() });
+            }
+        }
+        moments
+    }
+
+    /// Degree of freedom of the joint called `name`.
+    pub fn dof(&self, name: &str) -> usize {
+        self.data.model().name_to_id(MjtObjBase::mjOBJ_JOINT, name).unwrap()
+    }
+
+    /// Kinetic energy and the energy of the springs, J.
+    pub fn energy(&mut self) -> f64 {
+        self.data.energy_pos();
+        self.data.energy_vel();
+        self.data.energy().iter().sum()
+    }
+}
+
+/// One physics step of a recording.
+pub struct Moment {
+    /// Torques in joint order.
+    pub torques: [f64; JOINTS],
+    /// All positions of the model after the step.
+    pub positions: Vec<f64>,
+}

@@ -1,0 +1,89 @@
+//! What the environment costs beyond the engine: for `etude bench`.
+
+use std::time::Instant;
+
+use etude_learn::{StepBatch, VectorEnvironment};
+use etude_music::Song;
+use etude_stage::{JOINTS, World};
+use rand::{RngExt as _, SeedableRng as _};
+use rand_pcg::Pcg64;
+
+use crate::environment::Environment;
+use crate::{ACTION_LEN, Piece, TaskConfig, TaskError, VectorPiano, layout, targets};
+
+/// Rates of one measurement.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Stepping {
+    /// Control steps per second of one environment: controllers, physics, keys, reward, observation.
+    pub steps_per_sec: f64,
+    /// Control steps per second of nothing but the `mj_step` calls that those steps make, under the same torques.
+    pub bare_steps_per_sec: f64,
+    /// Control steps per second of one environment a core, over all cores.
+    pub steps_per_sec_all_cores: f64,
+}
+
+impl Stepping {
+    /// Time beyond the engine's, as a fraction of the engine's.
+    pub fn overhead(&self) -> f64 {
+        self.bare_steps_per_sec / self.steps_per_sec - 1.0
+    }
+}
+
+/// Measures with random actions on `song` for about `secs` each. The environment and the bare engine take turns,
+/// episode by episode, so that a busy machine slows both alike.
+///
+/// # Errors
+/// If the configuration is not sound.
+pub fn stepping(config: &TaskConfig, song: &Song, secs: f64) -> Result<Stepping, TaskError> {
+    let piece = Piece::new(song, config.initial_silence_secs)?;
+    let mut environment = Environment::new(config, &piece, 0)?;
+    let mut observer = World::new(&config.stage, &config.params()?)?;
+    let mut bare = World::new(&config.stage, &config.params()?)?;
+    let mut random = Pcg64::seed_from_u64(0);
+    let (mut full_secs, mut bare_secs, mut steps) = (0.0, 0.0, 0u32);
+    let mut observation = vec![0.0; layout(config).len()];
+    let mut parts = vec![0.0; environment.reward().names().len()];
+    while full_secs < secs {
+        let actions: Vec<[f32; ACTION_LEN]> =
+            (0..piece.steps()).map(|_| std::array::from_fn(|_| random.random_range(-1.0..=1.0))).collect();
+        let start = Instant::now();
+        for action in &actions {
+            environment.step(action, &mut parts);
+            environment.observe(&mut observation);
+        }
+        environment.reset();
+        full_secs += start.elapsed().as_secs_f64();
+        let mut torques: Vec<[f64; JOINTS]> = Vec::new();
+        for action in &actions {
+            observer.step_watched(&targets(action), |world| torques.push(*world.torques()));
+        }
+        observer.reset();
+        let start = Instant::now();
+        for torques in &torques {
+            bare.bare_physics_step(torques);
+        }
+        bare.reset();
+        bare_secs += start.elapsed().as_secs_f64();
+        steps += piece.steps() as u32;
+    }
+    Ok(Stepping {
+        steps_per_sec: f64::from(steps) / full_secs,
+        bare_steps_per_sec: f64::from(steps) / bare_secs,
+        steps_per_sec_all_cores: all_cores(config, &piece, secs)?,
+    })
+}
+
+fn all_cores(config: &TaskConfig, piece: &Piece, secs: f64) -> Result<f64, TaskError> {
+    let num_envs = 4 * std::thread::available_parallelism().map_or(1, usize::from);
+    let mut vector = VectorPiano::new(config, piece, num_envs, 0)?;
+    let mut batch = StepBatch::new(num_envs, vector.layout(), vector.reward_term_names().len());
+    let mut random = Pcg64::seed_from_u64(0);
+    let mut actions = vec![0.0; num_envs * ACTION_LEN];
+    let (start, mut rounds) = (Instant::now(), 0u32);
+    while start.elapsed().as_secs_f64() < secs {
+        actions.fill_with(|| random.random_range(-1.0..=1.0));
+        vector.step(&actions, &mut batch);
+        rounds += 1;
+    }
+    Ok(f64::from(rounds) * num_envs as f64 / start.elapsed().as_secs_f64())
+}
