@@ -47,7 +47,9 @@ bench: build
 	$(ETUDE) bench --jax
 
 fuzz:
-	cd fuzz && ./run.sh
+	cd fuzz && $(CARGO) build --release --target $$(rustc -vV | sed -n 's/host: //p') && mkdir -p corpus/midi artifacts && \
+	target/*/release/midi corpus/midi ../crates/music/tests/golden/midi ../songs \
+		-max_total_time=600 -max_len=4096 -timeout=10 -rss_limit_mb=2048 -print_final_stats=1 -artifact_prefix=artifacts/
 
 clean-runs:
 	rm -rf runs out

@@ -24,6 +24,9 @@ use crate::params::{Joint, PhysicalParams, World};
 
 /// How far above rest a key may spring before its upper stop, rad.
 const KEY_REBOUND: f64 = 0.01;
+/// Speed below which a key may fall asleep, rad/s. MuJoCo's own choice freezes keys on their way to rest: that changed
+/// what later presses did, visibly. This one keeps positions within a hundred-millionth and costs no measurable time.
+const SLEEP_TOLERANCE: f64 = 1e-10;
 /// Contact bit of hand against keyboard.
 const TOUCHES_KEYBOARD: u32 = 1;
 /// Contact bit of a finger against its neighbour; the middle finger receives it, the outer ones send it.
@@ -43,7 +46,7 @@ fn document(out: &mut String, config: &StageConfig, params: &PhysicalParams) -> 
     writeln!(out, r#"  <compiler angle="radian" autolimits="true"/>"#)?;
     writeln!(
         out,
-        r#"  <option timestep="{step}" gravity="0 0 0" cone="elliptic" impratio="10" integrator="Euler" iterations="20" ls_iterations="20">"#
+        r#"  <option timestep="{step}" gravity="0 0 0" sleep_tolerance="{SLEEP_TOLERANCE}" cone="elliptic" impratio="10" integrator="Euler" iterations="20" ls_iterations="20">"#
     )?;
     writeln!(out, r#"    <flag sleep="enable"/>"#)?;
     writeln!(out, r#"  </option>"#)?;

@@ -99,7 +99,8 @@ fn a_delay_puts_every_event_off_by_itself() {
 #[test]
 fn an_encoder_bias_is_read_and_obeyed_but_moves_nothing_by_itself() {
     let mut params = PhysicalParams::default();
-    let bias = 0.05;
+    // Upward, so that the hand which obeys wrong readings does not run into the end of a joint.
+    let bias = -0.05;
     params.set("joint.fingers.encoder_bias", bias).unwrap();
     params.set("joint.rail.encoder_bias", 0.01).unwrap();
     let mut world = World::new(&StageConfig::default(), &params).unwrap();
@@ -123,7 +124,6 @@ fn an_encoder_bias_is_read_and_obeyed_but_moves_nothing_by_itself() {
         world.step(&honest.start_pose());
     }
     let off = world.joints().iter().zip(honest.start_pose()).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
-    println!("off {off}");
-    assert!(off < 1e-3, "{off} {:?}", world.joints());
+    assert!(off < 1e-3, "{off}");
     assert!((world.fingertip(0)[1] - honest.fingertip(0)[1]).abs() > 0.005);
 }

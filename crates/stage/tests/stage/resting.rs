@@ -47,7 +47,7 @@ fn a_key_wakes_for_a_touch_and_sleeps_again() {
         world.step(&release);
     }
     assert_eq!((asleep(&world), world.data().nefc()), (KEYS, 0));
-    assert!(world.key_travel(24).abs() < 2e-3, "it rests where it sleeps: {}", world.key_travel(24));
+    assert!(world.key_travel(24).abs() < 1e-8, "it rests where it sleeps: {}", world.key_travel(24));
 }
 
 /// Frames of a recording: which keys are past half their travel after each control step.
@@ -88,6 +88,6 @@ proptest! {
         }
         println!("largest difference of a position with and without sleep: {worst:.3e}");
         prop_assert_eq!(frames(&world, &sleepy, &moments), frames(&world, &awake, &others));
-        prop_assert!(worst < 1e-3, "{}", worst);
+        prop_assert!(worst < 1e-6, "{}", worst);
     }
 }
