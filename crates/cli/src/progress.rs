@@ -67,7 +67,8 @@ impl Progress {
             |f1| format!("F1 {f1:.3} (best {:.3})", self.best_f1),
         );
         let made = step.saturating_sub(self.first_step.unwrap_or(0)) as f64;
-        let by_steps = self.started.elapsed().as_secs_f64() / made.max(1.0) * (self.total.saturating_sub(step)) as f64;
+        let by_steps =
+            self.started.elapsed().as_secs_f64() / made.max(1.0) * (self.total.saturating_sub(step)) as f64;
         let left = self.deadline.map_or(by_steps, |deadline| {
             by_steps.min(deadline.saturating_duration_since(Instant::now()).as_secs_f64())
         });

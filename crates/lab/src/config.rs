@@ -176,7 +176,12 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("c.toml");
         std::fs::write(&path, "[trainer]\nseed = 4\nnum_envs = 3\n").unwrap();
-        let sets = ["trainer.seed=9", "task.stage.side=right", "task.physics.key.threshold=0.6", "task.reward.collision=0"];
+        let sets = [
+            "trainer.seed=9",
+            "task.stage.side=right",
+            "task.physics.key.threshold=0.6",
+            "task.reward.collision=0",
+        ];
         let config = resolve("quick", Some(&path), &sets.map(String::from)).unwrap();
         assert_eq!((config.trainer.seed, config.trainer.num_envs), (9, 3));
         assert_eq!(config.task.physics["key.threshold"], 0.6);

@@ -80,7 +80,9 @@ pub struct Player {
 /// Where shipped policies are looked for: the working folder, beside an installed binary, the source tree.
 fn policy_folders() -> Vec<PathBuf> {
     let mut folders = vec![PathBuf::from("policies")];
-    if let Some(prefix) = std::env::current_exe().ok().as_deref().and_then(Path::parent).and_then(Path::parent) {
+    if let Some(prefix) =
+        std::env::current_exe().ok().as_deref().and_then(Path::parent).and_then(Path::parent)
+    {
         folders.push(prefix.join("share/etude/policies"));
     }
     folders.push(Path::new(env!("CARGO_MANIFEST_DIR")).join("../../policies"));
@@ -97,7 +99,9 @@ pub fn shipped_policies(slug: &str, runs: &Path) -> Vec<PathBuf> {
         .flatten()
         .filter(|entry| {
             let name = entry.file_name();
-            name.to_string_lossy().strip_prefix(slug).is_some_and(|rest| rest.is_empty() || rest.starts_with("__"))
+            name.to_string_lossy()
+                .strip_prefix(slug)
+                .is_some_and(|rest| rest.is_empty() || rest.starts_with("__"))
         })
         .map(|entry| entry.path().join("policy-best.safetensors"))
         .filter(|path| path.is_file())
@@ -132,7 +136,8 @@ fn open(path: &Path) -> Result<Player, PlayError> {
     let training = &notes["training"];
     let config: RunConfig = serde_json::from_value(training["config"].clone())
         .map_err(|e| fail(format!("its training configuration cannot be read: {e}")))?;
-    if layout(&config.task) != policy.header().layout || policy.header().action_len != etude_task::ACTION_LEN {
+    if layout(&config.task) != policy.header().layout || policy.header().action_len != etude_task::ACTION_LEN
+    {
         return Err(fail("it was trained for another observation or action".to_string()));
     }
     let song = training["song"].as_str().map(str::to_string);

@@ -115,8 +115,8 @@ impl RecordingWriter {
     /// # Errors
     /// If the file cannot be created or written.
     pub fn create(path: &Path, header: &Header) -> Result<Self, RecordingError> {
-        let file = File::create(path)
-            .map_err(|source| RecordingError::Open { path: path.to_path_buf(), source })?;
+        let file =
+            File::create(path).map_err(|source| RecordingError::Open { path: path.to_path_buf(), source })?;
         let fail = |error: mcap::McapError| RecordingError::Write {
             path: path.to_path_buf(),
             message: error.to_string(),
@@ -131,11 +131,13 @@ impl RecordingWriter {
             let schema = writer.add_schema(name, "jsonschema", br#"{"type":"object"}"#)?;
             writer.add_channel(schema, topic, "json", &BTreeMap::new())
         };
-        let ids = (|| Ok::<_, mcap::McapError>([
-            channel("/header", "etude.Header")?,
-            channel("/step", "etude.Step")?,
-            channel("/key", "etude.Key")?,
-        ]))();
+        let ids = (|| {
+            Ok::<_, mcap::McapError>([
+                channel("/header", "etude.Header")?,
+                channel("/step", "etude.Step")?,
+                channel("/key", "etude.Key")?,
+            ])
+        })();
         let [head, step, key] = ids.map_err(fail)?;
         let mut recording = Self { path: path.to_path_buf(), writer, step, key, sequence: 0 };
         recording.write(head, 0.0, &Header { schema: SCHEMA, ..header.clone() })?;
@@ -202,8 +204,8 @@ impl Recording {
     /// # Errors
     /// If the file cannot be read, or not even its header is there.
     pub fn read(path: &Path) -> Result<Self, RecordingError> {
-        let bytes =
-            std::fs::read(path).map_err(|source| RecordingError::Open { path: path.to_path_buf(), source })?;
+        let bytes = std::fs::read(path)
+            .map_err(|source| RecordingError::Open { path: path.to_path_buf(), source })?;
         Self::from_bytes(&bytes)
             .map_err(|message| RecordingError::Format { path: path.to_path_buf(), message })
     }
@@ -268,7 +270,12 @@ mod tests {
         let mut writer = RecordingWriter::create(&path, &header).unwrap();
         let mut steps = Vec::new();
         for step in 0..400 {
-            let message = StepMessage { step, targets: vec![0.1 * step as f64], pressed: vec![60], ..Default::default() };
+            let message = StepMessage {
+                step,
+                targets: vec![0.1 * step as f64],
+                pressed: vec![60],
+                ..Default::default()
+            };
             writer.step(step as f64 * 0.05, &message).unwrap();
             steps.push(message);
         }

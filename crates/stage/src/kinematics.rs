@@ -3,9 +3,7 @@
 //! Closed form, from the same numbers as the model; a test holds it against MuJoCo. Points are `[x, y, z]` in the
 //! world, angles are true joint angles (no encoder bias), the rail position is part of the pose.
 
-use crate::hand::{
-    FINGER_JOINTS, FINGER_RANGE, LINKS, MOUNT, ROOT_Z, SPLAY, Side, root_lateral, root_side,
-};
+use crate::hand::{FINGER_JOINTS, FINGER_RANGE, LINKS, MOUNT, ROOT_Z, SPLAY, Side, root_lateral, root_side};
 
 /// Root of a finger in the world when the rail is at `rail`, m, and the lateral tilt of its axis, rad.
 fn root(side: Side, finger: usize, rail: f64) -> ([f64; 3], f64) {
@@ -113,7 +111,10 @@ mod tests {
             let [x, y, z] = crate::geometry::key_target(key);
             for finger in 0..3 {
                 let rail = y - root_lateral(Side::Left, finger);
-                assert!(reach(Side::Left, finger, [x, y, z + 0.01], rail).is_some(), "key {key} finger {finger}");
+                assert!(
+                    reach(Side::Left, finger, [x, y, z + 0.01], rail).is_some(),
+                    "key {key} finger {finger}"
+                );
             }
         }
     }

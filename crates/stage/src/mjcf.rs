@@ -14,7 +14,9 @@ use etude_music::KEYS;
 
 use crate::config::StageConfig;
 use crate::controller::Actuation;
-use crate::geometry::{FENCE_FRICTION, FENCE_RISE, FENCE_THICKNESS, HALF_WIDTH, KeyShape, WHITE, fences, key_lateral};
+use crate::geometry::{
+    FENCE_FRICTION, FENCE_RISE, FENCE_THICKNESS, HALF_WIDTH, KeyShape, WHITE, fences, key_lateral,
+};
 use crate::hand::{
     DISTAL_LENGTH, FINGER_JOINTS, FINGER_NAMES, FINGER_RANGE, JOINT_NAMES, LINK_MASSES, LINK_SECTION, LINKS,
     MOUNT, PAD, PALM_CENTRE, PALM_MASS, PALM_SIZE, RAIL, ROOT_SPACING, ROOT_Z, SPLAY, THUMB_MASS, TIP_CENTRE,
@@ -50,7 +52,10 @@ fn document(out: &mut String, config: &StageConfig, params: &PhysicalParams) -> 
     )?;
     writeln!(out, r#"    <flag sleep="enable"/>"#)?;
     writeln!(out, r#"  </option>"#)?;
-    writeln!(out, r#"  <visual><global offwidth="1280" offheight="960"/><quality shadowsize="2048"/></visual>"#)?;
+    writeln!(
+        out,
+        r#"  <visual><global offwidth="1280" offheight="960"/><quality shadowsize="2048"/></visual>"#
+    )?;
     writeln!(out, r#"  <statistic center="0 0 0.05" extent="0.5"/>"#)?;
     writeln!(out, r#"  <default>"#)?;
     writeln!(out, r#"    <geom solref="{} 1"/>"#, 2.0 * step)?;
@@ -111,10 +116,7 @@ fn keyboard(out: &mut String, config: &StageConfig, params: &PhysicalParams) -> 
         let [length, width, thick] = shape.size;
         let [x, y, z] = key_place(params, key);
         let colour = if etude_music::key_is_black(key) { "0.08 0.08 0.08 1" } else { "0.95 0.95 0.93 1" };
-        writeln!(
-            out,
-            r#"    <body name="key_{key}" pos="{x} {y} {z}">"#
-        )?;
+        writeln!(out, r#"    <body name="key_{key}" pos="{x} {y} {z}">"#)?;
         writeln!(
             out,
             r#"      <joint name="key_{key}" type="hinge" axis="0 1 0" pos="{} 0 0" range="{} {}" stiffness="{}" damping="{}" armature="{}"/>"#,
@@ -171,10 +173,7 @@ fn joint_attributes(config: &StageConfig, params: &PhysicalParams, index: usize)
 fn hand(out: &mut String, config: &StageConfig, params: &PhysicalParams) -> std::fmt::Result {
     let [back, up] = MOUNT;
     // The palm faces down and the fingers point into the keyboard: palm x is world -z, palm z is world -x.
-    writeln!(
-        out,
-        r#"    <body name="palm" pos="{back} 0 {up}" xyaxes="0 0 -1 0 -1 0">"#
-    )?;
+    writeln!(out, r#"    <body name="palm" pos="{back} 0 {up}" xyaxes="0 0 -1 0 -1 0">"#)?;
     writeln!(
         out,
         r#"      <joint name="rail" type="slide" axis="0 -1 0" range="{} {}" {}/>"#,

@@ -215,6 +215,22 @@ impl PhysicalParams {
         self.joints[quantity as usize][index] = value.clamp(low, high);
     }
 
+    /// Whether every number lies in its row's range, as those from elsewhere than [`PhysicalParams::set`] may not.
+    ///
+    /// # Errors
+    /// Names the first one that does not.
+    pub fn check(&self) -> Result<(), ParamError> {
+        let world = World::ALL.iter().map(|q| self.world(*q));
+        let joints = Joint::ALL.iter().flat_map(|q| (0..JOINTS).map(|index| self.joint(*q, index)));
+        for ((path, row, _), value) in Self::rows().zip(world.chain(joints)) {
+            let [low, high] = row.range;
+            if !(low..=high).contains(&value) {
+                return Err(ParamError::OutOfRange { path, value, low, high, unit: row.unit });
+            }
+        }
+        Ok(())
+    }
+
     /// Every path with its row and default, in a fixed order.
     pub fn rows() -> impl Iterator<Item = (String, &'static Row, f64)> {
         let world = World::ALL.iter().map(|q| (q.row().name.to_string(), q.row(), q.row().default));
@@ -237,7 +253,13 @@ impl PhysicalParams {
         for (slot, row) in self.slots(path)? {
             let [low, high] = row.range;
             if !(low..=high).contains(&value) {
-                return Err(ParamError::OutOfRange { path: path.to_string(), value, low, high, unit: row.unit });
+                return Err(ParamError::OutOfRange {
+                    path: path.to_string(),
+                    value,
+                    low,
+                    high,
+                    unit: row.unit,
+                });
             }
             *slot = value;
         }
@@ -293,6 +315,9 @@ mod tests {
         params.set("joint.fingers.delay", 0.01).unwrap();
         assert_eq!(params.joint(Joint::Delay, 3), 0.01);
         assert_eq!(params.joint(Joint::Delay, RAIL), 0.0);
-        assert_eq!(params.set("joint.thumb_0.delay", 0.0), Err(ParamError::Unknown("joint.thumb_0.delay".into())));
+        assert_eq!(
+            params.set("joint.thumb_0.delay", 0.0),
+            Err(ParamError::Unknown("joint.thumb_0.delay".into()))
+        );
     }
 }

@@ -60,11 +60,17 @@ impl World {
         if snapshot.asleep.len() != trees {
             return Err(SnapshotError("another number of kinematic trees"));
         }
+        if snapshot.physics_steps > u64::from(u32::MAX) {
+            return Err(SnapshotError("a clock that has run for months"));
+        }
         if !are_cycles(&snapshot.asleep) {
             return Err(SnapshotError("sleeping trees that form no cycles"));
         }
-        let controllers: &[Controller; JOINTS] =
-            snapshot.controllers.as_slice().try_into().map_err(|_| SnapshotError("another number of joints"))?;
+        let controllers: &[Controller; JOINTS] = snapshot
+            .controllers
+            .as_slice()
+            .try_into()
+            .map_err(|_| SnapshotError("another number of joints"))?;
         if !controllers.iter().all(Controller::is_sound) {
             return Err(SnapshotError("a controller with a damaged queue"));
         }

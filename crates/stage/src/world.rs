@@ -127,7 +127,8 @@ impl Layout {
 impl World {
     /// Builds the world and puts it into its starting pose.
     pub fn new(config: &StageConfig, params: &PhysicalParams) -> Result<Self, StageError> {
-        let model = MjModel::from_xml_string(&mjcf(config, params)).map_err(|e| StageError::Model(e.to_string()))?;
+        let model =
+            MjModel::from_xml_string(&mjcf(config, params)).map_err(|e| StageError::Model(e.to_string()))?;
         let layout = Layout::new(&model)?;
         let data = MjData::try_new(Box::new(model)).map_err(|e| StageError::Model(e.to_string()))?;
         let step = config.physics_step_secs();
@@ -191,9 +192,9 @@ impl World {
     /// Back to rest with the joints at `pose` (true angles; clamped to the joints' ranges) and the keys up.
     pub fn reset_to(&mut self, pose: &[f64; JOINTS]) {
         self.data.reset();
-        for joint in 0..JOINTS {
+        for (joint, position) in pose.iter().enumerate() {
             let [low, high] = joint_range(joint);
-            let position = pose[joint].clamp(low, high);
+            let position = position.clamp(low, high);
             self.data.qpos_mut()[self.layout.joint_dof[joint]] = position;
             self.controllers[joint].rest(self.gains[joint].measured(position));
         }
@@ -225,7 +226,8 @@ impl World {
         for finger in 0..FINGERS {
             let y = root_lateral(self.config.side, finger) + pose[RAIL];
             let angles = kinematics::reach(self.config.side, finger, [x, y, z], pose[RAIL]);
-            pose[finger * FINGER_JOINTS..][..FINGER_JOINTS].copy_from_slice(&angles.unwrap_or([0.0; FINGER_JOINTS]));
+            pose[finger * FINGER_JOINTS..][..FINGER_JOINTS]
+                .copy_from_slice(&angles.unwrap_or([0.0; FINGER_JOINTS]));
         }
         pose
     }
@@ -256,15 +258,19 @@ impl World {
     }
 
     fn physics_step(&mut self, targets: &[f64; JOINTS], outcome: &mut StepOutcome) {
-        for joint in 0..JOINTS {
+        for (joint, target) in targets.iter().enumerate() {
             let dof = self.layout.joint_dof[joint];
             let [low, high] = joint_range(joint);
             let (position, velocity) = (self.data.qpos()[dof], self.data.qvel()[dof]);
             let gains = &self.gains[joint];
-            let target = targets[joint].clamp(low, high);
+            let target = target.clamp(low, high);
             let torque = self.controllers[joint].torque(gains, target, gains.measured(position), velocity);
             let power = (torque * velocity).abs();
-            if joint == RAIL { outcome.rail_power += power } else { outcome.finger_power += power }
+            if joint == RAIL {
+                outcome.rail_power += power
+            } else {
+                outcome.finger_power += power
+            }
             self.torques[joint] = torque;
         }
         self.data.ctrl_mut().copy_from_slice(&self.torques);

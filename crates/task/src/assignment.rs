@@ -44,7 +44,16 @@ fn search(
     for finger in (0..FINGERS).filter(|f| used & (1 << f) == 0) {
         current[index] = Some(finger);
         let distance = (keys[index] - fingers[finger]).abs();
-        search(keys, fingers, index + 1, used | (1 << finger), (served + 1, cost + distance), current, best, chosen);
+        search(
+            keys,
+            fingers,
+            index + 1,
+            used | (1 << finger),
+            (served + 1, cost + distance),
+            current,
+            best,
+            chosen,
+        );
     }
     let free = FINGERS - used.count_ones() as usize;
     if free < keys.len() - index {

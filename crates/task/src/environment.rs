@@ -4,6 +4,7 @@ use etude_learn::EnvironmentError;
 use etude_music::{KeySet, key_is_black};
 use etude_stage::geometry::HALF_WIDTH;
 use etude_stage::hand::root_lateral;
+use etude_stage::params::Joint;
 use etude_stage::{FINGERS, JOINTS, PhysicalParams, RAIL, Snapshot, World};
 use rand::{RngExt as _, SeedableRng as _};
 use rand_pcg::Pcg64;
@@ -21,6 +22,8 @@ pub struct Step {
     pub reward: f64,
     /// Whether the song is over. Not a terminal state: the learner bootstraps on.
     pub song_over: bool,
+    /// Whether anything but fingertips on the keyboard touched, whatever the reward makes of it.
+    pub collided: bool,
 }
 
 /// A world, a piece, and the place in it.
@@ -85,7 +88,11 @@ impl Environment {
             if self.step > 0
                 && let Some(key) = self.next_due_key()
             {
+                // The world is placed by true angles; the starting pose is what the encoders read.
                 let mut pose = self.world.start_pose();
+                for (joint, reading) in pose.iter_mut().enumerate() {
+                    *reading -= self.world.params().joint(Joint::EncoderBias, joint);
+                }
                 let over = self.world.key_target(key)[1] - root_lateral(self.config.stage.side, finger);
                 pose[RAIL] = over.clamp(-HALF_WIDTH, HALF_WIDTH);
                 self.world.reset_to(&pose);
@@ -111,7 +118,7 @@ impl Environment {
         let reward = self.reward.evaluate(&moment, parts);
         self.previous_action = *action;
         self.step += 1;
-        Step { reward, song_over: self.step >= self.piece.steps() }
+        Step { reward, song_over: self.step >= self.piece.steps(), collided: outcome.collided }
     }
 
     /// Writes the current observation.
@@ -164,6 +171,7 @@ impl Environment {
         if saved.step > self.piece.steps() {
             return Err(EnvironmentError::new("it is beyond the end of the song"));
         }
+        saved.params.check().map_err(|e| EnvironmentError::new(e.to_string()))?;
         self.world.set_params(&saved.params);
         self.world.restore(&saved.snapshot).map_err(|e| EnvironmentError::new(e.to_string()))?;
         self.random = saved.random;

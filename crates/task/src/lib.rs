@@ -21,7 +21,7 @@ pub use config::{TaskConfig, TaskError};
 pub use environment::{Environment, Step};
 pub use evaluate::SongEvaluator;
 pub use observation::{ObservationScale, layout, observe};
-pub use performance::{Performance, rehearse};
+pub use performance::{Act, Performance, Watch, rehearse};
 pub use piece::Piece;
 pub use randomise::{RANDOMISED, Randomisation, RandomisationConfig};
 pub use vector::VectorPiano;

@@ -40,6 +40,11 @@ impl Performance {
     }
 }
 
+/// Chooses an action from the environment and its observation.
+pub type Act<'a> = dyn FnMut(&Environment, &[f32], &mut [f32; ACTION_LEN]) + 'a;
+/// Sees the environment after each step, and the action that led there.
+pub type Watch<'a> = dyn FnMut(&Environment, &[f32; ACTION_LEN]) + 'a;
+
 /// Plays the whole song once from the beginning in the nominal world (or, with `randomisation`, in the world that
 /// `seed` draws), calling `act` for each action and `watch` after each step.
 ///
@@ -49,8 +54,8 @@ pub fn rehearse(
     config: &TaskConfig,
     piece: &Piece,
     seed: u64,
-    act: &mut dyn FnMut(&Environment, &[f32], &mut [f32; ACTION_LEN]),
-    watch: &mut dyn FnMut(&Environment, &[f32; ACTION_LEN]),
+    act: &mut Act<'_>,
+    watch: &mut Watch<'_>,
 ) -> Result<Performance, TaskError> {
     let config = TaskConfig { random_start: false, ..config.clone() };
     let mut environment = Environment::new(&config, piece, seed)?;
@@ -62,13 +67,12 @@ pub(crate) fn play(
     environment: &mut Environment,
     piece: &Piece,
     observation_len: usize,
-    act: &mut dyn FnMut(&Environment, &[f32], &mut [f32; ACTION_LEN]),
-    watch: &mut dyn FnMut(&Environment, &[f32; ACTION_LEN]),
+    act: &mut Act<'_>,
+    watch: &mut Watch<'_>,
 ) -> Performance {
     let mut observation = vec![0.0; observation_len];
     let mut action = [0.0; ACTION_LEN];
     let mut parts = vec![0.0; environment.reward().names().len()];
-    let collision = environment.reward().names().position(|name| name == "collision");
     let mut performance = Performance {
         due: piece.frames().to_vec(),
         pressed: Vec::with_capacity(piece.steps()),
@@ -84,7 +88,7 @@ pub(crate) fn play(
         performance.pressed.push(environment.pressed());
         performance.events.extend_from_slice(environment.world().events());
         performance.reward += step.reward;
-        if collision.is_some_and(|term| parts[term] > 0.0) {
+        if !step.collided {
             performance.collision_free += 1.0 / piece.steps() as f64;
         }
         watch(environment, &action);

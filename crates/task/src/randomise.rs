@@ -119,7 +119,8 @@ mod tests {
         let changed = |q: &Joint| draws(1.0).iter().any(|p| p.joint(*q, 0) != nominal.joint(*q, 0));
         let joints: Vec<_> = Joint::ALL.iter().filter(|q| changed(q)).collect();
         assert_eq!(joints, [&Joint::Stiffness, &Joint::Damping]);
-        let world = World::ALL.iter().filter(|q| draws(1.0).iter().any(|p| p.world(**q) != nominal.world(**q)));
+        let world =
+            World::ALL.iter().filter(|q| draws(1.0).iter().any(|p| p.world(**q) != nominal.world(**q)));
         assert_eq!(world.count(), 5);
     }
 }

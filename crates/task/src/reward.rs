@@ -174,7 +174,13 @@ fn sliding(moment: &Moment) -> f64 {
     let velocity = moment.world.joint_velocities()[RAIL];
     let down = moment.world.pressed();
     let neighbours = down.0 & (down.0 >> 1) != 0;
-    let factor = if down.is_empty() { 0.0 } else if neighbours { 2.0 } else { 1.0 };
+    let factor = if down.is_empty() {
+        0.0
+    } else if neighbours {
+        2.0
+    } else {
+        1.0
+    };
     1.0 - 3.0 * factor * velocity * velocity
 }
 

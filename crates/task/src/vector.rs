@@ -20,9 +20,16 @@ impl VectorPiano {
     ///
     /// # Errors
     /// If the configuration is not sound.
-    pub fn new(config: &TaskConfig, piece: &Piece, num_envs: usize, root_seed: u64) -> Result<Self, TaskError> {
+    pub fn new(
+        config: &TaskConfig,
+        piece: &Piece,
+        num_envs: usize,
+        root_seed: u64,
+    ) -> Result<Self, TaskError> {
         let environments = (0..num_envs)
-            .map(|index| Environment::new(config, piece, seed::split(root_seed, &format!("environment {index}"))))
+            .map(|index| {
+                Environment::new(config, piece, seed::split(root_seed, &format!("environment {index}")))
+            })
             .collect::<Result<Vec<_>, _>>()?;
         let terms = environments.first().map_or(0, |e| e.reward().names().len());
         Ok(Self { environments, layout: layout(config), terms })
@@ -42,7 +49,8 @@ struct Row<'a> {
 
 impl Row<'_> {
     fn step(self) {
-        let action: &[f32; ACTION_LEN] = self.action.first_chunk().expect("an action has one value per joint");
+        let action: &[f32; ACTION_LEN] =
+            self.action.first_chunk().expect("an action has one value per joint");
         let step = self.environment.step(action, self.parts);
         *self.reward = step.reward as f32;
         *self.truncated = step.song_over;
@@ -74,7 +82,9 @@ impl VectorEnvironment for VectorPiano {
     }
 
     fn reset(&mut self, observation: &mut [f32]) {
-        for (environment, row) in self.environments.iter_mut().zip(observation.chunks_exact_mut(self.layout.len())) {
+        for (environment, row) in
+            self.environments.iter_mut().zip(observation.chunks_exact_mut(self.layout.len()))
+        {
             environment.reset();
             environment.observe(row);
         }
@@ -83,13 +93,21 @@ impl VectorEnvironment for VectorPiano {
     fn step(&mut self, actions: &[f32], batch: &mut StepBatch) {
         let len = self.layout.len();
         batch.terminal.fill(false);
+        // One slice for each environment, empty ones where the reward has no terms.
+        let mut rest = batch.reward_terms.as_mut_slice();
+        let mut parts = Vec::with_capacity(self.environments.len());
+        for _ in 0..self.environments.len() {
+            let (row, others) = rest.split_at_mut(self.terms);
+            parts.push(row);
+            rest = others;
+        }
         let rows = self
             .environments
             .par_iter_mut()
             .zip(actions.par_chunks_exact(ACTION_LEN))
             .zip(batch.observation.par_chunks_exact_mut(len))
             .zip(batch.next_observation.par_chunks_exact_mut(len))
-            .zip(batch.reward_terms.par_chunks_exact_mut(self.terms.max(1)))
+            .zip(parts)
             .zip(batch.reward.par_iter_mut())
             .zip(batch.truncated.par_iter_mut());
         rows.with_max_len(1).for_each(

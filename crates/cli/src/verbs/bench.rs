@@ -60,7 +60,10 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
     line(format!("environment, one core       {:>8.0} control steps/s", stepping.steps_per_sec))?;
     line(format!("the bare mj_step calls      {:>8.0} control steps/s", stepping.bare_steps_per_sec))?;
     line(format!("cost beyond the engine      {:>8.1} %", stepping.overhead() * 100.0))?;
-    line(format!("environments, {cores:2} cores      {:>8.0} control steps/s", stepping.steps_per_sec_all_cores))?;
+    line(format!(
+        "environments, {cores:2} cores      {:>8.0} control steps/s",
+        stepping.steps_per_sec_all_cores
+    ))?;
     line(format!("one full DroQ update, 1 core {:>7.0} updates/s", ours))?;
     match theirs {
         Some(theirs) => {

@@ -95,7 +95,8 @@ fn examine() -> Vec<Finding> {
 /// Where the MuJoCo library in this process was loaded from, by the kernel's own account.
 fn loaded_library() -> String {
     let maps = std::fs::read_to_string("/proc/self/maps").unwrap_or_default();
-    let path = maps.lines().find_map(|line| line.split_whitespace().last().filter(|p| p.contains("libmujoco")));
+    let path =
+        maps.lines().find_map(|line| line.split_whitespace().last().filter(|p| p.contains("libmujoco")));
     path.unwrap_or("an unknown place").to_string()
 }
 
@@ -122,13 +123,18 @@ fn exists(path: &str) -> Option<String> {
 
 fn program(name: &str) -> Option<String> {
     let path = std::env::var_os("PATH")?;
-    std::env::split_paths(&path).map(|folder| folder.join(name)).find(|p| p.is_file()).map(|p| p.display().to_string())
+    std::env::split_paths(&path)
+        .map(|folder| folder.join(name))
+        .find(|p| p.is_file())
+        .map(|p| p.display().to_string())
 }
 
 fn library(names: &[&str]) -> Option<String> {
     let arch = std::env::consts::ARCH;
-    let folders = [format!("/usr/lib/{arch}-linux-gnu"), "/usr/lib64".into(), "/usr/lib".into(), "/lib".into()];
-    let mut places = folders.iter().flat_map(|folder| names.iter().map(move |name| Path::new(folder).join(name)));
+    let folders =
+        [format!("/usr/lib/{arch}-linux-gnu"), "/usr/lib64".into(), "/usr/lib".into(), "/lib".into()];
+    let mut places =
+        folders.iter().flat_map(|folder| names.iter().map(move |name| Path::new(folder).join(name)));
     places.find(|path: &PathBuf| path.exists()).map(|path| path.display().to_string())
 }
 

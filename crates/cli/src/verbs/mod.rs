@@ -37,7 +37,9 @@ fn slug(song: &str) -> String {
     let stem = if etude_music::repertoire::get(song).is_some() {
         song.to_string()
     } else {
-        Path::new(song).file_stem().map_or_else(|| song.to_string(), |stem| stem.to_string_lossy().into_owned())
+        Path::new(song)
+            .file_stem()
+            .map_or_else(|| song.to_string(), |stem| stem.to_string_lossy().into_owned())
     };
     let plain: String =
         stem.chars().map(|c| if c.is_ascii_alphanumeric() { c.to_ascii_lowercase() } else { '-' }).collect();

@@ -50,12 +50,19 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
         player.reconfigure(&args.overrides)?;
     }
     if let Some(learned) = player.song.as_deref().filter(|learned| *learned != song.title()) {
-        eprintln!("warning: this policy learned `{learned}`; it plays `{}` from the sheet alone", song.title());
+        eprintln!(
+            "warning: this policy learned `{learned}`; it plays `{}` from the sheet alone",
+            song.title()
+        );
     }
     let font = args.soundfont.as_deref().map(SoundFont::load).transpose().context("no sound")?;
     let folder = args.out.unwrap_or_else(|| PathBuf::from("out").join(&name));
     let report = perform(&song, &mut player, Some(&folder), font.as_ref())?;
-    if args.json { json(&report)? } else { print(&report)? }
+    if args.json {
+        json(&report)?
+    } else {
+        print(&report)?
+    }
     Ok(Ending::Done)
 }
 
@@ -73,9 +80,9 @@ fn print(report: &Report) -> anyhow::Result<()> {
         "notes, onset + offset",
         [note.onset_offset_precision, note.onset_offset_recall, note.onset_offset_f1],
     )?;
-    let error = note.onset_error_median_secs.map_or_else(String::new, |median| {
-        format!(", onsets {:+.0} ms in the median", median * 1e3)
-    });
+    let error = note
+        .onset_error_median_secs
+        .map_or_else(String::new, |median| format!(", onsets {:+.0} ms in the median", median * 1e3));
     line(format!("{} notes right, {} missed, {} wrong{error}", note.matched, note.missed, note.wrong))?;
     if let Some(files) = &report.files {
         line(format!("Listen: {}", files.wav.display()))?;

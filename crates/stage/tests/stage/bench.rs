@@ -121,8 +121,11 @@ pub fn config() -> impl Strategy<Value = StageConfig> {
     use etude_stage::{Actuation, Side};
     let side = prop_oneof![Just(Side::Left), Just(Side::Right)];
     let actuation = prop_oneof![Just(Actuation::Controlled), Just(Actuation::Position)];
-    (side, any::<bool>(), actuation)
-        .prop_map(|(side, fences, actuation)| StageConfig { side, fences, actuation })
+    (side, any::<bool>(), actuation).prop_map(|(side, fences, actuation)| StageConfig {
+        side,
+        fences,
+        actuation,
+    })
 }
 
 /// The exported model in plain MuJoCo, driven by the public controllers.
@@ -160,7 +163,12 @@ impl Replica {
             let [low, high] = joint_range(joint);
             let (position, velocity) = (self.data.qpos()[dof], self.data.qvel()[dof]);
             let gains = &self.gains[joint];
-            self.controllers[joint].torque(gains, targets[joint].clamp(low, high), gains.measured(position), velocity)
+            self.controllers[joint].torque(
+                gains,
+                targets[joint].clamp(low, high),
+                gains.measured(position),
+                velocity,
+            )
         })
     }
 

@@ -1,6 +1,6 @@
 //! Without torque the world only loses energy: nothing in the model feeds itself.
 
-use etude_stage::{JOINTS, JOINT_NAMES};
+use etude_stage::{JOINT_NAMES, JOINTS};
 use proptest::prelude::*;
 
 use crate::bench::{self, Replica, STEP_SECS};

@@ -1,72 +1,101 @@
-//! No parameter within its range and no target may upset the engine.
+//! No parameter within its range and no target may upset the engine: a NaN or a silent restart in the middle of a
+//! training costs days.
 
-use std::collections::BTreeMap;
-
-use etude_stage::{JOINTS, PhysicalParams, StageConfig, World};
+use etude_stage::{Actuation, JOINTS, PhysicalParams, StageConfig, World};
 use proptest::prelude::*;
 
 use crate::bench;
 
-/// How often MuJoCo complained or started over since the last reset.
-pub fn warnings(world: &World) -> i32 {
-    world.data().warning().iter().map(|warning| warning.number).sum()
+/// Any numbers within the rows' ranges, small and large alike where a row spans decades; a share of exactly 0 or 1
+/// stands for the end of the range.
+fn params() -> impl Strategy<Value = PhysicalParams> {
+    let share = prop_oneof![1 => Just(0.0), 1 => Just(1.0), 4 => 0.0f64..1.0];
+    prop::collection::vec(share, PhysicalParams::rows().count()).prop_map(|shares| {
+        let mut params = PhysicalParams::default();
+        for ((path, row, _), share) in PhysicalParams::rows().zip(shares) {
+            let [low, high] = row.range;
+            let value = if low >= 0.0 && high > 100.0 * low.max(1e-6) {
+                let least = low.max(1e-6);
+                least * (high / least).powf(share)
+            } else {
+                low + share * (high - low)
+            };
+            params.set(&path, value.clamp(low, high)).unwrap();
+        }
+        params
+    })
 }
 
-fn upset(config: &StageConfig, params: &PhysicalParams, targets: &[[f64; JOINTS]]) -> Option<String> {
+fn targets() -> impl Strategy<Value = Vec<[f64; JOINTS]>> {
+    prop::collection::vec((prop::array::uniform13(0.0f64..1.0), 1usize..5), 5..12).prop_map(|moves| {
+        moves.iter().flat_map(|(shares, steps)| vec![bench::at_shares(shares); *steps]).collect()
+    })
+}
+
+fn calm(
+    config: &StageConfig,
+    params: &PhysicalParams,
+    targets: &[[f64; JOINTS]],
+) -> Result<(), TestCaseError> {
     let mut world = World::new(config, params).unwrap();
     for (step, targets) in targets.iter().enumerate() {
-        world.step(targets);
-        if warnings(&world) > 0 {
-            let kinds: Vec<i32> = world.data().warning().iter().map(|w| w.number).collect();
-            return Some(format!("MuJoCo warns in step {step}: {kinds:?}"));
-        }
-        if !world.data().qpos().iter().chain(world.data().qvel()).all(|v| v.is_finite()) {
-            return Some(format!("not finite in step {step}"));
-        }
-        let fastest = world.data().qvel().iter().fold(0.0f64, |most, v| most.max(v.abs()));
-        if fastest > 1e4 {
-            return Some(format!("{fastest:.1e} rad/s in step {step}"));
+        let outcome = world.step(targets);
+        let warnings: Vec<i32> = world.data().warning().iter().map(|warning| warning.number).collect();
+        prop_assert!(
+            warnings.iter().all(|number| *number == 0),
+            "MuJoCo warns in step {}: {:?}",
+            step,
+            warnings
+        );
+        let numbers = world.data().qpos().iter().chain(world.data().qvel()).chain(world.torques());
+        prop_assert!(numbers.copied().all(f64::is_finite));
+        prop_assert!(outcome.finger_power.is_finite() && outcome.rail_power.is_finite());
+        for event in world.events() {
+            prop_assert!(
+                (1.0..128.0).contains(&(f64::from(event.velocity.max(1)))) && event.secs.is_finite()
+            );
         }
     }
-    None
+    Ok(())
 }
 
-#[test]
-fn study() {
-    use etude_stage::Actuation;
-    let mut seed = 1u64;
-    let mut random = move || {
-        seed = seed.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
-        (seed >> 33) as f64 / (1u64 << 31) as f64
-    };
-    let targets: Vec<[f64; JOINTS]> = (0..40).flat_map(|_| [bench::at_shares(&std::array::from_fn(|_| random())); 4]).collect();
-    for actuation in [Actuation::Controlled, Actuation::Position] {
-        let config = StageConfig { actuation, ..StageConfig::default() };
-        println!("nominal {actuation:?}: {:?}", upset(&config, &PhysicalParams::default(), &targets));
-        let mut bad: BTreeMap<String, String> = BTreeMap::new();
-        for (path, row, default) in PhysicalParams::rows() {
-            for (end, value) in [("low", row.range[0]), ("high", row.range[1])] {
-                let mut params = PhysicalParams::default();
-                params.set(&path, value).unwrap();
-                if let Some(why) = upset(&config, &params, &targets) {
-                    // Halve the way (geometrically where possible) back to the default until it is calm.
-                    let mut calm = default;
-                    let mut wild = value;
-                    for _ in 0..12 {
-                        let middle = if calm > 0.0 && wild > 0.0 { (calm * wild).sqrt() } else { (calm + wild) / 2.0 };
-                        params.set(&path, middle).unwrap();
-                        if upset(&config, &params, &targets).is_some() { wild = middle } else { calm = middle }
-                    }
-                    bad.insert(format!("{path} {end}"), format!("{value}: {why}; calm to {calm:.4}"));
-                }
-            }
-        }
-        println!("{actuation:?} {bad:#?}");
-    }
+/// Sets a number of every finger joint, at `share` of the way (in decades) between the two.
+fn narrow(params: &mut PhysicalParams, name: &str, [low, high]: [f64; 2], share: f64) {
+    params.set(&format!("joint.fingers.{name}"), low * (high / low).powf(share)).unwrap();
 }
+
+/// What the engine bears of a finger, with every other number anywhere in its range. Found with this test: beyond, one
+/// physics step of full torque throws a joint so far that MuJoCo starts over. The rows' ranges are wider, because the
+/// rail needs them.
+const TORQUE_LIMIT: [f64; 2] = [0.01, 2.0];
+/// The same for position actuators, which have no torque limit: N·m/rad, N·m·s/rad, kg·m².
+const POSITION: [(&str, [f64; 2]); 3] =
+    [("stiffness", [0.1, 60.0]), ("damping", [0.001, 2.0]), ("armature", [5e-4, 50.0])];
 
 proptest! {
-    #![proptest_config(bench::cases(8))]
+    #![proptest_config(bench::cases(48))]
+
     #[test]
-    fn dummy(_x in 0..1) {}
+    fn no_controlled_world_upsets_the_engine(
+        mut params in params(),
+        share in 0.0f64..1.0,
+        targets in targets(),
+    ) {
+        narrow(&mut params, "torque_limit", TORQUE_LIMIT, share);
+        let config = StageConfig { actuation: Actuation::Controlled, ..StageConfig::default() };
+        calm(&config, &params, &targets)?;
+    }
+
+    #[test]
+    fn no_world_with_position_actuators_upsets_the_engine(
+        mut params in params(),
+        shares in prop::array::uniform3(0.0f64..1.0),
+        targets in targets(),
+    ) {
+        for ((name, range), share) in POSITION.into_iter().zip(shares) {
+            narrow(&mut params, name, range, share);
+        }
+        let config = StageConfig { actuation: Actuation::Position, ..StageConfig::default() };
+        calm(&config, &params, &targets)?;
+    }
 }

@@ -44,7 +44,8 @@ fn every_key_sounds_alone_and_as_long_as_it_is_held() {
                 for finger in 0..FINGERS {
                     let Some((before, held)) = press(&mut world, finger, key) else { continue };
                     reached[key] += 1;
-                    if !before.difference(only(key)).is_empty() || held.iter().any(|down| *down != only(key)) {
+                    if !before.difference(only(key)).is_empty() || held.iter().any(|down| *down != only(key))
+                    {
                         let downs = held.iter().filter(|down| **down == only(key)).count();
                         failures.push(format!(
                             "{side:?} fences {fences} finger {finger} key {key} black {}: before {before}, alone in {downs} of 40",

@@ -1,0 +1,96 @@
+//! What keeps the script from playing a song as written.
+
+use std::fmt;
+
+use etude_music::{LOWEST_PITCH, pitch_name};
+
+use super::rail::CONTROL_SECS;
+
+/// Why something is not played as written.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum LimitKind {
+    /// More keys at once than fingers: the note is skipped.
+    TooManyKeys,
+    /// No place of the hand reaches these keys together, or none in time: the note is skipped.
+    OutOfReach,
+    /// The note ends early because a later one needs its finger or another place of the hand.
+    GivenUp,
+    /// The note ends early because the rail has to travel this far to the next one, m.
+    RailTooSlow(f64),
+    /// The note ends early because its finger has to change keys.
+    FingerBusy,
+}
+
+/// One note that is not played as written.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Limit {
+    /// Why.
+    pub kind: LimitKind,
+    /// The key (0 is the lowest C).
+    pub key: usize,
+    /// Control step at which the note should begin.
+    pub step: usize,
+    /// Control steps of it that are not played.
+    pub lost_steps: usize,
+}
+
+/// Everything that is not played as written, in order of time.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Limits {
+    /// The notes.
+    pub notes: Vec<Limit>,
+    /// Notes of the song.
+    pub total_notes: usize,
+    /// Notes struck again by the same finger right after a gap too short to lift it clear of the key.
+    pub quick_restrikes: usize,
+}
+
+impl Limits {
+    /// Notes that are not played at all.
+    pub fn skipped(&self) -> impl Iterator<Item = &Limit> {
+        self.notes.iter().filter(|note| matches!(note.kind, LimitKind::TooManyKeys | LimitKind::OutOfReach))
+    }
+
+    /// Control steps of notes that are not played.
+    pub fn lost_steps(&self) -> usize {
+        self.notes.iter().map(|note| note.lost_steps).sum()
+    }
+}
+
+impl fmt::Display for Limit {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let (name, secs) = (pitch_name(LOWEST_PITCH + self.key as u8), self.step as f64 * CONTROL_SECS);
+        write!(f, "{name} at {secs:.2} s ")?;
+        let early = self.lost_steps as f64 * CONTROL_SECS;
+        match self.kind {
+            LimitKind::TooManyKeys => write!(f, "is skipped: more keys than fingers"),
+            LimitKind::OutOfReach => write!(f, "is skipped: out of reach with the keys around it"),
+            LimitKind::GivenUp => write!(f, "ends {early:.2} s early: the hand is needed elsewhere"),
+            LimitKind::RailTooSlow(travel) => {
+                write!(f, "ends {early:.2} s early: the rail needs the time for {:.0} mm", travel * 1e3)
+            }
+            LimitKind::FingerBusy => write!(f, "ends {early:.2} s early: its finger plays the next key"),
+        }
+    }
+}
+
+impl fmt::Display for Limits {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let count = |what: fn(LimitKind) -> bool| self.notes.iter().filter(|n| what(n.kind)).count();
+        let parts = [
+            (self.skipped().count(), "skipped"),
+            (count(|kind| matches!(kind, LimitKind::RailTooSlow(_))), "cut short for the rail"),
+            (count(|kind| kind == LimitKind::FingerBusy), "cut short for the finger"),
+            (count(|kind| kind == LimitKind::GivenUp), "given up"),
+            (self.quick_restrikes, "struck again at once"),
+        ];
+        write!(f, "{} notes", self.total_notes)?;
+        for (count, what) in parts.into_iter().filter(|(count, _)| *count > 0) {
+            write!(f, ", {count} {what}")?;
+        }
+        if self.lost_steps() > 0 {
+            write!(f, " ({:.2} s of notes lost)", self.lost_steps() as f64 * CONTROL_SECS)?;
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,121 @@
+//! What the rail will do: its controller run ahead on a mass and a damper.
+//!
+//! The rail is slow (a key's width takes a third of a second), the fingers are quick. So the script lets the rail
+//! glide and turns the fingers against it; for that it has to know where the rail is at each moment. The rail's own
+//! controller, the moved mass and the damping tell, to a fraction of a millimetre.
+
+use etude_music::CONTROL_HZ;
+use etude_stage::controller::{Actuation, Controller, Gains};
+use etude_stage::geometry::HALF_WIDTH;
+use etude_stage::hand::{LINK_MASSES, PALM_MASS, THUMB_MASS};
+use etude_stage::params::{Joint, World};
+use etude_stage::{FINGERS, PHYSICS_STEPS, PhysicalParams, RAIL, StageConfig};
+
+/// Longest move that the table of response times knows, in control steps.
+const LONGEST_STEPS: usize = 60;
+/// Moves in the table, m, each twice the one before.
+const SHORTEST_M: f64 = 0.005;
+const MOVES: usize = 9;
+
+/// A model of the rail alone.
+pub(super) struct Rail {
+    gains: Gains,
+    mass_kg: f64,
+    damping: f64,
+    step_secs: f64,
+    /// Place of the rail after each control step of a move of `SHORTEST_M`·2ⁱ, as a fraction of it.
+    responses: Vec<Vec<f64>>,
+    /// Where the rail is when an episode begins, m.
+    pub start: f64,
+}
+
+impl Rail {
+    pub(super) fn new(stage: &StageConfig, params: &PhysicalParams) -> Self {
+        let joint = |quantity| params.joint(quantity, RAIL);
+        let fingers = LINK_MASSES.iter().sum::<f64>() * FINGERS as f64;
+        let passive = match stage.actuation {
+            Actuation::Controlled => 0.0,
+            Actuation::Position => joint(Joint::Damping),
+        };
+        let mut rail = Self {
+            gains: Gains::new(params, RAIL, stage.actuation, stage.physics_step_secs()),
+            mass_kg: joint(Joint::Armature) + PALM_MASS + THUMB_MASS + fingers,
+            damping: joint(Joint::Viscosity) + passive,
+            step_secs: stage.physics_step_secs(),
+            responses: Vec::new(),
+            start: params.world(World::HandStart).clamp(-HALF_WIDTH, HALF_WIDTH),
+        };
+        rail.responses = (0..MOVES)
+            .map(|doubling| {
+                let distance = SHORTEST_M * f64::from(1u32 << doubling);
+                let path = rail.follow(0.0, &[distance; LONGEST_STEPS]);
+                path.iter().step_by(PHYSICS_STEPS).map(|place| place / distance).collect()
+            })
+            .collect();
+        rail
+    }
+
+    /// Place of the rail, m: at the start, then after every physics step under one target a control step.
+    pub(super) fn follow(&self, start: f64, targets: &[f64]) -> Vec<f64> {
+        let mut controller = Controller::at_rest(self.gains.measured(start));
+        let (mut place, mut velocity) = (start, 0.0);
+        let mut path = Vec::with_capacity(targets.len() * PHYSICS_STEPS + 1);
+        path.push(place);
+        for target in targets.iter().flat_map(|target| std::iter::repeat_n(*target, PHYSICS_STEPS)) {
+            let target = self.gains.measured(target);
+            let force = controller.torque(&self.gains, target, self.gains.measured(place), velocity);
+            // Damping is taken implicitly, as MuJoCo's Euler step does.
+            velocity = (velocity + force / self.mass_kg * self.step_secs)
+                / (1.0 + self.damping / self.mass_kg * self.step_secs);
+            place += velocity * self.step_secs;
+            path.push(place);
+        }
+        path
+    }
+
+    /// Control steps from the target until the rail has gone `needed` of a move of `distance`, both in m and positive.
+    pub(super) fn steps_to(&self, distance: f64, needed: f64) -> usize {
+        if needed <= 0.0 {
+            return 0;
+        }
+        let row = (distance / SHORTEST_M).log2().ceil().clamp(0.0, (MOVES - 1) as f64) as usize;
+        let fraction = (needed / distance).min(SETTLED);
+        self.responses[row].iter().position(|gone| *gone >= fraction).unwrap_or(LONGEST_STEPS)
+    }
+}
+
+/// A move counts as done at this fraction: a finger's play takes the rest.
+const SETTLED: f64 = 0.97;
+
+/// Time of one control step, s.
+pub(super) const CONTROL_SECS: f64 = 1.0 / CONTROL_HZ;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use etude_stage::World as Stage;
+
+    #[test]
+    fn the_rail_does_what_is_foretold() {
+        let (config, params) = (StageConfig::default(), PhysicalParams::default());
+        let rail = Rail::new(&config, &params);
+        let targets: Vec<f64> = (0..40).map(|step| if step < 12 { 0.07 } else { -0.03 }).collect();
+        let path = rail.follow(rail.start, &targets);
+        let mut world = Stage::new(&config, &params).unwrap();
+        let mut joints = world.start_pose();
+        for (step, target) in targets.iter().enumerate() {
+            joints[RAIL] = *target;
+            world.step(&joints);
+            let error = world.joints()[RAIL] - path[(step + 1) * PHYSICS_STEPS];
+            assert!(error.abs() < 1e-3, "{error} m at step {step}");
+        }
+    }
+
+    #[test]
+    fn a_longer_way_takes_longer() {
+        let rail = Rail::new(&StageConfig::default(), &PhysicalParams::default());
+        assert_eq!(rail.steps_to(0.02, 0.0), 0);
+        let steps: Vec<_> = [0.005, 0.02, 0.08, 0.3].iter().map(|d| rail.steps_to(*d, d - 0.003)).collect();
+        assert!(steps.is_sorted() && steps[0] > 0 && steps[3] < LONGEST_STEPS, "{steps:?}");
+    }
+}

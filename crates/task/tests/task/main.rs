@@ -1,0 +1,9 @@
+//! Tests of the task as a whole, with worlds behind it. One binary, because each costs a link.
+#![allow(clippy::unwrap_used, clippy::print_stdout)] // Helpers of tests are tests too, which clippy.toml does not see.
+
+mod assignment;
+mod bench;
+mod performances;
+mod randomisation;
+mod saved;
+mod vectors;

@@ -1,0 +1,132 @@
+//! From presses to scores: a performance that is what was due scores one, and what is missing costs what the paper's
+//! measure says.
+
+use etude_learn::Evaluator as _;
+use etude_music::{CONTROL_HZ, KeyEvent, KeySet, repertoire};
+use etude_stage::hand::{TIP_RADIUS, root_lateral};
+use etude_stage::{RAIL, kinematics};
+use etude_task::{Performance, Piece, SongEvaluator, TaskConfig, action, rehearse};
+
+use crate::bench::{nominal, restless, short_piece};
+
+/// A performance that pressed these keys at these control steps.
+fn played(piece: &Piece, pressed: Vec<KeySet>) -> Performance {
+    let mut events = Vec::new();
+    let mut before = KeySet::EMPTY;
+    for (step, now) in pressed.iter().enumerate() {
+        let secs = step as f64 / CONTROL_HZ;
+        events.extend(now.difference(before).iter().map(|key| KeyEvent { secs, key, velocity: 80 }));
+        events.extend(before.difference(*now).iter().map(|key| KeyEvent { secs, key, velocity: 0 }));
+        before = *now;
+    }
+    Performance {
+        due: piece.frames().to_vec(),
+        pressed,
+        events,
+        reference: piece.notes().to_vec(),
+        reward: 0.0,
+        collision_free: 1.0,
+    }
+}
+
+#[test]
+fn playing_what_is_due_is_perfect_for_every_song() {
+    for id in repertoire::ids() {
+        let piece = Piece::new(&repertoire::get(id).unwrap(), 1.0).unwrap();
+        let perfect = played(&piece, piece.frames().to_vec());
+        let scores = perfect.frame_scores();
+        assert_eq!(
+            (scores.f1, scores.pooled_f1, scores.precision, scores.recall),
+            (1.0, 1.0, 1.0, 1.0),
+            "{id}"
+        );
+        let notes = perfect.note_scores();
+        assert_eq!((notes.onset_f1, notes.missed, notes.wrong), (1.0, 0, 0), "{id}");
+        let silent = played(&piece, vec![KeySet::EMPTY; piece.steps()]);
+        let rests = piece.frames().iter().filter(|due| due.is_empty()).count();
+        let expected = rests as f64 / piece.steps() as f64;
+        assert!((silent.frame_scores().f1 - expected).abs() < 1e-12, "silence earns the rests");
+        assert_eq!(silent.frame_scores().pooled_recall, 0.0);
+        assert_eq!(silent.note_scores().onset_f1, 0.0);
+    }
+}
+
+#[test]
+fn a_rehearsal_records_every_step_and_event() {
+    let piece = short_piece();
+    let mut watched = 0;
+    let performance = rehearse(
+        &restless(),
+        &piece,
+        7,
+        &mut |environment, observation, act| {
+            assert_eq!(observation.len(), 369);
+            // A finger over middle C, down every other half second.
+            let world = environment.world();
+            let [x, y, z] = world.key_target(24);
+            let side = world.config().side;
+            let mut targets = world.start_pose();
+            targets[RAIL] = y - root_lateral(side, 1);
+            let height = if environment.position() % 20 > 10 { -0.01 } else { 0.02 };
+            let angles = kinematics::reach(side, 1, [x, y, z + TIP_RADIUS + height], targets[RAIL]);
+            targets[4..8].copy_from_slice(&angles.expect("in reach"));
+            *act = action(&targets);
+        },
+        &mut |_, _| watched += 1,
+    )
+    .unwrap();
+    assert_eq!((watched, performance.pressed.len(), performance.due.len()), (31, 31, 31));
+    let mut down = KeySet::EMPTY;
+    for event in &performance.events {
+        assert_eq!(event.velocity > 0, !down.contains(event.key), "strikes and releases alternate");
+        if event.velocity > 0 {
+            down.insert(event.key)
+        } else {
+            down.remove(event.key)
+        };
+    }
+    assert_eq!(Some(&down), performance.pressed.last());
+    assert!(!performance.events.is_empty(), "the motion is meant to press something");
+    assert!(performance.reward.is_finite());
+}
+
+/// Still hands collide with nothing, whatever the reward pays for.
+#[test]
+fn collisions_are_counted_without_the_collision_term_too() {
+    let piece = short_piece();
+    for weight in [1.0, 0.0, -1.0] {
+        let mut config = nominal();
+        config.reward.insert("collision".into(), weight);
+        let performance = rehearse(
+            &config,
+            &piece,
+            0,
+            &mut |environment, _, act| *act = action(&environment.world().start_pose()),
+            &mut |_, _| {},
+        )
+        .unwrap();
+        assert!(
+            (performance.collision_free - 1.0).abs() < 1e-9,
+            "weight {weight}: {}",
+            performance.collision_free
+        );
+    }
+}
+
+#[test]
+fn evaluation_is_the_nominal_world_and_forgets_nothing_between_calls() {
+    let piece = short_piece();
+    let still = |config: &TaskConfig| {
+        let mut evaluator = SongEvaluator::new(config, &piece).unwrap();
+        let mut act = |observations: &[f32], actions: &mut [f32]| {
+            assert_eq!(observations.len(), 369);
+            actions.fill(0.0);
+        };
+        let first = evaluator.evaluate(&mut act);
+        assert_eq!(evaluator.evaluate(&mut act), first, "two evaluations of one policy agree");
+        first
+    };
+    let scores = still(&nominal());
+    assert_eq!(scores[0].name, "f1");
+    assert_eq!(still(&restless()), scores, "randomisation is for training");
+}
