@@ -28,7 +28,8 @@ Exit codes:
   0  done
   1  it failed; the message on standard error says why
   2  the command line is wrong
-  3  stopped on request (Ctrl-C, SIGTERM); a training has saved itself and `--resume` continues it";
+  3  stopped on request (Ctrl-C, SIGTERM); the training has saved itself and `--resume` continues it
+  130  ended at once by a second Ctrl-C; `--resume` continues from the last checkpoint";
 
 #[derive(Subcommand)]
 enum Verb {
@@ -67,10 +68,22 @@ fn main() -> ExitCode {
         Ok(Ending::Stopped) => ExitCode::from(3),
         Err(error) if broken_pipe(&error) => ExitCode::SUCCESS,
         Err(error) => {
-            let _ = writeln!(std::io::stderr(), "etude: {error:#}");
+            let _ = writeln!(std::io::stderr(), "etude: {}", message(&error));
             ExitCode::FAILURE
         }
     }
+}
+
+/// The error and its causes in one line, each said once: many messages quote their cause already.
+fn message(error: &anyhow::Error) -> String {
+    let mut text = String::new();
+    for cause in error.chain().map(ToString::to_string) {
+        if !text.contains(&cause) {
+            let colon = if text.is_empty() { "" } else { ": " };
+            text = text + colon + &cause;
+        }
+    }
+    text
 }
 
 /// `etude songs | head` is no failure.
@@ -88,5 +101,12 @@ mod tests {
     #[test]
     fn the_command_line_is_consistent() {
         super::Cli::command().debug_assert();
+    }
+
+    #[test]
+    fn a_message_says_everything_once() {
+        let inner = anyhow::anyhow!("no space");
+        let message = |outer: &'static str| super::message(&inner.context(outer));
+        assert_eq!(message("cannot write x: no space; free some"), "cannot write x: no space; free some");
     }
 }

@@ -8,11 +8,16 @@ use std::time::{Duration, Instant};
 use etude_learn::{EvaluationRow, LogRow, StopReason, TrainingObserver};
 use indicatif::{ProgressBar, ProgressStyle};
 
-/// Set by Ctrl-C or SIGTERM. A second Ctrl-C ends the program at once.
+use crate::verbs::note;
+
+/// Exit code of the shell for a program that Ctrl-C ended.
+const INTERRUPTED: i32 = 130;
+
+/// Set by Ctrl-C or SIGTERM. A second one ends the program at once.
 pub fn stop_flag() -> anyhow::Result<Arc<AtomicBool>> {
     let flag = Arc::new(AtomicBool::new(false));
     for signal in [signal_hook::consts::SIGINT, signal_hook::consts::SIGTERM] {
-        signal_hook::flag::register_conditional_shutdown(signal, 3, flag.clone())?;
+        signal_hook::flag::register_conditional_shutdown(signal, INTERRUPTED, flag.clone())?;
         signal_hook::flag::register(signal, flag.clone())?;
     }
     Ok(flag)
@@ -26,15 +31,15 @@ pub struct Progress {
     bar: Option<ProgressBar>,
     total: u64,
     started: Instant,
-    first_step: Option<u64>,
+    first_step: u64,
     last_f1: Option<f64>,
     best_f1: f64,
-    rate: f64,
+    told: bool,
 }
 
 impl Progress {
-    /// Progress toward `total` steps; `limit` ends the training early. Quiet when nobody should read it.
-    pub fn new(total: u64, limit: Option<Duration>, quiet: bool, stop: Arc<AtomicBool>) -> Self {
+    /// Progress from step `first` to `total`; `limit` ends the training early. Quiet when nobody should read it.
+    pub fn new(first: u64, total: u64, limit: Option<Duration>, quiet: bool, stop: Arc<AtomicBool>) -> Self {
         let bar = (!quiet && std::io::stderr().is_terminal()).then(|| {
             let style = ProgressStyle::with_template("{bar:32} {percent:>3} %  {msg}");
             ProgressBar::new(total).with_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()))
@@ -42,15 +47,15 @@ impl Progress {
         let started = Instant::now();
         Self {
             stop,
-            deadline: limit.map(|limit| started + limit),
+            deadline: limit.and_then(|limit| started.checked_add(limit)),
             quiet,
             bar,
             total,
             started,
-            first_step: None,
+            first_step: first,
             last_f1: None,
             best_f1: 0.0,
-            rate: 0.0,
+            told: false,
         }
     }
 
@@ -66,13 +71,13 @@ impl Progress {
             || "F1 not yet evaluated".to_string(),
             |f1| format!("F1 {f1:.3} (best {:.3})", self.best_f1),
         );
-        let made = step.saturating_sub(self.first_step.unwrap_or(0)) as f64;
-        let by_steps =
-            self.started.elapsed().as_secs_f64() / made.max(1.0) * (self.total.saturating_sub(step)) as f64;
+        let rate =
+            step.saturating_sub(self.first_step) as f64 / self.started.elapsed().as_secs_f64().max(1e-3);
+        let by_steps = self.total.saturating_sub(step) as f64 / rate.max(1e-3);
         let left = self.deadline.map_or(by_steps, |deadline| {
             by_steps.min(deadline.saturating_duration_since(Instant::now()).as_secs_f64())
         });
-        format!("{f1}  step {step}  {:.0} steps/s  {} left", self.rate, clock(left))
+        format!("{f1}  step {step}  {rate:.0} steps/s  {} left", clock(left))
     }
 }
 
@@ -84,8 +89,6 @@ fn clock(secs: f64) -> String {
 
 impl TrainingObserver for Progress {
     fn on_log(&mut self, row: &LogRow) {
-        self.first_step.get_or_insert(row.step);
-        self.rate = row.get("perf/steps_per_sec").unwrap_or(self.rate);
         if let Some(bar) = &self.bar {
             bar.set_position(row.step);
             bar.set_message(self.message(row.step));
@@ -99,12 +102,18 @@ impl TrainingObserver for Progress {
         match &self.bar {
             Some(bar) => bar.set_message(self.message(row.step)),
             None if self.quiet => {}
-            None => eprintln!("{:>7.0} s  {}", self.started.elapsed().as_secs_f64(), self.message(row.step)),
+            None => {
+                note(format!("{:>7.0} s  {}", self.started.elapsed().as_secs_f64(), self.message(row.step)))
+            }
         }
     }
 
     fn should_stop(&mut self) -> Option<StopReason> {
         if self.stop.load(Ordering::Relaxed) {
+            if !self.quiet && !std::mem::replace(&mut self.told, true) {
+                self.finish();
+                note("stopping and saving; once more ends at once");
+            }
             return Some(StopReason::Requested);
         }
         self.deadline.is_some_and(|deadline| Instant::now() >= deadline).then_some(StopReason::OutOfTime)

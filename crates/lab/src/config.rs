@@ -73,6 +73,51 @@ pub enum ConfigError {
         /// What is wrong.
         message: String,
     },
+    /// A value of the learner that cannot work.
+    #[error(transparent)]
+    Learner(#[from] etude_learn::ConfigError),
+    /// More environments than any machine of ours holds.
+    #[error("`trainer.num_envs` is {0}, but it must be at most {MOST_ENVS}; change it in the configuration")]
+    TooManyEnvironments(usize),
+    /// A run that has begun cannot change this.
+    #[error(
+        "`{0}` cannot be changed in a run that has begun, only {list}; start a new run with it instead",
+        list = FREE.join(", ")
+    )]
+    Fixed(String),
+}
+
+/// Far beyond what helps; a typing error must not fill the memory with worlds.
+const MOST_ENVS: usize = 4096;
+
+/// What may differ between the parts of a run: none of it decides what the steps already made have led to.
+const FREE: &[&str] = &[
+    "trainer.total_steps",
+    "trainer.log_every_steps",
+    "trainer.evaluate_every_steps",
+    "trainer.checkpoint_every_steps",
+    "trainer.threads",
+    "trainer.overlap",
+];
+
+impl RunConfig {
+    /// With the weight of every reward term, so that it means the same laid over any preset.
+    pub(crate) fn complete(mut self) -> Self {
+        for term in etude_task::reward::TERMS {
+            self.task.reward.entry(term.name.to_string()).or_insert(term.main);
+        }
+        self
+    }
+
+    /// Refuses what cannot work, before anything is built or written.
+    pub(crate) fn check(&self) -> Result<(), ConfigError> {
+        self.droq.validate()?;
+        self.trainer.validate()?;
+        if self.trainer.num_envs > MOST_ENVS {
+            return Err(ConfigError::TooManyEnvironments(self.trainer.num_envs));
+        }
+        Ok(())
+    }
 }
 
 fn preset_names() -> String {
@@ -107,6 +152,16 @@ pub(crate) fn change(config: &RunConfig, overrides: &[String]) -> Result<RunConf
     finish(table, overrides)
 }
 
+/// `config` with single values changed, of those that a run may change when it is continued.
+pub(crate) fn change_free(config: &RunConfig, overrides: &[String]) -> Result<RunConfig, ConfigError> {
+    let key = |text: &String| text.split('=').next().unwrap_or_default().trim().to_string();
+    let changed = change(config, overrides)?;
+    match overrides.iter().map(key).find(|key| !FREE.contains(&key.as_str())) {
+        Some(key) => Err(ConfigError::Fixed(key)),
+        None => Ok(changed),
+    }
+}
+
 fn finish(mut table: toml::Table, overrides: &[String]) -> Result<RunConfig, ConfigError> {
     for text in overrides {
         let (path, value) = text.split_once('=').ok_or_else(|| ConfigError::NotAnOverride(text.clone()))?;
@@ -134,6 +189,13 @@ fn override_table(path: &str, value: &str) -> toml::Table {
         Some(parameter) => vec!["task", "physics", parameter],
         None => path.split('.').collect(),
     };
+    // Steps are counted: `2e6` is as good as `2_000_000`. A whole number does for a real one too.
+    if let toml::Value::Float(whole) = value
+        && whole.fract() == 0.0
+        && (0.0..=9e15).contains(&whole)
+    {
+        value = toml::Value::Integer(whole as i64);
+    }
     // Physical numbers are real: `1` is as good as `1.0`.
     if let (Some("physics" | "reward"), toml::Value::Integer(whole)) = (parts.get(1).copied(), &value) {
         value = toml::Value::Float(*whole as f64);
@@ -191,12 +253,34 @@ mod tests {
     }
 
     #[test]
+    fn numbers_may_be_written_as_people_write_them() {
+        let set = |text: &str| resolve("quick", None, &[text.to_string()]).unwrap();
+        assert_eq!(set("trainer.total_steps=2e6").trainer.total_steps, 2_000_000);
+        assert_eq!(set("droq.initial_temperature=1").droq.initial_temperature, 1.0);
+        assert_eq!(set("droq.initial_temperature=1.0").droq.initial_temperature, 1.0);
+    }
+
+    #[test]
+    fn what_cannot_work_is_refused_and_so_is_a_change_of_what_was_learned() {
+        let check = |text: &str| resolve("quick", None, &[text.to_string()]).unwrap().check();
+        assert!(check("trainer.seed=3").is_ok());
+        assert!(check("droq.batch=0").unwrap_err().to_string().contains("droq.batch"));
+        assert!(check("trainer.num_envs=100000000000").unwrap_err().to_string().contains("at most 4096"));
+        let change = |text: &str| change_free(&RunConfig::default(), &[text.to_string()]);
+        assert_eq!(change("trainer.total_steps=7").unwrap().trainer.total_steps, 7);
+        assert!(
+            change("task.reward.collision=0").unwrap_err().to_string().contains("`task.reward.collision`")
+        );
+    }
+
+    #[test]
     fn errors_name_the_key() {
         let message = |set: &str| resolve("quick", None, &[set.to_string()]).unwrap_err().to_string();
         assert!(message("trainer.sead=3").contains("trainer"), "{}", message("trainer.sead=3"));
         assert!(message("trainer.sead=3").contains("sead"));
         assert!(message("droq.batch=many").contains("droq.batch"));
         assert!(message("nonsense").contains("path=value"));
+        assert!(message("trainer.num_envs=1.5").contains("trainer.num_envs"));
         assert!(resolve("slow", None, &[]).unwrap_err().to_string().contains("quick, paper, appendix"));
     }
 }

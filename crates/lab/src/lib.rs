@@ -1,8 +1,7 @@
 //! Runs: from names and files to a trained policy and its scores.
 //!
 //! [`RunConfig`] is everything that decides a training; it comes in layers (preset, file, overrides) and is written
-//! into the run's folder, where it is itself a valid config file. [`train`] and [`resume`] make policies, [`perform`]
-//! plays them.
+//! into the run's folder, where it is itself a valid config file. A [`Run`] makes policies, [`perform`] plays them.
 
 mod config;
 mod play;
@@ -10,4 +9,4 @@ mod run;
 
 pub use config::{ConfigError, PRESETS, RunConfig, resolve};
 pub use play::{Files, PlayError, Player, Report, load_player, perform, shipped_policies};
-pub use run::{RunError, open_run, resume, train};
+pub use run::{Run, RunError, find_song};

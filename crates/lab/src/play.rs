@@ -15,7 +15,8 @@ use etude_task::{Performance, Piece, TaskError, layout, rehearse, targets};
 use serde::Serialize;
 use serde_json::json;
 
-use crate::config::{RunConfig, change};
+use crate::config::{ConfigError, RunConfig, change};
+use crate::run::policy_in;
 
 /// A song could not be played.
 #[derive(Debug, thiserror::Error)]
@@ -31,6 +32,15 @@ pub enum PlayError {
         /// Folders that were searched.
         places: String,
     },
+    /// The folder holds none.
+    #[error("{0} holds no policy; name the folder of a run, or a policy file")]
+    NoPolicyIn(PathBuf),
+    /// The policy file cannot be read.
+    #[error(transparent)]
+    PolicyFile(#[from] etude_learn::FileError),
+    /// An override is not sound.
+    #[error(transparent)]
+    Config(#[from] ConfigError),
     /// The policy file cannot be used.
     #[error("cannot use the policy {path}: {message}")]
     Policy {
@@ -55,7 +65,7 @@ pub enum PlayError {
     #[error(transparent)]
     File(#[from] FileError),
     /// The folder cannot be made.
-    #[error("cannot make the folder {path}: {source}")]
+    #[error("cannot make the folder {path}: {source}; choose another with -o")]
     Folder {
         /// The folder.
         path: PathBuf,
@@ -103,35 +113,44 @@ pub fn shipped_policies(slug: &str, runs: &Path) -> Vec<PathBuf> {
                 .strip_prefix(slug)
                 .is_some_and(|rest| rest.is_empty() || rest.starts_with("__"))
         })
-        .map(|entry| entry.path().join("policy-best.safetensors"))
-        .filter(|path| path.is_file())
+        .filter_map(|entry| policy_in(&entry.path()))
         .collect();
     own.sort();
     found.extend(own);
     found
 }
 
-/// Loads the policy at `path` (a policy file or a run's folder), or else the best that there is for `slug`.
+/// Loads the policy at `path` (a policy file or a run's folder), or else the best usable one that there is for `slug`,
+/// the short form of the song that was `asked` for.
 ///
 /// # Errors
 /// If there is none, or it cannot be used.
-pub fn load_player(slug: &str, path: Option<&Path>, runs: &Path) -> Result<Player, PlayError> {
+pub fn load_player(asked: &str, slug: &str, path: Option<&Path>, runs: &Path) -> Result<Player, PlayError> {
     if let Some(path) = path {
-        let file = if path.is_dir() { path.join("policy-best.safetensors") } else { path.to_path_buf() };
-        return open(&file);
+        if !path.is_dir() {
+            return open(path);
+        }
+        return open(&policy_in(path).ok_or_else(|| PlayError::NoPolicyIn(path.to_path_buf()))?);
     }
-    let mut players: Vec<Player> =
-        shipped_policies(slug, runs).iter().map(|path| open(path)).collect::<Result<_, _>>()?;
+    // One damaged file must not keep the others from playing.
+    let (mut players, mut errors) = (Vec::new(), Vec::new());
+    for path in shipped_policies(slug, runs) {
+        match open(&path) {
+            Ok(player) => players.push(player),
+            Err(error) => errors.push(error),
+        }
+    }
     players.sort_by(|a, b| b.claimed_f1.unwrap_or(0.0).total_cmp(&a.claimed_f1.unwrap_or(0.0)));
-    players.into_iter().next().ok_or_else(|| PlayError::NoPolicy {
-        song: slug.to_string(),
+    let none = || PlayError::NoPolicy {
+        song: asked.to_string(),
         places: format!("policies/ and {}", runs.display()),
-    })
+    };
+    players.into_iter().next().ok_or_else(|| errors.into_iter().next().unwrap_or_else(none))
 }
 
 fn open(path: &Path) -> Result<Player, PlayError> {
     let fail = |message: String| PlayError::Policy { path: path.to_path_buf(), message };
-    let policy = Policy::load(path).map_err(|e| fail(e.to_string()))?;
+    let policy = Policy::load(path)?;
     let notes = &policy.header().notes;
     let training = &notes["training"];
     let config: RunConfig = serde_json::from_value(training["config"].clone())
@@ -151,8 +170,7 @@ impl Player {
     /// # Errors
     /// If an override is not sound, or would change what the policy sees.
     pub fn reconfigure(&mut self, overrides: &[String]) -> Result<(), PlayError> {
-        let changed = change(&self.config, overrides)
-            .map_err(|e| PlayError::Policy { path: self.path.clone(), message: e.to_string() })?;
+        let changed = change(&self.config, overrides)?;
         if layout(&changed.task) != self.policy.header().layout {
             let message = "it was trained for another observation than these overrides make".to_string();
             return Err(PlayError::Policy { path: self.path.clone(), message });

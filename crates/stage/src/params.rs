@@ -123,11 +123,12 @@ rows! {
         VelocityLimit = joint("velocity_limit", "rad/s", 7.0, 0.8, [0.01, 50.0],
             "largest velocity of the reference trajectory (fingers: v4 description; rail: below the arm's 1 m/s)"),
         /// Acceleration limit.
-        AccelerationLimit = joint("acceleration_limit", "rad/s²", 200.0, 8.0, [0.1, 5_000.0],
+        AccelerationLimit = joint("acceleration_limit", "rad/s²", 300.0, 10.0, [0.1, 5_000.0],
             "largest acceleration of the reference trajectory; our choice, well inside what the torque allows"),
         /// Jerk limit.
-        JerkLimit = joint("jerk_limit", "rad/s³", 15_000.0, 200.0, [1.0, 1e6],
-            "largest jerk of the reference trajectory; our choice until identified"),
+        JerkLimit = joint("jerk_limit", "rad/s³", 60_000.0, 1000.0, [1.0, 1e6],
+            "largest jerk of the reference trajectory; our choice until identified (the arm's servo mode has no limit of \
+             its own); docs/results/learning.md says what slower joints cost"),
         /// Delay.
         Delay = joint("delay", "s", 0.0, 0.0, [0.0, 0.1],
             "time from a target to its effect, in whole physics steps"),

@@ -239,7 +239,7 @@ impl World {
     }
 
     /// One control step toward `targets` (encoder readings: rad, the rail in m). Targets beyond a joint's range are
-    /// clamped to it.
+    /// clamped to what the encoder reads at its ends.
     pub fn step(&mut self, targets: &[f64; JOINTS]) -> StepOutcome {
         self.step_watched(targets, |_| {})
     }
@@ -263,7 +263,7 @@ impl World {
             let [low, high] = joint_range(joint);
             let (position, velocity) = (self.data.qpos()[dof], self.data.qvel()[dof]);
             let gains = &self.gains[joint];
-            let target = target.clamp(low, high);
+            let target = target.clamp(gains.measured(low), gains.measured(high));
             let torque = self.controllers[joint].torque(gains, target, gains.measured(position), velocity);
             let power = (torque * velocity).abs();
             if joint == RAIL {

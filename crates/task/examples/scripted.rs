@@ -1,66 +1,151 @@
-//! Lag experiment.
-use etude_stage::*;
-use etude_stage::geometry::*;
-fn main() {
-    let cfg = StageConfig::default();
-    let mut w = World::new(&cfg, &PhysicalParams::default()).unwrap();
-    let side = cfg.side;
-    for (key, hover, xx) in [(24usize, 0.010, None), (24, 0.010, Some(0.035)), (24, 0.006, None), (25, 0.010, None)] {
-        let shape = KeyShape::of(key);
-        let [x0, y, _] = key_target(key);
-        let x = xx.unwrap_or(x0);
-        let top = shape.top() + hand::TIP_RADIUS;
-        let lever = (x - (shape.x - shape.size[0] / 2.0)) / shape.size[0] * shape.travel;
-        for depth in [0.7, 0.85, 1.0, 1.2, 1.5, 2.0] {
-            for finger in [1usize] {
-                w.reset();
-                let mut t = w.start_pose();
-                let base = kinematics::fingertip(side, finger, &[0.0, 1.0, 0.6, 0.0], 0.0);
-                let rail = y - base[1];
-                t[RAIL] = rail;
-                let f = |z: f64| kinematics::reach(side, finger, [x, y, z], rail).unwrap();
-                t[finger * 4..][..4].copy_from_slice(&f(top + hover));
-                w.reset_to(&t);
-                for _ in 0..10 { w.step(&t); }
-                let t0 = w.time_secs();
-                t[finger * 4..][..4].copy_from_slice(&f(top - depth * lever));
-                let (mut on, mut off) = (vec![], vec![]);
-                let mut steady = 0.0;
-                let mut peak: f64 = 0.0;
-                for s in 0..20 {
-                    w.step(&t);
-                    on.extend(w.events().iter().map(|e| (e.key, e.velocity > 0, ((e.secs - t0) * 1e3).round())));
-                    steady = w.key_travel(key);
-                    peak = peak.max(steady);
-                    let _ = s;
+//! The scripted player on every song of the repertoire: a table of scores and what limits each song.
+//!
+//! `scripted` prints the table, `scripted lag` the measurement behind the leads in `ScriptedConfig`, `scripted detail ID`
+//! the strikes and releases of one song.
+#![allow(clippy::print_stdout)] // An example talks to the terminal.
+
+use std::error::Error;
+
+use etude_music::{CONTROL_HZ, pitch_name, repertoire};
+use etude_stage::geometry::{KeyShape, key_target};
+use etude_stage::hand::{FINGER_JOINTS, TIP_RADIUS};
+use etude_stage::{RAIL, World, kinematics};
+use etude_task::{ACTION_LEN, Environment, Performance, Piece, ScriptedConfig, ScriptedPlayer, TaskConfig, TaskError, rehearse};
+
+fn main() -> Result<(), Box<dyn Error>> {
+    let arguments: Vec<String> = std::env::args().skip(1).collect();
+    let config = TaskConfig::default();
+    match arguments.iter().map(String::as_str).collect::<Vec<_>>()[..] {
+        [] => table(&config),
+        ["sweep"] => {
+            for berth in [0.0, 0.0255] { for depth in [1.2, 1.5] { for change in [2usize, 3, 4] { for bc in [4usize, 6] { for rl in [1usize, 2] { for play in [0.016, 0.020, 0.024] {
+                let script = ScriptedConfig { berth_m: berth, depth, change_steps: change, black_change_steps: bc, rail_lead: rl, play_m: play, ..Default::default() };
+                print!("berth {berth} depth {depth} change {change} bc {bc} rl {rl} play {play}:");
+                let mut sum = 0.0; let mut free = 0.0;
+                for id in repertoire::ids() {
+                    let piece = Piece::new(&repertoire::get(id).unwrap(), 1.0)?;
+                    let player = ScriptedPlayer::plan(&config.stage, &config.params()?, &piece, &script)?;
+                    let mut act = |environment: &Environment, _: &[f32], action: &mut [f32; ACTION_LEN]| {
+                        *action = player.action(environment.position());
+                    };
+                    let p = rehearse(&config, &piece, 0, &mut act, &mut |_, _| {})?;
+                    let f = p.frame_scores().f1; free += p.collision_free;
+                    print!(" {f:.3}"); sum += f;
                 }
-                let t1 = w.time_secs();
-                let tip = w.fingertip(finger)[2] - top;
-                t[finger * 4..][..4].copy_from_slice(&f(top + hover));
-                for _ in 0..20 {
-                    w.step(&t);
-                    off.extend(w.events().iter().map(|e| (e.key, e.velocity > 0, ((e.secs - t1) * 1e3).round())));
+                println!(" mean {:.4} free {:.3}", sum / 7.0, free / 7.0);
+            }}}}}}
+            Ok(())
+        }
+        ["trace", id] => {
+            let piece = Piece::new(&repertoire::get(id).unwrap(), 1.0)?;
+            let player = ScriptedPlayer::new(&config, &piece)?;
+            let mut act = |environment: &Environment, _: &[f32], action: &mut [f32; ACTION_LEN]| {
+                *action = player.action(environment.position());
+            };
+            rehearse(&config, &piece, 0, &mut act, &mut |e, _| {
+                let w = e.world(); let s = e.position() - 1;
+                let t = player.targets(s);
+                print!("{s} due {} pressed {} rail {:.1}", piece.due(s), e.pressed(), w.joints()[12] * 1e3);
+                for f in 0..3 {
+                    let p = w.fingertip(f).map(|v| (v * 1e4).round() / 10.0);
+                    let a: [f64; 4] = std::array::from_fn(|i| t[f * 4 + i]);
+                    let q = kinematics::fingertip(config.stage.side, f, &a, w.joints()[12]).map(|v| (v * 1e4).round() / 10.0);
+                    print!(" | {p:?} -> {q:?}");
                 }
-                println!("key {key} x {x:.3} hover {hover} depth {depth}: on {on:?} off {off:?} steady {steady:.2} peak {peak:.2} tip {:.1} wanted {:.1} mm", tip*1e3, -depth*lever*1e3);
-            }
+                println!();
+            })?;
+            Ok(())
+        }
+        ["lag"] => lag(&config),
+        ["detail", id] => detail(&config, id),
+        _ => Err("usage: scripted [lag | detail ID]".into()),
+    }
+}
+
+fn perform(config: &TaskConfig, id: &str) -> Result<(ScriptedPlayer, Performance), Box<dyn Error>> {
+    let song = repertoire::get(id).ok_or("no such song")?;
+    let piece = Piece::new(&song, config.initial_silence_secs)?;
+    let player = ScriptedPlayer::new(config, &piece)?;
+    let mut act = |environment: &Environment, _: &[f32], action: &mut [f32; ACTION_LEN]| {
+        *action = player.action(environment.position());
+    };
+    let performance = rehearse(config, &piece, 0, &mut act, &mut |_, _| {})?;
+    Ok((player, performance))
+}
+
+fn table(config: &TaskConfig) -> Result<(), Box<dyn Error>> {
+    println!("{:18} {:>6} {:>9} {:>6} {:>8} {:>6}  limits", "song", "f1", "precision", "recall", "onset_f1", "free");
+    for id in repertoire::ids() {
+        let (player, performance) = perform(config, id)?;
+        let (frame, note) = (performance.frame_scores(), performance.note_scores());
+        println!(
+            "{id:18} {:6.3} {:9.3} {:6.3} {:8.3} {:6.3}  {}",
+            frame.f1, frame.precision, frame.recall, note.onset_f1, performance.collision_free, player.limits()
+        );
+    }
+    Ok(())
+}
+
+fn detail(config: &TaskConfig, id: &str) -> Result<(), Box<dyn Error>> {
+    let (player, performance) = perform(config, id)?;
+    for limit in &player.limits().notes {
+        println!("{limit}");
+    }
+    for (step, (due, pressed)) in performance.due.iter().zip(&performance.pressed).enumerate() {
+        if due != pressed {
+            println!("step {step}: due {due}, pressed {pressed}");
         }
     }
-    for d in [0.005, 0.01, 0.0232, 0.0465, 0.07, 0.1, 0.2] {
-        w.reset();
-        let mut t = w.start_pose();
-        for _ in 0..5 { w.step(&t); }
-        t[RAIL] = d;
-        print!("rail {d}:");
-        for _ in 0..14 { w.step(&t); print!(" {:.1}", w.joints()[RAIL] * 1e3); }
+    for event in &performance.events {
+        let what = if event.velocity > 0 { "down" } else { "up" };
+        let name = pitch_name(etude_music::LOWEST_PITCH + event.key as u8);
+        println!("{name:4} {what:4} step {:.1} velocity {}", event.secs * CONTROL_HZ, event.velocity);
+    }
+    Ok(())
+}
+
+/// Times from a change of target to the key's threshold, for one finger over one key.
+fn lag(config: &TaskConfig) -> Result<(), Box<dyn Error>> {
+    let script = ScriptedConfig::default();
+    let params = config.params()?;
+    let mut world = World::new(&config.stage, &params).map_err(TaskError::from)?;
+    const FINGER: usize = 1;
+    for (key, depth) in [24, 25].into_iter().flat_map(|key| [0.7, 1.0, 1.2, 1.5].map(|depth| (key, depth))) {
+        let shape = KeyShape::of(key);
+        let [x, y, _] = key_target(key);
+        let travel = shape.max_angle() * (x - shape.x + shape.size[0] / 2.0);
+        let top = shape.top() + TIP_RADIUS;
+        world.reset();
+        let mut pose = world.start_pose();
+        pose[RAIL] = y;
+        let angles = |z: f64| kinematics::reach(config.stage.side, FINGER, [x, y, z], y).ok_or("out of reach");
+        let slots = FINGER * FINGER_JOINTS..(FINGER + 1) * FINGER_JOINTS;
+        let (up, down) = (angles(top + script.hover_m)?, angles(top - depth * travel)?);
+        pose[slots.clone()].copy_from_slice(&up);
+        world.reset_to(&pose);
+        let mut times = [f64::NAN; 2];
+        for (time, target) in times.iter_mut().zip([down, up]) {
+            let begin = world.time_secs();
+            pose[slots.clone()].copy_from_slice(&target);
+            for _ in 0..20 {
+                world.step(&pose);
+                if let Some(event) = world.events().iter().find(|event| event.key == key) {
+                    *time = (event.secs - begin) * 1e3;
+                }
+            }
+        }
+        println!("{:4} depth {depth}: strike after {:.0} ms, release after {:.0} ms", pitch_name(36 + key as u8), times[0], times[1]);
+    }
+    for distance in [0.01, 0.0232, 0.0465, 0.1, 0.2] {
+        world.reset();
+        let mut pose = world.start_pose();
+        pose[RAIL] = distance;
+        print!("rail {:3.0} mm, % of the way after each control step:", distance * 1e3);
+        for _ in 0..14 {
+            world.step(&pose);
+            print!(" {:.0}", world.joints()[RAIL] / distance * 100.0);
+        }
         println!();
     }
-    for d in [0.05, 0.1, 0.2] {
-        w.reset();
-        let mut t = w.start_pose();
-        for _ in 0..5 { w.step(&t); }
-        t[4] += d;
-        print!("roll {d}:");
-        for _ in 0..8 { w.step(&t); print!(" {:.3}", w.joints()[4]-t[4]+d); }
-        println!();
-    }
+    Ok(())
 }

@@ -14,6 +14,7 @@ mod performance;
 mod piece;
 mod randomise;
 pub mod reward;
+pub mod scripted;
 mod vector;
 
 pub use assignment::assign;
@@ -24,6 +25,7 @@ pub use observation::{ObservationScale, layout, observe};
 pub use performance::{Act, Performance, Watch, rehearse};
 pub use piece::Piece;
 pub use randomise::{RANDOMISED, Randomisation, RandomisationConfig};
+pub use scripted::{ScriptedConfig, ScriptedPlayer};
 pub use vector::VectorPiano;
 
 /// Length of an action: one target per driven joint.

@@ -19,7 +19,7 @@ pub struct Args {
     #[command(flatten)]
     config: ConfigArgs,
     /// Seconds for each measurement
-    #[arg(long, default_value_t = 5.0, value_name = "SECS")]
+    #[arg(long, default_value_t = 5.0, value_name = "SECS", value_parser = super::positive, allow_hyphen_values = true)]
     secs: f64,
     /// Also run the same update in JAX, with the script in this folder
     #[arg(long, value_name = "DIR", num_args = 0..=1, default_missing_value = "benches/peers")]

@@ -9,6 +9,7 @@ use crate::Ending;
 
 /// How to print.
 #[derive(clap::Args)]
+#[command(after_help = "Nothing that is missing here keeps the simulation from learning and playing.")]
 pub struct Args {
     /// Print JSON: a list of name, ok, found, cost
     #[arg(long)]

@@ -14,7 +14,7 @@ use etude_lab::RunConfig;
 /// The layers of configuration that several verbs take.
 #[derive(clap::Args)]
 pub struct ConfigArgs {
-    /// Start from this preset: quick, paper or appendix
+    /// Start from this preset: quick (a song in minutes), paper (as published) or appendix (the paper's variant)
     #[arg(long, default_value = "quick", value_name = "NAME")]
     preset: String,
     /// Then take what this TOML file says
@@ -29,6 +29,16 @@ impl ConfigArgs {
     fn resolve(&self, more: &[String]) -> anyhow::Result<RunConfig> {
         let overrides = [self.overrides.as_slice(), more].concat();
         Ok(etude_lab::resolve(&self.preset, self.config.as_deref(), &overrides)?)
+    }
+}
+
+/// A length of time on the command line: a number above zero, and not so large that clocks overflow.
+fn positive(text: &str) -> Result<f64, String> {
+    let value: f64 = text.parse().map_err(|_| "it is not a number".to_string())?;
+    if value > 0.0 && value <= 1e9 {
+        Ok(value)
+    } else {
+        Err("it must be above 0, for example 10".to_string())
     }
 }
 
@@ -53,13 +63,25 @@ fn line(text: impl std::fmt::Display) -> anyhow::Result<()> {
     Ok(())
 }
 
+/// Prints one line on standard error; if nobody listens there, the work goes on all the same.
+pub fn note(text: impl std::fmt::Display) {
+    use std::io::Write as _;
+    let _ = writeln!(std::io::stderr(), "{text}");
+}
+
 fn json(value: &impl serde::Serialize) -> anyhow::Result<()> {
     line(serde_json::to_string_pretty(value)?)
 }
 
 #[cfg(test)]
 mod tests {
-    use super::slug;
+    use super::{positive, slug};
+
+    #[test]
+    fn times_are_positive_numbers() {
+        assert_eq!(positive("0.5"), Ok(0.5));
+        assert!(["-1", "0", "nan", "inf", "1e300", "soon"].iter().all(|text| positive(text).is_err()));
+    }
 
     #[test]
     fn slugs_are_folder_names() {

@@ -10,6 +10,11 @@ use crate::Ending;
 
 /// What to show of the model.
 #[derive(clap::Args)]
+#[command(after_help = "\
+Examples:
+  etude model params
+  etude model export -o world.xml
+  etude model export --set task.stage.side=right --set task.stage.fences=false -o right.xml")]
 pub struct Args {
     #[command(subcommand)]
     what: What,

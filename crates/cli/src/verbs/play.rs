@@ -3,8 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use anyhow::Context as _;
-use etude_lab::{Report, load_player, perform};
-use etude_music::resolve;
+use etude_lab::{Report, find_song, load_player, perform};
 use etude_music::sound::SoundFont;
 
 use super::{json, line, slug};
@@ -43,17 +42,17 @@ pub struct Args {
 
 /// Runs the verb.
 pub fn run(args: Args) -> anyhow::Result<Ending> {
-    let song = resolve(&args.song)?;
+    let song = find_song(&args.song)?;
     let name = slug(&args.song);
-    let mut player = load_player(&name, args.policy.as_deref(), Path::new("runs"))?;
+    let mut player = load_player(&args.song, &name, args.policy.as_deref(), Path::new("runs"))?;
     if !args.overrides.is_empty() {
         player.reconfigure(&args.overrides)?;
     }
     if let Some(learned) = player.song.as_deref().filter(|learned| *learned != song.title()) {
-        eprintln!(
+        super::note(format!(
             "warning: this policy learned `{learned}`; it plays `{}` from the sheet alone",
             song.title()
-        );
+        ));
     }
     let font = args.soundfont.as_deref().map(SoundFont::load).transpose().context("no sound")?;
     let folder = args.out.unwrap_or_else(|| PathBuf::from("out").join(&name));

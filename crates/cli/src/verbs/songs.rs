@@ -2,8 +2,8 @@
 
 use std::path::PathBuf;
 
-use etude_lab::shipped_policies;
-use etude_music::{CONTROL_HZ, pitch_name, repertoire, resolve};
+use etude_lab::{find_song, shipped_policies};
+use etude_music::{CONTROL_HZ, pitch_name, repertoire};
 use serde::Serialize;
 
 use super::{json, line};
@@ -11,6 +11,11 @@ use crate::Ending;
 
 /// What to show.
 #[derive(clap::Args)]
+#[command(after_help = "\
+Examples:
+  etude songs
+  etude songs show happy-birthday
+  etude songs show my-song.mid --frames due.csv")]
 pub struct Args {
     #[command(subcommand)]
     what: Option<What>,
@@ -29,7 +34,7 @@ enum What {
         #[arg(long, value_name = "OUT.csv")]
         frames: Option<PathBuf>,
         /// Silence before the first note, s
-        #[arg(long, default_value_t = 1.0, value_name = "SECS")]
+        #[arg(long, default_value_t = 1.0, value_name = "SECS", allow_hyphen_values = true)]
         initial_silence: f64,
         /// Print JSON: title, notes, secs, frames, lowest, highest, warnings
         #[arg(long)]
@@ -94,7 +99,7 @@ fn list(as_json: bool) -> anyhow::Result<()> {
 }
 
 fn show(name: &str, frames_csv: Option<PathBuf>, silence: f64, as_json: bool) -> anyhow::Result<()> {
-    let song = resolve(name)?;
+    let song = find_song(name)?;
     let fits = song.check_range();
     let frames = if fits.is_ok() { song.episode_frames(CONTROL_HZ, silence)? } else { Vec::new() };
     let pitches = || song.notes().iter().map(|note| note.pitch);

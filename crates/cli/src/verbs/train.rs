@@ -1,15 +1,13 @@
 //! `etude train`: learn a song.
 
-use std::path::PathBuf;
-use std::sync::atomic::Ordering;
+use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-use anyhow::Context as _;
-use etude_learn::Outcome;
-use etude_music::resolve;
+use etude_lab::{Run, find_song};
+use etude_learn::{Outcome, StopReason};
 use serde_json::json;
 
-use super::{ConfigArgs, line, slug};
+use super::{ConfigArgs, line, note, slug};
 use crate::Ending;
 use crate::progress::{Progress, stop_flag};
 
@@ -22,7 +20,8 @@ checkpoints. Ctrl-C and SIGTERM save before they stop; after a kill -9 at most o
 Examples:
   etude train twinkle --minutes 10
   etude train my-song.mid --set trainer.seed=3 --set trainer.total_steps=2e6
-  etude train --resume runs/twinkle__quick__0")]
+  etude train --resume runs/twinkle__quick__0
+  etude train --resume runs/twinkle__quick__0 --set trainer.total_steps=3e6")]
 pub struct Args {
     /// A built-in id (see `etude songs`) or a MIDI file
     #[arg(required_unless_present = "resume", conflicts_with = "resume")]
@@ -32,11 +31,11 @@ pub struct Args {
     /// The run's folder; runs/SONG__PRESET__SEED if not given
     #[arg(short = 'o', long = "out", value_name = "DIR", conflicts_with = "resume")]
     out: Option<PathBuf>,
-    /// Continue the run in this folder, bit for bit
-    #[arg(long, value_name = "DIR")]
+    /// Continue the run in this folder, bit for bit; --set may change its steps, intervals and threads, nothing else
+    #[arg(long, value_name = "DIR", conflicts_with_all = ["preset", "config"])]
     resume: Option<PathBuf>,
-    /// Stop after this much time, saving everything
-    #[arg(long, value_name = "MINUTES")]
+    /// Stop after this much time, counted from this start, saving everything
+    #[arg(long, value_name = "MINUTES", value_parser = super::positive, allow_hyphen_values = true)]
     minutes: Option<f64>,
     /// Print nothing but one JSON object at the end: run, policy, song, f1, step, updates, secs, stopped
     #[arg(long)]
@@ -45,75 +44,73 @@ pub struct Args {
 
 /// Runs the verb.
 pub fn run(args: Args) -> anyhow::Result<Ending> {
-    let limit = args
-        .minutes
-        .map(|minutes| Duration::try_from_secs_f64(minutes * 60.0))
-        .transpose()
-        .context("--minutes must be a time, for example 10")?;
+    let limit = args.minutes.map(|minutes| Duration::from_secs_f64(minutes * 60.0));
     let stop = stop_flag()?;
-    let (folder, title, mut progress, outcome) = match (&args.resume, &args.song) {
-        (Some(folder), _) => {
-            let (song, config) = etude_lab::open_run(folder)?;
-            let mut progress = Progress::new(config.trainer.total_steps, limit, args.json, stop.clone());
-            let outcome = etude_lab::resume(folder, &mut progress);
-            (folder.clone(), song.title().to_string(), progress, outcome)
-        }
+    let (folder, mut run) = match (&args.resume, &args.song) {
+        (Some(folder), _) => (folder.clone(), Run::resume(folder, &args.config.overrides)?),
         (None, song) => {
             let name = song.as_deref().unwrap_or_default();
-            let song = resolve(name)?;
+            let song = find_song(name)?;
             let config = args.config.resolve(&[])?;
             let folder = args.out.clone().unwrap_or_else(|| {
                 PathBuf::from(format!("runs/{}__{}__{}", slug(name), args.config.preset, config.trainer.seed))
             });
-            if !args.json {
-                announce(&song, &folder, &config)?;
-            }
             let command = std::env::args().collect::<Vec<_>>().join(" ");
-            let mut progress = Progress::new(config.trainer.total_steps, limit, args.json, stop.clone());
-            let outcome = etude_lab::train(&song, &config, &folder, &command, &mut progress);
-            (folder, song.title().to_string(), progress, outcome)
+            let run = Run::start(song, config, &folder, &command)?;
+            (folder, run)
         }
     };
+    if !args.json {
+        announce(&run, &folder)?;
+    }
+    let total = run.config().trainer.total_steps;
+    let mut progress = Progress::new(run.step(), total, limit, args.json, stop);
+    let outcome = run.run(&mut progress);
     progress.finish();
     let outcome = outcome?;
-    report(&args, &folder, &title, &outcome)?;
-    let _ = &mut progress;
-    Ok(if stop.load(Ordering::Relaxed) { Ending::Stopped } else { Ending::Done })
+    report(&args, &folder, &run, &outcome)?;
+    Ok(if outcome.stopped == Some(StopReason::Requested) { Ending::Stopped } else { Ending::Done })
 }
 
-fn announce(
-    song: &etude_music::Song,
-    folder: &std::path::Path,
-    config: &etude_lab::RunConfig,
-) -> anyhow::Result<()> {
-    for warning in song.warnings() {
-        eprintln!("warning: {warning}");
+fn announce(run: &Run, folder: &Path) -> anyhow::Result<()> {
+    for warning in run.song().warnings() {
+        note(format!("warning: {warning}"));
     }
+    let trainer = &run.config().trainer;
+    let begun = match run.step() {
+        0 => String::new(),
+        step => format!(", going on after {step}"),
+    };
     line(format!(
-        "Learning {} ({} notes): {} steps in {} at a time, into {}",
-        song.title(),
-        song.notes().len(),
-        config.trainer.total_steps,
-        config.trainer.num_envs,
+        "Learning {} ({} notes): {} steps in {} at a time{begun}, into {}",
+        run.song().title(),
+        run.song().notes().len(),
+        trainer.total_steps,
+        trainer.num_envs,
         folder.display()
     ))
 }
 
-fn report(args: &Args, folder: &std::path::Path, title: &str, outcome: &Outcome) -> anyhow::Result<()> {
-    let policy = folder.join("policy-best.safetensors");
+fn report(args: &Args, folder: &Path, run: &Run, outcome: &Outcome) -> anyhow::Result<()> {
     let best = outcome.best.as_ref();
+    let policy =
+        folder.join(if best.is_some() { "policy-best.safetensors" } else { "policy-last.safetensors" });
     let f1 = best.and_then(|best| best.scores.first()).map(|score| score.value);
     if args.json {
         return super::json(&json!({
             "run": folder,
             "policy": policy,
-            "song": title,
+            "song": run.song().title(),
             "f1": f1,
             "best_step": best.map(|best| best.step),
             "step": outcome.step,
             "updates": outcome.updates,
             "secs": outcome.elapsed_secs,
-            "stopped": outcome.stopped.map(|reason| format!("{reason:?}").to_lowercase()),
+            "stopped": outcome.stopped.map(|reason| match reason {
+                StopReason::Requested => "requested",
+                StopReason::OutOfTime => "out-of-time",
+                StopReason::GoodEnough => "good-enough",
+            }),
         }));
     }
     line(format!(
@@ -125,14 +122,14 @@ fn report(args: &Args, folder: &std::path::Path, title: &str, outcome: &Outcome)
     ))?;
     match f1 {
         Some(f1) => line(format!("Best F1 {f1:.3}; the policy is {}", policy.display()))?,
-        None => line("Not evaluated yet: no policy to play")?,
+        None => line(format!("Not evaluated yet; the policy so far is {}", policy.display()))?,
     }
+    let song = args.song.clone().unwrap_or_else(|| folder.join("song.mid").display().to_string());
+    line(format!("Play it with:  etude play {song} --policy {}", folder.display()))?;
+    let resume = format!("etude train --resume {}", folder.display());
     if outcome.stopped.is_some() {
-        line(format!("Continue with: etude train --resume {}", folder.display()))?;
+        line(format!("Continue with: {resume}"))
+    } else {
+        line(format!("Learn on with: {resume} --set trainer.total_steps={}", 2 * outcome.step))
     }
-    if f1.is_some() {
-        let song = args.song.clone().unwrap_or_else(|| folder.join("song.mid").display().to_string());
-        line(format!("Play it with:  etude play {song} --policy {}", folder.display()))?;
-    }
-    Ok(())
 }

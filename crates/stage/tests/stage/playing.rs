@@ -40,10 +40,10 @@ fn every_key_sounds_alone_and_as_long_as_it_is_held() {
             let config = StageConfig { side, fences, ..StageConfig::default() };
             let mut world = World::new(&config, &PhysicalParams::default()).unwrap();
             let mut reached = [0; KEYS];
-            for key in 0..KEYS {
+            for (key, reached) in reached.iter_mut().enumerate() {
                 for finger in 0..FINGERS {
                     let Some((before, held)) = press(&mut world, finger, key) else { continue };
-                    reached[key] += 1;
+                    *reached += 1;
                     if !before.difference(only(key)).is_empty() || held.iter().any(|down| *down != only(key))
                     {
                         let downs = held.iter().filter(|down| **down == only(key)).count();

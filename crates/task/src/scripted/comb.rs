@@ -24,8 +24,9 @@ impl Comb {
 
     /// Place `[x, y]` over a key, m.
     pub(super) fn over(&self, key: usize) -> [f64; 2] {
-        let [x, y, _] = key_target(key);
-        let x = if key_is_black(key) { x } else { WHITE.x + self.config.white_x_m };
+        let [_, y, _] = key_target(key);
+        let black = key_is_black(key);
+        let x = if black { BLACK.x + self.config.black_x_m } else { WHITE.x + self.config.white_x_m };
         [x + self.keyboard[0], y + self.keyboard[1]]
     }
 

@@ -1,7 +1,7 @@
 //! The numbers of the scripted player: heights, lags and what each shortcoming costs in the choice of fingers.
 //!
-//! The lags were measured in the nominal world by stepping one target and reading the physics steps at which keys
-//! cross their threshold; `cargo run --release -p etude-task --example scripted -- lag` prints the measurement again.
+//! Found by playing the repertoire with a few values of each. The lags of the joints are measured, not set: see
+//! `lags.rs`.
 
 use serde::{Deserialize, Serialize};
 
@@ -20,40 +20,41 @@ pub struct ScriptedConfig {
     pub play_m: f64,
     /// Nearest that two neighbouring fingers may press at once, m: the width of a finger's links.
     pub separation_m: f64,
+    /// Nearest that a waiting finger comes to a neighbour that plays, m.
+    pub berth_m: f64,
     /// Where white keys are pressed, m toward the player from their middle.
     pub white_x_m: f64,
-    /// Control steps from a strike's target to the first step in which the key sounds.
-    pub strike_lead: usize,
-    /// The same for a strike that follows the release of the same key at once.
-    pub restrike_lead: usize,
-    /// Control steps from the target that lifts a finger to the first step in which the key no longer sounds.
-    pub release_lead: usize,
+    /// Where black keys are pressed, m toward the player from their middle: near the front, so that a finger has not
+    /// far to go from the white keys.
+    pub black_x_m: f64,
     /// Control steps by which the rail sets off before the release of the note that it leaves.
     pub rail_lead: usize,
     /// Silent control steps that a finger needs between two different keys.
     pub change_steps: usize,
+    /// The same from a white key to a black one or back: up, across the edge, down.
+    pub black_change_steps: usize,
+    /// Control steps in which a finger crosses the edge between white and black keys.
+    pub cross_steps: usize,
     /// Control steps that a lifted finger stays over its old key, so that it clears fences before it moves aside.
     pub lift_steps: usize,
-    /// How far ahead a finger looks along the rail's path, s: the mean lag of a finger joint behind its target.
-    pub follow_secs: f64,
 }
 
 impl Default for ScriptedConfig {
     fn default() -> Self {
         Self {
             hover_m: 0.006,
-            travel_m: 0.006,
-            depth: 1.2,
-            play_m: 0.016,
+            travel_m: 0.010,
+            depth: 1.5,
+            play_m: 0.020,
             separation_m: 0.021,
-            white_x_m: 0.030,
-            strike_lead: 2,
-            restrike_lead: 1,
-            release_lead: 1,
+            berth_m: 0.0255,
+            white_x_m: 0.028,
+            black_x_m: 0.034,
             rail_lead: 2,
-            change_steps: 3,
-            lift_steps: 2,
-            follow_secs: 0.125,
+            change_steps: 4,
+            black_change_steps: 7,
+            cross_steps: 2,
+            lift_steps: 1,
         }
     }
 }

@@ -1,0 +1,109 @@
+//! The real `etude`, driven as people drive it: in a scratch folder, by its arguments, signals, output and files.
+
+mod mistakes;
+mod playing;
+mod printing;
+mod songs;
+mod training;
+
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
+
+use etude_music::{Note, Song};
+
+/// Settings with which a training takes a second.
+const TINY: &[&str] = &[
+    "trainer.total_steps=400",
+    "trainer.num_envs=2",
+    "trainer.warmup_steps=100",
+    "trainer.log_every_steps=100",
+    "trainer.evaluate_every_steps=200",
+    "trainer.checkpoint_every_steps=100",
+    "droq.hidden=[16,16]",
+    "droq.batch=16",
+];
+
+/// A scratch folder with `short.mid`, a song of three notes, in which commands run.
+pub struct Desk {
+    folder: tempfile::TempDir,
+}
+
+impl Desk {
+    /// A fresh one.
+    pub fn new() -> Self {
+        let desk = Self { folder: tempfile::tempdir().unwrap() };
+        desk.write_song("short.mid", [60, 62, 64]);
+        desk
+    }
+
+    /// Writes a song of three notes to `name`.
+    pub fn write_song(&self, name: &str, pitches: [u8; 3]) {
+        let note = |(at, pitch): (usize, u8)| {
+            let start_secs = 0.3 * at as f64;
+            Note { pitch, start_secs, end_secs: start_secs + 0.3, velocity: 80 }
+        };
+        let notes = pitches.into_iter().enumerate().map(note).collect();
+        Song::new("Short", notes, 0.9).unwrap().save(self.path(name)).unwrap();
+    }
+
+    /// Where `name` lies.
+    pub fn path(&self, name: impl AsRef<Path>) -> PathBuf {
+        self.folder.path().join(name)
+    }
+
+    /// What the file `name` holds.
+    pub fn bytes(&self, name: impl AsRef<Path>) -> Vec<u8> {
+        let path = self.path(name);
+        std::fs::read(&path).unwrap_or_else(|error| panic!("{}: {error}", path.display()))
+    }
+
+    /// `etude` with `args` (separated by spaces), not yet started.
+    pub fn command(&self, args: &str) -> Command {
+        let mut command = Command::new(assert_cmd::cargo::cargo_bin!("etude"));
+        command.current_dir(self.folder.path()).args(args.split_whitespace());
+        command
+    }
+
+    /// `etude train` of the tiny sort.
+    pub fn tiny(&self, args: &str) -> Command {
+        let mut command = self.command("train");
+        command.args(TINY.iter().flat_map(|set| ["--set", set])).args(args.split_whitespace());
+        command
+    }
+
+    /// What `etude` with `args` printed; it must succeed.
+    pub fn ok(&self, args: &str) -> String {
+        succeed(self.command(args))
+    }
+
+    /// The same as JSON.
+    pub fn json(&self, args: &str) -> serde_json::Value {
+        serde_json::from_str(&self.ok(args)).unwrap()
+    }
+
+    /// Names of all that lies in the folder, `short.mid` aside.
+    pub fn left_behind(&self) -> Vec<String> {
+        let entries = std::fs::read_dir(self.folder.path()).unwrap();
+        let names = entries.map(|entry| entry.unwrap().file_name().into_string().unwrap());
+        names.filter(|name| name != "short.mid").collect()
+    }
+}
+
+/// Standard output of a command that must succeed without a panic.
+pub fn succeed(mut command: Command) -> String {
+    let output = command.output().unwrap();
+    let (code, said) = (output.status.code(), errors(&output));
+    assert!(code == Some(0) && !said.contains("panicked"), "{command:?} ended with {code:?}: {said}");
+    String::from_utf8(output.stdout).unwrap()
+}
+
+/// What a command wrote to standard error.
+pub fn errors(output: &Output) -> String {
+    String::from_utf8_lossy(&output.stderr).into_owned()
+}
+
+/// The columns of a CSV file, line by line, the header first.
+pub fn csv(text: &[u8]) -> Vec<Vec<String>> {
+    let text = std::str::from_utf8(text).unwrap();
+    text.lines().map(|line| line.split(',').map(str::to_string).collect()).collect()
+}

@@ -1,0 +1,130 @@
+//! What people get wrong, and what they are told: one line that helps, no panic, nothing half-written.
+
+use crate::{Desk, errors, succeed};
+
+/// `etude ARGS` must fail with one of the documented codes and a short message with all of `words`.
+fn refused(desk: &Desk, args: &str, words: &[&str]) {
+    let output = desk.command(args).output().unwrap();
+    let said = errors(&output);
+    let code = output.status.code();
+    assert!(matches!(code, Some(1 | 2)), "`etude {args}` ended with {code:?}: {said}");
+    assert!(!said.contains("panicked"), "`etude {args}`: {said}");
+    assert!(words.iter().all(|word| said.contains(word)), "`etude {args}` should say {words:?}: {said}");
+    // clap adds its usage; our own messages are one line.
+    assert!(code == Some(2) || said.lines().count() == 1, "`etude {args}`: {said}");
+    assert_eq!(output.stdout, b"", "`etude {args}`");
+}
+
+#[test]
+fn songs_that_cannot_be_had() {
+    let desk = Desk::new();
+    std::fs::write(desk.path("empty.mid"), "").unwrap();
+    std::fs::write(desk.path("garbage.mid"), "not music at all").unwrap();
+    desk.write_song("low.mid", [24, 36, 48]);
+    let before = desk.left_behind().len();
+    for verb in ["train", "play", "songs show"] {
+        refused(&desk, &format!("{verb} twinckle"), &["did you mean twinkle?", "etude songs"]);
+        refused(&desk, &format!("{verb} absent.mid"), &["absent.mid", "No such file"]);
+        refused(&desk, &format!("{verb} empty.mid"), &["empty.mid", "the file is empty"]);
+        refused(&desk, &format!("{verb} garbage.mid"), &["garbage.mid", "not a Standard MIDI File"]);
+    }
+    for verb in ["train", "play"] {
+        let output = desk.command(&format!("{verb} low.mid")).output().unwrap();
+        assert_eq!(output.status.code(), Some(1), "{verb}");
+        let said = errors(&output);
+        assert!(["low", "C1 (24)", "+12", "Transpose"].iter().all(|word| said.contains(word)), "{verb}: {said}");
+    }
+    refused(&desk, "songs show twinkle --initial-silence nan", &["NaN s"]);
+    assert_eq!(desk.left_behind().len(), before, "{:?}", desk.left_behind());
+}
+
+#[test]
+fn settings_that_cannot_work() {
+    let desk = Desk::new();
+    std::fs::write(desk.path("broken.toml"), "[trainer").unwrap();
+    let cases: &[(&str, &[&str])] = &[
+        ("--set trainer.sead=3", &["trainer.sead", "expected one of", "seed"]),
+        ("--set trainer.seed=-3", &["trainer.seed"]),
+        ("--set trainer.seed=many", &["trainer.seed", "many"]),
+        ("--set trainer.num_envs=100000000000", &["trainer.num_envs", "at most 4096"]),
+        ("--set trainer.num_envs=0", &["trainer.num_envs"]),
+        ("--set droq.batch=0", &["droq.batch", "from 1"]),
+        ("--set droq=3", &["droq"]),
+        ("--set seed", &["path=value"]),
+        ("--set =3", &["trainer", "droq", "task"]),
+        ("--set task.physics.nonsense=1", &["nonsense", "etude model params"]),
+        ("--set task.physics.key.threshold=nan", &["key.threshold"]),
+        ("--set task.reward.nonsense=1", &["nonsense", "key_press"]),
+        ("--preset slow", &["slow", "quick, paper, appendix"]),
+        ("--config absent.toml", &["absent.toml", "No such file"]),
+        ("--config broken.toml", &["broken.toml", "TOML"]),
+        ("--minutes -1", &["--minutes", "above 0"]),
+        ("--minutes nan", &["--minutes", "above 0"]),
+        ("--minutes 1e300", &["--minutes"]),
+        ("--colour", &["--colour"]),
+    ];
+    for (args, words) in cases {
+        refused(&desk, &format!("train short.mid {args}"), words);
+    }
+    refused(&desk, "train", &["SONG"]);
+    refused(&desk, "bench --secs -1", &["--secs", "above 0"]);
+    refused(&desk, "bench --secs nan", &["--secs", "above 0"]);
+    assert_eq!(desk.left_behind(), ["broken.toml"]);
+}
+
+#[test]
+fn runs_that_are_none_or_are_one_already() {
+    let desk = Desk::new();
+    refused(&desk, "train --resume absent", &["absent holds no run to continue", "etude train"]);
+    refused(&desk, "train --resume .", &["holds no run to continue"]);
+    assert_eq!(desk.left_behind().len(), 0);
+
+    succeed(desk.tiny("short.mid -o run --json"));
+    let before = desk.bytes("run/checkpoints/last.safetensors");
+    refused(&desk, "train short.mid -o run", &["`etude train --resume run` continues it", "-o"]);
+    refused(
+        &desk,
+        "train --resume run --set droq.batch=32",
+        &["`droq.batch` cannot be changed", "total_steps"],
+    );
+    refused(&desk, "train --resume run --set task.reward.collision=0", &["`task.reward.collision`"]);
+    refused(&desk, "train --resume run --preset paper", &["--preset"]);
+    refused(&desk, "train short.mid --resume run", &["--resume"]);
+    assert_eq!(desk.bytes("run/checkpoints/last.safetensors"), before);
+
+    std::fs::write(desk.path("run/checkpoints/last.safetensors"), &before[..before.len() / 2]).unwrap();
+    refused(&desk, "train --resume run", &["last.safetensors", "damaged"]);
+    std::fs::remove_file(desk.path("run/checkpoints/last.safetensors")).unwrap();
+    refused(&desk, "train --resume run", &["no checkpoint"]);
+}
+
+#[test]
+fn policies_that_cannot_play() {
+    let desk = Desk::new();
+    refused(&desk, "play short.mid", &["`etude train short.mid` makes one", "--policy"]);
+    refused(&desk, "play short.mid --policy absent", &["absent", "No such file"]);
+    refused(&desk, "play short.mid --policy .", &["holds no policy"]);
+    refused(&desk, "play short.mid --policy short.mid", &["short.mid cannot be used"]);
+    succeed(desk.tiny("short.mid -o run --json"));
+    let mut policy = desk.bytes("run/policy-best.safetensors");
+    policy.truncate(policy.len() - 100);
+    std::fs::write(desk.path("half.safetensors"), policy).unwrap();
+    refused(&desk, "play short.mid --policy half.safetensors", &["half.safetensors", "damaged"]);
+    refused(&desk, "play short.mid --policy run --set task.lookahead=2", &["another observation"]);
+    refused(&desk, "play short.mid --policy run --set task.lookahed=2", &["task.lookahed"]);
+    refused(&desk, "play short.mid --policy run --soundfont short.mid", &["short.mid", "SoundFont"]);
+    assert!(!desk.path("out").exists());
+}
+
+/// `/proc` takes no folders, not even from root, for whom permissions mean nothing.
+#[test]
+fn places_that_cannot_be_written() {
+    let desk = Desk::new();
+    succeed(desk.tiny("short.mid -o run --json"));
+    for place in ["/proc/etude", "short.mid", "short.mid/below"] {
+        refused(&desk, &format!("train short.mid -o {place}"), &[place, "-o"]);
+        refused(&desk, &format!("play short.mid --policy run -o {place}"), &[place, "-o"]);
+    }
+    refused(&desk, "model export -o /proc/world.xml", &["/proc/world.xml"]);
+    refused(&desk, "model export -o no/such/world.xml", &["no/such/world.xml"]);
+}

@@ -1,0 +1,97 @@
+//! `etude play`: every file that it leaves, read back.
+
+use std::io::Write as _;
+use std::path::Path;
+use std::process::Command;
+
+use etude_music::Song;
+use etude_perform::Recording;
+
+use crate::{Desk, csv, errors, succeed};
+
+/// Environment variable that names a Python with scikit-learn and mcap; `make test` sets it.
+const PYTHON: &str = "ETUDE_PYTHON";
+
+#[test]
+fn a_performance_is_kept_whole() {
+    let desk = Desk::new();
+    succeed(desk.tiny("short.mid -o run --json"));
+    let printed = desk.json("play short.mid --policy run -o out --json");
+
+    let report: serde_json::Value = serde_json::from_slice(&desk.bytes("out/report.json")).unwrap();
+    assert_eq!(report, printed);
+    for key in [
+        "precision",
+        "recall",
+        "f1",
+        "pooled_f1",
+        "onset_f1",
+        "onset_offset_f1",
+        "matched",
+        "missed",
+        "wrong",
+    ] {
+        assert!(report[key].is_number(), "{key} in {report}");
+    }
+
+    let rows = csv(&desk.bytes("out/frames.csv"));
+    assert_eq!(rows[0], ["step", "due", "pressed"]);
+    let steps = report["steps"].as_u64().unwrap() as usize;
+    assert_eq!(rows.len(), 1 + steps);
+    let pitches = |text: &String| text.split_whitespace().map(|p| p.parse().unwrap()).collect::<Vec<u8>>();
+
+    let recording = Recording::read(&desk.path("out/recording.mcap")).unwrap();
+    assert!(recording.complete && recording.steps.len() == steps && recording.header.joints.len() == 13);
+    for ((row, step), due) in rows[1..].iter().zip(&recording.steps).zip(&recording.header.due) {
+        assert_eq!((&pitches(&row[1]), &pitches(&row[2])), (due, &step.pressed));
+    }
+    let strikes = recording.keys.iter().filter(|key| key.velocity > 0).count();
+
+    match Song::load(desk.path("out/performance.mid")) {
+        Ok(played) => assert!(!played.notes().is_empty() && strikes > 0),
+        Err(error) => assert!(strikes == 0 && error.to_string().contains("no notes"), "{error}"),
+    }
+
+    let wav = desk.bytes("out/performance.wav");
+    assert_eq!((&wav[..4], &wav[8..12], &wav[36..40]), (&b"RIFF"[..], &b"WAVE"[..], &b"data"[..]));
+    let data = u32::from_le_bytes(wav[40..44].try_into().unwrap()) as usize;
+    assert_eq!((wav.len(), u16::from_le_bytes([wav[34], wav[35]])), (44 + data, 16));
+
+    let text = desk.ok("play short.mid --policy run/policy-last.safetensors -o again");
+    assert!(text.contains("F1") && text.contains("again/performance.wav"), "{text}");
+    // The same policy, the same world: the same keys. And a run's own copy of the song is that song.
+    succeed(desk.command("play run/song.mid --policy run -o copy"));
+    assert_eq!(desk.bytes("out/frames.csv"), desk.bytes("copy/frames.csv"));
+    let output = desk.command("play run/song.mid --policy run -o copy").output().unwrap();
+    assert_eq!(errors(&output), "");
+    check_elsewhere(&desk.path("out"));
+}
+
+#[test]
+fn a_run_is_found_by_its_song_and_a_damaged_one_does_not_hide_it() {
+    let desk = Desk::new();
+    succeed(desk.tiny("short.mid --json"));
+    std::fs::create_dir_all(desk.path("runs/short__quick__9")).unwrap();
+    std::fs::write(desk.path("runs/short__quick__9/policy-best.safetensors"), "damaged").unwrap();
+    let report = desk.json("play short.mid --json");
+    assert!(report["player"].as_str().unwrap().contains("short__quick__0"), "{report}");
+    assert!(desk.path("out/short/performance.wav").is_file());
+}
+
+/// `scripts/check_performance.py` on `folder`.
+fn check_elsewhere(folder: &Path) {
+    let Some(python) = std::env::var_os(PYTHON) else {
+        // Not through a macro: the test harness would swallow it.
+        let _ = writeln!(
+            std::io::stderr(),
+            "\n*** SKIPPED: performances against scikit-learn and mcap. Set {PYTHON} to a Python that has them. ***\n"
+        );
+        return;
+    };
+    let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../scripts/check_performance.py");
+    let output = Command::new(&python).arg(script).arg(folder).output();
+    let output = output.unwrap_or_else(|error| panic!("{PYTHON}={python:?} does not run: {error}"));
+    let said = String::from_utf8_lossy(&output.stdout);
+    assert!(output.status.success(), "{said}{}", errors(&output));
+    println!("{said}");
+}

@@ -1,0 +1,108 @@
+//! The verbs that only print, and how printing behaves.
+
+use std::process::Stdio;
+
+use etude_stage::{PhysicalParams, Side, StageConfig, World, mjcf};
+
+use crate::{Desk, succeed};
+
+#[test]
+fn the_exported_model_is_the_world() {
+    let desk = Desk::new();
+    desk.ok("model export -o world.xml");
+    let config = StageConfig::default();
+    let expected = mjcf(&config, &PhysicalParams::default());
+    assert_eq!(String::from_utf8(desk.bytes("world.xml")).unwrap(), expected);
+    assert_eq!(desk.ok("model export").trim_end(), expected.trim_end());
+    World::new(&config, &PhysicalParams::default()).unwrap();
+    let right = desk.ok("model export --set task.stage.side=right --set task.physics.key.threshold=0.6");
+    let config = StageConfig { side: Side::Right, ..config };
+    let mut params = PhysicalParams::default();
+    params.set("key.threshold", 0.6).unwrap();
+    assert_eq!(right.trim_end(), mjcf(&config, &params).trim_end());
+}
+
+#[test]
+fn figures_come_as_json_with_the_documented_keys() {
+    let desk = Desk::new();
+    let all = |value: &serde_json::Value, keys: &[&str]| {
+        assert!(keys.iter().all(|key| value.get(key).is_some()), "{keys:?} in {value}");
+    };
+    let params = desk.json("model params --json --set task.physics.key.threshold=0.6");
+    assert_eq!(params.as_array().unwrap().len(), PhysicalParams::rows().count());
+    for row in params.as_array().unwrap() {
+        all(row, &["path", "value", "default", "low", "high", "unit", "doc"]);
+    }
+    assert!(
+        params.as_array().unwrap().iter().any(|row| row["path"] == "key.threshold" && row["value"] == 0.6)
+    );
+    let doctor = desk.json("doctor --json");
+    for finding in doctor.as_array().unwrap() {
+        all(finding, &["name", "ok", "found", "cost"]);
+    }
+    assert!(desk.ok("doctor").contains("mujoco"));
+    let bench = desk.json("bench --secs 0.2 --json");
+    all(&bench, &["jax_updates_per_sec", "jax_ratio"]);
+    for key in [
+        "cores",
+        "env_steps_per_sec",
+        "bare_steps_per_sec",
+        "env_overhead",
+        "env_steps_per_sec_all_cores",
+        "updates_per_sec",
+    ] {
+        assert!(bench[key].is_number(), "{key} in {bench}");
+    }
+}
+
+#[test]
+fn help_is_worth_reading() {
+    let desk = Desk::new();
+    let help = desk.ok("--help");
+    assert!(help.contains("First steps") && help.contains("Exit codes"), "{help}");
+    for verb in ["songs", "train", "play", "model"] {
+        assert!(help.contains(verb) && desk.ok(&format!("{verb} --help")).contains("Examples:"), "{verb}");
+    }
+    assert!(desk.ok("bench --help").contains("--jax"));
+    assert!(desk.ok("doctor --help").contains("missing"));
+    assert!(desk.ok("--version").starts_with("etude "));
+}
+
+#[test]
+fn nobody_listening_is_no_failure() {
+    let desk = Desk::new();
+    // Both ends of standard output and standard error are closed before the first line.
+    for mut command in [desk.command("songs"), desk.command("model params"), desk.command("doctor --json")] {
+        let mut child = command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
+        drop(child.stdout.take());
+        drop(child.stderr.take());
+        assert_eq!(child.wait().unwrap().code(), Some(0), "{command:?}");
+    }
+    let mut command = desk.tiny("short.mid -o run");
+    let mut child = command.stdout(Stdio::null()).stderr(Stdio::piped()).spawn().unwrap();
+    drop(child.stderr.take());
+    assert_eq!(child.wait().unwrap().code(), Some(0), "a training goes on when its progress is not read");
+    assert!(desk.path("run/policy-best.safetensors").is_file());
+}
+
+#[test]
+fn without_a_terminal_progress_is_plain_lines() {
+    let desk = Desk::new();
+    let output = desk.tiny("short.mid -o run").output().unwrap();
+    let lines = crate::errors(&output);
+    assert_eq!(
+        lines.lines().filter(|line| line.contains("F1") && line.contains("step")).count(),
+        2,
+        "{lines}"
+    );
+    assert!(!lines.contains('\u{1b}') && !lines.contains('\r'), "{lines:?}");
+    let text = String::from_utf8(output.stdout).unwrap();
+    assert!(
+        text.contains("Finished after 400 steps") && text.contains("etude play short.mid --policy run"),
+        "{text}"
+    );
+    let quiet = desk.tiny("short.mid -o quiet --json").output().unwrap();
+    assert_eq!(crate::errors(&quiet), "");
+    // A pipe that closes after the first line ends nothing but the printing.
+    assert!(succeed(desk.command("songs")).lines().count() > 7);
+}

@@ -1,0 +1,55 @@
+//! `etude songs`.
+
+use crate::{Desk, csv};
+
+#[test]
+fn all_seven_are_listed_with_the_papers_lengths() {
+    let desk = Desk::new();
+    let text = desk.ok("songs");
+    let list = desk.json("songs --json");
+    let found: Vec<(&str, u64)> = list
+        .as_array()
+        .unwrap()
+        .iter()
+        .map(|s| (s["id"].as_str().unwrap(), s["frames"].as_u64().unwrap()))
+        .collect();
+    let expected = [
+        ("are-you-sleeping", 661),
+        ("happy-birthday", 501),
+        ("ode-to-joy", 661),
+        ("twinkle", 181),
+        ("c-major-scale", 231),
+        ("d-major-scale", 231),
+        ("chord-progression", 181),
+    ];
+    assert_eq!(found, expected);
+    for (id, frames) in expected {
+        assert!(
+            text.lines().any(|l| l.starts_with(id) && l.contains(&frames.to_string())),
+            "{id} in\n{text}"
+        );
+    }
+    for song in list.as_array().unwrap() {
+        assert!(["title", "notes", "secs", "policy"].iter().all(|key| !song[key].is_null()), "{song}");
+    }
+}
+
+#[test]
+fn a_song_is_shown_and_its_frames_are_written() {
+    let desk = Desk::new();
+    let text = desk.ok("songs show twinkle --frames f.csv");
+    assert!(text.contains("Twinkle") && text.contains("bar   1"), "{text}");
+    let rows = csv(&desk.bytes("f.csv"));
+    assert_eq!(rows[0], ["step", "due"]);
+    assert_eq!(rows.len(), 1 + 181);
+    assert!(rows[1..].iter().enumerate().all(|(step, row)| row[0] == step.to_string() && row.len() == 2));
+    // One second of silence, then middle C.
+    assert!(rows[1..21].iter().all(|row| row[1].is_empty()));
+    assert_eq!(rows[21][1], "60");
+
+    let shown = desk.json("songs show short.mid --json");
+    assert_eq!((&shown["notes"], &shown["lowest"], &shown["highest"]), (&3.into(), &60.into(), &64.into()));
+    assert!(
+        shown["frames"].as_u64().unwrap() > 30 && shown["warnings"].is_array() && shown["secs"].is_number()
+    );
+}

@@ -1,0 +1,111 @@
+//! `etude train`: what a run leaves, and that stopping, killing and threads change none of it.
+
+use std::process::{Child, Command, Stdio};
+use std::time::Duration;
+
+use crate::{Desk, errors, succeed};
+
+/// What must be the same, byte for byte, in two runs of one training.
+const RESULTS: [&str; 3] =
+    ["policy-best.safetensors", "policy-last.safetensors", "checkpoints/last.safetensors"];
+
+/// Long enough to be stopped in the middle. The replay is small so that the checkpoint, which names the replay's files,
+/// has forgotten where the training was stopped.
+const LONGER: &str = "--set trainer.total_steps=4000 --set droq.replay_capacity=600";
+
+fn assert_same_results(desk: &Desk, a: &str, b: &str) {
+    for name in RESULTS {
+        assert!(
+            desk.bytes(format!("{a}/{name}")) == desk.bytes(format!("{b}/{name}")),
+            "{name} of {a} and {b} differ"
+        );
+    }
+}
+
+/// Starts a training and waits until it has saved a checkpoint after its first update.
+fn start_and_wait(desk: &Desk, args: &str, folder: &str) -> Child {
+    let mut command = desk.tiny(args);
+    let mut child = command.stdout(Stdio::null()).stderr(Stdio::piped()).spawn().unwrap();
+    let rows = desk.path(folder).join("metrics.jsonl");
+    while std::fs::read_to_string(&rows).map_or(0, |text| text.lines().count()) < 3 {
+        assert!(child.try_wait().unwrap().is_none(), "it ended before it could be stopped");
+        std::thread::sleep(Duration::from_millis(5));
+    }
+    child
+}
+
+fn signal(child: &Child, name: &str) {
+    let sent = Command::new("sh").arg("-c").arg(format!("kill -{name} {}", child.id())).status().unwrap();
+    assert!(sent.success());
+}
+
+#[test]
+fn a_run_is_complete_and_describes_itself() {
+    let desk = Desk::new();
+    let printed: serde_json::Value =
+        serde_json::from_str(&succeed(desk.tiny("short.mid -o run --json"))).unwrap();
+    assert_eq!((&printed["step"], &printed["updates"]), (&400.into(), &300.into()));
+    assert!(
+        printed["f1"].is_number() && printed["stopped"].is_null() && printed["run"] == "run",
+        "{printed}"
+    );
+    assert_eq!(printed["policy"], "run/policy-best.safetensors");
+    for name in ["song.mid", "meta.json", "metrics.jsonl", "events.out.tfevents.etude"].iter().chain(&RESULTS)
+    {
+        assert!(!desk.bytes(format!("run/{name}")).is_empty(), "{name}");
+    }
+    let meta: serde_json::Value = serde_json::from_slice(&desk.bytes("run/meta.json")).unwrap();
+    assert!(meta["command"].as_str().unwrap().contains("short.mid"), "{meta}");
+    let metrics = String::from_utf8(desk.bytes("run/metrics.jsonl")).unwrap();
+    assert!(metrics.lines().all(|line| serde_json::from_str::<serde_json::Value>(line).is_ok()));
+    // Its configuration makes the same training again, whatever preset it is laid over.
+    succeed(desk.command("train short.mid -o again --preset appendix --config run/config.toml --json"));
+    let text = |name: &str| String::from_utf8(desk.bytes(name)).unwrap();
+    assert_eq!(text("run/config.toml"), text("again/config.toml"));
+    assert_same_results(&desk, "run", "again");
+}
+
+#[test]
+fn threads_and_an_interruption_change_nothing() {
+    let desk = Desk::new();
+    succeed(desk.tiny(&format!("short.mid -o whole --set trainer.threads=1 {LONGER}")));
+    let more = format!("short.mid -o parts --set trainer.threads=2 --set trainer.overlap=false {LONGER}");
+    let child = start_and_wait(&desk, &more, "parts");
+    signal(&child, "INT");
+    let output = child.wait_with_output().unwrap();
+    assert_eq!(output.status.code(), Some(3), "{}", errors(&output));
+    assert!(errors(&output).contains("stopping and saving"), "{}", errors(&output));
+    assert_ne!(desk.bytes("whole/policy-last.safetensors"), desk.bytes("parts/policy-last.safetensors"));
+    let text = desk.ok("train --resume parts --set trainer.threads=1");
+    assert!(text.contains("going on after") && text.contains("Finished after 4000 steps"), "{text}");
+    assert_same_results(&desk, "whole", "parts");
+}
+
+#[test]
+fn a_killed_training_goes_on_from_its_last_checkpoint() {
+    let desk = Desk::new();
+    let more = format!("short.mid -o killed {LONGER}");
+    let mut child = start_and_wait(&desk, &more, "killed");
+    // Nobody else may work there meanwhile.
+    let output = desk.command("train --resume killed").output().unwrap();
+    assert_eq!(output.status.code(), Some(1));
+    assert!(errors(&output).contains("another `etude train` is at work in killed"), "{}", errors(&output));
+    child.kill().unwrap();
+    child.wait().unwrap();
+    assert!(desk.ok("train --resume killed").contains("Finished after 4000 steps"));
+    succeed(desk.tiny(&format!("short.mid -o whole {LONGER}")));
+    assert_same_results(&desk, "whole", "killed");
+}
+
+#[test]
+fn time_runs_out_and_more_can_be_asked_for() {
+    let desk = Desk::new();
+    let text = succeed(desk.tiny("short.mid -o run --minutes 0.0000001"));
+    assert!(text.contains("Not evaluated yet") && text.contains("etude train --resume run"), "{text}");
+    // Playable all the same.
+    assert!(desk.ok("play short.mid --policy run").contains("policy-last"));
+    assert!(desk.ok("train --resume run").contains("Finished after 400 steps"));
+    let text = desk.ok("train --resume run --set trainer.total_steps=6e2");
+    assert!(text.contains("going on after 400") && text.contains("Finished after 600 steps"), "{text}");
+    assert!(String::from_utf8(desk.bytes("run/config.toml")).unwrap().contains("total_steps = 600"));
+}

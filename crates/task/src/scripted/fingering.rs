@@ -1,0 +1,271 @@
+//! Which finger plays which key, and where the rail is then: dynamic programming over the song.
+//!
+//! A state is what sounds at one moment: a key or none for each finger, and a rail position from which all of them
+//! reach. Costs are control steps of notes lost (to skip a note costs all of it, a rail or a finger that is too slow
+//! costs the end of the note before), so that the plan minimises what F1 counts; small extras prefer unturned fingers
+//! and short ways among equals.
+
+use etude_music::key_is_black;
+use etude_stage::FINGERS;
+use etude_stage::geometry::HALF_WIDTH;
+
+use super::ScriptedConfig;
+use super::comb::Comb;
+use super::limits::LimitKind;
+use super::rail::{CONTROL_SECS, Rail};
+use super::strokes::{Slice, Stroke};
+
+/// Rail positions tried for one choice of fingers.
+const RAIL_CHOICES: usize = 9;
+/// States kept at each moment.
+const BEAM: usize = 96;
+/// Keys considered at one moment: many more than fingers, so that some chord of them is in reach.
+const MOST_KEYS: usize = 10;
+/// Cost of a finger turned to the end of its play, in control steps.
+const TURN_COST: f64 = 0.1;
+/// Cost of a metre of rail, in control steps.
+const TRAVEL_COST: f64 = 3.0;
+
+/// What the hand does at one moment.
+#[derive(Clone, Debug)]
+pub(super) struct Place {
+    /// The stroke that each finger plays.
+    pub hand: [Option<usize>; FINGERS],
+    /// The rail, m.
+    pub rail: f64,
+    /// Rail positions from which the fingers reach their keys, m.
+    pub tube: [f64; 2],
+    cost: f64,
+}
+
+/// What one change of place costs.
+pub(super) struct Change {
+    /// Control steps of silence needed before the next strikes.
+    pub rail_steps: usize,
+    /// How far the rail has to go in them, m.
+    pub travel: f64,
+    /// The same for fingers that change keys.
+    pub finger_steps: [usize; FINGERS],
+    cost: f64,
+}
+
+/// What the planner knows.
+pub(super) struct Planner<'a> {
+    pub comb: &'a Comb,
+    pub rail: &'a Rail,
+    pub config: &'a ScriptedConfig,
+    pub strokes: &'a [Stroke],
+    pub slices: &'a [Slice],
+}
+
+impl Planner<'_> {
+    /// The best place for each slice.
+    pub(super) fn plan(&self) -> Vec<Place> {
+        // One layer a slice: the places kept, each with its cost so far and the place before it.
+        let mut layers: Vec<Vec<(Place, f64, usize)>> = Vec::with_capacity(self.slices.len());
+        for (index, slice) in self.slices.iter().enumerate() {
+            let places = self.places(slice);
+            let mut layer: Vec<(Place, f64, usize)> = match layers.last() {
+                None => places.into_iter().map(|place| self.opening(slice, place)).collect(),
+                Some(before) => {
+                    let reached = places.into_iter().filter_map(|place| self.best(before, index, place));
+                    reached.collect()
+                }
+            };
+            layer.sort_by(|a, b| a.1.total_cmp(&b.1));
+            layer.truncate(BEAM);
+            layers.push(layer);
+        }
+        let mut chosen = 0;
+        let mut plan = Vec::with_capacity(layers.len());
+        for layer in layers.into_iter().rev() {
+            // No layer is empty: the hand that plays nothing can always be reached.
+            let Some((place, _, before)) = layer.into_iter().nth(chosen) else { break };
+            plan.push(place);
+            chosen = before;
+        }
+        plan.reverse();
+        plan
+    }
+
+    fn opening(&self, slice: &Slice, place: Place) -> (Place, f64, usize) {
+        let way = (place.rail - self.rail.start).abs();
+        let late = self.rail.steps_to(way, way).saturating_sub(slice.start);
+        let cost = place.cost + late as f64 + TRAVEL_COST * way;
+        (place, cost, 0)
+    }
+
+    fn best(&self, layer: &[(Place, f64, usize)], index: usize, to: Place) -> Option<(Place, f64, usize)> {
+        let costs = layer.iter().enumerate().filter_map(|(before, (from, cost, _))| {
+            self.change(index - 1, from, &to).map(|change| (before, cost + change.cost))
+        });
+        let (before, cost) = costs.min_by(|a, b| a.1.total_cmp(&b.1))?;
+        let cost = cost + to.cost;
+        Some((to, cost, before))
+    }
+
+    /// Every way to play some of what sounds in `slice`.
+    fn places(&self, slice: &Slice) -> Vec<Place> {
+        let mut hands = Vec::new();
+        let keys = &slice.sounding[..slice.sounding.len().min(MOST_KEYS)];
+        self.hands(keys, 0, [None; FINGERS], &mut hands);
+        let mut places = Vec::with_capacity(hands.len() * RAIL_CHOICES);
+        for hand in hands {
+            let tube = self.tube(&hand);
+            if tube[0] > tube[1] {
+                continue;
+            }
+            let skipped = slice.sounding.iter().filter(|stroke| !hand.contains(&Some(**stroke)));
+            let fresh = skipped.map(|stroke| self.strokes[*stroke]).filter(|s| s.start == slice.start);
+            let skipped: f64 = fresh.map(|stroke| (stroke.end - stroke.start) as f64).sum();
+            for choice in 0..RAIL_CHOICES {
+                let rail = tube[0] + (tube[1] - tube[0]) * choice as f64 / (RAIL_CHOICES - 1) as f64;
+                let turn = |finger: usize, stroke: usize| {
+                    let [low, high] = self.comb.tube(finger, self.strokes[stroke].key);
+                    ((rail - (low + high) / 2.0) / self.config.play_m).powi(2)
+                };
+                let turned: f64 = hand.iter().enumerate().filter_map(|(f, s)| s.map(|s| turn(f, s))).sum();
+                places.push(Place { hand, rail, tube, cost: skipped + TURN_COST * turned });
+            }
+        }
+        places
+    }
+
+    fn hands(
+        &self,
+        keys: &[usize],
+        finger: usize,
+        hand: [Option<usize>; FINGERS],
+        found: &mut Vec<[Option<usize>; FINGERS]>,
+    ) {
+        if finger == FINGERS {
+            found.push(hand);
+            return;
+        }
+        self.hands(keys, finger + 1, hand, found);
+        for stroke in keys {
+            let key = self.strokes[*stroke].key;
+            let apart = |other: usize| {
+                let [from, to] = [key, self.strokes[other].key].map(|key| self.comb.over(key)[1]);
+                (from - to).abs() >= self.config.separation_m
+            };
+            if hand.iter().flatten().all(|other| apart(*other)) {
+                let mut hand = hand;
+                hand[finger] = Some(*stroke);
+                self.hands(keys, finger + 1, hand, found);
+            }
+        }
+    }
+
+    fn tube(&self, hand: &[Option<usize>; FINGERS]) -> [f64; 2] {
+        let tubes = hand.iter().enumerate().filter_map(|(finger, stroke)| {
+            stroke.map(|stroke| self.comb.tube(finger, self.strokes[stroke].key))
+        });
+        tubes.fold([-HALF_WIDTH, HALF_WIDTH], |tube, [low, high]| [tube[0].max(low), tube[1].min(high)])
+    }
+
+    /// What it takes to get from a place at slice `index` to one at the next; `None` if that would move a held note
+    /// to another finger or begin a note late.
+    pub(super) fn change(&self, index: usize, from: &Place, to: &Place) -> Option<Change> {
+        let step = self.slices[index + 1].start;
+        let kept = |finger: usize| to.hand[finger].is_some() && to.hand[finger] == from.hand[finger];
+        let held = |stroke: usize| self.strokes[stroke].start < step;
+        if (0..FINGERS).any(|f| to.hand[f].is_some_and(held) && !kept(f)) {
+            return None;
+        }
+        let ending = || (0..FINGERS).filter(|f| !kept(*f)).filter_map(|f| from.hand[f].map(|s| (f, s)));
+        let released = |stroke: usize| self.strokes[stroke].end.min(step);
+        let given_up: usize = ending().map(|(_, s)| self.strokes[s].end.saturating_sub(step)).sum();
+
+        let waiting = to.rail.clamp(from.tube[0], from.tube[1]);
+        let travel = (to.rail - waiting).abs();
+        let needed = (to.tube[0] - waiting).max(waiting - to.tube[1]).max(0.0);
+        let last = ending().map(|(_, stroke)| released(stroke)).max();
+        let head_start = self.config.rail_lead + last.map_or(step - self.slices[index].start, |_| 0);
+        let rail_steps = self.rail.steps_to(travel, needed).saturating_sub(head_start);
+
+        let mut finger_steps = [0; FINGERS];
+        for (finger, stroke) in ending() {
+            let next = to.hand[finger].map(|next| self.strokes[next].key);
+            if next.is_some_and(|next| next != self.strokes[stroke].key) {
+                let black = [next, Some(self.strokes[stroke].key)].into_iter().flatten().filter(|key| key_is_black(*key));
+                let crosses = black.count() == 1;
+                finger_steps[finger] =
+                    if crosses { self.config.black_change_steps } else { self.config.change_steps };
+            }
+            // A neighbour that comes down beside the finger needs it out of the way first.
+            let y = self.comb.over(self.strokes[stroke].key)[1];
+            let near = |other: usize| {
+                let key = self.strokes[other].key;
+                (self.comb.over(key)[1] - y).abs() < self.config.separation_m
+            };
+            if (0..FINGERS).any(|f| f != finger && !kept(f) && to.hand[f].is_some_and(near)) {
+                finger_steps[finger] = finger_steps[finger].max(self.config.change_steps);
+            }
+        }
+        let lost: usize = ending()
+            .map(|(finger, stroke)| {
+                let gap = step - released(stroke);
+                rail_steps.max(finger_steps[finger]).saturating_sub(gap)
+            })
+            .sum();
+        let cost = (lost + given_up) as f64 + TRAVEL_COST * (to.rail - from.rail).abs();
+        Some(Change { rail_steps, travel, finger_steps, cost })
+    }
+
+    /// Why a stroke of a slice is played by no finger.
+    pub(super) fn why_skipped(&self, slice: &Slice) -> LimitKind {
+        if slice.sounding.len() > FINGERS { LimitKind::TooManyKeys } else { LimitKind::OutOfReach }
+    }
+}
+
+/// A note as it will be played, and why it ends early if it does.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Played {
+    pub finger: usize,
+    pub key: usize,
+    pub start: usize,
+    pub end: usize,
+    pub cut: Option<LimitKind>,
+    pub stroke: usize,
+}
+
+/// Every note that the plan plays, in order of their beginning, each ending where its finger has to go.
+pub(super) fn played(planner: &Planner<'_>, plan: &[Place]) -> Vec<Played> {
+    let mut notes: Vec<Played> = Vec::new();
+    for (index, (slice, place)) in planner.slices.iter().zip(plan).enumerate() {
+        for (finger, stroke) in place.hand.iter().enumerate() {
+            let Some(stroke) = *stroke else { continue };
+            let Stroke { key, start, end } = planner.strokes[stroke];
+            if start == slice.start {
+                notes.push(Played { finger, key, start, end, cut: None, stroke });
+            }
+        }
+        let Some(next) = plan.get(index + 1) else { break };
+        let Some(change) = planner.change(index, place, next) else { continue };
+        let step = planner.slices[index + 1].start;
+        for (finger, stroke) in place.hand.iter().enumerate() {
+            if stroke.is_none() || *stroke == next.hand[finger] {
+                continue;
+            }
+            let Some(note) = notes.iter_mut().rfind(|note| Some(note.stroke) == *stroke) else { continue };
+            let needed = change.rail_steps.max(change.finger_steps[finger]);
+            let kind = match needed {
+                0 => LimitKind::GivenUp,
+                _ if change.rail_steps >= change.finger_steps[finger] => LimitKind::RailTooSlow(change.travel),
+                _ => LimitKind::FingerBusy,
+            };
+            let end = note.end.min(step.saturating_sub(needed)).max(note.start + 1);
+            if end < note.end {
+                note.end = end;
+                note.cut = Some(kind);
+            }
+        }
+    }
+    notes
+}
+
+/// Time until `step`, s.
+pub(super) fn secs(step: usize) -> f64 {
+    step as f64 * CONTROL_SECS
+}

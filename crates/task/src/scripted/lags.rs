@@ -1,0 +1,101 @@
+//! How far the hand lags behind its targets: measured in a world of its own before the song is planned.
+//!
+//! The lags follow from filters, limits, gains, masses and the keys' springs together, and all of those may vary. So
+//! they are no constants here: one finger strikes one white and one black key and turns aside once, which takes a few
+//! milliseconds of computing. In the nominal world a strike takes about 80 ms, a release 70 ms, a turn 85 ms.
+
+use etude_stage::hand::FINGER_JOINTS;
+use etude_stage::{PhysicalParams, RAIL, StageConfig, World};
+
+use super::comb::Comb;
+use super::rail::CONTROL_SECS;
+use crate::TaskError;
+
+/// The finger that tries: the middle one, whose root stands straight.
+const FINGER: usize = 1;
+/// Middle C and its sharp.
+const KEYS: [usize; 2] = [24, 25];
+/// Long enough for any move to end, control steps.
+const TRIAL_STEPS: usize = 20;
+/// Taken where a key never sounds in the trial, s.
+const UNKNOWN_SECS: f64 = 0.1;
+/// A small turn of the finger, rad.
+const TURN_RAD: f64 = 0.1;
+/// A key may cross its threshold this close to the wrong control step, s: one physics step.
+const MARGIN_SECS: f64 = 0.005;
+
+/// Leads of white and of black keys, in control steps, and the lag of a turn.
+pub(super) struct Lags {
+    /// From the target that strikes to the first step in which the key sounds: `[white, black]`.
+    pub strike: [usize; 2],
+    /// From the target that lifts to the first step in which it does not.
+    pub release: [usize; 2],
+    /// Mean lag of a finger joint that follows a moving target held for control steps, s.
+    pub follow_secs: f64,
+}
+
+impl Lags {
+    /// Measures them for `stage` with these physical numbers.
+    pub(super) fn measure(stage: &StageConfig, params: &PhysicalParams, comb: &Comb) -> Result<Self, TaskError> {
+        let mut world = World::new(stage, params)?;
+        let mut lags = Self { strike: [1; 2], release: [1; 2], follow_secs: 0.0 };
+        for (kind, key) in KEYS.into_iter().enumerate() {
+            let ([x, y], rail) = (comb.over(key), middle(comb.tube(FINGER, key)));
+            let bend = |z: f64| comb.angles(FINGER, [x, y, z], rail).unwrap_or_default();
+            let mut pose = world.start_pose();
+            pose[RAIL] = rail;
+            let up = with(&pose, bend(comb.hover(key)));
+            let down = with(&pose, bend(comb.pressed(key)));
+            world.reset_to(&up);
+            lags.strike[kind] = lead(until_key(&mut world, &down, key));
+            lags.release[kind] = lead(until_key(&mut world, &up, key));
+        }
+        lags.follow_secs = turning(&mut world);
+        Ok(lags)
+    }
+}
+
+fn middle([low, high]: [f64; 2]) -> f64 {
+    (low + high) / 2.0
+}
+
+fn with(pose: &[f64; RAIL + 1], angles: [f64; FINGER_JOINTS]) -> [f64; RAIL + 1] {
+    let mut pose = *pose;
+    pose[FINGER * FINGER_JOINTS..][..FINGER_JOINTS].copy_from_slice(&angles);
+    pose
+}
+
+/// The whole control steps in a lag; the rest falls inside the step that it should.
+fn lead(lag_secs: f64) -> usize {
+    ((lag_secs - MARGIN_SECS) / CONTROL_SECS).max(0.0) as usize
+}
+
+/// Time until `key` changes between sounding and not, s.
+fn until_key(world: &mut World, pose: &[f64; RAIL + 1], key: usize) -> f64 {
+    let begin = world.time_secs();
+    let mut changed = None;
+    for _ in 0..TRIAL_STEPS {
+        world.step(pose);
+        let event = world.events().iter().find(|event| event.key == key);
+        changed = changed.or(event.map(|event| event.secs - begin));
+    }
+    changed.unwrap_or(UNKNOWN_SECS)
+}
+
+/// Mean lag of a turn about the finger's axis: the area between target and joint over the size of the step.
+fn turning(world: &mut World) -> f64 {
+    world.reset();
+    let mut pose = world.start_pose();
+    let joint = FINGER * FINGER_JOINTS;
+    let begin = pose[joint];
+    pose[joint] += TURN_RAD;
+    let mut behind = CONTROL_SECS / 2.0; // A target that is held is half a control step late by itself.
+    let mut before = 0.0;
+    for _ in 0..TRIAL_STEPS {
+        world.step(&pose);
+        let gone = (world.joints()[joint] - begin) / TURN_RAD;
+        behind += (1.0 - (before + gone) / 2.0) * CONTROL_SECS;
+        before = gone;
+    }
+    behind
+}

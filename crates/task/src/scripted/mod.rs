@@ -1,0 +1,79 @@
+//! The scripted player: inverse kinematics and timing, no learning.
+//!
+//! The hand-designed baseline, and the proof that a song can be played at all on this stage. It plans the whole song
+//! beforehand (strokes from the frames, fingers and rail by dynamic programming, then joint targets that make up for
+//! lags measured beforehand) and plays the plan without looking: what goes wrong in the world is not corrected.
+
+mod comb;
+mod config;
+mod fingering;
+mod lags;
+mod limits;
+mod motion;
+mod rail;
+mod strokes;
+#[cfg(test)]
+mod tests;
+
+use etude_stage::{JOINTS, PhysicalParams, StageConfig};
+
+use crate::{ACTION_LEN, Piece, TaskConfig, TaskError};
+
+pub use config::ScriptedConfig;
+pub use limits::{Limit, LimitKind, Limits};
+
+/// A song as joint targets, one row a control step.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ScriptedPlayer {
+    targets: Vec<[f64; JOINTS]>,
+    limits: Limits,
+}
+
+impl ScriptedPlayer {
+    /// Plans `piece` for the nominal world of `config`.
+    ///
+    /// # Errors
+    /// If the configuration's physical numbers are not sound.
+    pub fn new(config: &TaskConfig, piece: &Piece) -> Result<Self, TaskError> {
+        Self::plan(&config.stage, &config.params()?, piece, &ScriptedConfig::default())
+    }
+
+    /// Plans `piece` for this stage with these physical numbers.
+    ///
+    /// # Errors
+    /// If the world in which the lags are measured cannot be built.
+    pub fn plan(
+        stage: &StageConfig,
+        params: &PhysicalParams,
+        piece: &Piece,
+        script: &ScriptedConfig,
+    ) -> Result<Self, TaskError> {
+        let strokes = strokes::strokes(piece.frames());
+        let slices = strokes::slices(&strokes);
+        let comb = comb::Comb::new(stage.side, params, script);
+        let rail = rail::Rail::new(stage, params);
+        let planner =
+            fingering::Planner { comb: &comb, rail: &rail, config: script, strokes: &strokes, slices: &slices };
+        let plan = planner.plan();
+        let notes = fingering::played(&planner, &plan);
+        let lags = lags::Lags::measure(stage, params, &comb)?;
+        let world = (script, &comb, &rail, &lags, params);
+        let targets = motion::targets(world, &slices, &plan, &notes, piece.steps());
+        Ok(Self { targets, limits: limits::limits(&planner, &notes) })
+    }
+
+    /// Joint targets of control step `step`: encoder readings in rad, the rail in m. After the end, those of the end.
+    pub fn targets(&self, step: usize) -> [f64; JOINTS] {
+        self.targets.get(step).or(self.targets.last()).copied().unwrap_or_default()
+    }
+
+    /// The action whose [`targets`](crate::targets) these are.
+    pub fn action(&self, step: usize) -> [f32; ACTION_LEN] {
+        crate::action(&self.targets(step))
+    }
+
+    /// What is not played as written.
+    pub fn limits(&self) -> &Limits {
+        &self.limits
+    }
+}

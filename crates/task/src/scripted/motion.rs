@@ -1,0 +1,171 @@
+//! From a plan to joint targets: where the rail is sent at each control step, and what each finger does above it.
+//!
+//! The rail is sent first, as early as the keys in play allow; then it is known where it will be, and every finger is
+//! turned against it. A finger lifts, goes over its next key, waits, strikes, holds, lifts.
+
+use etude_music::key_is_black;
+use etude_stage::hand::FINGER_JOINTS;
+use etude_stage::params::{Joint, PhysicalParams};
+use etude_stage::{FINGERS, JOINTS, PHYSICS_STEPS, RAIL, joint_range};
+
+use super::ScriptedConfig;
+use super::comb::Comb;
+use super::fingering::{Place, Played, secs};
+use super::lags::Lags;
+use super::rail::{CONTROL_SECS, Rail};
+use super::strokes::Slice;
+
+/// Height of a finger that has nothing to play, m above its hover.
+const IDLE_RISE: f64 = 0.006;
+/// Control steps in which a finger rises before it goes from white to black keys or back.
+const CLIMB_STEPS: usize = 2;
+
+/// Where the rail is sent at each of `steps` control steps, m.
+fn rail_targets(config: &ScriptedConfig, slices: &[Slice], plan: &[Place], notes: &[Played], steps: usize) -> Vec<f64> {
+    let Some(first) = plan.first() else { return vec![0.0; steps] };
+    let mut targets = vec![first.rail; steps];
+    for (index, place) in plan.iter().enumerate() {
+        let Some(next) = plan.get(index + 1) else { break };
+        let (start, end) = (slices[index].start, slices[index + 1].start);
+        let ending = notes.iter().filter(|note| {
+            place.hand.contains(&Some(note.stroke)) && !next.hand.contains(&Some(note.stroke))
+        });
+        let released = ending.map(|note| note.end).max().unwrap_or(start);
+        let leave = released.saturating_sub(config.rail_lead).max(start);
+        let waiting = next.rail.clamp(place.tube[0], place.tube[1]);
+        targets[start.min(steps)..leave.min(steps)].fill(waiting);
+        targets[leave.min(steps)..].fill(next.rail);
+        debug_assert!(leave <= end);
+    }
+    targets
+}
+
+/// What one finger plays, in order.
+struct Part<'a> {
+    finger: usize,
+    notes: Vec<&'a Played>,
+    config: &'a ScriptedConfig,
+    comb: &'a Comb,
+    lags: &'a Lags,
+}
+
+impl Part<'_> {
+    /// Control step whose target begins the strike of note `index`.
+    fn strike(&self, index: usize) -> usize {
+        let note = self.notes[index];
+        note.start.saturating_sub(self.lags.strike[usize::from(key_is_black(note.key))])
+    }
+
+    /// Control step whose target lifts the finger after note `index`: before the next strike, however quick that is.
+    fn release(&self, index: usize) -> usize {
+        let note = self.notes[index];
+        let release = note.end.saturating_sub(self.lags.release[usize::from(key_is_black(note.key))]);
+        let next = (index + 1 < self.notes.len()).then(|| self.strike(index + 1));
+        release.min(next.map_or(release, |strike| strike.saturating_sub(1)))
+    }
+
+    /// Where the fingertip should be at control step `step`, when the rail will be at `rail`.
+    fn tip(&self, step: usize, rail: f64) -> Tip {
+        let waiting = |[x, y]: [f64; 2], z: f64| Tip { at: [x, y, z], striking: false };
+        let next = (0..self.notes.len()).find(|index| step < self.release(*index));
+        if let Some(index) = next
+            && step >= self.strike(index)
+        {
+            let key = self.notes[index].key;
+            let [x, y] = self.comb.over(key);
+            return Tip { at: [x, y, self.comb.pressed(key)], striking: true };
+        }
+        let last = next.unwrap_or(self.notes.len()).checked_sub(1);
+        // Before its first note a finger waits over the white keys, as if it had just been lifted there.
+        let since = step - last.map_or(0, |index| self.release(index));
+        let last = last.map(|index| self.notes[index].key);
+        let next = next.map(|index| self.notes[index].key);
+        let [front, _] = self.comb.over(0);
+        let idle = [front, self.comb.unturned(self.finger, front) + rail];
+        let from = last.map_or(idle, |key| self.comb.over(key));
+        let to = next.map_or(idle, |key| self.comb.over(key));
+        let height = next.map_or(self.comb.hover(0) + IDLE_RISE, |key| self.comb.hover(key));
+        let way = to[0] - from[0];
+        if way == 0.0 {
+            return match last {
+                Some(key) if since < self.config.lift_steps => waiting(from, self.comb.hover(key)),
+                _ => waiting(to, height),
+            };
+        }
+        // Between white and black: up, then in stages over the edge of the black keys, then down.
+        let stages = self.config.cross_steps as f64;
+        let stage = (since as f64 - CLIMB_STEPS as f64 + 1.0).clamp(0.0, stages) / stages;
+        let landed = since >= CLIMB_STEPS + self.config.cross_steps + 1;
+        let y = if since < CLIMB_STEPS { from[1] } else { to[1] };
+        waiting([from[0] + way * stage, y], if landed { height } else { self.comb.travel() })
+    }
+}
+
+/// Where a fingertip should be.
+struct Tip {
+    at: [f64; 3],
+    /// Whether it is on a key or on the way down to it: then others have to make room.
+    striking: bool,
+}
+
+/// Keeps waiting fingers clear of neighbours that play.
+fn make_room(tips: &mut [Tip; FINGERS], comb: &Comb, berth: f64) {
+    for finger in 0..FINGERS {
+        for other in (0..FINGERS).filter(|other| other.abs_diff(finger) == 1) {
+            if tips[finger].striking || !tips[other].striking {
+                continue;
+            }
+            let [x, y, _] = tips[finger].at;
+            let theirs = tips[other].at[1];
+            let above = comb.unturned(finger, x) > comb.unturned(other, x);
+            tips[finger].at[1] = if above { y.max(theirs + berth) } else { y.min(theirs - berth) };
+        }
+    }
+}
+
+/// The targets of all joints at each of `steps` control steps: encoder readings in rad, the rail in m.
+pub(super) fn targets(
+    (config, comb, rail, lags, params): (&ScriptedConfig, &Comb, &Rail, &Lags, &PhysicalParams),
+    slices: &[Slice],
+    plan: &[Place],
+    notes: &[Played],
+    steps: usize,
+) -> Vec<[f64; JOINTS]> {
+    let sent = rail_targets(config, slices, plan, notes, steps);
+    let path = rail.follow(rail.start, &sent);
+    let place_at = |at_secs: f64| {
+        let index = (at_secs / CONTROL_SECS * PHYSICS_STEPS as f64).round() as usize;
+        path.get(index).or(path.last()).copied().unwrap_or(rail.start)
+    };
+    let bias = |joint: usize| params.joint(Joint::EncoderBias, joint);
+    let mut table: Vec<[f64; JOINTS]> = sent
+        .iter()
+        .map(|rail| {
+            let mut row = [0.0; JOINTS];
+            row[RAIL] = *rail;
+            row
+        })
+        .collect();
+    let parts: [Part<'_>; FINGERS] = std::array::from_fn(|finger| {
+        let notes = notes.iter().filter(|note| note.finger == finger).collect();
+        Part { finger, notes, config, comb, lags }
+    });
+    let mut angles = [[0.0; FINGER_JOINTS]; FINGERS];
+    for (step, row) in table.iter_mut().enumerate() {
+        let place = place_at(secs(step) + lags.follow_secs);
+        let mut tips: [Tip; FINGERS] = std::array::from_fn(|finger| parts[finger].tip(step, place));
+        make_room(&mut tips, comb, config.berth_m);
+        for (finger, tip) in tips.iter().enumerate() {
+            // Out of reach can only be a waiting finger: it stays as it was.
+            angles[finger] = comb.angles(finger, tip.at, place).unwrap_or(angles[finger]);
+            row[finger * FINGER_JOINTS..][..FINGER_JOINTS].copy_from_slice(&angles[finger]);
+        }
+    }
+    for row in &mut table {
+        for (joint, target) in row.iter_mut().enumerate() {
+            let [low, high] = joint_range(joint);
+            *target = (*target + bias(joint)).clamp(low, high);
+        }
+    }
+    table
+}
