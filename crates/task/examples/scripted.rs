@@ -1,61 +1,25 @@
 //! The scripted player on every song of the repertoire: a table of scores and what limits each song.
 //!
-//! `scripted` prints the table, `scripted lag` the measurement behind the leads in `ScriptedConfig`, `scripted detail ID`
+//! `scripted` prints the table, `scripted lag` the lags of the hand for strikes of several depths, `scripted detail ID`
 //! the strikes and releases of one song.
 #![allow(clippy::print_stdout)] // An example talks to the terminal.
 
 use std::error::Error;
 
-use etude_music::{CONTROL_HZ, pitch_name, repertoire};
+use etude_music::{CONTROL_HZ, LOWEST_PITCH, pitch_name, repertoire};
 use etude_stage::geometry::{KeyShape, key_target};
 use etude_stage::hand::{FINGER_JOINTS, TIP_RADIUS};
 use etude_stage::{RAIL, World, kinematics};
-use etude_task::{ACTION_LEN, Environment, Performance, Piece, ScriptedConfig, ScriptedPlayer, TaskConfig, TaskError, rehearse};
+use etude_task::{
+    ACTION_LEN, Environment, Performance, Piece, ScriptedConfig, ScriptedPlayer, TaskConfig, TaskError,
+    rehearse,
+};
 
 fn main() -> Result<(), Box<dyn Error>> {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
     let config = TaskConfig::default();
     match arguments.iter().map(String::as_str).collect::<Vec<_>>()[..] {
         [] => table(&config),
-        ["sweep"] => {
-            for berth in [0.0, 0.0255] { for depth in [1.2, 1.5] { for change in [2usize, 3, 4] { for bc in [4usize, 6] { for rl in [1usize, 2] { for play in [0.016, 0.020, 0.024] {
-                let script = ScriptedConfig { berth_m: berth, depth, change_steps: change, black_change_steps: bc, rail_lead: rl, play_m: play, ..Default::default() };
-                print!("berth {berth} depth {depth} change {change} bc {bc} rl {rl} play {play}:");
-                let mut sum = 0.0; let mut free = 0.0;
-                for id in repertoire::ids() {
-                    let piece = Piece::new(&repertoire::get(id).unwrap(), 1.0)?;
-                    let player = ScriptedPlayer::plan(&config.stage, &config.params()?, &piece, &script)?;
-                    let mut act = |environment: &Environment, _: &[f32], action: &mut [f32; ACTION_LEN]| {
-                        *action = player.action(environment.position());
-                    };
-                    let p = rehearse(&config, &piece, 0, &mut act, &mut |_, _| {})?;
-                    let f = p.frame_scores().f1; free += p.collision_free;
-                    print!(" {f:.3}"); sum += f;
-                }
-                println!(" mean {:.4} free {:.3}", sum / 7.0, free / 7.0);
-            }}}}}}
-            Ok(())
-        }
-        ["trace", id] => {
-            let piece = Piece::new(&repertoire::get(id).unwrap(), 1.0)?;
-            let player = ScriptedPlayer::new(&config, &piece)?;
-            let mut act = |environment: &Environment, _: &[f32], action: &mut [f32; ACTION_LEN]| {
-                *action = player.action(environment.position());
-            };
-            rehearse(&config, &piece, 0, &mut act, &mut |e, _| {
-                let w = e.world(); let s = e.position() - 1;
-                let t = player.targets(s);
-                print!("{s} due {} pressed {} rail {:.1}", piece.due(s), e.pressed(), w.joints()[12] * 1e3);
-                for f in 0..3 {
-                    let p = w.fingertip(f).map(|v| (v * 1e4).round() / 10.0);
-                    let a: [f64; 4] = std::array::from_fn(|i| t[f * 4 + i]);
-                    let q = kinematics::fingertip(config.stage.side, f, &a, w.joints()[12]).map(|v| (v * 1e4).round() / 10.0);
-                    print!(" | {p:?} -> {q:?}");
-                }
-                println!();
-            })?;
-            Ok(())
-        }
         ["lag"] => lag(&config),
         ["detail", id] => detail(&config, id),
         _ => Err("usage: scripted [lag | detail ID]".into()),
@@ -74,13 +38,21 @@ fn perform(config: &TaskConfig, id: &str) -> Result<(ScriptedPlayer, Performance
 }
 
 fn table(config: &TaskConfig) -> Result<(), Box<dyn Error>> {
-    println!("{:18} {:>6} {:>9} {:>6} {:>8} {:>6}  limits", "song", "f1", "precision", "recall", "onset_f1", "free");
+    println!(
+        "{:18} {:>6} {:>9} {:>6} {:>8} {:>6}  limits",
+        "song", "f1", "precision", "recall", "onset_f1", "free"
+    );
     for id in repertoire::ids() {
         let (player, performance) = perform(config, id)?;
         let (frame, note) = (performance.frame_scores(), performance.note_scores());
         println!(
             "{id:18} {:6.3} {:9.3} {:6.3} {:8.3} {:6.3}  {}",
-            frame.f1, frame.precision, frame.recall, note.onset_f1, performance.collision_free, player.limits()
+            frame.f1,
+            frame.precision,
+            frame.recall,
+            note.onset_f1,
+            performance.collision_free,
+            player.limits()
         );
     }
     Ok(())
@@ -98,7 +70,7 @@ fn detail(config: &TaskConfig, id: &str) -> Result<(), Box<dyn Error>> {
     }
     for event in &performance.events {
         let what = if event.velocity > 0 { "down" } else { "up" };
-        let name = pitch_name(etude_music::LOWEST_PITCH + event.key as u8);
+        let name = pitch_name(LOWEST_PITCH + event.key as u8);
         println!("{name:4} {what:4} step {:.1} velocity {}", event.secs * CONTROL_HZ, event.velocity);
     }
     Ok(())
@@ -118,7 +90,8 @@ fn lag(config: &TaskConfig) -> Result<(), Box<dyn Error>> {
         world.reset();
         let mut pose = world.start_pose();
         pose[RAIL] = y;
-        let angles = |z: f64| kinematics::reach(config.stage.side, FINGER, [x, y, z], y).ok_or("out of reach");
+        let angles =
+            |z: f64| kinematics::reach(config.stage.side, FINGER, [x, y, z], y).ok_or("out of reach");
         let slots = FINGER * FINGER_JOINTS..(FINGER + 1) * FINGER_JOINTS;
         let (up, down) = (angles(top + script.hover_m)?, angles(top - depth * travel)?);
         pose[slots.clone()].copy_from_slice(&up);
@@ -134,7 +107,12 @@ fn lag(config: &TaskConfig) -> Result<(), Box<dyn Error>> {
                 }
             }
         }
-        println!("{:4} depth {depth}: strike after {:.0} ms, release after {:.0} ms", pitch_name(36 + key as u8), times[0], times[1]);
+        println!(
+            "{:4} depth {depth}: strike after {:.0} ms, release after {:.0} ms",
+            pitch_name(LOWEST_PITCH + key as u8),
+            times[0],
+            times[1]
+        );
     }
     for distance in [0.01, 0.0232, 0.0465, 0.1, 0.2] {
         world.reset();

@@ -43,6 +43,7 @@ pub struct Args {
 /// Runs the verb.
 pub fn run(args: Args) -> anyhow::Result<Ending> {
     let song = find_song(&args.song)?;
+    song.check_range()?;
     let name = slug(&args.song);
     let mut player = load_player(&args.song, &name, args.policy.as_deref(), Path::new("runs"))?;
     if !args.overrides.is_empty() {

@@ -1,4 +1,5 @@
 //! The real `etude`, driven as people drive it: in a scratch folder, by its arguments, signals, output and files.
+#![allow(clippy::unwrap_used)] // Clippy allows it in tests, not in what several tests share.
 
 mod mistakes;
 mod playing;

@@ -32,7 +32,10 @@ fn songs_that_cannot_be_had() {
         let output = desk.command(&format!("{verb} low.mid")).output().unwrap();
         assert_eq!(output.status.code(), Some(1), "{verb}");
         let said = errors(&output);
-        assert!(["low", "C1 (24)", "+12", "Transpose"].iter().all(|word| said.contains(word)), "{verb}: {said}");
+        assert!(
+            ["low", "C1 (24)", "+12", "Transpose"].iter().all(|word| said.contains(word)),
+            "{verb}: {said}"
+        );
     }
     refused(&desk, "songs show twinkle --initial-silence nan", &["NaN s"]);
     assert_eq!(desk.left_behind().len(), before, "{:?}", desk.left_behind());

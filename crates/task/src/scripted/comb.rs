@@ -52,7 +52,8 @@ impl Comb {
     pub(super) fn unturned(&self, finger: usize, x: f64) -> f64 {
         // An unturned finger stays in one upright plane; two of its poses give the plane.
         let straight = kinematics::fingertip(self.side, finger, &[0.0; 4], 0.0);
-        let bent = kinematics::fingertip(self.side, finger, &[0.0, std::f64::consts::FRAC_PI_2, 0.0, 0.0], 0.0);
+        let bent =
+            kinematics::fingertip(self.side, finger, &[0.0, std::f64::consts::FRAC_PI_2, 0.0, 0.0], 0.0);
         straight[1] + (bent[1] - straight[1]) * (x - straight[0]) / (bent[0] - straight[0])
     }
 

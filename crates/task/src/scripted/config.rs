@@ -44,15 +44,15 @@ impl Default for ScriptedConfig {
         Self {
             hover_m: 0.006,
             travel_m: 0.010,
-            depth: 1.5,
+            depth: 1.2,
             play_m: 0.020,
             separation_m: 0.021,
             berth_m: 0.0255,
             white_x_m: 0.028,
             black_x_m: 0.034,
             rail_lead: 2,
-            change_steps: 4,
-            black_change_steps: 7,
+            change_steps: 3,
+            black_change_steps: 6,
             cross_steps: 2,
             lift_steps: 1,
         }

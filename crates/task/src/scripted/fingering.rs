@@ -188,7 +188,10 @@ impl Planner<'_> {
         for (finger, stroke) in ending() {
             let next = to.hand[finger].map(|next| self.strokes[next].key);
             if next.is_some_and(|next| next != self.strokes[stroke].key) {
-                let black = [next, Some(self.strokes[stroke].key)].into_iter().flatten().filter(|key| key_is_black(*key));
+                let black = [next, Some(self.strokes[stroke].key)]
+                    .into_iter()
+                    .flatten()
+                    .filter(|key| key_is_black(*key));
                 let crosses = black.count() == 1;
                 finger_steps[finger] =
                     if crosses { self.config.black_change_steps } else { self.config.change_steps };
@@ -252,7 +255,9 @@ pub(super) fn played(planner: &Planner<'_>, plan: &[Place]) -> Vec<Played> {
             let needed = change.rail_steps.max(change.finger_steps[finger]);
             let kind = match needed {
                 0 => LimitKind::GivenUp,
-                _ if change.rail_steps >= change.finger_steps[finger] => LimitKind::RailTooSlow(change.travel),
+                _ if change.rail_steps >= change.finger_steps[finger] => {
+                    LimitKind::RailTooSlow(change.travel)
+                }
                 _ => LimitKind::FingerBusy,
             };
             let end = note.end.min(step.saturating_sub(needed)).max(note.start + 1);

@@ -52,8 +52,13 @@ impl ScriptedPlayer {
         let slices = strokes::slices(&strokes);
         let comb = comb::Comb::new(stage.side, params, script);
         let rail = rail::Rail::new(stage, params);
-        let planner =
-            fingering::Planner { comb: &comb, rail: &rail, config: script, strokes: &strokes, slices: &slices };
+        let planner = fingering::Planner {
+            comb: &comb,
+            rail: &rail,
+            config: script,
+            strokes: &strokes,
+            slices: &slices,
+        };
         let plan = planner.plan();
         let notes = fingering::played(&planner, &plan);
         let lags = lags::Lags::measure(stage, params, &comb)?;

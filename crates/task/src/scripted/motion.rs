@@ -21,7 +21,13 @@ const IDLE_RISE: f64 = 0.006;
 const CLIMB_STEPS: usize = 2;
 
 /// Where the rail is sent at each of `steps` control steps, m.
-fn rail_targets(config: &ScriptedConfig, slices: &[Slice], plan: &[Place], notes: &[Played], steps: usize) -> Vec<f64> {
+fn rail_targets(
+    config: &ScriptedConfig,
+    slices: &[Slice],
+    plan: &[Place],
+    notes: &[Played],
+    steps: usize,
+) -> Vec<f64> {
     let Some(first) = plan.first() else { return vec![0.0; steps] };
     let mut targets = vec![first.rail; steps];
     for (index, place) in plan.iter().enumerate() {
@@ -95,7 +101,7 @@ impl Part<'_> {
         // Between white and black: up, then in stages over the edge of the black keys, then down.
         let stages = self.config.cross_steps as f64;
         let stage = (since as f64 - CLIMB_STEPS as f64 + 1.0).clamp(0.0, stages) / stages;
-        let landed = since >= CLIMB_STEPS + self.config.cross_steps + 1;
+        let landed = since > CLIMB_STEPS + self.config.cross_steps;
         let y = if since < CLIMB_STEPS { from[1] } else { to[1] };
         waiting([from[0] + way * stage, y], if landed { height } else { self.comb.travel() })
     }

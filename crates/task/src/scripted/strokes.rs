@@ -60,12 +60,14 @@ mod tests {
 
     #[test]
     fn frames_become_strokes_and_slices() {
-        let frames: Vec<KeySet> =
-            [&[][..], &[60], &[60, 64], &[64], &[], &[64]].map(|p| KeySet::from_pitches(p.iter().copied())).into();
+        let frames: Vec<KeySet> = [&[][..], &[60], &[60, 64], &[64], &[], &[64]]
+            .map(|p| KeySet::from_pitches(p.iter().copied()))
+            .into();
         let strokes = strokes(&frames);
         let stroke = |key, start, end| Stroke { key, start, end };
         assert_eq!(strokes, [stroke(24, 1, 3), stroke(28, 2, 4), stroke(28, 5, 6)]);
-        let sounding: Vec<_> = slices(&strokes).into_iter().map(|slice| (slice.start, slice.sounding)).collect();
+        let sounding: Vec<_> =
+            slices(&strokes).into_iter().map(|slice| (slice.start, slice.sounding)).collect();
         assert_eq!(sounding, [(1, vec![0]), (2, vec![0, 1]), (5, vec![2])]);
     }
 }

@@ -11,7 +11,12 @@ fn piece(id: &str) -> Piece {
 fn chords(chords: &[&[u8]]) -> Piece {
     let notes = chords.iter().enumerate().flat_map(|(i, chord)| {
         let start_secs = i as f64;
-        chord.iter().map(move |pitch| Note { pitch: *pitch, velocity: 64, start_secs, end_secs: start_secs + 1.0 })
+        chord.iter().map(move |pitch| Note {
+            pitch: *pitch,
+            velocity: 64,
+            start_secs,
+            end_secs: start_secs + 1.0,
+        })
     });
     Piece::new(&Song::new("chords", notes.collect(), 0.0).unwrap(), 1.0).unwrap()
 }
@@ -24,8 +29,9 @@ fn config(side: Side) -> TaskConfig {
 
 fn f1(config: &TaskConfig, piece: &Piece) -> f64 {
     let player = ScriptedPlayer::new(config, piece).unwrap();
-    let mut act =
-        |environment: &crate::Environment, _: &[f32], out: &mut [f32; ACTION_LEN]| *out = player.action(environment.position());
+    let mut act = |environment: &crate::Environment, _: &[f32], out: &mut [f32; ACTION_LEN]| {
+        *out = player.action(environment.position())
+    };
     rehearse(config, piece, 0, &mut act, &mut |_, _| {}).unwrap().frame_scores().f1
 }
 
@@ -33,8 +39,31 @@ fn f1(config: &TaskConfig, piece: &Piece) -> f64 {
 fn both_hands_play_the_c_major_scale() {
     for side in [Side::Left, Side::Right] {
         let f1 = f1(&config(side), &piece("c-major-scale"));
-        assert!(f1 >= 0.7, "{side:?}: {f1}");
+        assert!(f1 >= 0.93, "{side:?}: {f1}");
     }
+}
+
+#[test]
+fn black_keys_and_chords_are_played() {
+    for (id, bound) in [("d-major-scale", 0.88), ("chord-progression", 0.9), ("twinkle", 0.95)] {
+        let f1 = f1(&TaskConfig::default(), &piece(id));
+        assert!(f1 >= bound, "{id}: {f1}");
+    }
+}
+
+#[test]
+fn slower_joints_are_allowed_for() {
+    let mut config = TaskConfig::default();
+    for (path, value) in [
+        ("joint.fingers.jerk_limit", 15_000.0),
+        ("joint.fingers.acceleration_limit", 200.0),
+        ("joint.rail.jerk_limit", 200.0),
+        ("joint.rail.acceleration_limit", 8.0),
+    ] {
+        config.physics.insert(path.to_string(), value);
+    }
+    let f1 = f1(&config, &piece("c-major-scale"));
+    assert!(f1 >= 0.85, "{f1}");
 }
 
 #[test]
