@@ -1,5 +1,6 @@
 //! The real `etude`, driven as people drive it: in a scratch folder, by its arguments, signals, output and files.
-#![allow(clippy::unwrap_used)] // Clippy allows it in tests, not in what several tests share.
+#![allow(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
+#![allow(clippy::print_stdout, reason = "the test harness shows it on request")]
 
 mod mistakes;
 mod playing;
@@ -25,20 +26,20 @@ const TINY: &[&str] = &[
 ];
 
 /// A scratch folder with `short.mid`, a song of three notes, in which commands run.
-pub struct Desk {
+struct Desk {
     folder: tempfile::TempDir,
 }
 
 impl Desk {
     /// A fresh one.
-    pub fn new() -> Self {
+    fn new() -> Self {
         let desk = Self { folder: tempfile::tempdir().unwrap() };
         desk.write_song("short.mid", [60, 62, 64]);
         desk
     }
 
     /// Writes a song of three notes to `name`.
-    pub fn write_song(&self, name: &str, pitches: [u8; 3]) {
+    fn write_song(&self, name: &str, pitches: [u8; 3]) {
         let note = |(at, pitch): (usize, u8)| {
             let start_secs = 0.3 * at as f64;
             Note { pitch, start_secs, end_secs: start_secs + 0.3, velocity: 80 }
@@ -48,42 +49,42 @@ impl Desk {
     }
 
     /// Where `name` lies.
-    pub fn path(&self, name: impl AsRef<Path>) -> PathBuf {
+    fn path(&self, name: impl AsRef<Path>) -> PathBuf {
         self.folder.path().join(name)
     }
 
     /// What the file `name` holds.
-    pub fn bytes(&self, name: impl AsRef<Path>) -> Vec<u8> {
+    fn bytes(&self, name: impl AsRef<Path>) -> Vec<u8> {
         let path = self.path(name);
         std::fs::read(&path).unwrap_or_else(|error| panic!("{}: {error}", path.display()))
     }
 
     /// `etude` with `args` (separated by spaces), not yet started.
-    pub fn command(&self, args: &str) -> Command {
+    fn command(&self, args: &str) -> Command {
         let mut command = Command::new(assert_cmd::cargo::cargo_bin!("etude"));
         command.current_dir(self.folder.path()).args(args.split_whitespace());
         command
     }
 
     /// `etude train` of the tiny sort.
-    pub fn tiny(&self, args: &str) -> Command {
+    fn tiny(&self, args: &str) -> Command {
         let mut command = self.command("train");
         command.args(TINY.iter().flat_map(|set| ["--set", set])).args(args.split_whitespace());
         command
     }
 
     /// What `etude` with `args` printed; it must succeed.
-    pub fn ok(&self, args: &str) -> String {
+    fn ok(&self, args: &str) -> String {
         succeed(self.command(args))
     }
 
     /// The same as JSON.
-    pub fn json(&self, args: &str) -> serde_json::Value {
+    fn json(&self, args: &str) -> serde_json::Value {
         serde_json::from_str(&self.ok(args)).unwrap()
     }
 
     /// Names of all that lies in the folder, `short.mid` aside.
-    pub fn left_behind(&self) -> Vec<String> {
+    fn left_behind(&self) -> Vec<String> {
         let entries = std::fs::read_dir(self.folder.path()).unwrap();
         let names = entries.map(|entry| entry.unwrap().file_name().into_string().unwrap());
         names.filter(|name| name != "short.mid").collect()
@@ -91,7 +92,7 @@ impl Desk {
 }
 
 /// Standard output of a command that must succeed without a panic.
-pub fn succeed(mut command: Command) -> String {
+fn succeed(mut command: Command) -> String {
     let output = command.output().unwrap();
     let (code, said) = (output.status.code(), errors(&output));
     assert!(code == Some(0) && !said.contains("panicked"), "{command:?} ended with {code:?}: {said}");
@@ -99,12 +100,12 @@ pub fn succeed(mut command: Command) -> String {
 }
 
 /// What a command wrote to standard error.
-pub fn errors(output: &Output) -> String {
+fn errors(output: &Output) -> String {
     String::from_utf8_lossy(&output.stderr).into_owned()
 }
 
 /// The columns of a CSV file, line by line, the header first.
-pub fn csv(text: &[u8]) -> Vec<Vec<String>> {
+fn csv(text: &[u8]) -> Vec<Vec<String>> {
     let text = std::str::from_utf8(text).unwrap();
     text.lines().map(|line| line.split(',').map(str::to_string).collect()).collect()
 }
