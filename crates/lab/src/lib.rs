@@ -5,8 +5,10 @@
 
 mod config;
 mod play;
+mod player;
 mod run;
 
 pub use config::{ConfigError, PRESETS, RunConfig, resolve};
-pub use play::{Files, PlayError, Player, Report, load_player, perform, shipped_policies};
+pub use play::{Files, PlayError, Report, perform};
+pub use player::{Player, load_player, shipped_policies};
 pub use run::{Run, RunError, find_song};

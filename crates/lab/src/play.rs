@@ -3,7 +3,6 @@
 use std::cell::RefCell;
 use std::path::{Path, PathBuf};
 
-use etude_learn::Policy;
 use etude_music::metrics::{FrameScores, NoteScores};
 use etude_music::sound::{self, SoundError, SoundFont};
 use etude_music::{CONTROL_HZ, Song, SongError};
@@ -11,12 +10,13 @@ use etude_perform::{
     FileError, Header, KeyMessage, RecordingError, RecordingWriter, StepMessage, write_frames_csv, write_text,
 };
 use etude_stage::{FINGERS, JOINT_NAMES};
-use etude_task::{Performance, Piece, TaskError, layout, rehearse, targets};
+use etude_task::scripted::ScriptedPlayer;
+use etude_task::{Performance, Piece, TaskError, rehearse, targets};
 use serde::Serialize;
 use serde_json::json;
 
-use crate::config::{ConfigError, RunConfig, change};
-use crate::run::policy_in;
+use crate::config::{ConfigError, RunConfig};
+use crate::player::{Mind, Player};
 
 /// A song could not be played.
 #[derive(Debug, thiserror::Error)]
@@ -74,112 +74,6 @@ pub enum PlayError {
     },
 }
 
-/// Who plays: a policy and the task that it learned.
-pub struct Player {
-    policy: Policy,
-    /// The file that the policy came from.
-    pub path: PathBuf,
-    /// The configuration that it was trained with.
-    pub config: RunConfig,
-    /// Title of the song that it learned, if the file says.
-    pub song: Option<String>,
-    /// F1 that the file claims, if it says.
-    pub claimed_f1: Option<f64>,
-}
-
-/// Where shipped policies are looked for: the working folder, beside an installed binary, the source tree.
-fn policy_folders() -> Vec<PathBuf> {
-    let mut folders = vec![PathBuf::from("policies")];
-    if let Some(prefix) =
-        std::env::current_exe().ok().as_deref().and_then(Path::parent).and_then(Path::parent)
-    {
-        folders.push(prefix.join("share/etude/policies"));
-    }
-    folders.push(Path::new(env!("CARGO_MANIFEST_DIR")).join("../../policies"));
-    folders
-}
-
-/// The policies that come with Étude for `slug`, and those of the runs in `runs` that learned it.
-pub fn shipped_policies(slug: &str, runs: &Path) -> Vec<PathBuf> {
-    let shipped = policy_folders().into_iter().map(|folder| folder.join(format!("{slug}.safetensors")));
-    let mut found: Vec<PathBuf> = shipped.filter(|path| path.is_file()).take(1).collect();
-    let mut own: Vec<PathBuf> = std::fs::read_dir(runs)
-        .into_iter()
-        .flatten()
-        .flatten()
-        .filter(|entry| {
-            let name = entry.file_name();
-            name.to_string_lossy()
-                .strip_prefix(slug)
-                .is_some_and(|rest| rest.is_empty() || rest.starts_with("__"))
-        })
-        .filter_map(|entry| policy_in(&entry.path()))
-        .collect();
-    own.sort();
-    found.extend(own);
-    found
-}
-
-/// Loads the policy at `path` (a policy file or a run's folder), or else the best usable one that there is for `slug`,
-/// the short form of the song that was `asked` for.
-///
-/// # Errors
-/// If there is none, or it cannot be used.
-pub fn load_player(asked: &str, slug: &str, path: Option<&Path>, runs: &Path) -> Result<Player, PlayError> {
-    if let Some(path) = path {
-        if !path.is_dir() {
-            return open(path);
-        }
-        return open(&policy_in(path).ok_or_else(|| PlayError::NoPolicyIn(path.to_path_buf()))?);
-    }
-    // One damaged file must not keep the others from playing.
-    let (mut players, mut errors) = (Vec::new(), Vec::new());
-    for path in shipped_policies(slug, runs) {
-        match open(&path) {
-            Ok(player) => players.push(player),
-            Err(error) => errors.push(error),
-        }
-    }
-    players.sort_by(|a, b| b.claimed_f1.unwrap_or(0.0).total_cmp(&a.claimed_f1.unwrap_or(0.0)));
-    let none = || PlayError::NoPolicy {
-        song: asked.to_string(),
-        places: format!("policies/ and {}", runs.display()),
-    };
-    players.into_iter().next().ok_or_else(|| errors.into_iter().next().unwrap_or_else(none))
-}
-
-fn open(path: &Path) -> Result<Player, PlayError> {
-    let fail = |message: String| PlayError::Policy { path: path.to_path_buf(), message };
-    let policy = Policy::load(path)?;
-    let notes = &policy.header().notes;
-    let training = &notes["training"];
-    let config: RunConfig = serde_json::from_value(training["config"].clone())
-        .map_err(|e| fail(format!("its training configuration cannot be read: {e}")))?;
-    if layout(&config.task) != policy.header().layout || policy.header().action_len != etude_task::ACTION_LEN
-    {
-        return Err(fail("it was trained for another observation or action".to_string()));
-    }
-    let song = training["song"].as_str().map(str::to_string);
-    let claimed_f1 = notes["scores"]["f1"].as_f64();
-    Ok(Player { policy, path: path.to_path_buf(), config, song, claimed_f1 })
-}
-
-impl Player {
-    /// Changes the world that the policy is played in, by overrides of the form `a.b=value`.
-    ///
-    /// # Errors
-    /// If an override is not sound, or would change what the policy sees.
-    pub fn reconfigure(&mut self, overrides: &[String]) -> Result<(), PlayError> {
-        let changed = change(&self.config, overrides)?;
-        if layout(&changed.task) != self.policy.header().layout {
-            let message = "it was trained for another observation than these overrides make".to_string();
-            return Err(PlayError::Policy { path: self.path.clone(), message });
-        }
-        self.config = changed;
-        Ok(())
-    }
-}
-
 /// What came of a performance: every figure and where the files are. Its keys are those of `etude play --json`.
 #[derive(Clone, Debug, Serialize)]
 pub struct Report {
@@ -199,6 +93,9 @@ pub struct Report {
     pub reward: f64,
     /// Fraction of control steps without a collision.
     pub collision_free: f64,
+    /// What limits the scripted player on this song; absent for a policy.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub limits: Option<String>,
     /// The files that were written.
     pub files: Option<Files>,
 }
@@ -234,15 +131,22 @@ pub fn perform(
         std::fs::create_dir_all(folder)
             .map_err(|source| PlayError::Folder { path: folder.to_path_buf(), source })?;
     }
-    let name = player.path.display().to_string();
+    let name = player.name();
     let recorder = folder.map(|folder| recorder(folder, &piece, &name, &config)).transpose()?;
     let recorder = RefCell::new((recorder, Ok(())));
-    let policy = &mut player.policy;
+    let script = match player.mind {
+        Mind::Script => Some(ScriptedPlayer::new(&config.task, &piece)?),
+        Mind::Policy(..) => None,
+    };
     let performance = rehearse(
         &config.task,
         &piece,
         config.trainer.seed,
-        &mut |_, observation, action| policy.act(observation, action),
+        &mut |environment, observation, action| match (&mut player.mind, &script) {
+            (Mind::Policy(policy, _), _) => policy.act(observation, action),
+            (Mind::Script, Some(script)) => *action = script.action(environment.position()),
+            (Mind::Script, None) => {}
+        },
         &mut |environment, action| {
             let (writer, outcome) = &mut *recorder.borrow_mut();
             if let (Some(writer), Ok(())) = (writer, &outcome) {
@@ -263,6 +167,7 @@ pub fn perform(
         note: performance.note_scores(),
         reward: performance.reward,
         collision_free: performance.collision_free,
+        limits: script.map(|script| script.limits().to_string()),
         files: None,
     };
     if let Some(folder) = folder {

@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use anyhow::Context as _;
-use etude_lab::{Report, find_song, load_player, perform};
+use etude_lab::{Player, Report, find_song, load_player, perform};
 use etude_music::sound::SoundFont;
 
 use super::{json, line, slug};
@@ -29,6 +29,9 @@ pub struct Args {
     /// Where the files go; out/SONG if not given
     #[arg(short = 'o', long = "out", value_name = "DIR")]
     out: Option<PathBuf>,
+    /// Play by inverse kinematics and timing instead of a policy: the baseline that needs no training
+    #[arg(long, conflicts_with = "policy")]
+    scripted: bool,
     /// Change the world that it is played in, for example --set task.physics.key.threshold=0.7
     #[arg(long = "set", value_name = "PATH=VALUE")]
     overrides: Vec<String>,
@@ -45,7 +48,11 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
     let song = find_song(&args.song)?;
     song.check_range()?;
     let name = slug(&args.song);
-    let mut player = load_player(&args.song, &name, args.policy.as_deref(), Path::new("runs"))?;
+    let mut player = if args.scripted {
+        Player::scripted()
+    } else {
+        load_player(&args.song, &name, args.policy.as_deref(), Path::new("runs"))?
+    };
     if !args.overrides.is_empty() {
         player.reconfigure(&args.overrides)?;
     }
@@ -84,6 +91,9 @@ fn print(report: &Report) -> anyhow::Result<()> {
         .onset_error_median_secs
         .map_or_else(String::new, |median| format!(", onsets {:+.0} ms in the median", median * 1e3));
     line(format!("{} notes right, {} missed, {} wrong{error}", note.matched, note.missed, note.wrong))?;
+    if let Some(limits) = &report.limits {
+        line(limits)?;
+    }
     if let Some(files) = &report.files {
         line(format!("Listen: {}", files.wav.display()))?;
         for path in [&files.midi, &files.frames, &files.recording, &files.report] {

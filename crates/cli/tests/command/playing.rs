@@ -95,3 +95,34 @@ fn check_elsewhere(folder: &Path) {
     assert!(output.status.success(), "{said}{}", errors(&output));
     println!("{said}");
 }
+
+#[test]
+fn the_scripted_player_needs_no_training() {
+    let desk = Desk::new();
+    let report = desk.json("play c-major-scale --scripted -o out --json");
+    assert!(report["f1"].as_f64().unwrap() > 0.93, "{report}");
+    assert_eq!(report["player"], "scripted");
+    assert!(report["limits"].as_str().unwrap().contains("notes"));
+}
+
+/// What a shipped policy claims, it must play. Other vector units round differently, hence the tolerance.
+#[test]
+fn shipped_policies_play_as_well_as_they_claim() {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../policies");
+    let mut played = 0;
+    for entry in std::fs::read_dir(folder).unwrap() {
+        let path = entry.unwrap().path();
+        if path.extension().is_none_or(|ending| ending != "safetensors") {
+            continue;
+        }
+        let song = path.file_stem().unwrap().to_string_lossy().into_owned();
+        let claimed =
+            etude_learn::Policy::load(&path).unwrap().header().notes["scores"]["f1"].as_f64().unwrap();
+        let desk = Desk::new();
+        let report = desk.json(&format!("play {song} --policy {} -o out --json", path.display()));
+        let f1 = report["f1"].as_f64().unwrap();
+        assert!((f1 - claimed).abs() < 0.03, "{song}: claimed {claimed}, played {f1}");
+        played += 1;
+    }
+    assert!(played >= 1, "no policy is shipped");
+}

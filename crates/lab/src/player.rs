@@ -1,0 +1,138 @@
+//! Who plays: a trained policy, found by song or by path, or the scripted player.
+
+use std::path::{Path, PathBuf};
+
+use etude_learn::Policy;
+use etude_task::layout;
+
+use crate::config::{RunConfig, change};
+use crate::play::PlayError;
+use crate::run::policy_in;
+
+/// What decides the actions.
+pub(crate) enum Mind {
+    /// A learned policy, from this file.
+    Policy(Box<Policy>, PathBuf),
+    /// Inverse kinematics and timing, without learning.
+    Script,
+}
+
+/// Who plays, and the task that it plays in.
+pub struct Player {
+    pub(crate) mind: Mind,
+    /// The task; for a policy the one that it was trained with.
+    pub config: RunConfig,
+    /// Title of the song that it learned, if the file says.
+    pub song: Option<String>,
+    /// F1 that the file claims, if it says.
+    pub claimed_f1: Option<f64>,
+}
+
+/// Where shipped policies are looked for: the working folder, beside an installed binary, the source tree.
+fn policy_folders() -> Vec<PathBuf> {
+    let mut folders = vec![PathBuf::from("policies")];
+    if let Some(prefix) =
+        std::env::current_exe().ok().as_deref().and_then(Path::parent).and_then(Path::parent)
+    {
+        folders.push(prefix.join("share/etude/policies"));
+    }
+    folders.push(Path::new(env!("CARGO_MANIFEST_DIR")).join("../../policies"));
+    folders
+}
+
+/// The policies that come with Étude for `slug`, and those of the runs in `runs` that learned it.
+pub fn shipped_policies(slug: &str, runs: &Path) -> Vec<PathBuf> {
+    let shipped = policy_folders().into_iter().map(|folder| folder.join(format!("{slug}.safetensors")));
+    let mut found: Vec<PathBuf> = shipped.filter(|path| path.is_file()).take(1).collect();
+    let mut own: Vec<PathBuf> = std::fs::read_dir(runs)
+        .into_iter()
+        .flatten()
+        .flatten()
+        .filter(|entry| {
+            let name = entry.file_name();
+            name.to_string_lossy()
+                .strip_prefix(slug)
+                .is_some_and(|rest| rest.is_empty() || rest.starts_with("__"))
+        })
+        .filter_map(|entry| policy_in(&entry.path()))
+        .collect();
+    own.sort();
+    found.extend(own);
+    found
+}
+
+/// Loads the policy at `path` (a policy file or a run's folder), or else the best usable one that there is for `slug`,
+/// the short form of the song that was `asked` for.
+///
+/// # Errors
+/// If there is none, or it cannot be used.
+pub fn load_player(asked: &str, slug: &str, path: Option<&Path>, runs: &Path) -> Result<Player, PlayError> {
+    if let Some(path) = path {
+        if !path.is_dir() {
+            return open(path);
+        }
+        return open(&policy_in(path).ok_or_else(|| PlayError::NoPolicyIn(path.to_path_buf()))?);
+    }
+    // One damaged file must not keep the others from playing.
+    let (mut players, mut errors) = (Vec::new(), Vec::new());
+    for path in shipped_policies(slug, runs) {
+        match open(&path) {
+            Ok(player) => players.push(player),
+            Err(error) => errors.push(error),
+        }
+    }
+    players.sort_by(|a, b| b.claimed_f1.unwrap_or(0.0).total_cmp(&a.claimed_f1.unwrap_or(0.0)));
+    let none = || PlayError::NoPolicy {
+        song: asked.to_string(),
+        places: format!("policies/ and {}", runs.display()),
+    };
+    players.into_iter().next().ok_or_else(|| errors.into_iter().next().unwrap_or_else(none))
+}
+
+fn open(path: &Path) -> Result<Player, PlayError> {
+    let fail = |message: String| PlayError::Policy { path: path.to_path_buf(), message };
+    let policy = Policy::load(path)?;
+    let notes = &policy.header().notes;
+    let training = &notes["training"];
+    let config: RunConfig = serde_json::from_value(training["config"].clone())
+        .map_err(|e| fail(format!("its training configuration cannot be read: {e}")))?;
+    if layout(&config.task) != policy.header().layout || policy.header().action_len != etude_task::ACTION_LEN
+    {
+        return Err(fail("it was trained for another observation or action".to_string()));
+    }
+    let song = training["song"].as_str().map(str::to_string);
+    let claimed_f1 = notes["scores"]["f1"].as_f64();
+    let mind = Mind::Policy(Box::new(policy), path.to_path_buf());
+    Ok(Player { mind, config, song, claimed_f1 })
+}
+
+impl Player {
+    /// The scripted player: the baseline that needs no training.
+    pub fn scripted() -> Self {
+        Self { mind: Mind::Script, config: RunConfig::default(), song: None, claimed_f1: None }
+    }
+
+    /// The policy's file, or `scripted`.
+    pub fn name(&self) -> String {
+        match &self.mind {
+            Mind::Policy(_, path) => path.display().to_string(),
+            Mind::Script => "scripted".to_string(),
+        }
+    }
+
+    /// Changes the world that the policy is played in, by overrides of the form `a.b=value`.
+    ///
+    /// # Errors
+    /// If an override is not sound, or would change what the policy sees.
+    pub fn reconfigure(&mut self, overrides: &[String]) -> Result<(), PlayError> {
+        let changed = change(&self.config, overrides)?;
+        if let Mind::Policy(policy, path) = &self.mind
+            && layout(&changed.task) != policy.header().layout
+        {
+            let message = "it was trained for another observation than these overrides make".to_string();
+            return Err(PlayError::Policy { path: path.clone(), message });
+        }
+        self.config = changed;
+        Ok(())
+    }
+}
