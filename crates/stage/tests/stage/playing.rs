@@ -12,14 +12,16 @@ fn only(key: usize) -> KeySet {
     [key].into_iter().collect()
 }
 
-/// Moves over the key, presses, holds for two seconds; `None` where the finger cannot reach. The keys that were down
+/// Moves over the key, presses a little deeper than it goes, holds for two seconds; `None` where the finger cannot reach. The keys that were down
 /// at any time before, and at each step of the hold.
 fn press(world: &mut World, finger: usize, key: usize) -> Option<(KeySet, Vec<KeySet>)> {
     let above = over(world, finger, key, 0.018)?;
-    let down = over(world, finger, key, -0.016)?;
+    // By way of just above the key: a straight stroke in joint angles swings the tip into the front of a black key.
+    let near = over(world, finger, key, 0.003)?;
+    let down = over(world, finger, key, -0.009)?;
     world.reset_to(&above);
     let mut before = KeySet::EMPTY;
-    for targets in [[above; 5], [down; 5], [down; 5]].as_flattened() {
+    for targets in [[above; 5], [near; 5], [down; 5]].as_flattened() {
         world.step(targets);
         before = before.union(world.pressed());
     }
