@@ -76,9 +76,6 @@ pub enum ConfigError {
     /// A value of the learner that cannot work.
     #[error(transparent)]
     Learner(#[from] etude_learn::ConfigError),
-    /// More environments than any machine of ours holds.
-    #[error("`trainer.num_envs` is {0}, but it must be at most {MOST_ENVS}; change it in the configuration")]
-    TooManyEnvironments(usize),
     /// A run that has begun cannot change this.
     #[error(
         "`{0}` cannot be changed in a run that has begun, only {list}; start a new run with it instead",
@@ -86,9 +83,6 @@ pub enum ConfigError {
     )]
     Fixed(String),
 }
-
-/// Far beyond what helps; a typing error must not fill the memory with worlds.
-const MOST_ENVS: usize = 4096;
 
 /// What may differ between the parts of a run: none of it decides what the steps already made have led to.
 const FREE: &[&str] = &[
@@ -113,9 +107,6 @@ impl RunConfig {
     pub(crate) fn check(&self) -> Result<(), ConfigError> {
         self.droq.validate()?;
         self.trainer.validate()?;
-        if self.trainer.num_envs > MOST_ENVS {
-            return Err(ConfigError::TooManyEnvironments(self.trainer.num_envs));
-        }
         Ok(())
     }
 }

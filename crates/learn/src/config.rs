@@ -162,10 +162,14 @@ impl Default for TrainerConfig {
     }
 }
 
+/// The most environments: each is a whole world, so a typing error must not fill the memory.
+const MOST_ENVS: usize = 4096;
+
 impl TrainerConfig {
     /// Refuses values that cannot work, naming the field.
     pub fn validate(&self) -> Result<(), ConfigError> {
-        require(self.num_envs >= 1, "trainer.num_envs", self.num_envs, "there must be at least 1")?;
+        let envs = (1..=MOST_ENVS).contains(&self.num_envs);
+        require(envs, "trainer.num_envs", self.num_envs, "it must be at least 1 and at most 4096")?;
         let rule = "it must be at most 1024";
         require(self.updates_per_round <= 1024, "trainer.updates_per_round", self.updates_per_round, rule)?;
         require(self.threads <= 1024, "trainer.threads", self.threads, rule)?;

@@ -92,9 +92,9 @@ pub struct Fence {
     pub x: [f64; 2],
 }
 
-/// Height of the fences' top above the white keys at rest, m. High enough that a fingertip which has pressed a key
-/// past its threshold meets a wall and not an edge; far below the black keys' tops. Our choice: the paper shows the
-/// fences but gives no size.
+/// Height of the fences' top relative to the white keys' tops at rest, m; negative is below. A fingertip that comes down
+/// off the middle then reaches its key before it meets a fence, and a key that is down lies well below the fences on
+/// both sides. Our choice, since the paper shows the fences but gives no size; docs/results/learning.md has the others.
 pub const FENCE_RISE: f64 = -0.002;
 /// Sliding friction of the fences: slippery plastic, so that a fingertip which comes down on a fence is guided onto a
 /// key instead of standing on the wall (paper, appendix: "the plastic surfaces … are slippery").
