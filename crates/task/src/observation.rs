@@ -15,7 +15,7 @@ pub enum ObservationScale {
     /// As the paper's table has it: rad, and m for the rail.
     Si,
     /// Each joint by its range, to [−1, 1], and the rail in white keys from the middle: one key's width of movement
-    /// is then as visible to the network as a finger's bend. `docs/results` has the comparison.
+    /// is then as visible to the network as a finger's bend. Our choice; the comparison with SI units is still open.
     #[default]
     Normalised,
 }
