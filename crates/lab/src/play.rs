@@ -11,7 +11,7 @@ use etude_perform::{
 };
 use etude_stage::{FINGERS, JOINT_NAMES};
 use etude_task::scripted::ScriptedPlayer;
-use etude_task::{Performance, Piece, TaskError, rehearse, targets};
+use etude_task::{Performance, Piece, TaskError, rehearse};
 use serde::Serialize;
 use serde_json::json;
 
@@ -212,7 +212,7 @@ fn record(
     }
     let message = StepMessage {
         step: environment.position() as u64 - 1,
-        targets: targets(action).to_vec(),
+        targets: environment.range().targets(action).to_vec(),
         positions: world.joints().to_vec(),
         velocities: world.joint_velocities().to_vec(),
         torques: world.torques().to_vec(),

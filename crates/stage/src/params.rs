@@ -98,11 +98,11 @@ rows! {
     /// Numbers that every driven joint has.
     Joint, JOINT_ROWS {
         /// Proportional gain.
-        Stiffness = joint("stiffness", "N·m/rad", 3.0, 6000.0, [0.0, 50_000.0],
+        Stiffness = joint("stiffness", "N·m/rad", 3.0, 20_000.0, [0.0, 50_000.0],
             "proportional gain of the joint's controller; fingers as users of the v4 hand set it (sheet §4.4), \
              the rail stiff as a position-controlled arm"),
         /// Derivative gain.
-        Damping = joint("damping", "N·m·s/rad", 0.1, 400.0, [0.0, 10_000.0],
+        Damping = joint("damping", "N·m·s/rad", 0.1, 700.0, [0.0, 10_000.0],
             "derivative gain of the joint's controller (sheet §4.4)"),
         /// Passive damping in the world.
         Viscosity = joint("viscosity", "N·m·s/rad", 0.01, 20.0, [0.0, 10_000.0],
@@ -114,19 +114,20 @@ rows! {
         Armature = joint("armature", "kg·m²", 0.001, 5.0, [1e-5, 50.0],
             "inertia of the drive seen at the joint; our reading of a high gear ratio, for the rail that of the arm"),
         /// Torque limit: the same for all joints here; `default_for` refines it per joint.
-        TorqueLimit = joint("torque_limit", "N·m", 0.3125, 150.0, [0.01, 500.0],
+        TorqueLimit = joint("torque_limit", "N·m", 0.3125, 200.0, [0.01, 500.0],
             "largest torque; fingers as the v4 driver clamps each joint (sheet §4.4)"),
         /// Low-pass time constant.
-        LowPass = joint("low_pass", "s", 0.02, 0.02, [0.0, 1.0],
+        LowPass = joint("low_pass", "s", 0.01, 0.01, [0.0, 1.0],
             "time constant of the first-order low-pass on the joint's target"),
         /// Velocity limit.
         VelocityLimit = joint("velocity_limit", "rad/s", 7.0, 0.8, [0.01, 50.0],
             "largest velocity of the reference trajectory (fingers: v4 description; rail: below the arm's 1 m/s)"),
         /// Acceleration limit.
-        AccelerationLimit = joint("acceleration_limit", "rad/s²", 300.0, 10.0, [0.1, 5_000.0],
-            "largest acceleration of the reference trajectory; our choice, well inside what the torque allows"),
+        AccelerationLimit = joint("acceleration_limit", "rad/s²", 300.0, 14.0, [0.1, 5_000.0],
+            "largest acceleration of the reference trajectory; fingers: our choice, well inside what the torque allows; \
+             rail: what the arm's joint limit of 1145 °/s² gives 0.7 m from the axis (sheet \"hardware\")"),
         /// Jerk limit.
-        JerkLimit = joint("jerk_limit", "rad/s³", 60_000.0, 1000.0, [1.0, 1e6],
+        JerkLimit = joint("jerk_limit", "rad/s³", 60_000.0, 2000.0, [1.0, 1e6],
             "largest jerk of the reference trajectory; our choice until identified (the arm's servo mode has no limit of \
              its own); docs/results/learning.md says what slower joints cost"),
         /// Delay.

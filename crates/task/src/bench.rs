@@ -9,7 +9,7 @@ use rand::{RngExt as _, SeedableRng as _};
 use rand_pcg::Pcg64;
 
 use crate::environment::Environment;
-use crate::{ACTION_LEN, Piece, TaskConfig, TaskError, VectorPiano, layout, targets};
+use crate::{ACTION_LEN, Piece, TaskConfig, TaskError, VectorPiano, layout};
 
 /// Rates of one measurement.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -55,7 +55,7 @@ pub fn stepping(config: &TaskConfig, song: &Song, secs: f64) -> Result<Stepping,
         full_secs += start.elapsed().as_secs_f64();
         let mut torques: Vec<[f64; JOINTS]> = Vec::new();
         for action in &actions {
-            observer.step_watched(&targets(action), |world| torques.push(*world.torques()));
+            observer.step_watched(&environment.range().targets(action), |world| torques.push(*world.torques()));
         }
         observer.reset();
         let start = Instant::now();

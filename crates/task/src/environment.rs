@@ -13,7 +13,7 @@ use serde::{Deserialize, Serialize};
 use crate::observation::observe;
 use crate::randomise::Randomisation;
 use crate::reward::{Moment, Reward};
-use crate::{ACTION_LEN, Piece, TaskConfig, TaskError, action, targets};
+use crate::{ACTION_LEN, Piece, TargetRange, TaskConfig, TaskError};
 
 /// Result of one control step.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -30,6 +30,7 @@ pub struct Step {
 pub struct Environment {
     world: World,
     piece: Piece,
+    range: TargetRange,
     config: TaskConfig,
     reward: Reward,
     randomisation: Randomisation,
@@ -61,6 +62,7 @@ impl Environment {
         let mut environment = Self {
             world: World::new(&config.stage, &params)?,
             piece: piece.clone(),
+            range: TargetRange::new(piece),
             config: config.clone(),
             reward: Reward::new(&config.reward)?,
             randomisation: Randomisation::new(params, &config.randomisation),
@@ -99,7 +101,7 @@ impl Environment {
             }
         }
         self.previous_joints = self.world.joints();
-        self.previous_action = action(&self.previous_joints);
+        self.previous_action = self.range.action(&self.previous_joints);
     }
 
     /// The lowest key, white if there is one, of the next frame that has any.
@@ -112,7 +114,7 @@ impl Environment {
     pub fn step(&mut self, action: &[f32; ACTION_LEN], parts: &mut [f32]) -> Step {
         let due = self.piece.due(self.step);
         self.previous_joints = self.world.joints();
-        let outcome = self.world.step(&targets(action));
+        let outcome = self.world.step(&self.range.targets(action));
         let moment =
             Moment { world: &self.world, due, outcome, action, previous_action: &self.previous_action };
         let reward = self.reward.evaluate(&moment, parts);
@@ -136,6 +138,11 @@ impl Environment {
     /// The next control step to be played.
     pub fn position(&self) -> usize {
         self.step
+    }
+
+    /// What an action means.
+    pub fn range(&self) -> &TargetRange {
+        &self.range
     }
 
     /// The world behind the task.

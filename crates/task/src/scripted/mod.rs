@@ -17,7 +17,7 @@ mod tests;
 
 use etude_stage::{JOINTS, PhysicalParams, StageConfig};
 
-use crate::{ACTION_LEN, Piece, TaskConfig, TaskError};
+use crate::{ACTION_LEN, Piece, TargetRange, TaskConfig, TaskError};
 
 pub use config::ScriptedConfig;
 pub use limits::{Limit, LimitKind, Limits};
@@ -26,6 +26,7 @@ pub use limits::{Limit, LimitKind, Limits};
 #[derive(Clone, Debug, PartialEq)]
 pub struct ScriptedPlayer {
     targets: Vec<[f64; JOINTS]>,
+    range: TargetRange,
     limits: Limits,
 }
 
@@ -64,7 +65,8 @@ impl ScriptedPlayer {
         let lags = lags::Lags::measure(stage, params, &comb)?;
         let world = (script, &comb, &rail, &lags, params);
         let targets = motion::targets(world, &slices, &plan, &notes, piece.steps());
-        Ok(Self { targets, limits: limits::limits(&planner, &notes) })
+        let range = TargetRange::new(piece);
+        Ok(Self { targets, range, limits: limits::limits(&planner, &notes) })
     }
 
     /// Joint targets of control step `step`: encoder readings in rad, the rail in m. After the end, those of the end.
@@ -72,9 +74,9 @@ impl ScriptedPlayer {
         self.targets.get(step).or(self.targets.last()).copied().unwrap_or_default()
     }
 
-    /// The action whose [`targets`](crate::targets) these are.
+    /// The action whose [`targets`](TargetRange::targets) these are.
     pub fn action(&self, step: usize) -> [f32; ACTION_LEN] {
-        crate::action(&self.targets(step))
+        self.range.action(&self.targets(step))
     }
 
     /// What is not played as written.

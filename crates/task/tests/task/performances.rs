@@ -5,7 +5,7 @@ use etude_learn::Evaluator as _;
 use etude_music::{CONTROL_HZ, KeyEvent, KeySet, repertoire};
 use etude_stage::hand::{TIP_RADIUS, root_lateral};
 use etude_stage::{RAIL, kinematics};
-use etude_task::{Performance, Piece, SongEvaluator, TaskConfig, action, rehearse};
+use etude_task::{Performance, Piece, SongEvaluator, TaskConfig, rehearse};
 
 use crate::bench::{nominal, restless, short_piece};
 
@@ -70,7 +70,7 @@ fn a_rehearsal_records_every_step_and_event() {
             let height = if environment.position() % 20 > 10 { -0.01 } else { 0.02 };
             let angles = kinematics::reach(side, 1, [x, y, z + TIP_RADIUS + height], targets[RAIL]);
             targets[4..8].copy_from_slice(&angles.expect("in reach"));
-            *act = action(&targets);
+            *act = environment.range().action(&targets);
         },
         &mut |_, _| watched += 1,
     )
@@ -101,7 +101,7 @@ fn collisions_are_counted_without_the_collision_term_too() {
             &config,
             &piece,
             0,
-            &mut |environment, _, act| *act = action(&environment.world().start_pose()),
+            &mut |environment, _, act| *act = environment.range().action(&environment.world().start_pose()),
             &mut |_, _| {},
         )
         .unwrap();

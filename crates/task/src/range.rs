@@ -1,0 +1,73 @@
+//! What an action means: joint targets within a range for each joint.
+
+use etude_stage::geometry::{HALF_WIDTH, WHITE_PITCH, key_lateral};
+use etude_stage::hand::ROOT_SPACING;
+use etude_stage::{JOINTS, RAIL, joint_range};
+
+use crate::{ACTION_LEN, Piece};
+
+/// Range of each joint's target, which the ends of an action (−1 and 1) stand for: the joint's own range for a finger
+/// joint, and for the rail the part of the keyboard that the piece needs.
+///
+/// Over the whole keyboard one hundredth of the rail's action would be 7 mm, more than a fingertip may be off the middle
+/// of a key between fences; docs/results/learning.md says what that costs.
+#[derive(Clone, Debug, PartialEq)]
+pub struct TargetRange([[f64; 2]; JOINTS]);
+
+impl TargetRange {
+    /// The range for `piece`: the rail may bring any finger over any key of it, and one white key further.
+    pub fn new(piece: &Piece) -> Self {
+        let mut range = std::array::from_fn(joint_range);
+        let keys = || piece.frames().iter().flat_map(|due| due.iter()).map(key_lateral);
+        let (lowest, highest) = (keys().fold(f64::INFINITY, f64::min), keys().fold(f64::NEG_INFINITY, f64::max));
+        if lowest <= highest {
+            let beyond = ROOT_SPACING + WHITE_PITCH;
+            range[RAIL] = [(lowest - beyond).max(-HALF_WIDTH), (highest + beyond).min(HALF_WIDTH)];
+        }
+        Self(range)
+    }
+
+    /// Joint targets (rad, the rail in m) of an action; what lies beyond ±1 counts as ±1.
+    pub fn targets(&self, action: &[f32; ACTION_LEN]) -> [f64; JOINTS] {
+        std::array::from_fn(|joint| {
+            let [low, high] = self.0[joint];
+            low + (f64::from(action[joint].clamp(-1.0, 1.0)) + 1.0) / 2.0 * (high - low)
+        })
+    }
+
+    /// The action whose [`targets`](Self::targets) these are; targets beyond a range give ±1.
+    pub fn action(&self, targets: &[f64; JOINTS]) -> [f32; ACTION_LEN] {
+        std::array::from_fn(|joint| {
+            let [low, high] = self.0[joint];
+            (((targets[joint] - low) / (high - low) * 2.0 - 1.0).clamp(-1.0, 1.0)) as f32
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use etude_music::repertoire;
+
+    fn scale() -> TargetRange {
+        TargetRange::new(&Piece::new(&repertoire::get("c-major-scale").expect("built in"), 1.0).unwrap())
+    }
+
+    #[test]
+    fn action_undoes_targets() {
+        let range = scale();
+        let action: [f32; ACTION_LEN] = std::array::from_fn(|j| j as f32 / 6.0 - 1.0);
+        let back = range.action(&range.targets(&action));
+        assert!(action.iter().zip(back).all(|(a, b)| (a - b).abs() < 1e-6));
+        assert_eq!(range.targets(&[9.0; ACTION_LEN]), range.targets(&[1.0; ACTION_LEN]));
+    }
+
+    #[test]
+    fn the_rail_brings_every_finger_over_every_key_of_the_piece() {
+        let range = scale();
+        let [low, high] = [-1.0, 1.0].map(|end| range.targets(&[end; ACTION_LEN])[RAIL]);
+        // From middle C (key 24) to the C above.
+        assert!(low < key_lateral(24) - ROOT_SPACING && high > key_lateral(36) + ROOT_SPACING);
+        assert!(high - low < 0.3);
+    }
+}
