@@ -42,6 +42,9 @@ pub struct DroqConfig {
     pub discount: f64,
     /// Fraction of the way that the target critics move towards the critics at each update.
     pub polyak: f64,
+    /// Fraction of the way that the policy moves towards the actor at each update: what is evaluated and saved is the
+    /// average of the actor's last `1 / policy_polyak` or so updates. 1 takes the actor as it is (the paper).
+    pub policy_polyak: f64,
     /// Adam step size of the actor.
     pub actor_learning_rate: f64,
     /// Adam step size of the critics.
@@ -65,6 +68,7 @@ impl Default for DroqConfig {
             replay_capacity: 1_000_000,
             discount: 0.8,
             polyak: 0.005,
+            policy_polyak: 1.0,
             actor_learning_rate: 3e-4,
             critic_learning_rate: 3e-4,
             temperature_learning_rate: 3e-4,
@@ -97,6 +101,8 @@ impl DroqConfig {
         require(discount, "droq.discount", self.discount, "it must be at least 0 and below 1")?;
         let polyak = self.polyak > 0.0 && self.polyak <= 1.0;
         require(polyak, "droq.polyak", self.polyak, "it must be above 0 and at most 1")?;
+        let polyak = self.policy_polyak > 0.0 && self.policy_polyak <= 1.0;
+        require(polyak, "droq.policy_polyak", self.policy_polyak, "it must be above 0 and at most 1")?;
         for (field, value) in [
             ("droq.actor_learning_rate", self.actor_learning_rate),
             ("droq.critic_learning_rate", self.critic_learning_rate),

@@ -111,10 +111,10 @@ rows! {
         Friction = joint("friction", "N·m", 0.0, 0.0, [0.0, 50.0],
             "dry friction in the joint itself; zero until identified, since the real one is not published"),
         /// Rotor inertia.
-        Armature = joint("armature", "kg·m²", 0.001, 5.0, [1e-5, 50.0],
+        Armature = joint("armature", "kg·m²", 0.0005, 5.0, [1e-5, 50.0],
             "inertia of the drive seen at the joint; our reading of a high gear ratio, for the rail that of the arm"),
         /// Torque limit: the same for all joints here; `default_for` refines it per joint.
-        TorqueLimit = joint("torque_limit", "N·m", 0.3125, 200.0, [0.01, 500.0],
+        TorqueLimit = joint("torque_limit", "N·m", 0.3125, 110.0, [0.01, 500.0],
             "largest torque; fingers as the v4 driver clamps each joint (sheet §4.4)"),
         /// Low-pass time constant.
         LowPass = joint("low_pass", "s", 0.01, 0.01, [0.0, 1.0],

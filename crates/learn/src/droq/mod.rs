@@ -20,6 +20,7 @@ pub(crate) use gaussian::Gaussian;
 pub(crate) use learned::Learned;
 
 use crate::{
+    buffer::Buffer,
     config::DroqConfig,
     env::ObservationLayout,
     network::{Network, Shape, Workspace},
@@ -58,6 +59,8 @@ pub(crate) struct Droq {
     actor_network: Network,
     critic_network: Network,
     actor: Learned,
+    /// The actor averaged over its updates: what is evaluated and saved.
+    policy: Buffer,
     critics: [Critic; CRITICS],
     log_temperature: LearnedScalar,
     /// Updates made so far, which is also Adam's step count.
@@ -115,6 +118,7 @@ impl Droq {
         Self {
             config: config.clone(),
             action_len,
+            policy: actor.clone(),
             actor: Learned::new(&actor_network, actor),
             actor_network,
             critic_network,
@@ -143,6 +147,11 @@ impl Droq {
 
     pub(crate) fn actor_parameters(&self) -> &[f32] {
         &self.actor.parameters
+    }
+
+    /// What is evaluated and saved; [`actor_parameters`](Self::actor_parameters) explore.
+    pub(crate) fn policy_parameters(&self) -> &[f32] {
+        &self.policy
     }
 
     pub(crate) fn updates(&self) -> u64 {

@@ -1,7 +1,7 @@
 //! The learner's state as named tensors, for checkpoints.
 //!
 //! Names are `<network>.<kind>.<tensor>`: networks `actor`, `critic0`, `critic1`; kinds `parameters`, `adam_mean`,
-//! `adam_square`, and `target` for critics; tensors as in [`Shape`](crate::network::Shape), for example
+//! `adam_square`, `policy` for the actor and `target` for critics; tensors as in [`Shape`](crate::network::Shape), for example
 //! `critic0.target.layer1.norm_scale`. Weights are `[inputs, outputs]`; the rows of a first layer are real columns, then
 //! (critics) the action, then binary columns. `temperature.log` is `[3]`: value and its two moments.
 
@@ -18,6 +18,7 @@ impl Droq {
         name_tensors(plan, "actor.parameters", &self.actor.parameters, &mut out);
         name_tensors(plan, "actor.adam_mean", &self.actor.mean, &mut out);
         name_tensors(plan, "actor.adam_square", &self.actor.square, &mut out);
+        name_tensors(plan, "actor.policy", &self.policy, &mut out);
         let plan = &self.critic_network.plan;
         for (index, critic) in self.critics.iter().enumerate() {
             name_tensors(plan, &format!("critic{index}.parameters"), &critic.learned.parameters, &mut out);
@@ -40,6 +41,7 @@ impl Droq {
         find_tensors(plan, "actor.parameters", lookup, &mut self.actor.parameters)?;
         find_tensors(plan, "actor.adam_mean", lookup, &mut self.actor.mean)?;
         find_tensors(plan, "actor.adam_square", lookup, &mut self.actor.square)?;
+        find_tensors(plan, "actor.policy", lookup, &mut self.policy)?;
         let plan = &self.critic_network.plan;
         for (index, critic) in self.critics.iter_mut().enumerate() {
             find_tensors(plan, &format!("critic{index}.parameters"), lookup, &mut critic.learned.parameters)?;

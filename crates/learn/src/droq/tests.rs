@@ -273,8 +273,7 @@ fn temperature_follows_the_entropy() {
     }
 }
 
-#[test]
-fn the_same_seed_gives_the_same_bytes_in_parallel_too() {
+fn some_replay() -> Replay {
     let mut replay = Replay::new(LAYOUT, ACTION, 50);
     let mut stream = Stream::new(1, "test");
     for _ in 0..50 {
@@ -289,6 +288,31 @@ fn the_same_seed_gives_the_same_bytes_in_parallel_too() {
         };
         replay.push(transition);
     }
+    replay
+}
+
+#[test]
+fn the_policy_is_the_average_of_the_actor() {
+    let replay = some_replay();
+    for polyak in [0.25, 1.0] {
+        let mut droq = learner(0.1, 16);
+        droq.config.policy_polyak = polyak;
+        let mut average = droq.actor_parameters().to_vec();
+        for _ in 0..10 {
+            droq.learn(&replay, false);
+            for (average, &actor) in average.iter_mut().zip(droq.actor_parameters()) {
+                *average += polyak as f32 * (actor - *average);
+            }
+        }
+        compare("policy", droq.policy_parameters(), &average, 1e-6);
+        let moved = average.iter().zip(droq.actor_parameters()).any(|(a, b)| (a - b).abs() > 1e-4);
+        assert_eq!(moved, polyak < 1.0);
+    }
+}
+
+#[test]
+fn the_same_seed_gives_the_same_bytes_in_parallel_too() {
+    let replay = some_replay();
     let mut learners = [learner(0.1, 16), learner(0.1, 16)];
     for _ in 0..20 {
         let [first, second] = &mut learners;

@@ -1,7 +1,7 @@
 //! One update, given its batch and its draws.
 
 use super::{Droq, Learned, Losses, Scratch};
-use crate::kernels::{AdamStep, adam};
+use crate::kernels::{AdamStep, adam, adam_polyak};
 
 impl Droq {
     /// Uses the batch and the draws that lie in the scratch space.
@@ -100,7 +100,13 @@ impl Droq {
         let wanted = crate::network::Wanted::Parameters(gradient);
         self.actor_network.backward(parameters, inputs, &[], 0.0, output_error, wanted, actor);
         let step = AdamStep::new(config.actor_learning_rate, self.updates);
-        adam(step, parameters, gradient, mean, square);
+        if config.policy_polyak < 1.0 {
+            let polyak = config.policy_polyak as f32;
+            adam_polyak(step, polyak, parameters, gradient, mean, square, &mut self.policy);
+        } else {
+            adam(step, parameters, gradient, mean, square);
+            self.policy.copy_from_slice(parameters);
+        }
         (loss / rows as f64, entropy / rows as f64)
     }
 

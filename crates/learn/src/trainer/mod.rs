@@ -212,7 +212,7 @@ impl Trainer {
         let notes = serde_json::json!({
             "training": self.parts.notes, "step": self.step, "updates": self.droq.updates(), "scores": scores,
         });
-        Policy::new(self.droq.actor_network(), self.droq.actor_parameters(), notes)
+        Policy::new(self.droq.actor_network(), self.droq.policy_parameters(), notes)
     }
 
     /// Trains to the end, or until the observer stops it. In both cases a checkpoint is saved before this returns.

@@ -70,10 +70,10 @@ fn narrow(params: &mut PhysicalParams, name: &str, [low, high]: [f64; 2], share:
 const TORQUE_LIMIT: [f64; 2] = [0.01, 2.0];
 /// The same for position actuators, which have no torque limit: N·m/rad, N·m·s/rad, kg·m².
 const POSITION: [(&str, [f64; 2]); 3] =
-    [("stiffness", [0.1, 60.0]), ("damping", [0.001, 2.0]), ("armature", [5e-4, 50.0])];
+    [("stiffness", [0.1, 20.0]), ("damping", [0.001, 1.0]), ("armature", [1e-3, 50.0])];
 
 proptest! {
-    #![proptest_config(bench::cases(48))]
+    #![proptest_config(bench::cases(1500))]
 
     #[test]
     fn no_controlled_world_upsets_the_engine(
