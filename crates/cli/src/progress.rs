@@ -5,6 +5,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
+use etude_lab::Run;
 use etude_learn::{EvaluationRow, LogRow, StopReason, TrainingObserver};
 use indicatif::{ProgressBar, ProgressStyle};
 
@@ -38,8 +39,9 @@ pub struct Progress {
 }
 
 impl Progress {
-    /// Progress from step `first` to `total`; `limit` ends the training early. Quiet when nobody should read it.
-    pub fn new(first: u64, total: u64, limit: Option<Duration>, quiet: bool, stop: Arc<AtomicBool>) -> Self {
+    /// Progress of `run` from where it stands; `limit` ends it early. Quiet when nobody should read it.
+    pub fn new(run: &Run, limit: Option<Duration>, quiet: bool, stop: Arc<AtomicBool>) -> Self {
+        let total = run.config().trainer.total_steps;
         let bar = (!quiet && std::io::stderr().is_terminal()).then(|| {
             let style = ProgressStyle::with_template("{bar:32} {percent:>3} %  {msg}");
             ProgressBar::new(total).with_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()))
@@ -52,9 +54,9 @@ impl Progress {
             bar,
             total,
             started,
-            first_step: first,
+            first_step: run.step(),
             last_f1: None,
-            best_f1: 0.0,
+            best_f1: run.best_f1().unwrap_or(0.0),
             told: false,
         }
     }

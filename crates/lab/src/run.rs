@@ -136,6 +136,11 @@ impl Run {
         self.trainer.step()
     }
 
+    /// The best F1 of the evaluations so far.
+    pub fn best_f1(&self) -> Option<f64> {
+        self.trainer.best().and_then(|best| best.scores.first()).map(|score| score.value)
+    }
+
     /// Trains to the end, or until the observer stops it; in both cases everything is saved.
     ///
     /// # Errors

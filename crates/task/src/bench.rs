@@ -55,7 +55,8 @@ pub fn stepping(config: &TaskConfig, song: &Song, secs: f64) -> Result<Stepping,
         full_secs += start.elapsed().as_secs_f64();
         let mut torques: Vec<[f64; JOINTS]> = Vec::new();
         for action in &actions {
-            observer.step_watched(&environment.range().targets(action), |world| torques.push(*world.torques()));
+            observer
+                .step_watched(&environment.range().targets(action), |world| torques.push(*world.torques()));
         }
         observer.reset();
         let start = Instant::now();

@@ -25,8 +25,8 @@ pub use evaluate::SongEvaluator;
 pub use observation::{ObservationScale, layout, observe};
 pub use performance::{Act, Performance, Watch, rehearse};
 pub use piece::Piece;
-pub use range::TargetRange;
 pub use randomise::{RANDOMISED, Randomisation, RandomisationConfig};
+pub use range::TargetRange;
 pub use scripted::{ScriptedConfig, ScriptedPlayer};
 pub use vector::VectorPiano;
 

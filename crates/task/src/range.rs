@@ -19,7 +19,8 @@ impl TargetRange {
     pub fn new(piece: &Piece) -> Self {
         let mut range = std::array::from_fn(joint_range);
         let keys = || piece.frames().iter().flat_map(|due| due.iter()).map(key_lateral);
-        let (lowest, highest) = (keys().fold(f64::INFINITY, f64::min), keys().fold(f64::NEG_INFINITY, f64::max));
+        let (lowest, highest) =
+            (keys().fold(f64::INFINITY, f64::min), keys().fold(f64::NEG_INFINITY, f64::max));
         if lowest <= highest {
             let beyond = ROOT_SPACING + WHITE_PITCH;
             range[RAIL] = [(lowest - beyond).max(-HALF_WIDTH), (highest + beyond).min(HALF_WIDTH)];

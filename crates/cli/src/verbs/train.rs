@@ -63,8 +63,7 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
     if !args.json {
         announce(&run, &folder)?;
     }
-    let total = run.config().trainer.total_steps;
-    let mut progress = Progress::new(run.step(), total, limit, args.json, stop);
+    let mut progress = Progress::new(&run, limit, args.json, stop);
     let outcome = run.run(&mut progress);
     progress.finish();
     let outcome = outcome?;

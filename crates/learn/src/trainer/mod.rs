@@ -201,6 +201,11 @@ impl Trainer {
         self.step
     }
 
+    /// The best evaluation so far.
+    pub fn best(&self) -> Option<&Best> {
+        self.best.as_ref()
+    }
+
     /// The current policy.
     pub fn policy(&self) -> Policy {
         self.policy_with(&[])

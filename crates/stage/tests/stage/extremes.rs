@@ -120,7 +120,7 @@ fn the_defaults_keep_to_the_rules() {
 }
 
 proptest! {
-    #![proptest_config(bench::cases(10000))]
+    #![proptest_config(bench::cases(64))]
 
     #[test]
     fn no_controlled_world_upsets_the_engine(
