@@ -11,7 +11,7 @@ use etude_perform::{
 };
 use etude_stage::{FINGERS, JOINT_NAMES};
 use etude_task::scripted::ScriptedPlayer;
-use etude_task::{Performance, Piece, TaskError, rehearse};
+use etude_task::{Act, Performance, Piece, TaskError, rehearse};
 use serde::Serialize;
 use serde_json::json;
 
@@ -134,26 +134,22 @@ pub fn perform(
     let name = player.name();
     let recorder = folder.map(|folder| recorder(folder, &piece, &name, &config)).transpose()?;
     let recorder = RefCell::new((recorder, Ok(())));
-    let script = match player.mind {
-        Mind::Script => Some(ScriptedPlayer::new(&config.task, &piece)?),
-        Mind::Policy(..) => None,
+    let mut limits = None;
+    let mut act: Box<Act<'_>> = match &mut player.mind {
+        Mind::Policy(policy, _) => Box::new(|_, observation, action| policy.act(observation, action)),
+        Mind::Script => {
+            let script = ScriptedPlayer::new(&config.task, &piece)?;
+            limits = Some(script.limits().to_string());
+            Box::new(move |environment, _, action| *action = script.action(environment.position()))
+        }
     };
-    let performance = rehearse(
-        &config.task,
-        &piece,
-        config.trainer.seed,
-        &mut |environment, observation, action| match (&mut player.mind, &script) {
-            (Mind::Policy(policy, _), _) => policy.act(observation, action),
-            (Mind::Script, Some(script)) => *action = script.action(environment.position()),
-            (Mind::Script, None) => {}
-        },
-        &mut |environment, action| {
+    let performance =
+        rehearse(&config.task, &piece, config.trainer.seed, &mut *act, &mut |environment, action| {
             let (writer, outcome) = &mut *recorder.borrow_mut();
             if let (Some(writer), Ok(())) = (writer, &outcome) {
                 *outcome = record(writer, environment, action);
             }
-        },
-    )?;
+        })?;
     let (writer, outcome) = recorder.into_inner();
     outcome?;
     if let Some(writer) = writer {
@@ -167,7 +163,7 @@ pub fn perform(
         note: performance.note_scores(),
         reward: performance.reward,
         collision_free: performance.collision_free,
-        limits: script.map(|script| script.limits().to_string()),
+        limits,
         files: None,
     };
     if let Some(folder) = folder {
