@@ -21,9 +21,9 @@ pub struct RunConfig {
 /// The presets: name, what it is for, and its text, which `configs/presets` holds.
 pub const PRESETS: &[(&str, &str, &str)] = &[
     (
-        "quick",
-        "a song in minutes: eight environments, one update for every eight steps",
-        include_str!("../../../configs/presets/quick.toml"),
+        "fast",
+        "a song in minutes: eight environments, little replay, demonstrations by the scripted player",
+        include_str!("../../../configs/presets/fast.toml"),
     ),
     (
         "paper",
@@ -235,7 +235,7 @@ mod tests {
             "task.physics.key.threshold=0.6",
             "task.reward.collision=0",
         ];
-        let config = resolve("quick", Some(&path), &sets.map(String::from)).unwrap();
+        let config = resolve("fast", Some(&path), &sets.map(String::from)).unwrap();
         assert_eq!((config.trainer.seed, config.trainer.num_envs), (9, 3));
         assert_eq!(config.task.physics["key.threshold"], 0.6);
         assert_eq!(config.task.reward["collision"], 0.0);
@@ -245,7 +245,7 @@ mod tests {
 
     #[test]
     fn numbers_may_be_written_as_people_write_them() {
-        let set = |text: &str| resolve("quick", None, &[text.to_string()]).unwrap();
+        let set = |text: &str| resolve("fast", None, &[text.to_string()]).unwrap();
         assert_eq!(set("trainer.total_steps=2e6").trainer.total_steps, 2_000_000);
         assert_eq!(set("droq.initial_temperature=1").droq.initial_temperature, 1.0);
         assert_eq!(set("droq.initial_temperature=1.0").droq.initial_temperature, 1.0);
@@ -253,7 +253,7 @@ mod tests {
 
     #[test]
     fn what_cannot_work_is_refused_and_so_is_a_change_of_what_was_learned() {
-        let check = |text: &str| resolve("quick", None, &[text.to_string()]).unwrap().check();
+        let check = |text: &str| resolve("fast", None, &[text.to_string()]).unwrap().check();
         assert!(check("trainer.seed=3").is_ok());
         assert!(check("droq.batch=0").unwrap_err().to_string().contains("droq.batch"));
         assert!(check("trainer.num_envs=100000000000").unwrap_err().to_string().contains("at most 4096"));
@@ -266,12 +266,12 @@ mod tests {
 
     #[test]
     fn errors_name_the_key() {
-        let message = |set: &str| resolve("quick", None, &[set.to_string()]).unwrap_err().to_string();
+        let message = |set: &str| resolve("fast", None, &[set.to_string()]).unwrap_err().to_string();
         assert!(message("trainer.sead=3").contains("trainer"), "{}", message("trainer.sead=3"));
         assert!(message("trainer.sead=3").contains("sead"));
         assert!(message("droq.batch=many").contains("droq.batch"));
         assert!(message("nonsense").contains("path=value"));
         assert!(message("trainer.num_envs=1.5").contains("trainer.num_envs"));
-        assert!(resolve("slow", None, &[]).unwrap_err().to_string().contains("quick, paper, appendix"));
+        assert!(resolve("slow", None, &[]).unwrap_err().to_string().contains("fast, paper, appendix"));
     }
 }

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use etude_learn::{Outcome, Parts, TrainError, Trainer, TrainerConfig, TrainingObserver, seed};
 use etude_music::{Song, SongError};
 use etude_perform::{FileError, write_text};
-use etude_task::{Piece, SongEvaluator, TaskError, VectorPiano};
+use etude_task::{Piece, ScriptedPlayer, SongEvaluator, TaskError, VectorPiano};
 use serde_json::json;
 
 use crate::config::{ConfigError, RunConfig, change_free, resolve as resolve_config};
@@ -202,7 +202,10 @@ fn lock(folder: &Path) -> Result<File, RunError> {
 fn parts(song: &Song, config: &RunConfig) -> Result<Parts, RunError> {
     let piece = Piece::new(song, config.task.initial_silence_secs)?;
     let root = seed::split(config.trainer.seed, "task");
-    let environment = VectorPiano::new(&config.task, &piece, config.trainer.num_envs, root)?;
+    let mut environment = VectorPiano::new(&config.task, &piece, config.trainer.num_envs, root)?;
+    if config.trainer.demonstration_share > 0.0 {
+        environment = environment.with_demonstrator(ScriptedPlayer::new(&config.task, &piece)?);
+    }
     let evaluator = SongEvaluator::new(&config.task, &piece)?;
     // How the work is spread over threads shapes nothing, so it is no part of a policy: same seed, same bytes.
     let defaults = TrainerConfig::default();

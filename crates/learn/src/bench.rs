@@ -23,7 +23,7 @@ const ONES: usize = 15;
 pub fn update_rate(config: &DroqConfig, seconds: f64, two_threads: bool) -> Result<f64, ConfigError> {
     config.validate()?;
     let mut stream = Stream::new(0, "bench");
-    let mut replay = Replay::new(LAYOUT, ACTION, 20_000);
+    let mut replay = Replay::new(LAYOUT, ACTION, 20_000, 1);
     let observation = |stream: &mut Stream| {
         let mut observation: Vec<f32> = (0..LAYOUT.real).map(|_| 2.0 * stream.uniform() - 1.0).collect();
         observation.resize(LAYOUT.len(), 0.0);
@@ -39,6 +39,7 @@ pub fn update_rate(config: &DroqConfig, seconds: f64, two_threads: bool) -> Resu
             action: &action,
             reward,
             terminal: false,
+            ends: false,
             next_observation: &after,
         });
     }

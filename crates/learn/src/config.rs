@@ -40,6 +40,9 @@ pub struct DroqConfig {
     pub replay_capacity: usize,
     /// Weight of the next step's value, per control step.
     pub discount: f64,
+    /// Control steps whose rewards are added up before the critics' value of what follows takes over (n-step returns);
+    /// fewer where the episode ends before. 1 is the paper's.
+    pub n_step: usize,
     /// Fraction of the way that the target critics move towards the critics at each update.
     pub polyak: f64,
     /// Fraction of the way that the policy moves towards the actor at each update: what is evaluated and saved is the
@@ -67,6 +70,7 @@ impl Default for DroqConfig {
             batch: 256,
             replay_capacity: 1_000_000,
             discount: 0.8,
+            n_step: 1,
             polyak: 0.005,
             policy_polyak: 1.0,
             actor_learning_rate: 3e-4,
@@ -99,6 +103,8 @@ impl DroqConfig {
         require(capacity, "droq.replay_capacity", self.replay_capacity, "it must be from 1 to 2147483648")?;
         let discount = (0.0..1.0).contains(&self.discount);
         require(discount, "droq.discount", self.discount, "it must be at least 0 and below 1")?;
+        let n_step = (1..=100).contains(&self.n_step);
+        require(n_step, "droq.n_step", self.n_step, "it must be from 1 to 100")?;
         let polyak = self.polyak > 0.0 && self.polyak <= 1.0;
         require(polyak, "droq.polyak", self.polyak, "it must be above 0 and at most 1")?;
         let polyak = self.policy_polyak > 0.0 && self.policy_polyak <= 1.0;
@@ -139,6 +145,11 @@ pub struct TrainerConfig {
     pub updates_per_round: usize,
     /// Environment steps with uniformly random actions, before the first update.
     pub warmup_steps: u64,
+    /// Share of the control steps in which the environment's demonstrator acts instead of the policy, from the first
+    /// step on; 0 is the paper's.
+    pub demonstration_share: f64,
+    /// Standard deviation of the normal noise on the demonstrator's actions, so that they are not always the same.
+    pub demonstration_noise: f64,
     /// Environment steps between rows of metrics.
     pub log_every_steps: u64,
     /// Environment steps between evaluations; 0 for none.
@@ -159,6 +170,8 @@ impl Default for TrainerConfig {
             num_envs: 1,
             updates_per_round: 1,
             warmup_steps: 5_000,
+            demonstration_share: 0.0,
+            demonstration_noise: 0.03,
             log_every_steps: 2_000,
             evaluate_every_steps: 10_000,
             checkpoint_every_steps: 50_000,
@@ -181,6 +194,13 @@ impl TrainerConfig {
         require(self.threads <= 1024, "trainer.threads", self.threads, rule)?;
         let rule = "it must be at least 1, since updates need something to learn from";
         require(self.warmup_steps >= 1, "trainer.warmup_steps", self.warmup_steps, rule)?;
+        let rule = "it must be at least 0 and at most 1";
+        for (field, value) in [
+            ("trainer.demonstration_share", self.demonstration_share),
+            ("trainer.demonstration_noise", self.demonstration_noise),
+        ] {
+            require((0.0..=1.0).contains(&value), field, value, rule)?;
+        }
         for (field, value) in [
             ("trainer.total_steps", self.total_steps),
             ("trainer.log_every_steps", self.log_every_steps),
@@ -208,12 +228,13 @@ mod tests {
     #[test]
     fn errors_name_the_field() {
         type Spoil = fn(&mut DroqConfig);
-        let broken: [(&str, Spoil); 8] = [
+        let broken: [(&str, Spoil); 9] = [
             ("droq.hidden", |c| c.hidden.clear()),
             ("droq.dropout", |c| c.dropout = f64::NAN),
             ("droq.batch", |c| c.batch = 0),
             ("droq.replay_capacity", |c| c.replay_capacity = 0),
             ("droq.discount", |c| c.discount = 1.0),
+            ("droq.n_step", |c| c.n_step = 0),
             ("droq.polyak", |c| c.polyak = 0.0),
             ("droq.critic_learning_rate", |c| c.critic_learning_rate = -1.0),
             ("droq.log_std_bounds", |c| c.log_std_bounds = [2.0, -20.0]),
@@ -226,5 +247,6 @@ mod tests {
             assert!(error.to_string().contains("change it in the configuration"));
         }
         assert!(TrainerConfig { num_envs: 0, ..Default::default() }.validate().is_err());
+        assert!(TrainerConfig { demonstration_share: 1.1, ..Default::default() }.validate().is_err());
     }
 }

@@ -84,6 +84,12 @@ pub trait VectorEnvironment: Send {
     fn reset(&mut self, observation: &mut [f32]);
     /// Applies `actions` (`[n, action]`, each in [-1, 1]) and restarts the episodes that ended.
     fn step(&mut self, actions: &[f32], batch: &mut StepBatch);
+    /// Writes what a demonstrator that knows the task would do now, `[n, action]`. Without one: `false`, and nothing
+    /// is written.
+    fn demonstrate(&self, actions: &mut [f32]) -> bool {
+        let _ = actions;
+        false
+    }
     /// Everything that is needed to continue bit for bit after [`load_state`](Self::load_state).
     fn save_state(&self) -> Vec<u8>;
     /// Continues from [`save_state`](Self::save_state). Must refuse, not panic on, bytes that it did not write.

@@ -5,14 +5,21 @@ use rayon::prelude::*;
 
 use crate::environment::Environment;
 use crate::observation::layout;
-use crate::{ACTION_LEN, Piece, TaskConfig, TaskError};
+use crate::{ACTION_LEN, Piece, ScriptedPlayer, TaskConfig, TaskError};
 
 /// Environments of one piece that step together. Each owns its world and its stream of randomness, so the number of
 /// threads cannot change what happens.
 pub struct VectorPiano {
-    environments: Vec<Environment>,
+    environments: Vec<Slot>,
     layout: ObservationLayout,
     terms: usize,
+    demonstrator: Option<ScriptedPlayer>,
+}
+
+/// An environment and the reward terms of its last step.
+struct Slot {
+    environment: Environment,
+    parts: Vec<f32>,
 }
 
 impl VectorPiano {
@@ -28,21 +35,28 @@ impl VectorPiano {
     ) -> Result<Self, TaskError> {
         let environments = (0..num_envs)
             .map(|index| {
-                Environment::new(config, piece, seed::split(root_seed, &format!("environment {index}")))
+                let seed = seed::split(root_seed, &format!("environment {index}"));
+                let environment = Environment::new(config, piece, seed)?;
+                let parts = vec![0.0; environment.reward().names().len()];
+                Ok(Slot { environment, parts })
             })
-            .collect::<Result<Vec<_>, _>>()?;
-        let terms = environments.first().map_or(0, |e| e.reward().names().len());
-        Ok(Self { environments, layout: layout(config), terms })
+            .collect::<Result<Vec<_>, TaskError>>()?;
+        let terms = environments.first().map_or(0, |slot| slot.parts.len());
+        Ok(Self { environments, layout: layout(config), terms, demonstrator: None })
+    }
+
+    /// With a player that can demonstrate the piece: what it has planned for the control step that is next.
+    pub fn with_demonstrator(self, player: ScriptedPlayer) -> Self {
+        Self { demonstrator: Some(player), ..self }
     }
 }
 
 /// One environment with its rows of the batch.
 struct Row<'a> {
-    environment: &'a mut Environment,
+    slot: &'a mut Slot,
     action: &'a [f32],
     observation: &'a mut [f32],
     next_observation: &'a mut [f32],
-    parts: &'a mut [f32],
     reward: &'a mut f32,
     truncated: &'a mut bool,
 }
@@ -51,13 +65,14 @@ impl Row<'_> {
     fn step(self) {
         let action: &[f32; ACTION_LEN] =
             self.action.first_chunk().expect("an action has one value per joint");
-        let step = self.environment.step(action, self.parts);
+        let Slot { environment, parts } = self.slot;
+        let step = environment.step(action, parts);
         *self.reward = step.reward as f32;
         *self.truncated = step.song_over;
-        self.environment.observe(self.next_observation);
+        environment.observe(self.next_observation);
         if step.song_over {
-            self.environment.reset();
-            self.environment.observe(self.observation);
+            environment.reset();
+            environment.observe(self.observation);
         } else {
             self.observation.copy_from_slice(self.next_observation);
         }
@@ -78,47 +93,50 @@ impl VectorEnvironment for VectorPiano {
     }
 
     fn reward_term_names(&self) -> Vec<String> {
-        self.environments.first().map_or_else(Vec::new, |e| e.reward().names().map(str::to_string).collect())
+        let names = |slot: &Slot| slot.environment.reward().names().map(str::to_string).collect();
+        self.environments.first().map_or_else(Vec::new, names)
     }
 
     fn reset(&mut self, observation: &mut [f32]) {
-        for (environment, row) in
+        for (slot, row) in
             self.environments.iter_mut().zip(observation.chunks_exact_mut(self.layout.len()))
         {
-            environment.reset();
-            environment.observe(row);
+            slot.environment.reset();
+            slot.environment.observe(row);
         }
     }
 
     fn step(&mut self, actions: &[f32], batch: &mut StepBatch) {
         let len = self.layout.len();
         batch.terminal.fill(false);
-        // One slice for each environment, empty ones where the reward has no terms.
-        let mut rest = batch.reward_terms.as_mut_slice();
-        let mut parts = Vec::with_capacity(self.environments.len());
-        for _ in 0..self.environments.len() {
-            let (row, others) = rest.split_at_mut(self.terms);
-            parts.push(row);
-            rest = others;
-        }
         let rows = self
             .environments
             .par_iter_mut()
             .zip(actions.par_chunks_exact(ACTION_LEN))
             .zip(batch.observation.par_chunks_exact_mut(len))
             .zip(batch.next_observation.par_chunks_exact_mut(len))
-            .zip(parts)
             .zip(batch.reward.par_iter_mut())
             .zip(batch.truncated.par_iter_mut());
         rows.with_max_len(1).for_each(
-            |((((((environment, action), observation), next_observation), parts), reward), truncated)| {
-                Row { environment, action, observation, next_observation, parts, reward, truncated }.step();
+            |(((((slot, action), observation), next_observation), reward), truncated)| {
+                Row { slot, action, observation, next_observation, reward, truncated }.step();
             },
         );
+        for (index, slot) in self.environments.iter().enumerate() {
+            batch.reward_terms[index * self.terms..][..self.terms].copy_from_slice(&slot.parts);
+        }
+    }
+
+    fn demonstrate(&self, actions: &mut [f32]) -> bool {
+        let Some(player) = &self.demonstrator else { return false };
+        for (slot, action) in self.environments.iter().zip(actions.chunks_exact_mut(ACTION_LEN)) {
+            action.copy_from_slice(&player.action(slot.environment.position()));
+        }
+        true
     }
 
     fn save_state(&self) -> Vec<u8> {
-        let states: Vec<Vec<u8>> = self.environments.iter().map(Environment::save).collect();
+        let states: Vec<Vec<u8>> = self.environments.iter().map(|slot| slot.environment.save()).collect();
         let texts: Vec<&str> = states.iter().filter_map(|s| std::str::from_utf8(s).ok()).collect();
         texts.join("\n").into_bytes()
     }
@@ -132,6 +150,6 @@ impl VectorEnvironment for VectorPiano {
                 self.environments.len()
             )));
         }
-        self.environments.iter_mut().zip(states).try_for_each(|(environment, bytes)| environment.load(bytes))
+        self.environments.iter_mut().zip(states).try_for_each(|(slot, bytes)| slot.environment.load(bytes))
     }
 }

@@ -19,7 +19,7 @@ due and pressed at each control step, so that anyone can compute the scores agai
 
 Examples:
   etude play twinkle
-  etude play my-song.mid --policy runs/my-song__quick__0 -o out/mine")]
+  etude play my-song.mid --policy runs/my-song__fast__0 -o out/mine")]
 pub struct Args {
     /// A built-in id (see `etude songs`) or a MIDI file
     song: String,

@@ -20,8 +20,8 @@ checkpoints. Ctrl-C and SIGTERM save before they stop; after a kill -9 at most o
 Examples:
   etude train twinkle --minutes 10
   etude train my-song.mid --set trainer.seed=3 --set trainer.total_steps=2e6
-  etude train --resume runs/twinkle__quick__0
-  etude train --resume runs/twinkle__quick__0 --set trainer.total_steps=3e6")]
+  etude train --resume runs/twinkle__fast__0
+  etude train --resume runs/twinkle__fast__0 --set trainer.total_steps=3e6")]
 pub struct Args {
     /// A built-in id (see `etude songs`) or a MIDI file
     #[arg(required_unless_present = "resume", conflicts_with = "resume")]

@@ -72,10 +72,10 @@ fn a_performance_is_kept_whole() {
 fn a_run_is_found_by_its_song_and_a_damaged_one_does_not_hide_it() {
     let desk = Desk::new();
     succeed(desk.tiny("short.mid --json"));
-    std::fs::create_dir_all(desk.path("runs/short__quick__9")).unwrap();
-    std::fs::write(desk.path("runs/short__quick__9/policy-best.safetensors"), "damaged").unwrap();
+    std::fs::create_dir_all(desk.path("runs/short__fast__9")).unwrap();
+    std::fs::write(desk.path("runs/short__fast__9/policy-best.safetensors"), "damaged").unwrap();
     let report = desk.json("play short.mid --json");
-    assert!(report["player"].as_str().unwrap().contains("short__quick__0"), "{report}");
+    assert!(report["player"].as_str().unwrap().contains("short__fast__0"), "{report}");
     assert!(desk.path("out/short/performance.wav").is_file());
 }
 

@@ -25,7 +25,7 @@ use crate::{
     env::ObservationLayout,
     network::{Network, Shape, Workspace},
     random::Stream,
-    replay::{Batch, Replay},
+    replay::{Batch, Horizon, Replay},
 };
 use critic::Critic;
 
@@ -136,7 +136,8 @@ impl Droq {
     /// One update on a batch from `replay`, which must not be empty. With `parallel`, the critics may run on two rayon
     /// threads; the result has the same bytes.
     pub(crate) fn learn(&mut self, replay: &Replay, parallel: bool) -> Losses {
-        replay.sample(&mut self.streams.replay, self.config.batch, &mut self.scratch.batch);
+        let horizon = Horizon { steps: self.config.n_step, discount: self.config.discount };
+        replay.sample(&mut self.streams.replay, self.config.batch, horizon, &mut self.scratch.batch);
         self.scratch.draws.fill(&self.config, &mut self.streams);
         self.update(parallel)
     }

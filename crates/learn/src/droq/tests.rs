@@ -58,7 +58,8 @@ impl Golden {
         get("next_observation").chunks(LAYOUT.len()).for_each(|row| batch.next_observation.push(row));
         batch.action = get("action");
         batch.reward = get("reward");
-        batch.continues = get("continues");
+        let discount = droq.config.discount as f32;
+        batch.discount = get("continues").iter().map(|continues| discount * continues).collect();
         draws.next_noise = get("next_noise");
         draws.noise = get("noise");
         for (critic, drops) in draws.drops.iter_mut().enumerate() {
@@ -274,7 +275,7 @@ fn temperature_follows_the_entropy() {
 }
 
 fn some_replay() -> Replay {
-    let mut replay = Replay::new(LAYOUT, ACTION, 50);
+    let mut replay = Replay::new(LAYOUT, ACTION, 50, 1);
     let mut stream = Stream::new(1, "test");
     for _ in 0..50 {
         let mut observation = vec![1.0; LAYOUT.len()];
@@ -284,6 +285,7 @@ fn some_replay() -> Replay {
             action: &[0.1, -0.2, 0.3],
             reward: stream.uniform(),
             terminal: false,
+            ends: false,
             next_observation: &observation,
         };
         replay.push(transition);

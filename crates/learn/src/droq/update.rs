@@ -39,10 +39,9 @@ impl Droq {
             || first.target_values(network, config, inputs, first_drops),
             || second.target_values(network, config, inputs, second_drops),
         );
-        let discount = config.discount as f32;
         for (row, wanted) in wanted.iter_mut().enumerate() {
             let value = first.values[row].min(second.values[row]) - temperature * next_policy.log_prob[row];
-            *wanted = batch.reward[row] + discount * batch.continues[row] * value;
+            *wanted = batch.reward[row] + batch.discount[row] * value;
         }
 
         batch.observation.set_extra(&batch.action);

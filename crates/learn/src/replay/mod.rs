@@ -16,6 +16,8 @@ pub(crate) struct Transition<'a> {
     pub action: &'a [f32],
     pub reward: f32,
     pub terminal: bool,
+    /// Whether the next transition of the same environment begins another episode.
+    pub ends: bool,
     pub next_observation: &'a [f32],
 }
 
@@ -24,13 +26,28 @@ pub(crate) struct Replay {
     layout: ObservationLayout,
     action_len: usize,
     capacity: usize,
+    /// Environments that push in turn: transition `k + num_envs` follows transition `k`.
+    num_envs: usize,
     /// Transitions ever pushed.
     total: u64,
     /// `[capacity, 2 * real + action + 1]`: observation, next observation, action, reward.
     values: Vec<f32>,
     /// `[capacity, 2 * words]`: observation, next observation.
     words: Vec<u64>,
-    terminal: Vec<bool>,
+    flags: Vec<u8>,
+}
+
+/// Flags of a transition.
+const TERMINAL: u8 = 1;
+const ENDS: u8 = 2;
+
+/// How far a drawn transition looks ahead, and what later rewards count.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Horizon {
+    /// Rewards added up, at least 1; fewer where the episode or the replay ends before.
+    pub steps: usize,
+    /// Weight of the next step, per step.
+    pub discount: f64,
 }
 
 /// A batch drawn from the replay, in the form the networks want.
@@ -39,10 +56,10 @@ pub(crate) struct Batch {
     pub next_observation: Inputs,
     /// `[batch, action]`
     pub action: Vec<f32>,
-    /// `[batch]`
+    /// `[batch]`: the discounted rewards up to the horizon.
     pub reward: Vec<f32>,
-    /// `[batch]`: 0 where the step was terminal, 1 elsewhere.
-    pub continues: Vec<f32>,
+    /// `[batch]`: weight of the value of the next observation; 0 where the task was over.
+    pub discount: Vec<f32>,
 }
 
 impl Batch {
@@ -52,7 +69,7 @@ impl Batch {
             next_observation: Inputs::new(layout, action_len, rows),
             action: Vec::with_capacity(rows * action_len),
             reward: Vec::with_capacity(rows),
-            continues: Vec::with_capacity(rows),
+            discount: Vec::with_capacity(rows),
         }
     }
 
@@ -65,7 +82,7 @@ impl Batch {
         self.next_observation.clear();
         self.action.clear();
         self.reward.clear();
-        self.continues.clear();
+        self.discount.clear();
     }
 }
 
@@ -77,16 +94,17 @@ fn pack(binary: &[f32], words: &mut [u64]) {
 }
 
 impl Replay {
-    pub(crate) fn new(layout: ObservationLayout, action_len: usize, capacity: usize) -> Self {
+    pub(crate) fn new(layout: ObservationLayout, action_len: usize, capacity: usize, num_envs: usize) -> Self {
         // Zeroed pages cost nothing until they are written, so a short training does not pay for a long replay.
         Self {
             layout,
             action_len,
             capacity,
+            num_envs,
             total: 0,
             values: vec![0.0; capacity * (2 * layout.real + action_len + 1)],
             words: vec![0; capacity * 2 * layout.words()],
-            terminal: vec![false; capacity],
+            flags: vec![0; capacity],
         }
     }
 
@@ -124,24 +142,43 @@ impl Replay {
         let packed = &mut self.words[slot * 2 * words..(slot + 1) * 2 * words];
         pack(&transition.observation[real..], &mut packed[..words]);
         pack(&transition.next_observation[real..], &mut packed[words..]);
-        self.terminal[slot] = transition.terminal;
+        self.flags[slot] = u8::from(transition.terminal) * TERMINAL + u8::from(transition.ends) * ENDS;
         self.total += 1;
     }
 
     /// Fills `batch` with `rows` transitions, uniformly with replacement. The replay must not be empty.
-    pub(crate) fn sample(&self, stream: &mut Stream, rows: usize, batch: &mut Batch) {
+    pub(crate) fn sample(&self, stream: &mut Stream, rows: usize, horizon: Horizon, batch: &mut Batch) {
         batch.clear();
         let (stride, real, words) = (self.value_stride(), self.layout.real, self.layout.words());
         for _ in 0..rows {
-            let slot = stream.below(self.len());
-            let values = &self.values[slot * stride..(slot + 1) * stride];
-            let packed = &self.words[slot * 2 * words..(slot + 1) * 2 * words];
+            let first = stream.below(self.len());
+            let (mut last, mut reward, mut discount) = (first, 0.0, 1.0);
+            for step in 0..horizon.steps {
+                reward += discount * f64::from(self.values[(last + 1) * stride - 1]);
+                discount *= horizon.discount;
+                if step + 1 == horizon.steps || self.flags[last] != 0 || self.age(last) < self.num_envs {
+                    break;
+                }
+                last = (last + self.num_envs) % self.capacity;
+            }
+            if self.flags[last] & TERMINAL != 0 {
+                discount = 0.0;
+            }
+            let [values, after] = [first, last].map(|slot| &self.values[slot * stride..(slot + 1) * stride]);
+            let [packed, packed_after] =
+                [first, last].map(|slot| &self.words[slot * 2 * words..(slot + 1) * 2 * words]);
             batch.observation.push_packed(&values[..real], &packed[..words]);
-            batch.next_observation.push_packed(&values[real..2 * real], &packed[words..]);
+            batch.next_observation.push_packed(&after[real..2 * real], &packed_after[words..]);
             batch.action.extend_from_slice(&values[2 * real..stride - 1]);
-            batch.reward.push(values[stride - 1]);
-            batch.continues.push(if self.terminal[slot] { 0.0 } else { 1.0 });
+            batch.reward.push(reward as f32);
+            batch.discount.push(discount as f32);
         }
+    }
+
+    /// Transitions pushed since the one in `slot`.
+    fn age(&self, slot: usize) -> usize {
+        let newest = self.slot(self.total - 1);
+        (newest + self.capacity - slot) % self.capacity
     }
 }
 

@@ -1,7 +1,7 @@
 //! Segments: immutable files that each hold transitions `[begin, end)`, so that a checkpoint writes only what is new.
 //!
 //! Bytes, little endian: `ETUDEREP`, then five `u64` (real columns, binary columns, action length, begin, end), then for
-//! each transition its values (`f32`), words (`u64`) and terminal flag (`u8`), then the CRC-32C of all before (`u32`).
+//! each transition its values (`f32`), words (`u64`) and flags (`u8`), then the CRC-32C of all before (`u32`).
 
 use super::Replay;
 
@@ -69,7 +69,7 @@ impl Replay {
             for word in &self.words[slot * words..(slot + 1) * words] {
                 bytes.extend_from_slice(&word.to_le_bytes());
             }
-            bytes.push(u8::from(self.terminal[slot]));
+            bytes.push(self.flags[slot]);
         }
         let checksum = crc32c::crc32c(&bytes);
         bytes.extend_from_slice(&checksum.to_le_bytes());
@@ -119,7 +119,7 @@ impl Replay {
             {
                 *to = u64::from_le_bytes(*from);
             }
-            self.terminal[slot] = rest[8 * words] != 0;
+            self.flags[slot] = rest[8 * words];
             self.total += 1;
         }
         Ok(())

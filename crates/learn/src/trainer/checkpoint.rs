@@ -13,7 +13,7 @@ use std::{
 use safetensors::Dtype;
 use serde::{Deserialize, Serialize};
 
-use super::{TrainError, metrics::Mark};
+use super::{TrainError, demonstrations::Demonstrations, metrics::Mark};
 use crate::{
     config::DroqConfig,
     droq::UpdateStreams,
@@ -23,7 +23,7 @@ use crate::{
     replay::{Replay, Segment},
 };
 
-const SCHEMA: &str = "etude-checkpoint-1";
+const SCHEMA: &str = "etude-checkpoint-2";
 const OBSERVATION: &str = "trainer.observation";
 const SUMS: &str = "trainer.sums";
 const ENVIRONMENT: &str = "environment.state";
@@ -60,6 +60,9 @@ pub(crate) struct Header {
     pub update_streams: UpdateStreams,
     pub policy_stream: Stream,
     pub warmup_stream: Stream,
+    pub demonstration_share: f64,
+    pub demonstration_noise: f64,
+    pub demonstrations: Demonstrations,
 }
 
 impl Header {

@@ -1,6 +1,7 @@
 //! A training: rounds of acting and learning, looked at and saved at intervals.
 
 mod checkpoint;
+mod demonstrations;
 mod error;
 mod metrics;
 mod observer;
@@ -34,6 +35,7 @@ use crate::{
     replay::{Replay, Segment},
 };
 use checkpoint::{Extras, Header, Store};
+use demonstrations::Demonstrations;
 use metrics::Metrics;
 use sums::Sums;
 
@@ -85,6 +87,7 @@ pub struct Trainer {
     acting: Acting,
     policy_stream: Stream,
     warmup_stream: Stream,
+    demonstrations: Demonstrations,
     /// Environment steps made.
     step: u64,
     best: Option<Best>,
@@ -103,6 +106,7 @@ struct Buffers {
     /// `[n, action]` each.
     action: Vec<f32>,
     noise: Vec<f32>,
+    demonstrated: Vec<f32>,
     batch: StepBatch,
 }
 
@@ -158,6 +162,12 @@ impl Trainer {
             let rule = "the environment that was given has another number of copies";
             return Err(ConfigError { field: "trainer.num_envs", value, rule }.into());
         }
+        let mut demonstrated = vec![0.0; n * action_len];
+        if config.demonstration_share > 0.0 && !environment.demonstrate(&mut demonstrated) {
+            let value = config.demonstration_share.to_string();
+            let rule = "this environment has no demonstrator";
+            return Err(ConfigError { field: "trainer.demonstration_share", value, rule }.into());
+        }
         let term_names = environment.reward_term_names();
         let droq = Droq::new(droq_config, layout, action_len, config.seed);
         let pool = rayon::ThreadPoolBuilder::new()
@@ -174,10 +184,11 @@ impl Trainer {
             store: Store::new(folder),
             acting: Acting::new(droq.actor_network(), n),
             droq,
-            replay: Replay::new(layout, action_len, droq_config.replay_capacity),
+            replay: Replay::new(layout, action_len, droq_config.replay_capacity, n),
             segments: Vec::new(),
             policy_stream: Stream::new(config.seed, "trainer/policy"),
             warmup_stream: Stream::new(config.seed, "trainer/warmup"),
+            demonstrations: Demonstrations::new(config),
             step: 0,
             best: None,
             last_evaluation: None,
@@ -188,6 +199,7 @@ impl Trainer {
                 observation: vec![0.0; n * layout.len()],
                 action: vec![0.0; n * action_len],
                 noise: vec![0.0; n * action_len],
+                demonstrated,
                 batch: StepBatch::new(n, layout, term_names.len()),
             },
             clock: Clock { started: now, before, last_row: now, last_step: 0, last_updates: 0 },
@@ -310,6 +322,9 @@ impl Trainer {
             update_streams: self.droq.streams().clone(),
             policy_stream: self.policy_stream.clone(),
             warmup_stream: self.warmup_stream.clone(),
+            demonstration_share: self.config.demonstration_share,
+            demonstration_noise: self.config.demonstration_noise,
+            demonstrations: self.demonstrations.clone(),
         };
         let extras = Extras {
             observation: self.buffers.observation.clone(),

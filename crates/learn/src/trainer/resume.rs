@@ -39,6 +39,11 @@ impl Trainer {
             same("trainer.num_envs", &header.num_envs, &config.num_envs)?;
             same("trainer.updates_per_round", &header.updates_per_round, &config.updates_per_round)?;
             same("trainer.warmup_steps", &header.warmup_steps, &config.warmup_steps)?;
+            let share = ("trainer.demonstration_share", header.demonstration_share, config.demonstration_share);
+            let noise = ("trainer.demonstration_noise", header.demonstration_noise, config.demonstration_noise);
+            for (name, saved, given) in [share, noise] {
+                same(name, &saved, &given)?;
+            }
             same("the observation layout", &header.layout, &parts.environment.layout())?;
             same("the action length", &header.action_len, &parts.environment.action_len())?;
             same("the reward terms", &header.reward_terms, &parts.environment.reward_term_names())?;
@@ -69,6 +74,10 @@ impl Trainer {
             trainer.segments = header.segments;
             trainer.policy_stream = header.policy_stream;
             trainer.warmup_stream = header.warmup_stream;
+            if header.demonstrations.num_envs() != config.num_envs {
+                return Err(bad("its demonstrations are of another number of environments".to_owned()));
+            }
+            trainer.demonstrations = header.demonstrations;
             trainer.best = header.best;
             trainer.last_evaluation = header.last_evaluation;
             resumed = Some(trainer);

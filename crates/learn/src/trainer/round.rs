@@ -54,6 +54,7 @@ impl Trainer {
                 action: &action[index * action_len..(index + 1) * action_len],
                 reward: batch.reward[index],
                 terminal: batch.terminal[index],
+                ends: batch.terminal[index] || batch.truncated[index],
                 next_observation: &batch.next_observation[observations],
             });
         }
@@ -63,15 +64,21 @@ impl Trainer {
         Ok(())
     }
 
-    /// Chooses the round's actions: uniformly random during the warm-up, then from the policy.
+    /// Chooses the round's actions: uniformly random during the warm-up, then from the policy; in stretches from the
+    /// demonstrator.
     fn act(&mut self) {
-        let Buffers { observation, action, noise, .. } = &mut self.buffers;
+        let Buffers { observation, action, noise, demonstrated, .. } = &mut self.buffers;
         if self.step < self.config.warmup_steps {
             action.fill_with(|| 2.0 * self.warmup_stream.uniform() - 1.0);
         } else {
             self.policy_stream.fill_normal(noise);
             let bounds = self.droq_config.log_std_bounds;
             self.acting.explore(self.droq.actor_parameters(), observation, noise, bounds, action);
+        }
+        if self.config.demonstration_share > 0.0 {
+            self.parts.environment.demonstrate(demonstrated);
+            let round = self.step / self.config.num_envs as u64;
+            self.demonstrations.mix(&self.config, round, demonstrated, action);
         }
     }
 }

@@ -85,6 +85,11 @@ impl VectorEnvironment for Tracking {
         }
     }
 
+    fn demonstrate(&self, actions: &mut [f32]) -> bool {
+        actions.iter_mut().zip(&self.targets).for_each(|(action, (target, _))| *action = *target);
+        true
+    }
+
     fn save_state(&self) -> Vec<u8> {
         serde_json::to_vec(&(&self.targets, &self.stream, self.made)).unwrap()
     }
@@ -122,6 +127,7 @@ pub(super) fn droq() -> DroqConfig {
         batch: 64,
         replay_capacity: 700,
         discount: 0.5,
+        n_step: 2,
         actor_learning_rate: 3e-3,
         critic_learning_rate: 3e-3,
         temperature_learning_rate: 3e-3,
@@ -138,6 +144,8 @@ pub(super) fn config(total_steps: u64) -> TrainerConfig {
         num_envs: 4,
         updates_per_round: 2,
         warmup_steps: 100,
+        demonstration_share: 0.2,
+        demonstration_noise: 0.1,
         log_every_steps: 150,
         evaluate_every_steps: 400,
         checkpoint_every_steps: 400,

@@ -1,0 +1,60 @@
+//! The step loop does not touch the heap: counted by an allocator that counts.
+#![allow(unsafe_code)] // A global allocator is unsafe by its nature; this one hands everything on.
+
+use std::alloc::{GlobalAlloc, Layout, System};
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+use etude_learn::{StepBatch, VectorEnvironment as _};
+use etude_music::repertoire;
+use etude_task::{ACTION_LEN, Piece, TaskConfig, VectorPiano};
+use rand::{RngExt as _, SeedableRng as _};
+use rand_pcg::Pcg64;
+
+struct Counting;
+
+static CALLS: AtomicUsize = AtomicUsize::new(0);
+
+// SAFETY: everything is passed on to the system's allocator.
+unsafe impl GlobalAlloc for Counting {
+    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
+        CALLS.fetch_add(1, Ordering::Relaxed);
+        unsafe { System.alloc(layout) }
+    }
+
+    unsafe fn dealloc(&self, pointer: *mut u8, layout: Layout) {
+        unsafe { System.dealloc(pointer, layout) }
+    }
+}
+
+#[global_allocator]
+static COUNTING: Counting = Counting;
+
+#[test]
+fn steps_and_restarts_do_not_allocate() {
+    let song = repertoire::get("twinkle").expect("built in");
+    let config = TaskConfig::default();
+    let piece = Piece::new(&song, config.initial_silence_secs).unwrap();
+    let num_envs = 3;
+    let mut vector = VectorPiano::new(&config, &piece, num_envs, 0).unwrap();
+    let mut batch = StepBatch::new(num_envs, vector.layout(), vector.reward_term_names().len());
+    let mut random = Pcg64::seed_from_u64(0);
+    let mut actions = vec![0.0; num_envs * ACTION_LEN];
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(2).build().unwrap();
+    pool.install(|| {
+        vector.reset(&mut batch.observation);
+        // The first episode may warm up what is kept.
+        let mut before = 0;
+        let (mut restarts, steps) = (0, piece.steps());
+        for step in 0..4 * steps {
+            if step == steps + 1 {
+                before = CALLS.load(Ordering::Relaxed);
+            }
+            actions.fill_with(|| random.random_range(-1.0..=1.0));
+            vector.step(&actions, &mut batch);
+            restarts += usize::from(batch.truncated[0]);
+        }
+        assert_eq!(restarts, 4);
+        assert_eq!(CALLS.load(Ordering::Relaxed) - before, 0, "allocations in three episodes");
+    });
+    assert!(CALLS.load(Ordering::Relaxed) > 0, "the counter does not count");
+}
