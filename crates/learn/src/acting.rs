@@ -1,6 +1,7 @@
 //! The actor outside of updates: actions for a few observations at a time, with or without exploration.
 
 use crate::{
+    config::Arithmetic,
     droq::Gaussian,
     env::ObservationLayout,
     kernels::squash,
@@ -24,7 +25,7 @@ impl Acting {
     pub(crate) fn new(network: &Network, capacity: usize) -> Self {
         let action_len = network.shape.outputs / 2;
         Self {
-            workspace: network.workspace(capacity, false),
+            workspace: network.workspace(capacity, false, Arithmetic::F32),
             inputs: Inputs::new(network.shape.layout, 0, capacity),
             gaussian: Gaussian::new(action_len, capacity),
             means: vec![0.0; capacity * action_len],

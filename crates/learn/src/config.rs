@@ -26,12 +26,26 @@ fn require(
     if holds { Ok(()) } else { Err(ConfigError { field, value: value.to_string(), rule }) }
 }
 
+/// How matrices between hidden layers are multiplied in an update.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Arithmetic {
+    /// In single precision.
+    #[default]
+    F32,
+    /// Operands rounded to bfloat16, sums in single precision: faster where the processor has AVX-512 BF16; on others the
+    /// same as [`F32`](Self::F32). Parameters, optimiser and everything between the products stay in single precision.
+    Bf16,
+}
+
 /// The algorithm: soft actor-critic whose two critics have dropout and LayerNorm ("DroQ" in the RoboPianist line).
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct DroqConfig {
     /// Widths of the hidden layers, the same in the actor and in both critics.
     pub hidden: Vec<usize>,
+    /// Arithmetic of the products between hidden layers.
+    pub arithmetic: Arithmetic,
     /// Probability with which a critic's unit is dropped, in online, target and actor passes alike.
     pub dropout: f64,
     /// Transitions a batch, drawn uniformly with replacement.
@@ -66,6 +80,7 @@ impl Default for DroqConfig {
     fn default() -> Self {
         Self {
             hidden: vec![128, 128, 128],
+            arithmetic: Arithmetic::F32,
             dropout: 0.01,
             batch: 256,
             replay_capacity: 1_000_000,

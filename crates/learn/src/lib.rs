@@ -28,7 +28,7 @@ mod tensorboard;
 mod tensors;
 mod trainer;
 
-pub use config::{ConfigError, DroqConfig, TrainerConfig};
+pub use config::{Arithmetic, ConfigError, DroqConfig, TrainerConfig};
 pub use env::{EnvironmentError, Evaluator, ObservationLayout, Score, StepBatch, VectorEnvironment};
 pub use files::FileError;
 pub use policy::{Policy, PolicyHeader};

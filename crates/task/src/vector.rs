@@ -98,9 +98,7 @@ impl VectorEnvironment for VectorPiano {
     }
 
     fn reset(&mut self, observation: &mut [f32]) {
-        for (slot, row) in
-            self.environments.iter_mut().zip(observation.chunks_exact_mut(self.layout.len()))
-        {
+        for (slot, row) in self.environments.iter_mut().zip(observation.chunks_exact_mut(self.layout.len())) {
             slot.environment.reset();
             slot.environment.observe(row);
         }

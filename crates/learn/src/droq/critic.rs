@@ -3,7 +3,7 @@
 use super::{draws::CriticDrops, learned::Learned};
 use crate::{
     buffer::Buffer,
-    config::DroqConfig,
+    config::{Arithmetic, DroqConfig},
     kernels::{AdamStep, adam_polyak},
     network::{Inputs, Network, Wanted, Workspace},
 };
@@ -23,11 +23,11 @@ pub(crate) struct Critic {
 }
 
 impl Critic {
-    pub(crate) fn new(network: &Network, parameters: Buffer, rows: usize) -> Self {
+    pub(crate) fn new(network: &Network, parameters: Buffer, rows: usize, arithmetic: Arithmetic) -> Self {
         Self {
             target: parameters.clone(),
             learned: Learned::new(network, parameters),
-            workspace: network.workspace(rows, true),
+            workspace: network.workspace(rows, true, arithmetic),
             values: Buffer::new(rows),
             value_error: Buffer::new(rows),
             action_error: Buffer::new(rows * network.shape.extra),

@@ -103,12 +103,13 @@ impl Droq {
         });
         let actor = actor_network.initialise(&mut Stream::new(seed, "init/actor"));
         let critics = ["init/critic-0", "init/critic-1"].map(|purpose| {
-            Critic::new(&critic_network, critic_network.initialise(&mut Stream::new(seed, purpose)), rows)
+            let parameters = critic_network.initialise(&mut Stream::new(seed, purpose));
+            Critic::new(&critic_network, parameters, rows, config.arithmetic)
         });
         let scratch = Scratch {
             batch: Batch::new(layout, action_len, rows),
             draws: Draws::new(config, action_len),
-            actor: actor_network.workspace(rows, true),
+            actor: actor_network.workspace(rows, true, config.arithmetic),
             next_policy: Gaussian::new(action_len, rows),
             policy: Gaussian::new(action_len, rows),
             wanted: vec![0.0; rows],

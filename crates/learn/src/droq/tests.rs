@@ -5,7 +5,7 @@ use std::path::Path;
 use safetensors::SafeTensors;
 
 use super::*;
-use crate::{kernels::at_every_level, network::Wanted, tensors::find_tensors};
+use crate::{config::Arithmetic, kernels::at_every_level, network::Wanted, tensors::find_tensors};
 
 const ACTION: usize = 3;
 const LAYOUT: ObservationLayout = ObservationLayout { real: 5, binary: 40 };
@@ -218,7 +218,7 @@ fn critic_gradients_match_finite_differences() {
         critic.regress(&network, &config, &inputs, &wanted, &drops);
         let gradient = critic.learned.gradient.to_vec();
         let mut parameters = critic.learned.parameters.to_vec();
-        let mut workspace = network.workspace(rows, false);
+        let mut workspace = network.workspace(rows, false, Arithmetic::F32);
         check_directions(&mut parameters, &gradient, &used(&network), |parameters| {
             let values = network.forward(parameters, &inputs, &drops.online, dropout, false, &mut workspace);
             let squares = values.iter().zip(&wanted).map(|(&q, &y)| f64::from(q - y).powi(2));
@@ -238,7 +238,7 @@ fn actor_gradients_match_finite_differences_through_the_critics() {
     let (temperature, bounds) = (0.3f32, config.log_std_bounds);
     let mut inputs = random_inputs(rows);
     let mut loss = |parameters: &[f32], inputs: &mut crate::network::Inputs| {
-        let mut workspace = actor_network.workspace(rows, true);
+        let mut workspace = actor_network.workspace(rows, true, Arithmetic::F32);
         let output = actor_network.forward(parameters, inputs, &[], 0.0, true, &mut workspace).to_vec();
         let mut policy = Gaussian::new(ACTION, rows);
         policy.sample(&output, &noise, bounds);
@@ -325,5 +325,25 @@ fn the_same_seed_gives_the_same_bytes_in_parallel_too() {
     let (a, b) = (first.temperature_tensor(), second.temperature_tensor());
     for (a, b) in first.tensors(&a).iter().zip(second.tensors(&b)) {
         assert_eq!(a.values, b.values, "{}", a.name);
+    }
+}
+
+#[test]
+fn bfloat16_gradients_are_those_of_single_precision_within_its_rounding() {
+    let replay = some_replay();
+    let config =
+        |arithmetic| DroqConfig { hidden: vec![64, 48, 32], batch: 64, arithmetic, ..DroqConfig::default() };
+    let mut learners = [Arithmetic::F32, Arithmetic::Bf16].map(|a| Droq::new(&config(a), LAYOUT, ACTION, 3));
+    let [exact, rounded] = &mut learners;
+    let losses = [exact.learn(&replay, false), rounded.learn(&replay, false)];
+    assert!((losses[0].critic - losses[1].critic).abs() < 0.01 * losses[0].critic, "{losses:?}");
+    let gradients = |droq: &Droq| {
+        let critics = droq.critics.iter().map(|critic| critic.learned.gradient.to_vec());
+        critics.chain([droq.actor.gradient.to_vec()]).collect::<Vec<_>>()
+    };
+    for (exact, rounded) in gradients(exact).iter().zip(gradients(rounded)) {
+        let length = exact.iter().map(|x| x * x).sum::<f32>().sqrt();
+        let error = exact.iter().zip(rounded).map(|(a, b)| (a - b) * (a - b)).sum::<f32>().sqrt();
+        assert!(error < 0.01 * length, "{error} of {length}");
     }
 }

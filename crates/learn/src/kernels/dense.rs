@@ -7,10 +7,10 @@ use super::{LANES, kernel};
 #[derive(Clone, Copy)]
 pub(crate) struct Matrix<'a> {
     values: &'a [f32],
-    rows: usize,
-    columns: usize,
+    pub(super) rows: usize,
+    pub(super) columns: usize,
     stride: usize,
-    transposed: bool,
+    pub(super) transposed: bool,
 }
 
 impl<'a> Matrix<'a> {
@@ -28,7 +28,12 @@ impl<'a> Matrix<'a> {
         Self { transposed: !self.transposed, ..self }
     }
 
-    fn shape(&self) -> (usize, usize) {
+    /// Row `index` of the matrix as it is stored.
+    pub(super) fn row(&self, index: usize) -> &'a [f32] {
+        &self.values[index * self.stride..][..self.columns]
+    }
+
+    pub(super) fn shape(&self) -> (usize, usize) {
         if self.transposed { (self.columns, self.rows) } else { (self.rows, self.columns) }
     }
 

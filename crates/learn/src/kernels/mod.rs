@@ -5,6 +5,7 @@
 //! machine a kernel always gives the same bytes. Between machines of different vector width the last bit may differ.
 
 mod adam;
+mod bf16;
 mod dense;
 mod gelu;
 mod math;
@@ -13,6 +14,7 @@ mod reduce;
 mod sparse;
 
 pub(crate) use adam::{AdamStep, adam, adam_polyak};
+pub(crate) use bf16::Bf16Products;
 pub(crate) use dense::{Matrix, add_row, column_sums, product};
 pub(crate) use gelu::{bias_gelu, multiply};
 pub(crate) use math::{exp_in_place, squash};

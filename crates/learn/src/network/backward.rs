@@ -19,7 +19,7 @@ impl Network {
         workspace: &mut Workspace,
     ) {
         let rows = inputs.rows();
-        let Workspace { layers, errors: [error, next_error], .. } = workspace;
+        let Workspace { layers, errors: [error, next_error], bf16, .. } = workspace;
         let head = &self.plan.head;
         let last = &layers[self.plan.layers.len() - 1].out[..rows * head.inputs];
         if let Wanted::Parameters(gradient) = &mut wanted {
@@ -76,16 +76,16 @@ impl Network {
             }
             if let Wanted::Parameters(gradient) = &mut wanted {
                 let previous = &layers[index - 1].out[..rows * layer.inputs];
-                product(
+                Workspace::product(
+                    bf16,
                     &mut gradient[layer.weight.clone()],
-                    false,
                     Matrix::new(previous, rows, layer.inputs).transposed(),
                     current,
                 );
             }
-            product(
+            Workspace::product(
+                bf16,
                 &mut next_error[..rows * layer.inputs],
-                false,
                 current,
                 Matrix::new(weight, layer.inputs, layer.outputs).transposed(),
             );

@@ -26,9 +26,9 @@ impl Network {
             let weight = &parameters[layer.weight.clone()];
             match before.last() {
                 None => self.first_layer(weight, layer.outputs, inputs, out),
-                Some(previous) => product(
+                Some(previous) => Workspace::product(
+                    &mut workspace.bf16,
                     out,
-                    false,
                     Matrix::new(&previous.out, rows, layer.inputs),
                     Matrix::new(weight, layer.inputs, layer.outputs),
                 ),

@@ -15,7 +15,11 @@ mod tests;
 pub(crate) use input::Inputs;
 pub(crate) use shape::{Plan, Shape};
 
-use crate::buffer::Buffer;
+use crate::{
+    buffer::Buffer,
+    config::Arithmetic,
+    kernels::{Bf16Products, Matrix, product},
+};
 
 /// Dropped units of one pass: for each hidden layer the positions `row * width + unit`, ascending. Empty for actors.
 pub(crate) type Drops = [Vec<u32>];
@@ -35,6 +39,18 @@ pub(crate) struct Workspace {
     output: Buffer,
     /// Two gradients that take turns on the way back, `[rows, widest layer]` each.
     errors: [Buffer; 2],
+    /// Multiplies between hidden layers in bfloat16, where that is wanted and the processor can.
+    bf16: Option<Bf16Products>,
+}
+
+impl Workspace {
+    /// `out = a b` between hidden layers.
+    fn product(bf16: &mut Option<Bf16Products>, out: &mut [f32], a: Matrix<'_>, b: Matrix<'_>) {
+        match bf16 {
+            Some(products) => products.product(out, a, b),
+            None => product(out, false, a, b),
+        }
+    }
 }
 
 #[derive(Clone)]
@@ -66,7 +82,10 @@ impl Network {
     }
 
     /// Buffers for passes over at most `capacity` rows; without `gradients`, for forward passes only.
-    pub(crate) fn workspace(&self, capacity: usize, gradients: bool) -> Workspace {
+    ///
+    /// The first layer and the head are always multiplied in `f32`: rounded joint angles would lose the small differences
+    /// between two control steps.
+    pub(crate) fn workspace(&self, capacity: usize, gradients: bool, arithmetic: Arithmetic) -> Workspace {
         let kept = |wanted: bool, len: usize| Buffer::new(if wanted { len } else { 0 });
         let normalised = gradients && self.shape.normalised;
         let widest = self.shape.hidden.iter().copied().max().unwrap_or(0);
@@ -81,6 +100,10 @@ impl Network {
                 .collect(),
             output: Buffer::new(capacity * self.shape.outputs),
             errors: [kept(gradients, capacity * widest), kept(gradients, capacity * widest)],
+            bf16: match arithmetic {
+                Arithmetic::F32 => None,
+                Arithmetic::Bf16 => Bf16Products::new(capacity, widest),
+            },
         }
     }
 }

@@ -122,7 +122,7 @@ fn network_gradients_match_finite_differences() {
         let extra = normal(&mut stream, rows * 2);
         inputs.set_extra(&extra);
         let weights = normal(&mut stream, rows * 3);
-        let mut workspace = network.workspace(rows, true);
+        let mut workspace = network.workspace(rows, true, Arithmetic::F32);
         let mut loss = |parameters: &[f32], inputs: &Inputs| -> f64 {
             let output = network.forward(parameters, inputs, &drops, rate, true, &mut workspace);
             output.iter().zip(&weights).map(|(&v, &w)| f64::from(v) * f64::from(w)).sum()
@@ -130,7 +130,7 @@ fn network_gradients_match_finite_differences() {
         loss(&parameters, &inputs);
         let mut gradient = vec![0.0; parameters.len()];
         let mut extra_gradient = vec![0.0; extra.len()];
-        let mut backward_workspace = network.workspace(rows, true);
+        let mut backward_workspace = network.workspace(rows, true, Arithmetic::F32);
         for wanted in [Wanted::Parameters(&mut gradient), Wanted::Extra(&mut extra_gradient)] {
             network.forward(&parameters, &inputs, &drops, rate, true, &mut backward_workspace);
             network.backward(&parameters, &inputs, &drops, rate, &weights, wanted, &mut backward_workspace);

@@ -94,7 +94,12 @@ fn pack(binary: &[f32], words: &mut [u64]) {
 }
 
 impl Replay {
-    pub(crate) fn new(layout: ObservationLayout, action_len: usize, capacity: usize, num_envs: usize) -> Self {
+    pub(crate) fn new(
+        layout: ObservationLayout,
+        action_len: usize,
+        capacity: usize,
+        num_envs: usize,
+    ) -> Self {
         // Zeroed pages cost nothing until they are written, so a short training does not pay for a long replay.
         Self {
             layout,

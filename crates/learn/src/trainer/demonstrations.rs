@@ -32,7 +32,13 @@ impl Demonstrations {
 
     /// Puts `demonstrated` actions with noise over those of `actions` (`[n, action]` both) in which the demonstrator
     /// acts in this `round` of the training.
-    pub(crate) fn mix(&mut self, config: &TrainerConfig, round: u64, demonstrated: &[f32], actions: &mut [f32]) {
+    pub(crate) fn mix(
+        &mut self,
+        config: &TrainerConfig,
+        round: u64,
+        demonstrated: &[f32],
+        actions: &mut [f32],
+    ) {
         let (count, len) = (self.shown.len() as u64, actions.len() / self.shown.len());
         let rows = demonstrated.chunks_exact(len).zip(actions.chunks_exact_mut(len));
         for ((index, shown), (demonstrated, actions)) in (0..).zip(&mut self.shown).zip(rows) {

@@ -39,8 +39,10 @@ impl Trainer {
             same("trainer.num_envs", &header.num_envs, &config.num_envs)?;
             same("trainer.updates_per_round", &header.updates_per_round, &config.updates_per_round)?;
             same("trainer.warmup_steps", &header.warmup_steps, &config.warmup_steps)?;
-            let share = ("trainer.demonstration_share", header.demonstration_share, config.demonstration_share);
-            let noise = ("trainer.demonstration_noise", header.demonstration_noise, config.demonstration_noise);
+            let share =
+                ("trainer.demonstration_share", header.demonstration_share, config.demonstration_share);
+            let noise =
+                ("trainer.demonstration_noise", header.demonstration_noise, config.demonstration_noise);
             for (name, saved, given) in [share, noise] {
                 same(name, &saved, &given)?;
             }
