@@ -1,4 +1,4 @@
-//! All the chance in one update, as plain data: drawn from the learner's streams, or written down by a test.
+//! All the chance in one shard's part of an update, as plain data: drawn from its streams, or written down by a test.
 
 use serde::{Deserialize, Serialize};
 
@@ -21,56 +21,52 @@ pub(crate) struct CriticDrops {
 /// The chance in one update.
 #[derive(Clone, Debug)]
 pub(crate) struct Draws {
-    /// `[batch, action]`: standard normal noise of the action at the next observation.
+    /// `[rows, action]`: standard normal noise of the action at the next observation.
     pub next_noise: Vec<f32>,
-    /// `[batch, action]`: likewise at the observation, for the actor's loss.
+    /// `[rows, action]`: likewise at the observation, for the actor's loss.
     pub noise: Vec<f32>,
     pub drops: [CriticDrops; CRITICS],
 }
 
-/// The owners of an update's draws.
+/// The owners of a shard's draws.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub(crate) struct UpdateStreams {
+pub(crate) struct ShardStreams {
     pub replay: Stream,
     pub noise: Stream,
     pub dropout: [Stream; CRITICS],
 }
 
-impl UpdateStreams {
-    pub(crate) fn new(seed: u64) -> Self {
+impl ShardStreams {
+    pub(crate) fn new(seed: u64, shard: usize) -> Self {
+        let stream = |purpose: &str| Stream::new(seed, &format!("learner/{purpose}/shard-{shard}"));
         Self {
-            replay: Stream::new(seed, "learner/replay"),
-            noise: Stream::new(seed, "learner/noise"),
-            dropout: [
-                Stream::new(seed, "learner/dropout/critic-0"),
-                Stream::new(seed, "learner/dropout/critic-1"),
-            ],
+            replay: stream("replay"),
+            noise: stream("noise"),
+            dropout: [stream("dropout/critic-0"), stream("dropout/critic-1")],
         }
     }
 }
 
 impl Draws {
-    pub(crate) fn new(config: &DroqConfig, action_len: usize) -> Self {
-        let noise = vec![0.0; config.batch * action_len];
+    pub(crate) fn new(config: &DroqConfig, rows: usize, action_len: usize) -> Self {
+        let noise = vec![0.0; rows * action_len];
         let lists = || {
             (config.hidden.iter())
-                .map(|&width| {
-                    Vec::with_capacity(2 * (config.dropout * (config.batch * width) as f64) as usize + 64)
-                })
+                .map(|&width| Vec::with_capacity(2 * (config.dropout * (rows * width) as f64) as usize + 64))
                 .collect::<Vec<_>>()
         };
         let drops = || CriticDrops { target: lists(), online: lists(), actor: lists() };
         Self { next_noise: noise.clone(), noise, drops: [drops(), drops()] }
     }
 
-    pub(crate) fn fill(&mut self, config: &DroqConfig, streams: &mut UpdateStreams) {
+    pub(crate) fn fill(&mut self, config: &DroqConfig, rows: usize, streams: &mut ShardStreams) {
         streams.noise.fill_normal(&mut self.next_noise);
         streams.noise.fill_normal(&mut self.noise);
         for (drops, stream) in self.drops.iter_mut().zip(&mut streams.dropout) {
             for pass in [&mut drops.target, &mut drops.online, &mut drops.actor] {
                 for (layer, &width) in pass.iter_mut().zip(&config.hidden) {
-                    stream.fill_drops(config.dropout, config.batch * width, layer);
+                    stream.fill_drops(config.dropout, rows * width, layer);
                 }
             }
         }

@@ -72,8 +72,8 @@ impl Gaussian {
         &self.action[..rows * self.action_len]
     }
 
-    /// Gradient of `mean over rows of (temperature · log_prob + Σ action · action_error · rows)` with respect to the
-    /// actor's head, into `output_error` (`[rows, 2 · action]`); `action_error` is `[rows, action]`.
+    /// Gradient of `Σ over rows of (weight · log_prob + Σ action · action_error)` with respect to the actor's head, into
+    /// `output_error` (`[rows, 2 · action]`); `action_error` is `[rows, action]`.
     ///
     /// With `u = mean + std · noise`, `∂ log_prob / ∂u = 2 tanh u` (the noise is fixed) and `∂ log_prob / ∂ log_std`
     /// adds -1. Where the clip acts, the deviation has no gradient.
@@ -82,12 +82,11 @@ impl Gaussian {
         output: &[f32],
         noise: &[f32],
         [low, high]: [f64; 2],
-        temperature: f32,
+        weight: f32,
         action_error: &[f32],
         output_error: &mut [f32],
     ) {
         let n = self.action_len;
-        let weight = temperature / (noise.len() / n) as f32;
         for (index, (row, error)) in
             output.chunks_exact(2 * n).zip(output_error.chunks_exact_mut(2 * n)).enumerate()
         {

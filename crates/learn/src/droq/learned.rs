@@ -1,6 +1,9 @@
 //! A network's parameters together with what Adam keeps about them.
 
-use crate::{buffer::Buffer, network::Network};
+use crate::{buffer::Buffer, kernels::add, network::Network};
+
+/// Values that stay in the first cache while the shards' gradients are added up.
+const BLOCK: usize = 2048;
 
 /// Parameters, their last gradient and the two Adam moments, all laid out alike.
 #[derive(Clone)]
@@ -15,5 +18,18 @@ impl Learned {
     pub(crate) fn new(network: &Network, parameters: Buffer) -> Self {
         let zeros = || network.parameters();
         Self { parameters, gradient: zeros(), mean: zeros(), square: zeros() }
+    }
+
+    /// Makes `gradient` the sum of `parts`, always in their order.
+    pub(crate) fn gather<'a>(&mut self, parts: impl Iterator<Item = &'a [f32]> + Clone) {
+        for (index, sums) in self.gradient.chunks_mut(BLOCK).enumerate() {
+            let columns = index * BLOCK..index * BLOCK + sums.len();
+            let mut parts = parts.clone().map(|part| &part[columns.clone()]);
+            match parts.next() {
+                Some(first) => sums.copy_from_slice(first),
+                None => sums.fill(0.0),
+            }
+            parts.for_each(|part| add(sums, part));
+        }
     }
 }

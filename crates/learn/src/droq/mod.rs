@@ -9,13 +9,14 @@ mod critic;
 mod draws;
 mod gaussian;
 mod learned;
+mod shard;
 mod tensors;
 mod update;
 
 #[cfg(test)]
 mod tests;
 
-pub(crate) use draws::{CRITICS, Draws, UpdateStreams};
+pub(crate) use draws::{CRITICS, ShardStreams};
 pub(crate) use gaussian::Gaussian;
 pub(crate) use learned::Learned;
 
@@ -23,11 +24,12 @@ use crate::{
     buffer::Buffer,
     config::DroqConfig,
     env::ObservationLayout,
-    network::{Network, Shape, Workspace},
+    network::{Network, Shape},
     random::Stream,
-    replay::{Batch, Horizon, Replay},
+    replay::Replay,
 };
 use critic::Critic;
+use shard::Shard;
 
 /// What one update measured.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -65,23 +67,8 @@ pub(crate) struct Droq {
     log_temperature: LearnedScalar,
     /// Updates made so far, which is also Adam's step count.
     updates: u64,
-    streams: UpdateStreams,
-    scratch: Scratch,
-}
-
-struct Scratch {
-    batch: Batch,
-    draws: Draws,
-    actor: Workspace,
-    /// The policy at the next observation, and at the observation.
-    next_policy: Gaussian,
-    policy: Gaussian,
-    /// `[batch]`: what the critics shall say.
-    wanted: Vec<f32>,
-    /// `[batch, 2 · action]`
-    output_error: Vec<f32>,
-    /// `[batch, action]`
-    action_error: Vec<f32>,
+    /// The batch in parts that threads share.
+    shards: Vec<Shard>,
 }
 
 /// The form of the actor.
@@ -92,7 +79,17 @@ pub(crate) fn actor_shape(layout: ObservationLayout, action_len: usize, hidden: 
 impl Droq {
     /// Fresh networks. `config` must be valid.
     pub(crate) fn new(config: &DroqConfig, layout: ObservationLayout, action_len: usize, seed: u64) -> Self {
-        let rows = config.batch;
+        Self::with_shards_of(shard::ROWS, config, layout, action_len, seed)
+    }
+
+    /// The same with at most `shard_rows` rows a shard.
+    fn with_shards_of(
+        shard_rows: usize,
+        config: &DroqConfig,
+        layout: ObservationLayout,
+        action_len: usize,
+        seed: u64,
+    ) -> Self {
         let actor_network = Network::new(actor_shape(layout, action_len, &config.hidden));
         let critic_network = Network::new(Shape {
             layout,
@@ -103,19 +100,15 @@ impl Droq {
         });
         let actor = actor_network.initialise(&mut Stream::new(seed, "init/actor"));
         let critics = ["init/critic-0", "init/critic-1"].map(|purpose| {
-            let parameters = critic_network.initialise(&mut Stream::new(seed, purpose));
-            Critic::new(&critic_network, parameters, rows, config.arithmetic)
+            Critic::new(&critic_network, critic_network.initialise(&mut Stream::new(seed, purpose)))
         });
-        let scratch = Scratch {
-            batch: Batch::new(layout, action_len, rows),
-            draws: Draws::new(config, action_len),
-            actor: actor_network.workspace(rows, true, config.arithmetic),
-            next_policy: Gaussian::new(action_len, rows),
-            policy: Gaussian::new(action_len, rows),
-            wanted: vec![0.0; rows],
-            output_error: vec![0.0; rows * 2 * action_len],
-            action_error: vec![0.0; rows * action_len],
-        };
+        let shards = (0..config.batch.div_ceil(shard_rows))
+            .map(|index| {
+                let rows = shard_rows.min(config.batch - index * shard_rows);
+                let streams = ShardStreams::new(seed, index);
+                Shard::new(config, &actor_network, &critic_network, streams, rows)
+            })
+            .collect();
         Self {
             config: config.clone(),
             action_len,
@@ -129,18 +122,14 @@ impl Droq {
                 ..Default::default()
             },
             updates: 0,
-            streams: UpdateStreams::new(seed),
-            scratch,
+            shards,
         }
     }
 
-    /// One update on a batch from `replay`, which must not be empty. With `parallel`, the critics may run on two rayon
-    /// threads; the result has the same bytes.
+    /// One update on a batch from `replay`, which must not be empty. With `parallel`, the shards may run on the threads of
+    /// the current rayon pool; the result has the same bytes.
     pub(crate) fn learn(&mut self, replay: &Replay, parallel: bool) -> Losses {
-        let horizon = Horizon { steps: self.config.n_step, discount: self.config.discount };
-        replay.sample(&mut self.streams.replay, self.config.batch, horizon, &mut self.scratch.batch);
-        self.scratch.draws.fill(&self.config, &mut self.streams);
-        self.update(parallel)
+        self.update(Some(replay), parallel)
     }
 
     pub(crate) fn actor_network(&self) -> &Network {
@@ -164,13 +153,18 @@ impl Droq {
         f64::from(self.log_temperature.value).exp()
     }
 
-    pub(crate) fn streams(&self) -> &UpdateStreams {
-        &self.streams
+    /// The generators of the shards.
+    pub(crate) fn streams(&self) -> Vec<ShardStreams> {
+        self.shards.iter().map(|shard| shard.streams.clone()).collect()
     }
 
-    /// Continues with the draws and the count of a saved learner.
-    pub(crate) fn restore_counters(&mut self, updates: u64, streams: UpdateStreams) {
+    /// Continues with the draws and the count of a saved learner; `false` when it had another number of shards.
+    pub(crate) fn restore_counters(&mut self, updates: u64, streams: Vec<ShardStreams>) -> bool {
         self.updates = updates;
-        self.streams = streams;
+        let fits = streams.len() == self.shards.len();
+        for (shard, streams) in self.shards.iter_mut().zip(streams) {
+            shard.streams = streams;
+        }
+        fits
     }
 }

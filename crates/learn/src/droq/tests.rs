@@ -4,7 +4,7 @@ use std::path::Path;
 
 use safetensors::SafeTensors;
 
-use super::*;
+use super::{critic::CriticPasses, gaussian::Gaussian, *};
 use crate::{config::Arithmetic, kernels::at_every_level, network::Wanted, tensors::find_tensors};
 
 const ACTION: usize = 3;
@@ -49,29 +49,42 @@ impl Golden {
         droq.log_temperature.value = self.get(&format!("{prefix}.log_temperature"))[0];
     }
 
-    /// Puts batch and draws of one update into a learner's scratch space.
+    /// Puts batch and draws of one update into a learner's shards.
     fn prepare(&self, droq: &mut Droq, update: usize) {
-        let get = |name: &str| self.get(&format!("update{update}.{name}"));
-        let Scratch { batch, draws, .. } = &mut droq.scratch;
-        batch.clear();
-        get("observation").chunks(LAYOUT.len()).for_each(|row| batch.observation.push(row));
-        get("next_observation").chunks(LAYOUT.len()).for_each(|row| batch.next_observation.push(row));
-        batch.action = get("action");
-        batch.reward = get("reward");
         let discount = droq.config.discount as f32;
-        batch.discount = get("continues").iter().map(|continues| discount * continues).collect();
-        draws.next_noise = get("next_noise");
-        draws.noise = get("noise");
-        for (critic, drops) in draws.drops.iter_mut().enumerate() {
-            let passes =
-                [("target", &mut drops.target), ("online", &mut drops.online), ("actor", &mut drops.actor)];
-            for (pass, layers) in passes {
-                for (layer, list) in layers.iter_mut().enumerate() {
-                    let mask = get(&format!("mask.critic{critic}.{pass}.{layer}"));
-                    *list = (0..mask.len() as u32).filter(|&at| mask[at as usize] == 0.0).collect();
+        let mut start = 0;
+        for shard in &mut droq.shards {
+            let Shard { batch, draws, .. } = shard;
+            let rows = start..start + draws.noise.len() / ACTION;
+            start = rows.end;
+            let get = |name: &str, width: usize| {
+                self.get(&format!("update{update}.{name}"))[rows.start * width..rows.end * width].to_vec()
+            };
+            batch.clear();
+            let observation = get("observation", LAYOUT.len());
+            observation.chunks(LAYOUT.len()).for_each(|row| batch.observation.push(row));
+            let observation = get("next_observation", LAYOUT.len());
+            observation.chunks(LAYOUT.len()).for_each(|row| batch.next_observation.push(row));
+            batch.action = get("action", ACTION);
+            batch.reward = get("reward", 1);
+            batch.discount = get("continues", 1).iter().map(|continues| discount * continues).collect();
+            draws.next_noise = get("next_noise", ACTION);
+            draws.noise = get("noise", ACTION);
+            for (critic, drops) in draws.drops.iter_mut().enumerate() {
+                let passes = [
+                    ("target", &mut drops.target),
+                    ("online", &mut drops.online),
+                    ("actor", &mut drops.actor),
+                ];
+                for (pass, layers) in passes {
+                    for ((layer, list), &width) in layers.iter_mut().enumerate().zip(&droq.config.hidden) {
+                        let mask = get(&format!("mask.critic{critic}.{pass}.{layer}"), width);
+                        *list = (0..mask.len() as u32).filter(|&at| mask[at as usize] == 0.0).collect();
+                    }
                 }
             }
         }
+        assert_eq!(start, self.batch_size());
     }
 
     /// Compares all of a learner with what `prefix` names.
@@ -97,6 +110,10 @@ fn compare(name: &str, ours: &[f32], expected: &[f32], tolerance: f32) {
 }
 
 fn learner(dropout: f64, batch: usize) -> Droq {
+    learner_in_shards(batch, dropout, batch)
+}
+
+fn learner_in_shards(shard_rows: usize, dropout: f64, batch: usize) -> Droq {
     let config = DroqConfig {
         hidden: vec![20, 12, 16],
         dropout,
@@ -109,17 +126,18 @@ fn learner(dropout: f64, batch: usize) -> Droq {
         log_std_bounds: [-1.5, 0.1],
         ..DroqConfig::default()
     };
-    Droq::new(&config, LAYOUT, ACTION, 0)
+    Droq::with_shards_of(shard_rows, &config, LAYOUT, ACTION, 0)
 }
 
 fn golden(name: &str, dropout: f64) {
     let golden = Golden::read(name);
-    for parallel in [false, true] {
-        let mut droq = learner(dropout, golden.batch_size());
+    let batch = golden.batch_size();
+    for (parallel, shard_rows) in [(false, batch), (true, batch), (false, batch / 3 + 1), (true, 1)] {
+        let mut droq = learner_in_shards(shard_rows, dropout, batch);
         golden.load(&mut droq, "before");
         for update in 0..UPDATES {
             golden.prepare(&mut droq, update);
-            let Losses { critic, actor, temperature, entropy, q_mean } = droq.update(parallel);
+            let Losses { critic, actor, temperature, entropy, q_mean } = droq.update(None, parallel);
             let losses = [critic, actor, temperature, entropy, q_mean].map(|loss| loss as f32);
             compare("losses", &losses, &golden.get(&format!("update{update}.losses")), 1e-5);
             if update == 0 {
@@ -209,14 +227,21 @@ fn critic_gradients_match_finite_differences() {
     for dropout in [0.0, 0.2] {
         let rows = 9;
         let mut droq = learner(dropout, rows);
-        droq.scratch.draws.fill(&droq.config, &mut droq.streams);
-        let (network, config) = (droq.critic_network.clone(), droq.config.clone());
-        let drops = droq.scratch.draws.drops[0].clone();
+        let network = droq.critic_network.clone();
+        let Shard { draws, streams, .. } = &mut droq.shards[0];
+        draws.fill(&droq.config, rows, streams);
+        let drops = draws.drops[0].clone();
         let inputs = random_inputs(rows);
         let wanted: Vec<f32> = (0..rows).map(|row| (row as f32).sin()).collect();
-        let critic = &mut droq.critics[0];
-        critic.regress(&network, &config, &inputs, &wanted, &drops);
-        let gradient = critic.learned.gradient.to_vec();
+        let critic = &droq.critics[0];
+        let mut gradient = network.parameters();
+        CriticPasses::new(&network, &droq.config, rows).regress(
+            critic,
+            &inputs,
+            &wanted,
+            &drops,
+            &mut gradient,
+        );
         let mut parameters = critic.learned.parameters.to_vec();
         let mut workspace = network.workspace(rows, false, Arithmetic::F32);
         check_directions(&mut parameters, &gradient, &used(&network), |parameters| {
@@ -231,10 +256,11 @@ fn critic_gradients_match_finite_differences() {
 fn actor_gradients_match_finite_differences_through_the_critics() {
     let rows = 9;
     let mut droq = learner(0.2, rows);
-    droq.scratch.draws.fill(&droq.config, &mut droq.streams);
-    let Droq { config, actor_network, critic_network, critics, actor, scratch, .. } = &mut droq;
-    let drops = scratch.draws.drops.clone();
-    let noise = scratch.draws.noise.clone();
+    let Droq { config, actor_network, critic_network, critics, actor, shards, .. } = &mut droq;
+    let Shard { draws, streams, .. } = &mut shards[0];
+    draws.fill(config, rows, streams);
+    let (drops, noise) = (draws.drops.clone(), draws.noise.clone());
+    let mut passes = CriticPasses::new(critic_network, config, rows);
     let (temperature, bounds) = (0.3f32, config.log_std_bounds);
     let mut inputs = random_inputs(rows);
     let mut loss = |parameters: &[f32], inputs: &mut crate::network::Inputs| {
@@ -245,14 +271,13 @@ fn actor_gradients_match_finite_differences_through_the_critics() {
         inputs.set_extra(policy.actions(rows));
         let mut action_error = vec![0.0; rows * ACTION];
         let mut loss = 0.0;
-        for (critic, drops) in critics.iter_mut().zip(&drops) {
-            critic.judge(critic_network, config, inputs, drops);
-            action_error.iter_mut().zip(critic.action_error.iter()).for_each(|(sum, &error)| *sum += error);
-            loss -= critic.values.iter().map(|&q| f64::from(q)).sum::<f64>() / 2.0;
+        for (critic, drops) in critics.iter().zip(&drops) {
+            loss -= passes.judge(critic, inputs, drops) / 2.0;
+            action_error.iter_mut().zip(passes.action_error.iter()).for_each(|(sum, &error)| *sum += error);
         }
         loss += policy.log_prob.iter().map(|&l| f64::from(temperature) * f64::from(l)).sum::<f64>();
         let mut output_error = vec![0.0; rows * 2 * ACTION];
-        policy.backward(&output, &noise, bounds, temperature, &action_error, &mut output_error);
+        policy.backward(&output, &noise, bounds, temperature / rows as f32, &action_error, &mut output_error);
         let mut gradient = vec![0.0; parameters.len()];
         let wanted = Wanted::Parameters(&mut gradient);
         actor_network.backward(parameters, inputs, &[], 0.0, &output_error, wanted, &mut workspace);

@@ -1,112 +1,78 @@
-//! One update, given its batch and its draws.
+//! One update, given its batch and its draws, which lie in the shards.
 
-use super::{Droq, Learned, Losses, Scratch};
-use crate::kernels::{AdamStep, adam, adam_polyak};
+use rayon::prelude::*;
+
+use super::{
+    CRITICS, Droq, Learned, Losses,
+    shard::{Shard, View},
+};
+use crate::{
+    kernels::{AdamStep, adam, adam_polyak},
+    replay::Replay,
+};
 
 impl Droq {
-    /// Uses the batch and the draws that lie in the scratch space.
-    pub(super) fn update(&mut self, parallel: bool) -> Losses {
+    /// Uses what lies in the shards, or what they first draw from `replay`.
+    pub(super) fn update(&mut self, replay: Option<&Replay>, parallel: bool) -> Losses {
         self.updates += 1;
-        let (critic, q_mean) = self.update_critics(parallel);
-        let (actor, entropy) = self.update_actor(parallel);
+        self.each_shard(parallel, |shard, view| {
+            if let Some(replay) = replay {
+                shard.draw(view.config, replay);
+            }
+            shard.fit_critics(view);
+        });
+        self.step_critics(parallel);
+        self.each_shard(parallel, |shard, view| shard.fit_actor(view));
+        self.step_actor();
+        let mean =
+            |sum: fn(&Shard) -> f64| self.shards.iter().map(sum).sum::<f64>() / self.config.batch as f64;
+        let (critic, q_mean) = (mean(|s| s.sums.squares), mean(|s| s.sums.q));
+        let (actor, entropy) = (mean(|s| s.sums.actor), mean(|s| s.sums.entropy));
+        let critics = CRITICS as f64;
         let temperature = self.update_temperature(entropy);
-        Losses { critic, actor, temperature, entropy, q_mean }
+        Losses { critic: critic / critics, actor, temperature, entropy, q_mean: q_mean / critics }
     }
 
-    /// Returns the critic loss and the mean Q.
-    fn update_critics(&mut self, parallel: bool) -> (f64, f64) {
-        let temperature = self.log_temperature.value.exp();
-        let (config, network) = (&self.config, &self.critic_network);
-        let Scratch { batch, draws, actor, next_policy, wanted, .. } = &mut self.scratch;
-        let rows = batch.rows();
-
-        let output = self.actor_network.forward(
-            &self.actor.parameters,
-            &batch.next_observation,
-            &[],
-            0.0,
-            false,
-            actor,
-        );
-        next_policy.sample(output, &draws.next_noise, config.log_std_bounds);
-        batch.next_observation.set_extra(next_policy.actions(rows));
-
-        let [first, second] = &mut self.critics;
-        let [first_drops, second_drops] = &draws.drops;
-        let inputs = &batch.next_observation;
-        both(
-            parallel,
-            || first.target_values(network, config, inputs, first_drops),
-            || second.target_values(network, config, inputs, second_drops),
-        );
-        for (row, wanted) in wanted.iter_mut().enumerate() {
-            let value = first.values[row].min(second.values[row]) - temperature * next_policy.log_prob[row];
-            *wanted = batch.reward[row] + batch.discount[row] * value;
+    /// Does `work` with every shard.
+    fn each_shard(&mut self, parallel: bool, work: impl Fn(&mut Shard, &View<'_>) + Sync) {
+        let view = View {
+            config: &self.config,
+            actor_network: &self.actor_network,
+            actor: &self.actor.parameters,
+            critics: &self.critics,
+            temperature: self.log_temperature.value.exp(),
+        };
+        if parallel {
+            self.shards.par_iter_mut().with_max_len(1).for_each(|shard| work(shard, &view));
+        } else {
+            self.shards.iter_mut().for_each(|shard| work(shard, &view));
         }
-
-        batch.observation.set_extra(&batch.action);
-        let (inputs, wanted, updates) = (&batch.observation, &wanted[..], self.updates);
-        let ((first_squares, first_sum), (second_squares, second_sum)) = both(
-            parallel,
-            || {
-                let sums = first.regress(network, config, inputs, wanted, first_drops);
-                first.step(config, updates);
-                sums
-            },
-            || {
-                let sums = second.regress(network, config, inputs, wanted, second_drops);
-                second.step(config, updates);
-                sums
-            },
-        );
-        let count = (super::CRITICS * rows) as f64;
-        ((first_squares + second_squares) / count, (first_sum + second_sum) / count)
     }
 
-    /// Returns the actor loss and the entropy.
-    fn update_actor(&mut self, parallel: bool) -> (f64, f64) {
-        let temperature = self.log_temperature.value.exp();
-        let (config, network) = (&self.config, &self.critic_network);
-        let Scratch { batch, draws, actor, policy, output_error, action_error, .. } = &mut self.scratch;
-        let rows = batch.rows();
+    fn step_critics(&mut self, parallel: bool) {
+        let Self { critics: [first, second], shards, config, updates, .. } = self;
+        let gradients = |index: usize| shards.iter().map(move |shard| &shard.critic_gradients[index][..]);
+        let mut first = || first.step(config, *updates, gradients(0));
+        let mut second = || second.step(config, *updates, gradients(1));
+        if parallel {
+            rayon::join(first, second);
+        } else {
+            first();
+            second();
+        }
+    }
 
+    fn step_actor(&mut self) {
+        self.actor.gather(self.shards.iter().map(|shard| &shard.actor_gradient[..]));
         let Learned { parameters, gradient, mean, square } = &mut self.actor;
-        let output = self.actor_network.forward(parameters, &batch.observation, &[], 0.0, true, actor);
-        policy.sample(output, &draws.noise, config.log_std_bounds);
-        batch.observation.set_extra(policy.actions(rows));
-
-        let [first, second] = &mut self.critics;
-        let [first_drops, second_drops] = &draws.drops;
-        let inputs = &batch.observation;
-        both(
-            parallel,
-            || first.judge(network, config, inputs, first_drops),
-            || second.judge(network, config, inputs, second_drops),
-        );
-        let (mut loss, mut entropy) = (0.0, 0.0);
-        for row in 0..rows {
-            let log_prob = f64::from(policy.log_prob[row]);
-            let value = 0.5 * (f64::from(first.values[row]) + f64::from(second.values[row]));
-            loss += f64::from(temperature) * log_prob - value;
-            entropy -= log_prob;
-        }
-        for ((sum, &a), &b) in
-            action_error.iter_mut().zip(first.action_error.iter()).zip(second.action_error.iter())
-        {
-            *sum = a + b;
-        }
-        policy.backward(output, &draws.noise, config.log_std_bounds, temperature, action_error, output_error);
-        let wanted = crate::network::Wanted::Parameters(gradient);
-        self.actor_network.backward(parameters, inputs, &[], 0.0, output_error, wanted, actor);
-        let step = AdamStep::new(config.actor_learning_rate, self.updates);
-        if config.policy_polyak < 1.0 {
-            let polyak = config.policy_polyak as f32;
+        let step = AdamStep::new(self.config.actor_learning_rate, self.updates);
+        if self.config.policy_polyak < 1.0 {
+            let polyak = self.config.policy_polyak as f32;
             adam_polyak(step, polyak, parameters, gradient, mean, square, &mut self.policy);
         } else {
             adam(step, parameters, gradient, mean, square);
             self.policy.copy_from_slice(parameters);
         }
-        (loss / rows as f64, entropy / rows as f64)
     }
 
     /// Returns the temperature loss.
@@ -125,13 +91,4 @@ impl Droq {
         );
         loss
     }
-}
-
-/// Both results; on two threads of the current rayon pool when `parallel`.
-fn both<A: Send, B: Send>(
-    parallel: bool,
-    first: impl FnOnce() -> A + Send,
-    second: impl FnOnce() -> B + Send,
-) -> (A, B) {
-    if parallel { rayon::join(first, second) } else { (first(), second()) }
 }

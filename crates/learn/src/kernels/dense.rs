@@ -88,6 +88,15 @@ kernel! {
 }
 
 kernel! {
+    /// `values += addends`.
+    fn add(values: &mut [f32], addends: &[f32]) {
+        for (value, &addend) in values.iter_mut().zip(addends) {
+            *value += addend;
+        }
+    }
+}
+
+kernel! {
     /// `sums[j] = Σ_i matrix[i, j]`.
     fn column_sums(matrix: &[f32], sums: &mut [f32]) {
         let width = sums.len();

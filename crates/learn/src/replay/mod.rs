@@ -73,10 +73,6 @@ impl Batch {
         }
     }
 
-    pub(crate) fn rows(&self) -> usize {
-        self.reward.len()
-    }
-
     pub(crate) fn clear(&mut self) {
         self.observation.clear();
         self.next_observation.clear();

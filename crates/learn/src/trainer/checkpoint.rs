@@ -16,7 +16,7 @@ use serde::{Deserialize, Serialize};
 use super::{TrainError, demonstrations::Demonstrations, metrics::Mark};
 use crate::{
     config::DroqConfig,
-    droq::UpdateStreams,
+    droq::ShardStreams,
     env::{ObservationLayout, Score},
     files::{FileError, RawTensor, TensorFile, encode_tensors, read, sync_folder, write_atomically},
     random::Stream,
@@ -57,7 +57,7 @@ pub(crate) struct Header {
     pub last_evaluation: Option<u64>,
     pub metrics: Mark,
     pub segments: Vec<Segment>,
-    pub update_streams: UpdateStreams,
+    pub update_streams: Vec<ShardStreams>,
     pub policy_stream: Stream,
     pub warmup_stream: Stream,
     pub demonstration_share: f64,

@@ -319,7 +319,7 @@ impl Trainer {
             last_evaluation: self.last_evaluation,
             metrics,
             segments,
-            update_streams: self.droq.streams().clone(),
+            update_streams: self.droq.streams(),
             policy_stream: self.policy_stream.clone(),
             warmup_stream: self.warmup_stream.clone(),
             demonstration_share: self.config.demonstration_share,

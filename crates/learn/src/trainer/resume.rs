@@ -55,7 +55,9 @@ impl Trainer {
                 .droq
                 .load_tensors(&|name| file.floats(name))
                 .map_err(|error| bad(format!("tensor {error}")))?;
-            trainer.droq.restore_counters(header.updates, header.update_streams);
+            if !trainer.droq.restore_counters(header.updates, header.update_streams) {
+                return Err(bad("its draws are those of another batch".to_owned()));
+            }
             store.load_replay(&header.segments, &mut trainer.replay)?;
             if trainer.replay.total() != header.step {
                 return Err(bad("its replay segments do not reach its step".to_owned()));
