@@ -48,7 +48,7 @@ fn document(out: &mut String, config: &StageConfig, params: &PhysicalParams) -> 
     writeln!(out, r#"  <compiler angle="radian" autolimits="true"/>"#)?;
     writeln!(
         out,
-        r#"  <option timestep="{step}" gravity="0 0 0" sleep_tolerance="{SLEEP_TOLERANCE}" cone="elliptic" impratio="10" integrator="Euler" iterations="20" ls_iterations="20">"#
+        r#"  <option timestep="{step}" gravity="0 0 0" sleep_tolerance="{SLEEP_TOLERANCE}" cone="elliptic" impratio="10" integrator="Euler">"#
     )?;
     writeln!(out, r#"    <flag sleep="enable"/>"#)?;
     writeln!(out, r#"  </option>"#)?;
