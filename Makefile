@@ -15,7 +15,7 @@ help:
 	@echo "make test    set up and run every check: format, lints, docs, tests, checks against other libraries"
 	@echo "make setup   fetch MuJoCo into .mujoco/ and say what is missing"
 	@echo "make build   the etude command, optimised, at $(ETUDE)"
-	@echo "make bench   speed of the simulation and of the learner, against the bare engine and JAX"
+	@echo "make bench   speed of simulation, learner and both, in turns with JAX, PyTorch, RoboPianist and others"
 	@echo "make fuzz    ten minutes of hostile MIDI files"
 
 setup:
@@ -44,7 +44,7 @@ test: setup
 	ETUDE_PYTHON=$(PYTHON) PYTHONPATH=$(CURDIR)/.python $(CARGO) test --workspace --locked
 
 bench: build
-	$(ETUDE) bench --jax
+	$(ETUDE) bench --peers
 
 fuzz:
 	cd fuzz && $(CARGO) build --release --target $$(rustc -vV | sed -n 's/host: //p') && mkdir -p corpus/midi artifacts && \

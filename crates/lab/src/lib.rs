@@ -3,6 +3,7 @@
 //! [`RunConfig`] is everything that decides a training; it comes in layers (preset, file, overrides) and is written
 //! into the run's folder, where it is itself a valid config file. A [`Run`] makes policies, [`perform`] plays them.
 
+pub mod bench;
 mod config;
 mod play;
 mod player;

@@ -13,8 +13,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let mut arguments = std::env::args().skip(1);
     let seconds: f64 = arguments.next().map_or(Ok(3.0), |text| text.parse())?;
     let threads: usize = arguments.next().map_or(Ok(1), |text| text.parse())?;
-    let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build()?;
-    let rate = pool.install(|| update_rate(&DroqConfig::default(), seconds, threads > 1))?;
+    let rate = update_rate(&DroqConfig::default(), seconds, threads)?;
     println!("{{\"peer\": \"etude\", \"threads\": {threads}, \"updates_per_sec\": {rate:.1}}}");
     Ok(())
 }

@@ -3,11 +3,12 @@
 use std::time::{Duration, Instant};
 
 use crate::{
-    config::{ConfigError, DroqConfig},
+    config::DroqConfig,
     droq::Droq,
     env::ObservationLayout,
     random::Stream,
     replay::{Replay, Transition},
+    trainer::TrainError,
 };
 
 /// Length of the actions, and columns of the observations, of the paper's task.
@@ -18,10 +19,16 @@ const ONES: usize = 15;
 
 /// Full updates (both critics, actor, temperature, targets) a second, on random transitions of the paper's sizes.
 ///
-/// Measures for about `seconds` after a warm-up of a tenth of that. With `two_threads`, the critics may use two threads of
-/// the rayon pool that this is called from.
-pub fn update_rate(config: &DroqConfig, seconds: f64, two_threads: bool) -> Result<f64, ConfigError> {
+/// Measures for about `seconds` after a warm-up of a tenth of that, on `threads` threads; more than two do not help.
+///
+/// # Errors
+/// If the configuration is not sound or the threads cannot be started.
+pub fn update_rate(config: &DroqConfig, seconds: f64, threads: usize) -> Result<f64, TrainError> {
     config.validate()?;
+    let pool = rayon::ThreadPoolBuilder::new()
+        .num_threads(threads)
+        .build()
+        .map_err(|error| TrainError::Threads { threads, reason: error.to_string() })?;
     let mut stream = Stream::new(0, "bench");
     let mut replay = Replay::new(LAYOUT, ACTION, 20_000, 1);
     let observation = |stream: &mut Stream| {
@@ -44,8 +51,10 @@ pub fn update_rate(config: &DroqConfig, seconds: f64, two_threads: bool) -> Resu
         });
     }
     let mut droq = Droq::new(config, LAYOUT, ACTION, 0);
-    run(&mut droq, &replay, two_threads, 0.1 * seconds);
-    Ok(run(&mut droq, &replay, two_threads, seconds))
+    Ok(pool.install(|| {
+        run(&mut droq, &replay, threads > 1, 0.1 * seconds);
+        run(&mut droq, &replay, threads > 1, seconds)
+    }))
 }
 
 fn run(droq: &mut Droq, replay: &Replay, two_threads: bool, seconds: f64) -> f64 {

@@ -9,7 +9,7 @@ use rand::{RngExt as _, SeedableRng as _};
 use rand_pcg::Pcg64;
 
 use crate::environment::Environment;
-use crate::{ACTION_LEN, Piece, TaskConfig, TaskError, VectorPiano, layout};
+use crate::{ACTION_LEN, Piece, TargetRange, TaskConfig, TaskError, VectorPiano, layout};
 
 /// Rates of one measurement.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -18,8 +18,6 @@ pub struct Stepping {
     pub steps_per_sec: f64,
     /// Control steps per second of nothing but the `mj_step` calls that those steps make, under the same torques.
     pub bare_steps_per_sec: f64,
-    /// Control steps per second of one environment a core, over all cores.
-    pub steps_per_sec_all_cores: f64,
 }
 
 impl Stepping {
@@ -70,13 +68,18 @@ pub fn stepping(config: &TaskConfig, song: &Song, secs: f64) -> Result<Stepping,
     Ok(Stepping {
         steps_per_sec: f64::from(steps) / full_secs,
         bare_steps_per_sec: f64::from(steps) / bare_secs,
-        steps_per_sec_all_cores: all_cores(config, &piece, secs)?,
     })
 }
 
-fn all_cores(config: &TaskConfig, piece: &Piece, secs: f64) -> Result<f64, TaskError> {
+/// Control steps per second over all cores, of four environments a core that step together under random actions,
+/// measured for about `secs`.
+///
+/// # Errors
+/// If the configuration is not sound.
+pub fn all_cores(config: &TaskConfig, song: &Song, secs: f64) -> Result<f64, TaskError> {
+    let piece = Piece::new(song, config.initial_silence_secs)?;
     let num_envs = 4 * std::thread::available_parallelism().map_or(1, usize::from);
-    let mut vector = VectorPiano::new(config, piece, num_envs, 0)?;
+    let mut vector = VectorPiano::new(config, &piece, num_envs, 0)?;
     let mut batch = StepBatch::new(num_envs, vector.layout(), vector.reward_term_names().len());
     let mut random = Pcg64::seed_from_u64(0);
     let mut actions = vec![0.0; num_envs * ACTION_LEN];
@@ -87,4 +90,30 @@ fn all_cores(config: &TaskConfig, piece: &Piece, secs: f64) -> Result<f64, TaskE
         rounds += 1;
     }
     Ok(f64::from(rounds) * num_envs as f64 / start.elapsed().as_secs_f64())
+}
+
+/// One episode of `song` under random actions, for other engines to repeat: in the form of `scripts/check_model.py`, one
+/// line of numbers for the start and one for each physics step, the torques and then all joint positions after the step.
+///
+/// Random torques would not do: without a controller the hand swings free and touches little, which is up to twice as fast.
+///
+/// # Errors
+/// If the configuration is not sound.
+pub fn trace(config: &TaskConfig, song: &Song) -> Result<String, TaskError> {
+    let piece = Piece::new(song, config.initial_silence_secs)?;
+    let range = TargetRange::new(&piece);
+    let mut world = World::new(&config.stage, &config.params()?)?;
+    let mut random = Pcg64::seed_from_u64(0);
+    let mut text = String::new();
+    let mut add = |world: &World| {
+        let numbers = world.torques().iter().chain(world.data().qpos());
+        text.extend(numbers.map(|number| format!("{number:e} ")));
+        text.push('\n');
+    };
+    add(&world);
+    for _ in 0..piece.steps() {
+        let action: [f32; ACTION_LEN] = std::array::from_fn(|_| random.random_range(-1.0..=1.0));
+        world.step_watched(&range.targets(&action), &mut add);
+    }
+    Ok(text)
 }

@@ -1,78 +1,147 @@
-//! `etude bench`: the speed of the simulation against the bare engine, and of the learner against JAX.
+//! `etude bench`: the speed of the simulation, of the learner and of both together, against the bare engine and peers.
 
 use std::path::{Path, PathBuf};
 use std::process::Command;
+use std::time::Instant;
 
 use anyhow::Context as _;
-use etude_learn::DroqConfig;
-use serde_json::json;
+use etude_lab::RunConfig;
+use etude_lab::bench::{machine, peak_memory_mib, training_rate};
+use etude_learn::{Arithmetic, DroqConfig, bench::update_rate};
+use etude_music::Song;
+use etude_task::bench::{all_cores, stepping, trace};
+use serde_json::{Map, Value, json};
 
-use super::{ConfigArgs, line};
+use super::{ConfigArgs, line, note};
 use crate::Ending;
 
 /// What to measure and for how long.
 #[derive(clap::Args)]
 #[command(after_help = "\
-Rates on a shared machine swing; compare ratios of one run. With --jax, the same update runs in JAX in the same run, in
-turns with ours: benches/peers/jax_update.sh makes a throw-away virtual environment for it and needs the network once.")]
+Prints a table that is Markdown too. A ratio above 1 says how many times faster, or smaller, Étude is. Rates on a shared
+machine swing: compare ratios of one run, in which each measurement takes turns with its peers.
+
+With --peers, each script in benches/peers makes itself a throw-away virtual environment in /tmp, which needs the network
+and some minutes once, and for all of them 15 GB of disk. A peer that does not run becomes a line with the reason.
+
+Examples:
+  etude bench
+  etude bench --peers > table.md")]
 pub struct Args {
     #[command(flatten)]
     config: ConfigArgs,
     /// Seconds for each measurement
     #[arg(long, default_value_t = 5.0, value_name = "SECS", value_parser = super::positive, allow_hyphen_values = true)]
     secs: f64,
-    /// Also run the same update in JAX, with the script in this folder
+    /// Also run the peers, with the scripts in this folder
     #[arg(long, value_name = "DIR", num_args = 0..=1, default_missing_value = "benches/peers")]
-    jax: Option<PathBuf>,
-    /// Print JSON: env_steps_per_sec, env_steps_per_sec_all_cores, env_overhead, updates_per_sec, jax_updates_per_sec, …
+    peers: Option<PathBuf>,
+    /// Print JSON: env_steps_per_sec, updates_per_sec, train_steps_per_sec, start_up_secs, peak_memory_mib, peers, …
     #[arg(long)]
     json: bool,
 }
 
+/// Turns that each measurement takes, with its peers in between; their medians count.
+const TURNS: usize = 3;
+/// The song that everything is measured on.
+const SONG: &str = "c-major-scale";
+
 /// Runs the verb.
 pub fn run(args: Args) -> anyhow::Result<Ending> {
-    let config = args.config.resolve(&[])?;
-    let song = etude_music::repertoire::get("c-major-scale").context("the C-major scale is built in")?;
-    let stepping = etude_task::bench::stepping(&config.task, &song, args.secs)?;
-    let droq = DroqConfig::default();
-    let (mut ours, mut theirs) = (Vec::new(), Vec::new());
-    for _ in 0..3 {
-        ours.push(etude_learn::bench::update_rate(&droq, args.secs / 3.0, false)?);
-        if let Some(folder) = &args.jax {
-            theirs.push(jax(folder, args.secs / 3.0)?);
-        }
-    }
-    let (ours, theirs) = (median(ours), (!theirs.is_empty()).then(|| median(theirs)));
-    let cores = std::thread::available_parallelism().map_or(1, usize::from);
+    let mut bench = Bench {
+        config: args.config.resolve(&[])?,
+        overrides: args.config.overrides,
+        song: etude_music::repertoire::get(SONG).context("the C-major scale is built in")?,
+        secs: args.secs / TURNS as f64,
+        cores: std::thread::available_parallelism().map_or(1, usize::from),
+        scratch: Scratch::new()?,
+        peers: args.peers,
+        failed: Map::new(),
+        figures: Map::new(),
+        rows: Vec::new(),
+    };
+    bench.figure("machine", machine());
+    bench.figure("cores", bench.cores);
+    bench.measure()?;
     if args.json {
-        super::json(&json!({
-            "cores": cores,
-            "env_steps_per_sec": stepping.steps_per_sec,
-            "bare_steps_per_sec": stepping.bare_steps_per_sec,
-            "env_overhead": stepping.overhead(),
-            "env_steps_per_sec_all_cores": stepping.steps_per_sec_all_cores,
-            "updates_per_sec": ours,
-            "jax_updates_per_sec": theirs,
-            "jax_ratio": theirs.map(|theirs| ours / theirs),
-        }))?;
-        return Ok(Ending::Done);
-    }
-    line(format!("environment, one core       {:>8.0} control steps/s", stepping.steps_per_sec))?;
-    line(format!("the bare mj_step calls      {:>8.0} control steps/s", stepping.bare_steps_per_sec))?;
-    line(format!("cost beyond the engine      {:>8.1} %", stepping.overhead() * 100.0))?;
-    line(format!(
-        "environments, {cores:2} cores      {:>8.0} control steps/s",
-        stepping.steps_per_sec_all_cores
-    ))?;
-    line(format!("one full DroQ update, 1 core {:>7.0} updates/s", ours))?;
-    match theirs {
-        Some(theirs) => {
-            line(format!("the same in JAX, 1 core     {theirs:>8.0} updates/s"))?;
-            line(format!("ratio                       {:>8.2} x", ours / theirs))?;
-        }
-        None => line("(add --jax to run the same update in JAX beside it)")?,
+        bench.print_json()?
+    } else {
+        bench.print_table()?
     }
     Ok(Ending::Done)
+}
+
+/// The measurements and what has come of them so far.
+struct Bench {
+    config: RunConfig,
+    overrides: Vec<String>,
+    song: Song,
+    /// Of one turn.
+    secs: f64,
+    cores: usize,
+    scratch: Scratch,
+    /// Folder of the peers' scripts, if they shall run.
+    peers: Option<PathBuf>,
+    /// Scripts that have failed, and why.
+    failed: Map<String, Value>,
+    /// Figures of ours by name, unit included.
+    figures: Map<String, Value>,
+    rows: Vec<Row>,
+}
+
+/// A line of the table: a figure of ours and those of peers for the same work.
+struct Row {
+    what: String,
+    unit: &'static str,
+    ours: Option<f64>,
+    theirs: Vec<(String, f64)>,
+}
+
+impl Row {
+    /// How many times better we are: seconds and memory are better when they are fewer.
+    fn ratio(&self, theirs: f64) -> Option<f64> {
+        self.ours.map(|ours| if self.unit.ends_with("/s") { ours / theirs } else { theirs / ours })
+    }
+}
+
+/// A peer at one task: a script, what follows the seconds on its command line, and the JSON lines that it has printed.
+struct Peer {
+    script: &'static str,
+    arguments: Vec<String>,
+    lines: Vec<Value>,
+}
+
+impl Peer {
+    fn new(script: &'static str, threads: usize) -> Self {
+        Self { script, arguments: vec![threads.to_string()], lines: Vec::new() }
+    }
+
+    fn turn(&mut self, folder: &Path, secs: f64) -> anyhow::Result<()> {
+        let script = folder.join(self.script);
+        let advice = "run this in the repository, or name the folder with --peers DIR";
+        anyhow::ensure!(script.is_file(), "{} is not there: {advice}", script.display());
+        note(format!("running {} …", script.display()));
+        let output = Command::new("sh").arg(&script).arg(secs.to_string()).args(&self.arguments).output()?;
+        let said = String::from_utf8_lossy(&output.stderr);
+        let reason = said.lines().rev().find(|line| !line.trim().is_empty()).unwrap_or("it does not say why");
+        anyhow::ensure!(output.status.success(), "{}", reason.trim());
+        let text = String::from_utf8_lossy(&output.stdout);
+        self.lines.extend(text.lines().filter_map(|line| serde_json::from_str::<Value>(line).ok()));
+        Ok(())
+    }
+}
+
+/// The medians of `field` in the lines of `peers`, one for each name that the lines bear.
+fn medians(peers: &[Peer], field: &str) -> Vec<(String, f64)> {
+    let mut found: Vec<(String, Vec<f64>)> = Vec::new();
+    for line in peers.iter().flat_map(|peer| &peer.lines) {
+        let (Some(name), Some(value)) = (line["peer"].as_str(), line[field].as_f64()) else { continue };
+        match found.iter_mut().find(|(known, _)| known == name) {
+            Some((_, values)) => values.push(value),
+            None => found.push((name.to_string(), vec![value])),
+        }
+    }
+    found.into_iter().map(|(name, values)| (name, median(values))).collect()
 }
 
 fn median(mut values: Vec<f64>) -> f64 {
@@ -80,21 +149,239 @@ fn median(mut values: Vec<f64>) -> f64 {
     values[values.len() / 2]
 }
 
-fn jax(folder: &Path, secs: f64) -> anyhow::Result<f64> {
-    let script = folder.join("jax_update.sh");
-    let output = Command::new("sh")
-        .arg(&script)
-        .args([&format!("{secs}"), "1"])
-        .output()
-        .with_context(|| format!("cannot run {}", script.display()))?;
-    anyhow::ensure!(
-        output.status.success(),
-        "{} failed:\n{}",
-        script.display(),
-        String::from_utf8_lossy(&output.stderr).trim()
-    );
-    let text = String::from_utf8_lossy(&output.stdout);
-    let last = text.lines().rev().find(|line| line.starts_with('{')).context("it printed no JSON")?;
-    let value: serde_json::Value = serde_json::from_str(last)?;
-    value["updates_per_sec"].as_f64().context("its JSON has no updates_per_sec")
+impl Bench {
+    fn measure(&mut self) -> anyhow::Result<()> {
+        let mut training = self.training(1, "train_steps_per_sec_1_core", "train_updates_per_sec_1_core")?;
+        self.training(self.cores, "train_steps_per_sec", "train_updates_per_sec")?;
+        // The peak of this process so far: nothing but trainings.
+        let memory = peak_memory_mib();
+        let environments = self.environments()?;
+        self.updates(1, "updates_per_sec")?;
+        if self.cores > 1 {
+            self.updates(2, "updates_per_sec_2_threads")?;
+        }
+
+        let what = "peak memory of a training, begun";
+        self.row(what, "peak_memory_mib", "MiB", memory, medians(&training, "peak_memory_mib"));
+        let [start_up] = self.turns(&mut [], |bench| Ok([start_up_secs(&bench.scratch.folder())?]))?;
+        training.extend(environments);
+        let what = "start to the first step, training";
+        self.row(what, "start_up_secs", "s", Some(start_up), medians(&training, "start_up_secs"));
+        Ok(())
+    }
+
+    /// Environment, acting, updates and replay together.
+    fn training(&mut self, threads: usize, steps_key: &str, updates_key: &str) -> anyhow::Result<Vec<Peer>> {
+        let mut peers = vec![Peer::new("sbx_droq.sh", threads)];
+        let [steps, updates] = self.turns(&mut peers, |bench| {
+            let folder = bench.scratch.folder();
+            let rate = training_rate(bench.song.clone(), &bench.overrides, threads, &folder, bench.secs)?;
+            Ok([rate.steps_per_sec, rate.updates_per_sec])
+        })?;
+        let what = format!("training, `paper` preset, {}", counted(threads, "core"));
+        self.row(what, steps_key, "steps/s", Some(steps), medians(&peers, "steps_per_sec"));
+        self.figure(updates_key, updates);
+        Ok(peers)
+    }
+
+    /// Environments alone, under random actions. Returns the peers that are environments too.
+    fn environments(&mut self) -> anyhow::Result<Vec<Peer>> {
+        let [model, traced] = ["model.xml", "trace.txt"].map(|name| self.scratch.path.join(name));
+        std::fs::write(&model, etude_stage::mjcf(&self.config.task.stage, &self.config.task.params()?))?;
+        std::fs::write(&traced, trace(&self.config.task, &self.song)?)?;
+        let rollout = |threads| {
+            let mut peer = Peer::new("rollout.sh", threads);
+            peer.arguments.extend([&model, &traced].map(|path| path.display().to_string()));
+            peer
+        };
+
+        let mut peers = vec![rollout(1), Peer::new("robopianist.sh", 1)];
+        let [full, bare, overhead] = self.turns(&mut peers, |bench| {
+            let stepping = stepping(&bench.config.task, &bench.song, bench.secs)?;
+            Ok([stepping.steps_per_sec, stepping.bare_steps_per_sec, stepping.overhead()])
+        })?;
+        self.figure("bare_steps_per_sec", bare);
+        self.figure("env_overhead", overhead);
+        let mut theirs = vec![("the bare mj_step calls".to_string(), bare)];
+        theirs.extend(medians(&peers, "control_steps_per_sec"));
+        self.row("environment, 1 core", "env_steps_per_sec", "control steps/s", Some(full), theirs);
+
+        let mut all = vec![rollout(self.cores)];
+        let [rate] =
+            self.turns(&mut all, |bench| Ok([all_cores(&bench.config.task, &bench.song, bench.secs)?]))?;
+        let what = format!("environments, {}", counted(self.cores, "core"));
+        let theirs = medians(&all, "control_steps_per_sec");
+        self.row(what, "env_steps_per_sec_all_cores", "control steps/s", Some(rate), theirs);
+        Ok(peers.split_off(1))
+    }
+
+    /// The learner alone.
+    fn updates(&mut self, threads: usize, key: &str) -> anyhow::Result<()> {
+        let mut peers = ["jax_update.sh", "torch_update.sh"].map(|script| Peer::new(script, threads));
+        let configs =
+            [Arithmetic::F32, Arithmetic::Bf16].map(|a| DroqConfig { arithmetic: a, ..Default::default() });
+        let [single, half] = self.turns(&mut peers, |bench| {
+            let [single, half] = &configs;
+            Ok([update_rate(single, bench.secs, threads)?, update_rate(half, bench.secs, threads)?])
+        })?;
+        let theirs = medians(&peers, "updates_per_sec");
+        let what = format!("full DroQ update, {}", counted(threads, "thread"));
+        self.row(what, key, "updates/s", Some(single), theirs.clone());
+        let what = format!("the same in bf16 (peers: f32), {}", counted(threads, "thread"));
+        self.row(what, &format!("bf16_{key}"), "updates/s", Some(half), theirs);
+        Ok(())
+    }
+
+    /// The medians of what `ours` measures, while the peers measure the same in between. One that fails is not run again.
+    fn turns<const N: usize>(
+        &mut self,
+        peers: &mut [Peer],
+        mut ours: impl FnMut(&mut Self) -> anyhow::Result<[f64; N]>,
+    ) -> anyhow::Result<[f64; N]> {
+        let mut turns = Vec::new();
+        for _ in 0..TURNS {
+            turns.push(ours(self)?);
+            for peer in peers.iter_mut() {
+                if let Some(folder) = self.peers.as_ref().filter(|_| !self.failed.contains_key(peer.script))
+                    && let Err(error) = peer.turn(folder, self.secs)
+                {
+                    self.failed.insert(peer.script.to_string(), format!("{error:#}").into());
+                }
+            }
+        }
+        Ok(std::array::from_fn(|figure| median(turns.iter().map(|turn| turn[figure]).collect())))
+    }
+
+    fn figure(&mut self, key: &str, value: impl Into<Value>) {
+        self.figures.insert(key.to_string(), value.into());
+    }
+
+    fn row(
+        &mut self,
+        what: impl Into<String>,
+        key: &str,
+        unit: &'static str,
+        ours: Option<f64>,
+        theirs: Vec<(String, f64)>,
+    ) {
+        self.figure(key, ours);
+        self.rows.push(Row { what: what.into(), unit, ours, theirs });
+    }
+
+    fn print_json(mut self) -> anyhow::Result<()> {
+        let peers = self.rows.iter().flat_map(|row| {
+            row.theirs.iter().map(|(peer, theirs)| {
+                json!({
+                    "what": row.what, "unit": row.unit, "etude": row.ours,
+                    "peer": peer, "theirs": theirs, "ratio": row.ratio(*theirs),
+                })
+            })
+        });
+        let peers: Vec<Value> = peers.collect();
+        self.figure("peers", peers);
+        self.figures.insert("peers_failed".to_string(), self.failed.into());
+        super::json(&self.figures)
+    }
+
+    fn print_table(&self) -> anyhow::Result<()> {
+        line(format!("Machine: {}\n", self.figures["machine"].as_str().unwrap_or_default()))?;
+        let mut table = vec![["what", "Étude", "peer", "peer's", "ratio"].map(String::from)];
+        for row in &self.rows {
+            let ours = row.ours.map_or("unknown".to_string(), |ours| format!("{} {}", short(ours), row.unit));
+            let mut cells = [row.what.clone(), ours, String::new(), String::new(), String::new()];
+            for (peer, theirs) in &row.theirs {
+                cells[2..].clone_from_slice(&[
+                    peer.clone(),
+                    short(*theirs),
+                    row.ratio(*theirs).map_or("unknown".to_string(), |ratio| format!("{ratio:.2}")),
+                ]);
+                table.push(std::mem::take(&mut cells));
+            }
+            if row.theirs.is_empty() {
+                table.push(cells);
+            }
+        }
+        let widths: [usize; 5] = std::array::from_fn(|column| {
+            table.iter().map(|cells| cells[column].chars().count()).max().unwrap_or_default()
+        });
+        for (index, cells) in table.iter().enumerate() {
+            let [what, ours, peer, theirs, ratio] = cells;
+            let [a, b, c, d, e] = widths;
+            line(format!("| {what:a$} | {ours:>b$} | {peer:c$} | {theirs:>d$} | {ratio:>e$} |"))?;
+            if index == 0 {
+                let [a, b, c, d, e] = widths.map(|width| "-".repeat(width));
+                line(format!("| {a} | {b} | {c} | {d} | {e} |"))?;
+            }
+        }
+        line(format!(
+            "\nThe environment takes {:.1} % more time than its mj_step calls.",
+            self.figures["env_overhead"].as_f64().unwrap_or(f64::NAN) * 100.0
+        ))?;
+        for (script, reason) in &self.failed {
+            line(format!("{script} did not run: {}", reason.as_str().unwrap_or_default()))?;
+        }
+        if self.peers.is_none() {
+            line("(add --peers to run JAX, PyTorch, mujoco.rollout, RoboPianist and SBX in turns with it)")?;
+        }
+        Ok(())
+    }
+}
+
+/// A number with three figures or a few more.
+fn short(value: f64) -> String {
+    let digits = if value >= 100.0 {
+        0
+    } else if value >= 10.0 {
+        1
+    } else {
+        2
+    };
+    format!("{value:.digits$}")
+}
+
+fn counted(number: usize, what: &str) -> String {
+    format!("{number} {what}{}", if number == 1 { "" } else { "s" })
+}
+
+/// Seconds from the start of a process to its end after the first step of a training, files and all.
+fn start_up_secs(folder: &Path) -> anyhow::Result<f64> {
+    let start = Instant::now();
+    let output = Command::new(std::env::current_exe()?)
+        .args(["train", SONG, "--preset", "paper", "--json", "--set", "trainer.total_steps=1"])
+        .args(["--set", "trainer.evaluate_every_steps=0", "--out"])
+        .arg(folder)
+        .output()?;
+    let secs = start.elapsed().as_secs_f64();
+    let said = String::from_utf8_lossy(&output.stderr);
+    anyhow::ensure!(output.status.success(), "`etude train` failed: {}", said.trim());
+    Ok(secs)
+}
+
+/// A folder for the time of the measurements.
+struct Scratch {
+    path: PathBuf,
+    folders: usize,
+}
+
+impl Scratch {
+    fn new() -> anyhow::Result<Self> {
+        let path = std::env::temp_dir().join(format!("etude-bench-{}", std::process::id()));
+        std::fs::create_dir_all(&path).with_context(|| {
+            format!("cannot create {}; set TMPDIR to a folder that can be written", path.display())
+        })?;
+        Ok(Self { path, folders: 0 })
+    }
+
+    /// The path of a folder in it that nobody has had before.
+    fn folder(&mut self) -> PathBuf {
+        self.folders += 1;
+        self.path.join(self.folders.to_string())
+    }
+}
+
+impl Drop for Scratch {
+    fn drop(&mut self) {
+        // What cannot be removed stays in the temporary folder: no harm.
+        let _ = std::fs::remove_dir_all(&self.path);
+    }
 }

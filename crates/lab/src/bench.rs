@@ -1,0 +1,132 @@
+//! How fast a whole training goes, and what it takes: for `etude bench`.
+
+use std::path::Path;
+use std::time::{Duration, Instant};
+
+use etude_learn::{StopReason, TrainingObserver};
+use etude_music::Song;
+
+use crate::config::resolve;
+use crate::run::{Run, RunError};
+
+/// Steps with random actions before the first update. The `paper` preset makes 5,000, which would be all that a short
+/// measurement sees; a batch is drawn with replacement, so that fewer do.
+const WARMUP_STEPS: u64 = 256;
+
+/// Rates of a training after its warm-up.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct TrainingRate {
+    /// Environment steps per second.
+    pub steps_per_sec: f64,
+    /// Full updates per second.
+    pub updates_per_sec: f64,
+}
+
+/// Trains `song` with the `paper` preset and `overrides` in the new folder `folder`, and measures for about `secs` once
+/// the warm-up is over: environment, acting, updates and replay together, without evaluations. `threads` as in
+/// `trainer.threads`: 0 for one a core.
+///
+/// # Errors
+/// As [`Run::start`] and [`Run::run`].
+pub fn training_rate(
+    song: Song,
+    overrides: &[String],
+    threads: usize,
+    folder: &Path,
+    secs: f64,
+) -> Result<TrainingRate, RunError> {
+    let ours = [
+        format!("trainer.warmup_steps={WARMUP_STEPS}"),
+        "trainer.total_steps=1e12".to_string(),
+        "trainer.evaluate_every_steps=0".to_string(),
+        format!("trainer.threads={threads}"),
+    ];
+    let config = resolve("paper", None, &[overrides, &ours].concat())?;
+    let trainer = &config.trainer;
+    let (steps, updates) = (trainer.num_envs as f64, trainer.updates_per_round as f64);
+    // The first rounds with updates count as warm-up too.
+    let warmup_rounds = WARMUP_STEPS.div_ceil(trainer.num_envs as u64) + 2;
+    let limit = Duration::from_secs_f64(secs);
+    let mut watch = Watch { warmup_rounds, limit, rounds: 0, began: Instant::now(), took: Duration::ZERO };
+    Run::start(song, config, folder, "etude bench")?.run(&mut watch)?;
+    let rounds_per_sec = (watch.rounds - warmup_rounds) as f64 / watch.took.as_secs_f64();
+    Ok(TrainingRate { steps_per_sec: rounds_per_sec * steps, updates_per_sec: rounds_per_sec * updates })
+}
+
+/// Counts rounds, and stops the training when the time after the warm-up is over.
+struct Watch {
+    warmup_rounds: u64,
+    limit: Duration,
+    rounds: u64,
+    began: Instant,
+    took: Duration,
+}
+
+impl TrainingObserver for Watch {
+    fn should_stop(&mut self) -> Option<StopReason> {
+        // Asked before each round, the first included.
+        if self.rounds <= self.warmup_rounds {
+            self.began = Instant::now();
+        }
+        self.took = self.began.elapsed();
+        if self.rounds > self.warmup_rounds && self.took >= self.limit {
+            return Some(StopReason::OutOfTime);
+        }
+        self.rounds += 1;
+        None
+    }
+}
+
+/// The most memory that this process has held so far, in MiB, if the system tells (Linux).
+pub fn peak_memory_mib() -> Option<f64> {
+    let kib = proc_field("/proc/self/status", "VmHWM")?;
+    Some(kib.split_whitespace().next()?.parse::<f64>().ok()? / 1024.0)
+}
+
+/// This machine in one line, for a table of measurements: its processor, cores, memory and load, as far as the system
+/// tells.
+pub fn machine() -> String {
+    let cores = std::thread::available_parallelism().map_or(1, usize::from);
+    let processor = proc_field("/proc/cpuinfo", "model name");
+    let memory = proc_field("/proc/meminfo", "MemTotal")
+        .and_then(|text| text.split_whitespace().next()?.parse::<f64>().ok())
+        .map_or("unknown memory".to_string(), |kib| format!("{:.0} GiB", kib / (1024.0 * 1024.0)));
+    let load = std::fs::read_to_string("/proc/loadavg")
+        .ok()
+        .and_then(|text| Some(text.split_whitespace().next()?.to_string()))
+        .unwrap_or_else(|| "unknown".to_string());
+    format!(
+        "{}, {cores} cores, {memory}, load {load} at the start; MuJoCo {}, étude {}",
+        processor.as_deref().unwrap_or(std::env::consts::ARCH),
+        etude_stage::mujoco_version(),
+        env!("CARGO_PKG_VERSION")
+    )
+}
+
+/// The value of the first line `name: value` of a file of the kernel's.
+fn proc_field(path: &str, name: &str) -> Option<String> {
+    let text = std::fs::read_to_string(path).ok()?;
+    let (_, value) =
+        text.lines().filter_map(|line| line.split_once(':')).find(|(key, _)| key.trim() == name)?;
+    Some(value.trim().to_string())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_short_training_is_measured_after_its_warm_up() {
+        let folder = tempfile::tempdir().unwrap();
+        let song = etude_music::repertoire::get("c-major-scale").unwrap();
+        let small = ["droq.hidden=[16]".to_string()];
+        let rate = training_rate(song, &small, 1, &folder.path().join("run"), 0.05).unwrap();
+        assert!(rate.steps_per_sec > 0.0 && rate.steps_per_sec == rate.updates_per_sec, "{rate:?}");
+    }
+
+    #[test]
+    fn the_kernel_tells_about_memory_where_it_is_linux() {
+        assert_eq!(peak_memory_mib().is_some_and(|mib| mib > 1.0), cfg!(target_os = "linux"));
+        assert!(machine().contains("cores"));
+    }
+}

@@ -1,0 +1,48 @@
+"""Prints a Markdown table from the curves of a folder, whose files are called SONG-SEED.csv: learning_table.py FOLDER
+
+Times are of the training that made the curve, start and evaluations included."""
+
+import collections
+import csv
+import pathlib
+import statistics
+import sys
+
+GOALS = [0.90, 0.946]
+
+
+def first(rows, goal):
+    """Seconds after which a curve first reached a goal, None if it never did."""
+    return next((float(row["secs"]) for row in rows if float(row["f1"]) >= goal), None)
+
+
+def seconds(times):
+    """The mean of the times, and how many there are if some are missing."""
+    reached = [time for time in times if time is not None]
+    missing = f" ({len(reached)} of {len(times)})" if len(reached) < len(times) else ""
+    return f"{statistics.mean(reached):.0f} s{missing}" if reached else "never"
+
+
+curves = collections.defaultdict(list)
+for path in sorted(pathlib.Path(sys.argv[1]).glob("*-*.csv")):
+    curves[path.stem.rsplit("-", 1)[0]].append(list(csv.DictReader(path.open())))
+
+goals = " | ".join(f"F1 {goal} after" for goal in GOALS)
+print(f"| song | seeds | best F1: mean (each) | last F1 | {goals} | steps | time |")
+print("|---|---|---|---|" + "---|" * len(GOALS) + "---|---|")
+means = []
+for song, runs in curves.items():
+    best = [max(float(row["f1"]) for row in rows) for rows in runs]
+    last = statistics.mean(float(rows[-1]["f1"]) for rows in runs)
+    means.append(statistics.mean(best))
+    cells = [
+        song,
+        len(runs),
+        f"{means[-1]:.3f} ({', '.join(f'{f1:.3f}' for f1 in best)})",
+        f"{last:.3f}",
+        *(seconds([first(rows, goal) for rows in runs]) for goal in GOALS),
+        f"{int(runs[0][-1]['step']):,}",
+        f"{statistics.mean(float(rows[-1]['secs']) for rows in runs):.0f} s",
+    ]
+    print("| " + " | ".join(map(str, cells)) + " |")
+print(f"\nMean over these {len(means)} songs of the mean best F1: {statistics.mean(means):.3f}")
