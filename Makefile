@@ -3,7 +3,7 @@
 CARGO ?= cargo
 PYTHON ?= python3
 ETUDE := target/release/etude
-# Minutes that the demonstration trains.
+# Minutes after which the training stops at the latest; two cores need three.
 MINUTES ?= 10
 SONG ?= twinkle
 
@@ -11,7 +11,7 @@ SONG ?= twinkle
 .PHONY: help setup build demo test check fuzz bench clean-runs
 
 help:
-	@echo "make demo    set up, learn $(SONG) for $(MINUTES) minutes, play it, say where the sound is"
+	@echo "make demo    set up, learn $(SONG) (at most $(MINUTES) minutes), play it, say where the sound is"
 	@echo "make test    set up and run every check: format, lints, docs, tests, checks against other libraries"
 	@echo "make setup   fetch MuJoCo into .mujoco/ and say what is missing"
 	@echo "make build   the etude command, optimised, at $(ETUDE)"

@@ -26,6 +26,11 @@ pub const PRESETS: &[(&str, &str, &str)] = &[
         include_str!("../../../configs/presets/fast.toml"),
     ),
     (
+        "quick",
+        "the same without demonstrations: a song in half an hour from nothing but its own tries",
+        include_str!("../../../configs/presets/quick.toml"),
+    ),
+    (
         "paper",
         "the paper's training: one environment, one update a step, 3e6 steps",
         include_str!("../../../configs/presets/paper.toml"),
@@ -272,6 +277,6 @@ mod tests {
         assert!(message("droq.batch=many").contains("droq.batch"));
         assert!(message("nonsense").contains("path=value"));
         assert!(message("trainer.num_envs=1.5").contains("trainer.num_envs"));
-        assert!(resolve("slow", None, &[]).unwrap_err().to_string().contains("fast, paper, appendix"));
+        assert!(resolve("slow", None, &[]).unwrap_err().to_string().contains("fast, quick, paper, appendix"));
     }
 }
