@@ -57,11 +57,11 @@ pub fn update_rate(config: &DroqConfig, seconds: f64, threads: usize) -> Result<
     }))
 }
 
-fn run(droq: &mut Droq, replay: &Replay, two_threads: bool, seconds: f64) -> f64 {
+fn run(droq: &mut Droq, replay: &Replay, parallel: bool, seconds: f64) -> f64 {
     let (start, limit) = (Instant::now(), Duration::from_secs_f64(seconds.max(0.0)));
     let mut updates = 0u32;
     loop {
-        droq.learn(replay, two_threads);
+        droq.learn(replay, parallel);
         updates += 1;
         if start.elapsed() >= limit {
             return f64::from(updates) / start.elapsed().as_secs_f64();

@@ -33,8 +33,10 @@ pub enum Arithmetic {
     /// In single precision.
     #[default]
     F32,
-    /// Operands rounded to bfloat16, sums in single precision: faster where the processor has AVX-512 BF16; on others the
-    /// same as [`F32`](Self::F32). Parameters, optimiser and everything between the products stay in single precision.
+    /// Operands rounded to bfloat16, sums in single precision: faster where the processor has AVX-512 BF16. On others, and for
+    /// layers whose width is no multiple of 16, the same as [`F32`](Self::F32); so a training that is continued on another
+    /// kind of processor goes on, but not bit for bit. Parameters, optimiser and everything between the products stay in
+    /// single precision.
     Bf16,
 }
 

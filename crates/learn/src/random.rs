@@ -9,8 +9,26 @@ use crate::seed;
 
 /// The draws of one purpose.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(transparent)]
+#[serde(try_from = "Pcg64", into = "Pcg64")]
 pub(crate) struct Stream(Pcg64);
+
+impl From<Stream> for Pcg64 {
+    fn from(stream: Stream) -> Self {
+        stream.0
+    }
+}
+
+impl TryFrom<Pcg64> for Stream {
+    type Error = &'static str;
+
+    /// Refuses a state that always gives the same number, on which drawing a normal value may never end.
+    fn try_from(generator: Pcg64) -> Result<Self, Self::Error> {
+        let mut copy = generator.clone();
+        let first = copy.next_u64();
+        let alive = (0..3).any(|_| copy.next_u64() != first);
+        if alive { Ok(Self(generator)) } else { Err("a generator that always draws the same") }
+    }
+}
 
 impl Stream {
     pub(crate) fn new(root: u64, purpose: &str) -> Self {
@@ -91,6 +109,13 @@ mod tests {
         assert!((f64::from(neighbours) / pairs - 1.0).abs() < 0.1);
         stream.fill_drops(0.0, len, &mut drops);
         assert!(drops.is_empty());
+    }
+
+    #[test]
+    fn a_stuck_generator_is_refused() {
+        let text = serde_json::to_string(&Stream::new(1, "a")).unwrap();
+        assert!(text.contains("state") && text.contains("increment"), "{text}");
+        assert!(serde_json::from_str::<Stream>(r#"{"state":0,"increment":0}"#).is_err());
     }
 
     #[test]

@@ -5,14 +5,14 @@ use std::process::Command;
 use std::time::Instant;
 
 use anyhow::Context as _;
-use etude_lab::RunConfig;
 use etude_lab::bench::{machine, peak_memory_mib, training_rate};
 use etude_learn::{Arithmetic, DroqConfig, bench::update_rate};
 use etude_music::Song;
+use etude_task::TaskConfig;
 use etude_task::bench::{all_cores, stepping, trace};
 use serde_json::{Map, Value, json};
 
-use super::{ConfigArgs, line, note};
+use super::{line, note};
 use crate::Ending;
 
 /// What to measure and for how long.
@@ -28,8 +28,6 @@ Examples:
   etude bench
   etude bench --peers > table.md")]
 pub struct Args {
-    #[command(flatten)]
-    config: ConfigArgs,
     /// Seconds for each measurement
     #[arg(long, default_value_t = 5.0, value_name = "SECS", value_parser = super::positive, allow_hyphen_values = true)]
     secs: f64,
@@ -49,8 +47,7 @@ const SONG: &str = "c-major-scale";
 /// Runs the verb.
 pub fn run(args: Args) -> anyhow::Result<Ending> {
     let mut bench = Bench {
-        config: args.config.resolve(&[])?,
-        overrides: args.config.overrides,
+        task: TaskConfig::default(),
         song: etude_music::repertoire::get(SONG).context("the C-major scale is built in")?,
         secs: args.secs / TURNS as f64,
         cores: std::thread::available_parallelism().map_or(1, usize::from),
@@ -73,8 +70,7 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
 
 /// The measurements and what has come of them so far.
 struct Bench {
-    config: RunConfig,
-    overrides: Vec<String>,
+    task: TaskConfig,
     song: Song,
     /// Of one turn.
     secs: f64,
@@ -151,8 +147,8 @@ fn median(mut values: Vec<f64>) -> f64 {
 
 impl Bench {
     fn measure(&mut self) -> anyhow::Result<()> {
-        let mut training = self.training(1, "train_steps_per_sec_1_core", "train_updates_per_sec_1_core")?;
-        self.training(self.cores, "train_steps_per_sec", "train_updates_per_sec")?;
+        let mut training = self.training(1, "train_steps_per_sec_1_core")?;
+        self.training(self.cores, "train_steps_per_sec")?;
         // The peak of this process so far: nothing but trainings.
         let memory = peak_memory_mib();
         let environments = self.environments()?;
@@ -171,24 +167,28 @@ impl Bench {
     }
 
     /// Environment, acting, updates and replay together.
-    fn training(&mut self, threads: usize, steps_key: &str, updates_key: &str) -> anyhow::Result<Vec<Peer>> {
+    fn training(&mut self, threads: usize, key: &str) -> anyhow::Result<Vec<Peer>> {
         let mut peers = vec![Peer::new("sbx_droq.sh", threads)];
-        let [steps, updates] = self.turns(&mut peers, |bench| {
-            let folder = bench.scratch.folder();
-            let rate = training_rate(bench.song.clone(), &bench.overrides, threads, &folder, bench.secs)?;
-            Ok([rate.steps_per_sec, rate.updates_per_sec])
+        let [single, half] = self.turns(&mut peers, |bench| {
+            let mut rate = |arithmetic| {
+                let folder = bench.scratch.folder();
+                training_rate(bench.song.clone(), arithmetic, threads, &folder, bench.secs)
+            };
+            Ok([rate(Arithmetic::F32)?, rate(Arithmetic::Bf16)?])
         })?;
+        let theirs = medians(&peers, "steps_per_sec");
         let what = format!("training, `paper` preset, {}", counted(threads, "core"));
-        self.row(what, steps_key, "steps/s", Some(steps), medians(&peers, "steps_per_sec"));
-        self.figure(updates_key, updates);
+        self.row(what, key, "steps/s", Some(single), theirs.clone());
+        let what = format!("the same in bf16 (peer: f32), {}", counted(threads, "core"));
+        self.row(what, &format!("bf16_{key}"), "steps/s", Some(half), theirs);
         Ok(peers)
     }
 
     /// Environments alone, under random actions. Returns the peers that are environments too.
     fn environments(&mut self) -> anyhow::Result<Vec<Peer>> {
         let [model, traced] = ["model.xml", "trace.txt"].map(|name| self.scratch.path.join(name));
-        std::fs::write(&model, etude_stage::mjcf(&self.config.task.stage, &self.config.task.params()?))?;
-        std::fs::write(&traced, trace(&self.config.task, &self.song)?)?;
+        std::fs::write(&model, etude_stage::mjcf(&self.task.stage, &self.task.params()?))?;
+        std::fs::write(&traced, trace(&self.task, &self.song)?)?;
         let rollout = |threads| {
             let mut peer = Peer::new("rollout.sh", threads);
             peer.arguments.extend([&model, &traced].map(|path| path.display().to_string()));
@@ -197,7 +197,7 @@ impl Bench {
 
         let mut peers = vec![rollout(1), Peer::new("robopianist.sh", 1)];
         let [full, bare, overhead] = self.turns(&mut peers, |bench| {
-            let stepping = stepping(&bench.config.task, &bench.song, bench.secs)?;
+            let stepping = stepping(&bench.task, &bench.song, bench.secs)?;
             Ok([stepping.steps_per_sec, stepping.bare_steps_per_sec, stepping.overhead()])
         })?;
         self.figure("bare_steps_per_sec", bare);
@@ -207,8 +207,7 @@ impl Bench {
         self.row("environment, 1 core", "env_steps_per_sec", "control steps/s", Some(full), theirs);
 
         let mut all = vec![rollout(self.cores)];
-        let [rate] =
-            self.turns(&mut all, |bench| Ok([all_cores(&bench.config.task, &bench.song, bench.secs)?]))?;
+        let [rate] = self.turns(&mut all, |bench| Ok([all_cores(&bench.task, &bench.song, bench.secs)?]))?;
         let what = format!("environments, {}", counted(self.cores, "core"));
         let theirs = medians(&all, "control_steps_per_sec");
         self.row(what, "env_steps_per_sec_all_cores", "control steps/s", Some(rate), theirs);

@@ -52,7 +52,8 @@ fn figures_come_as_json_with_the_documented_keys() {
         "updates_per_sec",
         "train_steps_per_sec",
         "train_steps_per_sec_1_core",
-        "train_updates_per_sec",
+        "bf16_train_steps_per_sec",
+        "bf16_updates_per_sec",
         "start_up_secs",
     ] {
         assert!(bench[key].is_number(), "{key} in {bench}");

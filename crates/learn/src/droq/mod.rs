@@ -3,7 +3,8 @@
 //!
 //! One update is, in this order: the critics towards `reward + discount · (min target Q - temperature · log π)`, their
 //! targets a step behind them, the actor along `temperature · log π - mean Q`, and the temperature towards the target
-//! entropy. Dropout is active in all critic passes, the target's included.
+//! entropy. Dropout is active in all critic passes, the target's included. With `n_step` above 1 the reward is the discounted sum
+//! of several and the target that of the last of them; the entropy of the steps between is left out.
 
 mod critic;
 mod draws;
@@ -79,7 +80,8 @@ pub(crate) fn actor_shape(layout: ObservationLayout, action_len: usize, hidden: 
 impl Droq {
     /// Fresh networks. `config` must be valid.
     pub(crate) fn new(config: &DroqConfig, layout: ObservationLayout, action_len: usize, seed: u64) -> Self {
-        Self::with_shards_of(shard::ROWS, config, layout, action_len, seed)
+        let rows = shard::ROWS.max(config.batch.div_ceil(shard::MOST));
+        Self::with_shards_of(rows, config, layout, action_len, seed)
     }
 
     /// The same with at most `shard_rows` rows a shard.

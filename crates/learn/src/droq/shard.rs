@@ -19,6 +19,8 @@ use crate::{
 /// Rows of a shard: two threads share a batch of 256. Shards of 64 are a tenth slower, since every product then packs its
 /// weights twice as often.
 pub(super) const ROWS: usize = 128;
+/// The most shards of a batch, since each has room for all gradients.
+pub(super) const MOST: usize = 16;
 
 /// What the shards of an update read.
 pub(super) struct View<'a> {

@@ -65,6 +65,12 @@ pub(crate) struct Header {
     pub demonstrations: Demonstrations,
 }
 
+/// What every version's header has.
+#[derive(Deserialize)]
+struct Schema {
+    schema: String,
+}
+
 impl Header {
     pub(crate) fn schema() -> String {
         SCHEMA.to_owned()
@@ -164,14 +170,13 @@ impl Store {
         let bytes = read(&path)?;
         let bad = |reason: String| FileError::content(&path, reason);
         let file = TensorFile::parse(&bytes).map_err(bad)?;
-        let header: Header = file.header().map_err(bad)?;
-        if header.schema != SCHEMA {
-            return Err(bad(format!(
-                "its schema is `{}`, and this version of Étude reads `{SCHEMA}`",
-                header.schema
-            ))
-            .into());
+        // The schema first: the rest of another version's header may be anything.
+        let Schema { schema } = file.header().map_err(bad)?;
+        if schema != SCHEMA {
+            let reason = format!("its schema is `{schema}`, and this version of Étude reads `{SCHEMA}`");
+            return Err(bad(reason).into());
         }
+        let header: Header = file.header().map_err(bad)?;
         let missing = |name: &str| FileError::content(&path, format!("tensor `{name}` is missing"));
         let (_, observation) = file.floats(OBSERVATION).ok_or_else(|| missing(OBSERVATION))?;
         let (_, sums) = file.bytes(SUMS, Dtype::F64).ok_or_else(|| missing(SUMS))?;
@@ -186,6 +191,11 @@ impl Store {
         for &segment in segments {
             let path = self.replay_folder().join(segment.file_name());
             replay.decode(segment, &read(&path)?).map_err(|error| FileError::content(&path, error))?;
+        }
+        let held: u64 = segments.iter().map(|segment| segment.end - segment.begin).sum();
+        if held < replay.len() as u64 {
+            let reason = format!("its replay segments hold {held} transitions of {}", replay.len());
+            return Err(FileError::content(&self.path(), reason));
         }
         Ok(())
     }

@@ -30,19 +30,40 @@ fn the_toy_is_solved() {
     assert_eq!(score, best.scores[0].value);
 }
 
+/// A learner whose batch is two shards.
+fn two_shards() -> DroqConfig {
+    DroqConfig { batch: 200, ..droq() }
+}
+
 #[test]
 fn stopping_and_resuming_changes_nothing() {
     let (whole, halves) = (tempfile::tempdir().unwrap(), tempfile::tempdir().unwrap());
-    Trainer::start(whole.path(), &droq(), &config(1_600), parts()).unwrap().run(&mut ()).unwrap();
+    Trainer::start(whole.path(), &two_shards(), &config(1_600), parts()).unwrap().run(&mut ()).unwrap();
     // Stops at a checkpoint: 200 rounds of 4 steps.
     let mut watch = Watch { stop_at: Some(200), ..Watch::default() };
-    let mut first = Trainer::start(halves.path(), &droq(), &config(1_600), parts()).unwrap();
+    let mut first = Trainer::start(halves.path(), &two_shards(), &config(1_600), parts()).unwrap();
     assert_eq!(first.run(&mut watch).unwrap().stopped, Some(StopReason::Requested));
     drop(first);
-    let mut second = Trainer::resume(halves.path(), &droq(), &config(1_600), parts()).unwrap();
+    let mut second = Trainer::resume(halves.path(), &two_shards(), &config(1_600), parts()).unwrap();
     assert_eq!(second.step(), 800);
     second.run(&mut ()).unwrap();
     assert_same_files(whole.path(), halves.path());
+}
+
+#[test]
+fn rewards_of_the_next_episode_do_not_count() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut trainer = Trainer::start(folder.path(), &droq(), &config(400), parts()).unwrap();
+    trainer.run(&mut ()).unwrap();
+    // Episodes have ten steps: a tenth of the samples is that far from the end of one, for every distance.
+    let horizon = crate::replay::Horizon { steps: 10, discount: 0.5 };
+    let (observation, action) = (trainer.parts.environment.layout(), trainer.parts.environment.action_len());
+    let mut batch = crate::replay::Batch::new(observation, action, 2_000);
+    trainer.replay.sample(&mut Stream::new(1, "test"), 2_000, horizon, &mut batch);
+    for steps in 1..=10 {
+        let share = batch.discount.iter().filter(|&&discount| discount == 0.5f32.powi(steps)).count();
+        assert!((130..270).contains(&share), "{share} of 2000 samples look {steps} steps ahead");
+    }
 }
 
 #[test]
@@ -65,11 +86,11 @@ fn stopping_between_checkpoints_changes_no_number() {
 #[test]
 fn threads_and_overlap_change_nothing() {
     let reference = tempfile::tempdir().unwrap();
-    Trainer::start(reference.path(), &droq(), &config(800), parts()).unwrap().run(&mut ()).unwrap();
+    Trainer::start(reference.path(), &two_shards(), &config(800), parts()).unwrap().run(&mut ()).unwrap();
     for (threads, overlap) in [(1, true), (1, false), (2, false), (4, true)] {
         let folder = tempfile::tempdir().unwrap();
         let config = TrainerConfig { threads, overlap, ..config(800) };
-        Trainer::start(folder.path(), &droq(), &config, parts()).unwrap().run(&mut ()).unwrap();
+        Trainer::start(folder.path(), &two_shards(), &config, parts()).unwrap().run(&mut ()).unwrap();
         assert_same_files(reference.path(), folder.path());
     }
 }
@@ -231,6 +252,14 @@ fn wrong_beginnings_are_refused() {
     assert!(resume(&DroqConfig { discount: 0.9, ..droq() }, &config(800)).contains("droq"));
     assert!(resume(&droq(), &TrainerConfig { seed: 6, ..config(800) }).contains("trainer.seed = 5, not 6"));
     assert_eq!(resume(&droq(), &TrainerConfig { threads: 1, ..config(900) }), "");
+    let path = folder.path().join("checkpoints/last.safetensors");
+    let older = String::from_utf8_lossy(&fs::read(&path).unwrap()).into_owned();
+    assert!(older.contains("etude-checkpoint-2"));
+    let mut bytes = fs::read(&path).unwrap();
+    let at = older.find("etude-checkpoint-2").unwrap() + "etude-checkpoint-".len();
+    bytes[at] = b'1';
+    fs::write(&path, bytes).unwrap();
+    assert!(resume(&droq(), &config(800)).contains("its schema is `etude-checkpoint-1`"));
     fs::write(folder.path().join("checkpoints/last.safetensors"), b"not a checkpoint").unwrap();
     assert!(resume(&droq(), &config(800)).contains("not a safetensors file"));
 }
