@@ -108,22 +108,16 @@ fn the_scripted_player_needs_no_training() {
 
 /// What a shipped policy claims, it must play. Other vector units round differently, hence the tolerance.
 #[test]
-fn shipped_policies_play_as_well_as_they_claim() {
+fn every_built_in_song_has_a_policy_that_plays_as_well_as_it_claims() {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../policies");
-    let mut played = 0;
-    for entry in std::fs::read_dir(folder).unwrap() {
-        let path = entry.unwrap().path();
-        if path.extension().is_none_or(|ending| ending != "safetensors") {
-            continue;
-        }
-        let song = path.file_stem().unwrap().to_string_lossy().into_owned();
+    for song in etude_music::repertoire::ids() {
+        let path = folder.join(format!("{song}.safetensors"));
         let claimed =
             etude_learn::Policy::load(&path).unwrap().header().notes["scores"]["f1"].as_f64().unwrap();
         let desk = Desk::new();
         let report = desk.json(&format!("play {song} --policy {} -o out --json", path.display()));
         let f1 = report["f1"].as_f64().unwrap();
+        // Another processor rounds otherwise, and a contact may then fall the other way.
         assert!((f1 - claimed).abs() < 0.03, "{song}: claimed {claimed}, played {f1}");
-        played += 1;
     }
-    assert!(played >= 1, "no policy is shipped");
 }
