@@ -27,7 +27,7 @@ pub const PRESETS: &[(&str, &str, &str)] = &[
     ),
     (
         "quick",
-        "the same without demonstrations: a song in half an hour from nothing but its own tries",
+        "the same without demonstrations: learns from nothing but its own tries",
         include_str!("../../../configs/presets/quick.toml"),
     ),
     (
