@@ -8,7 +8,7 @@ use crate::{
     env::ObservationLayout,
     random::Stream,
     replay::{Replay, Transition},
-    trainer::TrainError,
+    trainer::{TrainError, thread_pool},
 };
 
 /// Length of the actions, and columns of the observations, of the paper's task.
@@ -25,10 +25,7 @@ const ONES: usize = 15;
 /// If the configuration is not sound or the threads cannot be started.
 pub fn update_rate(config: &DroqConfig, seconds: f64, threads: usize) -> Result<f64, TrainError> {
     config.validate()?;
-    let pool = rayon::ThreadPoolBuilder::new()
-        .num_threads(threads)
-        .build()
-        .map_err(|error| TrainError::Threads { threads, reason: error.to_string() })?;
+    let pool = thread_pool(threads)?;
     let mut stream = Stream::new(0, "bench");
     let mut replay = Replay::new(LAYOUT, ACTION, 20_000, 1);
     let observation = |stream: &mut Stream| {

@@ -176,11 +176,10 @@ impl Bench {
             };
             Ok([rate(Arithmetic::F32)?, rate(Arithmetic::Bf16)?])
         })?;
+        let on = counted(threads, "core");
         let theirs = medians(&peers, "steps_per_sec");
-        let what = format!("training, `paper` preset, {}", counted(threads, "core"));
-        self.row(what, key, "steps/s", Some(single), theirs.clone());
-        let what = format!("the same in bf16 (peer: f32), {}", counted(threads, "core"));
-        self.row(what, &format!("bf16_{key}"), "steps/s", Some(half), theirs);
+        self.row(format!("training, `paper` preset, {on}"), key, "steps/s", Some(single), theirs.clone());
+        self.bf16_row(&on, key, "steps/s", half, theirs);
         Ok(peers)
     }
 
@@ -223,11 +222,10 @@ impl Bench {
             let [single, half] = &configs;
             Ok([update_rate(single, bench.secs, threads)?, update_rate(half, bench.secs, threads)?])
         })?;
+        let on = counted(threads, "thread");
         let theirs = medians(&peers, "updates_per_sec");
-        let what = format!("full DroQ update, {}", counted(threads, "thread"));
-        self.row(what, key, "updates/s", Some(single), theirs.clone());
-        let what = format!("the same in bf16 (peers: f32), {}", counted(threads, "thread"));
-        self.row(what, &format!("bf16_{key}"), "updates/s", Some(half), theirs);
+        self.row(format!("full DroQ update, {on}"), key, "updates/s", Some(single), theirs.clone());
+        self.bf16_row(&on, key, "updates/s", half, theirs);
         Ok(())
     }
 
@@ -265,6 +263,12 @@ impl Bench {
     ) {
         self.figure(key, ours);
         self.rows.push(Row { what: what.into(), unit, ours, theirs });
+    }
+
+    /// The row after one in f32: the same work of ours in bfloat16, beside the same figures of the peers.
+    fn bf16_row(&mut self, on: &str, key: &str, unit: &'static str, ours: f64, theirs: Vec<(String, f64)>) {
+        let what = format!("the same in bf16 (peers: f32), {on}");
+        self.row(what, &format!("bf16_{key}"), unit, Some(ours), theirs);
     }
 
     fn print_json(mut self) -> anyhow::Result<()> {

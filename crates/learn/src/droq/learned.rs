@@ -1,6 +1,6 @@
 //! A network's parameters together with what Adam keeps about them.
 
-use crate::{buffer::Buffer, kernels::add, network::Network};
+use crate::{buffer::Buffer, kernels::add_row, network::Network};
 
 /// Values that stay in the first cache while the shards' gradients are added up.
 const BLOCK: usize = 2048;
@@ -29,7 +29,7 @@ impl Learned {
                 Some(first) => sums.copy_from_slice(first),
                 None => sums.fill(0.0),
             }
-            parts.for_each(|part| add(sums, part));
+            parts.for_each(|part| add_row(sums, part));
         }
     }
 }

@@ -11,7 +11,7 @@ use super::{
 use crate::{
     buffer::Buffer,
     config::DroqConfig,
-    kernels::add,
+    kernels::add_row,
     network::{Network, Wanted, Workspace},
     replay::{Batch, Horizon, Replay},
 };
@@ -132,7 +132,7 @@ impl Shard {
         let mut q = 0.0;
         for (critic, drops) in view.critics.iter().zip(&draws.drops) {
             q += passes.judge(critic, &batch.observation, drops);
-            add(action_error, &passes.action_error);
+            add_row(action_error, &passes.action_error);
         }
         let log_prob: f64 = policy.log_prob.iter().map(|&log_prob| f64::from(log_prob)).sum();
         self.sums.entropy = -log_prob;

@@ -77,21 +77,12 @@ pub(crate) fn product(out: &mut [f32], accumulate: bool, a: Matrix<'_>, b: Matri
 }
 
 kernel! {
-    /// Adds `row` (`[columns]`) to every row of `matrix` (`[rows, columns]`).
+    /// Adds `row` (`[columns]`) to every row of `matrix` (`[rows, columns]`), of which there may be one.
     fn add_row(matrix: &mut [f32], row: &[f32]) {
         for values in matrix.chunks_exact_mut(row.len()) {
             for (value, &addend) in values.iter_mut().zip(row) {
                 *value += addend;
             }
-        }
-    }
-}
-
-kernel! {
-    /// `values += addends`.
-    fn add(values: &mut [f32], addends: &[f32]) {
-        for (value, &addend) in values.iter_mut().zip(addends) {
-            *value += addend;
         }
     }
 }

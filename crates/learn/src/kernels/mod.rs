@@ -16,7 +16,7 @@ mod sparse;
 
 pub(crate) use adam::{AdamStep, adam, adam_polyak};
 pub(crate) use bf16::Bf16Products;
-pub(crate) use dense::{Matrix, add, add_row, column_sums, product};
+pub(crate) use dense::{Matrix, add_row, column_sums, product};
 pub(crate) use gelu::{bias_gelu, multiply};
 pub(crate) use math::{exp_in_place, squash};
 pub(crate) use norm::{NormBackward, NormForward, norm_backward, norm_forward};

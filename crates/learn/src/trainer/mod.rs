@@ -120,6 +120,15 @@ struct Clock {
     last_updates: u64,
 }
 
+/// The threads of a training; 0 for one a processor core.
+pub(crate) fn thread_pool(threads: usize) -> Result<rayon::ThreadPool, TrainError> {
+    rayon::ThreadPoolBuilder::new()
+        .num_threads(threads)
+        .thread_name(|index| format!("etude-{index}"))
+        .build()
+        .map_err(|error| TrainError::Threads { threads, reason: error.to_string() })
+}
+
 impl Trainer {
     /// Starts a training in `folder` (created when missing) and saves its first checkpoint.
     pub fn start(
@@ -170,11 +179,7 @@ impl Trainer {
         }
         let term_names = environment.reward_term_names();
         let droq = Droq::new(droq_config, layout, action_len, config.seed);
-        let pool = rayon::ThreadPoolBuilder::new()
-            .num_threads(config.threads)
-            .thread_name(|index| format!("etude-{index}"))
-            .build()
-            .map_err(|error| TrainError::Threads { threads: config.threads, reason: error.to_string() })?;
+        let pool = thread_pool(config.threads)?;
         let (metrics, before) = Metrics::open(folder, mark)?;
         let now = Instant::now();
         Ok(Self {
