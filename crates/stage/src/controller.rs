@@ -121,16 +121,28 @@ impl Controller {
 
     /// One physics step: the torque for `target` when the encoder reads `measured` and the joint moves at `velocity`.
     pub fn torque(&mut self, gains: &Gains, target: f64, measured: f64, velocity: f64) -> f64 {
+        let wanted = self.follow(gains, target);
+        match gains.actuation {
+            Actuation::Position => gains.stiffness * (wanted - measured),
+            Actuation::Controlled => {
+                let torque = gains.stiffness * (wanted - measured) - gains.damping * velocity;
+                torque.clamp(-gains.torque_limit, gains.torque_limit)
+            }
+        }
+    }
+
+    /// One physics step without a joint: the position that the joint is to be at, given `target`. It is what a robot
+    /// is asked for whose own drives take the place of the torque.
+    pub fn follow(&mut self, gains: &Gains, target: f64) -> f64 {
         self.head = (self.head + 1) % QUEUE;
         self.queue[self.head] = target;
         let delayed = self.queue[(self.head + QUEUE - gains.delay_steps) % QUEUE];
         match gains.actuation {
-            Actuation::Position => gains.stiffness * (delayed - measured),
+            Actuation::Position => delayed,
             Actuation::Controlled => {
                 self.filtered += gains.smoothing * (delayed - self.filtered);
                 self.advance(gains);
-                let torque = gains.stiffness * (self.position - measured) - gains.damping * velocity;
-                torque.clamp(-gains.torque_limit, gains.torque_limit)
+                self.position
             }
         }
     }

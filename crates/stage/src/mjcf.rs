@@ -36,14 +36,23 @@ const TOUCHES_NEIGHBOUR: u32 = 2;
 
 /// The whole model as an MJCF document.
 pub fn mjcf(config: &StageConfig, params: &PhysicalParams) -> String {
+    mjcf_with_step(config, params, config.physics_step_secs())
+}
+
+/// The same with a physics step of its own, s.
+pub(crate) fn mjcf_with_step(config: &StageConfig, params: &PhysicalParams, step_secs: f64) -> String {
     let mut xml = String::with_capacity(32 * 1024);
     // Writing to a string cannot fail.
-    let _ = document(&mut xml, config, params);
+    let _ = document(&mut xml, config, params, step_secs);
     xml
 }
 
-fn document(out: &mut String, config: &StageConfig, params: &PhysicalParams) -> std::fmt::Result {
-    let step = config.physics_step_secs();
+fn document(
+    out: &mut String,
+    config: &StageConfig,
+    params: &PhysicalParams,
+    step: f64,
+) -> std::fmt::Result {
     writeln!(out, r#"<mujoco model="etude">"#)?;
     writeln!(out, r#"  <compiler angle="radian" autolimits="true"/>"#)?;
     writeln!(

@@ -15,7 +15,7 @@ use crate::hand::{
     FINGER_JOINTS, FINGER_NAMES, FINGER_RANGE, FINGERS, JOINT_NAMES, JOINTS, RAIL, TIP_RADIUS, root_lateral,
 };
 use crate::kinematics;
-use crate::mjcf::{key_place, keyboard_place, mjcf, passive_damping};
+use crate::mjcf::{key_place, keyboard_place, mjcf_with_step, passive_damping};
 use crate::params::{Joint, PhysicalParams, World as Quantity};
 
 /// The version of the MuJoCo library that is loaded.
@@ -71,6 +71,7 @@ pub struct World {
     pub(crate) data: MjData<Box<MjModel>>,
     layout: Layout,
     config: StageConfig,
+    step_secs: f64,
     params: PhysicalParams,
     gains: [Gains; JOINTS],
     threshold: [f64; KEYS],
@@ -127,17 +128,29 @@ impl Layout {
 impl World {
     /// Builds the world and puts it into its starting pose.
     pub fn new(config: &StageConfig, params: &PhysicalParams) -> Result<Self, StageError> {
-        let model =
-            MjModel::from_xml_string(&mjcf(config, params)).map_err(|e| StageError::Model(e.to_string()))?;
+        Self::with_physics_step(config, params, config.physics_step_secs())
+    }
+
+    /// A world with a physics step of its own, for whoever drives its joints by torques ([`drive`](Self::drive)).
+    ///
+    /// # Errors
+    /// If MuJoCo refuses the model.
+    pub fn with_physics_step(
+        config: &StageConfig,
+        params: &PhysicalParams,
+        step_secs: f64,
+    ) -> Result<Self, StageError> {
+        let xml = mjcf_with_step(config, params, step_secs);
+        let model = MjModel::from_xml_string(&xml).map_err(|e| StageError::Model(e.to_string()))?;
         let layout = Layout::new(&model)?;
         let data = MjData::try_new(Box::new(model)).map_err(|e| StageError::Model(e.to_string()))?;
-        let step = config.physics_step_secs();
         let mut world = Self {
             data,
             layout,
             config: config.clone(),
+            step_secs,
             params: params.clone(),
-            gains: std::array::from_fn(|joint| Gains::new(params, joint, config.actuation, step)),
+            gains: std::array::from_fn(|joint| Gains::new(params, joint, config.actuation, step_secs)),
             threshold: [0.0; KEYS],
             controllers: std::array::from_fn(|_| Controller::at_rest(0.0)),
             pressed: KeySet::EMPTY,
@@ -153,7 +166,7 @@ impl World {
 
     /// Changes the physical numbers without building the model anew. Takes full effect with the next [`reset`](Self::reset).
     pub fn set_params(&mut self, params: &PhysicalParams) {
-        let step = self.config.physics_step_secs();
+        let step = self.step_secs;
         let value = |quantity| params.world(quantity);
         for key in 0..KEYS {
             self.threshold[key] = value(Quantity::KeyThreshold) * KeyShape::of(key).max_angle();
@@ -273,6 +286,20 @@ impl World {
             }
             self.torques[joint] = torque;
         }
+        outcome.collided |= self.advance();
+    }
+
+    /// One physics step under these torques (N·m, the rail in N) instead of the joint controllers', for a robot that is
+    /// emulated with drives of its own. Events are those of this step. Returns whether anything but fingertips on the
+    /// keyboard touched.
+    pub fn drive(&mut self, torques: &[f64; JOINTS]) -> bool {
+        self.events.clear();
+        self.torques = *torques;
+        self.advance()
+    }
+
+    /// One physics step under the torques that are set; whether there was a collision.
+    fn advance(&mut self) -> bool {
         self.data.ctrl_mut().copy_from_slice(&self.torques);
         for key in 0..KEYS {
             if self.data.tree_asleep()[self.layout.key_tree[key]] < 0 {
@@ -282,11 +309,11 @@ impl World {
         self.data.step();
         self.physics_steps += 1;
         self.watch_keys();
-        outcome.collided |= self.collision();
+        self.collision()
     }
 
     fn watch_keys(&mut self) {
-        let secs = self.physics_steps as f64 * self.config.physics_step_secs();
+        let secs = self.physics_steps as f64 * self.step_secs;
         let angles = self.data.qpos();
         let velocities = self.data.qvel();
         let mut now = KeySet::EMPTY;
@@ -366,7 +393,7 @@ impl World {
 
     /// Time since the last reset, s.
     pub fn time_secs(&self) -> f64 {
-        self.physics_steps as f64 * self.config.physics_step_secs()
+        self.physics_steps as f64 * self.step_secs
     }
 
     /// Kinetic and potential energy of the world, J, as MuJoCo computes it.
