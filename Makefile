@@ -8,7 +8,7 @@ MINUTES ?= 10
 SONG ?= twinkle
 
 .DEFAULT_GOAL := help
-.PHONY: help setup build demo test check fuzz bench clean-runs
+.PHONY: help setup build demo test test-kernel fuzz bench clean-runs
 
 help:
 	@echo "make demo    set up, learn $(SONG) (at most $(MINUTES) minutes), play it, say where the sound is"
@@ -16,6 +16,7 @@ help:
 	@echo "make setup   fetch MuJoCo into .mujoco/ and say what is missing"
 	@echo "make build   the etude command, optimised, at $(ETUDE)"
 	@echo "make bench   speed of simulation, learner and both, in turns with JAX, PyTorch, RoboPianist and others"
+	@echo "make test-kernel  the robot's drivers on a real kernel's CAN and MIDI, in QEMU (skips with a reason without it)"
 	@echo "make fuzz    ten minutes of hostile MIDI files"
 
 setup:
@@ -42,6 +43,10 @@ test: setup
 	RUSTDOCFLAGS="-D warnings" $(CARGO) doc --workspace --no-deps --locked --quiet
 	$(PYTHON) scripts/python_packages.py
 	ETUDE_PYTHON=$(PYTHON) PYTHONPATH=$(CURDIR)/.python $(CARGO) test --workspace --locked
+
+# Debian, Ubuntu: apt-get install -y qemu-system-x86 busybox-static; with libasound2-dev and pkg-config through ALSA too.
+test-kernel:
+	CARGO=$(CARGO) $(PYTHON) scripts/kernel/test_kernel.py
 
 bench: build
 	$(ETUDE) bench --peers

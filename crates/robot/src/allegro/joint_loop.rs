@@ -1,0 +1,196 @@
+//! Joint angles become torques, at the hand's own clock.
+//!
+//! A plain PD law, pwm = kp·(wanted − measured) − kd·velocity, like every public driver of this hand. What
+//! those got wrong (hardware §1.10) is the velocity: a fixed or wrapping time step. Here it is the difference
+//! over the true time between frames, so that a lost period neither doubles nor halves it, and then a
+//! first-order low-pass whose share follows from that time too.
+
+use std::time::Duration;
+
+use serde::{Deserialize, Serialize};
+
+use super::limits::JOINTS;
+
+/// Differences over less than this are noise: the older reading is kept until more time has passed.
+const SHORTEST_SECS: f64 = 0.0005;
+
+/// Gains, one a joint of a finger, the same for all fingers and the thumb.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct JointLoopConfig {
+    /// Stiffness, PWM / rad. The default is 3.0 of full scale 1200 for each rad.
+    pub kp: [f64; 4],
+    /// Damping, PWM / (rad/s). The default is 0.1 of full scale 1200 for each rad/s.
+    pub kd: [f64; 4],
+    /// Cut-off of the velocity's low-pass, Hz.
+    pub velocity_filter_hz: f64,
+}
+
+impl Default for JointLoopConfig {
+    fn default() -> Self {
+        Self { kp: [3600.0; 4], kd: [120.0; 4], velocity_filter_hz: 30.0 }
+    }
+}
+
+/// A gain that no loop can run with.
+#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
+#[error("joint_loop.{name} is {value}: set it to {wanted}")]
+pub struct JointLoopError {
+    /// The setting.
+    pub name: &'static str,
+    /// What it is.
+    pub value: f64,
+    /// What it may be.
+    pub wanted: &'static str,
+}
+
+impl JointLoopConfig {
+    /// Refuses gains that no loop can run with.
+    ///
+    /// # Errors
+    /// Names the first gain out of its range.
+    pub fn check(&self) -> Result<(), JointLoopError> {
+        let hz = self.velocity_filter_hz;
+        let all = [("kp", &self.kp, 20_000.0, "0 to 20000"), ("kd", &self.kd, 1_000.0, "0 to 1000")];
+        for (name, gains, most, wanted) in all {
+            if let Some(&value) = gains.iter().find(|gain| !(0.0..=most).contains(*gain)) {
+                return Err(JointLoopError { name, value, wanted });
+            }
+        }
+        if !(1.0..=1000.0).contains(&hz) {
+            let wanted = "1 to 1000 Hz";
+            return Err(JointLoopError { name: "velocity_filter_hz", value: hz, wanted });
+        }
+        Ok(())
+    }
+}
+
+/// The joint loop of one hand.
+#[derive(Clone, Debug)]
+pub struct JointLoop {
+    config: JointLoopConfig,
+    last: Option<(Duration, [f64; JOINTS])>,
+    velocities: [f64; JOINTS],
+}
+
+impl JointLoop {
+    /// A loop that has seen nothing.
+    ///
+    /// # Errors
+    /// If a gain is out of its range.
+    pub fn new(config: &JointLoopConfig) -> Result<Self, JointLoopError> {
+        config.check()?;
+        Ok(Self { config: config.clone(), last: None, velocities: [0.0; JOINTS] })
+    }
+
+    /// Forgets what it has seen; for a new start of the hand.
+    pub fn reset(&mut self) {
+        self.last = None;
+        self.velocities = [0.0; JOINTS];
+    }
+
+    /// The wanted PWM of each flat joint, unclamped, for positions measured at `at` and references, both in
+    /// rad. A number that is not finite gives a PWM that is not, which [`Hand::torque`](super::Hand::torque)
+    /// sends as 0; it does not stay in the filter.
+    pub fn pwm(
+        &mut self,
+        at: Duration,
+        positions: &[f64; JOINTS],
+        reference: &[f64; JOINTS],
+    ) -> [f64; JOINTS] {
+        self.measure(at, positions);
+        std::array::from_fn(|joint| {
+            let (kp, kd) = (self.config.kp[joint % 4], self.config.kd[joint % 4]);
+            kp * (reference[joint] - positions[joint]) - kd * self.velocities[joint]
+        })
+    }
+
+    /// Filtered velocity of each flat joint, rad/s.
+    pub fn velocities(&self) -> [f64; JOINTS] {
+        self.velocities
+    }
+
+    fn measure(&mut self, at: Duration, positions: &[f64; JOINTS]) {
+        let Some((last_at, last)) = &mut self.last else {
+            self.last = Some((at, *positions));
+            return;
+        };
+        let secs = at.saturating_sub(*last_at).as_secs_f64();
+        if secs < SHORTEST_SECS {
+            return;
+        }
+        let share = 1.0 - (-std::f64::consts::TAU * self.config.velocity_filter_hz * secs).exp();
+        for ((velocity, last), &position) in self.velocities.iter_mut().zip(last.iter_mut()).zip(positions) {
+            let measured = (position - *last) / secs;
+            if measured.is_finite() {
+                *velocity += share * (measured - *velocity);
+            }
+            *last = position;
+        }
+        *last_at = at;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    fn ms(millis: f64) -> Duration {
+        Duration::from_secs_f64(millis / 1000.0)
+    }
+
+    #[test]
+    fn the_law_by_hand() {
+        let mut joints = JointLoop::new(&JointLoopConfig::default()).unwrap();
+        let mut positions = [0.2; JOINTS];
+        let pwm = joints.pwm(ms(10.0), &positions, &[0.3; JOINTS]);
+        assert!((pwm[0] - 360.0).abs() < 1e-9, "no velocity from one reading: {}", pwm[0]);
+        positions[5] += 0.003;
+        let pwm = joints.pwm(ms(13.0), &positions, &[0.3; JOINTS]);
+        // 1 rad/s through the low-pass: 1 − exp(−2π · 30 Hz · 3 ms) = 0.4319.
+        assert!((joints.velocities()[5] - 0.431_92).abs() < 1e-4, "{}", joints.velocities()[5]);
+        assert!((pwm[5] - (3600.0 * 0.097 - 120.0 * 0.431_92)).abs() < 0.05, "{}", pwm[5]);
+        assert!((pwm[4] - 360.0).abs() < 1e-9);
+    }
+
+    #[test]
+    fn a_broken_number_is_gone_with_the_next() {
+        let mut joints = JointLoop::new(&JointLoopConfig::default()).unwrap();
+        let mut positions = [0.0; JOINTS];
+        let _ = joints.pwm(ms(0.0), &positions, &[0.0; JOINTS]);
+        positions[3] = f64::NAN;
+        assert!(joints.pwm(ms(3.0), &positions, &[0.0; JOINTS])[3].is_nan());
+        for n in 2..5 {
+            positions[3] = 0.0;
+            assert_eq!(joints.pwm(ms(3.0 * f64::from(n)), &positions, &[0.0; JOINTS])[3], 0.0);
+        }
+    }
+
+    #[test]
+    fn refused_gains() {
+        for text in ["kp = [0.0, 0.0, 0.0, nan]", "kd = [-1.0, 0.0, 0.0, 0.0]", "velocity_filter_hz = 0.0"] {
+            JointLoop::new(&toml::from_str(text).unwrap()).unwrap_err();
+        }
+    }
+
+    proptest! {
+        /// On a ramp the velocity comes out right whichever periods are lost or delivered together.
+        #[test]
+        fn lost_periods_do_not_change_the_velocity(
+            speed in -7.0..7.0,
+            gaps in prop::collection::vec(prop_oneof![Just(3.0), Just(6.0), 0.0..9.0], 100),
+        ) {
+            let mut joints = JointLoop::new(&JointLoopConfig::default()).unwrap();
+            let mut at = 0.0;
+            for gap in gaps {
+                at += gap;
+                let _ = joints.pwm(ms(at), &[speed * ms(at).as_secs_f64(); JOINTS], &[0.0; JOINTS]);
+                // Never beyond the truth: a wrong time step would overshoot.
+                prop_assert!(joints.velocities()[0].abs() <= f64::abs(speed) * (1.0 + 1e-6));
+            }
+            prop_assert!((joints.velocities()[0] - speed).abs() < 1e-3 * speed.abs() + 1e-9);
+        }
+    }
+}

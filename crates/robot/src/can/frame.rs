@@ -1,0 +1,105 @@
+//! One classic CAN frame with a standard identifier, and the trait of whatever carries frames.
+
+/// A classic CAN frame with an 11-bit identifier: data of at most eight bytes, or a remote request.
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub struct CanFrame {
+    id: u16,
+    remote: bool,
+    len: u8,
+    data: [u8; 8],
+}
+
+impl CanFrame {
+    /// Largest standard identifier.
+    pub const MAX_ID: u16 = 0x7FF;
+
+    /// A data frame; `None` if the identifier has more than 11 bits or there are more than eight bytes.
+    pub fn new(id: u16, payload: &[u8]) -> Option<Self> {
+        let mut data = [0; 8];
+        data.get_mut(..payload.len())?.copy_from_slice(payload);
+        (id <= Self::MAX_ID).then_some(Self { id, remote: false, len: payload.len() as u8, data })
+    }
+
+    /// A remote request without data; `None` if the identifier has more than 11 bits.
+    pub fn remote(id: u16) -> Option<Self> {
+        (id <= Self::MAX_ID).then_some(Self { id, remote: true, len: 0, data: [0; 8] })
+    }
+
+    /// A frame made of numbers that are right by construction: the upper bits of an identifier are cut off.
+    pub(crate) fn of(id: u16, data: [u8; 8], len: u8) -> Self {
+        Self { id: id & Self::MAX_ID, remote: false, len: len.min(8), data }
+    }
+
+    /// As [`of`](Self::of), for a remote request.
+    pub(crate) fn remote_of(id: u16) -> Self {
+        Self { id: id & Self::MAX_ID, remote: true, len: 0, data: [0; 8] }
+    }
+
+    /// The 11-bit identifier.
+    pub fn id(&self) -> u16 {
+        self.id
+    }
+
+    /// Whether this asks for data instead of carrying it.
+    pub fn is_remote(&self) -> bool {
+        self.remote
+    }
+
+    /// The bytes that it carries, and zeros behind them.
+    pub(crate) fn data(&self) -> [u8; 8] {
+        self.data
+    }
+
+    /// The bytes that it carries.
+    pub fn payload(&self) -> &[u8] {
+        &self.data[..usize::from(self.len)]
+    }
+}
+
+impl std::fmt::Debug for CanFrame {
+    /// As `candump` prints it: `180#77 01`, or `200#R` for a remote request.
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "{:03X}#", self.id)?;
+        if self.remote {
+            return write!(f, "R");
+        }
+        let bytes: Vec<String> = self.payload().iter().map(|byte| format!("{byte:02X}")).collect();
+        write!(f, "{}", bytes.join(" "))
+    }
+}
+
+/// The bus cannot be opened or used.
+#[derive(Debug, thiserror::Error)]
+pub enum CanError {
+    /// It cannot be opened.
+    #[error("cannot open the CAN bus {bus}: {message}")]
+    Open {
+        /// Which one.
+        bus: String,
+        /// Why, and what to do.
+        message: String,
+    },
+    /// It was there and is gone, or refuses frames.
+    #[error("the CAN bus {bus} fails: {message}")]
+    Broken {
+        /// Which one.
+        bus: String,
+        /// Why.
+        message: String,
+    },
+}
+
+/// Carries frames. Neither call blocks.
+pub trait CanTransport: Send {
+    /// Sends one frame.
+    ///
+    /// # Errors
+    /// If the bus is gone or off.
+    fn send(&mut self, frame: CanFrame) -> Result<(), CanError>;
+
+    /// The next frame that has arrived, if any.
+    ///
+    /// # Errors
+    /// If the bus is gone or off.
+    fn receive(&mut self) -> Result<Option<CanFrame>, CanError>;
+}

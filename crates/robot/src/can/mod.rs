@@ -1,0 +1,52 @@
+//! CAN frames, and what carries them.
+//!
+//! | carrier | for |
+//! |---|---|
+//! | [`SocketCanTransport`] | the kernel's CAN (`can0`), Linux only |
+//! | [`SlcanTransport`] | a serial adapter (`slcan:/dev/ttyUSB0`), any Unix |
+//! | [`HubTransport`] | a bus between processes without any hardware (`bus:/path`), served by a [`Hub`] |
+//! | [`LocalBus`] | a bus inside one process, for tests and the twin |
+
+mod frame;
+mod hub;
+mod local;
+mod outbox;
+mod slcan;
+mod slcan_stream;
+#[cfg(target_os = "linux")]
+mod socket;
+
+pub use frame::{CanError, CanFrame, CanTransport};
+pub use hub::{Hub, HubTransport};
+pub use local::{LocalBus, LocalEndpoint};
+pub use slcan::{SlcanAdapter, SlcanError, SlcanLines, SlcanReply, encode_frame, parse_frame};
+pub use slcan_stream::{Pty, SlcanDevice, SlcanPort, SlcanTransport};
+#[cfg(target_os = "linux")]
+pub use socket::SocketCanTransport;
+
+/// Opens the bus that `spec` names: `can0` or `vcan0` (the kernel's), `slcan:/dev/ttyUSB0` (a serial adapter;
+/// the serial speed may follow as `@115200`), or `bus:/path/to/socket` (a [`Hub`]).
+///
+/// # Errors
+/// If there is no such bus; the message says what to type.
+pub fn open(spec: &str) -> Result<Box<dyn CanTransport>, CanError> {
+    if let Some(port) = spec.strip_prefix("slcan:") {
+        return Ok(Box::new(SlcanTransport::open(port)?));
+    }
+    if let Some(path) = spec.strip_prefix("bus:") {
+        return Ok(Box::new(HubTransport::connect(path)?));
+    }
+    open_interface(spec)
+}
+
+#[cfg(target_os = "linux")]
+fn open_interface(name: &str) -> Result<Box<dyn CanTransport>, CanError> {
+    Ok(Box::new(SocketCanTransport::open(name)?))
+}
+
+#[cfg(not(target_os = "linux"))]
+fn open_interface(name: &str) -> Result<Box<dyn CanTransport>, CanError> {
+    let message =
+        "only Linux has CAN interfaces: use a serial adapter (slcan:/dev/tty...) or bus:PATH".to_owned();
+    Err(CanError::Open { bus: name.to_owned(), message })
+}

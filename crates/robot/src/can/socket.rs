@@ -1,0 +1,170 @@
+//! The kernel's CAN interfaces, Linux only.
+
+use std::collections::VecDeque;
+use std::io;
+
+use socketcan::{CanSocket, EmbeddedFrame, Frame as _, Socket as _, SocketOptions as _, StandardId};
+
+use super::outbox::not_now;
+use super::{CanError, CanFrame, CanTransport};
+
+/// Linux numbers of the errors that an operator can do something about.
+const NO_DEVICE: i32 = 19;
+const NO_PROTOCOL: i32 = 93;
+const NO_FAMILY: i32 = 97;
+const NETWORK_DOWN: i32 = 100;
+const NO_BUFFERS: i32 = 105;
+
+/// Frames that wait for the interface, whose own queue holds ten by default.
+const WAITING: usize = 64;
+
+/// A CAN interface of the kernel.
+#[derive(Debug)]
+pub struct SocketCanTransport {
+    name: String,
+    socket: CanSocket,
+    waiting: VecDeque<CanFrame>,
+}
+
+impl SocketCanTransport {
+    /// Opens an interface that is up, such as `can0`.
+    ///
+    /// # Errors
+    /// If the kernel has no CAN, or the interface is absent or down; the message says what to type.
+    pub fn open(name: &str) -> Result<Self, CanError> {
+        let refuse = |message: String| CanError::Open { bus: name.to_owned(), message };
+        if name.is_empty()
+            || name.len() > 15
+            || !name.bytes().all(|b| b.is_ascii_alphanumeric() || b"_-.".contains(&b))
+        {
+            let message = "no name of an interface: write can0, slcan:/dev/ttyUSB0 or bus:PATH".to_owned();
+            return Err(refuse(message));
+        }
+        // All interfaces at once, only to learn whether this kernel has CAN: names are looked up before that.
+        CanSocket::open_iface(0).map_err(|error| refuse(explain(name, &error)))?;
+        let socket = CanSocket::open(name).map_err(|error| refuse(explain(name, &error)))?;
+        if !is_up(name) {
+            return Err(refuse(format!("it is down: type `{}`", up(name))));
+        }
+        let ready = socket.set_nonblocking(true);
+        let ready = ready.and_then(|()| socket.set_error_filter(socketcan::errors::CAN_ERR_BUSOFF));
+        ready.map_err(|error| refuse(explain(name, &error)))?;
+        Ok(Self { name: name.to_owned(), socket, waiting: VecDeque::new() })
+    }
+
+    fn broken(&self, message: String) -> CanError {
+        CanError::Broken { bus: self.name.clone(), message }
+    }
+
+    fn flush(&mut self) -> Result<(), CanError> {
+        while let Some(frame) = self.waiting.front() {
+            let Some(id) = StandardId::new(frame.id()) else {
+                self.waiting.pop_front();
+                continue;
+            };
+            let made = if frame.is_remote() {
+                socketcan::CanFrame::new_remote(id, 0)
+            } else {
+                socketcan::CanFrame::new(id, frame.payload())
+            };
+            match made.map(|made| self.socket.write_frame(&made)) {
+                Some(Ok(())) | None => drop(self.waiting.pop_front()),
+                Some(Err(error)) if not_now(error.kind()) || error.raw_os_error() == Some(NO_BUFFERS) => {
+                    break;
+                }
+                Some(Err(error)) => return Err(self.broken(explain(&self.name, &error))),
+            }
+        }
+        Ok(())
+    }
+}
+
+impl CanTransport for SocketCanTransport {
+    fn send(&mut self, frame: CanFrame) -> Result<(), CanError> {
+        self.waiting.push_back(frame);
+        self.flush()?;
+        if self.waiting.len() > WAITING {
+            let message = "nothing takes the frames: check the hand's supply, the cable and its terminator";
+            return Err(self.broken(message.to_owned()));
+        }
+        Ok(())
+    }
+
+    fn receive(&mut self) -> Result<Option<CanFrame>, CanError> {
+        self.flush()?;
+        loop {
+            let frame = match self.socket.read_frame() {
+                Ok(frame) => frame,
+                Err(error) if not_now(error.kind()) => return Ok(None),
+                Err(error) => return Err(self.broken(explain(&self.name, &error))),
+            };
+            if let socketcan::CanFrame::Error(_) = frame {
+                let down = format!("ip link set {} down", self.name);
+                let message = format!(
+                    "it is off after too many errors: check the cable, its terminator and the bit rate, then \
+                     type `{down}` and `{}`",
+                    up(&self.name)
+                );
+                return Err(self.broken(message));
+            }
+            // Extended identifiers belong to other devices.
+            let id = u16::try_from(frame.raw_id()).ok().filter(|_| !frame.is_extended());
+            let ours = id.and_then(|id| {
+                if frame.is_remote_frame() { CanFrame::remote(id) } else { CanFrame::new(id, frame.data()) }
+            });
+            if ours.is_some() {
+                return Ok(ours);
+            }
+        }
+    }
+}
+
+/// What to type so that the interface is there and up.
+fn up(name: &str) -> String {
+    if name.starts_with("vcan") {
+        format!("ip link set {name} up")
+    } else {
+        format!("ip link set {name} up type can bitrate 1000000")
+    }
+}
+
+/// Whether the kernel says so; if it does not tell, the first frame will.
+fn is_up(name: &str) -> bool {
+    let flags = std::fs::read_to_string(format!("/sys/class/net/{name}/flags")).unwrap_or_default();
+    u32::from_str_radix(flags.trim().trim_start_matches("0x"), 16).map_or(true, |flags| flags & 1 != 0)
+}
+
+fn explain(name: &str, error: &io::Error) -> String {
+    match error.raw_os_error() {
+        Some(NO_FAMILY | NO_PROTOCOL) => {
+            "this kernel has no CAN: type `modprobe can_raw`; if there is no such module, use a serial \
+             adapter (slcan:/dev/ttyUSB0) or bus:PATH"
+                .to_owned()
+        }
+        Some(NO_DEVICE) if name.starts_with("vcan") => {
+            format!("there is no such interface: type `ip link add dev {name} type vcan` and `{}`", up(name))
+        }
+        Some(NO_DEVICE) => format!("no such interface: plug the adapter in, then type `{}`", up(name)),
+        Some(NETWORK_DOWN) => format!("it is down: type `{}`", up(name)),
+        _ => error.to_string(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn errors_say_what_to_type() {
+        let said = |name: &str, code| explain(name, &io::Error::from_raw_os_error(code));
+        assert!(said("can0", NO_DEVICE).contains("`ip link set can0 up type can bitrate 1000000`"));
+        assert!(said("can1", NETWORK_DOWN).contains("`ip link set can1 up type can bitrate 1000000`"));
+        assert!(said("vcan0", NO_DEVICE).contains("`ip link add dev vcan0 type vcan`"));
+        assert!(said("can0", NO_FAMILY).contains("modprobe can_raw"));
+        for name in ["", "../etc", "a very long name of an interface"] {
+            assert!(SocketCanTransport::open(name).unwrap_err().to_string().contains("can0"), "{name}");
+        }
+        // Absent, or no CAN at all: either way there is something to type.
+        assert!(SocketCanTransport::open("can77").unwrap_err().to_string().contains("type `"));
+    }
+}

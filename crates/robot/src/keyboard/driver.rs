@@ -1,0 +1,336 @@
+//! Which keys are down: the bytes of the keyboard turned into presses and releases, and what is wrong with
+//! it.
+//!
+//! **What stops the robot, and what only warns.** A *fault* is what makes every further step blind or unsafe,
+//! and that is one thing: the keyboard is [lost](KeyboardState::Lost). Its keys are part of what the policy
+//! sees, so a policy that plays on would act on silence; and a keyboard whose cable was pulled may have been
+//! moved, so that the hand would come down on a frame where keys are expected. Everything else is a *warning*
+//! ([`KeyboardWarning`]): a shifted, stuck or noisy keyboard spoils the music and the score, but the hand
+//! moves within the same limits over the same keys, and a sudden stop would help nobody. Warnings stay until
+//! the operator [acknowledges](Keyboard::acknowledge) them, so that none is missed; whoever starts a
+//! performance should refuse to start while there are any. A loss ends by itself when the keyboard is back,
+//! and [`KeyboardCounts::losses`] still tells of it: the supervisor that stopped the robot decides when it
+//! may move again.
+
+use std::{fmt, time::Duration};
+
+use super::{
+    KEYS, KeyboardConfig, KeyboardConfigError,
+    parser::{MidiEvent, MidiParser},
+    shift::{Shift, ShiftWatch},
+};
+
+/// A key went down or came up.
+///
+/// Presses and releases of one key always alternate, whatever the stream did.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct KeyChange {
+    /// When we learnt of it.
+    pub at: Duration,
+    /// From the left, 0 to 48.
+    pub key: usize,
+    /// 1 to 127 for a press, 0 for a release.
+    pub velocity: u8,
+}
+
+/// Whether the keyboard can be trusted to tell which keys are down.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum KeyboardState {
+    /// It was never there.
+    Absent,
+    /// It is there.
+    Present,
+    /// It was there and is gone: a fault that stops the robot.
+    Lost {
+        /// When we noticed.
+        at: Duration,
+        /// How we noticed.
+        reason: LossReason,
+    },
+}
+
+/// How the loss of a keyboard was noticed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum LossReason {
+    /// Whatever carries its bytes ended: the cable was pulled, or the program at the other end stopped.
+    Disconnected,
+    /// It used to send active sensing, and fell silent.
+    Silent,
+}
+
+impl fmt::Display for KeyboardState {
+    /// What is the matter, and what to do.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Absent => write!(f, "no keyboard yet: plug it in and switch it on"),
+            Self::Present => write!(f, "the keyboard is there"),
+            Self::Lost { at, reason } => {
+                let how = match reason {
+                    LossReason::Disconnected => "was unplugged",
+                    LossReason::Silent => "stopped sending active sensing",
+                };
+                write!(
+                    f,
+                    "the keyboard {how} at {:.3} s: check its cable and that it was not moved, then clear the \
+                     fault",
+                    at.as_secs_f64()
+                )
+            }
+        }
+    }
+}
+
+/// Something that the operator should know and that does not stop the robot.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum KeyboardWarning {
+    /// Notes came that no key of an unshifted keyboard gives. They were left out; nothing is corrected by
+    /// guesswork.
+    Shifted(Shift),
+    /// A key was down for longer than the songs ever hold one.
+    Stuck {
+        /// From the left, 0 to 48.
+        key: usize,
+    },
+    /// Pieces of the byte stream made no sense.
+    Damaged {
+        /// How many since the last acknowledgement.
+        pieces: u64,
+    },
+    /// Presses of keys that were down already, or releases of keys that were up.
+    Unpaired {
+        /// How many since the last acknowledgement.
+        events: u64,
+    },
+}
+
+impl fmt::Display for KeyboardWarning {
+    /// What was noticed, and what to do.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Shifted(shift) => write!(f, "{shift}"),
+            Self::Stuck { key } => {
+                write!(
+                    f,
+                    "key {key} (from the left, the first is 0) stays down: see whether it or a finger is \
+                     jammed"
+                )
+            }
+            Self::Damaged { pieces } => {
+                write!(
+                    f,
+                    "the keyboard's bytes were damaged {pieces} times: check the cable, use a shorter one or \
+                     another port"
+                )
+            }
+            Self::Unpaired { events } => write!(
+                f,
+                "{events} presses or releases do not pair up, so some were lost: check the cable, and that \
+                 nothing else plays into this port"
+            ),
+        }
+    }
+}
+
+/// What happened so far; never goes back, unlike the warnings.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct KeyboardCounts {
+    /// Keys that went down.
+    pub presses: u64,
+    /// Pieces of the stream that made no sense ([`MidiParser::damaged`]).
+    pub damaged: u64,
+    /// Presses of a key that was down already: its release was lost.
+    pub double_presses: u64,
+    /// Releases of a key that was up already.
+    pub releases_without_press: u64,
+    /// Note messages beyond the 49 keys.
+    pub out_of_range: u64,
+    /// Times that the keyboard was lost.
+    pub losses: u64,
+}
+
+/// The driver of the keyboard, without input or output of its own.
+///
+/// Each cycle: hand it all bytes that have come ([`receive`](Self::receive)), then the time
+/// ([`poll`](Self::poll)). A keyboard that sends no active sensing and whose cable breaks without notice
+/// cannot be told from one on which nobody plays.
+#[derive(Clone, Debug)]
+pub struct Keyboard {
+    lowest_pitch: u8,
+    stuck_after: Duration,
+    sensing_timeout: Duration,
+    parser: MidiParser,
+    state: KeyboardState,
+    pressed: u64,
+    pressed_at: [Duration; KEYS],
+    /// When the last byte came, once the keyboard has shown that it sends active sensing.
+    sensed_at: Option<Duration>,
+    shift_watch: ShiftWatch,
+    shift: Option<Shift>,
+    /// Keys that stayed down for too long: this press, and any press since the last acknowledgement.
+    stuck_now: u64,
+    stuck: u64,
+    counts: KeyboardCounts,
+    acknowledged: KeyboardCounts,
+}
+
+impl Keyboard {
+    /// The driver of a keyboard that is not there yet.
+    ///
+    /// # Errors
+    /// If a setting makes no sense.
+    pub fn new(config: &KeyboardConfig) -> Result<Self, KeyboardConfigError> {
+        let (lowest_pitch, stuck_after, sensing_timeout) = config.resolve()?;
+        Ok(Self {
+            lowest_pitch,
+            stuck_after,
+            sensing_timeout,
+            parser: MidiParser::new(),
+            state: KeyboardState::Absent,
+            pressed: 0,
+            pressed_at: [Duration::ZERO; KEYS],
+            sensed_at: None,
+            shift_watch: ShiftWatch::new(lowest_pitch),
+            shift: None,
+            stuck_now: 0,
+            stuck: 0,
+            counts: KeyboardCounts::default(),
+            acknowledged: KeyboardCounts::default(),
+        })
+    }
+
+    /// The connection was made, for the first time or again. Keys that were down are released: who knows what
+    /// was missed.
+    pub fn connected(&mut self, now: Duration, changes: &mut Vec<KeyChange>) {
+        self.release_all(now, changes);
+        self.parser.restart();
+        self.shift_watch.restart();
+        self.sensed_at = None;
+        self.state = KeyboardState::Present;
+    }
+
+    /// The connection ended. All keys are released.
+    pub fn disconnected(&mut self, now: Duration, changes: &mut Vec<KeyChange>) {
+        if self.state == KeyboardState::Present {
+            self.lose(now, LossReason::Disconnected, changes);
+        }
+    }
+
+    /// Bytes from the keyboard, in any pieces; appends what they changed. That bytes come proves that it is
+    /// there.
+    pub fn receive(&mut self, now: Duration, bytes: &[u8], changes: &mut Vec<KeyChange>) {
+        if bytes.is_empty() {
+            return;
+        }
+        self.state = KeyboardState::Present;
+        for &byte in bytes {
+            match self.parser.push(byte) {
+                Some(MidiEvent::NoteOn { note, velocity, .. }) => self.press(now, note, velocity, changes),
+                Some(MidiEvent::NoteOff { note, .. }) => self.release(now, note, changes),
+                Some(MidiEvent::ActiveSensing) => self.sensed_at = Some(now),
+                None => {}
+            }
+        }
+        self.sensed_at = self.sensed_at.map(|_| now);
+        self.counts.damaged = self.parser.damaged();
+    }
+
+    /// Time passes: notices silence and stuck keys. Hand over all bytes that are there first.
+    pub fn poll(&mut self, now: Duration, changes: &mut Vec<KeyChange>) {
+        let silent = self.sensed_at.is_some_and(|at| now.saturating_sub(at) > self.sensing_timeout);
+        if silent && self.state == KeyboardState::Present {
+            self.lose(now, LossReason::Silent, changes);
+        }
+        for (key, &since) in self.pressed_at.iter().enumerate() {
+            let bit = self.pressed & (1 << key) & !self.stuck_now;
+            if bit != 0 && now.saturating_sub(since) > self.stuck_after {
+                self.stuck_now |= bit;
+                self.stuck |= bit;
+            }
+        }
+    }
+
+    /// The keys that are down: bit `k` is key `k` from the left; bits from 49 up are never set.
+    pub fn pressed(&self) -> u64 {
+        self.pressed
+    }
+
+    /// Whether the keyboard is there; [`KeyboardState::Lost`] is a fault.
+    pub fn state(&self) -> KeyboardState {
+        self.state
+    }
+
+    /// What happened since the start.
+    pub fn counts(&self) -> KeyboardCounts {
+        self.counts
+    }
+
+    /// What the operator should know, until [acknowledged](Self::acknowledge).
+    pub fn warnings(&self) -> impl Iterator<Item = KeyboardWarning> + '_ {
+        let (new, old) = (&self.counts, &self.acknowledged);
+        let pieces = new.damaged - old.damaged;
+        let events =
+            new.double_presses + new.releases_without_press - old.double_presses - old.releases_without_press;
+        let stuck = (0..KEYS).filter(|key| self.stuck & (1 << key) != 0);
+        let shifted = self.shift.map(KeyboardWarning::Shifted).into_iter();
+        shifted
+            .chain(stuck.map(|key| KeyboardWarning::Stuck { key }))
+            .chain((pieces > 0).then_some(KeyboardWarning::Damaged { pieces }))
+            .chain((events > 0).then_some(KeyboardWarning::Unpaired { events }))
+    }
+
+    /// The operator has seen the warnings: they go, and come back only if their cause does.
+    pub fn acknowledge(&mut self) {
+        self.acknowledged = self.counts;
+        (self.shift, self.stuck) = (None, 0);
+        self.shift_watch.restart();
+    }
+
+    fn lose(&mut self, now: Duration, reason: LossReason, changes: &mut Vec<KeyChange>) {
+        self.release_all(now, changes);
+        self.parser.restart();
+        self.counts.losses += 1;
+        self.state = KeyboardState::Lost { at: now, reason };
+    }
+
+    fn release_all(&mut self, now: Duration, changes: &mut Vec<KeyChange>) {
+        for key in (0..KEYS).filter(|key| self.pressed & (1 << key) != 0) {
+            changes.push(KeyChange { at: now, key, velocity: 0 });
+        }
+        (self.pressed, self.stuck_now) = (0, 0);
+    }
+
+    /// The key of a note; notes beyond the keyboard are counted.
+    fn key(&mut self, note: u8) -> Option<usize> {
+        self.shift = self.shift_watch.hear(note).or(self.shift);
+        let key = note.checked_sub(self.lowest_pitch).map(usize::from).filter(|&key| key < KEYS);
+        self.counts.out_of_range += u64::from(key.is_none());
+        key
+    }
+
+    fn press(&mut self, now: Duration, note: u8, velocity: u8, changes: &mut Vec<KeyChange>) {
+        let Some(key) = self.key(note) else { return };
+        if self.pressed & (1 << key) != 0 {
+            // It cannot go down twice without coming up: the release was lost, the new onset is real.
+            self.counts.double_presses += 1;
+            changes.push(KeyChange { at: now, key, velocity: 0 });
+        }
+        self.counts.presses += 1;
+        self.pressed |= 1 << key;
+        self.stuck_now &= !(1 << key);
+        if let Some(since) = self.pressed_at.get_mut(key) {
+            *since = now;
+        }
+        changes.push(KeyChange { at: now, key, velocity });
+    }
+
+    fn release(&mut self, now: Duration, note: u8, changes: &mut Vec<KeyChange>) {
+        let Some(key) = self.key(note) else { return };
+        if self.pressed & (1 << key) == 0 {
+            self.counts.releases_without_press += 1;
+            return;
+        }
+        self.pressed &= !(1 << key);
+        self.stuck_now &= !(1 << key);
+        changes.push(KeyChange { at: now, key, velocity: 0 });
+    }
+}

@@ -1,0 +1,109 @@
+//! The arm alone: asked where it is, or led by hand, for calibration.
+
+use std::time::{Duration, Instant};
+
+use crate::rig::RigConfig;
+use crate::xarm::kinematics::JOINTS;
+use crate::xarm::{Arm, ArmConnection, ArmError, ArmFault, ArmLinkError, ArmState};
+
+/// Time in which the arm must come up, and change its mode.
+const READY: Duration = Duration::from_secs(8);
+/// Time between two polls.
+const POLL: Duration = Duration::from_millis(1);
+
+/// The arm could not be asked or led.
+#[derive(Debug, thiserror::Error)]
+pub enum LeadError {
+    /// It cannot be reached.
+    #[error(transparent)]
+    Link(#[from] ArmLinkError),
+    /// Its settings are not sound.
+    #[error(transparent)]
+    Config(#[from] crate::xarm::ArmConfigError),
+    /// It stopped itself.
+    #[error(transparent)]
+    Fault(#[from] ArmFault),
+    /// It would not do what it was asked.
+    #[error(transparent)]
+    Refused(#[from] ArmError),
+    /// It does not come up.
+    #[error("the arm did not get ready within {} s: look at its control box", READY.as_secs())]
+    Slow,
+}
+
+/// Where an arm was left.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Shown {
+    /// Its joints, rad.
+    pub joints_rad: [f64; JOINTS],
+    /// Its serial number.
+    pub serial: String,
+}
+
+/// Lets an operator show a place: brings the arm up, frees it while `wait` waits if it is to be led `by_hand`, and reads
+/// where it stands then. The arm holds its place before and after.
+///
+/// # Errors
+/// If the arm cannot be reached or stops itself.
+pub fn show(config: &RigConfig, by_hand: bool, wait: &mut dyn FnMut() -> bool) -> Result<Shown, LeadError> {
+    let mut leader = Leader {
+        wire: ArmConnection::open(&config.wires.arm)?,
+        arm: Arm::new(config.arm.clone())?,
+        begun: Instant::now(),
+        bytes: Vec::new(),
+    };
+    leader.arm.connected(Duration::ZERO);
+    leader.arm.start(Duration::ZERO)?;
+    leader.until(|arm| arm.state() == ArmState::Ready)?;
+    if by_hand {
+        leader.arm.manual(leader.begun.elapsed(), true)?;
+        leader.until(|arm| arm.state() == ArmState::Manual)?;
+        while wait() {
+            leader.poll()?;
+        }
+        leader.arm.manual(leader.begun.elapsed(), false)?;
+        leader.until(|arm| arm.state() == ArmState::Ready)?;
+    }
+    let since = leader.begun.elapsed();
+    leader.until(|arm| arm.joints_at().is_some_and(|at| at > since))?;
+    let serial = leader.arm.serial().unwrap_or_default().to_string();
+    Ok(Shown { joints_rad: leader.arm.joints().ok_or(LeadError::Slow)?, serial })
+}
+
+struct Leader {
+    wire: ArmConnection,
+    arm: Arm,
+    begun: Instant,
+    bytes: Vec<u8>,
+}
+
+impl Leader {
+    fn until(&mut self, is_so: impl Fn(&Arm) -> bool) -> Result<(), LeadError> {
+        let end = Instant::now() + READY;
+        while !is_so(&self.arm) {
+            if Instant::now() > end {
+                return Err(LeadError::Slow);
+            }
+            self.poll()?;
+        }
+        Ok(())
+    }
+
+    fn poll(&mut self) -> Result<(), LeadError> {
+        let now = self.begun.elapsed();
+        self.bytes.clear();
+        self.wire.receive_commands(&mut self.bytes)?;
+        self.arm.receive_command(now, &self.bytes);
+        self.bytes.clear();
+        self.wire.receive_reports(&mut self.bytes)?;
+        self.arm.receive_report(now, &self.bytes);
+        self.bytes.clear();
+        self.arm.poll(now, &mut self.bytes);
+        self.wire.send(&self.bytes)?;
+        if let ArmState::Fault(fault) = self.arm.state() {
+            return Err(fault.into());
+        }
+        std::thread::sleep(POLL);
+        Ok(())
+    }
+}

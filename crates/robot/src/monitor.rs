@@ -1,0 +1,142 @@
+//! Looking without touching: what each device of a rig says, asked only for what it may always be asked.
+
+use std::time::Duration;
+
+use crate::allegro::{Finger, HandMessage, HostMessage, Information, JOINTS, Request, rad_from_counts};
+use crate::can::{self, CanTransport};
+use crate::keyboard::{self, KeyChange, Keyboard, MidiSource};
+use crate::rig::RigConfig;
+use crate::xarm::report::{Report, ReportKind, ReportParser};
+use crate::xarm::{ArmConnection, ArmLinkError};
+
+/// What the devices of a rig have said last. `Err` says why one is not there.
+#[derive(Debug)]
+pub struct Seen {
+    /// Angles of the hand's joints as on the wire, rad, and what it tells about itself.
+    pub hand: Result<(Option<[f64; JOINTS]>, Option<Information>), String>,
+    /// The newest report of the arm.
+    pub arm: Result<Option<Report>, String>,
+    /// Keys that are down: bit 0 is the lowest.
+    pub keyboard: Result<u64, String>,
+}
+
+/// Watches the devices of a rig. It never sends what moves or switches one.
+pub struct Monitor {
+    config: RigConfig,
+    bus: Result<Box<dyn CanTransport>, String>,
+    counts: [Option<[i16; 4]>; 4],
+    information: Option<Information>,
+    arm: Result<ArmConnection, String>,
+    reports: ReportParser,
+    report: Option<Report>,
+    midi: Result<Box<dyn MidiSource>, String>,
+    keyboard: Keyboard,
+    bytes: Vec<u8>,
+    changes: Vec<KeyChange>,
+}
+
+impl Monitor {
+    /// Opens whatever of the rig is there.
+    ///
+    /// # Errors
+    /// If the keyboard's settings are not sound.
+    pub fn open(config: &RigConfig) -> Result<Self, keyboard::KeyboardConfigError> {
+        let wires = &config.wires;
+        let mut keyboard = Keyboard::new(&config.keyboard)?;
+        let mut changes = Vec::new();
+        let midi = keyboard::open(&wires.midi).map_err(|error| error.to_string());
+        if midi.is_ok() {
+            keyboard.connected(Duration::ZERO, &mut changes);
+        }
+        Ok(Self {
+            bus: can::open(&wires.can).map_err(|error| error.to_string()),
+            counts: [None; 4],
+            information: None,
+            arm: ArmConnection::open(&wires.arm).map_err(|error| error.to_string()),
+            reports: ReportParser::new(ReportKind::Real),
+            report: None,
+            midi,
+            keyboard,
+            config: config.clone(),
+            bytes: Vec::new(),
+            changes,
+        })
+    }
+
+    /// Asks the hand where it is and what it is, which it may always be asked.
+    pub fn ask(&mut self) {
+        let fingers = Finger::ALL.map(Request::Position);
+        for request in fingers.into_iter().chain([Request::Information]) {
+            let frame = HostMessage::Request(request).encode(self.config.hand.device_id);
+            let sent = self.bus.as_mut().map(|bus| bus.send(frame));
+            if let Ok(Err(error)) = sent {
+                self.bus = Err(error.to_string());
+            }
+        }
+    }
+
+    /// Takes in what has come by `now`.
+    pub fn poll(&mut self, now: Duration) {
+        self.poll_hand();
+        self.bytes.clear();
+        let read = self.arm.as_mut().map(|arm| {
+            let mut ignored = Vec::new();
+            arm.receive_commands(&mut ignored)?;
+            arm.receive_reports(&mut self.bytes)
+        });
+        if let Ok(Err::<(), ArmLinkError>(error)) = read {
+            self.arm = Err(error.to_string());
+        }
+        let mut bytes = self.bytes.as_slice();
+        while let Some(report) = self.reports.next(&mut bytes) {
+            self.report = Some(report);
+        }
+        self.bytes.clear();
+        let read = self.midi.as_mut().map(|midi| midi.receive(&mut self.bytes));
+        if let Ok(Err(error)) = read {
+            self.midi = Err(error.to_string());
+        }
+        self.changes.clear();
+        self.keyboard.receive(now, &self.bytes, &mut self.changes);
+        self.keyboard.poll(now, &mut self.changes);
+    }
+
+    fn poll_hand(&mut self) {
+        loop {
+            let frame = match self.bus.as_mut().map(|bus| bus.receive()) {
+                Ok(Ok(Some(frame))) => frame,
+                Ok(Err(error)) => {
+                    self.bus = Err(error.to_string());
+                    return;
+                }
+                Ok(Ok(None)) | Err(_) => return,
+            };
+            match HandMessage::decode(self.config.hand.device_id, &frame) {
+                Ok(Some(HandMessage::Position { finger, counts })) => {
+                    self.counts[finger.number()] = Some(counts);
+                }
+                Ok(Some(HandMessage::Information(information))) => self.information = Some(information),
+                _ => {}
+            }
+        }
+    }
+
+    /// What was seen last.
+    pub fn seen(&self) -> Seen {
+        let angles = || {
+            let mut angles = [0.0; JOINTS];
+            for (four, counts) in angles.chunks_exact_mut(4).zip(&self.counts) {
+                let counts = (*counts)?;
+                for (angle, count) in four.iter_mut().zip(counts) {
+                    *angle = rad_from_counts(count);
+                }
+            }
+            Some(angles)
+        };
+        Seen {
+            hand: self.bus.as_ref().map(|_| (angles(), self.information)).map_err(Clone::clone),
+            arm: self.arm.as_ref().map(|_| self.report).map_err(Clone::clone),
+            keyboard: self.midi.as_ref().map(|_| self.keyboard.pressed()).map_err(Clone::clone),
+        }
+    }
+}

@@ -1,0 +1,139 @@
+//! Why the whole robot was stopped, and why it would not move.
+
+use std::time::Duration;
+
+use crate::allegro::{HandConfigError, HandFault, JointLoopError};
+use crate::calibration::CalibrationError;
+use crate::can::CanError;
+use crate::keyboard::{KeyboardConfigError, MidiError};
+use crate::rig::RigError;
+use crate::xarm::kinematics::KinematicsError;
+use crate::xarm::{ArmConfigError, ArmError, ArmFault, ArmLinkError};
+
+/// Why the robot was stopped. It stays until an operator starts the robot again.
+#[derive(Debug, thiserror::Error)]
+pub enum Fault {
+    /// The hand let go.
+    #[error("hand: {0}")]
+    Hand(#[from] HandFault),
+    /// The arm stopped.
+    #[error("arm: {0}")]
+    Arm(#[from] ArmFault),
+    /// The keyboard is gone.
+    #[error("keyboard: {0}")]
+    Keyboard(String),
+    /// The hand's bus failed.
+    #[error("hand: {0}")]
+    Can(#[from] CanError),
+    /// The connection to the arm failed.
+    #[error("arm: {0}")]
+    ArmLink(#[from] ArmLinkError),
+    /// The arm would not do what it was asked.
+    #[error("arm: {0}")]
+    ArmRefused(#[from] ArmError),
+    /// The calibration is another arm's.
+    #[error(
+        "this is arm {found}, and the calibration was made with arm {expected}; calibrate anew with `etude robot calibrate`"
+    )]
+    OtherArm {
+        /// Serial number of the arm at hand.
+        found: String,
+        /// Serial number in the calibration.
+        expected: String,
+    },
+    /// Nobody has commanded for too long.
+    #[error(
+        "no new command for {} ms: the policy is too slow or has stopped; close what else runs on this machine",
+        age.as_millis()
+    )]
+    StaleCommand {
+        /// Since the last command ran out.
+        age: Duration,
+    },
+    /// The arm would have to be where it cannot.
+    #[error("at {rail_m:+.3} m on the rail: {source}")]
+    Reach {
+        /// The set-point.
+        rail_m: f64,
+        /// Why.
+        source: KinematicsError,
+    },
+    /// The controller was not polled for too long to go on.
+    #[error(
+        "the controller did not run for {} ms, so nobody watched the robot; close what else runs on this machine",
+        gap.as_millis()
+    )]
+    Stalled {
+        /// How long.
+        gap: Duration,
+    },
+}
+
+/// Why a request was not followed. Nothing has moved.
+#[derive(Debug, thiserror::Error)]
+pub enum Refused {
+    /// The robot is not in a state for it.
+    #[error("the robot is {phase}; {remedy}")]
+    Phase {
+        /// What it is doing.
+        phase: &'static str,
+        /// What to do first.
+        remedy: &'static str,
+    },
+    /// The keyboard cannot be trusted.
+    #[error("{0}; then start the robot again")]
+    Keyboard(String),
+    /// A finger is far from where the motion begins.
+    #[error(
+        "finger joint {joint} is at {measured_rad:.2} rad and the motion begins at {asked_rad:.2} rad: \
+         `etude robot home` brings it there slowly"
+    )]
+    FingerFar {
+        /// Which joint, in the order of the driven joints.
+        joint: usize,
+        /// Where it is.
+        measured_rad: f64,
+        /// Where it should be.
+        asked_rad: f64,
+    },
+    /// The hand is far from where the motion begins.
+    #[error(
+        "the hand is {by_m:.3} m from where the motion begins: `etude robot home` brings it there slowly"
+    )]
+    RailFar {
+        /// How far.
+        by_m: f64,
+    },
+}
+
+/// The robot cannot be set up.
+#[derive(Debug, thiserror::Error)]
+pub enum RobotError {
+    /// The rig's file is not sound.
+    #[error(transparent)]
+    Rig(#[from] RigError),
+    /// The keyboard's place is not known.
+    #[error(transparent)]
+    Calibration(#[from] CalibrationError),
+    /// The hand's settings are not sound.
+    #[error(transparent)]
+    Hand(#[from] HandConfigError),
+    /// The joint loop's gains are not sound.
+    #[error(transparent)]
+    JointLoop(#[from] JointLoopError),
+    /// The arm's settings are not sound.
+    #[error(transparent)]
+    Arm(#[from] ArmConfigError),
+    /// The keyboard's settings are not sound.
+    #[error(transparent)]
+    Keyboard(#[from] KeyboardConfigError),
+    /// The keyboard cannot be opened.
+    #[error(transparent)]
+    Midi(#[from] MidiError),
+    /// The hand's bus cannot be opened.
+    #[error(transparent)]
+    Can(#[from] CanError),
+    /// The arm cannot be reached.
+    #[error(transparent)]
+    ArmLink(#[from] ArmLinkError),
+}

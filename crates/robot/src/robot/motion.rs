@@ -1,0 +1,110 @@
+//! What the set-points are asked to do: stand, go slowly to a pose, or follow a stream.
+
+use std::time::Duration;
+
+use crate::allegro;
+use crate::joints::DRIVEN;
+
+/// Set-points of all axes: the hand's sixteen joints as on the wire, then the rail.
+pub(super) const AXES: usize = allegro::JOINTS + 1;
+/// Largest speed of a slow move of a finger joint, rad/s: a tenth of what it may do.
+const SLOW_FINGER: f64 = 0.7;
+/// Largest speed of a slow move along the rail, m/s.
+const SLOW_RAIL: f64 = 0.1;
+/// Shortest slow move, s.
+const SHORTEST_SECS: f64 = 0.3;
+
+/// A slow move from rest to rest, of least jerk: every joint arrives at the same time.
+#[derive(Clone, Debug)]
+pub(super) struct SlowMove {
+    begun: Duration,
+    secs: f64,
+    from: [f64; AXES],
+    to: [f64; AXES],
+}
+
+impl SlowMove {
+    pub fn new(begun: Duration, from: [f64; AXES], to: [f64; AXES]) -> Self {
+        // The profile's top speed is 15/8 of its mean.
+        let needed = |axis: usize| {
+            let speed = if axis < allegro::JOINTS { SLOW_FINGER } else { SLOW_RAIL };
+            (to[axis] - from[axis]).abs() * 15.0 / 8.0 / speed
+        };
+        let secs = (0..AXES).map(needed).fold(SHORTEST_SECS, f64::max);
+        Self { begun, secs, from, to }
+    }
+
+    /// Where to be at `now`.
+    pub fn at(&self, now: Duration) -> [f64; AXES] {
+        let share = (now.saturating_sub(self.begun).as_secs_f64() / self.secs).clamp(0.0, 1.0);
+        let smooth = share * share * share * (10.0 + share * (6.0 * share - 15.0));
+        std::array::from_fn(|axis| self.from[axis] + (self.to[axis] - self.from[axis]) * smooth)
+    }
+
+    pub fn is_over(&self, now: Duration) -> bool {
+        now.saturating_sub(self.begun).as_secs_f64() >= self.secs
+    }
+}
+
+/// A stretch of a stream: one waypoint a set-point, the first due one set-point after its beginning.
+#[derive(Clone, Debug)]
+pub(super) struct Stretch {
+    pub begun: Duration,
+    pub waypoints: Vec<[f64; DRIVEN]>,
+}
+
+impl Stretch {
+    /// The waypoint due at `now`; the last one when they have run out.
+    pub fn at(&self, now: Duration, period: Duration) -> Option<&[f64; DRIVEN]> {
+        // Rounded, so that a set-point a little late does not ask for the waypoint before.
+        let periods = (now.saturating_sub(self.begun).as_secs_f64() / period.as_secs_f64()).round() as usize;
+        let last = self.waypoints.len().checked_sub(1)?;
+        self.waypoints.get(periods.saturating_sub(1).min(last))
+    }
+
+    /// When the last waypoint is due.
+    pub fn end(&self, period: Duration) -> Duration {
+        self.begun + period * u32::try_from(self.waypoints.len()).unwrap_or(u32::MAX)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_slow_move_keeps_its_speeds_and_ends_at_rest() {
+        let mut to = [0.0; AXES];
+        (to[3], to[AXES - 1]) = (1.4, -0.3);
+        let slow = SlowMove::new(Duration::from_secs(5), [0.0; AXES], to);
+        let at = |millis: u64| slow.at(Duration::from_millis(millis));
+        let mut fastest = [0.0f64; AXES];
+        for millis in 5000..20_000 {
+            let (before, after) = (at(millis), at(millis + 1));
+            for axis in 0..AXES {
+                fastest[axis] = fastest[axis].max((after[axis] - before[axis]).abs() * 1e3);
+            }
+        }
+        assert!(
+            fastest[3] <= SLOW_FINGER * 1.001 && (fastest[AXES - 1] - SLOW_RAIL).abs() < 1e-3,
+            "{fastest:?}"
+        );
+        assert_eq!(at(5000), [0.0; AXES]);
+        assert!(!slow.is_over(Duration::from_secs(10)) && slow.is_over(Duration::from_millis(10_626)));
+        assert_eq!(at(20_000), to);
+    }
+
+    #[test]
+    fn waypoints_are_due_one_after_the_other() {
+        let period = Duration::from_millis(5);
+        let waypoints: Vec<_> = (0..10).map(|n| [f64::from(n); DRIVEN]).collect();
+        let stretch = Stretch { begun: Duration::from_secs(1), waypoints };
+        let at = |micros: u64| stretch.at(Duration::from_micros(1_000_000 + micros), period).unwrap()[0];
+        assert_eq!(
+            [0, 5000, 6000, 10_000, 49_000, 50_000, 90_000].map(at),
+            [0.0, 0.0, 0.0, 1.0, 9.0, 9.0, 9.0]
+        );
+        assert_eq!(stretch.end(period), Duration::from_millis(1050));
+        assert!(Stretch { begun: Duration::ZERO, waypoints: vec![] }.at(Duration::ZERO, period).is_none());
+    }
+}

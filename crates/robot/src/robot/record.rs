@@ -1,0 +1,87 @@
+//! What the controller has done and seen, for whoever keeps recordings.
+
+use std::collections::VecDeque;
+use std::time::Duration;
+
+use crate::allegro;
+use crate::joints::DRIVEN;
+use crate::keyboard::KeyChange;
+use crate::limiter::Clamp;
+use crate::xarm::kinematics;
+
+/// One thing that happened.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Record {
+    /// A set-point was computed.
+    SetPoint {
+        /// When.
+        at: Duration,
+        /// What was asked: driven joints, rad and m.
+        asked: [f64; DRIVEN],
+        /// What the limiter made of it.
+        sent: [f64; DRIVEN],
+        /// Which joints were clamped, and by what.
+        clamps: Vec<(usize, Clamp)>,
+    },
+    /// A period of the hand's joint loop.
+    Hand {
+        /// When its positions were in.
+        at: Duration,
+        /// Measured angles, as on the wire, rad.
+        positions: [f64; allegro::JOINTS],
+        /// Angles to be at, rad.
+        reference: [f64; allegro::JOINTS],
+        /// What was sent.
+        pwm: [i16; allegro::JOINTS],
+    },
+    /// The arm told where it is.
+    Arm {
+        /// When.
+        at: Duration,
+        /// Measured joints, rad.
+        measured: [f64; kinematics::JOINTS],
+        /// The joints that it was last asked for, rad.
+        sent: [f64; kinematics::JOINTS],
+        /// Its place on the rail, m.
+        rail_m: f64,
+    },
+    /// A key was struck or released.
+    Key(KeyChange),
+    /// Something that an operator should read: a new phase, a warning, a fault.
+    Note {
+        /// When.
+        at: Duration,
+        /// `phase`, `warning` or `fault`.
+        kind: &'static str,
+        /// What happened.
+        text: String,
+    },
+}
+
+/// Records that nobody has taken yet. The oldest go first if nobody ever does.
+#[derive(Debug, Default)]
+pub(super) struct Journal {
+    records: VecDeque<Record>,
+    lost: u64,
+}
+
+/// Ten seconds of a robot's records.
+const MOST: usize = 8192;
+
+impl Journal {
+    pub fn push(&mut self, record: Record) {
+        if self.records.len() >= MOST {
+            self.records.pop_front();
+            self.lost += 1;
+        }
+        self.records.push_back(record);
+    }
+
+    pub fn take(&mut self) -> impl Iterator<Item = Record> + '_ {
+        self.records.drain(..)
+    }
+
+    pub fn lost(&self) -> u64 {
+        self.lost
+    }
+}

@@ -1,0 +1,315 @@
+//! The arm's requests and replies: when each is sent, what its answer means, and what happens if none comes.
+
+use std::time::Duration;
+
+use super::gate::largest_turn;
+use super::steps::{ArmVersion, MANUAL, SERVO, Step, text};
+use super::{Arm, ArmFault, Phase, STOP_AGAIN, Target, Work};
+use crate::xarm::codec::{
+    FEEDBACK, Frame, KEEP_ALIVE_FROM, PROTOCOL_KEEP_ALIVE, PROTOCOL_PRIVATE, Register, ReplyState,
+};
+use crate::xarm::kinematics::JOINTS;
+
+/// Longest that a change of the set-up may take: enabling the motors releases brakes. The official SDK waits
+/// as long.
+const CHANGE_TIMEOUT: Duration = Duration::from_secs(5);
+/// Time between two questions about the state.
+const ASK_AGAIN: Duration = Duration::from_millis(20);
+/// A planned move counts as over when every joint is this near, rad.
+const ARRIVED_RAD: f64 = 0.02;
+/// Answers "ready" without having arrived after which a planned move counts as failed: the arm may need some
+/// time to begin, and its reports some to say so.
+const IDLE_LIMIT: u32 = 50;
+/// Acceleration of a planned move, rad/s².
+const HOME_ACCELERATION: f64 = 2.0;
+/// State that stops the arm.
+const STOP: u8 = 4;
+
+/// The request whose reply is awaited.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Outstanding {
+    transaction: u16,
+    protocol: u16,
+    register: Register,
+    purpose: Purpose,
+    at: Duration,
+}
+
+/// What a request is for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Purpose {
+    Step,
+    Target,
+    Stop,
+    WhichError,
+}
+
+impl Arm {
+    /// Bytes from the command port.
+    pub fn receive_command(&mut self, now: Duration, mut bytes: &[u8]) {
+        while let Some(frame) = self.commands.next(&mut bytes) {
+            self.take_frame(now, &frame);
+        }
+        if self.commands.skipped() > 0 && self.active() {
+            self.fail(ArmFault::ProtocolNonsense("its replies are not"));
+        }
+    }
+
+    /// Sends one request.
+    pub(super) fn request(
+        &mut self,
+        now: Duration,
+        purpose: Purpose,
+        register: Register,
+        params: &[u8],
+        out: &mut Vec<u8>,
+    ) {
+        self.transaction = self.transaction % u16::MAX + 1;
+        let (transaction, protocol) = (self.transaction, self.protocol.max(PROTOCOL_PRIVATE));
+        if let Some(frame) = Frame::new(transaction, protocol, &[&[register as u8], params]) {
+            frame.write(out);
+            self.outstanding = Some(Outstanding { transaction, protocol, register, purpose, at: now });
+        }
+    }
+
+    /// Repeats the stop when it is time to, whatever is outstanding.
+    pub(super) fn say_halt(&mut self, now: Duration, out: &mut Vec<u8>) {
+        let Some(halt) = &mut self.halt else { return };
+        if now < halt.again {
+            return;
+        }
+        halt.since.get_or_insert(now);
+        halt.again = now + STOP_AGAIN;
+        self.counters.stops += 1;
+        self.request(now, Purpose::Stop, Register::SetState, &[STOP], out);
+    }
+
+    /// Gives up on what was not answered, and on reports that stopped.
+    pub(super) fn check_times(&mut self, now: Duration) {
+        if let Some(outstanding) = self.outstanding {
+            let question = matches!(outstanding.register, Register::GetState | Register::Errors);
+            let allowed = if outstanding.purpose == Purpose::Step && !question {
+                CHANGE_TIMEOUT
+            } else {
+                Duration::from_secs_f64(self.config.reply_timeout_secs)
+            };
+            if now.saturating_sub(outstanding.at) > allowed {
+                self.outstanding = None;
+                self.fail(ArmFault::ReplyTimeout { register: outstanding.register.name() });
+            }
+        }
+        let watched = match self.phase {
+            Phase::Ready | Phase::Manual => true,
+            Phase::Working(work) => work.steps != super::steps::START,
+            _ => false,
+        };
+        if watched && self.stale(now) {
+            self.fail(ArmFault::ReportStale);
+        }
+    }
+
+    fn stale(&self, now: Duration) -> bool {
+        let allowed = Duration::from_secs_f64(self.config.report_stale_after_secs);
+        self.report.is_none_or(|(_, at)| now.saturating_sub(at) > allowed)
+    }
+
+    /// Sends the newest target if it is due and nothing is outstanding.
+    pub(super) fn tick(&mut self, now: Duration, out: &mut Vec<u8>) {
+        let period = self.config.servo_period();
+        let due = self.next_tick.unwrap_or(now);
+        // A caller that polls at this very rate is sometimes early by a little.
+        if due.saturating_sub(now) > period / 8 {
+            return;
+        }
+        let missed = (now.saturating_sub(due).as_secs_f64() / period.as_secs_f64()) as u32;
+        self.counters.skipped_ticks += u64::from(missed);
+        self.next_tick = Some(if missed > 0 { now + period } else { due + period });
+        if self.outstanding.is_some() {
+            self.counters.skipped_ticks += 1;
+            return;
+        }
+        let Some(target) = self.target else { return };
+        let next = self.within_reach(Target { at: Some(now), ..target });
+        let params = words(&next.joints, [0.0; 3]);
+        self.request(now, Purpose::Target, Register::ServoJoints, params.as_flattened(), out);
+        self.counters.targets += 1;
+        self.sent = Some(next);
+    }
+
+    /// Sends the request of the present step.
+    pub(super) fn take_step(&mut self, now: Duration, work: Work, out: &mut Vec<u8>) {
+        let Some(&step) = work.steps.get(work.at) else { return };
+        let config = &self.config;
+        let mut params = Vec::new();
+        match step {
+            Step::Version => self.protocol = PROTOCOL_PRIVATE,
+            Step::Mode(mode) => {
+                params.push(mode);
+                // Whether to look for collisions with itself: only newer firmware knows that byte.
+                if self.version.as_ref().is_some_and(|version| version.firmware >= (1, 10, 0)) {
+                    params.push(0);
+                }
+            }
+            Step::Tell(Register::MotionEnable) => params.extend([8, 1]),
+            Step::Tell(Register::SetState) => params.push(0),
+            Step::Tell(Register::Payload) => {
+                let [x, y, z] = config.payload_centre_mm;
+                let values = [config.payload_kg, x, y, z].map(|value| (value as f32).to_le_bytes());
+                params.extend(values.as_flattened());
+            }
+            Step::Tell(Register::CollisionSensitivity) => params.push(config.collision_sensitivity),
+            Step::Move => {
+                let rest = [work.speed_rad_s, HOME_ACCELERATION, 0.0];
+                params.extend(words(&work.home, rest).as_flattened());
+            }
+            Step::Tell(_) | Step::Serial | Step::NoError | Step::Await(_) | Step::Arrive => {}
+        }
+        self.request(now, Purpose::Step, step.register(), &params, out);
+    }
+
+    fn take_frame(&mut self, now: Duration, frame: &Frame) {
+        if frame.register() == FEEDBACK {
+            self.counters.feedback += 1;
+            return;
+        }
+        let Some(asked) = self.outstanding.filter(|asked| asked.transaction == frame.transaction) else {
+            self.counters.stray_replies += 1;
+            return;
+        };
+        self.outstanding = None;
+        self.counters.replies += 1;
+        let Some((state, params)) = frame.reply() else {
+            return self.fail(ArmFault::ProtocolNonsense("a reply is too short"));
+        };
+        if frame.protocol != asked.protocol || frame.register() != asked.register as u8 {
+            return self.fail(ArmFault::ProtocolNonsense("a reply is to something else"));
+        }
+        self.counters.warnings += u64::from(state.has(ReplyState::WARNING));
+        let moves = asked.purpose == Purpose::Target || asked.register == Register::MoveJoints;
+        if self.active() && state.has(ReplyState::INVALID) {
+            self.fail(ArmFault::CommandRejected { register: asked.register.name() });
+        } else if moves && state.has(ReplyState::ERROR) {
+            self.fail(ArmFault::Controller { code: None });
+        } else if moves && state.has(ReplyState::NOT_READY) {
+            self.fail(ArmFault::NotReady);
+        } else if asked.purpose == Purpose::WhichError {
+            self.name_the_error(params);
+        } else if let (Purpose::Step, Phase::Working(work)) = (asked.purpose, self.phase) {
+            self.finish_step(now, work, params);
+        }
+    }
+
+    /// The number of the error behind a fault, unless the fault has a reason of its own.
+    fn name_the_error(&mut self, params: &[u8]) {
+        let Phase::Fault(fault, true) = &mut self.phase else { return };
+        let unexplained = matches!(
+            fault,
+            ArmFault::Controller { code: None }
+                | ArmFault::UnexpectedState { .. }
+                | ArmFault::NotReady
+                | ArmFault::NotFollowing { .. }
+                | ArmFault::CommandRejected { .. }
+        );
+        if let (true, Some(&code @ 1..)) = (unexplained, params.first()) {
+            *fault = ArmFault::Controller { code: Some(code) };
+        }
+    }
+
+    fn finish_step(&mut self, now: Duration, mut work: Work, params: &[u8]) {
+        let Some(&step) = work.steps.get(work.at) else { return };
+        let first = params.first().copied();
+        let done = match (step, first) {
+            (Step::Version, _) => match ArmVersion::read(params) {
+                None => return self.fail(ArmFault::ProtocolNonsense("its version cannot be read")),
+                Some(version) if usize::from(version.axes) != JOINTS => {
+                    return self.fail(ArmFault::ProtocolNonsense("it has another number of joints"));
+                }
+                Some(version) => {
+                    if version.firmware >= KEEP_ALIVE_FROM {
+                        self.protocol = PROTOCOL_KEEP_ALIVE;
+                    }
+                    self.version = Some(version);
+                    true
+                }
+            },
+            (Step::Serial, _) => {
+                self.serial = Some(text(params));
+                true
+            }
+            (Step::NoError | Step::Await(_) | Step::Arrive, None) => {
+                return self.fail(ArmFault::ProtocolNonsense("a reply is too short"));
+            }
+            (Step::NoError, Some(0)) => true,
+            (Step::NoError, code) => return self.fail(ArmFault::Controller { code }),
+            (Step::Await(mode), Some(state)) => match self.awaited(now, &work, mode, state) {
+                Ok(done) => done,
+                Err(fault) => return self.fail(fault),
+            },
+            (Step::Arrive, Some(state)) => match self.arrived(&mut work, state) {
+                Ok(done) => done,
+                Err(fault) => return self.fail(fault),
+            },
+            (Step::Tell(_) | Step::Mode(_) | Step::Move, _) => true,
+        };
+        work.ask_at = if done { now } else { now + ASK_AGAIN };
+        if done {
+            (work.at, work.since) = (work.at + 1, now);
+        }
+        self.phase = Phase::Working(work);
+        if work.at == work.steps.len() {
+            self.finish(step);
+        }
+    }
+
+    /// Whether the arm is ready in this mode: its reply and a report that came after the change both say so.
+    fn awaited(&self, now: Duration, work: &Work, mode: u8, state: u8) -> Result<bool, ArmFault> {
+        let fresh = self.report.filter(|(_, at)| *at > work.since);
+        let ready = fresh.is_some_and(|(report, _)| report.mode == mode && (1..=2).contains(&report.state));
+        if ready && (1..=2).contains(&state) {
+            return Ok(true);
+        }
+        if now.saturating_sub(work.since).as_secs_f64() <= self.config.start_timeout_secs {
+            return Ok(false);
+        }
+        Err(match fresh {
+            Some((report, _)) => ArmFault::UnexpectedState { state, mode: report.mode },
+            None => ArmFault::ReportStale,
+        })
+    }
+
+    /// Whether a planned move is over.
+    fn arrived(&self, work: &mut Work, state: u8) -> Result<bool, ArmFault> {
+        let Some((report, _)) = self.report else { return Ok(false) };
+        let (joint, by_rad) = largest_turn(&report.joints_rad.map(f64::from), &work.home);
+        match state {
+            // Moving, or paused by somebody at the arm.
+            1 | 3 => work.idle = 0,
+            2 if by_rad < ARRIVED_RAD => return Ok(true),
+            2 | 5 => work.idle += 1,
+            _ => return Err(ArmFault::UnexpectedState { state, mode: report.mode }),
+        }
+        if work.idle > IDLE_LIMIT {
+            return Err(ArmFault::NotFollowing { joint, by_rad });
+        }
+        Ok(false)
+    }
+
+    /// The last step of a list is done.
+    fn finish(&mut self, last: Step) {
+        match last {
+            Step::Await(MANUAL) => self.phase = Phase::Manual,
+            Step::Await(SERVO) => {
+                self.phase = Phase::Ready;
+                self.sent = self.joints().map(|joints| Target { joints, at: None });
+                self.next_tick = None;
+            }
+            _ => {}
+        }
+    }
+}
+
+/// Joints and three more values, as little-endian floats.
+fn words(joints: &[f64; JOINTS], rest: [f64; 3]) -> [[u8; 4]; JOINTS + 3] {
+    let mut values = joints.iter().chain(&rest).map(|&value| (value as f32).to_le_bytes());
+    std::array::from_fn(|_| values.next().unwrap_or_default())
+}

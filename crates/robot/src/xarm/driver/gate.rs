@@ -1,0 +1,86 @@
+//! What every target passes on its way to the wire: it must be possible, near the one before, and is sent no
+//! farther at once than the speed limits allow.
+
+use std::time::Duration;
+
+use super::{Arm, Target, TargetError};
+use crate::xarm::kinematics::{self, JOINTS};
+
+/// Longest time between two targets that still allows a longer step: the arm takes each at full speed, and
+/// would jump. Also how far in time the first target may be from where the arm stands.
+const LONGEST_GAP: Duration = Duration::from_millis(20);
+/// Room for rounding when speeds are compared with their limits.
+const ROUNDING: f64 = 1.0 + 1e-6;
+
+impl Arm {
+    /// Whether a target may follow the one before.
+    pub(super) fn allowed(&self, target: &Target) -> Result<(), TargetError> {
+        possible(&target.joints)?;
+        let Some(before) = self.target.or(self.sent) else { return Ok(()) };
+        let secs = self.step_secs(&before, target, LONGEST_GAP) * ROUNDING;
+        let (joint, turn) = largest_turn(&before.joints, &target.joints);
+        let (needed_rad_s, allowed_rad_s) = (turn / secs, self.config.joint_speed_limit_rad_s);
+        if needed_rad_s > allowed_rad_s {
+            return Err(TargetError::JointTooFast { joint, needed_rad_s, allowed_rad_s });
+        }
+        let needed_m_s = way_m(&before.joints, &target.joints) / secs;
+        let allowed_m_s = self.config.tcp_speed_limit_m_s;
+        if needed_m_s > allowed_m_s {
+            return Err(TargetError::FlangeTooFast { needed_m_s, allowed_m_s });
+        }
+        Ok(())
+    }
+
+    /// The last gate before the wire: as much of the way from what was sent last to the target as the speed
+    /// limits allow. It is less than all of it only at the beginning and after late replies, as
+    /// [`servo`](Arm::servo) refuses what is too fast.
+    pub(super) fn within_reach(&mut self, target: Target) -> Target {
+        let Some(sent) = self.sent else { return target };
+        let secs = self.step_secs(&sent, &target, Duration::ZERO) * ROUNDING;
+        let (_, turn) = largest_turn(&sent.joints, &target.joints);
+        let way = way_m(&sent.joints, &target.joints);
+        let share = (self.config.joint_speed_limit_rad_s * secs / turn.max(1e-9))
+            .min(self.config.tcp_speed_limit_m_s * secs / way.max(1e-9));
+        if share >= 1.0 {
+            return target;
+        }
+        self.counters.shortened += 1;
+        let mut joints = sent.joints;
+        for (angle, to) in joints.iter_mut().zip(target.joints) {
+            *angle += (to - *angle) * share;
+        }
+        Target { joints, ..target }
+    }
+
+    /// Time that a step may use: what has passed, at least a period, and from where the arm stands
+    /// `at_first`.
+    fn step_secs(&self, from: &Target, to: &Target, at_first: Duration) -> f64 {
+        let period = self.config.servo_period();
+        let passed = match (from.at, to.at) {
+            (Some(before), Some(now)) => now.saturating_sub(before),
+            _ => at_first,
+        };
+        passed.clamp(period, LONGEST_GAP.max(period)).as_secs_f64()
+    }
+}
+
+/// The joint (counted from 1) that turns most between two places, and by how much, rad.
+pub(super) fn largest_turn(from: &[f64; JOINTS], to: &[f64; JOINTS]) -> (usize, f64) {
+    let turns = to.iter().zip(from).map(|(to, from)| (to - from).abs());
+    turns
+        .enumerate()
+        .fold((1, 0.0), |most, (index, turn)| if turn > most.1 { (index + 1, turn) } else { most })
+}
+
+/// Distance between the flange's positions at two places, m.
+fn way_m(from: &[f64; JOINTS], to: &[f64; JOINTS]) -> f64 {
+    (kinematics::forward(to).position_m - kinematics::forward(from).position_m).norm()
+}
+
+/// Whether the arm can be there at all.
+pub(super) fn possible(joints: &[f64; JOINTS]) -> Result<(), TargetError> {
+    if !joints.iter().all(|angle| angle.is_finite()) {
+        return Err(TargetError::NotFinite);
+    }
+    kinematics::within_limits(joints).map_err(TargetError::BeyondLimit)
+}

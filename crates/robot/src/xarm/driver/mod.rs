@@ -1,0 +1,380 @@
+//! The driver of the arm: turns what the arm says into what to send next, and stops it when anything is odd.
+//!
+//! It is given the bytes of the command port and of the report port with the time of their arrival, and asked
+//! by [`poll`](Arm::poll) what to send. One request is outstanding at a time; only a stop does not wait for
+//! its turn. After a fault the arm is told to stop, again and again until its reports show that it has, and
+//! nothing else is sent until [`start`](Arm::start).
+
+mod config;
+mod exchange;
+mod fault;
+mod gate;
+mod steps;
+
+use std::time::Duration;
+
+pub use config::{ArmConfig, ArmConfigError};
+pub use fault::{ArmError, ArmFault, ArmState, TargetError};
+pub use steps::ArmVersion;
+
+use super::codec::{FrameParser, Register};
+use super::kinematics::{self, JOINTS, Pose};
+use super::report::{Report, ReportKind, ReportParser};
+use exchange::{Outstanding, Purpose};
+use gate::{largest_turn, possible};
+use steps::{MANUAL, SERVO, Step};
+
+/// Time between two stop commands until the reports show that the arm has stopped.
+const STOP_AGAIN: Duration = Duration::from_millis(100);
+
+/// The arm's driver.
+#[derive(Debug)]
+pub struct Arm {
+    config: ArmConfig,
+    phase: Phase,
+    protocol: u16,
+    transaction: u16,
+    outstanding: Option<Outstanding>,
+    commands: FrameParser,
+    reports: ReportParser,
+    report: Option<(Report, Duration)>,
+    version: Option<ArmVersion>,
+    serial: Option<String>,
+    halt: Option<Halt>,
+    /// Whether the error number is still to be read.
+    ask_error: bool,
+    /// The newest target.
+    target: Option<Target>,
+    /// What was sent last, or where the arm was when it became ready.
+    sent: Option<Target>,
+    next_tick: Option<Duration>,
+    counters: ArmCounters,
+}
+
+/// What has happened so far.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct ArmCounters {
+    /// Servo targets sent.
+    pub targets: u64,
+    /// Times at which a target was due and none was sent: a reply was outstanding, or `poll` came late.
+    pub skipped_ticks: u64,
+    /// Targets sent in part, because late replies had left too far a way to the whole.
+    pub shortened: u64,
+    /// Replies to what was asked.
+    pub replies: u64,
+    /// Replies to nothing, or to what had been given up.
+    pub stray_replies: u64,
+    /// Feedback frames, which nobody asked for.
+    pub feedback: u64,
+    /// Replies that mention a warning.
+    pub warnings: u64,
+    /// Reports.
+    pub reports: u64,
+    /// Commands to stop.
+    pub stops: u64,
+}
+
+#[derive(Clone, Copy, Debug)]
+struct Target {
+    joints: [f64; JOINTS],
+    /// When it was given or sent; `None` for where the arm was standing.
+    at: Option<Duration>,
+}
+
+/// The arm is to stop, and its reports do not yet say that it has.
+#[derive(Clone, Copy, Debug)]
+struct Halt {
+    /// When the first stop was sent.
+    since: Option<Duration>,
+    /// When to say it again.
+    again: Duration,
+}
+
+#[derive(Clone, Copy, Debug)]
+enum Phase {
+    Disconnected,
+    Stopped,
+    Working(Work),
+    Ready,
+    Manual,
+    /// The flag says whether there still is a connection.
+    Fault(ArmFault, bool),
+}
+
+/// A list of steps on the way.
+#[derive(Clone, Copy, Debug)]
+struct Work {
+    steps: &'static [Step],
+    at: usize,
+    /// When the present step began.
+    since: Duration,
+    /// When its question may be asked again.
+    ask_at: Duration,
+    /// Answers "ready" while not yet arrived.
+    idle: u32,
+    home: [f64; JOINTS],
+    speed_rad_s: f64,
+}
+
+impl Arm {
+    /// A driver without a connection.
+    ///
+    /// # Errors
+    /// If a setting is out of range.
+    pub fn new(config: ArmConfig) -> Result<Self, ArmConfigError> {
+        config.check()?;
+        Ok(Self {
+            config,
+            phase: Phase::Disconnected,
+            protocol: 0,
+            transaction: 0,
+            outstanding: None,
+            commands: FrameParser::default(),
+            reports: ReportParser::new(ReportKind::Real),
+            report: None,
+            version: None,
+            serial: None,
+            halt: None,
+            ask_error: false,
+            target: None,
+            sent: None,
+            next_tick: None,
+            counters: ArmCounters::default(),
+        })
+    }
+
+    /// Both ports are connected anew. Nothing is sent until [`start`](Self::start); a fault stays.
+    pub fn connected(&mut self, _now: Duration) {
+        self.commands = FrameParser::default();
+        self.reports = ReportParser::new(ReportKind::Real);
+        (self.outstanding, self.report, self.halt, self.ask_error) = (None, None, None, false);
+        self.phase = match self.phase {
+            Phase::Fault(fault, _) => Phase::Fault(fault, true),
+            _ => Phase::Stopped,
+        };
+    }
+
+    /// One of the ports is gone. A fault, unless the arm was stopped.
+    pub fn disconnected(&mut self, _now: Duration) {
+        (self.outstanding, self.halt, self.ask_error) = (None, None, false);
+        self.phase = match self.phase {
+            Phase::Disconnected | Phase::Stopped => Phase::Disconnected,
+            Phase::Working(_) | Phase::Ready | Phase::Manual => Phase::Fault(ArmFault::Disconnected, false),
+            Phase::Fault(fault, _) => Phase::Fault(fault, false),
+        };
+    }
+
+    /// Clears faults and makes the arm ready to follow targets, from whatever it is doing.
+    ///
+    /// # Errors
+    /// If there is no connection.
+    pub fn start(&mut self, now: Duration) -> Result<(), ArmError> {
+        if matches!(self.phase, Phase::Disconnected | Phase::Fault(_, false)) {
+            return Err(ArmError::NotNow(self.state()));
+        }
+        (self.outstanding, self.halt, self.ask_error) = (None, None, false);
+        self.work(now, steps::START);
+        Ok(())
+    }
+
+    /// The newest target, joints in rad. [`poll`](Self::poll) sends it at the next tick and again at each one
+    /// after that, until there is a newer one. The first one must be near where the arm is, and each of the
+    /// next ones within the speed limits of the one before.
+    ///
+    /// # Errors
+    /// If the arm is not ready. If the target is not allowed: that is a fault, and the arm is stopped.
+    pub fn servo(&mut self, now: Duration, joints_rad: [f64; JOINTS]) -> Result<(), ArmError> {
+        if !matches!(self.phase, Phase::Ready) {
+            return Err(ArmError::NotNow(self.state()));
+        }
+        let target = Target { joints: joints_rad, at: Some(now) };
+        if let Err(why) = self.allowed(&target) {
+            let fault = ArmFault::RefusedTarget(why);
+            self.fail(fault);
+            return Err(fault.into());
+        }
+        self.target = Some(target);
+        Ok(())
+    }
+
+    /// Plans and makes a move to `joints_rad` with at most `speed_rad_s`, then is ready again.
+    ///
+    /// # Errors
+    /// If the arm is not ready, or the place or the speed is not allowed. In both cases nothing moves.
+    pub fn move_home(
+        &mut self,
+        now: Duration,
+        joints_rad: [f64; JOINTS],
+        speed_rad_s: f64,
+    ) -> Result<(), ArmError> {
+        if !matches!(self.phase, Phase::Ready) {
+            return Err(ArmError::NotNow(self.state()));
+        }
+        possible(&joints_rad).map_err(ArmError::Refused)?;
+        let allowed_rad_s = self.config.joint_speed_limit_rad_s;
+        if !(speed_rad_s > 0.0 && speed_rad_s <= allowed_rad_s) {
+            let (joint, needed_rad_s) = (1, speed_rad_s);
+            return Err(ArmError::Refused(TargetError::JointTooFast { joint, needed_rad_s, allowed_rad_s }));
+        }
+        self.work(now, steps::HOME);
+        if let Phase::Working(work) = &mut self.phase {
+            (work.home, work.speed_rad_s) = (joints_rad, speed_rad_s);
+        }
+        Ok(())
+    }
+
+    /// Lets the arm be led by hand, or takes it back.
+    ///
+    /// # Errors
+    /// If it is not ready, or was not led by hand.
+    pub fn manual(&mut self, now: Duration, on: bool) -> Result<(), ArmError> {
+        let steps = match (self.phase, on) {
+            (Phase::Ready, true) => steps::BY_HAND,
+            (Phase::Manual, false) => steps::BACK,
+            _ => return Err(ArmError::NotNow(self.state())),
+        };
+        self.work(now, steps);
+        Ok(())
+    }
+
+    /// Stops the arm: appends the command at once, in every state and whatever is outstanding. A fault stays
+    /// a fault.
+    pub fn stop(&mut self, now: Duration, out: &mut Vec<u8>) {
+        if self.active() {
+            self.phase = Phase::Stopped;
+        }
+        (self.target, self.sent) = (None, None);
+        let since = self.halt.and_then(|halt| halt.since);
+        self.halt = Some(Halt { since, again: now });
+        self.say_halt(now, out);
+        if matches!(self.phase, Phase::Disconnected | Phase::Fault(_, false)) {
+            // Perhaps only the reports are gone, and this arrives; nobody will answer.
+            (self.halt, self.outstanding) = (None, None);
+        }
+    }
+
+    /// Bytes from the report port.
+    pub fn receive_report(&mut self, now: Duration, mut bytes: &[u8]) {
+        while let Some(report) = self.reports.next(&mut bytes) {
+            self.counters.reports += 1;
+            self.report = Some((report, now));
+            self.judge(&report, now);
+        }
+        if self.reports.skipped() > 0 && self.active() {
+            self.fail(ArmFault::ProtocolNonsense("its reports are not"));
+        }
+    }
+
+    /// Appends what to send to the command port now.
+    pub fn poll(&mut self, now: Duration, out: &mut Vec<u8>) {
+        self.check_times(now);
+        if let Phase::Working(work) = self.phase {
+            if self.outstanding.is_none() && now >= work.ask_at {
+                self.take_step(now, work, out);
+            }
+        } else if matches!(self.phase, Phase::Ready) && self.target.is_some() {
+            self.tick(now, out);
+        }
+        self.say_halt(now, out);
+        if self.ask_error && self.outstanding.is_none() {
+            self.ask_error = false;
+            self.request(now, Purpose::WhichError, Register::Errors, &[], out);
+        }
+    }
+
+    /// What the arm is doing.
+    pub fn state(&self) -> ArmState {
+        match self.phase {
+            Phase::Disconnected => ArmState::Disconnected,
+            Phase::Stopped => ArmState::Stopped,
+            Phase::Working(work) if work.steps == steps::HOME => ArmState::MovingHome,
+            Phase::Working(_) => ArmState::Starting,
+            Phase::Ready => ArmState::Ready,
+            Phase::Manual => ArmState::Manual,
+            Phase::Fault(fault, _) => ArmState::Fault(fault),
+        }
+    }
+
+    /// The joints of the newest report, rad.
+    pub fn joints(&self) -> Option<[f64; JOINTS]> {
+        self.report.map(|(report, _)| report.joints_rad.map(f64::from))
+    }
+
+    /// When the newest report arrived.
+    pub fn joints_at(&self) -> Option<Duration> {
+        self.report.map(|(_, at)| at)
+    }
+
+    /// The flange for [`joints`](Self::joints), by our own kinematics.
+    pub fn pose(&self) -> Option<Pose> {
+        self.joints().map(|joints| kinematics::forward(&joints))
+    }
+
+    /// The newest report.
+    pub fn report(&self) -> Option<&Report> {
+        self.report.as_ref().map(|(report, _)| report)
+    }
+
+    /// The last target that was sent, rad.
+    pub fn sent(&self) -> Option<[f64; JOINTS]> {
+        self.sent.filter(|sent| sent.at.is_some()).map(|sent| sent.joints)
+    }
+
+    /// Who the arm says that it is; known once started.
+    pub fn version(&self) -> Option<&ArmVersion> {
+        self.version.as_ref()
+    }
+
+    /// The arm's serial number; known once started.
+    pub fn serial(&self) -> Option<&str> {
+        self.serial.as_deref()
+    }
+
+    /// What has happened so far.
+    pub fn counters(&self) -> ArmCounters {
+        self.counters
+    }
+
+    fn work(&mut self, now: Duration, steps: &'static [Step]) {
+        (self.target, self.sent) = (None, None);
+        let (home, speed_rad_s) = ([0.0; JOINTS], 0.0);
+        self.phase =
+            Phase::Working(Work { steps, at: 0, since: now, ask_at: now, idle: 0, home, speed_rad_s });
+    }
+
+    fn active(&self) -> bool {
+        matches!(self.phase, Phase::Working(_) | Phase::Ready | Phase::Manual)
+    }
+
+    /// Latches a fault: the arm is told to stop, and asked why if it may know.
+    fn fail(&mut self, fault: ArmFault) {
+        if !self.active() {
+            return;
+        }
+        self.phase = Phase::Fault(fault, true);
+        (self.target, self.sent) = (None, None);
+        self.halt = Some(Halt { since: None, again: Duration::ZERO });
+        self.ask_error = true;
+    }
+
+    /// Holds a new report against what the arm should be doing.
+    fn judge(&mut self, report: &Report, now: Duration) {
+        let (state, mode) = (report.state, report.mode);
+        if self.halt.is_some_and(|halt| halt.since.is_some_and(|since| now > since)) && state >= 4 {
+            self.halt = None;
+        }
+        let wanted = match self.phase {
+            Phase::Ready => SERVO,
+            Phase::Manual => MANUAL,
+            _ => return,
+        };
+        if mode != wanted || !(1..=2).contains(&state) {
+            return self.fail(ArmFault::UnexpectedState { state, mode });
+        }
+        let Some(sent) = self.sent else { return };
+        let (joint, by_rad) = largest_turn(&report.joints_rad.map(f64::from), &sent.joints);
+        if by_rad > self.config.following_limit_rad {
+            self.fail(ArmFault::NotFollowing { joint, by_rad });
+        }
+    }
+}

@@ -1,0 +1,177 @@
+//! What the controller's error, warning and servo codes mean, and what the operator does about them.
+//!
+//! Numbers and meanings are those of the fact sheet (hardware §2.8); what to do is our advice.
+
+/// One code, explained.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Advice {
+    /// The number.
+    pub code: u8,
+    /// What has happened.
+    pub meaning: &'static str,
+    /// What to do next.
+    pub remedy: &'static str,
+}
+
+impl std::fmt::Display for Advice {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "{} ({}): {}", self.code, self.meaning, self.remedy)
+    }
+}
+
+const RELEASE: &str = "make sure that nobody and nothing is in the way, release the button, then start again";
+const REBOOT: &str = "switch the control box off and on; if it comes back, call UFACTORY's support";
+const SUPPORT: &str = "write the code down and call UFACTORY's support";
+const SERVO: &str = "read the joint's servo code, switch the control box off and on, then start again";
+const CABLES: &str = "switch off, check the cables and plugs, switch on, then start again";
+const UNUSED: &str =
+    "nothing is expected there: unplug it, or switch it off in UFACTORY Studio, then start again";
+const NEARER: &str = "bring the arm home by hand or with UFACTORY Studio, then start again";
+const SLOWER: &str = "slow the motion down or smooth the targets, then start again";
+const OURS: &str =
+    "start again; if it comes back, keep the recording and report it: the driver sent something wrong";
+const CLEAR: &str =
+    "clear what the arm touched, check payload and collision sensitivity in the config, then start again";
+const FILES: &str = "restore the controller's configuration in UFACTORY Studio, then switch it off and on";
+const COOL: &str = "let it cool down, check the payload, then switch the control box off and on";
+
+/// Finds a code in a table, or says that it is not there.
+fn find(table: &[(u8, &'static str, &'static str)], code: u8) -> Advice {
+    let (meaning, remedy) = match table.iter().find(|row| row.0 == code) {
+        Some(&(_, meaning, remedy)) => (meaning, remedy),
+        None if code == 0 => ("none", "nothing to do"),
+        None => (
+            "not listed",
+            "look it up in UFACTORY's manual, clear the error in UFACTORY Studio, then start again",
+        ),
+    };
+    Advice { code, meaning, remedy }
+}
+
+/// Explains an error of the controller. 0 is none.
+pub fn controller_error(code: u8) -> Advice {
+    find(ERRORS, code)
+}
+
+/// Explains a warning of the controller. 0 is none.
+pub fn controller_warning(code: u8) -> Advice {
+    find(WARNINGS, code)
+}
+
+/// Explains the code of one servo. 0 is none.
+pub fn servo_code(code: u8) -> Advice {
+    find(SERVOS, code)
+}
+
+const ERRORS: &[(u8, &str, &str)] = &[
+    (1, "the emergency button is pressed", RELEASE),
+    (2, "the emergency input is open", RELEASE),
+    (3, "the three-position switch stops the arm", RELEASE),
+    (10, "a servo fails", SERVO),
+    (11, "the servo of joint 1 fails", SERVO),
+    (12, "the servo of joint 2 fails", SERVO),
+    (13, "the servo of joint 3 fails", SERVO),
+    (14, "the servo of joint 4 fails", SERVO),
+    (15, "the servo of joint 5 fails", SERVO),
+    (16, "the servo of joint 6 fails", SERVO),
+    (17, "the servo of joint 7 fails", SERVO),
+    (18, "the force sensor does not answer", UNUSED),
+    (19, "the end effector does not answer", UNUSED),
+    (21, "no joints reach the pose", NEARER),
+    (22, "the arm would hit itself", NEARER),
+    (23, "a joint is at its limit", NEARER),
+    (24, "a joint would be too fast", SLOWER),
+    (25, "the motion cannot be planned", NEARER),
+    (26, "the controller's real-time system fails", REBOOT),
+    (27, "a command was answered wrongly inside the controller", REBOOT),
+    (28, "the end module does not answer", CABLES),
+    (30, "the measured speed is beyond the limit", SLOWER),
+    (31, "a collision, or a current that looks like one", CLEAR),
+    (32, "an arc cannot be computed", OURS),
+    (33, "the control box's inputs and outputs fail", REBOOT),
+    (34, "recording a path took too long", "record a shorter path"),
+    (35, "the arm is outside its safety boundary", NEARER),
+    (36, "too many delayed commands", OURS),
+    (37, "the arm moved oddly while led by hand", "lead it more slowly, check the payload, then start again"),
+    (38, "a joint angle is not possible", SERVO),
+    (39, "the power board does not answer", CABLES),
+    (40, "no joint path is free of errors", NEARER),
+    (41, "the friction file is damaged", FILES),
+    (42, "the calibration file is damaged", FILES),
+    (43, "the dynamics cannot be loaded", FILES),
+    (44, "the serial numbers of arm and control box do not match", SUPPORT),
+    (50, "the force sensor fails", UNUSED),
+    (51, "the force sensor fails", UNUSED),
+    (52, "the force sensor fails", UNUSED),
+    (53, "the force sensor fails", UNUSED),
+    (60, "the tool would be too fast in servo mode", SLOWER),
+    (110, "the board in the arm's base does not answer", CABLES),
+    (111, "the external RS-485 device does not answer", UNUSED),
+];
+
+const WARNINGS: &[(u8, &str, &str)] = &[
+    (11, "the queue is full", OURS),
+    (12, "a parameter is wrong", OURS),
+    (13, "the command is not known", "update the controller's firmware in UFACTORY Studio"),
+    (14, "there is no solution", NEARER),
+    (15, "the Modbus queue is full", OURS),
+];
+
+const SERVOS: &[(u8, &str, &str)] = &[
+    (10, "the current cannot be measured", REBOOT),
+    (11, "too much current", CLEAR),
+    (12, "too fast", SLOWER),
+    (14, "the commanded position is beyond the limit", NEARER),
+    (15, "too hot", COOL),
+    (16, "the encoder does not start", REBOOT),
+    (17, "the single-turn encoder fails", REBOOT),
+    (18, "the multi-turn encoder fails", REBOOT),
+    (19, "the battery of the encoder is low", SUPPORT),
+    (20, "the driver chip fails", REBOOT),
+    (21, "the driver does not start", REBOOT),
+    (22, "the encoder is configured wrongly", REBOOT),
+    (23, "the joint is far from where it should be", CLEAR),
+    (26, "the joint overran its positive end", NEARER),
+    (27, "the joint overran its negative end", NEARER),
+    (28, "the joint got a wrong command", REBOOT),
+    (33, "the drive is overloaded", COOL),
+    (34, "the motor is overloaded", COOL),
+    (35, "the motor is of the wrong type", SUPPORT),
+    (36, "the driver is of the wrong type", SUPPORT),
+    (39, "too much voltage", CABLES),
+    (40, "too little voltage", CABLES),
+    (49, "the memory fails", SUPPORT),
+    (52, "the angle cannot be initialised", REBOOT),
+    (58, "torque commands stopped coming", REBOOT),
+];
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The numbers of the fact sheet, §2.8, in its order.
+    const SHEET_ERRORS: &str = "1 2 3 10 11 12 13 14 15 16 17 18 19 21 22 23 24 25 26 27 28 30 31 32 33 34 35 36 37 38 \
+        39 40 41 42 43 44 50 51 52 53 60 110 111";
+    const SHEET_WARNINGS: &str = "11 12 13 14 15";
+    const SHEET_SERVOS: &str = "10 11 12 14 15 16 17 18 19 20 21 22 23 26 27 28 33 34 35 36 39 40 49 52 58";
+
+    #[test]
+    fn every_code_of_the_fact_sheet_is_explained_and_no_other() {
+        type Explain = fn(u8) -> Advice;
+        let tables: [(&str, Explain); 3] = [
+            (SHEET_ERRORS, controller_error),
+            (SHEET_WARNINGS, controller_warning),
+            (SHEET_SERVOS, servo_code),
+        ];
+        for (sheet, explain) in tables {
+            let listed: Vec<u8> = sheet.split_whitespace().map(|code| code.parse().unwrap()).collect();
+            for code in 0..=u8::MAX {
+                let advice = explain(code);
+                assert_eq!(advice.code, code);
+                assert!(!advice.meaning.is_empty() && !advice.remedy.is_empty());
+                let known = !["none", "not listed"].contains(&advice.meaning);
+                assert_eq!(known, listed.contains(&code), "{advice}");
+            }
+        }
+    }
+}

@@ -1,0 +1,442 @@
+//! Where the flange of an xArm7 is for given joints, and which joints bring it to a given pose.
+//!
+//! The arm has one joint more than a pose needs. What is left over is spent on staying near the previous
+//! joints, so that a path travelled there and back ends where it began.
+
+use std::f64::consts::{FRAC_PI_2, PI};
+
+use nalgebra::{Cholesky, Matrix3, Matrix6, Rotation3, SMatrix, SVector, Vector3, Vector6};
+
+/// Joints of the arm.
+pub const JOINTS: usize = 7;
+
+/// Derivative of the pose with respect to the joints: three rows in m/rad, then three in rad/rad.
+pub type Jacobian = SMatrix<f64, 6, JOINTS>;
+
+/// What every hardware model of the arm can reach, rad (fact sheet hardware §2.6: the narrower of the two
+/// rows).
+pub const JOINT_LIMITS_RAD: [(f64, f64); JOINTS] = [
+    (-2.0 * PI, 2.0 * PI),
+    (-2.042035, 2.024581),
+    (-2.0 * PI, 2.0 * PI),
+    (-0.10472, 3.92699),
+    (-2.0 * PI, 2.0 * PI),
+    (-1.692969, PI),
+    (-2.0 * PI, 2.0 * PI),
+];
+
+/// Where the paper's rig begins and ends, degrees (fact sheet hardware §0).
+pub const PAPER_HOME_DEG: [f64; JOINTS] = [0.0, 10.0, 0.0, 107.3, 180.0, -10.9, -225.0];
+
+/// Modified Denavit-Hartenberg rows: angle to the previous axis (rad), distance from it (m), offset along the
+/// own (m) (fact sheet hardware §2.12).
+const LINKS: [(f64, f64, f64); JOINTS] = [
+    (0.0, 0.0, 0.267),
+    (-FRAC_PI_2, 0.0, 0.0),
+    (FRAC_PI_2, 0.0, 0.293),
+    (FRAC_PI_2, 0.0525, 0.0),
+    (FRAC_PI_2, 0.0775, 0.3425),
+    (FRAC_PI_2, 0.0, 0.0),
+    (-FRAC_PI_2, 0.076, 0.097),
+];
+
+/// Farthest that one iteration of the inverse moves its target (fact sheet hardware §2.12).
+const STEP_M: f64 = 0.02;
+/// The same for the orientation.
+const STEP_RAD: f64 = 0.1;
+/// Four metres of steps: more than twice the reach.
+const MAX_ITERATIONS: usize = 200;
+/// Nearer than this, in m and in rad, only the target counts.
+const SETTLED: f64 = 1e-5;
+/// An answer is one whose pose differs by less than this, in m and in rad.
+const RESIDUAL: f64 = 1e-10;
+/// An answer with a smaller singular value of the Jacobian is refused: joint speeds would be beyond any use
+/// there.
+const SINGULAR: f64 = 0.02;
+/// Keeps the linear system solvable at singular joints; far below what moves an answer elsewhere.
+const DAMPING: f64 = 1e-9;
+
+/// Position and orientation of the flange in the frame of the robot's base.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Pose {
+    /// Position, m.
+    pub position_m: Vector3<f64>,
+    /// Orientation: turns flange coordinates into base coordinates.
+    pub rotation: Rotation3<f64>,
+}
+
+impl Pose {
+    /// From a position and roll, pitch and yaw about the fixed axes x, y and z (rad), which is the arm's
+    /// convention (fact sheet hardware §2.12).
+    pub fn from_rpy(position_m: [f64; 3], rpy_rad: [f64; 3]) -> Self {
+        let [roll, pitch, yaw] = rpy_rad;
+        Self {
+            position_m: Vector3::from(position_m),
+            rotation: Rotation3::from_euler_angles(roll, pitch, yaw),
+        }
+    }
+
+    /// Roll, pitch and yaw about the fixed axes, rad.
+    pub fn rpy_rad(&self) -> [f64; 3] {
+        let matrix = self.rotation.matrix();
+        let level = matrix[(2, 1)].hypot(matrix[(2, 2)]);
+        let pitch = (-matrix[(2, 0)]).atan2(level);
+        if level < 1e-6 {
+            // Straight up or down, roll and yaw turn about the same axis: all of it is called roll.
+            return [(-matrix[(1, 2)]).atan2(matrix[(1, 1)]), pitch, 0.0];
+        }
+        [matrix[(2, 1)].atan2(matrix[(2, 2)]), pitch, matrix[(1, 0)].atan2(matrix[(0, 0)])]
+    }
+
+    /// As the arm writes it: x, y, z in mm, then roll, pitch, yaw in rad.
+    pub fn to_wire(&self) -> [f32; 6] {
+        let ([x, y, z], [roll, pitch, yaw]) = (self.position_m.into(), self.rpy_rad());
+        [x * 1e3, y * 1e3, z * 1e3, roll, pitch, yaw].map(|value| value as f32)
+    }
+
+    /// Reads what [`to_wire`](Self::to_wire) writes.
+    pub fn from_wire(wire: [f32; 6]) -> Self {
+        let [x, y, z, roll, pitch, yaw] = wire.map(f64::from);
+        Self::from_rpy([x * 1e-3, y * 1e-3, z * 1e-3], [roll, pitch, yaw])
+    }
+
+    /// What leads from here to `target`: a shift (m) and a turn about a base-frame axis (rad).
+    fn twist_to(&self, target: &Self) -> Vector6<f64> {
+        let shift = target.position_m - self.position_m;
+        let turn = logarithm(&(target.rotation * self.rotation.inverse()));
+        Vector6::new(shift.x, shift.y, shift.z, turn.x, turn.y, turn.z)
+    }
+}
+
+/// The pose cannot be reached as asked.
+#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
+pub enum KinematicsError {
+    /// A target or starting joint is not a number.
+    #[error(
+        "the pose or the joints to start from hold a value that is not a number; check what computes them"
+    )]
+    NotFinite,
+    /// No joints reach the pose.
+    #[error(
+        "no joints reach the pose: {short_by_m:.3} m are missing; move the keyboard or the slide's ends nearer to the arm"
+    )]
+    OutOfReach {
+        /// How much is missing at the nearest point found, m.
+        short_by_m: f64,
+    },
+    /// The nearest joints that reach the pose are beyond a limit.
+    #[error(
+        "joint {joint} would be at {angle_rad:.3} rad, allowed are {lowest_rad:.3} to {highest_rad:.3}; \
+         start from other joints or move the target"
+    )]
+    BeyondLimit {
+        /// Which joint, counted from 1 as on the arm.
+        joint: usize,
+        /// Where it would have to be, rad.
+        angle_rad: f64,
+        /// Smallest allowed angle, rad.
+        lowest_rad: f64,
+        /// Largest allowed angle, rad.
+        highest_rad: f64,
+    },
+    /// The arm is (nearly) stretched or folded there, and cannot move in every direction.
+    #[error(
+        "the arm is nearly singular there (smallest singular value {singular_value:.4}); bend it more, or move the target"
+    )]
+    NearSingular {
+        /// Smallest singular value of the Jacobian.
+        singular_value: f64,
+    },
+}
+
+/// The pose of the flange for joints in rad.
+pub fn forward(joints_rad: &[f64; JOINTS]) -> Pose {
+    let mut pose = Pose { position_m: Vector3::zeros(), rotation: Rotation3::identity() };
+    walk(joints_rad, |_, link| pose = link);
+    pose
+}
+
+/// The Jacobian of [`forward`] for joints in rad.
+pub fn jacobian(joints_rad: &[f64; JOINTS]) -> Jacobian {
+    forward_and_jacobian(joints_rad).1
+}
+
+/// The joints (rad) that bring the flange to `target`: of all that do, those that a path from `near` leads
+/// to.
+///
+/// # Errors
+/// If there are none, if they are outside [`JOINT_LIMITS_RAD`], or if the arm is nearly singular there.
+pub fn inverse(target: &Pose, near: &[f64; JOINTS]) -> Result<[f64; JOINTS], KinematicsError> {
+    let wanted = target.position_m.iter().chain(target.rotation.matrix().iter());
+    if !wanted.chain(near).all(|value| value.is_finite()) {
+        return Err(KinematicsError::NotFinite);
+    }
+    let near = SVector::from(*near);
+    let mut joints = near;
+    for _ in 0..MAX_ITERATIONS {
+        let (pose, jacobian) = forward_and_jacobian(&joints.into());
+        let twist = pose.twist_to(target);
+        let (shift, turn) = lengths(&twist);
+        if shift < RESIDUAL && turn < RESIDUAL {
+            return accept(joints.into(), &jacobian);
+        }
+        let share = (STEP_M / shift.max(STEP_M)).min(STEP_RAD / turn.max(STEP_RAD));
+        // The step that reaches the target, and of all those the one that ends nearest to `near`; without the
+        // latter at the end, where it would only slow the convergence.
+        let home = if shift.max(turn) > SETTLED { near - joints } else { SVector::zeros() };
+        let damped = jacobian * jacobian.transpose() + Matrix6::identity() * DAMPING;
+        let Some(factors) = Cholesky::new(damped) else { break };
+        let step: SVector<f64, JOINTS> =
+            home + jacobian.transpose() * factors.solve(&(twist * share - jacobian * home));
+        // A step of a rad or more means that the linear picture no longer holds.
+        joints += step * (0.5 / step.amax().max(0.5));
+    }
+    let (short_by_m, _) = lengths(&forward(&joints.into()).twist_to(target));
+    Err(KinematicsError::OutOfReach { short_by_m })
+}
+
+/// The first joint beyond its limits, as the error that says so.
+pub(crate) fn within_limits(joints_rad: &[f64; JOINTS]) -> Result<(), KinematicsError> {
+    for (index, (&angle_rad, (lowest_rad, highest_rad))) in
+        joints_rad.iter().zip(JOINT_LIMITS_RAD).enumerate()
+    {
+        if !(lowest_rad..=highest_rad).contains(&angle_rad) {
+            return Err(KinematicsError::BeyondLimit {
+                joint: index + 1,
+                angle_rad,
+                lowest_rad,
+                highest_rad,
+            });
+        }
+    }
+    Ok(())
+}
+
+fn accept(joints: [f64; JOINTS], jacobian: &Jacobian) -> Result<[f64; JOINTS], KinematicsError> {
+    within_limits(&joints)?;
+    let squares = (jacobian * jacobian.transpose()).symmetric_eigenvalues();
+    let singular_value = squares.min().max(0.0).sqrt();
+    if singular_value < SINGULAR {
+        return Err(KinematicsError::NearSingular { singular_value });
+    }
+    Ok(joints)
+}
+
+/// Axis times angle (rad) of a rotation, to the last digit for small angles, where the arc cosine of the
+/// trace is not.
+pub(crate) fn logarithm(rotation: &Rotation3<f64>) -> Vector3<f64> {
+    let matrix = rotation.matrix();
+    let sines = Vector3::new(
+        matrix[(2, 1)] - matrix[(1, 2)],
+        matrix[(0, 2)] - matrix[(2, 0)],
+        matrix[(1, 0)] - matrix[(0, 1)],
+    ) / 2.0;
+    let (sin, cos) = (sines.norm(), (matrix.trace() - 1.0) / 2.0);
+    if sin > 1e-6 {
+        return sines * (sin.atan2(cos) / sin);
+    }
+    if cos > 0.0 {
+        return sines;
+    }
+    // Half a turn: matrix + 1 is twice the axis times its transpose.
+    let doubled = matrix + Matrix3::identity();
+    let longest = if doubled[(0, 0)] > 0.5 {
+        0
+    } else if doubled[(1, 1)] > 0.5 {
+        1
+    } else {
+        2
+    };
+    doubled.column(longest).normalize() * PI
+}
+
+/// Lengths of the shift (m) and the turn (rad) of a twist.
+fn lengths(twist: &Vector6<f64>) -> (f64, f64) {
+    (twist.fixed_rows::<3>(0).norm(), twist.fixed_rows::<3>(3).norm())
+}
+
+fn forward_and_jacobian(joints: &[f64; JOINTS]) -> (Pose, Jacobian) {
+    let mut axes = [(Vector3::zeros(), Vector3::zeros()); JOINTS];
+    let mut pose = Pose { position_m: Vector3::zeros(), rotation: Rotation3::identity() };
+    walk(joints, |joint, link| {
+        axes[joint] = (link.rotation.matrix().column(2).into_owned(), link.position_m);
+        pose = link;
+    });
+    let mut jacobian = Jacobian::zeros();
+    for (mut column, (axis, origin)) in jacobian.column_iter_mut().zip(axes) {
+        column.fixed_rows_mut::<3>(0).copy_from(&axis.cross(&(pose.position_m - origin)));
+        column.fixed_rows_mut::<3>(3).copy_from(&axis);
+    }
+    (pose, jacobian)
+}
+
+/// Calls `visit` with the index and the frame of each link, from the base outwards. The last one is the
+/// flange.
+fn walk(joints: &[f64; JOINTS], mut visit: impl FnMut(usize, Pose)) {
+    let (mut position_m, mut rotation) = (Vector3::zeros(), Matrix3::identity());
+    for (index, (angle, (twist, length, offset))) in joints.iter().zip(LINKS).enumerate() {
+        let ((sin, cos), (sin_twist, cos_twist)) = (angle.sin_cos(), twist.sin_cos());
+        position_m += rotation * Vector3::new(length, -sin_twist * offset, cos_twist * offset);
+        rotation *= Matrix3::new(
+            cos,
+            -sin,
+            0.0,
+            sin * cos_twist,
+            cos * cos_twist,
+            -sin_twist,
+            sin * sin_twist,
+            cos * sin_twist,
+            cos_twist,
+        );
+        visit(index, Pose { position_m, rotation: Rotation3::from_matrix_unchecked(rotation) });
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    /// The points of the slide's path, as the fact sheet computed them: y and z in mm, joints in degrees
+    /// (hardware §2.12).
+    const SLIDE_DEG: [(f64, f64, [f64; JOINTS]); 5] = [
+        (336.5, 169.0, [23.56, 39.75, 16.95, 74.83, 219.55, 67.36, -255.95]),
+        (166.835, 169.755, [11.94, 27.38, 9.63, 56.29, 202.81, 64.28, -240.06]),
+        (-2.83, 170.51, [-0.48, 23.04, 0.10, 50.14, 179.56, 62.90, -224.84]),
+        (-169.665, 171.255, [-12.65, 27.27, -9.24, 56.50, 156.71, 64.04, -209.82]),
+        (-336.5, 172.0, [-23.98, 39.28, -16.43, 74.78, 140.13, 66.93, -194.06]),
+    ];
+
+    fn radians(degrees: [f64; JOINTS]) -> [f64; JOINTS] {
+        degrees.map(f64::to_radians)
+    }
+
+    fn over_keys(y_mm: f64, z_mm: f64) -> Pose {
+        let rpy = [-90.0_f64, 225.0, -90.0].map(f64::to_radians);
+        Pose::from_rpy([0.485, y_mm * 1e-3, z_mm * 1e-3], rpy)
+    }
+
+    /// Travels in a straight line in steps of a millimetre.
+    fn travel(from: (f64, f64), to: (f64, f64), mut joints: [f64; JOINTS]) -> [f64; JOINTS] {
+        let steps = (to.0 - from.0).abs().ceil().max(1.0) as usize;
+        for step in 1..=steps {
+            let share = step as f64 / steps as f64;
+            let at = (from.0 + (to.0 - from.0) * share, from.1 + (to.1 - from.1) * share);
+            joints = inverse(&over_keys(at.0, at.1), &joints).unwrap();
+        }
+        joints
+    }
+
+    #[track_caller]
+    fn close(ours: &[f64], theirs: &[f64], tolerance: f64) {
+        let apart = ours.iter().zip(theirs).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+        assert!(apart < tolerance, "{ours:?} and {theirs:?} are {apart} apart");
+    }
+
+    #[test]
+    fn the_poses_of_the_fact_sheet() {
+        let zero = forward(&[0.0; JOINTS]);
+        close(zero.position_m.as_slice(), &[0.206, 0.0, 0.1205], 1e-12);
+        close(&zero.rpy_rad().map(f64::abs), &[PI, 0.0, 0.0], 1e-12);
+        let home = forward(&radians(PAPER_HOME_DEG));
+        close(home.position_m.as_slice(), &[0.524494, 0.0, 0.584883], 1e-6);
+        close(&home.rpy_rad().map(f64::to_degrees), &[95.084, -44.887, 86.407], 1e-3);
+        // The same orientation, said in two ways.
+        let ways = [[-90.0_f64, 225.0, -90.0], [90.0, -45.0, 90.0]]
+            .map(|rpy| Pose::from_rpy([0.0; 3], rpy.map(f64::to_radians)).rotation);
+        assert!(ways[0].angle_to(&ways[1]) < 1e-12);
+    }
+
+    #[test]
+    fn the_slide_of_the_fact_sheet() {
+        let (y, z, listed) = SLIDE_DEG[2];
+        let at_centre = inverse(&over_keys(y, z), &radians(listed)).unwrap();
+        // The redundant joint makes the answer depend on the path from home, of which the table does not say
+        // all.
+        let from_home = inverse(&over_keys(y, z), &radians(PAPER_HOME_DEG)).unwrap();
+        close(&from_home.map(f64::to_degrees), &listed, 0.2);
+        for (y, z, expected) in SLIDE_DEG {
+            let joints = travel((SLIDE_DEG[2].0, SLIDE_DEG[2].1), (y, z), at_centre);
+            let (at, wanted) = (forward(&joints), over_keys(y, z));
+            assert!(at.twist_to(&wanted).norm() < 1e-9);
+            close(&joints.map(f64::to_degrees), &expected, 0.015);
+            let squares = (jacobian(&joints) * jacobian(&joints).transpose()).symmetric_eigenvalues();
+            assert!((0.17..0.21).contains(&squares.min().sqrt()), "{}", squares.min().sqrt());
+        }
+    }
+
+    #[test]
+    fn of_all_answers_a_near_one_is_found() {
+        let home = radians(PAPER_HOME_DEG);
+        let found = inverse(&over_keys(336.5, 169.0), &home).unwrap();
+        let (away, jacobian) = (SVector::from(home) - SVector::from(found), jacobian(&found));
+        // What of the way back changes no pose.
+        let squares = (jacobian * jacobian.transpose()).try_inverse().unwrap();
+        let idle = away - jacobian.transpose() * squares * jacobian * away;
+        assert!(idle.norm() < 0.01, "{} of {}", idle.norm(), away.norm());
+    }
+
+    #[test]
+    fn there_and_back_ends_where_it_began() {
+        let (left, right) = ((336.5, 169.0), (-336.5, 172.0));
+        let start = radians(SLIDE_DEG[0].2);
+        let mut joints = inverse(&over_keys(left.0, left.1), &start).unwrap();
+        let before = joints;
+        joints = travel(right, left, travel(left, right, joints));
+        close(&joints.map(f64::to_degrees), &before.map(f64::to_degrees), 0.001);
+    }
+
+    #[test]
+    fn what_cannot_be_reached_is_refused() {
+        let home = radians(PAPER_HOME_DEG);
+        let far = Pose::from_rpy([1.5, 0.0, 0.3], [0.0; 3]);
+        assert!(
+            matches!(inverse(&far, &home), Err(KinematicsError::OutOfReach { short_by_m }) if short_by_m > 0.3)
+        );
+        let odd = Pose::from_rpy([f64::NAN, 0.0, 0.3], [0.0; 3]);
+        assert_eq!(inverse(&odd, &home), Err(KinematicsError::NotFinite));
+        let mut bent = [0.0, 0.3, 0.0, -0.4, 0.0, 0.5, 0.0];
+        let refused = inverse(&forward(&bent), &bent).unwrap_err();
+        assert!(matches!(refused, KinematicsError::BeyondLimit { joint: 4, .. }), "{refused}");
+        // Both shoulder axes in one line, and both wrist axes.
+        bent = [0.0; JOINTS];
+        let refused = inverse(&forward(&bent), &bent).unwrap_err();
+        assert!(matches!(refused, KinematicsError::NearSingular { .. }), "{refused}");
+    }
+
+    fn any_joints() -> impl Strategy<Value = [f64; JOINTS]> {
+        JOINT_LIMITS_RAD.map(|(lowest, highest)| lowest..highest)
+    }
+
+    proptest! {
+        #[test]
+        fn the_jacobian_is_the_derivative(joints in any_joints()) {
+            let (pose, jacobian) = forward_and_jacobian(&joints);
+            for joint in 0..JOINTS {
+                let mut moved = joints;
+                moved[joint] += 1e-6;
+                let change = pose.twist_to(&forward(&moved)) / 1e-6;
+                prop_assert!((change - jacobian.column(joint)).norm() < 1e-5);
+            }
+        }
+
+        #[test]
+        fn the_inverse_inverts(joints in any_joints(), nudge in prop::array::uniform7(-0.1..0.1)) {
+            let target = forward(&joints);
+            let near = std::array::from_fn(|joint| joints[joint] + nudge[joint]);
+            if let Ok(found) = inverse(&target, &near) {
+                let left = forward(&found).twist_to(&target);
+                prop_assert!(left.norm() < 1e-9);
+                prop_assert!(within_limits(&found).is_ok());
+            }
+        }
+
+        #[test]
+        fn poses_survive_the_wire(joints in any_joints()) {
+            let pose = forward(&joints);
+            let back = Pose::from_wire(pose.to_wire());
+            prop_assert!(pose.twist_to(&back).norm() < 2e-6, "{pose:?} {back:?}");
+        }
+    }
+}

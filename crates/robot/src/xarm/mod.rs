@@ -1,0 +1,21 @@
+//! The xArm7 over TCP: what its controller says and understands, where its flange is, its driver and an
+//! emulator.
+//!
+//! The driver never looks for Unix sockets, as the official SDK does: whatever listens there would silently
+//! take the place of the robot (fact sheet hardware §2.11).
+
+pub mod codec;
+pub mod driver;
+pub mod emulator;
+pub mod errors;
+pub mod kinematics;
+pub mod report;
+pub mod server;
+pub mod tcp;
+
+pub use driver::{
+    Arm, ArmConfig, ArmConfigError, ArmCounters, ArmError, ArmFault, ArmState, ArmVersion, TargetError,
+};
+pub use emulator::{ArmEmulator, ConnectionId, EmulatorConfig};
+pub use server::{ArmPorts, ArmServer, Reach};
+pub use tcp::{ArmConnection, ArmLinkError};

@@ -1,0 +1,364 @@
+//! What the controller tells unasked, over and over: 30003 at 100 Hz, 30001 and 30002 at 5 Hz (fact sheet
+//! hardware §2.7).
+
+use super::codec::{floats, push_floats};
+use super::kinematics::JOINTS;
+
+/// Which of the report ports.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum ReportKind {
+    /// Port 30003: state, joints, pose and torque at 100 Hz.
+    Real,
+    /// Port 30001: the same with brakes, errors and payload, at 5 Hz.
+    Normal,
+    /// Port 30002: the same with limits and servo errors, at 5 Hz.
+    Rich,
+}
+
+impl ReportKind {
+    /// All of them.
+    pub const ALL: [Self; 3] = [Self::Real, Self::Normal, Self::Rich];
+
+    /// Its TCP port.
+    pub fn port(self) -> u16 {
+        match self {
+            Self::Real => 30003,
+            Self::Normal => 30001,
+            Self::Rich => 30002,
+        }
+    }
+
+    /// Bytes of a frame without what later firmware appends, and with what is written here.
+    fn size(self) -> usize {
+        match self {
+            Self::Real => 87,
+            Self::Normal => 145,
+            Self::Rich => 245,
+        }
+    }
+
+    /// Time from one frame to the next, ms.
+    pub(crate) fn period_ms(self) -> u64 {
+        if self == Self::Real { 10 } else { 200 }
+    }
+}
+
+/// Largest size word that is believed; the longest known report has 587 bytes.
+const MAX_SIZE: usize = 1024;
+
+/// One report.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Report {
+    /// State of the arm: 1 moving, 2 ready, 3 paused, 4 stopped, 5 reset, 6 stopping.
+    pub state: u8,
+    /// Mode: 0 planned moves, 1 servo, 2 by hand.
+    pub mode: u8,
+    /// Commands in the queue.
+    pub queue: u16,
+    /// Joints, rad.
+    pub joints_rad: [f32; JOINTS],
+    /// Pose of the tool, as on the wire: x, y, z in mm, then roll, pitch, yaw in rad.
+    pub pose_mm_rad: [f32; 6],
+    /// Torques, N m.
+    pub torques_nm: [f32; JOINTS],
+    /// What 30001 and 30002 add.
+    pub details: Details,
+}
+
+/// What 30001 and 30002 add to a report. All zero in the others.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Details {
+    /// Bit i: the brake of joint i + 1 is released.
+    pub brakes: u8,
+    /// Bit i: joint i + 1 is enabled.
+    pub enabled: u8,
+    /// Controller error, 0 for none.
+    pub error: u8,
+    /// Controller warning, 0 for none.
+    pub warning: u8,
+    /// Offset of the tool from the flange, as on the wire: mm and rad.
+    pub tcp_offset_mm_rad: [f32; 6],
+    /// Payload, kg, and its centre, mm.
+    pub payload_kg_mm: [f32; 4],
+    /// How easily a collision is seen, 0 (off) to 5.
+    pub collision_sensitivity: u8,
+    /// How easily the arm follows the hand, 1 to 5.
+    pub teach_sensitivity: u8,
+    /// Direction of gravity.
+    pub gravity: [f32; 3],
+    /// 30002: status and code of each servo.
+    pub servos: [[u8; 2]; JOINTS],
+}
+
+/// Limits that 30002 tells (fact sheet hardware §2.6): jerk, smallest and largest acceleration, smallest and
+/// largest speed; first in mm, then in rad; then jerk and acceleration of turns, which the fact sheet does
+/// not know.
+const LIMITS: [f32; 12] =
+    [7000.0, 0.0, 50000.0, 0.0, 1000.0, 200.0, 0.0, 20.0, 0.0, std::f32::consts::PI, 0.0, 0.0];
+
+impl Report {
+    /// Appends the frame that `kind` sends.
+    pub fn write(&self, kind: ReportKind, firmware: &str, out: &mut Vec<u8>) {
+        let (start, details) = (out.len(), &self.details);
+        out.extend((kind.size() as u32).to_be_bytes());
+        out.push(self.state & 0x0F | self.mode << 4);
+        out.extend(self.queue.to_be_bytes());
+        push_floats(out, &self.joints_rad);
+        push_floats(out, &self.pose_mm_rad);
+        push_floats(out, &self.torques_nm);
+        if kind != ReportKind::Real {
+            out.extend([details.brakes, details.enabled, details.error, details.warning]);
+            push_floats(out, &details.tcp_offset_mm_rad);
+            push_floats(out, &details.payload_kg_mm);
+            out.extend([details.collision_sensitivity, details.teach_sensitivity]);
+            push_floats(out, &details.gravity);
+        }
+        if kind == ReportKind::Rich {
+            // Type and axes, then what the controller calls its master, its slave and its motors.
+            out.extend([JOINTS as u8, JOINTS as u8, 0xAA, 0x55, 0, 0]);
+            out.extend(firmware.bytes().chain(std::iter::repeat(0)).take(30));
+            push_floats(out, &LIMITS);
+            out.extend(details.servos.as_flattened());
+        }
+        out.resize(start + kind.size(), 0);
+    }
+
+    /// Reads a whole frame; `None` if it is too short, or holds what no report can.
+    fn read(kind: ReportKind, frame: &[u8]) -> Option<Self> {
+        let at = |offset: usize| frame.get(offset..);
+        let &[.., state_and_mode, high, low] = frame.get(..7)? else { return None };
+        let mut report = Self {
+            state: state_and_mode & 0x0F,
+            mode: state_and_mode >> 4,
+            queue: u16::from_be_bytes([high, low]),
+            joints_rad: floats(at(7)?)?,
+            pose_mm_rad: floats(at(35)?)?,
+            torques_nm: floats(at(59)?)?,
+            details: Details::default(),
+        };
+        if kind != ReportKind::Real {
+            let &[brakes, enabled, error, warning] = frame.get(87..91)? else { return None };
+            let &[collision_sensitivity, teach_sensitivity] = frame.get(131..133)? else { return None };
+            report.details = Details {
+                brakes,
+                enabled,
+                error,
+                warning,
+                tcp_offset_mm_rad: floats(at(91)?)?,
+                payload_kg_mm: floats(at(115)?)?,
+                collision_sensitivity,
+                teach_sensitivity,
+                gravity: floats(at(133)?)?,
+                servos: [[0; 2]; JOINTS],
+            };
+        }
+        if kind == ReportKind::Rich {
+            report.details.servos.as_flattened_mut().copy_from_slice(frame.get(229..243)?);
+        }
+        // Modes and states as the official SDK believes them.
+        let possible = report.state <= 9 && report.mode <= 11;
+        let details = &report.details;
+        let sensible = details.collision_sensitivity <= 5 && details.teach_sensitivity <= 5;
+        (possible && sensible && report.joints_rad.iter().all(|angle| angle.is_finite())).then_some(report)
+    }
+}
+
+/// Finds the reports in a stream of bytes, however it is cut up.
+#[derive(Debug)]
+pub struct ReportParser {
+    kind: ReportKind,
+    buffer: Vec<u8>,
+    /// What the first report had; all later ones have the same.
+    size: Option<usize>,
+    skipped: u64,
+}
+
+impl ReportParser {
+    /// For the stream of one port.
+    pub fn new(kind: ReportKind) -> Self {
+        Self { kind, buffer: Vec::new(), size: None, skipped: 0 }
+    }
+
+    /// The next report. Takes bytes off the front of `bytes` as it needs them: call it again until it returns
+    /// `None`.
+    pub fn next(&mut self, bytes: &mut &[u8]) -> Option<Report> {
+        loop {
+            let wanted = self.announced().unwrap_or(4);
+            let taken = wanted.saturating_sub(self.buffer.len()).min(bytes.len());
+            let (now, later) = bytes.split_at(taken);
+            self.buffer.extend_from_slice(now);
+            *bytes = later;
+            if self.buffer.len() < 4 {
+                return None;
+            }
+            let Some(size) = self.announced() else {
+                self.skip();
+                continue;
+            };
+            if self.buffer.len() < size {
+                if bytes.is_empty() {
+                    return None;
+                }
+                continue;
+            }
+            if let Some(report) = Report::read(self.kind, &self.buffer[..size]) {
+                self.buffer.drain(..size);
+                self.size = Some(size);
+                return Some(report);
+            }
+            self.skip();
+        }
+    }
+
+    /// Bytes that belonged to no report; anything but 0 means that the other side speaks something else.
+    pub fn skipped(&self) -> u64 {
+        self.skipped
+    }
+
+    /// The size word at the start of the buffer, if it is a possible one.
+    fn announced(&self) -> Option<usize> {
+        let word: [u8; 4] = self.buffer.get(..4)?.try_into().ok()?;
+        let size = u32::from_be_bytes(word) as usize;
+        let possible = match self.size {
+            Some(first) => size == first,
+            None => (self.kind.size()..=MAX_SIZE).contains(&size),
+        };
+        possible.then_some(size)
+    }
+
+    fn skip(&mut self) {
+        self.buffer.remove(0);
+        self.skipped += 1;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    fn any_report() -> impl Strategy<Value = Report> {
+        let head = (0..10_u8, 0..12_u8, any::<u16>());
+        let numbers = (
+            prop::array::uniform7(-7.0..7.0_f32),
+            prop::array::uniform6(-900.0..900.0_f32),
+            prop::array::uniform7(-50.0..50.0_f32),
+        );
+        let bytes = (any::<[u8; 4]>(), 0..=5_u8, 0..=5_u8, any::<[[u8; 2]; JOINTS]>());
+        let rest = (prop::array::uniform6(-9.0..9.0_f32), prop::array::uniform4(0.0..9.0_f32));
+        (head, numbers, bytes, rest).prop_map(|((state, mode, queue), numbers, bytes, rest)| Report {
+            state,
+            mode,
+            queue,
+            joints_rad: numbers.0,
+            pose_mm_rad: numbers.1,
+            torques_nm: numbers.2,
+            details: Details {
+                brakes: bytes.0[0],
+                enabled: bytes.0[1],
+                error: bytes.0[2],
+                warning: bytes.0[3],
+                tcp_offset_mm_rad: rest.0,
+                payload_kg_mm: rest.1,
+                collision_sensitivity: bytes.1,
+                teach_sensitivity: bytes.2,
+                gravity: [0.0, 0.0, -1.0],
+                servos: bytes.3,
+            },
+        })
+    }
+
+    /// What is left of a report on the port of this kind.
+    fn as_sent(report: &Report, kind: ReportKind) -> Report {
+        let mut report = *report;
+        match kind {
+            ReportKind::Real => report.details = Details::default(),
+            ReportKind::Normal => report.details.servos = Default::default(),
+            ReportKind::Rich => {}
+        }
+        report
+    }
+
+    #[test]
+    fn the_offsets_of_the_fact_sheet() {
+        let report = Report {
+            state: 2,
+            mode: 1,
+            queue: 0x0102,
+            joints_rad: [1.0; 7],
+            pose_mm_rad: [2.0; 6],
+            torques_nm: [3.0; 7],
+            details: Details {
+                brakes: 0x7F,
+                enabled: 0x7E,
+                error: 23,
+                warning: 11,
+                tcp_offset_mm_rad: [4.0; 6],
+                payload_kg_mm: [5.0; 4],
+                collision_sensitivity: 3,
+                teach_sensitivity: 4,
+                gravity: [6.0; 3],
+                servos: [[0, 9]; 7],
+            },
+        };
+        let mut frame = Vec::new();
+        report.write(ReportKind::Rich, "7,7,XS1304,AC1302,v2.4.0", &mut frame);
+        assert_eq!(frame.len(), 245);
+        assert_eq!(frame[..7], [0, 0, 0, 245, 0x12, 1, 2]);
+        let float = |at: usize| f32::from_le_bytes(frame[at..at + 4].try_into().unwrap());
+        let numbers = [7, 35, 59, 91, 115, 133, 181, 197, 217].map(float);
+        assert_eq!(numbers, [1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7000.0, 1000.0, std::f32::consts::PI]);
+        assert_eq!(frame[87..91], [0x7F, 0x7E, 23, 11]);
+        assert_eq!((&frame[131..133], &frame[145..149]), (&[3, 4][..], &[7, 7, 0xAA, 0x55][..]));
+        assert_eq!((&frame[151..154], &frame[229..231]), (&b"7,7"[..], &[0, 9][..]));
+        let sizes = ReportKind::ALL.map(|kind| {
+            let mut frame = Vec::new();
+            report.write(kind, "", &mut frame);
+            (kind.port(), frame.len())
+        });
+        assert_eq!(sizes, [(30003, 87), (30001, 145), (30002, 245)]);
+    }
+
+    proptest! {
+        #[test]
+        fn any_cut_gives_the_same_reports(
+            reports in prop::collection::vec(any_report(), 1..5),
+            longer in 0..300_usize,
+            cut in 1..300_usize,
+            kind in prop::sample::select(&ReportKind::ALL[..]),
+        ) {
+            // Later firmware appends fields that are not looked at.
+            let mut stream = Vec::new();
+            for report in &reports {
+                let start = stream.len();
+                report.write(kind, "v2.4.0", &mut stream);
+                stream.resize(stream.len() + longer, 0xA5);
+                let size = (stream.len() - start) as u32;
+                stream[start..start + 4].copy_from_slice(&size.to_be_bytes());
+            }
+            let (mut parser, mut found) = (ReportParser::new(kind), Vec::new());
+            for mut piece in stream.chunks(cut) {
+                while let Some(report) = parser.next(&mut piece) {
+                    found.push(report);
+                }
+            }
+            let sent: Vec<_> = reports.iter().map(|report| as_sent(report, kind)).collect();
+            prop_assert_eq!(found, sent);
+            prop_assert_eq!(parser.skipped(), 0);
+        }
+
+        #[test]
+        fn garbage_passes(
+            garbage in prop::collection::vec(prop_oneof![Just(0_u8), any::<u8>()], 0..3000),
+            kind in prop::sample::select(&ReportKind::ALL[..]),
+        ) {
+            let mut parser = ReportParser::new(kind);
+            let mut bytes = garbage.as_slice();
+            while let Some(report) = parser.next(&mut bytes) {
+                prop_assert!(report.joints_rad.iter().all(|angle| angle.is_finite()));
+            }
+            prop_assert!(bytes.is_empty() && parser.buffer.len() <= MAX_SIZE);
+        }
+    }
+}

@@ -1,0 +1,165 @@
+//! The two sockets between the driver and an arm, real or emulated.
+
+use std::io::{self, ErrorKind, Read as _, Write as _};
+use std::net::{TcpStream, ToSocketAddrs as _};
+use std::time::Duration;
+
+/// Ports of commands and of reports (fact sheet hardware §2.1).
+const PORTS: (u16, u16) = (502, 30003);
+/// Longest time to connect, as in the official SDK.
+const CONNECT_TIMEOUT: Duration = Duration::from_secs(1);
+/// Commands that may wait for the network, in bytes. A servo target has 47: more than this has waited for too
+/// long.
+const MAX_UNSENT: usize = 4096;
+
+/// The connection to the arm fails.
+#[derive(Debug, thiserror::Error)]
+pub enum ArmLinkError {
+    /// The address makes no sense.
+    #[error("\"{0}\" is not an arm's address; write a name or address, or name:command-port:report-port")]
+    Address(String),
+    /// No connection.
+    #[error(
+        "cannot connect to the arm at {host} port {port}: {source}; \
+         check that the control box is on and that this computer is in its network"
+    )]
+    Connect {
+        /// Where.
+        host: String,
+        /// Which of the two ports.
+        port: u16,
+        /// Why not.
+        source: io::Error,
+    },
+    /// The connection broke.
+    #[error(
+        "the connection to the arm broke while {doing}: {source}; check cable and control box, then connect again"
+    )]
+    Broken {
+        /// What was being done.
+        doing: &'static str,
+        /// How.
+        source: io::Error,
+    },
+}
+
+/// Both sockets.
+#[derive(Debug)]
+pub struct ArmConnection {
+    commands: TcpStream,
+    reports: TcpStream,
+    unsent: Vec<u8>,
+}
+
+impl ArmConnection {
+    /// Connects to `host`, or to `host:command-port:report-port` for an emulator on ports of its own.
+    ///
+    /// # Errors
+    /// If the address cannot be read, or nothing answers there within a second.
+    pub fn open(host: &str) -> Result<Self, ArmLinkError> {
+        let (name, (command, report)) = parse(host).ok_or_else(|| ArmLinkError::Address(host.into()))?;
+        Ok(Self { commands: connect(name, command)?, reports: connect(name, report)?, unsent: Vec::new() })
+    }
+
+    /// Appends what has come from the command port. Never waits.
+    ///
+    /// # Errors
+    /// If the connection is gone.
+    pub fn receive_commands(&mut self, bytes: &mut Vec<u8>) -> Result<(), ArmLinkError> {
+        let broken = |source| ArmLinkError::Broken { doing: "reading replies", source };
+        read(&mut self.commands, |piece| bytes.extend_from_slice(piece)).map_err(broken)
+    }
+
+    /// Appends what has come from the report port. Never waits.
+    ///
+    /// # Errors
+    /// If the connection is gone.
+    pub fn receive_reports(&mut self, bytes: &mut Vec<u8>) -> Result<(), ArmLinkError> {
+        let broken = |source| ArmLinkError::Broken { doing: "reading reports", source };
+        read(&mut self.reports, |piece| bytes.extend_from_slice(piece)).map_err(broken)
+    }
+
+    /// Sends to the command port, after what the network has not taken yet. Never waits: call it again with
+    /// nothing to send the rest.
+    ///
+    /// # Errors
+    /// If the connection is gone, or the arm does not take commands any more.
+    pub fn send(&mut self, bytes: &[u8]) -> Result<(), ArmLinkError> {
+        self.unsent.extend_from_slice(bytes);
+        let broken = |source| ArmLinkError::Broken { doing: "sending", source };
+        while !self.unsent.is_empty() {
+            match self.commands.write(&self.unsent) {
+                Ok(0) => return Err(broken(ErrorKind::WriteZero.into())),
+                Ok(count) => {
+                    self.unsent.drain(..count);
+                }
+                Err(error) if error.kind() == ErrorKind::Interrupted => {}
+                Err(error) if error.kind() == ErrorKind::WouldBlock => break,
+                Err(error) => return Err(broken(error)),
+            }
+        }
+        if self.unsent.len() > MAX_UNSENT {
+            return Err(broken(ErrorKind::TimedOut.into()));
+        }
+        Ok(())
+    }
+}
+
+/// Splits the ports off an address that has both.
+fn parse(host: &str) -> Option<(&str, (u16, u16))> {
+    let mut parts = host.split(':');
+    let name = parts.next().filter(|name| !name.trim().is_empty())?;
+    let ports = match (parts.next(), parts.next(), parts.next()) {
+        (None, None, None) => PORTS,
+        (Some(command), Some(report), None) => (command.parse().ok()?, report.parse().ok()?),
+        _ => return None,
+    };
+    Some((name, ports))
+}
+
+fn connect(host: &str, port: u16) -> Result<TcpStream, ArmLinkError> {
+    let attempt = || {
+        let mut last = io::Error::from(ErrorKind::NotFound);
+        for address in (host, port).to_socket_addrs()? {
+            match TcpStream::connect_timeout(&address, CONNECT_TIMEOUT) {
+                Ok(stream) => {
+                    stream.set_nodelay(true)?;
+                    stream.set_nonblocking(true)?;
+                    return Ok(stream);
+                }
+                Err(error) => last = error,
+            }
+        }
+        Err(last)
+    };
+    attempt().map_err(|source| ArmLinkError::Connect { host: host.into(), port, source })
+}
+
+/// Reads what is there.
+fn read(stream: &mut TcpStream, mut take: impl FnMut(&[u8])) -> io::Result<()> {
+    let mut buffer = [0; 2048];
+    loop {
+        match stream.read(&mut buffer) {
+            Ok(0) => return Err(ErrorKind::UnexpectedEof.into()),
+            Ok(count) => take(buffer.get(..count).unwrap_or_default()),
+            Err(error) if error.kind() == ErrorKind::Interrupted => {}
+            Err(error) if error.kind() == ErrorKind::WouldBlock => return Ok(()),
+            Err(error) => return Err(error),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn addresses_are_read() {
+        assert_eq!(parse("192.168.1.111"), Some(("192.168.1.111", PORTS)));
+        assert_eq!(parse("127.0.0.1:5020:5003"), Some(("127.0.0.1", (5020, 5003))));
+        for odd in ["", ":1:2", "arm:1", "arm:1:2:3", "arm:1:seventy"] {
+            assert_eq!(parse(odd), None, "{odd}");
+        }
+        assert!(matches!(ArmConnection::open("arm:1"), Err(ArmLinkError::Address(_))));
+    }
+}

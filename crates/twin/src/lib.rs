@@ -1,0 +1,16 @@
+//! The twin: a robot that is not there. Its devices are the emulators of `etude-robot`, which speak the same bytes as the
+//! real ones; what moves them is a MuJoCo world with a [`Truth`] of its own, finer in time than the simulator and unknown
+//! to whoever plays on it.
+//!
+//! [`Lockstep`] lets a controller and a twin run against each other without sockets or clocks; [`TwinServer`] puts a twin
+//! on sockets, by the wall clock.
+
+mod lockstep;
+mod server;
+mod truth;
+mod twin;
+
+pub use lockstep::Lockstep;
+pub use server::{ServeError, TwinServer};
+pub use truth::{ArmTruth, HandTruth, LinksTruth, Truth, TruthError};
+pub use twin::{ARM_SERIAL, SHOWN_KEYS, STEP, Twin, TwinError, calibration};

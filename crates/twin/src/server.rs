@@ -1,0 +1,165 @@
+//! A twin on sockets, by the wall clock: what `etude twin` runs, and what a controller in another process plays on as if
+//! it were a rig.
+//!
+//! In its folder lie the sockets of the hand's bus and of the keyboard, the rig's file and its calibration. The arm
+//! listens on free ports of this machine. Faults of the arm's link are for [`Lockstep`] only.
+
+use std::net::{IpAddr, Ipv4Addr};
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
+
+use etude_robot::Pace as _;
+use etude_robot::calibration::CalibrationError;
+use etude_robot::can::{CanError, CanTransport as _, Hub, HubTransport};
+use etude_robot::keyboard::{MidiError, MidiOutlet};
+use etude_robot::rig::{RigConfig, WiresConfig};
+use etude_robot::xarm::{ArmPorts, ArmServer, Reach};
+
+use crate::lockstep::Lockstep;
+use crate::truth::Truth;
+use crate::twin::{STEP, Twin, TwinError, calibration};
+
+/// Name of the rig and of its file.
+const RIG: &str = "twin";
+/// Time that is made up for at most when the machine was busy; more of it is lost, as if the world had stood still.
+const CATCH_UP: Duration = Duration::from_millis(50);
+
+/// A twin could not be served.
+#[derive(Debug, thiserror::Error)]
+pub enum ServeError {
+    /// It could not be made.
+    #[error(transparent)]
+    Twin(#[from] TwinError),
+    /// Its bus could not be opened.
+    #[error(transparent)]
+    Can(#[from] CanError),
+    /// Its keyboard's socket could not be opened.
+    #[error(transparent)]
+    Midi(#[from] MidiError),
+    /// Its calibration could not be written.
+    #[error(transparent)]
+    Calibration(#[from] CalibrationError),
+    /// A file or a port could not be had.
+    #[error("{path}: {message}")]
+    File {
+        /// The file or folder.
+        path: PathBuf,
+        /// Why.
+        message: String,
+    },
+}
+
+/// A twin on sockets.
+pub struct TwinServer {
+    lockstep: Lockstep,
+    hub: Hub,
+    bus: HubTransport,
+    arm: ArmServer,
+    midi: MidiOutlet,
+    rig: PathBuf,
+    bytes: Vec<u8>,
+    lost: Duration,
+}
+
+impl TwinServer {
+    /// Opens the sockets of a twin in `folder` and writes the files by which it is found. `ports` are those of the arm.
+    ///
+    /// # Errors
+    /// If the truth is not sound, or the folder or a port cannot be used.
+    pub fn open(truth: &Truth, rig: &RigConfig, folder: &Path, ports: ArmPorts) -> Result<Self, ServeError> {
+        let file = |path: &Path, message: String| ServeError::File { path: path.to_path_buf(), message };
+        std::fs::create_dir_all(folder).map_err(|error| file(folder, error.to_string()))?;
+        let folder = folder.canonicalize().map_err(|error| file(folder, error.to_string()))?;
+        let twin = Twin::new(truth, rig.hand.side)?;
+        let lockstep = Lockstep::new(twin, &truth.links, truth.seed)?;
+        let (can, midi) = (folder.join("can.sock"), folder.join("midi.sock"));
+        let hub = Hub::bind(&can)?;
+        let bus = HubTransport::connect(&can)?;
+        let outlet = MidiOutlet::bind(&midi)?;
+        let port_error = |error: std::io::Error| file(Path::new("127.0.0.1"), error.to_string());
+        let arm = ArmServer::bind(IpAddr::V4(Ipv4Addr::LOCALHOST), ports, Reach::ThisMachine)
+            .map_err(port_error)?;
+        let bound = arm.ports().map_err(port_error)?;
+        let rig_path = folder.join(format!("{RIG}.toml"));
+        let mut config = RigConfig { name: RIG.to_string(), ..rig.clone() };
+        config.wires = WiresConfig {
+            can: format!("bus:{}", can.display()),
+            arm: format!("127.0.0.1:{}:{}", bound.command, bound.real),
+            midi: format!("midi:{}", midi.display()),
+        };
+        config.calibration = PathBuf::from(format!("{RIG}.calibration.toml"));
+        let mut place = calibration(RIG);
+        place.made_unix_secs =
+            SystemTime::now().duration_since(UNIX_EPOCH).map_or(0, |since| since.as_secs());
+        place.save(&folder.join(&config.calibration))?;
+        let text = toml::to_string(&config).map_err(|error| file(&rig_path, error.to_string()))?;
+        std::fs::write(&rig_path, text).map_err(|error| file(&rig_path, error.to_string()))?;
+        Ok(Self {
+            lockstep,
+            hub,
+            bus,
+            arm,
+            midi: outlet,
+            rig: rig_path,
+            bytes: Vec::new(),
+            lost: Duration::ZERO,
+        })
+    }
+
+    /// The rig's file.
+    pub fn rig(&self) -> &Path {
+        &self.rig
+    }
+
+    /// The twin that it serves.
+    pub fn twin(&self) -> &Twin {
+        &self.lockstep.twin
+    }
+
+    /// Time that the world stood still because the machine was busy.
+    pub fn lost(&self) -> Duration {
+        self.lost
+    }
+
+    /// Serves until `stop` is set.
+    ///
+    /// # Errors
+    /// If the bus breaks.
+    pub fn serve(&mut self, stop: &AtomicBool) -> Result<(), ServeError> {
+        let mut started = Instant::now();
+        while !stop.load(Ordering::Relaxed) {
+            let behind = started.elapsed().saturating_sub(self.lockstep.now());
+            if behind > CATCH_UP {
+                self.lost += behind;
+                started += behind;
+            }
+            while self.lockstep.now() + STEP <= started.elapsed() {
+                self.step()?;
+            }
+            std::thread::sleep(STEP / 4);
+        }
+        Ok(())
+    }
+
+    fn step(&mut self) -> Result<(), ServeError> {
+        let now = self.lockstep.now();
+        self.hub.turn();
+        while let Some(frame) = self.bus.receive()? {
+            self.lockstep.wires().send_frame(frame)?;
+        }
+        self.arm.serve_once(now, &mut self.lockstep.twin.arm);
+        self.lockstep.step_apart_from_the_arm();
+        let wires = self.lockstep.wires();
+        while let Ok(Some(frame)) = wires.next_frame() {
+            self.bus.send(frame)?;
+        }
+        self.hub.turn();
+        self.bytes.clear();
+        match wires.receive_midi(&mut self.bytes) {
+            Ok(()) => self.midi.send(&self.bytes),
+            Err(_) => self.midi.disconnect(),
+        }
+        Ok(())
+    }
+}
