@@ -1,15 +1,26 @@
 //! Runs: from names and files to a trained policy and its scores.
 //!
 //! [`RunConfig`] is everything that decides a training; it comes in layers (preset, file, overrides) and is written
-//! into the run's folder, where it is itself a valid config file. A [`Run`] makes policies, [`perform`] plays them.
+//! into the run's folder, where it is itself a valid config file. A [`Run`] makes policies, [`perform`] plays them in simulation,
+//! and [`play_on_robot`] on a robot or its twin.
 
 pub mod bench;
 mod config;
+mod guard;
 mod play;
 mod player;
+mod record;
+mod rig;
+mod robot;
 mod run;
 
 pub use config::{ConfigError, PRESETS, RunConfig, resolve};
+pub use guard::stand_guard;
 pub use play::{Files, PlayError, Report, perform};
 pub use player::{Player, load_player, shipped_policies};
+pub use record::record_robot;
+pub use rig::{
+    RigChoice, Stand, StandError, TWIN, load_calibration, rig_choice, stage_side, try_path, unix_secs,
+};
+pub use robot::{RobotPlay, RobotReport, RobotRun, RunFiles, play_on_robot};
 pub use run::{Run, RunError, find_song};

@@ -7,7 +7,8 @@ use etude_music::metrics::{FrameScores, NoteScores};
 use etude_music::sound::{self, SoundError, SoundFont};
 use etude_music::{CONTROL_HZ, Song, SongError};
 use etude_perform::{
-    FileError, Header, KeyMessage, RecordingError, RecordingWriter, StepMessage, write_frames_csv, write_text,
+    FileError, Header, KeyMessage, PerformError, RecordingError, RecordingWriter, StepMessage,
+    write_frames_csv, write_text,
 };
 use etude_stage::{FINGERS, JOINT_NAMES};
 use etude_task::scripted::ScriptedPlayer;
@@ -17,6 +18,7 @@ use serde_json::json;
 
 use crate::config::{ConfigError, RunConfig};
 use crate::player::{Mind, Player};
+use crate::rig::StandError;
 
 /// A song could not be played.
 #[derive(Debug, thiserror::Error)]
@@ -64,6 +66,12 @@ pub enum PlayError {
     /// A file could not be written.
     #[error(transparent)]
     File(#[from] FileError),
+    /// The rig cannot be used.
+    #[error(transparent)]
+    Stand(#[from] StandError),
+    /// The robot did not get ready, or would not play.
+    #[error(transparent)]
+    Perform(#[from] PerformError),
     /// The folder cannot be made.
     #[error("cannot make the folder {path}: {source}; choose another with -o")]
     Folder {

@@ -1,9 +1,23 @@
-//! Performances: recordings of what a rig did, and the files that people take away from a song that was played.
+//! Performances: playing on a robot in the three execution modes, recordings of what a rig did, and the files that people
+//! take away from a song that was played.
 //!
 //! A [`Recording`] is an MCAP file with JSON messages, so Foxglove, the Python `mcap` package and Étude itself read it.
+//! A [`Performer`] plays on a [`Robot`](etude_robot::Robot), whatever moves its devices.
 
 mod files;
+mod messages;
+mod mode;
+mod performer;
 mod recording;
+mod robot_records;
+mod timing;
 
 pub use files::{FileError, write_frames_csv, write_text};
-pub use recording::{Header, KeyMessage, Recording, RecordingError, RecordingWriter, StepMessage};
+pub use messages::{
+    ArmMessage, HandMessage, Header, KeyMessage, NoteMessage, PolicyMessage, SetPointMessage, StepMessage,
+};
+pub use mode::Mode;
+pub use performer::{Choose, Ending, PerformError, Performer, Played, keys, prepare};
+pub use recording::{Recording, RecordingError, RecordingWriter};
+pub use robot_records::RobotRecords;
+pub use timing::{Timing, TimingReport};

@@ -4,10 +4,21 @@
 //! |---|---|---|
 //! | `/header` | [`Header`] | once, first |
 //! | `/step` | [`StepMessage`] | at the end of every control step |
-//! | `/key` | [`KeyMessage`] | at the physics step in which a key is struck or released |
+//! | `/key` | [`KeyMessage`] | when a key is struck or released (in simulation at the physics step) |
 //!
-//! Messages are JSON with a JSON schema. Log times are nanoseconds since the start of the performance. The file is
-//! written front to back, so a recording that was cut short can be read as far as it goes.
+//! and of a robot also
+//!
+//! | topic | message | when |
+//! |---|---|---|
+//! | `/policy` | [`PolicyMessage`] | when a control step was commanded |
+//! | `/setpoint` | [`SetPointMessage`] | at every set-point, 200 a second |
+//! | `/hand` | [`HandMessage`] | at every period of the hand's joint loop, 333 a second |
+//! | `/arm` | [`ArmMessage`] | at every report of the arm, 100 a second |
+//! | `/note` | [`NoteMessage`] | at a new phase, a warning, a fault |
+//!
+//! Messages are JSON with a JSON schema. Log times are nanoseconds since the start of the performance; what comes before
+//! it has the time 0. The file is written front to back and flushed once a second, so a recording that was cut short,
+//! be it by kill -9, can be read as far as it goes.
 
 use std::collections::BTreeMap;
 use std::fs::File;
@@ -15,61 +26,14 @@ use std::io::BufWriter;
 use std::path::{Path, PathBuf};
 
 use mcap::records::MessageHeader;
-use serde::{Deserialize, Serialize};
+use serde::Serialize;
+
+use crate::messages::{
+    ArmMessage, HandMessage, Header, KeyMessage, NoteMessage, PolicyMessage, SetPointMessage, StepMessage,
+};
 
 /// Version of the messages below.
 const SCHEMA: u32 = 1;
-
-/// What was played, by whom, on what.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct Header {
-    /// Version of the messages.
-    pub schema: u32,
-    /// Title of the song.
-    pub song: String,
-    /// Who played: a policy file or `scripted`.
-    pub player: String,
-    /// Which rig: `simulation`, `twin`, or the name of a robot.
-    pub rig: String,
-    /// Control steps per second.
-    pub control_hz: f64,
-    /// Names of the joints, in the order of every list below.
-    pub joints: Vec<String>,
-    /// MIDI numbers of the keys due at each control step.
-    pub due: Vec<Vec<u8>>,
-    /// The resolved configuration.
-    pub config: serde_json::Value,
-}
-
-/// One control step, as it stood at its end. Rad and N·m; the rail in m and N.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct StepMessage {
-    /// Index of the step.
-    pub step: u64,
-    /// Joint targets that were sent.
-    pub targets: Vec<f64>,
-    /// Joint positions as the encoders read them.
-    pub positions: Vec<f64>,
-    /// Joint velocities.
-    pub velocities: Vec<f64>,
-    /// Torques of the last physics step.
-    pub torques: Vec<f64>,
-    /// Fingertips, `[x, y, z]` each, m.
-    pub fingertips: Vec<[f64; 3]>,
-    /// MIDI numbers of the keys that sound.
-    pub pressed: Vec<u8>,
-}
-
-/// A key was struck or released.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct KeyMessage {
-    /// Time since the start, s.
-    pub secs: f64,
-    /// MIDI number.
-    pub pitch: u8,
-    /// MIDI velocity; 0 is a release.
-    pub velocity: u8,
-}
 
 /// A recording could not be written or read.
 #[derive(Debug, thiserror::Error)]
@@ -104,10 +68,37 @@ pub enum RecordingError {
 pub struct RecordingWriter {
     path: PathBuf,
     writer: mcap::Writer<BufWriter<File>>,
-    step: u16,
-    key: u16,
+    channels: [u16; TOPICS.len()],
     sequence: u32,
+    flushed_secs: f64,
 }
+
+/// Topics and the names of their schemas, in the order of [`Topic`].
+const TOPICS: [(&str, &str); 8] = [
+    ("/header", "etude.Header"),
+    ("/step", "etude.Step"),
+    ("/key", "etude.Key"),
+    ("/policy", "etude.Policy"),
+    ("/setpoint", "etude.SetPoint"),
+    ("/hand", "etude.Hand"),
+    ("/arm", "etude.Arm"),
+    ("/note", "etude.Note"),
+];
+
+#[derive(Clone, Copy)]
+enum Topic {
+    Header,
+    Step,
+    Key,
+    Policy,
+    SetPoint,
+    Hand,
+    Arm,
+    Note,
+}
+
+/// Time after which what was written is handed to the system, s.
+const FLUSH_SECS: f64 = 1.0;
 
 impl RecordingWriter {
     /// Creates the file and writes its header.
@@ -127,20 +118,14 @@ impl RecordingWriter {
             .library(concat!("etude ", env!("CARGO_PKG_VERSION")))
             .chunk_size(Some(64 * 1024));
         let mut writer = options.create(BufWriter::new(file)).map_err(fail)?;
-        let mut channel = |topic: &str, name: &str| {
-            let schema = writer.add_schema(name, "jsonschema", br#"{"type":"object"}"#)?;
-            writer.add_channel(schema, topic, "json", &BTreeMap::new())
-        };
-        let ids = (|| {
-            Ok::<_, mcap::McapError>([
-                channel("/header", "etude.Header")?,
-                channel("/step", "etude.Step")?,
-                channel("/key", "etude.Key")?,
-            ])
-        })();
-        let [head, step, key] = ids.map_err(fail)?;
-        let mut recording = Self { path: path.to_path_buf(), writer, step, key, sequence: 0 };
-        recording.write(head, 0.0, &Header { schema: SCHEMA, ..header.clone() })?;
+        let mut channels = [0; TOPICS.len()];
+        for (id, (topic, name)) in channels.iter_mut().zip(TOPICS) {
+            let schema = writer.add_schema(name, "jsonschema", br#"{"type":"object"}"#).map_err(fail)?;
+            *id = writer.add_channel(schema, topic, "json", &BTreeMap::new()).map_err(fail)?;
+        }
+        let mut recording =
+            Self { path: path.to_path_buf(), writer, channels, sequence: 0, flushed_secs: 0.0 };
+        recording.write(Topic::Header, 0.0, &Header { schema: SCHEMA, ..header.clone() })?;
         Ok(recording)
     }
 
@@ -149,7 +134,7 @@ impl RecordingWriter {
     /// # Errors
     /// If writing fails.
     pub fn step(&mut self, secs: f64, message: &StepMessage) -> Result<(), RecordingError> {
-        self.write(self.step, secs, message)
+        self.write(Topic::Step, secs, message)
     }
 
     /// Adds a key event.
@@ -157,7 +142,52 @@ impl RecordingWriter {
     /// # Errors
     /// If writing fails.
     pub fn key(&mut self, message: &KeyMessage) -> Result<(), RecordingError> {
-        self.write(self.key, message.secs, message)
+        self.write(Topic::Key, message.secs, message)
+    }
+
+    /// Adds what the policy saw and chose at `secs`.
+    ///
+    /// # Errors
+    /// If writing fails.
+    pub fn policy(&mut self, secs: f64, message: &PolicyMessage) -> Result<(), RecordingError> {
+        self.write(Topic::Policy, secs, message)
+    }
+
+    /// Adds a set-point at `secs`.
+    ///
+    /// # Errors
+    /// If writing fails.
+    pub fn setpoint(&mut self, secs: f64, message: &SetPointMessage) -> Result<(), RecordingError> {
+        self.write(Topic::SetPoint, secs, message)
+    }
+
+    /// Adds a period of the hand at `secs`.
+    ///
+    /// # Errors
+    /// If writing fails.
+    pub fn hand(&mut self, secs: f64, message: &HandMessage) -> Result<(), RecordingError> {
+        self.write(Topic::Hand, secs, message)
+    }
+
+    /// Adds a report of the arm at `secs`.
+    ///
+    /// # Errors
+    /// If writing fails.
+    pub fn arm(&mut self, secs: f64, message: &ArmMessage) -> Result<(), RecordingError> {
+        self.write(Topic::Arm, secs, message)
+    }
+
+    /// Adds something to read at `secs`.
+    ///
+    /// # Errors
+    /// If writing fails.
+    pub fn note(&mut self, secs: f64, message: &NoteMessage) -> Result<(), RecordingError> {
+        self.write(Topic::Note, secs, message)
+    }
+
+    /// Messages written so far.
+    pub fn messages(&self) -> u64 {
+        u64::from(self.sequence)
     }
 
     /// Completes the file.
@@ -169,14 +199,19 @@ impl RecordingWriter {
         finished.map(|_| ()).map_err(|error| self.fail(&error))
     }
 
-    fn write(&mut self, channel_id: u16, secs: f64, message: &impl Serialize) -> Result<(), RecordingError> {
+    fn write(&mut self, topic: Topic, secs: f64, message: &impl Serialize) -> Result<(), RecordingError> {
         self.sequence += 1;
-        let nanos = (secs * 1e9).round() as u64;
+        let channel_id = self.channels[topic as usize];
+        let nanos = (secs.max(0.0) * 1e9).round() as u64;
         let header =
             MessageHeader { channel_id, sequence: self.sequence, log_time: nanos, publish_time: nanos };
         // Plain numbers and strings: writing them as JSON cannot fail.
         let text = serde_json::to_vec(message).unwrap_or_default();
-        let written = self.writer.write_to_known_channel(&header, &text);
+        let mut written = self.writer.write_to_known_channel(&header, &text);
+        if secs >= self.flushed_secs + FLUSH_SECS {
+            self.flushed_secs = secs;
+            written = written.and_then(|()| self.writer.flush());
+        }
         written.map_err(|error| self.fail(&error))
     }
 
@@ -194,6 +229,16 @@ pub struct Recording {
     pub steps: Vec<StepMessage>,
     /// Every key event.
     pub keys: Vec<KeyMessage>,
+    /// What a robot's policy saw and chose.
+    pub policy: Vec<PolicyMessage>,
+    /// A robot's set-points, each at its time, s.
+    pub setpoints: Vec<(f64, SetPointMessage)>,
+    /// Periods of a robot's hand, each at its time, s.
+    pub hand: Vec<(f64, HandMessage)>,
+    /// Reports of a robot's arm, each at its time, s.
+    pub arm: Vec<(f64, ArmMessage)>,
+    /// What an operator should read, each at its time, s.
+    pub notes: Vec<(f64, NoteMessage)>,
     /// Whether the file ends as it should; `false` for one that was cut short or damaged.
     pub complete: bool,
 }
@@ -240,10 +285,16 @@ impl Recording {
                 break;
             };
             let data: &[u8] = &message.data;
+            let secs = message.log_time as f64 * 1e-9;
             let taken = match message.channel.topic.as_str() {
                 "/header" => serde_json::from_slice(data).map(|header| self.header = header),
                 "/step" => serde_json::from_slice(data).map(|step| self.steps.push(step)),
                 "/key" => serde_json::from_slice(data).map(|key| self.keys.push(key)),
+                "/policy" => serde_json::from_slice(data).map(|policy| self.policy.push(policy)),
+                "/setpoint" => serde_json::from_slice(data).map(|point| self.setpoints.push((secs, point))),
+                "/hand" => serde_json::from_slice(data).map(|hand| self.hand.push((secs, hand))),
+                "/arm" => serde_json::from_slice(data).map(|arm| self.arm.push((secs, arm))),
+                "/note" => serde_json::from_slice(data).map(|note| self.notes.push((secs, note))),
                 _ => Ok(()),
             };
             taken.map_err(|error| format!("a message on {} is damaged: {error}", message.channel.topic))?;
@@ -281,8 +332,20 @@ mod tests {
         }
         let key = KeyMessage { secs: 0.125, pitch: 60, velocity: 90 };
         writer.key(&key).unwrap();
+        let note = NoteMessage { kind: "fault".to_string(), text: "hot".to_string() };
+        writer.note(21.5, &note).unwrap();
+        let hand = HandMessage { positions: vec![0.1; 16], reference: vec![0.2; 16], pwm: vec![-7; 16] };
+        writer.hand(-0.003, &hand).unwrap();
         writer.finish().unwrap();
-        let recording = Recording { header, steps, keys: vec![key], complete: true };
+        let recording = Recording {
+            header,
+            steps,
+            keys: vec![key],
+            notes: vec![(21.5, note)],
+            hand: vec![(0.0, hand)],
+            complete: true,
+            ..Recording::default()
+        };
         assert_eq!(Recording::read(&path).unwrap(), recording);
         (recording, std::fs::read(&path).unwrap())
     }

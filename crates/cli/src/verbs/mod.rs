@@ -3,9 +3,13 @@
 pub mod bench;
 pub mod doctor;
 pub mod model;
+pub mod perform;
 pub mod play;
+pub mod record;
+pub mod robot;
 pub mod songs;
 pub mod train;
+pub mod twin;
 
 use std::path::{Path, PathBuf};
 

@@ -1,0 +1,156 @@
+//! `etude perform`: play a song on a robot, or on its twin.
+
+use std::path::{Path, PathBuf};
+
+use etude_lab::{
+    Player, RobotPlay, RobotReport, RobotRun, find_song, load_player, play_on_robot, rig_choice,
+};
+use etude_music::sound::SoundFont;
+use etude_perform::Mode;
+
+use super::{json, line, note, slug};
+use crate::Ending;
+use crate::progress::stop_flag;
+
+/// What to play, how, and on which robot.
+#[derive(clap::Args)]
+#[command(after_help = "\
+Modes (paper, appendix): joint-mirroring plays blind, the robot copies the simulation's joints; hybrid does too, but the
+policy sees the robot's keys; real takes everything from the robot and runs no simulation.
+
+The twin is a robot that is not there: emulated devices that speak the real ones' bytes, moved by a world of its own that
+differs from the simulator (--truth). It runs as fast as it can be computed, and the same seed gives the same recording.
+For a twin by the wall clock start `etude twin` in another terminal and give its rig.
+
+Files, per run: run-N.mcap (everything that was asked, sent and measured), .mid, .wav, .csv; and report.json.
+
+Examples:
+  etude perform --song twinkle --robot twin
+  etude perform --song twinkle --mode real --robot twin --runs 3 --json
+  etude perform --song my-song.mid --policy runs/my-song__fast__0 --robot lab.toml")]
+pub struct Args {
+    /// A built-in id (see `etude songs`) or a MIDI file
+    #[arg(long)]
+    song: String,
+    /// joint-mirroring, hybrid or real
+    #[arg(long, default_value = "hybrid")]
+    mode: Mode,
+    /// `twin`, or the file of a rig
+    #[arg(long, default_value = "twin", value_name = "RIG")]
+    robot: String,
+    /// What is true of the twin: `standard`, `ideal`, or a file
+    #[arg(long, default_value = "standard", value_name = "NAME|FILE")]
+    truth: String,
+    /// Bring the robot slowly to the keyboard first; a twin always is. Stand clear
+    #[arg(long)]
+    home: bool,
+    /// How many times to play
+    #[arg(long, default_value_t = 1, value_parser = clap::value_parser!(u16).range(1..))]
+    runs: u16,
+    /// Seed of the twin's noise; each run adds one
+    #[arg(long, default_value_t = 0)]
+    seed: u64,
+    /// A policy file or the folder of a run; the best for this song if not given
+    #[arg(long, value_name = "PATH")]
+    policy: Option<PathBuf>,
+    /// Play by inverse kinematics and timing instead of a policy
+    #[arg(long, conflicts_with = "policy")]
+    scripted: bool,
+    /// Change the simulation that plays along, for example --set task.physics.key.threshold=0.7
+    #[arg(long = "set", value_name = "PATH=VALUE")]
+    overrides: Vec<String>,
+    /// Where the files go; out/SONG-MODE if not given
+    #[arg(short = 'o', long = "out", value_name = "DIR")]
+    out: Option<PathBuf>,
+    /// A SoundFont (.sf2) for the sound; a built-in piano tone if not given
+    #[arg(long, value_name = "FILE")]
+    soundfont: Option<PathBuf>,
+    /// Print JSON: sim_f1, robot_f1, robot_f1_std, gap, runs, …
+    #[arg(long)]
+    json: bool,
+}
+
+/// Runs the verb.
+pub fn run(args: Args) -> anyhow::Result<Ending> {
+    let song = find_song(&args.song)?;
+    song.check_range()?;
+    let name = slug(&args.song);
+    let mut player = if args.scripted {
+        Player::scripted()
+    } else {
+        load_player(&args.song, &name, args.policy.as_deref(), Path::new("runs"))?
+    };
+    if !args.overrides.is_empty() {
+        player.reconfigure(&args.overrides)?;
+    }
+    let rig = rig_choice(&args.robot, &args.truth)?;
+    let font = args.soundfont.as_deref().map(SoundFont::load).transpose()?;
+    let folder =
+        args.out.clone().unwrap_or_else(|| PathBuf::from("out").join(format!("{name}-{}", args.mode)));
+    let play = RobotPlay {
+        mode: args.mode,
+        runs: args.runs.into(),
+        home: args.home || rig.is_twin(),
+        seed: args.seed,
+    };
+    let stop = stop_flag()?;
+    let quiet = args.json;
+    let mut tell = |index: usize, run: &RobotRun| {
+        if !quiet {
+            note(format!("run {}: F1 {:.3}, {}", index + 1, run.frame.f1, run.ending));
+        }
+    };
+    let report =
+        play_on_robot(&song, &mut player, &rig, &play, Some(&folder), font.as_ref(), &stop, &mut tell)?;
+    if args.json {
+        json(&report)?;
+    } else {
+        print(&report)?;
+    }
+    match report.runs.iter().find(|run| run.ending != "complete").map(|run| run.ending.as_str()) {
+        None => Ok(Ending::Done),
+        Some("interrupted") => Ok(Ending::Stopped),
+        Some(fault) => anyhow::bail!("the performance was cut short: {fault}"),
+    }
+}
+
+fn print(report: &RobotReport) -> anyhow::Result<()> {
+    line(format!(
+        "{} played by {} on {}{}, {}",
+        report.song,
+        report.player,
+        report.robot,
+        report.truth.as_ref().map_or_else(String::new, |truth| format!(" (truth `{truth}`)")),
+        report.mode
+    ))?;
+    line(format!("{:22} {:>9} {:>9} {:>9}", "by control step", "precision", "recall", "F1"))?;
+    line(format!("{:22} {:>9} {:>9} {:>9.3}", "simulation alone", "", "", report.sim_f1))?;
+    for (index, run) in report.runs.iter().enumerate() {
+        let frame = &run.frame;
+        let name = format!("{}, run {}", report.robot, index + 1);
+        line(format!("{name:22} {:>9.3} {:>9.3} {:>9.3}", frame.precision, frame.recall, frame.f1))?;
+    }
+    let spread =
+        if report.runs.len() > 1 { format!(" ± {:.3}", report.robot_f1_std) } else { String::new() };
+    line(format!(
+        "F1 {:.3} in simulation, {:.3}{spread} on {}: a gap of {:.3}",
+        report.sim_f1, report.robot_f1, report.robot, report.gap
+    ))?;
+    for run in &report.runs {
+        let (notes, times) = (&run.note, &run.timing);
+        line(format!(
+            "{} notes right, {} missed, {} wrong; {} set-points clamped; {} of {} commands late (worst {:.1} ms)",
+            notes.matched,
+            notes.missed,
+            notes.wrong,
+            run.clamped,
+            times.missed,
+            times.commands,
+            times.late_worst_ms
+        ))?;
+        if let Some(files) = &run.files {
+            line(format!("Listen: {}   recording: {}", files.wav.display(), files.recording.display()))?;
+        }
+    }
+    Ok(())
+}

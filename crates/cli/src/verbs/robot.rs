@@ -1,0 +1,346 @@
+//! `etude robot`: check, home, calibrate, watch and stop a robot.
+
+use std::io::BufRead as _;
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc::{TryRecvError, channel};
+use std::time::{Duration, Instant};
+
+use anyhow::Context as _;
+use etude_lab::{RigChoice, Stand, rig_choice, stand_guard, unix_secs};
+use etude_perform::prepare;
+use etude_robot::calibration::{Calibration, CalibrationError, Point};
+use etude_robot::lead::show;
+use etude_robot::monitor::Monitor;
+use etude_robot::rig::RigConfig;
+use etude_robot::stop::stop;
+use etude_stage::geometry::key_lateral;
+use etude_stage::{PhysicalParams, StageConfig, World};
+use etude_twin::SHOWN_KEYS;
+use serde_json::json;
+
+use super::{json as print_json, line, note};
+use crate::Ending;
+use crate::progress::stop_flag;
+
+/// What to do with a robot.
+#[derive(clap::Args)]
+pub struct Args {
+    #[command(subcommand)]
+    action: Action,
+}
+
+#[derive(clap::Subcommand)]
+enum Action {
+    /// Bring hand, arm and keyboard up, hold still for half a second, say what they are, and let go
+    Check(Rig),
+    /// Bring the robot slowly to the keyboard, fingers over the keys, from wherever it is. Stand clear
+    Home(Rig),
+    /// Show the arm where the keyboard is, one key at a time
+    Calibrate(Calibrate),
+    /// Let go of the hand and stop the arm, at once; works beside a running performance
+    Stop(Rig),
+    /// Watch what the devices say, without touching anything
+    Monitor(MonitorArgs),
+    /// Stop the robot when the controller at the other end of standard input is gone
+    #[command(hide = true)]
+    Guard(Rig),
+}
+
+#[derive(clap::Args)]
+struct Rig {
+    /// `twin`, or the file of a rig
+    #[arg(long, value_name = "RIG")]
+    robot: String,
+    /// Print JSON
+    #[arg(long)]
+    json: bool,
+}
+
+#[derive(clap::Args)]
+#[command(after_help = "\
+Guide the hand until its middle finger stands over the middle of the key, as high as it is to play, and press Enter. Do so
+for all three keys; the arm may be led by hand meanwhile with --by-hand. The place is kept in the file that the rig's file
+names, or beside it.
+
+Examples:
+  etude robot calibrate --robot lab.toml --at lowest --by-hand
+  etude robot calibrate --robot lab.toml --at middle --by-hand
+  etude robot calibrate --robot lab.toml --at highest --by-hand")]
+struct Calibrate {
+    /// The file of a rig
+    #[arg(long, value_name = "RIG")]
+    robot: PathBuf,
+    /// Which key the middle finger is over
+    #[arg(long, value_enum)]
+    at: Place,
+    /// Let the arm be led by hand until Enter is pressed
+    #[arg(long)]
+    by_hand: bool,
+}
+
+#[derive(Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
+enum Place {
+    /// The lowest C
+    Lowest,
+    /// The C in the middle
+    Middle,
+    /// The highest C
+    Highest,
+}
+
+#[derive(clap::Args)]
+struct MonitorArgs {
+    /// The file of a rig
+    #[arg(long, value_name = "RIG")]
+    robot: PathBuf,
+    /// Stop after so many seconds; Ctrl-C if not given
+    #[arg(long, value_parser = super::positive)]
+    secs: Option<f64>,
+    /// Print one JSON object a line
+    #[arg(long)]
+    json: bool,
+}
+
+/// Runs the verb.
+pub fn run(args: Args) -> anyhow::Result<Ending> {
+    match args.action {
+        Action::Check(rig) => check(&rig),
+        Action::Home(rig) => home(&rig),
+        Action::Calibrate(args) => calibrate(&args),
+        Action::Stop(rig) => stop_now(&rig),
+        Action::Monitor(args) => monitor(&args),
+        Action::Guard(rig) => guard(&rig),
+    }
+}
+
+/// The rig's file of a verb that is of no use on a twin in lockstep, which lives and dies with one command.
+fn file(robot: &str) -> anyhow::Result<RigConfig> {
+    if robot == etude_lab::TWIN {
+        anyhow::bail!(
+            "the twin of `--robot twin` lives only while a song is played; start one with `etude twin`"
+        );
+    }
+    Ok(RigConfig::load(Path::new(robot))?)
+}
+
+fn open(choice: &RigChoice) -> anyhow::Result<Stand> {
+    Ok(choice.open(choice.side()?, 0)?)
+}
+
+fn check(rig: &Rig) -> anyhow::Result<Ending> {
+    let Stand { mut robot, mut pace } = open(&rig_choice(&rig.robot, "standard")?)?;
+    let interrupt = stop_flag()?;
+    prepare(&mut robot, &mut *pace, None, &interrupt)?;
+    let until = pace.now() + Duration::from_millis(500);
+    pace.run_until(&mut robot, until);
+    let fault = robot.fault().map(ToString::to_string);
+    let now = pace.now();
+    robot.stop(now, pace.wires());
+    let (hand, arm, place) = (robot.hand().information(), robot.arm(), robot.place());
+    let version = arm.version().map(|version| version.text.clone());
+    let report = json!({
+        "rig": robot.config().name,
+        "hand": {
+            "serial": robot.hand().serial().map(|serial| serial.to_string()),
+            "firmware": hand.map(|hand| hand.firmware),
+            "board_celsius": hand.map(|hand| hand.board_celsius),
+            "joints_rad": robot.hand().positions(),
+        },
+        "arm": { "serial": arm.serial(), "firmware": version, "joints_rad": arm.joints() },
+        "rail": { "m": place.rail_m, "beside_m": place.beside_m, "turned_rad": place.turned_rad },
+        "keyboard": robot.keyboard().state().to_string(),
+        "warnings": robot.keyboard().warnings().map(|warning| warning.to_string()).collect::<Vec<_>>(),
+        "fault": fault,
+    });
+    if rig.json {
+        print_json(&report)?;
+    } else {
+        let text = |value: &serde_json::Value| value.as_str().unwrap_or("unknown").to_string();
+        line(format!(
+            "hand      {}, board {} °C",
+            text(&report["hand"]["serial"]),
+            report["hand"]["board_celsius"]
+        ))?;
+        line(format!(
+            "arm       {}, firmware {}",
+            text(&report["arm"]["serial"]),
+            text(&report["arm"]["firmware"])
+        ))?;
+        line(format!(
+            "place     {:+.3} m along the keyboard, {:.0} mm from the path that was calibrated",
+            place.rail_m,
+            place.beside_m * 1e3
+        ))?;
+        line(format!("keyboard  {}", text(&report["keyboard"])))?;
+        for warning in robot.keyboard().warnings() {
+            line(format!("warning   {warning}"))?;
+        }
+    }
+    match fault {
+        None => Ok(Ending::Done),
+        Some(fault) => anyhow::bail!("the robot stopped itself: {fault}"),
+    }
+}
+
+fn home(rig: &Rig) -> anyhow::Result<Ending> {
+    let Stand { mut robot, mut pace } = open(&rig_choice(&rig.robot, "standard")?)?;
+    let interrupt = stop_flag()?;
+    let stage =
+        StageConfig { side: etude_lab::stage_side(robot.config().hand.side), ..StageConfig::default() };
+    let pose = World::new(&stage, &PhysicalParams::default())?.start_pose();
+    prepare(&mut robot, &mut *pace, Some(&pose), &interrupt)?;
+    let now = pace.now();
+    robot.stop(now, pace.wires());
+    let place = robot.place();
+    if rig.json {
+        print_json(&json!({ "rail_m": place.rail_m, "joints": robot.joints() }))?;
+    } else {
+        line(format!(
+            "The hand is over the keys, {:+.3} m from the middle; the arm stands, the hand is let go",
+            place.rail_m
+        ))?;
+    }
+    Ok(Ending::Done)
+}
+
+fn calibrate(args: &Calibrate) -> anyhow::Result<Ending> {
+    let rig = RigConfig::load(&args.robot)?;
+    let index = args.at as usize;
+    let key = SHOWN_KEYS[index];
+    let pitch = etude_music::LOWEST_PITCH + key as u8;
+    if args.by_hand {
+        note(format!(
+            "Guide the middle finger over key {pitch} ({}), then press Enter",
+            ["the lowest C", "the middle C", "the highest C"][index]
+        ));
+    }
+    let (sender, entered) = channel();
+    std::thread::spawn(move || {
+        let mut text = String::new();
+        let _ = std::io::stdin().lock().read_line(&mut text);
+        let _ = sender.send(());
+    });
+    let interrupt = stop_flag()?;
+    let shown = show(&rig, args.by_hand, &mut || {
+        matches!(entered.try_recv(), Err(TryRecvError::Empty)) && !interrupt.load(Ordering::Relaxed)
+    })?;
+    if interrupt.load(Ordering::Relaxed) {
+        return Ok(Ending::Stopped);
+    }
+    let mut calibration = match Calibration::load(&rig.calibration) {
+        Ok(known) if known.rig == rig.name && known.arm_serial == shown.serial => known,
+        Ok(_) | Err(CalibrationError::Missing { .. }) => {
+            Calibration { rig: rig.name.clone(), arm_serial: shown.serial.clone(), ..Calibration::default() }
+        }
+        Err(error) => return Err(error.into()),
+    };
+    calibration.show(Point::at(pitch, key_lateral(key), &shown.joints_rad), unix_secs());
+    calibration.save(&rig.calibration)?;
+    let left: Vec<String> = SHOWN_KEYS
+        .map(|key| etude_music::LOWEST_PITCH + key as u8)
+        .into_iter()
+        .filter(|pitch| !calibration.points.iter().any(|point| point.pitch == *pitch))
+        .map(|pitch| pitch.to_string())
+        .collect();
+    line(format!("Key {pitch} is kept in {}", rig.calibration.display()))?;
+    if left.is_empty() {
+        etude_lab::try_path(&rig, &calibration, &shown.joints_rad)?;
+        line("All three keys are known, and the arm reaches the whole keyboard")?;
+    } else {
+        line(format!("Still to be shown: {}", left.join(", ")))?;
+    }
+    Ok(Ending::Done)
+}
+
+fn stop_now(rig: &Rig) -> anyhow::Result<Ending> {
+    let stopped = stop(&file(&rig.robot)?);
+    let text = |result: &Result<(), String>| result.clone().err().unwrap_or_else(|| "stopped".to_string());
+    if rig.json {
+        print_json(
+            &json!({ "hand": text(&stopped.hand), "arm": text(&stopped.arm), "sure": stopped.is_sure() }),
+        )?;
+    } else {
+        line(format!("arm   {}", text(&stopped.arm)))?;
+        line(format!("hand  {}", text(&stopped.hand)))?;
+    }
+    if stopped.is_sure() {
+        Ok(Ending::Done)
+    } else {
+        anyhow::bail!("not everything was stopped: use the hardware stop")
+    }
+}
+
+fn guard(rig: &Rig) -> anyhow::Result<Ending> {
+    // Whatever ends the controller must not end its guard.
+    let _ignored = stop_flag()?;
+    let config = file(&rig.robot)?;
+    if let Some(stopped) = stand_guard(&config) {
+        note("guard: the controller is gone or hangs; the hand was let go and the arm stopped");
+        for error in [stopped.arm, stopped.hand].into_iter().filter_map(Result::err) {
+            note(format!("guard: {error}"));
+        }
+    }
+    Ok(Ending::Done)
+}
+
+fn monitor(args: &MonitorArgs) -> anyhow::Result<Ending> {
+    let rig = RigConfig::load(&args.robot)?;
+    let mut monitor = Monitor::open(&rig).context("the rig's keyboard")?;
+    let stop = stop_flag()?;
+    let begun = Instant::now();
+    let mut next = Duration::ZERO;
+    let over = |stop: &AtomicBool| {
+        stop.load(Ordering::Relaxed) || args.secs.is_some_and(|secs| begun.elapsed().as_secs_f64() > secs)
+    };
+    while !over(&stop) {
+        let now = begun.elapsed();
+        monitor.poll(now);
+        if now >= next {
+            if !next.is_zero() {
+                print_seen(&monitor, now, args.json)?;
+            }
+            next = now + Duration::from_millis(500);
+            monitor.ask();
+        }
+        std::thread::sleep(Duration::from_millis(2));
+    }
+    Ok(Ending::Done)
+}
+
+fn print_seen(monitor: &Monitor, now: Duration, as_json: bool) -> anyhow::Result<()> {
+    let seen = monitor.seen();
+    let hand = match &seen.hand {
+        Err(error) => json!({ "error": error }),
+        Ok((joints, information)) => json!({
+            "joints_rad": joints,
+            "board_celsius": information.map(|information| information.board_celsius),
+            "servo_on": information.map(|information| information.status.servo_on()),
+        }),
+    };
+    let arm = match &seen.arm {
+        Err(error) => json!({ "error": error }),
+        Ok(report) => json!({
+            "state": report.map(|report| report.state),
+            "mode": report.map(|report| report.mode),
+            "joints_rad": report.map(|report| report.joints_rad),
+        }),
+    };
+    let keys = match &seen.keyboard {
+        Err(error) => json!({ "error": error }),
+        Ok(bits) => {
+            json!({ "pressed": (0..49u8).filter(|key| bits >> key & 1 == 1).map(|key| 36 + key).collect::<Vec<_>>() })
+        }
+    };
+    let all = json!({ "secs": now.as_secs_f64(), "hand": hand, "arm": arm, "keyboard": keys });
+    if as_json {
+        return line(all);
+    }
+    let short = |value: &serde_json::Value| match value["error"].as_str() {
+        Some(error) => error.to_string(),
+        None => value.to_string(),
+    };
+    line(format!("{:8.1} s  hand {}", now.as_secs_f64(), short(&hand)))?;
+    line(format!("            arm {}", short(&arm)))?;
+    line(format!("            keyboard {}", short(&keys)))
+}

@@ -1,0 +1,60 @@
+//! `etude twin`: a robot that is not there, on sockets and by the wall clock.
+
+use std::path::PathBuf;
+
+use etude_robot::rig::RigConfig;
+use etude_robot::xarm::ArmPorts;
+use etude_twin::{Truth, TwinServer};
+use serde_json::json;
+
+use super::line;
+use crate::Ending;
+use crate::progress::stop_flag;
+
+/// Which twin, and where it is found.
+#[derive(clap::Args)]
+#[command(after_help = "\
+The folder holds twin.toml, the rig's file for --robot, its calibration, and the sockets of the hand's bus and of the
+keyboard. The arm listens on this machine only; with --arm-ports on the robot's own ports, so that the official SDK finds
+it at 127.0.0.1 (port 502 needs root). The twin runs until Ctrl-C.
+
+Examples:
+  etude twin
+  etude perform --song twinkle --robot out/twin/twin.toml --home
+  etude robot monitor --robot out/twin/twin.toml")]
+pub struct Args {
+    /// What is true of it: `standard`, `ideal`, or a file
+    #[arg(long, default_value = "standard", value_name = "NAME|FILE")]
+    truth: String,
+    /// Where its files and sockets go
+    #[arg(short = 'o', long = "out", default_value = "out/twin", value_name = "DIR")]
+    out: PathBuf,
+    /// Serve the arm on the robot's own ports instead of free ones
+    #[arg(long)]
+    arm_ports: bool,
+    /// Print one JSON object when it is ready: rig
+    #[arg(long)]
+    json: bool,
+}
+
+/// Runs the verb.
+pub fn run(args: Args) -> anyhow::Result<Ending> {
+    let truth = Truth::load(&args.truth)?;
+    let ports = if args.arm_ports { ArmPorts::default() } else { ArmPorts::FREE };
+    let mut server = TwinServer::open(&truth, &RigConfig::default(), &args.out, ports)?;
+    let stop = stop_flag()?;
+    if args.json {
+        line(json!({ "rig": server.rig() }))?;
+    } else {
+        line(format!("The twin `{}` is ready: --robot {}", truth.name, server.rig().display()))?;
+        line("Ctrl-C ends it")?;
+    }
+    server.serve(&stop)?;
+    if !server.lost().is_zero() {
+        let lost = server.lost().as_secs_f64();
+        super::note(format!(
+            "warning: the machine was busy, and the twin's world stood still for {lost:.2} s"
+        ));
+    }
+    Ok(Ending::Done)
+}

@@ -1,0 +1,67 @@
+//! Recording a robot that plays no song.
+
+use std::path::Path;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Duration;
+
+use etude_music::CONTROL_HZ;
+use etude_perform::{Header, RecordingWriter, RobotRecords, Timing, prepare};
+use etude_stage::{JOINT_NAMES, PhysicalParams, StageConfig, World};
+
+use crate::play::PlayError;
+use crate::rig::{RigChoice, Stand};
+
+/// Time between two looks at the records.
+const SLICE: Duration = Duration::from_millis(50);
+
+/// Brings a robot up (and, with `home`, to the keyboard), holds it still for `longest` or until it is interrupted, and
+/// writes down everything that happens. Returns the number of messages.
+///
+/// # Errors
+/// If the robot does not get ready or stops itself, or the recording cannot be written.
+pub fn record_robot(
+    rig: &RigChoice,
+    home: bool,
+    longest: Option<Duration>,
+    path: &Path,
+    interrupt: &AtomicBool,
+) -> Result<u64, PlayError> {
+    let side = rig.side()?;
+    let header = Header {
+        player: "nobody".to_string(),
+        rig: rig.name()?,
+        control_hz: CONTROL_HZ,
+        joints: JOINT_NAMES.map(str::to_string).to_vec(),
+        ..Header::default()
+    };
+    let mut writer = RecordingWriter::create(path, &header)?;
+    let Stand { mut robot, mut pace } = rig.open(side, 0)?;
+    let stage = StageConfig { side, ..StageConfig::default() };
+    let pose =
+        World::new(&stage, &PhysicalParams::default()).map_err(etude_task::TaskError::from)?.start_pose();
+    prepare(&mut robot, &mut *pace, home.then_some(&pose), interrupt)?;
+    let begun = pace.now();
+    let mut records = RobotRecords::new(begun, Some(&mut writer));
+    let (mut events, mut timing) = (Vec::new(), Timing::default());
+    let mut written = Ok(());
+    while written.is_ok()
+        && robot.fault().is_none()
+        && !interrupt.load(Ordering::Relaxed)
+        && longest.is_none_or(|longest| pace.now() < begun + longest)
+    {
+        let next = pace.now() + SLICE;
+        pace.run_until(&mut robot, next);
+        written = records.take(&mut robot, &mut events, &mut timing);
+        events.clear();
+    }
+    let now = pace.now();
+    robot.stop(now, pace.wires());
+    written?;
+    let fault = robot.fault().map(ToString::to_string);
+    let messages = writer.messages();
+    writer.finish()?;
+    match fault {
+        None => Ok(messages),
+        Some(fault) => Err(etude_perform::PerformError::Fault(fault).into()),
+    }
+}

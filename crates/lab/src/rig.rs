@@ -1,0 +1,185 @@
+//! Which robot: a twin in lockstep, or a rig by its file (which may be a twin in another process).
+
+use std::path::{Path, PathBuf};
+use std::time::{SystemTime, UNIX_EPOCH};
+
+use crate::guard::{Guard, Guarded};
+use etude_robot::allegro::HandSide;
+use etude_robot::calibration::{Calibration, CalibrationError, RailPath};
+use etude_robot::rig::{RigConfig, RigError};
+use etude_robot::wires::OpenWires;
+use etude_robot::xarm::kinematics::PAPER_HOME_DEG;
+use etude_robot::{Pace, RealTime, Robot, RobotError};
+use etude_stage::Side;
+use etude_twin::{Lockstep, Truth, Twin, TwinError, calibration};
+
+/// Name of the twin on the command line and in recordings.
+pub const TWIN: &str = "twin";
+
+/// A robot to play on.
+#[derive(Clone, Debug)]
+pub enum RigChoice {
+    /// A twin with this truth, in lockstep.
+    Twin(Box<Truth>),
+    /// The rig that this file describes.
+    File {
+        /// The file.
+        path: PathBuf,
+        /// The `etude` program, which is started once more as the guard of the robot.
+        guard: PathBuf,
+    },
+}
+
+/// The rig cannot be used.
+#[derive(Debug, thiserror::Error)]
+pub enum StandError {
+    /// Its file is not sound.
+    #[error(transparent)]
+    Rig(#[from] RigError),
+    /// The keyboard's place is not known well enough.
+    #[error(transparent)]
+    Calibration(#[from] CalibrationError),
+    /// A wire cannot be opened, or a setting is not sound.
+    #[error(transparent)]
+    Robot(#[from] RobotError),
+    /// The twin cannot be made.
+    #[error(transparent)]
+    Twin(#[from] TwinError),
+    /// Nobody would stop the robot if this process died.
+    #[error("the guard of the robot cannot be started: {0}")]
+    Guard(std::io::Error),
+    /// The rig has the other hand.
+    #[error("the policy plays with the {policy:?} hand, and the rig has the {rig} one")]
+    Side {
+        /// The hand that the policy was trained with.
+        policy: Side,
+        /// The hand of the rig.
+        rig: HandSide,
+    },
+}
+
+/// A robot with its controller, and what lets its time pass.
+pub struct Stand {
+    /// The controller.
+    pub robot: Robot,
+    /// Lockstep with a twin, or real time over wires.
+    pub pace: Box<dyn Pace>,
+}
+
+impl RigChoice {
+    /// The rig's name.
+    ///
+    /// # Errors
+    /// If its file cannot be read.
+    pub fn name(&self) -> Result<String, StandError> {
+        match self {
+            Self::Twin(_) => Ok(TWIN.to_string()),
+            Self::File { path, .. } => Ok(RigConfig::load(path)?.name),
+        }
+    }
+
+    /// Sets the robot up. Nothing moves yet. `seed` is added to that of the twin's truth; `side` is the hand that the
+    /// policy plays with.
+    ///
+    /// # Errors
+    /// If the rig's file, its calibration or its wires cannot be used.
+    pub fn open(&self, side: Side, seed: u64) -> Result<Stand, StandError> {
+        let wanted = hand_side(side);
+        match self {
+            Self::Twin(truth) => {
+                let mut rig = RigConfig { name: TWIN.to_string(), ..RigConfig::default() };
+                rig.hand.side = wanted;
+                let truth = Truth { seed: truth.seed.wrapping_add(seed), ..(**truth).clone() };
+                let twin = Twin::new(&truth, wanted)?;
+                let lockstep = Lockstep::new(twin, &truth.links, truth.seed)?;
+                let robot = controller(&rig, &calibration(TWIN))?;
+                Ok(Stand { robot, pace: Box::new(lockstep) })
+            }
+            Self::File { path, guard } => {
+                let rig = RigConfig::load(path)?;
+                if rig.hand.side != wanted {
+                    return Err(StandError::Side { policy: side, rig: rig.hand.side });
+                }
+                let place = load_calibration(&rig)?;
+                let robot = controller(&rig, &place)?;
+                let wires = OpenWires::open(&rig.wires)?;
+                let guard = Guard::start(guard, path).map_err(StandError::Guard)?;
+                Ok(Stand { robot, pace: Box::new(Guarded { pace: RealTime::new(wires), guard }) })
+            }
+        }
+    }
+}
+
+/// The rig's calibration, if it is its own and fresh.
+///
+/// # Errors
+/// If it is neither, or not there.
+pub fn load_calibration(rig: &RigConfig) -> Result<Calibration, CalibrationError> {
+    let place = Calibration::load(&rig.calibration)?;
+    place.check(&rig.name, unix_secs(), rig.limits.calibration_days)?;
+    Ok(place)
+}
+
+fn controller(rig: &RigConfig, place: &Calibration) -> Result<Robot, StandError> {
+    let home = PAPER_HOME_DEG.map(f64::to_radians);
+    let path = RailPath::new(place, rig.limits.rail_range_m, &home)?;
+    Ok(Robot::new(rig, path)?)
+}
+
+/// Seconds since 1970.
+pub fn unix_secs() -> u64 {
+    SystemTime::now().duration_since(UNIX_EPOCH).map_or(0, |since| since.as_secs())
+}
+
+/// The simulator's word for a hand.
+pub fn stage_side(side: HandSide) -> Side {
+    match side {
+        HandSide::Left => Side::Left,
+        HandSide::Right => Side::Right,
+    }
+}
+
+fn hand_side(side: Side) -> HandSide {
+    match side {
+        Side::Left => HandSide::Left,
+        Side::Right => HandSide::Right,
+    }
+}
+
+/// The rig that is meant by `--robot`: `twin`, or a file.
+///
+/// # Errors
+/// If the truth of the twin is not sound, or this program does not know where it lies.
+pub fn rig_choice(robot: &str, truth: &str) -> Result<RigChoice, StandError> {
+    if robot == TWIN {
+        return Ok(RigChoice::Twin(Box::new(Truth::load(truth).map_err(TwinError::from)?)));
+    }
+    let guard = std::env::current_exe().map_err(StandError::Guard)?;
+    Ok(RigChoice::File { path: Path::new(robot).to_path_buf(), guard })
+}
+
+/// Tries whether the arm reaches the whole keyboard by this calibration, starting from where it is.
+///
+/// # Errors
+/// If it does not, or the points do not lie as the keys do.
+pub fn try_path(rig: &RigConfig, place: &Calibration, near: &[f64; 7]) -> Result<(), CalibrationError> {
+    RailPath::new(place, rig.limits.rail_range_m, near).map(|_| ())
+}
+
+impl RigChoice {
+    /// The hand that it has.
+    ///
+    /// # Errors
+    /// If its file cannot be read.
+    pub fn side(&self) -> Result<Side, StandError> {
+        match self {
+            Self::Twin(_) => Ok(Side::default()),
+            Self::File { path, .. } => Ok(stage_side(RigConfig::load(path)?.hand.side)),
+        }
+    }
+
+    /// Whether it may be brought to the keyboard without asking: nobody stands beside a twin.
+    pub fn is_twin(&self) -> bool {
+        matches!(self, Self::Twin(_))
+    }
+}

@@ -1,0 +1,62 @@
+//! The three ways to let a policy that was learned in simulation play on a robot (paper, appendix "Execution Modes").
+
+use serde::{Deserialize, Serialize};
+
+/// Where the policy's observation comes from, and what the robot is asked to do.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Mode {
+    /// Everything observed is the simulation's, and the robot mirrors the simulation's joints: the same motion every
+    /// time, blind to what the robot does.
+    JointMirroring,
+    /// Keys are the robot's, joints the simulation's; the robot mirrors the simulation's joints.
+    Hybrid,
+    /// Everything observed is the robot's, and the actions go to the robot. No simulation runs.
+    Real,
+}
+
+impl Mode {
+    /// Every mode, in the order of the paper.
+    pub const ALL: [Self; 3] = [Self::JointMirroring, Self::Hybrid, Self::Real];
+
+    /// Its name on the command line and in files.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::JointMirroring => "joint-mirroring",
+            Self::Hybrid => "hybrid",
+            Self::Real => "real",
+        }
+    }
+
+    /// Whether the policy sees the robot's keys.
+    pub fn sees_robot_keys(self) -> bool {
+        self != Self::JointMirroring
+    }
+
+    /// Whether the policy sees the robot's joints.
+    pub fn sees_robot_joints(self) -> bool {
+        self == Self::Real
+    }
+
+    /// Whether a simulation plays along, whose joints the robot mirrors.
+    pub fn has_simulation(self) -> bool {
+        self != Self::Real
+    }
+}
+
+impl std::fmt::Display for Mode {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(self.name())
+    }
+}
+
+impl std::str::FromStr for Mode {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let found = Self::ALL.into_iter().find(|mode| mode.name() == text);
+        found.ok_or_else(|| {
+            format!("no mode is called `{text}`; there are: {}", Self::ALL.map(Self::name).join(", "))
+        })
+    }
+}

@@ -1,0 +1,115 @@
+//! How well a performance kept its times: deadlines of the policy, periods of the hand's loop.
+
+use std::time::Duration;
+
+use serde::Serialize;
+
+/// Times of a performance, s.
+#[derive(Clone, Debug, Default)]
+pub struct Timing {
+    late: Vec<f64>,
+    missed: usize,
+    periods: Vec<f64>,
+    last_period: Option<Duration>,
+}
+
+/// What the times come to, in ms.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+pub struct TimingReport {
+    /// Control steps that were commanded.
+    pub commands: usize,
+    /// Commands later than one set-point after the beginning of their control step.
+    pub missed: usize,
+    /// Median time from the beginning of a control step until its command was there.
+    pub late_median_ms: f64,
+    /// The same for the latest but one in a thousand.
+    pub late_p999_ms: f64,
+    /// The latest.
+    pub late_worst_ms: f64,
+    /// Periods of the hand's loop.
+    pub hand_periods: usize,
+    /// Median period.
+    pub hand_period_median_ms: f64,
+    /// How much longer than the median the longest but one in a thousand were.
+    pub hand_late_p999_ms: f64,
+    /// How much longer than the median the longest was.
+    pub hand_late_worst_ms: f64,
+}
+
+impl Timing {
+    /// A command that was there `late` after the beginning of its control step.
+    pub(crate) fn command(&mut self, late: Duration, allowed: Duration) {
+        self.late.push(late.as_secs_f64());
+        self.missed += usize::from(late > allowed);
+    }
+
+    /// A period of the hand's loop that ended at `at`.
+    pub(crate) fn hand(&mut self, at: Duration) {
+        if let Some(last) = self.last_period.replace(at) {
+            self.periods.push(at.saturating_sub(last).as_secs_f64());
+        }
+    }
+
+    /// Medians, extremes and counts.
+    pub fn report(&self) -> TimingReport {
+        let (late, periods) = (sorted(&self.late), sorted(&self.periods));
+        let median = at(&periods, 0.5);
+        TimingReport {
+            commands: late.len(),
+            missed: self.missed,
+            late_median_ms: at(&late, 0.5) * 1e3,
+            late_p999_ms: at(&late, 0.999) * 1e3,
+            late_worst_ms: at(&late, 1.0) * 1e3,
+            hand_periods: periods.len(),
+            hand_period_median_ms: median * 1e3,
+            hand_late_p999_ms: (at(&periods, 0.999) - median) * 1e3,
+            hand_late_worst_ms: (at(&periods, 1.0) - median) * 1e3,
+        }
+    }
+
+    /// How many commands were there within 0.5, 1, 2, 5, 10 and 50 ms, and later.
+    pub fn histogram(&self) -> [usize; 7] {
+        let bounds = [0.5e-3, 1e-3, 2e-3, 5e-3, 10e-3, 50e-3];
+        let mut counts = [0; 7];
+        for late in &self.late {
+            counts[bounds.iter().position(|bound| late <= bound).unwrap_or(bounds.len())] += 1;
+        }
+        counts
+    }
+}
+
+fn sorted(values: &[f64]) -> Vec<f64> {
+    let mut values = values.to_vec();
+    values.sort_by(f64::total_cmp);
+    values
+}
+
+/// The value that `share` of the sorted ones do not exceed; 0 for none.
+fn at(sorted: &[f64], share: f64) -> f64 {
+    let rank = (sorted.len() as f64 * share).ceil() as usize;
+    sorted.get(rank.saturating_sub(1)).copied().unwrap_or(0.0)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn ranks_and_counts() {
+        let mut timing = Timing::default();
+        for late in 1..=1000u64 {
+            timing.command(Duration::from_micros(10 * late), Duration::from_millis(5));
+        }
+        for period in [0, 3, 6, 9, 16] {
+            timing.hand(Duration::from_millis(period));
+        }
+        let report = timing.report();
+        assert_eq!((report.commands, report.missed, report.hand_periods), (1000, 500, 4));
+        let close = |a: f64, b: f64| (a - b).abs() < 1e-9;
+        assert!(close(report.late_median_ms, 5.0) && close(report.late_p999_ms, 9.99));
+        assert!(close(report.late_worst_ms, 10.0));
+        assert!(close(report.hand_period_median_ms, 3.0) && close(report.hand_late_worst_ms, 4.0));
+        assert_eq!(timing.histogram(), [50, 50, 100, 300, 500, 0, 0]);
+        assert_eq!(Timing::default().report(), TimingReport::default());
+    }
+}
