@@ -364,7 +364,9 @@ mod tests {
                 assert!((found.to_degrees() - expected).abs() < 0.3, "{joints:?} at {rail_m}");
             }
             let place = path.place(&joints);
-            assert!((place.rail_m - rail_m).abs() < 1e-6 && place.beside_m < 1e-6 && place.turned_rad < 1e-6);
+            assert!((place.rail_m - rail_m).abs() < 1e-6 && place.beside_m < 1e-6);
+            // The angle comes out of an arc cosine near 1, which keeps half the digits.
+            assert!(place.turned_rad < 1e-4, "{place:?}");
         }
         let above = path.above_middle(0.08).unwrap();
         assert!((path.place(&above).beside_m - 0.08).abs() < 1e-3);

@@ -294,8 +294,9 @@ fn faults_while_starting() {
     // The servo stays off: ON does not arrive.
     let mut bench = Bench::default();
     bench.heard = Box::new(|_, frame| frame.id() != 0x100);
-    bench.hand.start(Duration::ZERO);
-    assert_eq!(bench.fault(), HandFault::ServoOff);
+    bench.start();
+    assert_eq!(bench.hand.state(), HandState::Fault(HandFault::ServoOff), "and never ready before");
+    assert!(bench.now > ms(2000), "{:?}", bench.now);
     // The positions of one finger never come, or those of all.
     for (id, finger) in [(0x84, 1), (0x80, 0)] {
         let mut bench = Bench::default();

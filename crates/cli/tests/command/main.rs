@@ -5,6 +5,7 @@
 mod mistakes;
 mod playing;
 mod printing;
+mod robots;
 mod songs;
 mod training;
 

@@ -83,6 +83,12 @@ pub enum Refused {
     /// The keyboard cannot be trusted.
     #[error("{0}; then start the robot again")]
     Keyboard(String),
+    /// The goal is no pose.
+    #[error("the goal holds no number for driven joint {joint}: check what computes it")]
+    NoPose {
+        /// Which joint, in the order of the driven joints.
+        joint: usize,
+    },
     /// A finger is far from where the motion begins.
     #[error(
         "finger joint {joint} is at {measured_rad:.2} rad and the motion begins at {asked_rad:.2} rad: \

@@ -45,6 +45,8 @@ const CLEAR_M: f64 = 0.08;
 const HOMING_SPEED: f64 = 0.3;
 /// Longest time between two polls while torques are on. The hand holds the last torque meanwhile.
 const LONGEST_GAP: Duration = Duration::from_millis(100);
+/// Time between two times that a stopped hand is let go: a frame may be lost, and a bus that failed come back.
+const LET_GO_AGAIN: Duration = Duration::from_millis(100);
 /// Fingers straight ahead, clear of the keys.
 const CLEAR_FINGERS: [f64; FINGER_JOINTS] = [0.0; FINGER_JOINTS];
 
@@ -121,6 +123,8 @@ pub struct Robot {
     before: [f64; AXES],
     stepped: Duration,
     polled: Option<Duration>,
+    /// When the hand was let go last.
+    let_go_at: Duration,
     /// Joints that the arm was last asked for; `None` while the arm is not on its path.
     arm_sent: Option<[f64; kinematics::JOINTS]>,
     arm_seen: Option<Duration>,
@@ -158,6 +162,7 @@ impl Robot {
             before: [0.0; AXES],
             stepped: Duration::ZERO,
             polled: None,
+            let_go_at: Duration::ZERO,
             arm_sent: None,
             arm_seen: None,
             arm_connected: false,
@@ -193,19 +198,20 @@ impl Robot {
     }
 
     /// Brings the robot slowly to a pose, from wherever it is: fingers straight, the arm over its home and from above
-    /// to the middle of the keyboard unless it is at the keyboard already, then fingers and rail to `goal`.
+    /// to the middle of the keyboard unless it is at the keyboard already, then fingers and rail to `goal`, or the
+    /// nearest that their ranges allow.
     ///
     /// # Errors
-    /// If the robot does not hold still.
+    /// If the robot does not hold still, or the goal holds what is no number.
     pub fn home(&mut self, now: Duration, goal: &[f64; DRIVEN]) -> Result<(), Refused> {
         let station = if self.arm_sent.is_some() { None } else { Some((Station::Home, false)) };
         self.slow_move(now, station, goal)
     }
 
-    /// Brings fingers and rail slowly to a pose.
+    /// Brings fingers and rail slowly to a pose, or the nearest that their ranges allow.
     ///
     /// # Errors
-    /// If the robot does not hold still at the keyboard.
+    /// If the robot does not hold still at the keyboard, or the goal holds what is no number.
     pub fn approach(&mut self, now: Duration, goal: &[f64; DRIVEN]) -> Result<(), Refused> {
         if self.arm_sent.is_none() {
             let remedy = "not at the keyboard: `etude robot home` brings it there";
@@ -221,12 +227,21 @@ impl Robot {
         goal: &[f64; DRIVEN],
     ) -> Result<(), Refused> {
         self.wants(Phase::Holding)?;
-        let mut first = *goal;
+        if let Some(joint) = goal.iter().position(|value| !value.is_finite()) {
+            return Err(Refused::NoPose { joint });
+        }
+        let axes = all_axes(goal, &self.config.limits.thumb_rad);
+        let inside = std::array::from_fn(|axis| {
+            let [low, high] = self.axes[axis].limits().position;
+            axes[axis].clamp(low, high)
+        });
+        let goal = driven(&inside);
+        let mut first = goal;
         if station.is_some() {
             first[..FINGER_JOINTS].copy_from_slice(&CLEAR_FINGERS);
         }
         let slow = self.slowly(now, &first);
-        self.plan = Some(Plan { slow, station, goal: *goal });
+        self.plan = Some(Plan { slow, station, goal });
         self.enter(now, Phase::Moving);
         Ok(())
     }
@@ -242,6 +257,9 @@ impl Robot {
     /// If the robot is neither holding nor following, or is not near the first waypoint when it begins, or its
     /// keyboard has a warning that nobody has acknowledged by a start.
     pub fn follow(&mut self, begun: Duration, waypoints: &[[f64; DRIVEN]]) -> Result<(), Refused> {
+        // One that began far ahead would keep the watch on the age of commands quiet.
+        let ahead = Duration::from_secs_f64(self.config.limits.stale_command_secs);
+        let begun = self.polled.map_or(begun, |polled| begun.min(polled.saturating_add(ahead)));
         if self.phase != Phase::Following {
             self.wants(Phase::Holding)?;
             let Some(first) = waypoints.first() else { return Ok(()) };
@@ -249,6 +267,8 @@ impl Robot {
             if let Some(warning) = self.keyboard.warnings().next() {
                 return Err(Refused::Keyboard(warning.to_string()));
             }
+            // The grid of the set-points begins with the stream.
+            self.stepped = self.stepped.max(begun);
             self.enter(begun, Phase::Following);
         }
         let mut kept = self.stream.take().map(|stretch| stretch.waypoints).unwrap_or_default();
@@ -258,8 +278,12 @@ impl Robot {
         Ok(())
     }
 
-    /// Ends a stream: brakes and holds.
+    /// Ends a stream or a slow move: brakes and holds. A move that the arm makes by itself goes on to its end: only
+    /// [`stop`](Self::stop) ends that.
     pub fn hold(&mut self, now: Duration) {
+        if self.plan.as_ref().is_some_and(|plan| plan.station.is_some()) {
+            return;
+        }
         if matches!(self.phase, Phase::Following | Phase::Moving) {
             self.plan = None;
             self.enter(now, Phase::Holding);
@@ -308,11 +332,16 @@ impl Robot {
         if let Some(fault) = fault {
             self.fail(now, fault, wires);
         }
+        self.explain(now);
         self.frames.clear();
         self.bytes.clear();
         let mut frames = std::mem::take(&mut self.frames);
         if self.hand.poll(now, &mut frames) == HandEvent::Positions {
             self.drive(now, &mut frames);
+        }
+        if self.is_let_go() && now.saturating_sub(self.let_go_at) >= LET_GO_AGAIN {
+            self.let_go_at = now;
+            self.hand.stop(now, &mut frames);
         }
         self.frames = frames;
         self.arm.poll(now, &mut self.bytes);
@@ -322,7 +351,7 @@ impl Robot {
     }
 
     fn take_in(&mut self, now: Duration, wires: &mut dyn Wires) -> Result<(), Fault> {
-        self.take_in_arm(now, wires)?;
+        let arm = self.take_in_arm(now, wires);
         while let Some(frame) = wires.next_frame()? {
             if self.hand.receive(now, &frame) == HandEvent::Positions {
                 let mut frames = std::mem::take(&mut self.frames);
@@ -333,7 +362,7 @@ impl Robot {
                 sent?;
             }
         }
-        Ok(())
+        arm
     }
 
     fn take_in_midi(&mut self, now: Duration, wires: &mut dyn Wires) {
@@ -367,6 +396,12 @@ impl Robot {
         if connected.is_ok() != self.arm_connected {
             self.arm_connected = connected.is_ok();
             if self.arm_connected { self.arm.connected(now) } else { self.arm.disconnected(now) }
+            if self.arm_connected && self.is_let_go() {
+                // It has not heard of the stop, and may be on its way still.
+                let mut stop = Vec::new();
+                self.arm.stop(now, &mut stop);
+                wires.send_arm(&stop)?;
+            }
         }
         connected?;
         self.arm.receive_report(now, &self.bytes);
@@ -389,13 +424,12 @@ impl Robot {
     }
 
     fn send(&mut self, wires: &mut dyn Wires) -> Result<(), Fault> {
-        for frame in &self.frames {
-            wires.send_frame(*frame)?;
-        }
+        // A wire that fails must not keep the other from being used.
+        let frames = self.frames.iter().try_for_each(|frame| wires.send_frame(*frame));
         if !self.bytes.is_empty() {
             wires.send_arm(&self.bytes)?;
         }
-        Ok(())
+        Ok(frames?)
     }
 
     /// What has gone wrong, if anything.
@@ -425,6 +459,11 @@ impl Robot {
         self.is_live() || self.phase == Phase::Starting
     }
 
+    /// Whether hand and arm were told to stop.
+    fn is_let_go(&self) -> bool {
+        matches!(self.phase, Phase::Stopped | Phase::Fault)
+    }
+
     /// Whether torques are on.
     fn is_live(&self) -> bool {
         matches!(self.phase, Phase::Holding | Phase::Moving | Phase::Following)
@@ -433,9 +472,12 @@ impl Robot {
     /// Phases that end by themselves, and the set-points that are due.
     fn advance(&mut self, now: Duration) -> Result<(), Fault> {
         if self.phase == Phase::Starting {
-            let keyboard = self.keyboard.state() == KeyboardState::Present;
-            if keyboard && self.hand.state() == HandState::Ready && self.arm.state() == ArmState::Ready {
+            if self.hand.state() == HandState::Ready && self.arm.state() == ArmState::Ready {
                 self.check_arm()?;
+                let keyboard = self.keyboard.state();
+                if keyboard != KeyboardState::Present {
+                    return Err(Fault::Keyboard(keyboard.to_string()));
+                }
                 self.settle(now);
                 self.enter(now, Phase::Holding);
             }
@@ -595,8 +637,19 @@ impl Robot {
         self.enter(now, Phase::Fault);
     }
 
+    /// The arm is asked for the number of its error only after it was stopped.
+    fn explain(&mut self, now: Duration) {
+        if let (Some(Fault::Arm(told)), ArmState::Fault(known)) = (&mut self.fault, self.arm.state())
+            && *told != known
+        {
+            *told = known;
+            self.journal.push(Record::Note { at: now, kind: "fault", text: Fault::Arm(known).to_string() });
+        }
+    }
+
     /// Zero torque and servo off for the hand, state 4 for the arm, whatever the wires say.
     fn let_go(&mut self, now: Duration, wires: &mut dyn Wires) {
+        self.let_go_at = now;
         self.frames.clear();
         self.bytes.clear();
         self.hand.stop(now, &mut self.frames);

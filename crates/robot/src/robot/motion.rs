@@ -54,12 +54,13 @@ pub(super) struct Stretch {
 }
 
 impl Stretch {
-    /// The waypoint due at `now`; the last one when they have run out.
+    /// The waypoint that is due next at `now`, so that a grid of any phase meets each of them once; the last one when they
+    /// have run out.
     pub fn at(&self, now: Duration, period: Duration) -> Option<&[f64; DRIVEN]> {
-        // Rounded, so that a set-point a little late does not ask for the waypoint before.
-        let periods = (now.saturating_sub(self.begun).as_secs_f64() / period.as_secs_f64()).round() as usize;
+        let periods = now.saturating_sub(self.begun).as_nanos().div_ceil(period.as_nanos());
         let last = self.waypoints.len().checked_sub(1)?;
-        self.waypoints.get(periods.saturating_sub(1).min(last))
+        let index = usize::try_from(periods).unwrap_or(usize::MAX).saturating_sub(1);
+        self.waypoints.get(index.min(last))
     }
 
     /// When the last waypoint is due.
@@ -100,10 +101,11 @@ mod tests {
         let waypoints: Vec<_> = (0..10).map(|n| [f64::from(n); DRIVEN]).collect();
         let stretch = Stretch { begun: Duration::from_secs(1), waypoints };
         let at = |micros: u64| stretch.at(Duration::from_micros(1_000_000 + micros), period).unwrap()[0];
-        assert_eq!(
-            [0, 5000, 6000, 10_000, 49_000, 50_000, 90_000].map(at),
-            [0.0, 0.0, 0.0, 1.0, 9.0, 9.0, 9.0]
-        );
+        for phase in [1, 1000, 2500, 4999, 5000] {
+            let met: Vec<f64> = (0..10).map(|n| at(5000 * n + phase)).collect();
+            assert_eq!(met, (0..10).map(f64::from).collect::<Vec<_>>(), "phase {phase}");
+        }
+        assert_eq!([0, 90_000].map(at), [0.0, 9.0]);
         assert_eq!(stretch.end(period), Duration::from_millis(1050));
         assert!(Stretch { begun: Duration::ZERO, waypoints: vec![] }.at(Duration::ZERO, period).is_none());
     }

@@ -1,0 +1,163 @@
+//! `etude perform`, `robot`, `record` and `twin`: a robot that is not there, driven as a real one is.
+
+use std::io::{BufRead as _, BufReader};
+use std::path::PathBuf;
+use std::process::{Child, Stdio};
+use std::time::{Duration, Instant};
+
+use etude_perform::Recording;
+use serde_json::Value;
+
+use crate::playing::check_elsewhere;
+use crate::{Desk, errors};
+
+const MODES: [&str; 3] = ["joint-mirroring", "hybrid", "real"];
+
+#[test]
+fn every_mode_plays_on_the_twin() {
+    let desk = Desk::new();
+    for mode in MODES {
+        let args = format!("perform --song short.mid --scripted --mode {mode} --robot twin -o {mode} --json");
+        let report = desk.json(&args);
+        let f1 = |key: &str| report[key].as_f64().unwrap();
+        assert!((f1("gap") - (f1("sim_f1") - f1("robot_f1"))).abs() < 1e-12);
+        assert!(f1("robot_f1") > 0.5 && f1("sim_f1") > 0.8, "{mode}: {report}");
+        assert_eq!(
+            (&report["mode"], &report["robot"], &report["truth"]),
+            (&mode.into(), &"twin".into(), &"standard".into())
+        );
+        let run = &report["runs"][0];
+        assert_eq!((&run["ending"], &run["timing"]["missed"]), (&"complete".into(), &0.into()));
+        assert_eq!(run["alongside_f1"].is_null(), mode == "real");
+        let recording = Recording::read(&desk.path(format!("{mode}/run-1.mcap"))).unwrap();
+        let steps = run["steps"][0].as_u64().unwrap() as usize;
+        assert!(recording.complete && recording.steps.len() == steps && recording.policy.len() == steps);
+        assert!(recording.setpoints.len() > 10 * steps && recording.hand.len() > 16 * steps);
+        assert!(recording.notes.iter().any(|(_, note)| note.text == "following"));
+        check_elsewhere("check_robot_recording.py", &desk.path(mode));
+    }
+}
+
+#[test]
+fn the_same_seed_gives_the_same_recording_byte_for_byte() {
+    let desk = Desk::new();
+    let play = |out: &str, more: &str| {
+        desk.ok(&format!("perform --song short.mid --scripted --mode hybrid --robot twin -o {out} {more}"));
+    };
+    play("a", "--runs 2 --seed 5");
+    play("b", "--seed 6");
+    assert!(desk.bytes("a/run-2.mcap") == desk.bytes("b/run-1.mcap"), "seed 5, second run, is seed 6");
+    assert!(desk.bytes("a/run-1.mcap") != desk.bytes("a/run-2.mcap"), "runs differ as they do on a robot");
+    assert_eq!(desk.bytes("a/run-2.mid"), desk.bytes("b/run-1.mid"));
+}
+
+#[test]
+fn mistakes_are_told_before_anything_moves() {
+    let desk = Desk::new();
+    std::fs::write(desk.path("bad.toml"), "name = \"x\"\n[limits]\nrail_velocity = -1.0\n").unwrap();
+    std::fs::write(desk.path("lab.toml"), "name = \"lab\"\n").unwrap();
+    let old = "schema = 1\nrig = \"lab\"\narm_serial = \"x\"\nmade_unix_secs = 1\npoints = []\n";
+    std::fs::write(desk.path("old.calibration.toml"), old).unwrap();
+    std::fs::write(desk.path("old.toml"), "name = \"lab\"\n").unwrap();
+    for (args, said) in [
+        ("perform --song short.mid --scripted --robot nowhere.toml", "nowhere.toml"),
+        ("perform --song short.mid --scripted --robot bad.toml", "velocity limit -1"),
+        ("perform --song short.mid --scripted --robot lab.toml", "etude robot calibrate"),
+        ("perform --song short.mid --scripted --robot old.toml", "days old"),
+        ("perform --song short.mid --scripted --mode blind", "joint-mirroring, hybrid, real"),
+        ("perform --song short.mid --scripted --truth no.toml", "built in are"),
+        ("robot stop --robot twin", "etude twin"),
+        ("robot stop --robot lab.toml", "hardware stop"),
+        ("record --robot twin -o r.mcap", "--secs"),
+    ] {
+        let output = desk.command(args).output().unwrap();
+        let text = errors(&output) + &String::from_utf8_lossy(&output.stdout);
+        assert!(
+            !output.status.success() && text.contains(said) && !text.contains("panicked"),
+            "{args}: {text}"
+        );
+    }
+}
+
+#[test]
+fn a_robot_at_rest_can_be_recorded() {
+    let desk = Desk::new();
+    desk.ok("record --robot twin --secs 1 -o rest.mcap");
+    let recording = Recording::read(&desk.path("rest.mcap")).unwrap();
+    assert!(recording.complete && recording.hand.len() > 300 && recording.setpoints.len() >= 200);
+}
+
+/// A twin in a process of its own.
+struct Served {
+    process: Child,
+    rig: PathBuf,
+}
+
+impl Served {
+    fn start(desk: &Desk) -> Self {
+        let mut command = desk.command("twin -o twin --json");
+        let mut process = command.stdout(Stdio::piped()).stderr(Stdio::null()).spawn().unwrap();
+        let mut line = String::new();
+        BufReader::new(process.stdout.take().unwrap()).read_line(&mut line).unwrap();
+        let ready: Value = serde_json::from_str(&line).unwrap();
+        let rig = PathBuf::from(ready["rig"].as_str().unwrap());
+        // A busy machine must not fail the test: what is waited for here is the stop, not the fault.
+        let text = std::fs::read_to_string(&rig).unwrap();
+        let text = text.replace("stale_after_secs = 0.015", "stale_after_secs = 0.1");
+        std::fs::write(&rig, text.replace("report_stale_after_secs = 0.1", "report_stale_after_secs = 1.0"))
+            .unwrap();
+        Self { process, rig }
+    }
+
+    /// What the monitor saw last: servo of the hand, state of the arm.
+    fn seen(&self, desk: &Desk) -> (Value, Value) {
+        let text = desk.ok(&format!("robot monitor --robot {} --secs 0.7 --json", self.rig.display()));
+        let last: Value = serde_json::from_str(text.lines().last().unwrap()).unwrap();
+        (last["hand"]["servo_on"].clone(), last["arm"]["state"].clone())
+    }
+}
+
+impl Drop for Served {
+    fn drop(&mut self) {
+        let _ = self.process.kill();
+        let _ = self.process.wait();
+    }
+}
+
+/// Servo off and state 4.
+fn is_safe((servo_on, state): (Value, Value)) -> bool {
+    servo_on == false && state == 4
+}
+
+#[test]
+fn a_controller_that_is_killed_leaves_the_robot_safe() {
+    let desk = Desk::new();
+    let twin = Served::start(&desk);
+    let rig = twin.rig.display().to_string();
+    let check = desk.json(&format!("robot check --robot {rig} --json"));
+    assert_eq!((&check["rig"], &check["fault"]), (&"twin".into(), &Value::Null), "{check}");
+    assert!(is_safe(twin.seen(&desk)), "after a check it is let go");
+
+    // Far from the keyboard it refuses to play.
+    let refused =
+        desk.command(&format!("perform --song short.mid --scripted --robot {rig}")).output().unwrap();
+    assert!(errors(&refused).contains("etude robot home"), "{}", errors(&refused));
+
+    for kill in [true, false] {
+        let mut home = desk.command(&format!("robot home --robot {rig}"));
+        let mut home = home.stderr(Stdio::null()).spawn().unwrap();
+        let on_its_way = Instant::now() + Duration::from_secs(20);
+        while twin.seen(&desk) != (Value::Bool(true), 1.into()) {
+            assert!(Instant::now() < on_its_way, "the arm never moved");
+        }
+        if kill {
+            home.kill().unwrap();
+        } else {
+            let stopped = desk.json(&format!("robot stop --robot {rig} --json"));
+            assert_eq!(stopped["sure"], true, "{stopped}");
+        }
+        assert!(!home.wait().unwrap().success());
+        std::thread::sleep(Duration::from_millis(600));
+        assert!(is_safe(twin.seen(&desk)), "killed: {kill}");
+    }
+}

@@ -1,0 +1,89 @@
+#!/usr/bin/env python3
+"""Holds the files of one run of `etude perform` against other libraries and the fact sheet.
+
+    check_robot_recording.py DIR
+
+run-1.mcap is read by the mcap package: one header, one `/step` and one `/policy` a control step, set-points every 5 ms,
+periods of the hand every 3 ms, reports of the arm every 10 ms. What was sent must keep the limits of the rig's file, taken
+as differences of the recording, and no PWM may exceed the table of the v4 hand. The paper's F1 of run-1.csv is computed
+again by scikit-learn.
+"""
+
+import csv
+import json
+import pathlib
+import sys
+
+import numpy as np
+from mcap.reader import make_reader
+from sklearn.metrics import f1_score
+
+LOWEST, KEYS, RAIL = 36, 49, 12
+PWM = [375, 675, 450, 285] * 3 + [525, 405, 270, 270]
+FINGER = {"velocity": 7.0, "acceleration": 500.0, "jerk": 100_000.0}
+RAIL_LIMITS = {"velocity": 0.8, "acceleration": 7.5, "jerk": 1500.0}
+SETPOINT_SECS = 0.005
+
+
+def keys(text):
+    row = np.zeros(KEYS, dtype=int)
+    row[[int(pitch) - LOWEST for pitch in text.split()]] = 1
+    return row
+
+
+def main(folder: pathlib.Path) -> int:
+    wrong = []
+
+    def holds(what, truth):
+        if not truth:
+            wrong.append(what)
+
+    messages, times = {}, {}
+    with open(folder / "run-1.mcap", "rb") as file:
+        for _, channel, message in make_reader(file, validate_crcs=True).iter_messages(log_time_order=False):
+            messages.setdefault(channel.topic, []).append(json.loads(message.data))
+            times.setdefault(channel.topic, []).append(message.log_time * 1e-9)
+    report = json.loads((folder / "report.json").read_text())
+    run = report["runs"][0]
+    steps = run["steps"][0]
+    holds("one header", len(messages["/header"]) == 1)
+    for topic in ["/step", "/policy"]:
+        holds(f"one {topic} a control step", [m["step"] for m in messages[topic]] == list(range(steps)))
+    for topic, secs in [("/setpoint", SETPOINT_SECS), ("/hand", 0.003), ("/arm", 0.01)]:
+        playing = np.array([t for t in times[topic] if t > 0])
+        rate = len(playing) / (playing[-1] - playing[0])
+        holds(f"{topic} every {secs} s, not {1 / rate:.5f}", abs(rate * secs - 1) < 0.01)
+
+    sent = np.array([m["sent"] for m in messages["/setpoint"]])
+    gaps = np.diff(times["/setpoint"])
+    begin = int(np.argmax(np.array(times["/setpoint"]) > 0))
+    sent = sent[begin:]
+    holds("no set-point left out", np.all(gaps[begin:] < 1.5 * SETPOINT_SECS))
+    velocity = np.diff(sent, axis=0) / SETPOINT_SECS
+    acceleration = np.diff(velocity, axis=0) / SETPOINT_SECS
+    jerk = np.diff(acceleration, axis=0) / SETPOINT_SECS
+    for name, values in [("velocity", velocity), ("acceleration", acceleration), ("jerk", jerk)]:
+        most = np.abs(values).max(axis=0)
+        holds(f"{name} of the fingers: {most[:RAIL].max()}", most[:RAIL].max() <= FINGER[name] * 1.001)
+        holds(f"{name} of the rail: {most[RAIL]}", most[RAIL] <= RAIL_LIMITS[name] * 1.001)
+    pwm = np.abs([m["pwm"] for m in messages["/hand"]]).max(axis=0)
+    holds(f"PWM within the table: {pwm}", np.all(pwm <= PWM))
+    holds("the hand was driven", np.all(pwm[:RAIL] > 0))
+
+    with open(folder / "run-1.csv", newline="") as file:
+        rows = list(csv.DictReader(file))
+    pressed_there = [sorted(m["pressed"]) for m in messages["/step"]]
+    pressed_here = [sorted(int(p) for p in row["pressed"].split()) for row in rows[:steps]]
+    holds("keys pressed at each step", pressed_there == pressed_here)
+    f1 = np.mean([f1_score(keys(r["due"]), keys(r["pressed"]), zero_division=1) for r in rows])
+    holds(f"F1 {run['f1']} here, {f1} there", abs(f1 - run["f1"]) < 1e-9)
+
+    for line in wrong:
+        print(f"WRONG: {line}")
+    if not wrong:
+        print(f"recording of {steps} steps: {len(sent)} set-points within their limits, F1 {f1:.4f} as scikit-learn's")
+    return 1 if wrong else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(pathlib.Path(sys.argv[1])))

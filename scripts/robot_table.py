@@ -1,0 +1,47 @@
+"""Plays every built-in song on the twin in every mode and prints the table of docs/results/robot.md.
+
+    make build && python3 scripts/robot_table.py [--runs 3] [--truth standard]
+"""
+
+import argparse
+import json
+import pathlib
+import subprocess
+
+ROOT = pathlib.Path(__file__).resolve().parent.parent
+ETUDE = ROOT / "target" / "release" / "etude"
+MODES = ["joint-mirroring", "hybrid", "real"]
+
+
+def etude(*arguments):
+    done = subprocess.run([ETUDE, *arguments], cwd=ROOT, check=True, capture_output=True, text=True)
+    return json.loads(done.stdout)
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--runs", default="3")
+    parser.add_argument("--truth", default="standard")
+    options = parser.parse_args()
+    songs = [song["id"] for song in etude("songs", "--json")]
+    print("| song | simulation | " + " | ".join(MODES) + " |")
+    print("|---|---|" + "---|" * len(MODES))
+    columns = {mode: [] for mode in MODES}
+    simulation = []
+    for song in songs:
+        cells = []
+        for mode in MODES:
+            report = etude(
+                "perform", "--song", song, "--mode", mode, "--robot", "twin", "--truth", options.truth,
+                "--runs", options.runs, "--out", f"out/robot-table/{song}-{mode}", "--json",
+            )
+            cells.append(f"{report['robot_f1']:.3f} ± {report['robot_f1_std']:.3f}")
+            columns[mode].append(report["robot_f1"])
+        simulation.append(report["sim_f1"])
+        print(f"| {song} | {report['sim_f1']:.3f} | " + " | ".join(cells) + " |", flush=True)
+    mean = lambda values: f"{sum(values) / len(values):.3f}"
+    print(f"| mean | {mean(simulation)} | " + " | ".join(mean(columns[mode]) for mode in MODES) + " |")
+
+
+if __name__ == "__main__":
+    main()
