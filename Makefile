@@ -40,6 +40,8 @@ demo: build
 test: setup
 	$(CARGO) fmt --all --check
 	$(CARGO) clippy --workspace --all-targets --locked -- -D warnings
+	@if pkg-config --exists alsa 2>/dev/null; then set -x; $(CARGO) clippy --package etude --features hardware --locked -- -D warnings; \
+	else echo "not checked: --features hardware (Debian, Ubuntu: apt-get install -y pkg-config libasound2-dev)"; fi
 	RUSTDOCFLAGS="-D warnings" $(CARGO) doc --workspace --no-deps --locked --quiet
 	$(PYTHON) scripts/python_packages.py
 	ETUDE_PYTHON=$(PYTHON) PYTHONPATH=$(CURDIR)/.python $(CARGO) test --workspace --locked

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use etude_music::metrics::{FrameScores, NoteScores};
 use etude_music::sound::{self, SoundError, SoundFont};
-use etude_music::{CONTROL_HZ, Song, SongError};
+use etude_music::{CONTROL_HZ, Note, Song, SongError};
 use etude_perform::{
     FileError, Header, KeyMessage, PerformError, RecordingError, RecordingWriter, StepMessage,
     write_frames_csv, write_text,
@@ -240,8 +240,20 @@ fn keep(
         report: folder.join(REPORT),
     };
     let secs = performance.pressed.len() as f64 / CONTROL_HZ;
-    Song::new(song.title(), performance.notes(), secs)?.save(&files.midi)?;
-    sound::write_wav(&files.wav, &sound::render(&performance.notes(), font)?)?;
+    keep_music(&files.midi, &files.wav, song.title(), performance.notes(), secs, font)?;
     write_frames_csv(&files.frames, &performance.due, Some(&performance.pressed))?;
     Ok(files)
+}
+
+/// Writes what was played as MIDI and as sound.
+pub(crate) fn keep_music(
+    midi: &Path,
+    wav: &Path,
+    title: &str,
+    notes: Vec<Note>,
+    secs: f64,
+    font: Option<&SoundFont>,
+) -> Result<(), PlayError> {
+    sound::write_wav(wav, &sound::render(&notes, font)?)?;
+    Ok(Song::new(title, notes, secs)?.save(midi)?)
 }

@@ -34,8 +34,8 @@ pub fn record_robot(
         joints: JOINT_NAMES.map(str::to_string).to_vec(),
         ..Header::default()
     };
-    let mut writer = RecordingWriter::create(path, &header)?;
     let Stand { mut robot, mut pace } = rig.open(side, 0)?;
+    let mut writer = RecordingWriter::create(path, &header)?;
     let stage = StageConfig { side, ..StageConfig::default() };
     let pose =
         World::new(&stage, &PhysicalParams::default()).map_err(etude_task::TaskError::from)?.start_pose();

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 use std::sync::atomic::AtomicBool;
 
 use etude_music::metrics::{FrameScores, NoteScores, frame_scores, note_scores};
-use etude_music::sound::{self, SoundFont};
+use etude_music::sound::SoundFont;
 use etude_music::{CONTROL_HZ, KeySet, Song, notes_from_key_events};
 use etude_perform::{
     Ending, Header, Mode, Performer, Played, RecordingWriter, TimingReport, prepare, write_frames_csv,
@@ -15,7 +15,7 @@ use etude_task::{Act, Piece, ScriptedPlayer, rehearse};
 use serde::Serialize;
 use serde_json::json;
 
-use crate::play::PlayError;
+use crate::play::{PlayError, keep_music};
 use crate::player::{Mind, Player};
 use crate::rig::RigChoice;
 
@@ -252,8 +252,7 @@ fn keep(
     };
     let secs = piece.steps() as f64 / CONTROL_HZ;
     let notes = notes_from_key_events(&played.events, secs);
-    Song::new(song.title(), notes.clone(), secs)?.save(&files.midi)?;
-    sound::write_wav(&files.wav, &sound::render(&notes, font)?)?;
+    keep_music(&files.midi, &files.wav, song.title(), notes, secs, font)?;
     write_frames_csv(&files.frames, piece.frames(), Some(&all_steps(piece, &played.pressed)))?;
     Ok(files)
 }

@@ -13,7 +13,8 @@ pub mod twin;
 
 use std::path::{Path, PathBuf};
 
-use etude_lab::RunConfig;
+use etude_lab::{Player, RunConfig, load_player};
+use etude_music::Song;
 
 /// The layers of configuration that several verbs take.
 #[derive(clap::Args)]
@@ -34,6 +35,41 @@ impl ConfigArgs {
     fn resolve(&self, more: &[String]) -> anyhow::Result<RunConfig> {
         let overrides = [self.overrides.as_slice(), more].concat();
         Ok(etude_lab::resolve(&self.preset, self.config.as_deref(), &overrides)?)
+    }
+}
+
+/// Who plays, as several verbs take it.
+#[derive(clap::Args)]
+pub struct PlayerArgs {
+    /// A policy file or the folder of a run; the best for this song if not given
+    #[arg(long, value_name = "PATH")]
+    policy: Option<PathBuf>,
+    /// Play by inverse kinematics and timing instead of a policy: the baseline that needs no training
+    #[arg(long, conflicts_with = "policy")]
+    scripted: bool,
+    /// Change the world that is simulated, for example --set task.physics.key.threshold=0.7
+    #[arg(long = "set", value_name = "PATH=VALUE")]
+    overrides: Vec<String>,
+}
+
+impl PlayerArgs {
+    /// The player of `song`, which was asked for as `asked`; says so if it learned another one.
+    fn load(&self, asked: &str, song: &Song) -> anyhow::Result<Player> {
+        let mut player = if self.scripted {
+            Player::scripted()
+        } else {
+            load_player(asked, &slug(asked), self.policy.as_deref(), Path::new("runs"))?
+        };
+        if !self.overrides.is_empty() {
+            player.reconfigure(&self.overrides)?;
+        }
+        if let Some(learned) = player.song.as_deref().filter(|learned| *learned != song.title()) {
+            note(format!(
+                "warning: this policy learned `{learned}`; it plays `{}` from the sheet alone",
+                song.title()
+            ));
+        }
+        Ok(player)
     }
 }
 

@@ -1,14 +1,12 @@
 //! `etude perform`: play a song on a robot, or on its twin.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
-use etude_lab::{
-    Player, RobotPlay, RobotReport, RobotRun, find_song, load_player, play_on_robot, rig_choice,
-};
+use etude_lab::{RobotPlay, RobotReport, RobotRun, find_song, play_on_robot, rig_choice};
 use etude_music::sound::SoundFont;
 use etude_perform::Mode;
 
-use super::{json, line, note, slug};
+use super::{PlayerArgs, json, line, note, slug};
 use crate::Ending;
 use crate::progress::stop_flag;
 
@@ -50,15 +48,8 @@ pub struct Args {
     /// Seed of the twin's noise; each run adds one
     #[arg(long, default_value_t = 0)]
     seed: u64,
-    /// A policy file or the folder of a run; the best for this song if not given
-    #[arg(long, value_name = "PATH")]
-    policy: Option<PathBuf>,
-    /// Play by inverse kinematics and timing instead of a policy
-    #[arg(long, conflicts_with = "policy")]
-    scripted: bool,
-    /// Change the simulation that plays along, for example --set task.physics.key.threshold=0.7
-    #[arg(long = "set", value_name = "PATH=VALUE")]
-    overrides: Vec<String>,
+    #[command(flatten)]
+    player: PlayerArgs,
     /// Where the files go; out/SONG-MODE if not given
     #[arg(short = 'o', long = "out", value_name = "DIR")]
     out: Option<PathBuf>,
@@ -75,14 +66,7 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
     let song = find_song(&args.song)?;
     song.check_range()?;
     let name = slug(&args.song);
-    let mut player = if args.scripted {
-        Player::scripted()
-    } else {
-        load_player(&args.song, &name, args.policy.as_deref(), Path::new("runs"))?
-    };
-    if !args.overrides.is_empty() {
-        player.reconfigure(&args.overrides)?;
-    }
+    let mut player = args.player.load(&args.song, &song)?;
     let rig = rig_choice(&args.robot, &args.truth)?;
     let font = args.soundfont.as_deref().map(SoundFont::load).transpose()?;
     let folder =

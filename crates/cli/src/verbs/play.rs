@@ -1,12 +1,12 @@
 //! `etude play`: play a song with a trained policy.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use anyhow::Context as _;
-use etude_lab::{Player, Report, find_song, load_player, perform};
+use etude_lab::{Report, find_song, perform};
 use etude_music::sound::SoundFont;
 
-use super::{json, line, slug};
+use super::{PlayerArgs, json, line, slug};
 use crate::Ending;
 
 /// What to play, with what, and where to keep it.
@@ -23,18 +23,11 @@ Examples:
 pub struct Args {
     /// A built-in id (see `etude songs`) or a MIDI file
     song: String,
-    /// A policy file or the folder of a run
-    #[arg(long, value_name = "PATH")]
-    policy: Option<PathBuf>,
+    #[command(flatten)]
+    player: PlayerArgs,
     /// Where the files go; out/SONG if not given
     #[arg(short = 'o', long = "out", value_name = "DIR")]
     out: Option<PathBuf>,
-    /// Play by inverse kinematics and timing instead of a policy: the baseline that needs no training
-    #[arg(long, conflicts_with = "policy")]
-    scripted: bool,
-    /// Change the world that it is played in, for example --set task.physics.key.threshold=0.7
-    #[arg(long = "set", value_name = "PATH=VALUE")]
-    overrides: Vec<String>,
     /// A SoundFont (.sf2) for the sound; a built-in piano tone if not given
     #[arg(long, value_name = "FILE")]
     soundfont: Option<PathBuf>,
@@ -48,20 +41,7 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
     let song = find_song(&args.song)?;
     song.check_range()?;
     let name = slug(&args.song);
-    let mut player = if args.scripted {
-        Player::scripted()
-    } else {
-        load_player(&args.song, &name, args.policy.as_deref(), Path::new("runs"))?
-    };
-    if !args.overrides.is_empty() {
-        player.reconfigure(&args.overrides)?;
-    }
-    if let Some(learned) = player.song.as_deref().filter(|learned| *learned != song.title()) {
-        super::note(format!(
-            "warning: this policy learned `{learned}`; it plays `{}` from the sheet alone",
-            song.title()
-        ));
-    }
+    let mut player = args.player.load(&args.song, &song)?;
     let font = args.soundfont.as_deref().map(SoundFont::load).transpose().context("no sound")?;
     let folder = args.out.unwrap_or_else(|| PathBuf::from("out").join(&name));
     let report = perform(&song, &mut player, Some(&folder), font.as_ref())?;

@@ -2,13 +2,13 @@
 
 use std::time::Duration;
 
-use crate::allegro::{HandConfigError, HandFault, JointLoopError};
+use crate::allegro::HandFault;
 use crate::calibration::CalibrationError;
 use crate::can::CanError;
-use crate::keyboard::{KeyboardConfigError, MidiError};
+use crate::keyboard::MidiError;
 use crate::rig::RigError;
 use crate::xarm::kinematics::KinematicsError;
-use crate::xarm::{ArmConfigError, ArmError, ArmFault, ArmLinkError};
+use crate::xarm::{ArmError, ArmFault, ArmLinkError};
 
 /// Why the robot was stopped. It stays until an operator starts the robot again.
 #[derive(Debug, thiserror::Error)]
@@ -121,18 +121,6 @@ pub enum RobotError {
     /// The keyboard's place is not known.
     #[error(transparent)]
     Calibration(#[from] CalibrationError),
-    /// The hand's settings are not sound.
-    #[error(transparent)]
-    Hand(#[from] HandConfigError),
-    /// The joint loop's gains are not sound.
-    #[error(transparent)]
-    JointLoop(#[from] JointLoopError),
-    /// The arm's settings are not sound.
-    #[error(transparent)]
-    Arm(#[from] ArmConfigError),
-    /// The keyboard's settings are not sound.
-    #[error(transparent)]
-    Keyboard(#[from] KeyboardConfigError),
     /// The keyboard cannot be opened.
     #[error(transparent)]
     Midi(#[from] MidiError),

@@ -28,7 +28,7 @@ use crate::can::CanFrame;
 use crate::joints::{DRIVEN, FINGER_JOINTS, RAIL, from_wire, to_wire};
 use crate::keyboard::{KeyChange, Keyboard, KeyboardState};
 use crate::limiter::{Axis, Clamp};
-use crate::rig::{RigConfig, SETPOINT_HZ};
+use crate::rig::{RigConfig, RigError, SETPOINT_HZ};
 use crate::wires::Wires;
 use crate::xarm::kinematics::{self, PAPER_HOME_DEG};
 use crate::xarm::{Arm, ArmState};
@@ -149,10 +149,10 @@ impl Robot {
         let limits = config.axes();
         Ok(Self {
             path,
-            hand: Hand::new(&config.hand)?,
-            joint_loop: JointLoop::new(&config.joint_loop)?,
-            arm: Arm::new(config.arm.clone())?,
-            keyboard: Keyboard::new(&config.keyboard)?,
+            hand: Hand::new(&config.hand).map_err(RigError::from)?,
+            joint_loop: JointLoop::new(&config.joint_loop).map_err(RigError::from)?,
+            arm: Arm::new(config.arm.clone()).map_err(RigError::from)?,
+            keyboard: Keyboard::new(&config.keyboard).map_err(RigError::from)?,
             axes: std::array::from_fn(|axis| Axis::at_rest(limits[axis], 1.0 / SETPOINT_HZ, 0.0)),
             config: config.clone(),
             phase: Phase::Off,
@@ -395,7 +395,11 @@ impl Robot {
         });
         if connected.is_ok() != self.arm_connected {
             self.arm_connected = connected.is_ok();
-            if self.arm_connected { self.arm.connected(now) } else { self.arm.disconnected(now) }
+            if self.arm_connected {
+                self.arm.connected(now)
+            } else {
+                self.arm.disconnected(now)
+            }
             if self.arm_connected && self.is_let_go() {
                 // It has not heard of the stop, and may be on its way still.
                 let mut stop = Vec::new();
