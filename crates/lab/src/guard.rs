@@ -1,10 +1,11 @@
 //! The guard: a process of its own that stops the robot when its controller is gone, be it by a panic or by kill -9, or
 //! hangs.
 //!
-//! The controller sends a byte with every slice of time that it has run. Silence or the end of the pipe without a
-//! farewell means that nobody controls the robot any more.
+//! The controller sends a byte with every slice of time that it has run. Silence, or the end of the pipe without a
+//! farewell, means that nobody controls the robot any more. The farewell is said only after the robot has confirmed that it
+//! stands still.
 
-use std::io::{Read as _, Write as _};
+use std::io::{BufRead as _, BufReader, Read as _, Write as _};
 use std::path::Path;
 use std::process::{Child, ChildStdin, Command, Stdio};
 use std::sync::mpsc::{RecvTimeoutError, channel};
@@ -12,76 +13,52 @@ use std::time::Duration;
 
 use etude_robot::rig::RigConfig;
 use etude_robot::stop::{Stopped, stop};
-use etude_robot::wires::Wires;
-use etude_robot::{Pace, Robot};
 
-/// Longest time between two beats of a controller that runs.
-const BEAT_PERIOD: Duration = Duration::from_millis(50);
-/// Silence after which the guard acts.
+/// Silence after which the guard acts; the controller beats six times as often.
 const SILENCE: Duration = Duration::from_millis(300);
+/// Silence that it bears before the first beat, while the controller sets itself up; nothing moves until then.
+const FIRST_SILENCE: Duration = Duration::from_secs(10);
 const BEAT: u8 = b'.';
 const FAREWELL: u8 = b'q';
+/// What the guard says when it listens.
+pub const READY: &str = "on guard";
 
 /// The controller's end.
 pub(crate) struct Guard {
     child: Child,
-    pipe: Option<ChildStdin>,
+    pipe: ChildStdin,
 }
 
 impl Guard {
-    /// Starts the guard of a rig: this program with the verb for it.
+    /// Starts the guard of a rig, this program with the verb for it, and waits until it listens.
     pub fn start(program: &Path, rig: &Path) -> std::io::Result<Self> {
         let mut command = Command::new(program);
-        command.args(["robot", "guard", "--robot"]).arg(rig).stdin(Stdio::piped()).stdout(Stdio::null());
+        command.args(["robot", "guard", "--robot"]).arg(rig).stdin(Stdio::piped()).stdout(Stdio::piped());
         // Ctrl-C in a terminal goes to the whole group, and the guard must outlive the controller.
         std::os::unix::process::CommandExt::process_group(&mut command, 0);
         let mut child = command.spawn()?;
-        let pipe = child.stdin.take();
+        let (Some(pipe), Some(output)) = (child.stdin.take(), child.stdout.take()) else {
+            return Err(std::io::ErrorKind::BrokenPipe.into());
+        };
+        let mut said = String::new();
+        BufReader::new(output).read_line(&mut said)?;
+        if said.trim_end() != READY {
+            let _ = child.wait();
+            return Err(std::io::Error::other("it ended at once; its message is above"));
+        }
         Ok(Self { child, pipe })
     }
 
-    fn beat(&mut self) {
-        // A guard that is gone is noticed when the robot is stopped; it cannot be helped in the middle of a song.
-        if let Some(pipe) = &mut self.pipe {
-            let _ = pipe.write_all(&[BEAT]);
-        }
+    /// Says that the controller is alive; `false` if the guard is not.
+    pub fn beat(&mut self) -> bool {
+        self.pipe.write_all(&[BEAT]).is_ok()
     }
-}
 
-impl Drop for Guard {
-    /// A controller that comes to its end in order needs no guard. One that panics says no farewell.
-    fn drop(&mut self) {
-        if let (Some(mut pipe), false) = (self.pipe.take(), std::thread::panicking()) {
-            let _ = pipe.write_all(&[FAREWELL]);
-        }
+    /// Sends the guard home. To be called only when the robot stands still.
+    pub fn farewell(&mut self) {
+        // A guard that is gone needs no farewell.
+        let _ = self.pipe.write_all(&[FAREWELL]);
         let _ = self.child.wait();
-    }
-}
-
-/// Time that a guard watches.
-pub(crate) struct Guarded<P> {
-    pub pace: P,
-    pub guard: Guard,
-}
-
-impl<P: Pace> Pace for Guarded<P> {
-    fn now(&self) -> Duration {
-        self.pace.now()
-    }
-
-    fn run_until(&mut self, robot: &mut Robot, until: Duration) {
-        loop {
-            self.guard.beat();
-            let next = (self.pace.now() + BEAT_PERIOD).min(until);
-            self.pace.run_until(robot, next);
-            if next >= until {
-                return;
-            }
-        }
-    }
-
-    fn wires(&mut self) -> &mut dyn Wires {
-        self.pace.wires()
     }
 }
 
@@ -93,10 +70,11 @@ pub fn stand_guard(rig: &RigConfig) -> Option<Stopped> {
         let mut byte = [0];
         while matches!(std::io::stdin().read(&mut byte), Ok(1)) && beats.send(byte[0]).is_ok() {}
     });
+    let mut patience = FIRST_SILENCE;
     loop {
-        match heard.recv_timeout(SILENCE) {
+        match heard.recv_timeout(patience) {
             Ok(FAREWELL) => return None,
-            Ok(_) => {}
+            Ok(_) => patience = SILENCE,
             Err(RecvTimeoutError::Timeout | RecvTimeoutError::Disconnected) => return Some(stop(rig)),
         }
     }

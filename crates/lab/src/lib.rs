@@ -13,14 +13,16 @@ mod record;
 mod rig;
 mod robot;
 mod run;
+mod stand;
 
 pub use config::{ConfigError, PRESETS, RunConfig, resolve};
-pub use guard::stand_guard;
+pub use guard::{READY, stand_guard};
 pub use play::{Files, PlayError, Report, perform};
 pub use player::{Player, load_player, shipped_policies};
 pub use record::record_robot;
 pub use rig::{
-    RigChoice, Stand, StandError, TWIN, load_calibration, rig_choice, stage_side, try_path, unix_secs,
+    RigChoice, StandError, TWIN, claim, load_calibration, rig_choice, stage_side, try_path, unix_secs,
 };
 pub use robot::{RobotPlay, RobotReport, RobotRun, RunFiles, play_on_robot};
 pub use run::{Run, RunError, find_song};
+pub use stand::{Claim, Stand, StandPace, tell_to_stop};

@@ -69,6 +69,12 @@ pub enum PlayError {
     /// The rig cannot be used.
     #[error(transparent)]
     Stand(#[from] StandError),
+    /// Nobody knows whether the robot stands still.
+    #[error("{0}")]
+    NotLetGo(String),
+    /// A second run would begin where the first one ended.
+    #[error("several runs need --home: each begins where the song begins, and the one before ends elsewhere")]
+    RunsWithoutHome,
     /// The robot did not get ready, or would not play.
     #[error(transparent)]
     Perform(#[from] PerformError),

@@ -6,10 +6,12 @@ use std::time::Duration;
 
 use etude_music::CONTROL_HZ;
 use etude_perform::{Header, RecordingWriter, RobotRecords, Timing, prepare};
+use etude_robot::{Pace as _, Phase};
 use etude_stage::{JOINT_NAMES, PhysicalParams, StageConfig, World};
 
 use crate::play::PlayError;
-use crate::rig::{RigChoice, Stand};
+use crate::rig::RigChoice;
+use crate::stand::Stand;
 
 /// Time between two looks at the records.
 const SLICE: Duration = Duration::from_millis(50);
@@ -34,30 +36,30 @@ pub fn record_robot(
         joints: JOINT_NAMES.map(str::to_string).to_vec(),
         ..Header::default()
     };
-    let Stand { mut robot, mut pace } = rig.open(side, 0)?;
-    let mut writer = RecordingWriter::create(path, &header)?;
     let stage = StageConfig { side, ..StageConfig::default() };
     let pose =
         World::new(&stage, &PhysicalParams::default()).map_err(etude_task::TaskError::from)?.start_pose();
-    prepare(&mut robot, &mut *pace, home.then_some(&pose), interrupt)?;
+    let mut stand = rig.open(side, 0)?;
+    let mut writer = RecordingWriter::create(path, &header)?;
+    let Stand { robot, pace } = &mut stand;
+    prepare(robot, pace, home.then_some(&pose), Some(&mut writer), interrupt)?;
     let begun = pace.now();
     let mut records = RobotRecords::new(begun, Some(&mut writer));
     let (mut events, mut timing) = (Vec::new(), Timing::default());
     let mut written = Ok(());
     while written.is_ok()
-        && robot.fault().is_none()
+        && robot.phase() == Phase::Holding
         && !interrupt.load(Ordering::Relaxed)
         && longest.is_none_or(|longest| pace.now() < begun + longest)
     {
         let next = pace.now() + SLICE;
-        pace.run_until(&mut robot, next);
-        written = records.take(&mut robot, &mut events, &mut timing);
+        pace.run_until(robot, next);
+        written = records.take(robot, &mut events, &mut timing);
         events.clear();
     }
-    let now = pace.now();
-    robot.stop(now, pace.wires());
-    written?;
     let fault = robot.fault().map(ToString::to_string);
+    stand.let_go().map_err(PlayError::NotLetGo)?;
+    written?;
     let messages = writer.messages();
     writer.finish()?;
     match fault {

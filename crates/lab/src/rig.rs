@@ -3,13 +3,14 @@
 use std::path::{Path, PathBuf};
 use std::time::{SystemTime, UNIX_EPOCH};
 
-use crate::guard::{Guard, Guarded};
+use crate::guard::Guard;
+use crate::stand::{Claim, Live, Stand, StandPace};
 use etude_robot::allegro::HandSide;
 use etude_robot::calibration::{Calibration, CalibrationError, RailPath};
 use etude_robot::rig::{RigConfig, RigError};
 use etude_robot::wires::OpenWires;
 use etude_robot::xarm::kinematics::PAPER_HOME_DEG;
-use etude_robot::{Pace, RealTime, Robot, RobotError};
+use etude_robot::{Robot, RobotError};
 use etude_stage::Side;
 use etude_twin::{Lockstep, Truth, Twin, TwinError, calibration};
 
@@ -45,6 +46,14 @@ pub enum StandError {
     /// The twin cannot be made.
     #[error(transparent)]
     Twin(#[from] TwinError),
+    /// It is in use.
+    #[error("cannot claim the rig {path}: {source}")]
+    Claimed {
+        /// The rig's file.
+        path: PathBuf,
+        /// Why.
+        source: std::io::Error,
+    },
     /// Nobody would stop the robot if this process died.
     #[error("the guard of the robot cannot be started: {0}")]
     Guard(std::io::Error),
@@ -56,14 +65,6 @@ pub enum StandError {
         /// The hand of the rig.
         rig: HandSide,
     },
-}
-
-/// A robot with its controller, and what lets its time pass.
-pub struct Stand {
-    /// The controller.
-    pub robot: Robot,
-    /// Lockstep with a twin, or real time over wires.
-    pub pace: Box<dyn Pace>,
 }
 
 impl RigChoice {
@@ -93,7 +94,7 @@ impl RigChoice {
                 let twin = Twin::new(&truth, wanted)?;
                 let lockstep = Lockstep::new(twin, &truth.links, truth.seed)?;
                 let robot = controller(&rig, &calibration(TWIN))?;
-                Ok(Stand { robot, pace: Box::new(lockstep) })
+                Ok(Stand { robot, pace: StandPace::Lockstep(Box::new(lockstep)) })
             }
             Self::File { path, guard } => {
                 let rig = RigConfig::load(path)?;
@@ -102,9 +103,10 @@ impl RigChoice {
                 }
                 let place = load_calibration(&rig)?;
                 let robot = controller(&rig, &place)?;
+                let claim = claim(path)?;
                 let wires = OpenWires::open(&rig.wires)?;
                 let guard = Guard::start(guard, path).map_err(StandError::Guard)?;
-                Ok(Stand { robot, pace: Box::new(Guarded { pace: RealTime::new(wires), guard }) })
+                Ok(Stand { robot, pace: StandPace::Live(Box::new(Live::new(wires, guard, claim))) })
             }
         }
     }
@@ -124,6 +126,14 @@ fn controller(rig: &RigConfig, place: &Calibration) -> Result<Robot, StandError>
     let home = PAPER_HOME_DEG.map(f64::to_radians);
     let path = RailPath::new(place, rig.limits.rail_range_m, &home)?;
     Ok(Robot::new(rig, path)?)
+}
+
+/// Claims a rig for this process.
+///
+/// # Errors
+/// If another process has it.
+pub fn claim(rig: &Path) -> Result<Claim, StandError> {
+    Claim::new(rig).map_err(|source| StandError::Claimed { path: rig.to_path_buf(), source })
 }
 
 /// Seconds since 1970.

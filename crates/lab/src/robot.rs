@@ -18,6 +18,7 @@ use serde_json::json;
 use crate::play::{PlayError, keep_music};
 use crate::player::{Mind, Player};
 use crate::rig::RigChoice;
+use crate::stand::Stand;
 
 /// How to play.
 #[derive(Clone, Debug)]
@@ -121,6 +122,9 @@ pub fn play_on_robot(
     interrupt: &AtomicBool,
     tell: &mut dyn FnMut(usize, &RobotRun),
 ) -> Result<RobotReport, PlayError> {
+    if play.runs > 1 && !play.home {
+        return Err(PlayError::RunsWithoutHome);
+    }
     let task = player.config.task.clone();
     let piece = Piece::new(song, task.initial_silence_secs)?;
     if let Some(folder) = folder {
@@ -159,15 +163,16 @@ pub fn play_on_robot(
         Mind::Policy(..) => None,
     };
     for run in 0..play.runs {
-        let mut stand = rig.open(task.stage.side, play.seed.wrapping_add(run as u64))?;
-        let pose = play.home.then(|| performer.start_pose());
-        prepare(&mut stand.robot, &mut *stand.pace, pose.as_ref(), interrupt)?;
         let prefix = folder.map(|folder| folder.join(format!("run-{}", run + 1)));
         let recording = prefix.as_ref().map(|prefix| prefix.with_extension("mcap"));
         let mut writer = recording.as_ref().map(|path| RecordingWriter::create(path, &header)).transpose()?;
+        let mut stand = rig.open(task.stage.side, play.seed.wrapping_add(run as u64))?;
+        let pose = play.home.then(|| performer.start_pose());
+        let Stand { robot, pace } = &mut stand;
+        prepare(robot, pace, pose.as_ref(), writer.as_mut(), interrupt)?;
         let played = performer.play(
-            &mut stand.robot,
-            &mut *stand.pace,
+            robot,
+            pace,
             &mut |step, observation, action| match (&script, &mut player.mind) {
                 (Some(script), _) => *action = script.action(step),
                 (None, Mind::Policy(policy, _)) => policy.act(observation, action),
@@ -176,8 +181,9 @@ pub fn play_on_robot(
             writer.as_mut(),
             interrupt,
         )?;
-        let now = stand.pace.now();
-        stand.robot.stop(now, stand.pace.wires());
+        stand.let_go().map_err(PlayError::NotLetGo)?;
+        // Nobody needs to watch a robot that was let go while the files are written.
+        drop(stand);
         if let Some(writer) = writer {
             writer.finish()?;
         }

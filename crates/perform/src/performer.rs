@@ -18,9 +18,11 @@ use crate::timing::Timing;
 const PREPARATION: Duration = Duration::from_secs(120);
 /// How long the robot holds still before the first note is counted in.
 const SETTLE: Duration = Duration::from_millis(300);
+/// What is known of a stop that came from elsewhere.
+const STOPPED: &str = "it was stopped by `etude robot stop`, or its guard is gone";
 /// Steps of a wait.
 const WAIT: Duration = Duration::from_millis(20);
-/// After this fraction of a set-point's time, a command is late: the set-point before it stood longer than it should.
+/// A command is late after the time of one set-point: the set-point before it stood longer than it should.
 const LATE: Duration = Duration::from_millis(5);
 
 /// A performance could not be given.
@@ -38,7 +40,7 @@ pub enum PerformError {
     /// The robot stopped itself.
     #[error("the robot stopped itself: {0}")]
     Fault(String),
-    /// The recording could not be written. The robot was stopped.
+    /// The recording could not be written.
     #[error(transparent)]
     Recording(#[from] RecordingError),
 }
@@ -115,7 +117,7 @@ impl Performer {
     ///
     /// # Errors
     /// If the robot does not hold still in the starting pose, or the recording cannot be written. A fault of the robot
-    /// on the way is no error but an [`Ending`].
+    /// on the way is no error but an [`Ending`]. Either way the robot is not let go yet.
     pub fn play(
         &mut self,
         robot: &mut Robot,
@@ -143,11 +145,7 @@ impl Performer {
         };
         let outcome = self.steps(robot, pace, choose, &mut records, interrupt, begun, &mut played);
         robot.hold(pace.now());
-        if let Err(error) = outcome {
-            let now = pace.now();
-            robot.stop(now, pace.wires());
-            return Err(error);
-        }
+        outcome?;
         records.take(robot, &mut played.events, &mut played.timing)?;
         played.clamped = robot.clamped() - clamped;
         Ok(played)
@@ -180,17 +178,19 @@ impl Performer {
             previous = joints;
             choose(step, &observation, &mut action);
             self.waypoints(&action, &mut waypoints);
-            if robot.phase() != Phase::Fault {
-                robot.follow(due, &waypoints)?;
-            }
+            robot.follow(due, &waypoints)?;
             let late = pace.now().saturating_sub(due);
             played.timing.command(late, LATE);
             records.policy(step, &observation, &action, late)?;
             pace.run_until(robot, due + control_period());
             records.take(robot, &mut played.events, &mut played.timing)?;
-            if let (Phase::Fault, Some(fault)) = (robot.phase(), robot.fault()) {
-                played.ending = Ending::Fault(fault.to_string());
-                return Ok(());
+            match robot.phase() {
+                Phase::Following => {}
+                _ => {
+                    let fault = robot.fault().map_or_else(|| STOPPED.to_string(), ToString::to_string);
+                    played.ending = Ending::Fault(fault);
+                    return Ok(());
+                }
             }
             played.pressed.push(keys(robot));
             if self.mode.has_simulation() {
@@ -229,20 +229,20 @@ impl Performer {
     }
 }
 
-/// Starts a robot's devices, waits until it holds still, and, if there is a `pose`, brings it slowly there.
+/// Starts a robot's devices, waits until it holds still, and, if there is a `pose`, brings it slowly there. What happens
+/// goes into the recording, at time 0.
 ///
 /// # Errors
-/// If a device does not come up, or the robot does not get there in two minutes, or it is interrupted. The robot is
-/// stopped then.
+/// If a device does not come up, or the robot does not get there in two minutes, or it is interrupted, or the recording
+/// cannot be written. Whoever called lets the robot go then.
 pub fn prepare(
     robot: &mut Robot,
     pace: &mut dyn Pace,
     pose: Option<&[f64; JOINTS]>,
+    recording: Option<&mut RecordingWriter>,
     interrupt: &AtomicBool,
 ) -> Result<(), PerformError> {
-    if matches!(robot.phase(), Phase::Off | Phase::Stopped | Phase::Fault) {
-        robot.start(pace.now());
-    }
+    robot.start(pace.now());
     let ready = wait_for(robot, pace, interrupt).and_then(|()| match pose {
         Some(pose) => {
             robot.home(pace.now(), pose)?;
@@ -250,10 +250,8 @@ pub fn prepare(
         }
         None => Ok(()),
     });
-    if ready.is_err() {
-        let now = pace.now();
-        robot.stop(now, pace.wires());
-    }
+    let mut records = RobotRecords::new(pace.now(), recording);
+    records.take(robot, &mut Vec::new(), &mut Timing::default())?;
     ready
 }
 
@@ -272,6 +270,7 @@ fn wait_for(robot: &mut Robot, pace: &mut dyn Pace, interrupt: &AtomicBool) -> R
             _ if interrupt.load(Ordering::Relaxed) => {
                 return Err(PerformError::NotReady("it was interrupted".into()));
             }
+            Phase::Stopped => return Err(PerformError::NotReady(STOPPED.to_string())),
             phase if next.saturating_sub(begun) > PREPARATION => {
                 let waiting = robot.keyboard().state();
                 let why = format!("it is still {} after two minutes ({waiting})", phase.name());

@@ -41,7 +41,7 @@ pub struct Shown {
 }
 
 /// Lets an operator show a place: brings the arm up, frees it while `wait` waits if it is to be led `by_hand`, and reads
-/// where it stands then. The arm holds its place before and after.
+/// where it stands then. The arm is left standing, in state 4.
 ///
 /// # Errors
 /// If the arm cannot be reached or stops itself.
@@ -105,5 +105,17 @@ impl Leader {
         }
         std::thread::sleep(POLL);
         Ok(())
+    }
+}
+
+impl Drop for Leader {
+    /// However it ends, the arm is left standing and not free or in servo mode without anybody who commands it.
+    fn drop(&mut self) {
+        self.bytes.clear();
+        self.arm.stop(self.begun.elapsed(), &mut self.bytes);
+        // There is nobody left to tell if the connection is gone.
+        let _ = self.wire.send(&self.bytes);
+        std::thread::sleep(POLL);
+        let _ = self.wire.send(&[]);
     }
 }

@@ -36,15 +36,20 @@ pub struct Monitor {
 }
 
 impl Monitor {
-    /// Opens whatever of the rig is there.
+    /// Opens whatever of the rig is there. Most keyboards have one reader: without `keyboard_too` it is left to a
+    /// controller.
     ///
     /// # Errors
     /// If the keyboard's settings are not sound.
-    pub fn open(config: &RigConfig) -> Result<Self, keyboard::KeyboardConfigError> {
+    pub fn open(config: &RigConfig, keyboard_too: bool) -> Result<Self, keyboard::KeyboardConfigError> {
         let wires = &config.wires;
         let mut keyboard = Keyboard::new(&config.keyboard)?;
         let mut changes = Vec::new();
-        let midi = keyboard::open(&wires.midi).map_err(|error| error.to_string());
+        let midi = if keyboard_too {
+            keyboard::open(&wires.midi).map_err(|error| error.to_string())
+        } else {
+            Err("left to the controller that uses the rig".to_string())
+        };
         if midi.is_ok() {
             keyboard.connected(Duration::ZERO, &mut changes);
         }

@@ -22,6 +22,8 @@ use crate::twin::{STEP, Twin, TwinError, calibration};
 
 /// Name of the rig and of its file.
 const RIG: &str = "twin";
+/// A twin shares its machine with others and may be held up for so long, as a real hand never is, s.
+const HELD_UP_SECS: f64 = 0.05;
 /// Time that is made up for at most when the machine was busy; more of it is lost, as if the world had stood still.
 const CATCH_UP: Duration = Duration::from_millis(50);
 
@@ -88,6 +90,7 @@ impl TwinServer {
             arm: format!("127.0.0.1:{}:{}", bound.command, bound.real),
             midi: format!("midi:{}", midi.display()),
         };
+        config.hand.stale_after_secs = config.hand.stale_after_secs.max(HELD_UP_SECS);
         config.calibration = PathBuf::from(format!("{RIG}.calibration.toml"));
         let mut place = calibration(RIG);
         place.made_unix_secs =

@@ -2,13 +2,15 @@
 
 use std::io::BufRead as _;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{TryRecvError, channel};
 use std::time::{Duration, Instant};
 
 use anyhow::Context as _;
-use etude_lab::{RigChoice, Stand, rig_choice, stand_guard, unix_secs};
+use etude_lab::{READY, RigChoice, Stand, claim, rig_choice, stand_guard, tell_to_stop, unix_secs};
 use etude_perform::prepare;
+use etude_robot::Pace as _;
 use etude_robot::calibration::{Calibration, CalibrationError, Point};
 use etude_robot::lead::show;
 use etude_robot::monitor::Monitor;
@@ -18,6 +20,7 @@ use etude_stage::geometry::key_lateral;
 use etude_stage::{PhysicalParams, StageConfig, World};
 use etude_twin::SHOWN_KEYS;
 use serde_json::json;
+use signal_hook::consts::{SIGHUP, SIGINT, SIGPIPE, SIGTERM};
 
 use super::{json as print_json, line, note};
 use crate::Ending;
@@ -129,14 +132,15 @@ fn open(choice: &RigChoice) -> anyhow::Result<Stand> {
 }
 
 fn check(rig: &Rig) -> anyhow::Result<Ending> {
-    let Stand { mut robot, mut pace } = open(&rig_choice(&rig.robot, "standard")?)?;
     let interrupt = stop_flag()?;
-    prepare(&mut robot, &mut *pace, None, &interrupt)?;
+    let mut stand = open(&rig_choice(&rig.robot, "standard")?)?;
+    let Stand { robot, pace } = &mut stand;
+    prepare(robot, pace, None, None, &interrupt)?;
     let until = pace.now() + Duration::from_millis(500);
-    pace.run_until(&mut robot, until);
+    pace.run_until(robot, until);
     let fault = robot.fault().map(ToString::to_string);
-    let now = pace.now();
-    robot.stop(now, pace.wires());
+    stand.let_go().map_err(anyhow::Error::msg)?;
+    let robot = &stand.robot;
     let (hand, arm, place) = (robot.hand().information(), robot.arm(), robot.place());
     let version = arm.version().map(|version| version.text.clone());
     let report = json!({
@@ -184,14 +188,15 @@ fn check(rig: &Rig) -> anyhow::Result<Ending> {
 }
 
 fn home(rig: &Rig) -> anyhow::Result<Ending> {
-    let Stand { mut robot, mut pace } = open(&rig_choice(&rig.robot, "standard")?)?;
+    let choice = rig_choice(&rig.robot, "standard")?;
     let interrupt = stop_flag()?;
-    let stage =
-        StageConfig { side: etude_lab::stage_side(robot.config().hand.side), ..StageConfig::default() };
+    let stage = StageConfig { side: choice.side()?, ..StageConfig::default() };
     let pose = World::new(&stage, &PhysicalParams::default())?.start_pose();
-    prepare(&mut robot, &mut *pace, Some(&pose), &interrupt)?;
-    let now = pace.now();
-    robot.stop(now, pace.wires());
+    let mut stand = open(&choice)?;
+    let Stand { robot, pace } = &mut stand;
+    prepare(robot, pace, Some(&pose), None, &interrupt)?;
+    stand.let_go().map_err(anyhow::Error::msg)?;
+    let robot = &stand.robot;
     let place = robot.place();
     if rig.json {
         print_json(&json!({ "rail_m": place.rail_m, "joints": robot.joints() }))?;
@@ -206,6 +211,7 @@ fn home(rig: &Rig) -> anyhow::Result<Ending> {
 
 fn calibrate(args: &Calibrate) -> anyhow::Result<Ending> {
     let rig = RigConfig::load(&args.robot)?;
+    let _claim = claim(&args.robot)?;
     let index = args.at as usize;
     let key = SHOWN_KEYS[index];
     let pitch = etude_music::LOWEST_PITCH + key as u8;
@@ -254,7 +260,11 @@ fn calibrate(args: &Calibrate) -> anyhow::Result<Ending> {
 }
 
 fn stop_now(rig: &Rig) -> anyhow::Result<Ending> {
-    let stopped = stop(&file(&rig.robot)?);
+    let config = file(&rig.robot)?;
+    // A controller that is just coming up would set the arm going again: it looks for this before it moves.
+    let told = tell_to_stop(Path::new(&rig.robot));
+    let stopped = stop(&config);
+    told.context("a running controller could not be told")?;
     let text = |result: &Result<(), String>| result.clone().err().unwrap_or_else(|| "stopped".to_string());
     if rig.json {
         print_json(
@@ -273,8 +283,12 @@ fn stop_now(rig: &Rig) -> anyhow::Result<Ending> {
 
 fn guard(rig: &Rig) -> anyhow::Result<Ending> {
     // Whatever ends the controller must not end its guard.
-    let _ignored = stop_flag()?;
+    let ignored = Arc::new(AtomicBool::new(false));
+    for signal in [SIGINT, SIGTERM, SIGHUP, SIGPIPE] {
+        signal_hook::flag::register(signal, ignored.clone())?;
+    }
     let config = file(&rig.robot)?;
+    line(READY)?;
     if let Some(stopped) = stand_guard(&config) {
         note("guard: the controller is gone or hangs; the hand was let go and the arm stopped");
         for error in [stopped.arm, stopped.hand].into_iter().filter_map(Result::err) {
@@ -286,7 +300,14 @@ fn guard(rig: &Rig) -> anyhow::Result<Ending> {
 
 fn monitor(args: &MonitorArgs) -> anyhow::Result<Ending> {
     let rig = RigConfig::load(&args.robot)?;
-    let mut monitor = Monitor::open(&rig).context("the rig's keyboard")?;
+    // A serial adapter has one user: a second one would take its bytes and close its channel.
+    let serial = rig.wires.can.starts_with("slcan:");
+    let claimed = match claim(&args.robot) {
+        Err(error) if serial => return Err(error.into()),
+        claimed => claimed.ok(),
+    };
+    let mut monitor = Monitor::open(&rig, claimed.is_some()).context("the rig's keyboard")?;
+    let _kept = claimed.filter(|_| serial);
     let stop = stop_flag()?;
     let begun = Instant::now();
     let mut next = Duration::ZERO;

@@ -1,0 +1,160 @@
+//! A robot with its controller and whatever lets its time pass. It ends with the robot let go, whichever way it ends.
+
+use std::fs::File;
+use std::path::{Path, PathBuf};
+use std::time::Duration;
+
+use etude_robot::wires::{OpenWires, Wires};
+use etude_robot::{Pace, Phase, RealTime, Robot};
+use etude_twin::Lockstep;
+
+use crate::guard::Guard;
+
+/// Longest time between two beats to the guard, and between two looks for a request to stop.
+const BEAT_PERIOD: Duration = Duration::from_millis(50);
+/// Time within which the arm must confirm that it stands still.
+const CONFIRM: Duration = Duration::from_secs(1);
+/// State of an arm that stands still and takes no motion (fact sheet "hardware" §2.4).
+const ARM_STOPPED: u8 = 4;
+
+/// A robot with its controller.
+pub struct Stand {
+    /// The controller.
+    pub robot: Robot,
+    /// Lockstep with a twin, or real time over wires.
+    pub pace: StandPace,
+}
+
+/// How time passes for a robot.
+pub enum StandPace {
+    /// With a twin, as fast as it can be computed.
+    Lockstep(Box<Lockstep>),
+    /// By the wall clock, under guard.
+    Live(Box<Live>),
+}
+
+/// A rig by the wall clock.
+pub struct Live {
+    pace: RealTime<OpenWires>,
+    guard: Guard,
+    claim: Claim,
+}
+
+impl Live {
+    pub(crate) fn new(wires: OpenWires, guard: Guard, claim: Claim) -> Self {
+        Self { pace: RealTime::new(wires), guard, claim }
+    }
+}
+
+impl Stand {
+    /// Lets go of the hand, stops the arm, and waits until the arm says that it stands still.
+    ///
+    /// # Errors
+    /// If it does not say so; the guard tries again then, and the operator must use the hardware stop.
+    pub fn let_go(&mut self) -> Result<(), String> {
+        let begun = self.pace.now();
+        self.robot.stop(begun, self.pace.wires());
+        loop {
+            let now = self.pace.now();
+            self.pace.run_until(&mut self.robot, now + Duration::from_millis(10));
+            let told = self.robot.arm().joints_at().is_some_and(|at| at > begun);
+            if told && self.robot.arm().report().is_some_and(|report| report.state == ARM_STOPPED) {
+                return Ok(());
+            }
+            if self.pace.now() > begun + CONFIRM {
+                return Err("the arm did not confirm that it stands still: use the hardware stop".to_string());
+            }
+        }
+    }
+}
+
+impl Drop for Stand {
+    /// A panic says no farewell: the guard acts.
+    fn drop(&mut self) {
+        if std::thread::panicking() {
+            return;
+        }
+        let untouched = self.robot.phase() == Phase::Off;
+        if (untouched || self.let_go().is_ok())
+            && let StandPace::Live(live) = &mut self.pace
+        {
+            live.guard.farewell();
+        }
+    }
+}
+
+impl Pace for StandPace {
+    fn now(&self) -> Duration {
+        match self {
+            Self::Lockstep(lockstep) => lockstep.now(),
+            Self::Live(live) => live.pace.now(),
+        }
+    }
+
+    fn run_until(&mut self, robot: &mut Robot, until: Duration) {
+        let live = match self {
+            Self::Lockstep(lockstep) => return lockstep.run_until(robot, until),
+            Self::Live(live) => live,
+        };
+        loop {
+            if !live.guard.beat() || live.claim.is_told_to_stop() {
+                let now = live.pace.now();
+                robot.stop(now, live.pace.wires());
+            }
+            let next = (live.pace.now() + BEAT_PERIOD).min(until);
+            live.pace.run_until(robot, next);
+            if next >= until {
+                return;
+            }
+        }
+    }
+
+    fn wires(&mut self) -> &mut dyn Wires {
+        match self {
+            Self::Lockstep(lockstep) => lockstep.wires(),
+            Self::Live(live) => live.pace.wires(),
+        }
+    }
+}
+
+/// A rig that this process alone may move, by a locked file beside the rig's file.
+pub struct Claim {
+    _lock: File,
+    stop: PathBuf,
+}
+
+impl Claim {
+    /// Claims a rig, and forgets earlier requests to stop it.
+    ///
+    /// # Errors
+    /// If another process has it, or the folder cannot be written to.
+    pub fn new(rig: &Path) -> std::io::Result<Self> {
+        let lock = File::create(beside(rig, "lock"))?;
+        lock.try_lock().map_err(|_| {
+            std::io::Error::other(
+                "another `etude` uses this rig; wait for it, or stop it with `etude robot stop`",
+            )
+        })?;
+        let stop = beside(rig, "stop");
+        match std::fs::remove_file(&stop) {
+            Err(error) if error.kind() != std::io::ErrorKind::NotFound => Err(error),
+            _ => Ok(Self { _lock: lock, stop }),
+        }
+    }
+
+    fn is_told_to_stop(&self) -> bool {
+        self.stop.exists()
+    }
+}
+
+/// Tells whoever has claimed the rig to stop and to end.
+///
+/// # Errors
+/// If the folder cannot be written to.
+pub fn tell_to_stop(rig: &Path) -> std::io::Result<()> {
+    File::create(beside(rig, "stop")).map(|_| ())
+}
+
+fn beside(rig: &Path, extension: &str) -> PathBuf {
+    rig.with_extension(extension)
+}
