@@ -90,9 +90,7 @@ impl RigChoice {
             Self::Twin(truth) => {
                 let mut rig = RigConfig { name: TWIN.to_string(), ..RigConfig::default() };
                 rig.hand.side = wanted;
-                let truth = Truth { seed: truth.seed.wrapping_add(seed), ..(**truth).clone() };
-                let twin = Twin::new(&truth, wanted)?;
-                let lockstep = Lockstep::new(twin, &truth.links, truth.seed)?;
+                let lockstep = Lockstep::new(Twin::new(&truth.with_seed_added(seed), wanted)?)?;
                 let robot = controller(&rig, &calibration(TWIN))?;
                 Ok(Stand { robot, pace: StandPace::Lockstep(Box::new(lockstep)) })
             }

@@ -77,6 +77,8 @@ pub struct RobotRun {
     pub ending: String,
     /// Set-points that the limiter clamped, counted by joint.
     pub clamped: u64,
+    /// Records that are missing in the recording.
+    pub lost_records: u64,
     /// Deadlines and periods.
     pub timing: TimingReport,
     /// The files that were written.
@@ -148,7 +150,7 @@ pub fn play_on_robot(
         mode: play.mode,
         robot: header.rig.clone(),
         truth: match rig {
-            RigChoice::Twin(truth) => Some(truth.name.clone()),
+            RigChoice::Twin(truth) => Some(truth.name().to_string()),
             RigChoice::File { .. } => None,
         },
         sim_f1: in_simulation(player, &piece)?,
@@ -238,6 +240,7 @@ fn judge(piece: &Piece, played: &Played, files: Option<RunFiles>) -> RobotRun {
             Ending::Fault(fault) => fault.clone(),
         },
         clamped: played.clamped,
+        lost_records: played.lost_records,
         timing: played.timing.report(),
         files,
     }

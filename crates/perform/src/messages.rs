@@ -84,6 +84,8 @@ pub struct HandMessage {
     pub positions: Vec<f64>,
     /// Angles to be at.
     pub reference: Vec<f64>,
+    /// What the joint loop wanted, of 1200, before it was cut to the limits; to a tenth.
+    pub wanted: Vec<f64>,
     /// What was sent, of 1200.
     pub pwm: Vec<i16>,
 }
@@ -93,8 +95,8 @@ pub struct HandMessage {
 pub struct ArmMessage {
     /// Measured joints.
     pub measured: Vec<f64>,
-    /// Joints that it was last asked for.
-    pub sent: Vec<f64>,
+    /// Joints that it was last asked for; none while it follows nothing.
+    pub sent: Option<Vec<f64>>,
     /// Measured place on the rail.
     pub rail_m: f64,
 }

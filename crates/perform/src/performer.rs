@@ -71,6 +71,8 @@ pub struct Played {
     pub timing: Timing,
     /// Set-points that were clamped, counted by joint.
     pub clamped: u64,
+    /// Records that did not get into the recording because there were too many at once.
+    pub lost_records: u64,
 }
 
 /// Chooses the action of a control step from the observation.
@@ -142,12 +144,14 @@ impl Performer {
             ending: Ending::Complete,
             timing: Timing::default(),
             clamped: 0,
+            lost_records: 0,
         };
         let outcome = self.steps(robot, pace, choose, &mut records, interrupt, begun, &mut played);
         robot.hold(pace.now());
         outcome?;
         records.take(robot, &mut played.events, &mut played.timing)?;
         played.clamped = robot.clamped() - clamped;
+        played.lost_records = robot.lost_records();
         Ok(played)
     }
 

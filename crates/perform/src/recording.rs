@@ -334,7 +334,8 @@ mod tests {
         writer.key(&key).unwrap();
         let note = NoteMessage { kind: "fault".to_string(), text: "hot".to_string() };
         writer.note(21.5, &note).unwrap();
-        let hand = HandMessage { positions: vec![0.1; 16], reference: vec![0.2; 16], pwm: vec![-7; 16] };
+        let [positions, reference, wanted] = [0.1, 0.2, -7.3].map(|value| vec![value; 16]);
+        let hand = HandMessage { positions, reference, wanted, pwm: vec![-7; 16] };
         writer.hand(-0.003, &hand).unwrap();
         writer.finish().unwrap();
         let recording = Recording {

@@ -64,12 +64,13 @@ impl<'a> RobotRecords<'a> {
                 let message = SetPointMessage { asked: asked.to_vec(), sent: sent.to_vec(), clamps };
                 writer.setpoint(secs(at), &message)
             }
-            Record::Hand { at, positions, reference, pwm } => {
+            Record::Hand { at, positions, reference, wanted, pwm } => {
                 let (positions, reference, pwm) = (positions.to_vec(), reference.to_vec(), pwm.to_vec());
-                writer.hand(secs(at), &HandMessage { positions, reference, pwm })
+                let wanted = wanted.iter().map(|pwm| (pwm * 10.0).round() / 10.0).collect();
+                writer.hand(secs(at), &HandMessage { positions, reference, wanted, pwm })
             }
             Record::Arm { at, measured, sent, rail_m } => {
-                let (measured, sent) = (measured.to_vec(), sent.to_vec());
+                let (measured, sent) = (measured.to_vec(), sent.map(|joints| joints.to_vec()));
                 writer.arm(secs(at), &ArmMessage { measured, sent, rail_m: *rail_m })
             }
             Record::Key(change) => {

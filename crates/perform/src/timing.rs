@@ -26,6 +26,8 @@ pub struct TimingReport {
     pub late_p999_ms: f64,
     /// The latest.
     pub late_worst_ms: f64,
+    /// How many commands were there within 0.5, 1, 2, 5, 10 and 50 ms, and how many later.
+    pub late_histogram: [usize; 7],
     /// Periods of the hand's loop.
     pub hand_periods: usize,
     /// Median period.
@@ -60,6 +62,7 @@ impl Timing {
             late_median_ms: at(&late, 0.5) * 1e3,
             late_p999_ms: at(&late, 0.999) * 1e3,
             late_worst_ms: at(&late, 1.0) * 1e3,
+            late_histogram: self.histogram(),
             hand_periods: periods.len(),
             hand_period_median_ms: median * 1e3,
             hand_late_p999_ms: (at(&periods, 0.999) - median) * 1e3,
@@ -67,8 +70,7 @@ impl Timing {
         }
     }
 
-    /// How many commands were there within 0.5, 1, 2, 5, 10 and 50 ms, and later.
-    pub fn histogram(&self) -> [usize; 7] {
+    fn histogram(&self) -> [usize; 7] {
         let bounds = [0.5e-3, 1e-3, 2e-3, 5e-3, 10e-3, 50e-3];
         let mut counts = [0; 7];
         for late in &self.late {
@@ -109,7 +111,7 @@ mod tests {
         assert!(close(report.late_median_ms, 5.0) && close(report.late_p999_ms, 9.99));
         assert!(close(report.late_worst_ms, 10.0));
         assert!(close(report.hand_period_median_ms, 3.0) && close(report.hand_late_worst_ms, 4.0));
-        assert_eq!(timing.histogram(), [50, 50, 100, 300, 500, 0, 0]);
+        assert_eq!(report.late_histogram, [50, 50, 100, 300, 500, 0, 0]);
         assert_eq!(Timing::default().report(), TimingReport::default());
     }
 }

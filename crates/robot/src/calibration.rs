@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
-use crate::xarm::kinematics::{JOINTS, KinematicsError, Pose, forward, inverse};
+use crate::xarm::kinematics::{JOINTS, KinematicsError, Pose, forward, inverse, logarithm};
 
 /// Version of the file.
 const SCHEMA: u32 = 1;
@@ -32,17 +32,20 @@ pub struct Point {
     pub position_mm: [f64; 3],
     /// Flange orientation: roll, pitch, yaw about the fixed axes, degrees.
     pub orientation_deg: [f64; 3],
+    /// When it was shown: seconds since 1970.
+    pub shown_unix_secs: u64,
 }
 
 impl Point {
-    /// The point at which the arm's joints are now.
-    pub fn at(pitch: u8, rail_m: f64, joints_rad: &[f64; JOINTS]) -> Self {
+    /// The point at which the arm's joints (rad) are now.
+    pub fn at(pitch: u8, rail_m: f64, joints_rad: &[f64; JOINTS], shown_unix_secs: u64) -> Self {
         let pose = forward(joints_rad);
         Self {
             pitch,
             rail_m,
             position_mm: (pose.position_m * 1e3).into(),
             orientation_deg: pose.rpy_rad().map(f64::to_degrees),
+            shown_unix_secs,
         }
     }
 
@@ -64,8 +67,6 @@ pub struct Calibration {
     pub rig: String,
     /// Serial number of the arm.
     pub arm_serial: String,
-    /// When its last point was shown: seconds since 1970.
-    pub made_unix_secs: u64,
     /// The places, from low to high notes.
     pub points: Vec<Point>,
 }
@@ -106,6 +107,15 @@ pub enum CalibrationError {
         days: u64,
         /// What the rig's file allows.
         allowed: u64,
+    },
+    /// It was made after today.
+    #[error(
+        "a point of the calibration is dated {days} days after today: set this computer's clock, then calibrate anew \
+         with `etude robot calibrate`"
+    )]
+    FromTheFuture {
+        /// How far ahead.
+        days: u64,
     },
     /// Points are missing.
     #[error("the calibration has {0} of its three points; show the others with `etude robot calibrate`")]
@@ -157,26 +167,31 @@ impl Calibration {
     }
 
     /// Adds a point, in place of one for the same key.
-    pub fn show(&mut self, point: Point, unix_secs: u64) {
+    pub fn show(&mut self, point: Point) {
         self.points.retain(|known| known.pitch != point.pitch);
         self.points.push(point);
         self.points.sort_by_key(|known| known.pitch);
-        self.made_unix_secs = unix_secs;
     }
 
-    /// Whether it is this rig's, and fresh.
+    /// Whether it is this rig's, and all of it fresh.
     ///
     /// # Errors
-    /// If it belongs to another rig, or is older than `allowed_days`. Whether the arm is the one that it was shown to, the
-    /// controller checks when it starts.
+    /// If it belongs to another rig, or a point is older than `allowed_days` or dated more than a day ahead. Whether the arm
+    /// is the one that it was shown to, the controller checks when it starts.
     pub fn check(&self, rig: &str, now_unix_secs: u64, allowed_days: u64) -> Result<(), CalibrationError> {
         if self.rig != rig {
             let [found, expected] = [self.rig.clone(), rig.to_string()];
             return Err(CalibrationError::OtherRig { found, expected });
         }
-        let days = now_unix_secs.saturating_sub(self.made_unix_secs) / DAY_SECS;
-        if days > allowed_days {
-            return Err(CalibrationError::OutOfDate { days, allowed: allowed_days });
+        for point in &self.points {
+            let days = point.shown_unix_secs.saturating_sub(now_unix_secs) / DAY_SECS;
+            if days >= 1 {
+                return Err(CalibrationError::FromTheFuture { days });
+            }
+            let days = now_unix_secs.saturating_sub(point.shown_unix_secs) / DAY_SECS;
+            if days > allowed_days {
+                return Err(CalibrationError::OutOfDate { days, allowed: allowed_days });
+            }
         }
         Ok(())
     }
@@ -232,7 +247,7 @@ impl RailPath {
             }
         }
         for point in points {
-            let turned = point.pose().rotation.angle_to(&middle.pose().rotation);
+            let turned = turned_rad(&point.pose(), &middle.pose());
             if turned.is_nan() || turned > TURN_TOLERANCE {
                 return Err(CalibrationError::Crooked(format!(
                     "at key {} the hand was turned by {:.1}° against the middle one",
@@ -298,6 +313,16 @@ impl RailPath {
         inverse(&pose, &self.middle)
     }
 
+    /// Joints (rad) straight above where the arm stands with these, `up_m` above the height of the path there.
+    ///
+    /// # Errors
+    /// If the arm does not reach there.
+    pub fn above(&self, joints_rad: &[f64; JOINTS], up_m: f64) -> Result<[f64; JOINTS], KinematicsError> {
+        let mut pose = forward(joints_rad);
+        pose.position_m.z = self.pose(self.place(joints_rad).rail_m).position_m.z + up_m;
+        inverse(&pose, joints_rad)
+    }
+
     /// Where the hand is for these joints of the arm.
     pub fn place(&self, joints_rad: &[f64; JOINTS]) -> RailPlace {
         let pose = forward(joints_rad);
@@ -311,9 +336,15 @@ impl RailPath {
         RailPlace {
             rail_m,
             beside_m: (pose.position_m - self.pose(rail_m).position_m).norm(),
-            turned_rad: pose.rotation.angle_to(&self.orientation.rotation),
+            turned_rad: turned_rad(&pose, &self.orientation),
         }
     }
+}
+
+/// Angle between the orientations of two poses, rad. The arc cosine of the trace would be no number where rounding brings
+/// it above 1, which is where the poses agree best.
+fn turned_rad(pose: &Pose, other: &Pose) -> f64 {
+    logarithm(&(pose.rotation * other.rotation.inverse())).norm()
 }
 
 #[cfg(test)]
@@ -328,12 +359,12 @@ mod tests {
             rail_m,
             position_mm,
             orientation_deg: [-90.0, 225.0, -90.0],
+            shown_unix_secs: 1_000_000,
         };
         Calibration {
             schema: SCHEMA,
             rig: "paper".into(),
             arm_serial: "XS1304".into(),
-            made_unix_secs: 1_000_000,
             points: vec![
                 point(36, -0.3393, [485.0, 336.5, 169.0]),
                 point(60, 0.0, [485.0, -2.83, 170.51]),
@@ -364,9 +395,8 @@ mod tests {
                 assert!((found.to_degrees() - expected).abs() < 0.3, "{joints:?} at {rail_m}");
             }
             let place = path.place(&joints);
-            assert!((place.rail_m - rail_m).abs() < 1e-6 && place.beside_m < 1e-6);
-            // The angle comes out of an arc cosine near 1, which keeps half the digits.
-            assert!(place.turned_rad < 1e-4, "{place:?}");
+            assert!((place.rail_m - rail_m).abs() < 1e-6 && place.beside_m < 1e-6, "{place:?}");
+            assert!(place.turned_rad < 1e-6, "{place:?}");
         }
         let above = path.above_middle(0.08).unwrap();
         assert!((path.place(&above).beside_m - 0.08).abs() < 1e-3);
@@ -388,6 +418,17 @@ mod tests {
     }
 
     #[test]
+    fn a_hand_that_is_not_turned_at_all_is_seen_not_to_be() {
+        let path = RailPath::new(&papers(), [-0.3393, 0.3337], &home()).unwrap();
+        let mut joints = *path.middle();
+        for step in -300..=300 {
+            joints = path.joints(f64::from(step) * 1e-3, &joints).unwrap();
+            let place = path.place(&joints);
+            assert!(place.turned_rad < 1e-6 && place.beside_m < 1e-6, "{place:?}");
+        }
+    }
+
+    #[test]
     fn it_is_kept_in_a_file_that_names_the_rig() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("c.toml");
@@ -396,6 +437,14 @@ mod tests {
         let back = Calibration::load(&path).unwrap();
         assert_eq!(back, papers());
         let now = 1_000_000 + 8 * DAY_SECS;
+        // The oldest point counts, and none may be from the future.
+        let mut shown = papers();
+        shown.points[0].shown_unix_secs = now;
+        shown.points[2].shown_unix_secs = now + DAY_SECS - 1;
+        assert!(matches!(shown.check("paper", now, 7), Err(CalibrationError::OutOfDate { days: 8, .. })));
+        assert!(shown.check("paper", now, 8).is_ok());
+        shown.points[2].shown_unix_secs = u64::MAX;
+        assert!(matches!(shown.check("paper", now, 8), Err(CalibrationError::FromTheFuture { .. })));
         assert!(back.check("paper", now, 8).is_ok());
         assert!(matches!(back.check("paper", now, 7), Err(CalibrationError::OutOfDate { days: 8, .. })));
         assert!(matches!(back.check("lab", now, 8), Err(CalibrationError::OtherRig { .. })));
@@ -406,9 +455,37 @@ mod tests {
     #[test]
     fn a_key_shown_again_replaces_its_point() {
         let mut calibration = papers();
-        let again = Point { rail_m: 0.01, ..calibration.points[1] };
-        calibration.show(again, 2_000_000);
+        calibration.show(Point { rail_m: 0.01, ..calibration.points[1] });
         assert_eq!((calibration.points.len(), calibration.points[1].rail_m), (3, 0.01));
-        assert_eq!(calibration.made_unix_secs, 2_000_000);
+    }
+
+    /// A joint move of these few centimetres is straight enough beside the keys.
+    #[test]
+    fn straight_up_is_straight_up() {
+        let path = RailPath::new(&papers(), [-0.3393, 0.3337], &home()).unwrap();
+        for (rail_m, forward_m, up_m) in
+            [(0.0, 0.0, 0.0), (-0.3, -0.1, 0.02), (0.3, 0.1, -0.03), (0.1, -0.14, 0.05)]
+        {
+            let mut pose = path.pose(rail_m);
+            (pose.position_m.x, pose.position_m.z) =
+                (pose.position_m.x + forward_m, pose.position_m.z + up_m);
+            let mut from = *path.middle();
+            for step in 1..=40 {
+                from = path.joints(rail_m * f64::from(step) / 40.0, &from).unwrap();
+            }
+            let from = inverse(&pose, &from).unwrap();
+            let to = path.above(&from, 0.08).unwrap();
+            let mut lowest = pose.position_m.z;
+            for step in 0..=100 {
+                let share = f64::from(step) / 100.0;
+                let at =
+                    forward(&std::array::from_fn(|joint| from[joint] + (to[joint] - from[joint]) * share));
+                let aside = (at.position_m - pose.position_m).xy().norm();
+                assert!(aside < 0.006, "{aside} m aside from {rail_m}, {forward_m}, {up_m}");
+                assert!(at.position_m.z >= lowest - 1e-4, "it goes down from {rail_m}, {forward_m}, {up_m}");
+                lowest = at.position_m.z;
+            }
+            assert!((lowest - path.pose(rail_m).position_m.z - 0.08).abs() < 1e-3);
+        }
     }
 }

@@ -66,6 +66,8 @@ pub enum Clamp {
     Jerk,
     /// From there the axis could not stop within the limits.
     Stopping,
+    /// From there the axis could not stop before the target, which may stand still from now on.
+    Passing,
 }
 
 impl Clamp {
@@ -78,6 +80,7 @@ impl Clamp {
             Self::Acceleration => "acceleration",
             Self::Jerk => "jerk",
             Self::Stopping => "stopping",
+            Self::Passing => "passing",
         }
     }
 }
@@ -183,7 +186,7 @@ impl Axis {
         self.state.velocity
     }
 
-    /// Moves the set-point one step toward `target`; says which limit kept it from getting there.
+    /// Moves the set-point one step toward `target`; says what kept it from getting there whenever it is elsewhere.
     pub fn step(&mut self, target: f64) -> Option<Clamp> {
         let [low, high] = self.limits.position;
         let asked = if target.is_nan() { self.targets[0] } else { target };
@@ -193,13 +196,13 @@ impl Axis {
         let exact = ((wanted - self.state.position) / dt - self.state.velocity) / dt;
         let on_stream = wanted != self.targets[1]
             && (self.state.position - self.targets[1]).abs() <= (high - low) * ROUNDING;
-        let clamp = self.reason_against(exact);
-        self.state = match clamp {
-            None if on_stream || !self.passes(wanted, self.state.after(exact, dt)) => {
-                self.state.after(exact, dt)
-            }
-            _ => self.toward(wanted),
-        };
+        let next = self.state.after(exact, dt);
+        let passing = || (!on_stream && self.passes(wanted, next)).then_some(Clamp::Passing);
+        let mut clamp = self.reason_against(exact).or_else(passing);
+        self.state = if clamp.is_none() { next } else { self.toward(wanted) };
+        if (self.state.position - wanted).abs() <= (high - low) * ROUNDING {
+            clamp = None;
+        }
         if target.is_nan() {
             Some(Clamp::NotANumber)
         } else if asked != wanted {
@@ -382,6 +385,21 @@ mod tests {
             assert_kept(&limits, &sent);
         }
 
+        /// What is not named went through unchanged.
+        #[test]
+        fn every_difference_is_named(
+            limits in any_limits(),
+            asked in prop::collection::vec(prop_oneof![any_target(), -0.01f64..0.01], 1..200),
+        ) {
+            let mut axis = Axis::at_rest(limits, STEP, 0.0);
+            let slack = (limits.position[1] - limits.position[0]) * 1e-8;
+            for target in asked {
+                let clamp = axis.step(target);
+                let there = (axis.position() - target).abs() <= slack;
+                prop_assert!(clamp.is_some() || there, "at {} of {}", axis.position(), target);
+            }
+        }
+
         #[test]
         fn a_target_that_stands_still_is_reached_without_passing_it(limits in any_limits(), start in -0.9f64..0.9, end in -0.9f64..0.9) {
             let [low, high] = limits.position;
@@ -452,5 +470,14 @@ mod tests {
         assert_eq!(axis.step(0.001), Some(Clamp::Acceleration));
         let mut axis = Axis::at_rest(slow(), STEP, 0.0);
         assert_eq!(axis.step(0.000_01), Some(Clamp::Jerk));
+        // Within every limit, and yet it would be passed if it stood still from now on.
+        let mut axis = Axis::at_rest(finger(), STEP, 0.0);
+        let mut passing = 0;
+        for target in (1..100).map(|n| f64::from(n) * 5e-4) {
+            axis.rest(0.0);
+            axis.step(0.02);
+            passing += usize::from(axis.step(target) == Some(Clamp::Passing));
+        }
+        assert!(passing > 0);
     }
 }

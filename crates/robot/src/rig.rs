@@ -4,7 +4,9 @@ use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
 
-use crate::allegro::{HandConfig, HandConfigError, JOINT_LIMITS_RAD, JointLoopConfig, JointLoopError};
+use crate::allegro::{
+    HandConfig, HandConfigError, JOINT_LIMITS_RAD, JOINTS, JointLoopConfig, JointLoopError,
+};
 use crate::joints::{DRIVEN, FINGER_JOINTS, RAIL};
 use crate::keyboard::{Keyboard, KeyboardConfig, KeyboardConfigError};
 use crate::limiter::AxisLimits;
@@ -12,6 +14,13 @@ use crate::xarm::{ArmConfig, ArmConfigError};
 
 /// Set-points per second: the physics steps of the simulator that a policy is trained in.
 pub const SETPOINT_HZ: f64 = 200.0;
+
+/// A limit's name, its value, and the most that it may be.
+type Ceiling = (&'static str, f64, f64);
+/// Farthest end of the rail, m from the middle: the keyboard's own end and some room.
+const RAIL_END_M: f64 = 0.40;
+/// Oldest calibration that a rig's file may allow, days.
+const MOST_DAYS: u64 = 365;
 
 /// A rig as its file describes it.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -55,6 +64,9 @@ impl Default for WiresConfig {
 }
 
 /// What joints, rail and operator are held to. Fingers: rad and s. Rail: m and s.
+///
+/// No limit can be set above what the devices bear. Servo mode, in which the arm makes the rail, documents no jerk limit
+/// of its own; the arm's planned moves use 100 m/s³ at the flange at most (fact sheet "hardware" §2.6).
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct LimitsConfig {
@@ -80,6 +92,10 @@ pub struct LimitsConfig {
     pub start_rail_m: f64,
     /// How long the last command stands without a new one before the robot is stopped, s.
     pub stale_command_secs: f64,
+    /// How far a joint of the hand may be from its reference while it holds or moves, rad.
+    pub following_rad: f64,
+    /// How long it may be farther, s.
+    pub following_secs: f64,
     /// Oldest calibration that is still trusted, days.
     pub calibration_days: u64,
 }
@@ -105,8 +121,37 @@ impl Default for LimitsConfig {
             start_rail_m: 0.01,
             // Three control steps.
             stale_command_secs: 0.15,
+            // Three times where the joint loop already pushes as hard as it may (675 of 3600 PWM a rad, §1.4). Policies
+            // press by asking for far below a key: 1.2 rad for as long as a note is held, and no note of the songs is
+            // held for five seconds.
+            following_rad: 0.6,
+            following_secs: 5.0,
             calibration_days: 7,
         }
+    }
+}
+
+impl LimitsConfig {
+    /// What no rig's file may exceed (fact sheet "hardware" §1.4, §2.5, §2.6, §2.12).
+    fn ceilings(&self) -> [Ceiling; 11] {
+        [
+            // The vendor's "high maximum".
+            ("finger_velocity", self.finger_velocity, 13.0),
+            // From rest to that in 6.5 ms, two periods of the hand; and all of it within one set-point.
+            ("finger_acceleration", self.finger_acceleration, 2000.0),
+            ("finger_jerk", self.finger_jerk, 400_000.0),
+            // The flange's own limit; error 60 stops the arm at 1.2.
+            ("rail_velocity", self.rail_velocity, 1.0),
+            // 1145 °/s² is 7.8 m/s² where joint 4 turns most for it; in servo mode the controller does not look.
+            ("rail_acceleration", self.rail_acceleration, 14.0),
+            // The whole of that, either way, within one set-point.
+            ("rail_jerk", self.rail_jerk, 5000.0),
+            ("start_finger_rad", self.start_finger_rad, 0.5),
+            ("start_rail_m", self.start_rail_m, 0.05),
+            ("stale_command_secs", self.stale_command_secs, 2.0),
+            ("following_rad", self.following_rad, 1.5),
+            ("following_secs", self.following_secs, 10.0),
+        ]
     }
 }
 
@@ -172,20 +217,29 @@ impl RigConfig {
         if self.name.trim().is_empty() {
             return Err(RigError::Value("the rig has no name; give it one with name = \"…\"".into()));
         }
-        for (joint, limits) in self.axes().iter().enumerate() {
-            let name = if joint == DRIVEN { "the rail".into() } else { format!("finger joint {joint}") };
-            limits.check().map_err(|message| RigError::Limits { joint: name, message })?;
+        for (axis, limits) in self.axes().iter().enumerate() {
+            let joint =
+                if axis < JOINTS { format!("joint {axis} of the hand") } else { "the rail".to_string() };
+            limits.check().map_err(|message| RigError::Limits { joint, message })?;
         }
         let limits = &self.limits;
-        let positive = [
-            ("start_finger_rad", limits.start_finger_rad),
-            ("start_rail_m", limits.start_rail_m),
-            ("stale_command_secs", limits.stale_command_secs),
-        ];
-        for (name, value) in positive {
-            if !(value.is_finite() && value > 0.0) {
-                return Err(RigError::Value(format!("limits.{name} is {value}: set it above 0")));
+        for (name, value, most) in limits.ceilings() {
+            if !(value > 0.0 && value <= most) {
+                let message = format!("limits.{name} is {value}: set it above 0, and to {most} at most");
+                return Err(RigError::Value(message));
             }
+        }
+        let [low, high] = limits.rail_range_m;
+        if low < -RAIL_END_M || high > RAIL_END_M {
+            return Err(RigError::Value(format!(
+                "limits.rail_range_m is {low} to {high}: set it within {RAIL_END_M} m of the middle"
+            )));
+        }
+        if limits.calibration_days > MOST_DAYS {
+            return Err(RigError::Value(format!(
+                "limits.calibration_days is {}: set it to {MOST_DAYS} at most",
+                limits.calibration_days
+            )));
         }
         for (angle, [low, high]) in limits.thumb_rad.iter().zip(&JOINT_LIMITS_RAD[FINGER_JOINTS..]) {
             if !(low..=high).contains(&angle) {
@@ -223,3 +277,64 @@ impl RigConfig {
 
 // The driven joints are those of the first three fingers and the rail.
 const _: () = assert!(RAIL == FINGER_JOINTS && DRIVEN == FINGER_JOINTS + 1);
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn rig() -> RigConfig {
+        RigConfig { name: "lab".into(), ..RigConfig::default() }
+    }
+
+    #[test]
+    fn ceilings_are_kept_and_named() {
+        rig().check().unwrap();
+        let refused = |text: &str| {
+            let limits = toml::from_str(text).unwrap();
+            RigConfig { limits, ..rig() }.check().unwrap_err().to_string()
+        };
+        let names = LimitsConfig::default().ceilings();
+        for (name, _, most) in names {
+            for value in [most * 1.001, 0.0, -1.0, f64::NAN, f64::INFINITY, 1e300] {
+                let said = refused(&format!("{name} = {value:?}").to_lowercase());
+                let known = name.rsplit('_').find(|part| said.contains(part));
+                assert!(known.is_some() || said.contains("stopping"), "{name} = {value}: {said}");
+            }
+        }
+        assert!(refused("rail_range_m = [-0.41, 0.3]").contains("within 0.4 m"));
+        assert!(refused("rail_range_m = [-0.3, 0.401]").contains("within 0.4 m"));
+        assert!(refused("calibration_days = 366").contains("365"));
+        assert!(refused("finger_velocity = -1.0").starts_with("limits of joint 0 of the hand"));
+        assert!(refused("rail_velocity = -1.0").starts_with("limits of the rail"));
+    }
+
+    /// A rig's file may hold any number: it is refused or it works, and nothing panics.
+    #[test]
+    fn no_number_in_a_file_panics() {
+        let text = toml::to_string(&rig()).unwrap();
+        let odd =
+            ["1e300", "-1e300", "1e-300", "nan", "inf", "-inf", "0.0", "0", "-1", "9223372036854775807"];
+        let mut sound = 0;
+        for (line, old) in text.lines().enumerate() {
+            let Some((name, value)) = old.split_once(" = ") else { continue };
+            if value.starts_with('"') {
+                continue;
+            }
+            for value in odd {
+                for many in
+                    [value.to_string(), format!("[{value}, {value}]"), format!("[{}]", [value; 4].join(","))]
+                {
+                    let changed = format!("{name} = {many}");
+                    let lines = text.lines().enumerate();
+                    let text: Vec<&str> =
+                        lines.map(|(at, old)| if at == line { changed.as_str() } else { old }).collect();
+                    let Ok(config) = toml::from_str::<RigConfig>(&text.join("\n")) else { continue };
+                    sound += usize::from(
+                        config.check().is_ok() && crate::keyboard::Keyboard::new(&config.keyboard).is_ok(),
+                    );
+                }
+            }
+        }
+        assert!(sound > 0);
+    }
+}

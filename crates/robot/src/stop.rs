@@ -1,22 +1,21 @@
 //! Stopping a robot from outside its controller: another terminal, or the guard that outlives it.
 //!
-//! It opens wires of its own. The hand is let go (zero torque three times, servo off); the arm is put into state 4 and
-//! asked whether it is. What no protocol can promise: that a hand whose cable is out stops pushing (it holds its last
-//! torque), and that an arm whose network is out stops moving. Both need the hardware stop within the operator's reach.
+//! It opens wires of its own, and neither device waits for the other. The hand is let go (zero torque three times, servo
+//! off); the arm is put into state 4 and asked whether it is. What no protocol can promise: that a hand whose cable is
+//! out stops pushing (it holds its last torque), and that an arm whose network is out stops moving. Both need the
+//! hardware stop within the operator's reach.
 
 use std::time::{Duration, Instant};
 
-use crate::allegro::Hand;
-use crate::can;
+use crate::allegro::{Hand, HostMessage, Request};
+use crate::can::{self, CanError, CanFrame, CanTransport};
 use crate::rig::RigConfig;
-use crate::xarm::{Arm, ArmConnection};
+use crate::xarm::{ArmCommands, Stopper};
 
 /// Time within which the arm must confirm.
 const CONFIRM: Duration = Duration::from_secs(1);
 /// Frames are given this long to leave the adapter.
 const SETTLE: Duration = Duration::from_millis(50);
-/// The state in which the arm stands still and takes no motion (fact sheet "hardware" §2.4).
-const STOPPED: u8 = 4;
 
 /// What became of a stop. `Err` says what an operator must do now.
 #[derive(Debug)]
@@ -34,55 +33,67 @@ impl Stopped {
     }
 }
 
-/// Stops hand and arm of a rig. A failure of one does not keep the other from being stopped.
+/// Stops hand and arm of a rig at the same time: neither waits for the other, nor keeps it from being stopped.
 pub fn stop(config: &RigConfig) -> Stopped {
-    // The arm carries more energy: it goes first.
-    let arm = stop_arm(config);
-    Stopped { hand: stop_hand(config), arm }
+    std::thread::scope(|scope| {
+        let arm = scope.spawn(|| stop_arm(config));
+        let hand = stop_hand(config);
+        let arm = arm.join().unwrap_or_else(|_| Err("stopping it failed: press its emergency stop".into()));
+        Stopped { hand, arm }
+    })
 }
 
 fn stop_hand(config: &RigConfig) -> Result<(), String> {
-    let mut bus = can::open(&config.wires.can).map_err(|error| error.to_string())?;
+    let spec = &config.wires.can;
     let mut hand = Hand::new(&config.hand).map_err(|error| error.to_string())?;
     let mut frames = Vec::new();
     hand.stop(Duration::ZERO, &mut frames);
+    // An answer shows that the bus works.
+    frames.push(HostMessage::Request(Request::Information).encode(config.hand.device_id));
+    let told = can::join(spec).and_then(|mut bus| tell(&mut *bus, &frames));
+    let told = match told {
+        // Nobody heard, perhaps because nobody has opened the adapter's channel.
+        Ok(false) | Err(_) if can::is_serial(spec) => {
+            can::open(spec).and_then(|mut bus| tell(&mut *bus, &frames))
+        }
+        told => told,
+    };
+    told.map(drop).map_err(|error| error.to_string())
+}
+
+/// Sends the frames; says whether anything came from the bus.
+fn tell(bus: &mut dyn CanTransport, frames: &[CanFrame]) -> Result<bool, CanError> {
     for frame in frames {
-        bus.send(frame).map_err(|error| error.to_string())?;
+        bus.send(*frame)?;
     }
+    let mut heard = false;
     let until = Instant::now() + SETTLE;
     while Instant::now() < until {
         // Reading keeps an adapter's queue moving.
-        while bus.receive().map_err(|error| error.to_string())?.is_some() {}
+        while bus.receive()?.is_some() {
+            heard = true;
+        }
         std::thread::sleep(Duration::from_millis(1));
     }
-    Ok(())
+    Ok(heard)
 }
 
 fn stop_arm(config: &RigConfig) -> Result<(), String> {
-    let mut wire = ArmConnection::open(&config.wires.arm).map_err(|error| error.to_string())?;
-    let mut arm = Arm::new(config.arm.clone()).map_err(|error| error.to_string())?;
+    let mut wire = ArmCommands::open(&config.wires.arm).map_err(|error| error.to_string())?;
+    let mut stopper = Stopper::default();
     let begun = Instant::now();
     let mut bytes = Vec::new();
-    arm.connected(Duration::ZERO);
-    arm.stop(Duration::ZERO, &mut bytes);
-    loop {
+    while begun.elapsed() <= CONFIRM {
+        bytes.clear();
+        stopper.poll(begun.elapsed(), &mut bytes);
         wire.send(&bytes).map_err(|error| error.to_string())?;
-        let now = begun.elapsed();
         bytes.clear();
-        wire.receive_commands(&mut bytes).map_err(|error| error.to_string())?;
-        arm.receive_command(now, &bytes);
-        bytes.clear();
-        wire.receive_reports(&mut bytes).map_err(|error| error.to_string())?;
-        arm.receive_report(now, &bytes);
-        bytes.clear();
-        arm.poll(now, &mut bytes);
-        let fresh = arm.joints_at().is_some_and(|at| at > Duration::ZERO);
-        if fresh && arm.report().is_some_and(|report| report.state == STOPPED) {
+        wire.receive(&mut bytes).map_err(|error| error.to_string())?;
+        stopper.receive(begun.elapsed(), &bytes);
+        if stopper.is_stopped() {
             return Ok(());
-        }
-        if now > CONFIRM {
-            return Err("it did not confirm that it stands still: press its emergency stop".to_string());
         }
         std::thread::sleep(Duration::from_millis(1));
     }
+    Err("it did not confirm that it stands still: press its emergency stop".to_string())
 }

@@ -1,6 +1,8 @@
 //! What kind of world is built: which hand, fences or none, which actuation. Numbers that vary are in
-//! [`PhysicalParams`](crate::params::PhysicalParams).
+//! [`PhysicalParams`](crate::params::PhysicalParams). [`ModelOptions`] is how a world is computed, and how it is made
+//! other than the simulator's.
 
+use etude_music::KEYS;
 use serde::{Deserialize, Serialize};
 
 use crate::controller::Actuation;
@@ -31,5 +33,65 @@ impl StageConfig {
     /// Length of one physics step, s.
     pub fn physics_step_secs(&self) -> f64 {
         1.0 / (etude_music::CONTROL_HZ * PHYSICS_STEPS as f64)
+    }
+}
+
+/// How MuJoCo integrates.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Integrator {
+    /// Semi-implicit Euler, implicit in the joints' damping: the simulator's.
+    Euler,
+    /// Implicit in velocities.
+    ImplicitFast,
+}
+
+/// How MuJoCo shapes the friction of contacts.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Cone {
+    /// The cone itself: the simulator's.
+    Elliptic,
+    /// A pyramid inside the cone.
+    Pyramidal,
+}
+
+/// What makes a key other than its neighbours: factors on the numbers of all, 1 in the simulator.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct KeyFactors {
+    /// On the spring.
+    pub stiffness: f64,
+    /// On the angle of the lower stop.
+    pub travel: f64,
+}
+
+/// How a world is computed and how it is made other than the simulator's, whose options are the default.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ModelOptions {
+    /// Length of one physics step, s.
+    pub step_secs: f64,
+    /// The integrator.
+    pub integrator: Integrator,
+    /// The friction cone.
+    pub cone: Cone,
+    /// Whether a joint stands still where dry friction holds it, and ends at its stops. MuJoCo lets it creep and give way
+    /// unless told otherwise.
+    pub firm_joints: bool,
+    /// Turn of the keyboard about its middle, counter-clockwise from above, rad.
+    pub keyboard_yaw_rad: f64,
+    /// The keys.
+    pub keys: [KeyFactors; KEYS],
+}
+
+impl Default for ModelOptions {
+    fn default() -> Self {
+        Self {
+            step_secs: StageConfig::default().physics_step_secs(),
+            integrator: Integrator::Euler,
+            cone: Cone::Elliptic,
+            firm_joints: false,
+            keyboard_yaw_rad: 0.0,
+            keys: [KeyFactors { stiffness: 1.0, travel: 1.0 }; KEYS],
+        }
     }
 }

@@ -24,7 +24,7 @@ pub mod params;
 mod snapshot;
 mod world;
 
-pub use config::{PHYSICS_STEPS, StageConfig};
+pub use config::{Cone, Integrator, KeyFactors, ModelOptions, PHYSICS_STEPS, StageConfig};
 pub use controller::Actuation;
 pub use hand::{FINGERS, JOINT_NAMES, JOINTS, RAIL, Side};
 pub use mjcf::mjcf;

@@ -12,7 +12,7 @@ use std::fmt::Write as _;
 
 use etude_music::KEYS;
 
-use crate::config::StageConfig;
+use crate::config::{Cone, Integrator, ModelOptions, StageConfig};
 use crate::controller::Actuation;
 use crate::geometry::{
     FENCE_FRICTION, FENCE_RISE, FENCE_THICKNESS, HALF_WIDTH, KeyShape, WHITE, fences, key_lateral,
@@ -36,14 +36,14 @@ const TOUCHES_NEIGHBOUR: u32 = 2;
 
 /// The whole model as an MJCF document.
 pub fn mjcf(config: &StageConfig, params: &PhysicalParams) -> String {
-    mjcf_with_step(config, params, config.physics_step_secs())
+    mjcf_with(config, params, &ModelOptions::default())
 }
 
-/// The same with a physics step of its own, s.
-pub(crate) fn mjcf_with_step(config: &StageConfig, params: &PhysicalParams, step_secs: f64) -> String {
+/// The same with options of its own.
+pub(crate) fn mjcf_with(config: &StageConfig, params: &PhysicalParams, options: &ModelOptions) -> String {
     let mut xml = String::with_capacity(32 * 1024);
     // Writing to a string cannot fail.
-    let _ = document(&mut xml, config, params, step_secs);
+    let _ = document(&mut xml, config, params, options);
     xml
 }
 
@@ -51,13 +51,22 @@ fn document(
     out: &mut String,
     config: &StageConfig,
     params: &PhysicalParams,
-    step: f64,
+    options: &ModelOptions,
 ) -> std::fmt::Result {
+    let step = options.step_secs;
+    let integrator = match options.integrator {
+        Integrator::Euler => "Euler",
+        Integrator::ImplicitFast => "implicitfast",
+    };
+    let cone = match options.cone {
+        Cone::Elliptic => "elliptic",
+        Cone::Pyramidal => "pyramidal",
+    };
     writeln!(out, r#"<mujoco model="etude">"#)?;
     writeln!(out, r#"  <compiler angle="radian" autolimits="true"/>"#)?;
     writeln!(
         out,
-        r#"  <option timestep="{step}" gravity="0 0 0" sleep_tolerance="{SLEEP_TOLERANCE}" cone="elliptic" impratio="10" integrator="Euler">"#
+        r#"  <option timestep="{step}" gravity="0 0 0" sleep_tolerance="{SLEEP_TOLERANCE}" cone="{cone}" impratio="10" integrator="{integrator}">"#
     )?;
     writeln!(out, r#"    <flag sleep="enable"/>"#)?;
     writeln!(out, r#"  </option>"#)?;
@@ -68,13 +77,20 @@ fn document(
     writeln!(out, r#"  <statistic center="0 0 0.05" extent="0.5"/>"#)?;
     writeln!(out, r#"  <default>"#)?;
     writeln!(out, r#"    <geom solref="{} 1"/>"#, 2.0 * step)?;
+    if options.firm_joints {
+        let hard = 2.0 * step;
+        writeln!(
+            out,
+            r#"    <joint solreflimit="{hard} 1" solreffriction="{hard} 1" solimpfriction="0.999 0.999 0.001"/>"#
+        )?;
+    }
     writeln!(out, r#"    <default class="visual"><geom contype="0" conaffinity="0"/></default>"#)?;
     writeln!(out, r#"  </default>"#)?;
     writeln!(out, r#"  <worldbody>"#)?;
     writeln!(out, r#"    <light pos="0.3 -0.2 1.2" dir="-0.2 0.1 -1" diffuse="0.8 0.8 0.8"/>"#)?;
     writeln!(out, r#"    <camera name="player" pos="0.62 0 0.48" xyaxes="0 1 0 -0.58 0 0.81"/>"#)?;
     writeln!(out, r#"    <camera name="side" pos="0.05 -0.75 0.18" xyaxes="1 0 0 0 0.15 0.99"/>"#)?;
-    keyboard(out, config, params)?;
+    keyboard(out, config, params, options)?;
     hand(out, config, params)?;
     writeln!(out, r#"  </worldbody>"#)?;
     writeln!(out, r#"  <actuator>"#)?;
@@ -85,7 +101,12 @@ fn document(
     writeln!(out, r#"</mujoco>"#)
 }
 
-fn keyboard(out: &mut String, config: &StageConfig, params: &PhysicalParams) -> std::fmt::Result {
+fn keyboard(
+    out: &mut String,
+    config: &StageConfig,
+    params: &PhysicalParams,
+    options: &ModelOptions,
+) -> std::fmt::Result {
     let value = |quantity| params.world(quantity);
     let friction = value(World::KeyFriction);
     let contact = |friction: f64| {
@@ -94,8 +115,14 @@ fn keyboard(out: &mut String, config: &StageConfig, params: &PhysicalParams) -> 
         )
     };
     let (key_contact, fence_contact) = (contact(friction), contact(FENCE_FRICTION));
+    let yaw = options.keyboard_yaw_rad;
+    let turn = if yaw == 0.0 {
+        String::new()
+    } else {
+        format!(r#" quat="{} 0 0 {}""#, (yaw / 2.0).cos(), (yaw / 2.0).sin())
+    };
     let [depth, lateral, height] = keyboard_place(params);
-    writeln!(out, r#"    <body name="keyboard" pos="{depth} {lateral} {height}">"#)?;
+    writeln!(out, r#"    <body name="keyboard" pos="{depth} {lateral} {height}"{turn}>"#)?;
     writeln!(
         out,
         r#"      <geom class="visual" type="box" pos="-0.125 0 0.02" size="0.05 {} 0.02" rgba="0.15 0.15 0.17 1"/>"#,
@@ -123,16 +150,16 @@ fn keyboard(out: &mut String, config: &StageConfig, params: &PhysicalParams) -> 
     for key in 0..KEYS {
         let shape = KeyShape::of(key);
         let [length, width, thick] = shape.size;
-        let [x, y, z] = key_place(params, key);
+        let [x, y, z] = key_place(params, yaw, key);
         let colour = if etude_music::key_is_black(key) { "0.08 0.08 0.08 1" } else { "0.95 0.95 0.93 1" };
-        writeln!(out, r#"    <body name="key_{key}" pos="{x} {y} {z}">"#)?;
+        writeln!(out, r#"    <body name="key_{key}" pos="{x} {y} {z}"{turn}>"#)?;
         writeln!(
             out,
             r#"      <joint name="key_{key}" type="hinge" axis="0 1 0" pos="{} 0 0" range="{} {}" stiffness="{}" damping="{}" armature="{}"/>"#,
             -length / 2.0,
             -KEY_REBOUND,
-            shape.max_angle(),
-            value(World::KeyStiffness),
+            shape.max_angle() * options.keys[key].travel,
+            value(World::KeyStiffness) * options.keys[key].stiffness,
             value(World::KeyDamping),
             value(World::KeyArmature),
         )?;
@@ -149,11 +176,17 @@ fn keyboard(out: &mut String, config: &StageConfig, params: &PhysicalParams) -> 
     Ok(())
 }
 
-/// Where the body of key `key` stands, m.
-pub(crate) fn key_place(params: &PhysicalParams, key: usize) -> [f64; 3] {
+/// Where the body of key `key` stands on a keyboard that is turned by `yaw` rad, m.
+pub(crate) fn key_place(params: &PhysicalParams, yaw: f64, key: usize) -> [f64; 3] {
     let shape = KeyShape::of(key);
+    on_keyboard(params, yaw, [shape.x, key_lateral(key), shape.z])
+}
+
+/// Where a point of a keyboard that is turned by `yaw` rad is in the world, m.
+pub(crate) fn on_keyboard(params: &PhysicalParams, yaw: f64, [x, y, z]: [f64; 3]) -> [f64; 3] {
     let [depth, lateral, height] = keyboard_place(params);
-    [depth + shape.x, lateral + key_lateral(key), height + shape.z]
+    let (sine, cosine) = yaw.sin_cos();
+    [depth + (x * cosine - y * sine), lateral + (x * sine + y * cosine), height + z]
 }
 
 /// Where the keyboard's body stands, m.
@@ -279,4 +312,51 @@ fn finger(
         writeln!(out, "{indent}</body>")?;
     }
     Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::config::KeyFactors;
+
+    /// Lines in which the two texts differ.
+    fn differing<'a>(one: &'a str, other: &'a str) -> Vec<(&'a str, &'a str)> {
+        assert_eq!(one.lines().count(), other.lines().count());
+        one.lines().zip(other.lines()).filter(|(one, other)| one != other).collect()
+    }
+
+    #[test]
+    fn options_change_what_they_say_and_nothing_else() {
+        let (config, params) = (StageConfig::default(), PhysicalParams::default());
+        let simulators = mjcf(&config, &params);
+        let text = |options: &ModelOptions| mjcf_with(&config, &params, options);
+        assert_eq!(simulators, text(&ModelOptions::default()));
+        assert!(simulators.contains(r#"cone="elliptic" impratio="10" integrator="Euler""#));
+        let options = ModelOptions {
+            integrator: Integrator::ImplicitFast,
+            cone: Cone::Pyramidal,
+            ..ModelOptions::default()
+        };
+        let text_of_options = text(&options);
+        let lines = differing(&simulators, &text_of_options);
+        assert_eq!(lines.len(), 1);
+        assert!(lines[0].1.contains(r#"cone="pyramidal" impratio="10" integrator="implicitfast""#));
+
+        let turned = text(&ModelOptions { keyboard_yaw_rad: 0.01, ..ModelOptions::default() });
+        let lines = differing(&simulators, &turned);
+        assert_eq!(lines.len(), 1 + KEYS, "the keyboard's body and each key's");
+        assert!(lines.iter().all(|(_, line)| line.contains("<body name=\"key") && line.contains("quat=")));
+
+        let mut keys = ModelOptions::default().keys;
+        keys[7] = KeyFactors { stiffness: 2.0, travel: 0.5 };
+        let other_key = text(&ModelOptions { keys, ..ModelOptions::default() });
+        let lines = differing(&simulators, &other_key);
+        assert_eq!(lines.len(), 1);
+        let stop = KeyShape::of(7).max_angle() / 2.0;
+        assert!(lines[0].1.contains(&format!(r#"{stop}" stiffness="2""#)), "{}", lines[0].1);
+
+        let firm = text(&ModelOptions { firm_joints: true, ..ModelOptions::default() });
+        assert_eq!(firm.lines().count(), simulators.lines().count() + 1);
+        assert!(firm.contains("solreflimit") && !simulators.contains("solreflimit"));
+    }
 }

@@ -7,7 +7,7 @@
 use etude_music::{CONTROL_HZ, KEYS, KeyEvent, KeySet};
 use mujoco_rs::prelude::{MjData, MjModel, MjtObjBase};
 
-use crate::config::{PHYSICS_STEPS, StageConfig};
+use crate::config::{ModelOptions, PHYSICS_STEPS, StageConfig};
 use crate::contacts::Part;
 use crate::controller::{Controller, Gains};
 use crate::geometry::{HALF_WIDTH, KeyShape, WHITE};
@@ -15,7 +15,7 @@ use crate::hand::{
     FINGER_JOINTS, FINGER_NAMES, FINGER_RANGE, FINGERS, JOINT_NAMES, JOINTS, RAIL, TIP_RADIUS, root_lateral,
 };
 use crate::kinematics;
-use crate::mjcf::{key_place, keyboard_place, mjcf_with_step, passive_damping};
+use crate::mjcf::{key_place, keyboard_place, mjcf_with, on_keyboard, passive_damping};
 use crate::params::{Joint, PhysicalParams, World as Quantity};
 
 /// The version of the MuJoCo library that is loaded.
@@ -71,7 +71,7 @@ pub struct World {
     pub(crate) data: MjData<Box<MjModel>>,
     layout: Layout,
     config: StageConfig,
-    step_secs: f64,
+    options: ModelOptions,
     params: PhysicalParams,
     gains: [Gains; JOINTS],
     threshold: [f64; KEYS],
@@ -128,19 +128,19 @@ impl Layout {
 impl World {
     /// Builds the world and puts it into its starting pose.
     pub fn new(config: &StageConfig, params: &PhysicalParams) -> Result<Self, StageError> {
-        Self::with_physics_step(config, params, config.physics_step_secs())
+        Self::with_options(config, params, &ModelOptions::default())
     }
 
-    /// A world with a physics step of its own, for whoever drives its joints by torques ([`drive`](Self::drive)).
+    /// A world with options of its own, for whoever drives its joints by torques ([`drive`](Self::drive)).
     ///
     /// # Errors
     /// If MuJoCo refuses the model.
-    pub fn with_physics_step(
+    pub fn with_options(
         config: &StageConfig,
         params: &PhysicalParams,
-        step_secs: f64,
+        options: &ModelOptions,
     ) -> Result<Self, StageError> {
-        let xml = mjcf_with_step(config, params, step_secs);
+        let xml = mjcf_with(config, params, options);
         let model = MjModel::from_xml_string(&xml).map_err(|e| StageError::Model(e.to_string()))?;
         let layout = Layout::new(&model)?;
         let data = MjData::try_new(Box::new(model)).map_err(|e| StageError::Model(e.to_string()))?;
@@ -148,9 +148,11 @@ impl World {
             data,
             layout,
             config: config.clone(),
-            step_secs,
+            options: options.clone(),
             params: params.clone(),
-            gains: std::array::from_fn(|joint| Gains::new(params, joint, config.actuation, step_secs)),
+            gains: std::array::from_fn(|joint| {
+                Gains::new(params, joint, config.actuation, options.step_secs)
+            }),
             threshold: [0.0; KEYS],
             controllers: std::array::from_fn(|_| Controller::at_rest(0.0)),
             pressed: KeySet::EMPTY,
@@ -166,10 +168,10 @@ impl World {
 
     /// Changes the physical numbers without building the model anew. Takes full effect with the next [`reset`](Self::reset).
     pub fn set_params(&mut self, params: &PhysicalParams) {
-        let step = self.step_secs;
+        let step = self.options.step_secs;
         let value = |quantity| params.world(quantity);
         for key in 0..KEYS {
-            self.threshold[key] = value(Quantity::KeyThreshold) * KeyShape::of(key).max_angle();
+            self.threshold[key] = value(Quantity::KeyThreshold) * self.lower_stop(key);
         }
         for joint in 0..JOINTS {
             self.gains[joint] = Gains::new(params, joint, self.config.actuation, step);
@@ -179,8 +181,9 @@ impl World {
         model.body_pos_mut()[self.layout.keyboard] = keyboard_place(params);
         for key in 0..KEYS {
             let dof = self.layout.key_dof[key];
-            model.body_pos_mut()[self.layout.key_body[key]] = key_place(params, key);
-            model.jnt_stiffness_mut()[dof] = value(Quantity::KeyStiffness);
+            model.body_pos_mut()[self.layout.key_body[key]] =
+                key_place(params, self.options.keyboard_yaw_rad, key);
+            model.jnt_stiffness_mut()[dof] = value(Quantity::KeyStiffness) * self.options.keys[key].stiffness;
             model.dof_damping_mut()[dof] = value(Quantity::KeyDamping);
             model.dof_armature_mut()[dof] = value(Quantity::KeyArmature);
             model.geom_friction_mut()[self.layout.key_geom[key]][0] = value(Quantity::KeyFriction);
@@ -298,6 +301,16 @@ impl World {
         self.advance()
     }
 
+    /// Changes the dry friction of the joints from now on, N·m, the rail's in N: for joints that hold faster at rest than
+    /// on their way. Values below zero and none at all count as zero.
+    pub fn set_joint_friction(&mut self, friction: &[f64; JOINTS]) {
+        // SAFETY: only values change; no size, address or id table is touched.
+        let model = unsafe { self.data.model_mut() };
+        for (dof, friction) in self.layout.joint_dof.iter().zip(friction) {
+            model.dof_frictionloss_mut()[*dof] = friction.max(0.0);
+        }
+    }
+
     /// One physics step under the torques that are set; whether there was a collision.
     fn advance(&mut self) -> bool {
         self.data.ctrl_mut().copy_from_slice(&self.torques);
@@ -313,7 +326,7 @@ impl World {
     }
 
     fn watch_keys(&mut self) {
-        let secs = self.physics_steps as f64 * self.step_secs;
+        let secs = self.physics_steps as f64 * self.options.step_secs;
         let angles = self.data.qpos();
         let velocities = self.data.qvel();
         let mut now = KeySet::EMPTY;
@@ -366,7 +379,12 @@ impl World {
 
     /// How far a key is down: 0 at rest, 1 at the lower stop (below 0 while it rebounds).
     pub fn key_travel(&self, key: usize) -> f64 {
-        self.data.qpos()[self.layout.key_dof[key]] / KeyShape::of(key).max_angle()
+        self.data.qpos()[self.layout.key_dof[key]] / self.lower_stop(key)
+    }
+
+    /// Angle of a key at its lower stop, rad.
+    fn lower_stop(&self, key: usize) -> f64 {
+        KeyShape::of(key).max_angle() * self.options.keys[key].travel
     }
 
     /// Strikes and releases of the last control step, in order, at the time of their physics step.
@@ -386,14 +404,13 @@ impl World {
 
     /// Point of key `key` (at rest) that a fingertip should aim for, in the world, m.
     pub fn key_target(&self, key: usize) -> [f64; 3] {
-        let place = keyboard_place(&self.params);
         let target = crate::geometry::key_target(key);
-        std::array::from_fn(|axis| place[axis] + target[axis])
+        on_keyboard(&self.params, self.options.keyboard_yaw_rad, target)
     }
 
     /// Time since the last reset, s.
     pub fn time_secs(&self) -> f64 {
-        self.physics_steps as f64 * self.step_secs
+        self.physics_steps as f64 * self.options.step_secs
     }
 
     /// Kinetic and potential energy of the world, J, as MuJoCo computes it.
@@ -433,3 +450,43 @@ pub fn joint_range(joint: usize) -> [f64; 2] {
 
 // The physics and control rates must divide: ten physics steps make one control step.
 const _: () = assert!(CONTROL_HZ * PHYSICS_STEPS as f64 == 200.0);
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::config::KeyFactors;
+
+    /// A key of half the travel is down, and sounds, half as deep as its neighbours; in a world whose numbers were changed
+    /// since, too.
+    #[test]
+    fn a_keys_travel_is_its_own() {
+        let mut keys = ModelOptions::default().keys;
+        keys[7] = KeyFactors { stiffness: 1.0, travel: 0.5 };
+        let (config, params) = (StageConfig::default(), PhysicalParams::default());
+        let options = ModelOptions { keys, ..ModelOptions::default() };
+        let mut world = World::with_options(&config, &params, &options).unwrap();
+        world.set_params(&params);
+        world.put_keys(&std::array::from_fn(|key| 0.3 * KeyShape::of(key).max_angle()));
+        assert!((world.key_travel(5) - 0.3).abs() < 1e-12 && (world.key_travel(7) - 0.6).abs() < 1e-12);
+        world.watch_keys();
+        assert_eq!(world.pressed().iter().collect::<Vec<_>>(), [7]);
+    }
+
+    #[test]
+    fn friction_of_the_joints_can_change_on_the_way() {
+        let mut world = World::new(&StageConfig::default(), &PhysicalParams::default()).unwrap();
+        let push = |world: &mut World| {
+            let before = world.joints()[4];
+            let torques = std::array::from_fn(|joint| if joint == 4 { 0.05 } else { 0.0 });
+            for _ in 0..20 {
+                world.drive(&torques);
+            }
+            world.joints()[4] - before
+        };
+        world.set_joint_friction(&[0.2; JOINTS]);
+        let held = push(&mut world);
+        world.set_joint_friction(&[f64::NAN; JOINTS]);
+        let free = push(&mut world);
+        assert!(held.abs() < 0.02 && free > 5.0 * held.abs(), "{held} {free}");
+    }
+}

@@ -5,12 +5,15 @@
 //! [`Lockstep`] lets a controller and a twin run against each other without sockets or clocks; [`TwinServer`] puts a twin
 //! on sockets, by the wall clock.
 
+mod drives;
+mod keys;
 mod lockstep;
+mod numbers;
 mod server;
 mod truth;
 mod twin;
 
 pub use lockstep::Lockstep;
 pub use server::{ServeError, TwinServer};
-pub use truth::{ArmTruth, HandTruth, LinksTruth, Truth, TruthError};
+pub use truth::{Truth, TruthError};
 pub use twin::{ARM_SERIAL, SHOWN_KEYS, STEP, Twin, TwinError, calibration};

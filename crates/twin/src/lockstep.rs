@@ -11,7 +11,8 @@ use etude_robot::xarm::report::ReportKind;
 use etude_robot::xarm::{ArmLinkError, ConnectionId};
 use etude_robot::{Pace, Robot};
 
-use crate::truth::{LinksTruth, TruthError};
+use crate::numbers::LinksTruth;
+use crate::truth::TruthError;
 use crate::twin::{STEP, Twin, TwinError};
 
 /// A twin at the other end of a controller's wires.
@@ -55,18 +56,18 @@ impl Links {
 }
 
 impl Lockstep {
-    /// Connects a twin by links with these faults. Delays of less than a step of the twin, a millisecond, are one.
+    /// Connects a twin by the links of its truth. Delays of less than a step of the twin, a millisecond, are one.
     ///
     /// # Errors
-    /// If the faults make no sense.
-    pub fn new(mut twin: Twin, links: &LinksTruth, seed: u64) -> Result<Self, TwinError> {
+    /// If the faults of the links make no sense.
+    pub fn new(mut twin: Twin) -> Result<Self, TwinError> {
         let client = twin.arm.connect();
-        let wires = Links::new(links, seed).map_err(TruthError::from)?;
+        let wires = Links::new(&twin.truth.numbers.links, twin.truth.run_seed()).map_err(TruthError::from)?;
         Ok(Self { twin, wires, client, frames: Vec::new(), bytes: Vec::new() })
     }
 
-    /// One step of the twin: what has arrived reaches its devices, and what they say sets out.
-    fn step(&mut self) {
+    /// One step of the twin without its controller: what has arrived reaches its devices, and what they say sets out.
+    pub fn step(&mut self) {
         let now = self.wires.now + STEP;
         self.bytes.clear();
         self.wires.to_arm.pop(now, &mut self.bytes);

@@ -73,8 +73,7 @@ impl TwinServer {
         let file = |path: &Path, message: String| ServeError::File { path: path.to_path_buf(), message };
         std::fs::create_dir_all(folder).map_err(|error| file(folder, error.to_string()))?;
         let folder = folder.canonicalize().map_err(|error| file(folder, error.to_string()))?;
-        let twin = Twin::new(truth, rig.hand.side)?;
-        let lockstep = Lockstep::new(twin, &truth.links, truth.seed)?;
+        let lockstep = Lockstep::new(Twin::new(truth, rig.hand.side)?)?;
         let (can, midi) = (folder.join("can.sock"), folder.join("midi.sock"));
         let hub = Hub::bind(&can)?;
         let bus = HubTransport::connect(&can)?;
@@ -93,8 +92,8 @@ impl TwinServer {
         config.hand.stale_after_secs = config.hand.stale_after_secs.max(HELD_UP_SECS);
         config.calibration = PathBuf::from(format!("{RIG}.calibration.toml"));
         let mut place = calibration(RIG);
-        place.made_unix_secs =
-            SystemTime::now().duration_since(UNIX_EPOCH).map_or(0, |since| since.as_secs());
+        let today = SystemTime::now().duration_since(UNIX_EPOCH).map_or(0, |since| since.as_secs());
+        place.points.iter_mut().for_each(|point| point.shown_unix_secs = today);
         place.save(&folder.join(&config.calibration))?;
         let text = toml::to_string(&config).map_err(|error| file(&rig_path, error.to_string()))?;
         std::fs::write(&rig_path, text).map_err(|error| file(&rig_path, error.to_string()))?;

@@ -1,84 +1,37 @@
 //! What is true of a twin and hidden from whoever plays on it: its world's physical numbers, its drives, its wires.
+//!
+//! Nobody outside this crate can read a [`Truth`]: it has a name and can be handed to a twin, no more.
 
-use std::collections::BTreeMap;
+use std::fmt;
 use std::path::{Path, PathBuf};
 
-use etude_robot::faults::{FaultPlan, FaultPlanError};
-use etude_robot::keyboard;
+use etude_robot::faults::FaultPlanError;
 use etude_robot::keyboard::KeyboardConfigError;
-use etude_stage::{ParamError, PhysicalParams};
-use serde::{Deserialize, Serialize};
+use etude_stage::ParamError;
 
-/// The truth of one twin, one TOML file.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
+use crate::numbers::Numbers;
+
+/// The truth of one twin. Its numbers are for the twin alone:
+///
+/// ```compile_fail,E0616
+/// let truth = etude_twin::Truth::load("standard").unwrap();
+/// let _ = &truth.numbers; // a private field
+/// ```
+/// ```compile_fail,E0277
+/// let truth = etude_twin::Truth::load("standard").unwrap();
+/// let _ = toml::to_string(&truth); // and it cannot be written down
+/// ```
+/// ```
+/// let truth = etude_twin::Truth::load("standard")?;
+/// assert_eq!(truth.name(), "standard");
+/// assert_eq!(format!("{truth:?}"), r#"Truth { name: "standard", .. }"#);
+/// # Ok::<(), etude_twin::TruthError>(())
+/// ```
+#[derive(Clone)]
 pub struct Truth {
-    /// Its name.
-    pub name: String,
-    /// Seed of its randomness: encoder noise and faulty links.
-    pub seed: u64,
-    /// Physical numbers of its world other than the defaults, by path.
-    pub physics: BTreeMap<String, f64>,
-    /// The hand.
-    pub hand: HandTruth,
-    /// The arm.
-    pub arm: ArmTruth,
-    /// The keyboard.
-    pub keyboard: keyboard::EmulatorConfig,
-    /// What happens on the wires.
-    pub links: LinksTruth,
-}
-
-/// The truth of a hand.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct HandTruth {
-    /// Torque at full duty, N·m.
-    pub full_torque_nm: f64,
-    /// Encoder readings are off by up to so many counts, evenly.
-    pub noise_counts: u16,
-    /// The hand's clock runs this much faster than the host's, as a share.
-    pub clock_skew: f64,
-    /// Torque is cut when no torque frame came for so long, s; none holds it for ever, as is to be expected.
-    pub torque_timeout_secs: Option<f64>,
-}
-
-impl Default for HandTruth {
-    fn default() -> Self {
-        Self { full_torque_nm: 1.0, noise_counts: 1, clock_skew: 0.0, torque_timeout_secs: None }
-    }
-}
-
-/// The truth of an arm.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct ArmTruth {
-    /// Time from a servo target's arrival until the joints know of it, s.
-    pub delay_secs: f64,
-    /// How fast the joints close in on a servo target, Hz.
-    pub bandwidth_hz: f64,
-    /// Stiffness of the hand's place along the keyboard, N/m.
-    pub stiffness: f64,
-    /// Damping of it, N·s/m.
-    pub damping: f64,
-}
-
-impl Default for ArmTruth {
-    fn default() -> Self {
-        Self { delay_secs: 0.01, bandwidth_hz: 10.0, stiffness: 40_000.0, damping: 1000.0 }
-    }
-}
-
-/// What happens on the wires, both ways alike.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct LinksTruth {
-    /// The hand's bus.
-    pub can: FaultPlan,
-    /// The arm's connections.
-    pub arm: FaultPlan,
-    /// The keyboard's line.
-    pub midi: FaultPlan,
+    pub(crate) numbers: Numbers,
+    /// Added to the seed of what changes from run to run.
+    run: u64,
 }
 
 /// A truth that no twin can have.
@@ -92,10 +45,13 @@ pub enum TruthError {
         /// Why.
         message: String,
     },
+    /// The text is no truth.
+    #[error("this is no truth of a twin: {0}; configs/truths has examples")]
+    Text(String),
     /// A physical number is unknown or out of range.
     #[error("the twin's physics: {0}")]
     Physics(#[from] ParamError),
-    /// A number of a drive is out of range.
+    /// A number is out of range.
     #[error("the twin's {name} = {value} must lie in {low} … {high}")]
     OutOfRange {
         /// Which.
@@ -116,9 +72,10 @@ pub enum TruthError {
 }
 
 /// The truths that come with Étude, by name.
-const BUILT_IN: [(&str, &str); 2] = [
+const BUILT_IN: [(&str, &str); 3] = [
     ("standard", include_str!("../../../configs/truths/standard.toml")),
     ("ideal", include_str!("../../../configs/truths/ideal.toml")),
+    ("worn", include_str!("../../../configs/truths/worn.toml")),
 ];
 
 impl Truth {
@@ -132,59 +89,114 @@ impl Truth {
             Some((_, text)) => (*text).to_string(),
             None => std::fs::read_to_string(name).map_err(|error| {
                 let known: Vec<_> = BUILT_IN.iter().map(|(name, _)| *name).collect();
-                fail(format!("{error}; built in are {}", known.join(" and ")))
+                fail(format!("{error}; built in are {}", known.join(", ")))
             })?,
         };
-        let truth: Self = toml::from_str(&text).map_err(|error| fail(error.to_string()))?;
-        truth.check()?;
-        Ok(truth)
+        Self::parse(&text).map_err(|error| match error {
+            TruthError::Text(message) => fail(message),
+            error => error,
+        })
     }
 
-    /// The physical numbers of its world.
+    /// The truth that this TOML text tells; what it leaves out is as in an unworn robot of default numbers.
     ///
     /// # Errors
-    /// If a path is unknown or a value out of its range.
-    pub fn params(&self) -> Result<PhysicalParams, ParamError> {
-        let mut params = PhysicalParams::default();
-        for (path, value) in &self.physics {
-            params.set(path, *value)?;
-        }
-        Ok(params)
+    /// If it is not sound.
+    pub fn parse(text: &str) -> Result<Self, TruthError> {
+        let numbers: Numbers = toml::from_str(text).map_err(|error| TruthError::Text(error.to_string()))?;
+        numbers.check()?;
+        Ok(Self { numbers, run: 0 })
     }
 
-    /// Whether a twin can have it; links and keyboard are checked where they are made.
-    pub(crate) fn check(&self) -> Result<(), TruthError> {
-        self.params()?;
-        let (hand, arm) = (&self.hand, &self.arm);
-        let rows = [
-            ("hand.full_torque_nm", hand.full_torque_nm, 0.0, 10.0),
-            ("hand.clock_skew", hand.clock_skew, -0.01, 0.01),
-            ("hand.torque_timeout_secs", hand.torque_timeout_secs.unwrap_or(0.0), 0.0, 60.0),
-            ("arm.delay_secs", arm.delay_secs, 0.0, 0.5),
-            ("arm.bandwidth_hz", arm.bandwidth_hz, 0.5, 100.0),
-            ("arm.stiffness", arm.stiffness, 100.0, 1e6),
-            ("arm.damping", arm.damping, 1.0, 1e5),
-        ];
-        for (name, value, low, high) in rows {
-            if !(low..=high).contains(&value) {
-                return Err(TruthError::OutOfRange { name, value, low, high });
-            }
+    /// The same truth but for what this TOML text tells: how a test has a known one with a fault of its own.
+    ///
+    /// # Errors
+    /// If the outcome is not sound.
+    pub fn with(&self, changes: &str) -> Result<Self, TruthError> {
+        let text = |message: String| TruthError::Text(message);
+        let mut table = toml::Table::try_from(&self.numbers).map_err(|error| text(error.to_string()))?;
+        lay_over(&mut table, changes.parse().map_err(|error: toml::de::Error| text(error.to_string()))?);
+        let numbers: Numbers = table.try_into().map_err(|error| text(error.to_string()))?;
+        numbers.check()?;
+        Ok(Self { numbers, run: self.run })
+    }
+
+    /// Its name.
+    pub fn name(&self) -> &str {
+        &self.numbers.name
+    }
+
+    /// The same twin in another run: its noise and its links throw other dice, its keys and all else stay as they are.
+    #[must_use]
+    pub fn with_seed_added(&self, run: u64) -> Self {
+        Self { run: self.run.wrapping_add(run), ..self.clone() }
+    }
+
+    /// Seed of what changes from run to run.
+    pub(crate) fn run_seed(&self) -> u64 {
+        self.numbers.seed.wrapping_add(self.run)
+    }
+}
+
+impl fmt::Debug for Truth {
+    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
+        out.debug_struct("Truth").field("name", &self.name()).finish_non_exhaustive()
+    }
+}
+
+/// Lays one table over another, entry by entry.
+fn lay_over(table: &mut toml::Table, changes: toml::Table) {
+    for (key, change) in changes {
+        match (table.get_mut(&key), change) {
+            (Some(toml::Value::Table(below)), toml::Value::Table(above)) => lay_over(below, above),
+            (_, change) => drop(table.insert(key, change)),
         }
-        Ok(())
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use etude_stage::{Cone, Integrator, PhysicalParams};
 
     #[test]
     fn built_in_truths_are_sound_and_named_as_they_are() {
         for (name, _) in BUILT_IN {
-            assert_eq!(Truth::load(name).unwrap().name, name);
+            assert_eq!(Truth::load(name).unwrap().name(), name);
         }
         let missing = Truth::load("nowhere.toml").unwrap_err().to_string();
         assert!(missing.contains("nowhere.toml") && missing.contains("standard"), "{missing}");
+    }
+
+    /// The table of the design: each of these is what makes a twin's world another than the simulator's.
+    #[test]
+    fn the_standard_truth_leaves_nothing_ideal() {
+        for name in ["standard", "worn"] {
+            let numbers = Truth::load(name).unwrap().numbers;
+            let (hand, keys) = (&numbers.hand, &numbers.keys);
+            assert_eq!(numbers.world.integrator, Integrator::ImplicitFast, "{name}");
+            assert_eq!(numbers.world.cone, Cone::Pyramidal, "{name}");
+            assert_ne!(numbers.params().unwrap(), PhysicalParams::default(), "{name}");
+            for path in ["joint.index_1.friction", "joint.ring_3.friction"] {
+                assert!(numbers.params().unwrap().get(path).unwrap() > 0.0, "{name} {path}");
+            }
+            let more_than_nothing = [
+                numbers.world.keyboard_yaw_rad.abs(),
+                hand.friction_at_rest - 1.0,
+                hand.backlash_rad,
+                hand.filter_secs,
+                f64::from(hand.dead_pwm),
+                f64::from(hand.noise_counts),
+                numbers.arm.delay_secs,
+                keys.threshold_spread,
+                keys.stiffness_spread,
+                (keys.travel - 1.0).abs(),
+                numbers.links.can.delay_secs,
+                numbers.links.arm.delay_secs,
+                numbers.links.midi.delay_secs,
+            ];
+            assert!(more_than_nothing.iter().all(|number| *number > 0.0), "{name}: {more_than_nothing:?}");
+        }
     }
 
     #[test]
@@ -198,5 +210,38 @@ mod tests {
         assert!(refused("[physics]\n\"key.weight\" = 1").contains("key.weight"));
         assert!(refused("[arm]\nbandwidth_hz = nan").contains("bandwidth_hz"));
         assert!(refused("colour = 1").contains("colour"));
+        assert!(refused("colour = 1").contains("t.toml"));
+        assert!(refused("[world]\ncone = \"round\"").contains("pyramidal"));
+        assert!(refused("[world]\nkeyboard_yaw_rad = 0.1").contains("keyboard_yaw_rad"));
+        assert!(refused("[hand]\nfull_torque_nm = [1, 1, -1, 1]").contains("full_torque_nm"));
+        assert!(refused("[hand]\nfriction_at_rest = 0.5").contains("friction_at_rest"));
+        // The first contact must come before the second one of every key.
+        assert!(refused("[keys]\nfirst_contact = 0.5").contains("first_contact"));
+        assert!(refused("[keys]\nfirst_contact = 0.4\nthreshold_spread = 0.2").contains("first_contact"));
+        assert!(
+            refused("[physics]\n\"key.threshold\" = 0.9\n[keys]\nthreshold_spread = 0.2").contains("spread")
+        );
+    }
+
+    #[test]
+    fn changes_are_laid_over_and_the_rest_stays() {
+        let standard = Truth::load("standard").unwrap();
+        let changed =
+            standard.with("seed = 7\n[links.can]\nloss = 0.25\n[hand]\ntorque_timeout_secs = 0.1").unwrap();
+        let mut expected = standard.numbers.clone();
+        expected.seed = 7;
+        expected.links.can.loss = 0.25;
+        expected.hand.torque_timeout_secs = Some(0.1);
+        assert_eq!(changed.numbers, expected);
+        assert!(standard.with("[links.can]\nlost = 1").unwrap_err().to_string().contains("lost"));
+    }
+
+    #[test]
+    fn a_run_has_its_own_dice_and_the_same_keys() {
+        let standard = Truth::load("standard").unwrap();
+        let third = standard.with_seed_added(1).with_seed_added(2);
+        assert_eq!(third.run_seed(), standard.run_seed() + 3);
+        assert_eq!(third.numbers, standard.numbers);
+        assert_eq!(standard.with_seed_added(u64::MAX).run_seed(), standard.run_seed() - 1);
     }
 }

@@ -23,7 +23,7 @@ pub struct Args {
     /// `twin`, or the file of a rig
     #[arg(long, value_name = "RIG")]
     robot: String,
-    /// What is true of the twin: `standard`, `ideal`, or a file
+    /// What is true of the twin: `standard`, `ideal`, `worn`, or a file
     #[arg(long, default_value = "standard", value_name = "NAME|FILE")]
     truth: String,
     /// Bring the robot slowly to the keyboard first. Stand clear

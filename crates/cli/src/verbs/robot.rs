@@ -241,7 +241,7 @@ fn calibrate(args: &Calibrate) -> anyhow::Result<Ending> {
         }
         Err(error) => return Err(error.into()),
     };
-    calibration.show(Point::at(pitch, key_lateral(key), &shown.joints_rad), unix_secs());
+    calibration.show(Point::at(pitch, key_lateral(key), &shown.joints_rad, unix_secs()));
     calibration.save(&rig.calibration)?;
     let left: Vec<String> = SHOWN_KEYS
         .map(|key| etude_music::LOWEST_PITCH + key as u8)

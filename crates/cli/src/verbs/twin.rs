@@ -23,7 +23,7 @@ Examples:
   etude perform --song twinkle --robot out/twin/twin.toml --home
   etude robot monitor --robot out/twin/twin.toml")]
 pub struct Args {
-    /// What is true of it: `standard`, `ideal`, or a file
+    /// What is true of it: `standard`, `ideal`, `worn`, or a file
     #[arg(long, default_value = "standard", value_name = "NAME|FILE")]
     truth: String,
     /// Where its files and sockets go
@@ -46,7 +46,7 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
     if args.json {
         line(json!({ "rig": server.rig() }))?;
     } else {
-        line(format!("The twin `{}` is ready: --robot {}", truth.name, server.rig().display()))?;
+        line(format!("The twin `{}` is ready: --robot {}", truth.name(), server.rig().display()))?;
         line("Ctrl-C ends it")?;
     }
     server.serve(&stop)?;

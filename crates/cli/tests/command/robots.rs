@@ -56,7 +56,8 @@ fn mistakes_are_told_before_anything_moves() {
     let desk = Desk::new();
     std::fs::write(desk.path("bad.toml"), "name = \"x\"\n[limits]\nrail_velocity = -1.0\n").unwrap();
     std::fs::write(desk.path("lab.toml"), "name = \"lab\"\n").unwrap();
-    let old = "schema = 1\nrig = \"lab\"\narm_serial = \"x\"\nmade_unix_secs = 1\npoints = []\n";
+    let old = "schema = 1\nrig = \"lab\"\narm_serial = \"x\"\n[[points]]\npitch = 60\nrail_m = 0.0\n\
+               position_mm = [485.0, 0.0, 170.0]\norientation_deg = [0.0, 0.0, 0.0]\nshown_unix_secs = 1\n";
     std::fs::write(desk.path("old.calibration.toml"), old).unwrap();
     std::fs::write(desk.path("old.toml"), "name = \"lab\"\n").unwrap();
     for (args, said) in [

@@ -183,7 +183,7 @@ impl Hand {
         self.known.encoders.each_ref().map(|encoder| encoder.rad().unwrap_or(0.0))
     }
 
-    /// When the last frame of the last ended period arrived: the time to give to the joint loop.
+    /// When the newest angles of the last ended period arrived: the time to give to the joint loop.
     pub fn positions_at(&self) -> Option<Duration> {
         self.known.positions_at
     }
@@ -224,6 +224,10 @@ impl Hand {
         }
         let taken = self.known.assembly.take(now, finger.number(), counts);
         let event = self.count(taken);
+        if event == HandEvent::Positions {
+            // This frame's angles count already, whether or not it ended the period itself.
+            self.known.positions_at = Some(now);
+        }
         // The same again is no second opinion of a reading that was not believed.
         if taken.duplicate {
             return event;

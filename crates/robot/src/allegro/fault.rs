@@ -12,7 +12,8 @@ pub enum HandFault {
     NoInformation,
     /// No more answers while running.
     #[error(
-        "the hand has not told its state for {} ms: check the CAN cable, then start the hand again",
+        "the hand has not told its state for {} ms and may still push with its last torque: use the hardware stop, \
+         check the CAN cable, then start the hand again",
         age.as_millis()
     )]
     InformationStale {
@@ -33,7 +34,8 @@ pub enum HandFault {
     },
     /// No positions, or too old ones.
     #[error(
-        "no angles from finger {finger} for {} ms: check the CAN cable and the load of the bus, then restart",
+        "no angles from finger {finger} for {} ms, and the hand may still push with its last torque: use the hardware \
+         stop, check the CAN cable and the load of the bus, then restart",
         age.as_millis()
     )]
     PositionsStale {

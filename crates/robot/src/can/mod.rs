@@ -24,19 +24,39 @@ pub use slcan_stream::{Pty, SlcanDevice, SlcanPort, SlcanTransport};
 #[cfg(target_os = "linux")]
 pub use socket::SocketCanTransport;
 
+/// What a serial adapter's spec begins with.
+const SERIAL: &str = "slcan:";
+
 /// Opens the bus that `spec` names: `can0` or `vcan0` (the kernel's), `slcan:/dev/ttyUSB0` (a serial adapter;
 /// the serial speed may follow as `@115200`), or `bus:/path/to/socket` (a [`Hub`]).
 ///
 /// # Errors
 /// If there is no such bus; the message says what to type.
 pub fn open(spec: &str) -> Result<Box<dyn CanTransport>, CanError> {
-    if let Some(port) = spec.strip_prefix("slcan:") {
+    if let Some(port) = spec.strip_prefix(SERIAL) {
         return Ok(Box::new(SlcanTransport::open(port)?));
     }
     if let Some(path) = spec.strip_prefix("bus:") {
         return Ok(Box::new(HubTransport::connect(path)?));
     }
     open_interface(spec)
+}
+
+/// Whether `spec` names a serial adapter, whose channel has to be opened and is one program's.
+pub(crate) fn is_serial(spec: &str) -> bool {
+    spec.starts_with(SERIAL)
+}
+
+/// Joins the bus that `spec` names, for one who comes in beside a program that may be using it: a serial adapter's
+/// channel is neither closed, set up nor opened, now or in the end. Everything else is as in [`open`].
+///
+/// # Errors
+/// If there is no such bus; the message says what to type.
+pub fn join(spec: &str) -> Result<Box<dyn CanTransport>, CanError> {
+    match spec.strip_prefix(SERIAL) {
+        Some(port) => Ok(Box::new(SlcanTransport::join(port)?)),
+        None => open(spec),
+    }
 }
 
 #[cfg(target_os = "linux")]

@@ -23,6 +23,8 @@ const WAITING_FOR_HOST: usize = 16 * 1024;
 const REFUSALS: u32 = 16;
 /// Ends a line left half written by somebody before, closes, sets 1 Mbit/s, opens.
 const OPEN: &[u8] = b"\rC\rS8\rO\r";
+/// Ends such a line, no more.
+const END_OF_LINE: &[u8] = b"\r";
 /// O_NOCTTY | O_NONBLOCK, as the system numbers them; serialport itself opens ports to block.
 const FLAGS: i32 = if cfg!(target_os = "linux") { 0o400 | 0o4000 } else { 0x2_0000 | 0x4 };
 
@@ -36,6 +38,8 @@ pub struct SlcanTransport<S: Read + Write + Send> {
     arrived: VecDeque<CanFrame>,
     refusals: u32,
     damaged: u64,
+    /// Whether the channel is another program's: what that has opened stays open.
+    joined: bool,
 }
 
 /// A serial port that does not block.
@@ -43,7 +47,7 @@ pub struct SlcanTransport<S: Read + Write + Send> {
 pub struct SlcanPort {
     file: File,
     /// Holds the settings of the port.
-    _settings: TTYPort,
+    settings: TTYPort,
 }
 
 impl SlcanTransport<SlcanPort> {
@@ -54,6 +58,24 @@ impl SlcanTransport<SlcanPort> {
     /// # Errors
     /// If the port cannot be opened.
     pub fn open(spec: &str) -> Result<Self, CanError> {
+        let port = SlcanPort::open(spec)?;
+        // What an earlier session left there is none of ours.
+        let _ = port.settings.clear(ClearBuffer::All);
+        Self::over(&format!("slcan:{spec}"), port)
+    }
+
+    /// Joins the program that has opened the adapter on this port: frames go out on the channel as it is, which is left
+    /// as it is in the end. What the adapter says goes to whichever of the two reads it first.
+    ///
+    /// # Errors
+    /// If the port cannot be opened.
+    pub fn join(spec: &str) -> Result<Self, CanError> {
+        Self::with(&format!("slcan:{spec}"), SlcanPort::open(spec)?, true)
+    }
+}
+
+impl SlcanPort {
+    fn open(spec: &str) -> Result<Self, CanError> {
         let refuse = |message: String| CanError::Open { bus: format!("slcan:{spec}"), message };
         let (path, baud) = match spec.split_once('@') {
             None => (spec, DEFAULT_BAUD),
@@ -67,11 +89,9 @@ impl SlcanTransport<SlcanPort> {
             .exclusive(false)
             .open_native()
             .map_err(|error| refuse(format!("{error}: {hint}")))?;
-        // What an earlier session left there is none of ours.
-        let _ = settings.clear(ClearBuffer::All);
         let file = File::options().read(true).write(true).custom_flags(FLAGS).open(path);
         let file = file.map_err(|error| refuse(format!("{error}: {hint}")))?;
-        Self::over(&format!("slcan:{spec}"), SlcanPort { file, _settings: settings })
+        Ok(Self { file, settings })
     }
 }
 
@@ -81,6 +101,10 @@ impl<S: Read + Write + Send> SlcanTransport<S> {
     /// # Errors
     /// If the stream is gone.
     pub fn over(name: &str, stream: S) -> Result<Self, CanError> {
+        Self::with(name, stream, false)
+    }
+
+    fn with(name: &str, stream: S, joined: bool) -> Result<Self, CanError> {
         let mut transport = Self {
             name: name.to_owned(),
             stream,
@@ -89,8 +113,9 @@ impl<S: Read + Write + Send> SlcanTransport<S> {
             arrived: VecDeque::new(),
             refusals: 0,
             damaged: 0,
+            joined,
         };
-        transport.outbox.push(OPEN);
+        transport.outbox.push(if joined { END_OF_LINE } else { OPEN });
         transport.flush()?;
         Ok(transport)
     }
@@ -162,9 +187,11 @@ impl<S: Read + Write + Send> CanTransport for SlcanTransport<S> {
 }
 
 impl<S: Read + Write + Send> Drop for SlcanTransport<S> {
-    /// Closes the channel, so that the adapter does not go on sending into nowhere.
+    /// Closes the channel if it is ours, so that the adapter does not go on sending into nowhere.
     fn drop(&mut self) {
-        self.outbox.push(b"C\r");
+        if !self.joined {
+            self.outbox.push(b"C\r");
+        }
         let _ = self.outbox.flush(&mut self.stream);
     }
 }

@@ -23,11 +23,37 @@ pub enum Fault {
     #[error("keyboard: {0}")]
     Keyboard(String),
     /// The hand's bus failed.
-    #[error("hand: {0}")]
+    #[error("hand: {0}. It may still push with its last torque: use the hardware stop")]
     Can(#[from] CanError),
     /// The connection to the arm failed.
-    #[error("arm: {0}")]
+    #[error("arm: {0}. It may still move or hold: use the hardware stop")]
     ArmLink(#[from] ArmLinkError),
+    /// A joint of the hand is not where it was sent.
+    #[error(
+        "joint {joint} of the hand is {by_rad:.2} rad from where it was sent: see what holds it, and whether its motor \
+         turns, then start again"
+    )]
+    NotFollowing {
+        /// Which joint, as on the wire.
+        joint: usize,
+        /// How far it is off, rad.
+        by_rad: f64,
+    },
+    /// A joint of the hand begins where it must not be.
+    #[error(
+        "joint {joint} of the hand is at {rad:.2} rad, outside its range from {low} to {high}: bring it into its range \
+         by hand, then start again; if it is there already, its encoder is wrong"
+    )]
+    OutsideRange {
+        /// Which joint, as on the wire.
+        joint: usize,
+        /// Where it is, rad.
+        rad: f64,
+        /// Smallest allowed angle, rad.
+        low: f64,
+        /// Largest allowed angle, rad.
+        high: f64,
+    },
     /// The arm would not do what it was asked.
     #[error("arm: {0}")]
     ArmRefused(#[from] ArmError),
@@ -89,13 +115,13 @@ pub enum Refused {
         /// Which joint, in the order of the driven joints.
         joint: usize,
     },
-    /// A finger is far from where the motion begins.
+    /// A finger or the thumb is far from where the motion begins.
     #[error(
-        "finger joint {joint} is at {measured_rad:.2} rad and the motion begins at {asked_rad:.2} rad: \
+        "joint {joint} of the hand is at {measured_rad:.2} rad and the motion begins at {asked_rad:.2} rad: \
          `etude robot home` brings it there slowly"
     )]
     FingerFar {
-        /// Which joint, in the order of the driven joints.
+        /// Which joint, as on the wire.
         joint: usize,
         /// Where it is.
         measured_rad: f64,

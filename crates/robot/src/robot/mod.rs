@@ -13,8 +13,13 @@
 //!
 //! A fault of any device lets go of the hand and stops the arm in the same poll.
 
+mod advance;
+mod axes;
 mod fault;
+mod following;
+mod io;
 mod motion;
+mod plan;
 mod record;
 
 use std::time::Duration;
@@ -22,31 +27,21 @@ use std::time::Duration;
 pub use fault::{Fault, Refused, RobotError};
 pub use record::Record;
 
-use crate::allegro::{self, Hand, HandEvent, HandState, JointLoop};
+use crate::allegro::{Hand, JointLoop};
 use crate::calibration::{RailPath, RailPlace};
 use crate::can::CanFrame;
 use crate::joints::{DRIVEN, FINGER_JOINTS, RAIL, from_wire, to_wire};
-use crate::keyboard::{KeyChange, Keyboard, KeyboardState};
-use crate::limiter::{Axis, Clamp};
+use crate::keyboard::{KeyChange, Keyboard};
+use crate::limiter::Axis;
 use crate::rig::{RigConfig, RigError, SETPOINT_HZ};
 use crate::wires::Wires;
-use crate::xarm::kinematics::{self, PAPER_HOME_DEG};
-use crate::xarm::{Arm, ArmState};
-use motion::{AXES, SlowMove, Stretch};
+use crate::xarm::{Arm, kinematics};
+use axes::{AXES, all_axes, driven};
+use following::Following;
+use motion::{Easing, SlowMove, Stretch};
+use plan::{Plan, Station};
 use record::Journal;
 
-/// Farthest from its path along the keyboard at which the arm may begin to follow it, m.
-const ON_PATH_M: f64 = 0.005;
-/// The same for its orientation, rad.
-const ON_PATH_RAD: f64 = 0.03;
-/// How far above the keyboard the arm comes and goes, m.
-const CLEAR_M: f64 = 0.08;
-/// Speed of the arm's own planned moves, rad/s: a tenth of what it may do.
-const HOMING_SPEED: f64 = 0.3;
-/// Longest time between two polls while torques are on. The hand holds the last torque meanwhile.
-const LONGEST_GAP: Duration = Duration::from_millis(100);
-/// Time between two times that a stopped hand is let go: a frame may be lost, and a bus that failed come back.
-const LET_GO_AGAIN: Duration = Duration::from_millis(100);
 /// Fingers straight ahead, clear of the keys.
 const CLEAR_FINGERS: [f64; FINGER_JOINTS] = [0.0; FINGER_JOINTS];
 
@@ -84,28 +79,6 @@ impl Phase {
     }
 }
 
-/// The stations of the arm's way from anywhere to the middle of the keyboard.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Station {
-    /// The paper's home, high above.
-    Home,
-    /// Above the middle.
-    Above,
-    /// The middle.
-    Middle,
-}
-
-/// What a slow move still has to do.
-#[derive(Clone, Debug)]
-struct Plan {
-    /// The move that is under way.
-    slow: SlowMove,
-    /// Where the arm goes next by moves of its own, and whether it was told.
-    station: Option<(Station, bool)>,
-    /// The pose of the driven joints at the end.
-    goal: [f64; DRIVEN],
-}
-
 /// The controller of a robot.
 pub struct Robot {
     config: RigConfig,
@@ -121,6 +94,11 @@ pub struct Robot {
     stream: Option<Stretch>,
     /// Set-points before the last step, for the joint loop in between.
     before: [f64; AXES],
+    /// The way from where the joints were at first into their ranges.
+    easing: Easing,
+    following: Following,
+    /// A period's angles are in, and no torque was computed from them.
+    measured: bool,
     stepped: Duration,
     polled: Option<Duration>,
     /// When the hand was let go last.
@@ -160,6 +138,9 @@ impl Robot {
             plan: None,
             stream: None,
             before: [0.0; AXES],
+            easing: Easing::new(Duration::ZERO, [0.0; AXES]),
+            following: Following::default(),
+            measured: false,
             stepped: Duration::ZERO,
             polled: None,
             let_go_at: Duration::ZERO,
@@ -199,12 +180,13 @@ impl Robot {
 
     /// Brings the robot slowly to a pose, from wherever it is: fingers straight, the arm over its home and from above
     /// to the middle of the keyboard unless it is at the keyboard already, then fingers and rail to `goal`, or the
-    /// nearest that their ranges allow.
+    /// nearest that their ranges allow. From beside the keys the arm goes straight up first; it sets out only when the
+    /// fingers are straight.
     ///
     /// # Errors
     /// If the robot does not hold still, or the goal holds what is no number.
     pub fn home(&mut self, now: Duration, goal: &[f64; DRIVEN]) -> Result<(), Refused> {
-        let station = if self.arm_sent.is_some() { None } else { Some((Station::Home, false)) };
+        let station = if self.arm_sent.is_some() { None } else { Some(self.first_station()) };
         self.slow_move(now, station, goal)
     }
 
@@ -223,7 +205,7 @@ impl Robot {
     fn slow_move(
         &mut self,
         now: Duration,
-        station: Option<(Station, bool)>,
+        station: Option<Station>,
         goal: &[f64; DRIVEN],
     ) -> Result<(), Refused> {
         self.wants(Phase::Holding)?;
@@ -239,9 +221,10 @@ impl Robot {
         let mut first = goal;
         if station.is_some() {
             first[..FINGER_JOINTS].copy_from_slice(&CLEAR_FINGERS);
+            // Without the arm at the keyboard there is no rail to move.
+            first[RAIL] = driven(&self.setpoints())[RAIL];
         }
-        let slow = self.slowly(now, &first);
-        self.plan = Some(Plan { slow, station, goal });
+        self.plan = Some(Plan::new(self.slowly(now, &first), station, goal));
         self.enter(now, Phase::Moving);
         Ok(())
     }
@@ -304,367 +287,19 @@ impl Robot {
     /// Whether the robot is where this pose is.
     fn near(&self, pose: &[f64; DRIVEN]) -> Result<(), Refused> {
         let limits = &self.config.limits;
-        let measured = self.joints();
-        for joint in 0..FINGER_JOINTS {
-            let far = (measured[joint] - pose[joint]).abs();
+        let measured = self.hand.positions();
+        let asked = to_wire(pose, &limits.thumb_rad);
+        for (joint, (measured_rad, asked_rad)) in measured.into_iter().zip(asked).enumerate() {
+            let far = (measured_rad - asked_rad).abs();
             if far.is_nan() || far > limits.start_finger_rad {
-                let (measured_rad, asked_rad) = (measured[joint], pose[joint]);
                 return Err(Refused::FingerFar { joint, measured_rad, asked_rad });
             }
         }
-        let by_m = (measured[RAIL] - pose[RAIL]).abs();
+        let by_m = (self.place().rail_m - pose[RAIL]).abs();
         if by_m.is_nan() || by_m > limits.start_rail_m || self.arm_sent.is_none() {
             return Err(Refused::RailFar { by_m: by_m.max(self.place().beside_m) });
         }
         Ok(())
-    }
-
-    /// Takes in what has come, computes what is due, and sends it. To be called at least every few milliseconds.
-    pub fn poll(&mut self, now: Duration, wires: &mut dyn Wires) {
-        self.take_in_midi(now, wires);
-        if let Err(fault) = self.take_in(now, wires) {
-            self.fail_if_used(now, fault, wires);
-        }
-        let gap = now.saturating_sub(self.polled.unwrap_or(now));
-        self.polled = Some(now);
-        let fault = self.watch(now, gap);
-        let fault = fault.or_else(|| self.advance(now).err());
-        if let Some(fault) = fault {
-            self.fail(now, fault, wires);
-        }
-        self.explain(now);
-        self.frames.clear();
-        self.bytes.clear();
-        let mut frames = std::mem::take(&mut self.frames);
-        if self.hand.poll(now, &mut frames) == HandEvent::Positions {
-            self.drive(now, &mut frames);
-        }
-        if self.is_let_go() && now.saturating_sub(self.let_go_at) >= LET_GO_AGAIN {
-            self.let_go_at = now;
-            self.hand.stop(now, &mut frames);
-        }
-        self.frames = frames;
-        self.arm.poll(now, &mut self.bytes);
-        if let Err(fault) = self.send(wires) {
-            self.fail_if_used(now, fault, wires);
-        }
-    }
-
-    fn take_in(&mut self, now: Duration, wires: &mut dyn Wires) -> Result<(), Fault> {
-        let arm = self.take_in_arm(now, wires);
-        while let Some(frame) = wires.next_frame()? {
-            if self.hand.receive(now, &frame) == HandEvent::Positions {
-                let mut frames = std::mem::take(&mut self.frames);
-                frames.clear();
-                self.drive(now, &mut frames);
-                let sent = frames.iter().try_for_each(|frame| wires.send_frame(*frame));
-                self.frames = frames;
-                sent?;
-            }
-        }
-        arm
-    }
-
-    fn take_in_midi(&mut self, now: Duration, wires: &mut dyn Wires) {
-        self.bytes.clear();
-        self.changes.clear();
-        let connected = wires.receive_midi(&mut self.bytes).is_ok();
-        if connected != self.keyboard_connected {
-            self.keyboard_connected = connected;
-            if connected {
-                self.keyboard.connected(now, &mut self.changes);
-            } else {
-                self.keyboard.disconnected(now, &mut self.changes);
-            }
-        }
-        if connected {
-            self.keyboard.receive(now, &self.bytes, &mut self.changes);
-        }
-        self.keyboard.poll(now, &mut self.changes);
-        for change in &self.changes {
-            self.journal.push(Record::Key(*change));
-        }
-    }
-
-    fn take_in_arm(&mut self, now: Duration, wires: &mut dyn Wires) -> Result<(), Fault> {
-        self.bytes.clear();
-        let connected = wires.receive_arm(&mut self.bytes).and_then(|()| {
-            self.arm.receive_command(now, &self.bytes);
-            self.bytes.clear();
-            wires.receive_report(&mut self.bytes)
-        });
-        if connected.is_ok() != self.arm_connected {
-            self.arm_connected = connected.is_ok();
-            if self.arm_connected {
-                self.arm.connected(now)
-            } else {
-                self.arm.disconnected(now)
-            }
-            if self.arm_connected && self.is_let_go() {
-                // It has not heard of the stop, and may be on its way still.
-                let mut stop = Vec::new();
-                self.arm.stop(now, &mut stop);
-                wires.send_arm(&stop)?;
-            }
-        }
-        connected?;
-        self.arm.receive_report(now, &self.bytes);
-        if self.phase == Phase::Starting && !self.arm_told {
-            self.arm_told = true;
-            self.arm.start(now)?;
-        }
-        let Some(measured) = self.arm.joints().filter(|_| self.arm.joints_at() != self.arm_seen) else {
-            return Ok(());
-        };
-        self.arm_seen = self.arm.joints_at();
-        let record = Record::Arm {
-            at: now,
-            measured,
-            sent: self.arm.sent().unwrap_or(measured),
-            rail_m: self.path.place(&measured).rail_m,
-        };
-        self.journal.push(record);
-        Ok(())
-    }
-
-    fn send(&mut self, wires: &mut dyn Wires) -> Result<(), Fault> {
-        // A wire that fails must not keep the other from being used.
-        let frames = self.frames.iter().try_for_each(|frame| wires.send_frame(*frame));
-        if !self.bytes.is_empty() {
-            wires.send_arm(&self.bytes)?;
-        }
-        Ok(frames?)
-    }
-
-    /// What has gone wrong, if anything.
-    fn watch(&mut self, now: Duration, gap: Duration) -> Option<Fault> {
-        if !self.is_used() {
-            return None;
-        }
-        if let HandState::Fault(fault) = self.hand.state() {
-            return Some(fault.into());
-        }
-        if let ArmState::Fault(fault) = self.arm.state() {
-            return Some(fault.into());
-        }
-        if let lost @ KeyboardState::Lost { .. } = self.keyboard.state() {
-            return Some(Fault::Keyboard(lost.to_string()));
-        }
-        if gap > LONGEST_GAP && self.is_live() {
-            return Some(Fault::Stalled { gap });
-        }
-        let stretch = self.stream.as_ref().filter(|_| self.phase == Phase::Following)?;
-        let age = now.saturating_sub(stretch.end(period()));
-        (age.as_secs_f64() > self.config.limits.stale_command_secs).then_some(Fault::StaleCommand { age })
-    }
-
-    /// Whether the devices are to be there.
-    fn is_used(&self) -> bool {
-        self.is_live() || self.phase == Phase::Starting
-    }
-
-    /// Whether hand and arm were told to stop.
-    fn is_let_go(&self) -> bool {
-        matches!(self.phase, Phase::Stopped | Phase::Fault)
-    }
-
-    /// Whether torques are on.
-    fn is_live(&self) -> bool {
-        matches!(self.phase, Phase::Holding | Phase::Moving | Phase::Following)
-    }
-
-    /// Phases that end by themselves, and the set-points that are due.
-    fn advance(&mut self, now: Duration) -> Result<(), Fault> {
-        if self.phase == Phase::Starting {
-            if self.hand.state() == HandState::Ready && self.arm.state() == ArmState::Ready {
-                self.check_arm()?;
-                let keyboard = self.keyboard.state();
-                if keyboard != KeyboardState::Present {
-                    return Err(Fault::Keyboard(keyboard.to_string()));
-                }
-                self.settle(now);
-                self.enter(now, Phase::Holding);
-            }
-            return Ok(());
-        }
-        if !self.is_live() {
-            return Ok(());
-        }
-        self.advance_plan(now)?;
-        // After a gap the grid starts anew: set-points are never made up for.
-        if now.saturating_sub(self.stepped) > 4 * period() {
-            self.stepped = now.saturating_sub(period());
-        }
-        while now.saturating_sub(self.stepped) >= period() {
-            self.stepped += period();
-            self.set_points(self.stepped)?;
-        }
-        Ok(())
-    }
-
-    /// Whether this is the arm that was shown where the keyboard is.
-    fn check_arm(&self) -> Result<(), Fault> {
-        let (found, expected) = (self.arm.serial().unwrap_or_default(), self.path.arm_serial());
-        if found == expected {
-            return Ok(());
-        }
-        Err(Fault::OtherArm { found: found.to_string(), expected: expected.to_string() })
-    }
-
-    /// Set-points to rest where the robot is.
-    fn settle(&mut self, now: Duration) {
-        let place = self.place();
-        let wire = self.hand.positions();
-        for (axis, position) in self.axes.iter_mut().zip(wire.into_iter().chain([place.rail_m])) {
-            axis.rest(position);
-        }
-        self.before = self.setpoints();
-        self.stepped = now;
-        let on_path = place.beside_m <= ON_PATH_M && place.turned_rad <= ON_PATH_RAD;
-        self.arm_sent = self.arm.joints().filter(|_| on_path);
-    }
-
-    fn advance_plan(&mut self, now: Duration) -> Result<(), Fault> {
-        let Some(plan) = &mut self.plan else { return Ok(()) };
-        if !plan.slow.is_over(now) {
-            return Ok(());
-        }
-        let Some((station, told)) = plan.station else {
-            self.plan = None;
-            self.enter(now, Phase::Holding);
-            return Ok(());
-        };
-        let reach = |source| Fault::Reach { rail_m: 0.0, source };
-        if !told {
-            let joints = match station {
-                Station::Home => PAPER_HOME_DEG.map(f64::to_radians),
-                Station::Above => self.path.above_middle(CLEAR_M).map_err(reach)?,
-                Station::Middle => *self.path.middle(),
-            };
-            plan.station = Some((station, true));
-            self.arm.move_home(now, joints, HOMING_SPEED)?;
-            return Ok(());
-        }
-        if self.arm.state() != ArmState::Ready {
-            return Ok(());
-        }
-        plan.station = match station {
-            Station::Home => Some((Station::Above, false)),
-            Station::Above => Some((Station::Middle, false)),
-            Station::Middle => None,
-        };
-        if plan.station.is_none() {
-            let goal = plan.goal;
-            self.settle_rail();
-            let slow = self.slowly(now, &goal);
-            self.plan = Some(Plan { slow, station: None, goal });
-        }
-        Ok(())
-    }
-
-    /// Lets the rail's set-point rest where the arm has come to.
-    fn settle_rail(&mut self) {
-        let joints = self.arm.joints().unwrap_or(*self.path.middle());
-        self.axes[allegro::JOINTS].rest(self.path.place(&joints).rail_m);
-        self.before = self.setpoints();
-        self.arm_sent = Some(joints);
-    }
-
-    fn set_points(&mut self, at: Duration) -> Result<(), Fault> {
-        self.before = self.setpoints();
-        let asked = match (&self.plan, &self.stream) {
-            (Some(plan), _) => Some(plan.slow.at(at)),
-            (None, Some(stretch)) => {
-                stretch.at(at, period()).map(|joints| all_axes(joints, &self.config.limits.thumb_rad))
-            }
-            (None, None) => None,
-        };
-        let mut clamps: Vec<(usize, Clamp)> = Vec::new();
-        match &asked {
-            None => self.axes.iter_mut().for_each(Axis::brake),
-            Some(asked) => {
-                for (index, (axis, target)) in self.axes.iter_mut().zip(asked).enumerate() {
-                    // Without the arm at the keyboard there is no rail to move.
-                    if index == allegro::JOINTS && self.arm_sent.is_none() {
-                        continue;
-                    }
-                    if let Some(clamp) = axis.step(*target) {
-                        clamps.push((driven_index(index), clamp));
-                    }
-                }
-            }
-        }
-        self.clamped += clamps.len() as u64;
-        let sent = driven(&self.setpoints());
-        if let Some(near) = self.arm_sent {
-            let rail_m = sent[RAIL];
-            let joints = self.path.joints(rail_m, &near).map_err(|source| Fault::Reach { rail_m, source })?;
-            self.arm.servo(at, joints)?;
-            self.arm_sent = Some(joints);
-        }
-        let asked = asked.as_ref().map_or(sent, driven);
-        self.journal.push(Record::SetPoint { at, asked, sent, clamps });
-        Ok(())
-    }
-
-    /// One period of the joint loop.
-    fn drive(&mut self, now: Duration, frames: &mut Vec<CanFrame>) {
-        if !self.is_live() {
-            return;
-        }
-        let at = self.hand.positions_at().unwrap_or(now);
-        let positions = self.hand.positions();
-        let since = now.saturating_sub(self.stepped).as_secs_f64();
-        let share = (since * SETPOINT_HZ).clamp(0.0, 1.0);
-        let reference: [f64; allegro::JOINTS] = std::array::from_fn(|joint| {
-            self.before[joint] + (self.axes[joint].position() - self.before[joint]) * share
-        });
-        let wanted = self.joint_loop.pwm(at, &positions, &reference);
-        let pwm = self.hand.torque(now, &wanted, frames);
-        self.journal.push(Record::Hand { at, positions, reference, pwm });
-    }
-
-    /// A wire that is gone is a fault only of a robot that is in use.
-    fn fail_if_used(&mut self, now: Duration, fault: Fault, wires: &mut dyn Wires) {
-        if self.is_used() {
-            self.fail(now, fault, wires);
-        }
-    }
-
-    fn fail(&mut self, now: Duration, fault: Fault, wires: &mut dyn Wires) {
-        if self.phase == Phase::Fault {
-            return;
-        }
-        self.journal.push(Record::Note { at: now, kind: "fault", text: fault.to_string() });
-        self.let_go(now, wires);
-        self.fault = Some(fault);
-        self.enter(now, Phase::Fault);
-    }
-
-    /// The arm is asked for the number of its error only after it was stopped.
-    fn explain(&mut self, now: Duration) {
-        if let (Some(Fault::Arm(told)), ArmState::Fault(known)) = (&mut self.fault, self.arm.state())
-            && *told != known
-        {
-            *told = known;
-            self.journal.push(Record::Note { at: now, kind: "fault", text: Fault::Arm(known).to_string() });
-        }
-    }
-
-    /// Zero torque and servo off for the hand, state 4 for the arm, whatever the wires say.
-    fn let_go(&mut self, now: Duration, wires: &mut dyn Wires) {
-        self.let_go_at = now;
-        self.frames.clear();
-        self.bytes.clear();
-        self.hand.stop(now, &mut self.frames);
-        self.arm.stop(now, &mut self.bytes);
-        // A wire that fails must not keep the other from being told.
-        for frame in &self.frames {
-            let _ = wires.send_frame(*frame);
-        }
-        let _ = wires.send_arm(&self.bytes);
-        self.plan = None;
-        self.stream = None;
     }
 
     fn enter(&mut self, now: Duration, phase: Phase) {
@@ -736,28 +371,5 @@ impl Robot {
     /// Records that were lost because nobody took them.
     pub fn lost_records(&self) -> u64 {
         self.journal.lost()
-    }
-}
-
-/// Time between two set-points.
-fn period() -> Duration {
-    Duration::from_secs_f64(1.0 / SETPOINT_HZ)
-}
-
-fn all_axes(joints: &[f64; DRIVEN], thumb_rad: &[f64; 4]) -> [f64; AXES] {
-    let wire = to_wire(joints, thumb_rad);
-    std::array::from_fn(|axis| wire.get(axis).copied().unwrap_or(joints[RAIL]))
-}
-
-fn driven(axes: &[f64; AXES]) -> [f64; DRIVEN] {
-    std::array::from_fn(|joint| if joint == RAIL { axes[allegro::JOINTS] } else { axes[joint] })
-}
-
-/// The driven joint of an axis; the thumb's four come after them.
-fn driven_index(axis: usize) -> usize {
-    match axis {
-        allegro::JOINTS => RAIL,
-        thumb if thumb >= FINGER_JOINTS => thumb + 1,
-        finger => finger,
     }
 }

@@ -2,17 +2,23 @@
 
 use std::time::Duration;
 
-use crate::allegro;
+use super::axes::{AXES, RAIL_AXIS};
 use crate::joints::DRIVEN;
 
-/// Set-points of all axes: the hand's sixteen joints as on the wire, then the rail.
-pub(super) const AXES: usize = allegro::JOINTS + 1;
 /// Largest speed of a slow move of a finger joint, rad/s: a tenth of what it may do.
 const SLOW_FINGER: f64 = 0.7;
 /// Largest speed of a slow move along the rail, m/s.
 const SLOW_RAIL: f64 = 0.1;
 /// Shortest slow move, s.
 const SHORTEST_SECS: f64 = 0.3;
+/// Time in which a reference comes from where a joint was into its range, s.
+const EASING_SECS: f64 = 0.5;
+
+/// From 0 to 1 in `secs`, from rest to rest with least jerk.
+fn smooth(since: Duration, secs: f64) -> f64 {
+    let share = (since.as_secs_f64() / secs).clamp(0.0, 1.0);
+    share * share * share * (10.0 + share * (6.0 * share - 15.0))
+}
 
 /// A slow move from rest to rest, of least jerk: every joint arrives at the same time.
 #[derive(Clone, Debug)]
@@ -27,7 +33,7 @@ impl SlowMove {
     pub fn new(begun: Duration, from: [f64; AXES], to: [f64; AXES]) -> Self {
         // The profile's top speed is 15/8 of its mean.
         let needed = |axis: usize| {
-            let speed = if axis < allegro::JOINTS { SLOW_FINGER } else { SLOW_RAIL };
+            let speed = if axis < RAIL_AXIS { SLOW_FINGER } else { SLOW_RAIL };
             (to[axis] - from[axis]).abs() * 15.0 / 8.0 / speed
         };
         let secs = (0..AXES).map(needed).fold(SHORTEST_SECS, f64::max);
@@ -36,13 +42,37 @@ impl SlowMove {
 
     /// Where to be at `now`.
     pub fn at(&self, now: Duration) -> [f64; AXES] {
-        let share = (now.saturating_sub(self.begun).as_secs_f64() / self.secs).clamp(0.0, 1.0);
-        let smooth = share * share * share * (10.0 + share * (6.0 * share - 15.0));
+        let smooth = smooth(now.saturating_sub(self.begun), self.secs);
         std::array::from_fn(|axis| self.from[axis] + (self.to[axis] - self.from[axis]) * smooth)
     }
 
     pub fn is_over(&self, now: Duration) -> bool {
         now.saturating_sub(self.begun).as_secs_f64() >= self.secs
+    }
+
+    /// When it is over.
+    pub fn end(&self) -> Duration {
+        self.begun.saturating_add(Duration::try_from_secs_f64(self.secs).unwrap_or_default())
+    }
+}
+
+/// How far references are still outside the set-points that they ease into.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Easing {
+    begun: Duration,
+    from: [f64; AXES],
+}
+
+impl Easing {
+    /// From `from` off the set-points at `begun`.
+    pub fn new(begun: Duration, from: [f64; AXES]) -> Self {
+        Self { begun, from }
+    }
+
+    /// What is left of it.
+    pub fn left(&self, now: Duration) -> [f64; AXES] {
+        let left = 1.0 - smooth(now.saturating_sub(self.begun), EASING_SECS);
+        self.from.map(|from| from * left)
     }
 }
 

@@ -20,7 +20,7 @@ pub enum Record {
         asked: [f64; DRIVEN],
         /// What the limiter made of it.
         sent: [f64; DRIVEN],
-        /// Which joints were clamped, and by what.
+        /// Which joints are elsewhere than asked, and why; those of the thumb are numbered on after the driven ones.
         clamps: Vec<(usize, Clamp)>,
     },
     /// A period of the hand's joint loop.
@@ -31,6 +31,8 @@ pub enum Record {
         positions: [f64; allegro::JOINTS],
         /// Angles to be at, rad.
         reference: [f64; allegro::JOINTS],
+        /// The PWM that the joint loop wanted, before it was cut to the limits.
+        wanted: [f64; allegro::JOINTS],
         /// What was sent.
         pwm: [i16; allegro::JOINTS],
     },
@@ -40,8 +42,8 @@ pub enum Record {
         at: Duration,
         /// Measured joints, rad.
         measured: [f64; kinematics::JOINTS],
-        /// The joints that it was last asked for, rad.
-        sent: [f64; kinematics::JOINTS],
+        /// The joints that it was last asked for, rad; `None` while it follows nothing.
+        sent: Option<[f64; kinematics::JOINTS]>,
         /// Its place on the rail, m.
         rail_m: f64,
     },

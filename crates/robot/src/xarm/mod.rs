@@ -11,6 +11,7 @@ pub mod errors;
 pub mod kinematics;
 pub mod report;
 pub mod server;
+mod stopper;
 pub mod tcp;
 
 pub use driver::{
@@ -18,4 +19,5 @@ pub use driver::{
 };
 pub use emulator::{ArmEmulator, ConnectionId, EmulatorConfig};
 pub use server::{ArmPorts, ArmServer, Reach};
-pub use tcp::{ArmConnection, ArmLinkError};
+pub use stopper::Stopper;
+pub use tcp::{ArmCommands, ArmConnection, ArmLinkError};

@@ -43,12 +43,62 @@ pub enum ArmLinkError {
     },
 }
 
+/// The socket for commands alone: enough to stop the arm and to ask whether it stands.
+#[derive(Debug)]
+pub struct ArmCommands {
+    stream: TcpStream,
+    unsent: Vec<u8>,
+}
+
+impl ArmCommands {
+    /// Connects to the command port of `host`, written as for [`ArmConnection::open`].
+    ///
+    /// # Errors
+    /// If the address cannot be read, or nothing answers there within a second.
+    pub fn open(host: &str) -> Result<Self, ArmLinkError> {
+        let (name, (command, _)) = parse(host).ok_or_else(|| ArmLinkError::Address(host.into()))?;
+        Ok(Self { stream: connect(name, command)?, unsent: Vec::new() })
+    }
+
+    /// Appends what has come. Never waits.
+    ///
+    /// # Errors
+    /// If the connection is gone.
+    pub fn receive(&mut self, bytes: &mut Vec<u8>) -> Result<(), ArmLinkError> {
+        let broken = |source| ArmLinkError::Broken { doing: "reading replies", source };
+        read(&mut self.stream, |piece| bytes.extend_from_slice(piece)).map_err(broken)
+    }
+
+    /// Sends, after what the network has not taken yet. Never waits: call it again with nothing to send the rest.
+    ///
+    /// # Errors
+    /// If the connection is gone, or the arm does not take commands any more.
+    pub fn send(&mut self, bytes: &[u8]) -> Result<(), ArmLinkError> {
+        self.unsent.extend_from_slice(bytes);
+        let broken = |source| ArmLinkError::Broken { doing: "sending", source };
+        while !self.unsent.is_empty() {
+            match self.stream.write(&self.unsent) {
+                Ok(0) => return Err(broken(ErrorKind::WriteZero.into())),
+                Ok(count) => {
+                    self.unsent.drain(..count);
+                }
+                Err(error) if error.kind() == ErrorKind::Interrupted => {}
+                Err(error) if error.kind() == ErrorKind::WouldBlock => break,
+                Err(error) => return Err(broken(error)),
+            }
+        }
+        if self.unsent.len() > MAX_UNSENT {
+            return Err(broken(ErrorKind::TimedOut.into()));
+        }
+        Ok(())
+    }
+}
+
 /// Both sockets.
 #[derive(Debug)]
 pub struct ArmConnection {
-    commands: TcpStream,
+    commands: ArmCommands,
     reports: TcpStream,
-    unsent: Vec<u8>,
 }
 
 impl ArmConnection {
@@ -57,8 +107,8 @@ impl ArmConnection {
     /// # Errors
     /// If the address cannot be read, or nothing answers there within a second.
     pub fn open(host: &str) -> Result<Self, ArmLinkError> {
-        let (name, (command, report)) = parse(host).ok_or_else(|| ArmLinkError::Address(host.into()))?;
-        Ok(Self { commands: connect(name, command)?, reports: connect(name, report)?, unsent: Vec::new() })
+        let (name, (_, report)) = parse(host).ok_or_else(|| ArmLinkError::Address(host.into()))?;
+        Ok(Self { commands: ArmCommands::open(host)?, reports: connect(name, report)? })
     }
 
     /// Appends what has come from the command port. Never waits.
@@ -66,8 +116,7 @@ impl ArmConnection {
     /// # Errors
     /// If the connection is gone.
     pub fn receive_commands(&mut self, bytes: &mut Vec<u8>) -> Result<(), ArmLinkError> {
-        let broken = |source| ArmLinkError::Broken { doing: "reading replies", source };
-        read(&mut self.commands, |piece| bytes.extend_from_slice(piece)).map_err(broken)
+        self.commands.receive(bytes)
     }
 
     /// Appends what has come from the report port. Never waits.
@@ -85,23 +134,7 @@ impl ArmConnection {
     /// # Errors
     /// If the connection is gone, or the arm does not take commands any more.
     pub fn send(&mut self, bytes: &[u8]) -> Result<(), ArmLinkError> {
-        self.unsent.extend_from_slice(bytes);
-        let broken = |source| ArmLinkError::Broken { doing: "sending", source };
-        while !self.unsent.is_empty() {
-            match self.commands.write(&self.unsent) {
-                Ok(0) => return Err(broken(ErrorKind::WriteZero.into())),
-                Ok(count) => {
-                    self.unsent.drain(..count);
-                }
-                Err(error) if error.kind() == ErrorKind::Interrupted => {}
-                Err(error) if error.kind() == ErrorKind::WouldBlock => break,
-                Err(error) => return Err(broken(error)),
-            }
-        }
-        if self.unsent.len() > MAX_UNSENT {
-            return Err(broken(ErrorKind::TimedOut.into()));
-        }
-        Ok(())
+        self.commands.send(bytes)
     }
 }
 

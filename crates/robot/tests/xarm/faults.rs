@@ -234,3 +234,55 @@ fn a_home_that_is_not_reached_is_a_fault() {
     bench.emulator.inject_error(31);
     bench.until(ArmState::Fault(ArmFault::Controller { code: Some(31) }));
 }
+
+/// From another terminal, in the middle of our own changes of mode.
+#[test]
+fn a_stop_from_elsewhere_during_a_change_of_mode_is_a_fault() {
+    type Begin = fn(&mut Bench);
+    let ways: [(&str, usize, Begin); 3] = [
+        ("home", 2, |b| {
+            let mut elsewhere = home();
+            elsewhere[0] += 0.1;
+            b.arm.move_home(b.now, elsewhere, 0.5).unwrap();
+        }),
+        ("by hand", 1, |b| b.arm.manual(b.now, true).unwrap()),
+        ("back", 1, |b| {
+            b.arm.manual(b.now, true).unwrap();
+            b.until(ArmState::Manual);
+            b.arm.manual(b.now, false).unwrap();
+        }),
+    ];
+    for (name, changes, begin) in ways {
+        let mut late = 0;
+        for millis in 0..1500 {
+            let mut bench = Bench::ready();
+            begin(&mut bench);
+            bench.run(millis);
+            let over = !matches!(bench.arm.state(), ArmState::Starting | ArmState::MovingHome);
+            let other = bench.emulator.connect();
+            let mut bytes = Vec::new();
+            Frame::new(1, 2, &[&[Register::SetState as u8, 4]]).unwrap().write(&mut bytes);
+            bench.emulator.receive(bench.now, other, &bytes);
+            bench.run(200);
+            // An order on its way when the stop comes undoes it, for two round trips of a change of mode: who stops
+            // looks twice (`Stopper`).
+            if bench.fault().is_none() {
+                late += 1;
+                continue;
+            }
+            assert!(
+                matches!(
+                    bench.fault(),
+                    Some(ArmFault::UnexpectedState { state: 4, .. } | ArmFault::NotReady)
+                ),
+                "{name} after {millis} ms: {:?}",
+                bench.fault()
+            );
+            assert!(bench.emulator.state() >= 4, "{name} after {millis} ms");
+            if over {
+                break;
+            }
+        }
+        assert!(late <= 2 * changes, "{name}: {late} stops were undone");
+    }
+}

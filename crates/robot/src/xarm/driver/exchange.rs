@@ -22,8 +22,8 @@ const ARRIVED_RAD: f64 = 0.02;
 const IDLE_LIMIT: u32 = 50;
 /// Acceleration of a planned move, rad/s².
 const HOME_ACCELERATION: f64 = 2.0;
-/// State that stops the arm.
-const STOP: u8 = 4;
+/// State that stops the arm, and in which it is then.
+pub(super) const STOP: u8 = 4;
 
 /// The request whose reply is awaited.
 #[derive(Clone, Copy, Debug)]
@@ -162,7 +162,12 @@ impl Arm {
                 let rest = [work.speed_rad_s, HOME_ACCELERATION, 0.0];
                 params.extend(words(&work.home, rest).as_flattened());
             }
-            Step::Tell(_) | Step::Serial | Step::NoError | Step::Await(_) | Step::Arrive => {}
+            Step::Tell(_)
+            | Step::Serial
+            | Step::NoError
+            | Step::Unstopped
+            | Step::Await(_)
+            | Step::Arrive => {}
         }
         self.request(now, Purpose::Step, step.register(), &params, out);
     }
@@ -236,11 +241,15 @@ impl Arm {
                 self.serial = Some(text(params));
                 true
             }
-            (Step::NoError | Step::Await(_) | Step::Arrive, None) => {
+            (Step::NoError | Step::Unstopped | Step::Await(_) | Step::Arrive, None) => {
                 return self.fail(ArmFault::ProtocolNonsense("a reply is too short"));
             }
             (Step::NoError, Some(0)) => true,
             (Step::NoError, code) => return self.fail(ArmFault::Controller { code }),
+            (Step::Unstopped | Step::Await(_), Some(state)) if work.forbids(state) => {
+                return self.fail(ArmFault::UnexpectedState { state, mode: self.mode() });
+            }
+            (Step::Unstopped, _) => true,
             (Step::Await(mode), Some(state)) => match self.awaited(now, &work, mode, state) {
                 Ok(done) => done,
                 Err(fault) => return self.fail(fault),

@@ -9,6 +9,8 @@ use crate::xarm::kinematics::{self, JOINTS};
 /// Longest time between two targets that still allows a longer step: the arm takes each at full speed, and
 /// would jump. Also how far in time the first target may be from where the arm stands.
 const LONGEST_GAP: Duration = Duration::from_millis(20);
+/// Corrections of a shortened way, each of which leaves a small part of what was too long.
+const CORRECTIONS: usize = 3;
 /// Room for rounding when speeds are compared with their limits.
 const ROUNDING: f64 = 1.0 + 1e-6;
 
@@ -39,17 +41,25 @@ impl Arm {
         let secs = self.step_secs(&sent, &target, Duration::ZERO) * ROUNDING;
         let (_, turn) = largest_turn(&sent.joints, &target.joints);
         let way = way_m(&sent.joints, &target.joints);
-        let share = (self.config.joint_speed_limit_rad_s * secs / turn.max(1e-9))
-            .min(self.config.tcp_speed_limit_m_s * secs / way.max(1e-9));
+        let longest_m = self.config.tcp_speed_limit_m_s * secs;
+        let mut share =
+            (self.config.joint_speed_limit_rad_s * secs / turn.max(1e-9)).min(longest_m / way.max(1e-9));
         if share >= 1.0 {
             return target;
         }
         self.counters.shortened += 1;
-        let mut joints = sent.joints;
-        for (angle, to) in joints.iter_mut().zip(target.joints) {
-            *angle += (to - *angle) * share;
+        let part = |share: f64| {
+            let mut joints = sent.joints;
+            for (angle, to) in joints.iter_mut().zip(target.joints) {
+                *angle += (to - *angle) * share;
+            }
+            joints
+        };
+        // The flange's way is curved: a share of the turns can be more than that share of the way.
+        for _ in 0..CORRECTIONS {
+            share *= (longest_m / way_m(&sent.joints, &part(share)).max(1e-9)).min(1.0);
         }
-        Target { joints, ..target }
+        Target { joints: part(share), ..target }
     }
 
     /// Time that a step may use: what has passed, at least a period, and from where the arm stands
@@ -83,4 +93,27 @@ pub(super) fn possible(joints: &[f64; JOINTS]) -> Result<(), TargetError> {
         return Err(TargetError::NotFinite);
     }
     kinematics::within_limits(joints).map_err(TargetError::BeyondLimit)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::xarm::ArmConfig;
+    use crate::xarm::kinematics::PAPER_HOME_DEG;
+
+    #[test]
+    fn a_shortened_way_keeps_the_flanges_speed_on_a_curve() {
+        let joints = PAPER_HOME_DEG.map(f64::to_radians);
+        for turn in [0.2, 0.7, 1.5, 2.5] {
+            let mut arm = Arm::new(ArmConfig::default()).unwrap();
+            arm.sent = Some(Target { joints, at: Some(Duration::from_secs(1)) });
+            let mut far = joints;
+            far[0] += turn;
+            let at = Duration::from_secs(1) + LONGEST_GAP;
+            let next = arm.within_reach(Target { joints: far, at: Some(at) });
+            let (way, longest) = (way_m(&joints, &next.joints), LONGEST_GAP.as_secs_f64());
+            assert!(way <= longest * (1.0 + 1e-5) && way > longest * 0.9, "{way} m for {turn} rad");
+            assert_eq!(arm.counters.shortened, 1);
+        }
+    }
 }

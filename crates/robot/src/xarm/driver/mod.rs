@@ -20,7 +20,7 @@ pub use steps::ArmVersion;
 use super::codec::{FrameParser, Register};
 use super::kinematics::{self, JOINTS, Pose};
 use super::report::{Report, ReportKind, ReportParser};
-use exchange::{Outstanding, Purpose};
+use exchange::{Outstanding, Purpose, STOP};
 use gate::{largest_turn, possible};
 use steps::{MANUAL, SERVO, Step};
 
@@ -114,6 +114,13 @@ struct Work {
     idle: u32,
     home: [f64; JOINTS],
     speed_rad_s: f64,
+}
+
+impl Work {
+    /// Whether the arm must not be in this state: a change of mode leads to state 5, and only a start begins at a stop.
+    fn forbids(&self, state: u8) -> bool {
+        state == STOP && self.steps != steps::START
+    }
 }
 
 impl Arm {
@@ -342,6 +349,11 @@ impl Arm {
             Phase::Working(Work { steps, at: 0, since: now, ask_at: now, idle: 0, home, speed_rad_s });
     }
 
+    /// The mode of the newest report.
+    fn mode(&self) -> u8 {
+        self.report.map_or(0, |(report, _)| report.mode)
+    }
+
     fn active(&self) -> bool {
         matches!(self.phase, Phase::Working(_) | Phase::Ready | Phase::Manual)
     }
@@ -366,6 +378,9 @@ impl Arm {
         let wanted = match self.phase {
             Phase::Ready => SERVO,
             Phase::Manual => MANUAL,
+            Phase::Working(work) if work.forbids(state) => {
+                return self.fail(ArmFault::UnexpectedState { state, mode });
+            }
             _ => return,
         };
         if mode != wanted || !(1..=2).contains(&state) {

@@ -18,6 +18,8 @@ pub(super) enum Step {
     Serial,
     /// Reads the error: there must be none.
     NoError,
+    /// Reads the state: somebody may have stopped the arm, and setting the state anew would undo that.
+    Unstopped,
     /// Reads the state until it and a fresh report say that the arm is ready in this mode.
     Await(u8),
     /// Begins the move home.
@@ -43,19 +45,22 @@ pub(super) const START: &[Step] = &[
 /// A planned move, and back to following targets.
 pub(super) const HOME: &[Step] = &[
     Step::Mode(PLANNED),
+    Step::Unstopped,
     Step::Tell(Register::SetState),
     Step::Await(PLANNED),
     Step::Move,
     Step::Arrive,
     Step::Mode(SERVO),
+    Step::Unstopped,
     Step::Tell(Register::SetState),
     Step::Await(SERVO),
 ];
 /// To being led by hand.
 pub(super) const BY_HAND: &[Step] =
-    &[Step::Mode(MANUAL), Step::Tell(Register::SetState), Step::Await(MANUAL)];
+    &[Step::Mode(MANUAL), Step::Unstopped, Step::Tell(Register::SetState), Step::Await(MANUAL)];
 /// From being led by hand to following targets.
-pub(super) const BACK: &[Step] = &[Step::Mode(SERVO), Step::Tell(Register::SetState), Step::Await(SERVO)];
+pub(super) const BACK: &[Step] =
+    &[Step::Mode(SERVO), Step::Unstopped, Step::Tell(Register::SetState), Step::Await(SERVO)];
 
 /// Mode of planned moves.
 pub(super) const PLANNED: u8 = 0;
@@ -73,7 +78,7 @@ impl Step {
             Self::Version => Register::Version,
             Self::Serial => Register::Serial,
             Self::NoError => Register::Errors,
-            Self::Await(_) | Self::Arrive => Register::GetState,
+            Self::Unstopped | Self::Await(_) | Self::Arrive => Register::GetState,
             Self::Move => Register::MoveJoints,
         }
     }

@@ -1,0 +1,183 @@
+//! What time brings: phases that end, set-points on their grid, torques at the hand's clock, and what has gone wrong.
+
+use std::time::Duration;
+
+use super::axes::{AXES, RAIL_AXIS, all_axes, driven, driven_index, period};
+use super::following::Following;
+use super::motion::Easing;
+use super::{Fault, Phase, Record, Robot};
+use crate::allegro::{self, HandState};
+use crate::can::CanFrame;
+use crate::joints::RAIL;
+use crate::keyboard::KeyboardState;
+use crate::limiter::{Axis, Clamp};
+use crate::rig::SETPOINT_HZ;
+use crate::xarm::ArmState;
+
+/// Farthest from its path along the keyboard at which the arm may begin to follow it, m.
+const ON_PATH_M: f64 = 0.005;
+/// The same for its orientation, rad.
+const ON_PATH_RAD: f64 = 0.03;
+/// Farthest outside its range at which a joint of the hand may begin, rad: play and a stop that gives a little. What is
+/// farther out was not reached by itself.
+const OUTSIDE_RAD: f64 = 0.1;
+/// Longest time between two polls while torques are on. The hand holds the last torque meanwhile.
+const LONGEST_GAP: Duration = Duration::from_millis(100);
+
+impl Robot {
+    /// What has gone wrong, if anything.
+    pub(super) fn watch(&mut self, now: Duration, gap: Duration) -> Option<Fault> {
+        if !self.is_used() {
+            return None;
+        }
+        if let HandState::Fault(fault) = self.hand.state() {
+            return Some(fault.into());
+        }
+        if let ArmState::Fault(fault) = self.arm.state() {
+            return Some(fault.into());
+        }
+        if let lost @ KeyboardState::Lost { .. } = self.keyboard.state() {
+            return Some(Fault::Keyboard(lost.to_string()));
+        }
+        if gap > LONGEST_GAP && self.is_live() {
+            return Some(Fault::Stalled { gap });
+        }
+        if let Some((joint, by_rad)) = self.following.lost().filter(|_| self.is_live()) {
+            return Some(Fault::NotFollowing { joint, by_rad });
+        }
+        let stretch = self.stream.as_ref().filter(|_| self.phase == Phase::Following)?;
+        let age = now.saturating_sub(stretch.end(period()));
+        (age.as_secs_f64() > self.config.limits.stale_command_secs).then_some(Fault::StaleCommand { age })
+    }
+
+    /// Whether the devices are to be there.
+    pub(super) fn is_used(&self) -> bool {
+        self.is_live() || self.phase == Phase::Starting
+    }
+
+    /// Whether hand and arm were told to stop.
+    pub(super) fn is_let_go(&self) -> bool {
+        matches!(self.phase, Phase::Stopped | Phase::Fault)
+    }
+
+    /// Whether torques are on.
+    fn is_live(&self) -> bool {
+        matches!(self.phase, Phase::Holding | Phase::Moving | Phase::Following)
+    }
+
+    /// Phases that end by themselves, and the set-points that are due.
+    pub(super) fn advance(&mut self, now: Duration) -> Result<(), Fault> {
+        if self.phase == Phase::Starting {
+            if self.hand.state() == HandState::Ready && self.arm.state() == ArmState::Ready {
+                self.check_arm()?;
+                let keyboard = self.keyboard.state();
+                if keyboard != KeyboardState::Present {
+                    return Err(Fault::Keyboard(keyboard.to_string()));
+                }
+                self.settle(now)?;
+                self.enter(now, Phase::Holding);
+            }
+            return Ok(());
+        }
+        if !self.is_live() {
+            return Ok(());
+        }
+        self.advance_plan(now)?;
+        // After a gap the grid starts anew: set-points are never made up for.
+        if now.saturating_sub(self.stepped) > 4 * period() {
+            self.stepped = now.saturating_sub(period());
+        }
+        while now.saturating_sub(self.stepped) >= period() {
+            self.stepped += period();
+            self.set_points(self.stepped)?;
+        }
+        Ok(())
+    }
+
+    /// Whether this is the arm that was shown where the keyboard is.
+    fn check_arm(&self) -> Result<(), Fault> {
+        let (found, expected) = (self.arm.serial().unwrap_or_default(), self.path.arm_serial());
+        if found == expected {
+            return Ok(());
+        }
+        Err(Fault::OtherArm { found: found.to_string(), expected: expected.to_string() })
+    }
+
+    /// Set-points to rest where the robot is. Where that is a little outside their ranges, they ease from there into them.
+    fn settle(&mut self, now: Duration) -> Result<(), Fault> {
+        let place = self.place();
+        let mut outside = [0.0; AXES];
+        let measured = self.hand.positions().into_iter().chain([place.rail_m]);
+        for (joint, ((axis, outside), rad)) in
+            self.axes.iter_mut().zip(&mut outside).zip(measured).enumerate()
+        {
+            axis.rest(rad);
+            *outside = rad - axis.position();
+            if joint != RAIL_AXIS && outside.abs() > OUTSIDE_RAD {
+                let [low, high] = axis.limits().position;
+                return Err(Fault::OutsideRange { joint, rad, low, high });
+            }
+        }
+        let on_path = place.beside_m <= ON_PATH_M
+            && place.turned_rad <= ON_PATH_RAD
+            && outside[RAIL_AXIS].abs() <= ON_PATH_M;
+        self.arm_sent = self.arm.joints().filter(|_| on_path);
+        self.easing = Easing::new(now, outside);
+        self.following = Following::default();
+        self.before = self.setpoints();
+        self.stepped = now;
+        Ok(())
+    }
+
+    fn set_points(&mut self, at: Duration) -> Result<(), Fault> {
+        self.before = self.setpoints();
+        let asked = match (&self.plan, &self.stream) {
+            (Some(plan), _) => Some(plan.slow.at(at)),
+            (None, Some(stretch)) => {
+                stretch.at(at, period()).map(|joints| all_axes(joints, &self.config.limits.thumb_rad))
+            }
+            (None, None) => None,
+        };
+        let mut clamps: Vec<(usize, Clamp)> = Vec::new();
+        match &asked {
+            None => self.axes.iter_mut().for_each(Axis::brake),
+            Some(asked) => {
+                for (index, (axis, target)) in self.axes.iter_mut().zip(asked).enumerate() {
+                    if let Some(clamp) = axis.step(*target) {
+                        clamps.push((driven_index(index), clamp));
+                    }
+                }
+            }
+        }
+        self.clamped += clamps.len() as u64;
+        let sent = driven(&self.setpoints());
+        if let Some(near) = self.arm_sent {
+            let rail_m = sent[RAIL] + self.easing.left(at)[RAIL_AXIS];
+            let joints = self.path.joints(rail_m, &near).map_err(|source| Fault::Reach { rail_m, source })?;
+            self.arm.servo(at, joints)?;
+            self.arm_sent = Some(joints);
+        }
+        let asked = asked.as_ref().map_or(sent, driven);
+        self.journal.push(Record::SetPoint { at, asked, sent, clamps });
+        Ok(())
+    }
+
+    /// One period of the joint loop.
+    pub(super) fn drive(&mut self, now: Duration, frames: &mut Vec<CanFrame>) {
+        if !self.is_live() {
+            return;
+        }
+        let at = self.hand.positions_at().unwrap_or(now);
+        let positions = self.hand.positions();
+        let since = now.saturating_sub(self.stepped).as_secs_f64();
+        let share = (since * SETPOINT_HZ).clamp(0.0, 1.0);
+        let left = self.easing.left(now);
+        let reference: [f64; allegro::JOINTS] = std::array::from_fn(|joint| {
+            self.before[joint] + (self.axes[joint].position() - self.before[joint]) * share + left[joint]
+        });
+        self.following.take(at, &positions, &reference, &self.config.limits);
+        let wanted = self.joint_loop.pwm(at, &positions, &reference);
+        let pwm = self.hand.torque(now, &wanted, frames);
+        self.journal.push(Record::Hand { at, positions, reference, wanted, pwm });
+    }
+}

@@ -1,0 +1,76 @@
+//! Whether the hand's joints go where they are sent: one that is held, or whose motor is dead, does not.
+
+use std::time::Duration;
+
+use crate::allegro::JOINTS;
+use crate::rig::LimitsConfig;
+
+/// Watches how far each joint of the hand is from its reference, and for how long.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Following {
+    far_since: [Option<Duration>; JOINTS],
+    lost: Option<(usize, f64)>,
+}
+
+impl Following {
+    /// Takes a period's angles and where they should have been, rad.
+    pub fn take(
+        &mut self,
+        at: Duration,
+        positions: &[f64; JOINTS],
+        reference: &[f64; JOINTS],
+        limits: &LimitsConfig,
+    ) {
+        let pairs = positions.iter().zip(reference);
+        for (joint, (since, (position, reference))) in self.far_since.iter_mut().zip(pairs).enumerate() {
+            let by_rad = (position - reference).abs();
+            if by_rad <= limits.following_rad {
+                *since = None;
+                continue;
+            }
+            let age = at.saturating_sub(*since.get_or_insert(at));
+            if age.as_secs_f64() > limits.following_secs {
+                self.lost = Some((joint, by_rad));
+            }
+        }
+    }
+
+    /// A joint, as on the wire, that has been far from its reference for too long, and how far, rad.
+    pub fn lost(&self) -> Option<(usize, f64)> {
+        self.lost
+    }
+}
+
+/// The joint that is farthest from where it should be, and how far, rad.
+pub(super) fn farthest(positions: &[f64; JOINTS], reference: &[f64]) -> (usize, f64) {
+    let far = positions.iter().zip(reference).map(|(position, reference)| (position - reference).abs());
+    far.enumerate().fold((0, 0.0), |most, far| if far.1 > most.1 { far } else { most })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn only_who_stays_away_is_lost() {
+        let limits = LimitsConfig { following_secs: 0.5, ..LimitsConfig::default() };
+        let at = Duration::from_millis;
+        let mut following = Following::default();
+        let mut positions = [0.0; JOINTS];
+        let mut take = |following: &mut Following, millis: u64, rad: f64| {
+            positions[5] = rad;
+            following.take(at(millis), &positions, &[0.1; JOINTS], &limits);
+            following.lost()
+        };
+        assert_eq!(take(&mut following, 0, 0.8), None);
+        assert_eq!(take(&mut following, 499, 0.8), None);
+        // It was back in between.
+        assert_eq!(take(&mut following, 502, 0.2), None);
+        for millis in (505..=1005).step_by(3) {
+            assert_eq!(take(&mut following, millis, -0.6), None, "{millis}");
+        }
+        let lost = take(&mut following, 1009, -0.6).unwrap();
+        assert!(lost.0 == 5 && (lost.1 - 0.7).abs() < 1e-9);
+        assert_eq!(farthest(&positions, &[0.0; 17]), (5, 0.6));
+    }
+}

@@ -1,0 +1,169 @@
+//! What the controller hears and says: bytes and frames in, computed once, bytes and frames out.
+
+use std::time::Duration;
+
+use super::{Fault, Phase, Record, Robot};
+use crate::allegro::HandEvent;
+use crate::wires::Wires;
+use crate::xarm::ArmState;
+
+/// Time between two times that a stopped hand is let go: a frame may be lost, and a bus that failed come back.
+const LET_GO_AGAIN: Duration = Duration::from_millis(100);
+
+impl Robot {
+    /// Takes in what has come, computes what is due, and sends it. To be called at least every few milliseconds.
+    pub fn poll(&mut self, now: Duration, wires: &mut dyn Wires) {
+        self.take_in_midi(now, wires);
+        if let Err(fault) = self.take_in(now, wires) {
+            self.fail_if_used(now, fault, wires);
+        }
+        let gap = now.saturating_sub(self.polled.unwrap_or(now));
+        self.polled = Some(now);
+        let fault = self.watch(now, gap);
+        let fault = fault.or_else(|| self.advance(now).err());
+        if let Some(fault) = fault {
+            self.fail(now, fault, wires);
+        }
+        self.explain(now);
+        self.frames.clear();
+        self.bytes.clear();
+        let mut frames = std::mem::take(&mut self.frames);
+        self.measured |= self.hand.poll(now, &mut frames) == HandEvent::Positions;
+        if std::mem::take(&mut self.measured) {
+            self.drive(now, &mut frames);
+        }
+        if self.is_let_go() && now.saturating_sub(self.let_go_at) >= LET_GO_AGAIN {
+            self.let_go_at = now;
+            self.hand.stop(now, &mut frames);
+        }
+        self.frames = frames;
+        self.arm.poll(now, &mut self.bytes);
+        if let Err(fault) = self.send(wires) {
+            self.fail_if_used(now, fault, wires);
+        }
+    }
+
+    /// All frames are taken in before torques are computed, once and from the newest angles: after a late poll, a
+    /// torque from each of the periods that had waited would see the joints leap.
+    fn take_in(&mut self, now: Duration, wires: &mut dyn Wires) -> Result<(), Fault> {
+        let arm = self.take_in_arm(now, wires);
+        while let Some(frame) = wires.next_frame()? {
+            self.measured |= self.hand.receive(now, &frame) == HandEvent::Positions;
+        }
+        arm
+    }
+
+    fn take_in_midi(&mut self, now: Duration, wires: &mut dyn Wires) {
+        self.bytes.clear();
+        self.changes.clear();
+        let connected = wires.receive_midi(&mut self.bytes).is_ok();
+        if connected != self.keyboard_connected {
+            self.keyboard_connected = connected;
+            if connected {
+                self.keyboard.connected(now, &mut self.changes);
+            } else {
+                self.keyboard.disconnected(now, &mut self.changes);
+            }
+        }
+        if connected {
+            self.keyboard.receive(now, &self.bytes, &mut self.changes);
+        }
+        self.keyboard.poll(now, &mut self.changes);
+        for change in &self.changes {
+            self.journal.push(Record::Key(*change));
+        }
+    }
+
+    fn take_in_arm(&mut self, now: Duration, wires: &mut dyn Wires) -> Result<(), Fault> {
+        self.bytes.clear();
+        let connected = wires.receive_arm(&mut self.bytes).and_then(|()| {
+            self.arm.receive_command(now, &self.bytes);
+            self.bytes.clear();
+            wires.receive_report(&mut self.bytes)
+        });
+        if connected.is_ok() != self.arm_connected {
+            self.arm_connected = connected.is_ok();
+            if self.arm_connected {
+                self.arm.connected(now)
+            } else {
+                self.arm.disconnected(now)
+            }
+            if self.arm_connected && self.is_let_go() {
+                // It has not heard of the stop, and may be on its way still.
+                let mut stop = Vec::new();
+                self.arm.stop(now, &mut stop);
+                wires.send_arm(&stop)?;
+            }
+        }
+        connected?;
+        self.arm.receive_report(now, &self.bytes);
+        if self.phase == Phase::Starting && !self.arm_told {
+            self.arm_told = true;
+            self.arm.start(now)?;
+        }
+        let Some(measured) = self.arm.joints().filter(|_| self.arm.joints_at() != self.arm_seen) else {
+            return Ok(());
+        };
+        self.arm_seen = self.arm.joints_at();
+        let record = Record::Arm {
+            at: now,
+            measured,
+            sent: self.arm.sent(),
+            rail_m: self.path.place(&measured).rail_m,
+        };
+        self.journal.push(record);
+        Ok(())
+    }
+
+    fn send(&mut self, wires: &mut dyn Wires) -> Result<(), Fault> {
+        // A wire that fails must not keep the other from being used.
+        let frames = self.frames.iter().try_for_each(|frame| wires.send_frame(*frame));
+        if !self.bytes.is_empty() {
+            wires.send_arm(&self.bytes)?;
+        }
+        Ok(frames?)
+    }
+
+    /// A wire that is gone is a fault only of a robot that is in use.
+    fn fail_if_used(&mut self, now: Duration, fault: Fault, wires: &mut dyn Wires) {
+        if self.is_used() {
+            self.fail(now, fault, wires);
+        }
+    }
+
+    fn fail(&mut self, now: Duration, fault: Fault, wires: &mut dyn Wires) {
+        if self.phase == Phase::Fault {
+            return;
+        }
+        self.journal.push(Record::Note { at: now, kind: "fault", text: fault.to_string() });
+        self.let_go(now, wires);
+        self.fault = Some(fault);
+        self.enter(now, Phase::Fault);
+    }
+
+    /// The arm is asked for the number of its error only after it was stopped.
+    fn explain(&mut self, now: Duration) {
+        if let (Some(Fault::Arm(told)), ArmState::Fault(known)) = (&mut self.fault, self.arm.state())
+            && *told != known
+        {
+            *told = known;
+            self.journal.push(Record::Note { at: now, kind: "fault", text: Fault::Arm(known).to_string() });
+        }
+    }
+
+    /// Zero torque and servo off for the hand, state 4 for the arm, whatever the wires say.
+    pub(super) fn let_go(&mut self, now: Duration, wires: &mut dyn Wires) {
+        self.let_go_at = now;
+        self.frames.clear();
+        self.bytes.clear();
+        self.hand.stop(now, &mut self.frames);
+        self.arm.stop(now, &mut self.bytes);
+        // A wire that fails must not keep the other from being told.
+        for frame in &self.frames {
+            let _ = wires.send_frame(*frame);
+        }
+        let _ = wires.send_arm(&self.bytes);
+        self.plan = None;
+        self.stream = None;
+    }
+}

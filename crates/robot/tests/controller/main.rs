@@ -1,0 +1,8 @@
+//! The controller of all three devices, on a bench of emulators.
+
+#![allow(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
+
+mod bench;
+mod hand;
+mod records;
+mod way;

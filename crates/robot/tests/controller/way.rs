@@ -1,0 +1,70 @@
+//! The way to the keyboard: straight fingers first, and up from beside the keys.
+
+use etude_robot::joints::DRIVEN;
+use etude_robot::xarm::kinematics::{JOINTS, forward, inverse};
+use etude_robot::{Fault, Phase};
+
+use crate::bench::{Bench, path};
+
+#[test]
+fn the_arm_does_not_set_out_before_the_fingers_are_straight() {
+    let mut bench = Bench::new();
+    bench.devices.arm.place(beside(0.0, 0.05, 0.3));
+    bench.devices.led[9] = Some(0.5);
+    bench.start();
+    bench.until(Phase::Holding, 3000);
+    let stands = bench.devices.arm.joints();
+    bench.robot.home(bench.now(), &[0.0; DRIVEN]).unwrap();
+    bench.run(2500);
+    assert_eq!((bench.robot.phase(), bench.devices.arm.joints()), (Phase::Moving, stands));
+    bench.until(Phase::Fault, 3000);
+    assert!(matches!(bench.robot.fault(), Some(Fault::NotFollowing { joint: 9, .. })), "{}", bench.fault());
+    assert_eq!(bench.devices.arm.joints(), stands);
+    // And one that gets free in time goes on.
+    bench.start();
+    bench.until(Phase::Holding, 3000);
+    bench.robot.home(bench.now(), &[0.0; DRIVEN]).unwrap();
+    bench.run(1000);
+    bench.lead(9, 0.1);
+    bench.until(Phase::Holding, 60_000);
+    assert!(bench.robot.place().beside_m < 1e-3);
+}
+
+/// Joints of an arm beside and above a place on the path, m.
+fn beside(rail_m: f64, forward_m: f64, up_m: f64) -> [f64; JOINTS] {
+    let path = path();
+    let mut joints = *path.middle();
+    for step in 1..=20 {
+        joints = path.joints(rail_m * f64::from(step) / 20.0, &joints).unwrap();
+    }
+    let mut pose = path.pose(rail_m);
+    (pose.position_m.x, pose.position_m.z) = (pose.position_m.x + forward_m, pose.position_m.z + up_m);
+    inverse(&pose, &joints).unwrap()
+}
+
+#[test]
+fn from_beside_the_keys_it_goes_straight_up_first() {
+    for (rail_m, forward_m, up_m) in [(0.2, -0.1, 0.0), (-0.25, 0.03, 0.02), (0.0, 0.0, 0.04)] {
+        let mut bench = Bench::new();
+        let from = beside(rail_m, forward_m, up_m);
+        bench.devices.arm.place(from);
+        bench.start();
+        bench.until(Phase::Holding, 3000);
+        bench.robot.home(bench.now(), &[0.0; DRIVEN]).unwrap();
+        let (from, path_z) = (forward(&from).position_m, path().pose(rail_m).position_m.z);
+        let mut highest = from.z;
+        for _ in 0..20_000 {
+            bench.step();
+            let at = forward(&bench.devices.arm.joints()).position_m;
+            highest = highest.max(at.z);
+            if highest > path_z + 0.078 {
+                break;
+            }
+            assert!((at - from).xy().norm() < 0.006, "beside its place before it is clear: {at} from {from}");
+            assert!(at.z > from.z - 1e-3);
+        }
+        assert!(highest > path_z + 0.078, "{:?} {}", bench.robot.phase(), bench.fault());
+        bench.until(Phase::Holding, 60_000);
+        assert!(bench.robot.place().beside_m < 1e-3);
+    }
+}

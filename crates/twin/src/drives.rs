@@ -1,0 +1,160 @@
+//! The hand between its wires and its links: what a duty does to a joint, and what an encoder makes of an angle.
+//!
+//! Play is between encoder and link: the encoder sits on the drive, so a link that turns back has turned through the play
+//! before the encoder follows. Drive torque reaches the link undiminished, as gears that push against something pass it.
+
+use etude_robot::allegro::{self, FULL_SCALE_PWM};
+use etude_robot::joints::FINGER_JOINTS;
+use etude_stage::params::Joint;
+use etude_stage::{JOINTS, PhysicalParams, RAIL};
+
+use crate::numbers::{FINGER, HandTruth};
+use crate::twin::STEP;
+
+/// Speed at which a joint has mostly broken loose from the friction that held it, rad/s: our choice, slower than any
+/// key is struck.
+const BROKEN_LOOSE_RAD_PER_SEC: f64 = 0.05;
+
+/// The drives of the fingers.
+pub(crate) struct Drives {
+    full_torque_nm: [f64; FINGER],
+    dead_pwm: f64,
+    friction: [f64; JOINTS],
+    friction_at_rest: f64,
+}
+
+impl Drives {
+    pub(crate) fn new(truth: &HandTruth, params: &PhysicalParams) -> Self {
+        Self {
+            full_torque_nm: truth.full_torque_nm,
+            dead_pwm: truth.dead_pwm.into(),
+            friction: std::array::from_fn(|joint| params.joint(Joint::Friction, joint)),
+            friction_at_rest: truth.friction_at_rest,
+        }
+    }
+
+    /// Torque of flat joint `joint` (any but the thumb's) under this duty, N·m.
+    pub(crate) fn torque(&self, joint: usize, pwm: &[i16; allegro::JOINTS]) -> f64 {
+        let pwm = f64::from(pwm.get(joint).copied().unwrap_or_default());
+        let beyond = (pwm.abs() - self.dead_pwm).max(0.0).copysign(pwm);
+        beyond / f64::from(FULL_SCALE_PWM) * self.full_torque_nm[joint % FINGER]
+    }
+
+    /// Dry friction of the joints at these speeds (rad/s), N·m, the rail's in N: greatest at rest (Stribeck's curve).
+    pub(crate) fn friction(&self, velocities: &[f64; JOINTS]) -> [f64; JOINTS] {
+        std::array::from_fn(|joint| {
+            let hold = match joint {
+                RAIL => 0.0,
+                _ => (-(velocities[joint] / BROKEN_LOOSE_RAD_PER_SEC).powi(2)).exp(),
+            };
+            self.friction[joint] * (1.0 + (self.friction_at_rest - 1.0) * hold)
+        })
+    }
+}
+
+/// The encoders of the fingers, and the filter behind them.
+pub(crate) struct Encoders {
+    half_play: f64,
+    /// Share of the way to the unfiltered position in one step.
+    pace: f64,
+    /// Where the drives are, and what the filter says; none before the first reading.
+    state: Option<([f64; FINGER_JOINTS], [f64; FINGER_JOINTS])>,
+}
+
+impl Encoders {
+    pub(crate) fn new(truth: &HandTruth) -> Self {
+        let steps = truth.filter_secs / STEP.as_secs_f64();
+        Self {
+            half_play: truth.backlash_rad / 2.0,
+            pace: if steps > 0.0 { 1.0 - (-1.0 / steps).exp() } else { 1.0 },
+            state: None,
+        }
+    }
+
+    /// What they read one [`STEP`] later, now that the links are at `joints` (rad). The rail has none.
+    pub(crate) fn read(&mut self, joints: &[f64; JOINTS]) -> [f64; JOINTS] {
+        let links: [f64; FINGER_JOINTS] = std::array::from_fn(|joint| joints[joint]);
+        let (drives, filtered) = self.state.get_or_insert((links, links));
+        for ((drive, filtered), link) in drives.iter_mut().zip(filtered.iter_mut()).zip(links) {
+            *drive = drive.max(link - self.half_play).min(link + self.half_play);
+            *filtered += self.pace * (*drive - *filtered);
+        }
+        std::array::from_fn(|joint| filtered.get(joint).copied().unwrap_or(joints[joint]))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn drives(truth: &HandTruth) -> Drives {
+        let mut params = PhysicalParams::default();
+        params.set("joint.all.friction", 0.02).unwrap();
+        Drives::new(truth, &params)
+    }
+
+    #[test]
+    fn each_joint_of_a_finger_has_its_own_torque_beyond_the_dead_band() {
+        let full_torque_nm = [1.0, 2.0, 3.0, 4.0];
+        let drives = drives(&HandTruth { full_torque_nm, dead_pwm: 20, ..HandTruth::default() });
+        let torque = |joint: usize, pwm: i16| drives.torque(joint, &[pwm; allegro::JOINTS]);
+        for pwm in [-20, -7, 0, 1, 20] {
+            assert_eq!(torque(5, pwm), 0.0);
+        }
+        let close =
+            |torque: f64, expected: f64| assert!((torque - expected).abs() < 1e-12, "{torque} {expected}");
+        close(torque(5, 140), 120.0 / 1200.0 * 2.0);
+        close(torque(11, -260), -240.0 / 1200.0 * 4.0);
+        close(torque(0, 1220), 1.0);
+        close(torque(2, i16::MIN), -(32768.0 - 20.0) / 1200.0 * 3.0);
+    }
+
+    #[test]
+    fn a_joint_at_rest_holds_faster() {
+        let drives = drives(&HandTruth { friction_at_rest: 1.5, ..HandTruth::default() });
+        let at_rest = drives.friction(&[0.0; JOINTS]);
+        assert!((at_rest[3] - 0.03).abs() < 1e-12);
+        assert_eq!(at_rest[RAIL], 0.02);
+        let moving = drives.friction(&[0.5; JOINTS]);
+        assert!((moving[3] - 0.02).abs() < 1e-12);
+    }
+
+    #[test]
+    fn play_is_a_dead_band_on_the_way_back() {
+        let mut encoders = Encoders::new(&HandTruth { backlash_rad: 0.02, ..HandTruth::default() });
+        let mut read = |angle: f64| encoders.read(&[angle; JOINTS])[4];
+        assert_eq!(read(0.0), 0.0);
+        assert!((read(0.5) - 0.49).abs() < 1e-12);
+        for back in [0.499, 0.49, 0.481] {
+            assert!((read(back) - 0.49).abs() < 1e-12, "{back}");
+        }
+        assert!((read(0.4) - 0.41).abs() < 1e-12);
+        assert_eq!(encoders.read(&[0.25; JOINTS])[RAIL], 0.25);
+    }
+
+    #[test]
+    fn the_filter_is_of_first_order() {
+        let mut encoders = Encoders::new(&HandTruth { filter_secs: 0.004, ..HandTruth::default() });
+        encoders.read(&[0.0; JOINTS]);
+        for step in 1..=8 {
+            let read = encoders.read(&[1.0; JOINTS])[0];
+            let expected = 1.0 - (-f64::from(step) / 4.0).exp();
+            assert!((read - expected).abs() < 1e-12, "{step}: {read}");
+        }
+    }
+
+    proptest! {
+        #[test]
+        fn a_reading_is_never_off_by_more_than_half_the_play(
+            play in 0.0..0.1f64,
+            angles in prop::collection::vec(-2.0..2.0f64, 1..50),
+        ) {
+            let mut encoders = Encoders::new(&HandTruth { backlash_rad: play, ..HandTruth::default() });
+            for angle in angles {
+                let read = encoders.read(&[angle; JOINTS])[7];
+                prop_assert!((read - angle).abs() <= play / 2.0 + 1e-12);
+            }
+        }
+    }
+}

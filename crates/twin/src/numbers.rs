@@ -1,0 +1,290 @@
+//! The numbers of a [`Truth`](crate::Truth): what may stand in its file. They do not leave this crate.
+
+use std::collections::BTreeMap;
+
+use etude_music::KEYS;
+use etude_robot::faults::FaultPlan;
+use etude_robot::keyboard;
+use etude_stage::params::World as Quantity;
+use etude_stage::{Cone, Integrator, KeyFactors, ModelOptions, ParamError, PhysicalParams};
+use serde::{Deserialize, Serialize};
+
+use crate::truth::TruthError;
+use crate::twin::STEP;
+
+/// Joints of a finger.
+pub(crate) const FINGER: usize = 4;
+/// How far apart the two contacts of a key are at least, and the second from the stop, as a share of its travel.
+const CONTACT_GAP: f64 = 0.02;
+
+/// One truth, one TOML file.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub(crate) struct Numbers {
+    /// Its name.
+    pub(crate) name: String,
+    /// Seed of how its keys differ, and with what is added to it for a run, of encoder noise and faulty links.
+    pub(crate) seed: u64,
+    /// Physical numbers of its world other than the defaults, by path.
+    pub(crate) physics: BTreeMap<String, f64>,
+    /// How its world is computed, and how the keyboard stands in it.
+    pub(crate) world: WorldTruth,
+    /// The hand.
+    pub(crate) hand: HandTruth,
+    /// The arm.
+    pub(crate) arm: ArmTruth,
+    /// What the keyboard says over its line.
+    pub(crate) keyboard: keyboard::EmulatorConfig,
+    /// The keys and their contacts.
+    pub(crate) keys: KeysTruth,
+    /// What happens on the wires.
+    pub(crate) links: LinksTruth,
+}
+
+/// The truth of a world beside its physical numbers.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub(crate) struct WorldTruth {
+    /// `implicitfast`, or the simulator's `euler`.
+    pub(crate) integrator: Integrator,
+    /// Shape of friction: `pyramidal`, or the simulator's `elliptic`.
+    pub(crate) cone: Cone,
+    /// Turn of the keyboard about its middle, counter-clockwise from above, rad. Its place and height are physical
+    /// numbers: `keyboard.depth`, `keyboard.lateral`, `keyboard.height`.
+    pub(crate) keyboard_yaw_rad: f64,
+}
+
+impl Default for WorldTruth {
+    fn default() -> Self {
+        Self { integrator: Integrator::ImplicitFast, cone: Cone::Pyramidal, keyboard_yaw_rad: 0.0 }
+    }
+}
+
+/// The truth of a hand. Encoder readings are in whole counts, as the wire has them.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub(crate) struct HandTruth {
+    /// Torque at full duty of the four joints of a finger, N·m.
+    pub(crate) full_torque_nm: [f64; FINGER],
+    /// Duty that moves nothing, in counts of PWM; more of it counts from there.
+    pub(crate) dead_pwm: u16,
+    /// Dry friction of a finger's joint at rest, as a multiple of that on its way (`joint.*.friction`).
+    pub(crate) friction_at_rest: f64,
+    /// Play between a joint's encoder and its link, rad: so far the link turns back before the encoder follows.
+    pub(crate) backlash_rad: f64,
+    /// Time constant of the hand's own filter on its positions, s; 0 is none.
+    pub(crate) filter_secs: f64,
+    /// Encoder readings are off by up to so many counts, evenly.
+    pub(crate) noise_counts: u16,
+    /// The hand's clock runs this much faster than the host's, as a share.
+    pub(crate) clock_skew: f64,
+    /// Torque is cut when no torque frame came for so long, s; none holds it for ever, as is to be expected.
+    pub(crate) torque_timeout_secs: Option<f64>,
+}
+
+impl Default for HandTruth {
+    fn default() -> Self {
+        Self {
+            full_torque_nm: [1.0; FINGER],
+            dead_pwm: 0,
+            friction_at_rest: 1.0,
+            backlash_rad: 0.0,
+            filter_secs: 0.0,
+            noise_counts: 1,
+            clock_skew: 0.0,
+            torque_timeout_secs: None,
+        }
+    }
+}
+
+/// The truth of an arm.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub(crate) struct ArmTruth {
+    /// Time from a servo target's arrival until the joints know of it, s.
+    pub(crate) delay_secs: f64,
+    /// How fast the joints close in on a servo target, Hz.
+    pub(crate) bandwidth_hz: f64,
+    /// Stiffness of the hand's place along the keyboard, N/m.
+    pub(crate) stiffness: f64,
+    /// Damping of it, N·s/m.
+    pub(crate) damping: f64,
+}
+
+impl Default for ArmTruth {
+    fn default() -> Self {
+        Self { delay_secs: 0.01, bandwidth_hz: 10.0, stiffness: 40_000.0, damping: 1000.0 }
+    }
+}
+
+/// The truth of the keys beside their physical numbers. Each has two contacts: the second is at the physical
+/// `key.threshold`.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub(crate) struct KeysTruth {
+    /// Keys' thresholds lie within so much of `key.threshold`, as a share of it, evenly.
+    pub(crate) threshold_spread: f64,
+    /// The same of their springs and `key.stiffness`.
+    pub(crate) stiffness_spread: f64,
+    /// Travel of every key as a multiple of the simulator's.
+    pub(crate) travel: f64,
+    /// Where the first contact closes, as a share of travel.
+    pub(crate) first_contact: f64,
+    /// Time between the contacts of a key that sounds with the greatest velocity, s.
+    pub(crate) loudest_secs: f64,
+    /// The same with the least velocity, s.
+    pub(crate) softest_secs: f64,
+}
+
+impl Default for KeysTruth {
+    fn default() -> Self {
+        Self {
+            threshold_spread: 0.0,
+            stiffness_spread: 0.0,
+            travel: 1.0,
+            first_contact: 0.3,
+            loudest_secs: 0.004,
+            softest_secs: 0.15,
+        }
+    }
+}
+
+/// What happens on the wires, both ways alike.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub(crate) struct LinksTruth {
+    /// The hand's bus.
+    pub(crate) can: FaultPlan,
+    /// The arm's connections.
+    pub(crate) arm: FaultPlan,
+    /// The keyboard's line.
+    pub(crate) midi: FaultPlan,
+}
+
+impl Numbers {
+    /// The physical numbers of its world.
+    pub(crate) fn params(&self) -> Result<PhysicalParams, ParamError> {
+        let mut params = PhysicalParams::default();
+        for (path, value) in &self.physics {
+            params.set(path, *value)?;
+        }
+        Ok(params)
+    }
+
+    /// How its world is built and computed.
+    pub(crate) fn options(&self) -> ModelOptions {
+        let stiffness = self.key_factors(Purpose::Stiffness, self.keys.stiffness_spread);
+        ModelOptions {
+            step_secs: STEP.as_secs_f64(),
+            integrator: self.world.integrator,
+            cone: self.world.cone,
+            firm_joints: true,
+            keyboard_yaw_rad: self.world.keyboard_yaw_rad,
+            keys: stiffness.map(|stiffness| KeyFactors { stiffness, travel: self.keys.travel }),
+        }
+    }
+
+    /// Where the second contact of each key closes, as a share of its travel.
+    pub(crate) fn second_contacts(&self, params: &PhysicalParams) -> [f64; KEYS] {
+        let threshold = params.world(Quantity::KeyThreshold);
+        self.key_factors(Purpose::Threshold, self.keys.threshold_spread).map(|factor| factor * threshold)
+    }
+
+    /// How one number differs from key to key: factors within `spread` of 1.
+    fn key_factors(&self, purpose: Purpose, spread: f64) -> [f64; KEYS] {
+        std::array::from_fn(|key| 1.0 + spread * signed_share(self.seed, purpose, key))
+    }
+
+    /// Whether a twin can have it; links and keyboard are checked where they are made.
+    pub(crate) fn check(&self) -> Result<(), TruthError> {
+        let params = self.params()?;
+        let (hand, arm, keys) = (&self.hand, &self.arm, &self.keys);
+        let threshold = params.world(Quantity::KeyThreshold);
+        let highest_spread = ((1.0 - CONTACT_GAP) / threshold - 1.0).min(0.5);
+        let latest_first = threshold * (1.0 - keys.threshold_spread) - CONTACT_GAP;
+        let rows = [
+            ("world.keyboard_yaw_rad", self.world.keyboard_yaw_rad, -0.05, 0.05),
+            ("hand.dead_pwm", hand.dead_pwm.into(), 0.0, 100.0),
+            ("hand.friction_at_rest", hand.friction_at_rest, 1.0, 5.0),
+            ("hand.backlash_rad", hand.backlash_rad, 0.0, 0.1),
+            ("hand.filter_secs", hand.filter_secs, 0.0, 0.1),
+            ("hand.clock_skew", hand.clock_skew, -0.01, 0.01),
+            ("hand.torque_timeout_secs", hand.torque_timeout_secs.unwrap_or(0.0), 0.0, 60.0),
+            ("arm.delay_secs", arm.delay_secs, 0.0, 0.5),
+            ("arm.bandwidth_hz", arm.bandwidth_hz, 0.5, 100.0),
+            ("arm.stiffness", arm.stiffness, 100.0, 1e6),
+            ("arm.damping", arm.damping, 1.0, 1e5),
+            ("keys.threshold_spread", keys.threshold_spread, 0.0, highest_spread),
+            ("keys.stiffness_spread", keys.stiffness_spread, 0.0, 0.9),
+            ("keys.travel", keys.travel, 0.5, 1.5),
+            ("keys.first_contact", keys.first_contact, CONTACT_GAP, latest_first),
+            ("keys.loudest_secs", keys.loudest_secs, 1e-4, 0.1),
+            ("keys.softest_secs", keys.softest_secs, 2.0 * keys.loudest_secs, 10.0),
+        ];
+        let torques = hand.full_torque_nm.map(|torque| ("hand.full_torque_nm", torque, 0.0, 10.0));
+        for (name, value, low, high) in rows.into_iter().chain(torques) {
+            if !(low..=high).contains(&value) {
+                return Err(TruthError::OutOfRange { name, value, low, high });
+            }
+        }
+        Ok(())
+    }
+}
+
+/// What a draw is for, so that draws for different things do not resemble each other.
+#[derive(Clone, Copy, Debug)]
+enum Purpose {
+    Threshold = 1,
+    Stiffness = 2,
+}
+
+/// A number in −1 … 1 that depends on nothing else than these three (SplitMix64 and its constants).
+fn signed_share(seed: u64, purpose: Purpose, key: usize) -> f64 {
+    let counter = ((purpose as u64) << 32) | key as u64;
+    let mut bits = seed.wrapping_mul(0xD134_2543_DE82_EF95).wrapping_add(counter);
+    bits = bits.wrapping_add(0x9E37_79B9_7F4A_7C15);
+    bits = (bits ^ (bits >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
+    bits = (bits ^ (bits >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
+    bits ^= bits >> 31;
+    // The upper 53 bits are what a double holds.
+    (bits >> 11) as f64 / (1u64 << 52) as f64 - 1.0
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn spread(seed: u64) -> Numbers {
+        let keys = KeysTruth { threshold_spread: 0.2, stiffness_spread: 0.3, ..KeysTruth::default() };
+        Numbers { seed, keys, ..Numbers::default() }
+    }
+
+    #[test]
+    fn keys_differ_by_seed_and_within_their_spread() {
+        let params = PhysicalParams::default();
+        let [one, same, other] = [spread(1), spread(1), spread(2)];
+        assert_eq!(one.second_contacts(&params), same.second_contacts(&params));
+        assert_eq!(one.options().keys, same.options().keys);
+        assert_ne!(one.second_contacts(&params), other.second_contacts(&params));
+        assert_ne!(one.options().keys, other.options().keys);
+        let contacts = one.second_contacts(&params);
+        let (low, high) =
+            contacts.iter().fold((1.0, 0.0), |(low, high): (f64, f64), at| (low.min(*at), high.max(*at)));
+        // A fifth of a half, and with 49 keys nearly all of it is used.
+        assert!((0.4..0.42).contains(&low) && (0.58..=0.6).contains(&high), "{low} … {high}");
+        let mean = contacts.iter().sum::<f64>() / KEYS as f64;
+        assert!((mean - 0.5).abs() < 0.02, "{mean}");
+        // Thresholds and springs have draws of their own.
+        let share = |key: usize| (contacts[key] / 0.5 - 1.0) / 0.2;
+        assert!(
+            (0..KEYS).any(|key| (one.options().keys[key].stiffness - 1.0 - 0.3 * share(key)).abs() > 0.1)
+        );
+    }
+
+    #[test]
+    fn without_spread_all_keys_are_alike() {
+        let numbers = Numbers { seed: 9, ..Numbers::default() };
+        assert_eq!(numbers.second_contacts(&PhysicalParams::default()), [0.5; KEYS]);
+        assert_eq!(numbers.options().keys, ModelOptions::default().keys);
+    }
+}

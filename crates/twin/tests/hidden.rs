@@ -1,0 +1,79 @@
+//! Nobody but the twin knows its truth: that `Truth` has no readable fields is shown beside it (`src/truth.rs`), here that
+//! nobody goes around it.
+
+#![allow(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+/// Crates that may hand a truth to a twin, which is all that they can do with one.
+const MAY_USE_A_TWIN: [&str; 2] = ["cli", "lab"];
+
+fn crates() -> Vec<PathBuf> {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
+    fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path()).filter(|path| path.is_dir()).collect()
+}
+
+/// Everything of Rust under `folder`.
+fn sources(folder: &Path, found: &mut Vec<PathBuf>) {
+    for entry in fs::read_dir(folder).into_iter().flatten() {
+        let path = entry.unwrap().path();
+        if path.is_dir() {
+            sources(&path, found);
+        } else if path.extension().is_some_and(|extension| extension == "rs") {
+            found.push(path);
+        }
+    }
+}
+
+#[test]
+fn only_lab_and_cli_depend_on_the_twin() {
+    let mut users = Vec::new();
+    for path in crates() {
+        let name = path.file_name().unwrap().to_str().unwrap().to_string();
+        let manifest = fs::read_to_string(path.join("Cargo.toml")).unwrap_or_default();
+        if name != "twin" && manifest.contains("etude-twin") {
+            users.push(name);
+        }
+    }
+    users.sort();
+    assert_eq!(users, MAY_USE_A_TWIN);
+}
+
+/// A truth's file, and what a twin's devices were told of it, are not looked at by those who have a twin.
+#[test]
+fn nobody_else_reads_a_truth() {
+    let mut found = Vec::new();
+    for path in crates().into_iter().filter(|path| !path.ends_with("twin")) {
+        sources(&path.join("src"), &mut found);
+    }
+    assert!(found.len() > 100, "{}", found.len());
+    for path in found {
+        let text = fs::read_to_string(&path).unwrap();
+        assert!(!text.contains("truths/"), "{} knows where truths lie", path.display());
+        if text.contains("etude_twin") {
+            for word in ["config_mut", ".twin."] {
+                assert!(!text.contains(word), "{} looks into a twin: {word}", path.display());
+            }
+        }
+    }
+}
+
+/// What is kept of a song that was played on a twin: its truth's name, and no more.
+#[test]
+fn what_is_kept_has_the_name_of_the_truth_alone() {
+    let lab = Path::new(env!("CARGO_MANIFEST_DIR")).join("../lab/src");
+    let mut found = Vec::new();
+    sources(&lab, &mut found);
+    let uses: Vec<String> = found
+        .iter()
+        .flat_map(|path| fs::read_to_string(path).unwrap().lines().map(str::to_string).collect::<Vec<_>>())
+        .filter(|line| line.contains("truth."))
+        .filter(|line| !line.trim_start().starts_with("//"))
+        .collect();
+    assert!(!uses.is_empty());
+    for line in uses {
+        let allowed = ["truth.name()", "truth.with_seed_added("];
+        assert!(allowed.iter().any(|call| line.contains(call)), "{line}");
+    }
+}

@@ -1,0 +1,387 @@
+//! A controller and a twin with somebody at the wires between them: listens to what is sent, and cuts, drops,
+//! damages and invents what comes back.
+
+use std::collections::VecDeque;
+use std::sync::OnceLock;
+use std::time::Duration;
+
+use etude_robot::calibration::{Calibration, RailPath};
+use etude_robot::can::{CanError, CanFrame};
+use etude_robot::faults::FaultPlan;
+use etude_robot::joints::{DRIVEN, RAIL};
+use etude_robot::keyboard::MidiError;
+use etude_robot::rig::RigConfig;
+use etude_robot::wires::Wires;
+use etude_robot::xarm::ArmLinkError;
+use etude_robot::xarm::kinematics::PAPER_HOME_DEG;
+use etude_robot::{Pace as _, Phase, Record, Refused, Robot};
+use etude_stage::{PhysicalParams, StageConfig, World};
+use etude_twin::{Lockstep, Truth, Twin, calibration};
+
+use crate::dice::Dice;
+use crate::judge::Judge;
+
+/// Time between two stretches of a policy.
+const CONTROL: u32 = 50;
+
+pub fn rig() -> RigConfig {
+    RigConfig { name: "twin".into(), ..RigConfig::default() }
+}
+
+fn path(calibration: &Calibration) -> RailPath {
+    let home = PAPER_HOME_DEG.map(f64::to_radians);
+    RailPath::new(calibration, rig().limits.rail_range_m, &home).unwrap()
+}
+
+pub fn robot(calibration: &Calibration) -> Robot {
+    Robot::new(&rig(), path(calibration)).unwrap()
+}
+
+/// The standard truth with these faults on its links.
+pub fn with_links(can: &FaultPlan, arm: &FaultPlan, midi: &FaultPlan) -> Truth {
+    let plan = |name: &str, plan: &FaultPlan| format!("[links.{name}]\n{}", toml::to_string(plan).unwrap());
+    let links = [plan("can", can), plan("arm", arm), plan("midi", midi)];
+    Truth::load("standard").unwrap().with(&links.concat()).unwrap()
+}
+
+/// Where a song begins.
+pub fn start_pose() -> [f64; DRIVEN] {
+    static POSE: OnceLock<[f64; DRIVEN]> = OnceLock::new();
+    *POSE
+        .get_or_init(|| World::new(&StageConfig::default(), &PhysicalParams::default()).unwrap().start_pose())
+}
+
+/// What the policy asks for while it is followed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Policy {
+    /// Nothing any more.
+    Silent,
+    /// To stand where it began.
+    Still,
+    /// Waves within the limits, over a third of the keyboard.
+    Smooth,
+    /// Something else at every set-point.
+    Jumps,
+    /// Numbers that are none.
+    Nonsense,
+}
+
+impl Policy {
+    fn waypoint(self, from: &[f64; DRIVEN], secs: f64, dice: &mut Dice) -> [f64; DRIVEN] {
+        let rise = |amplitude: f64, speed: f64| amplitude * (1.0 - (speed * secs).cos());
+        std::array::from_fn(|joint| match self {
+            Self::Silent | Self::Still => from[joint],
+            Self::Smooth if joint == RAIL => from[RAIL] + rise(0.12, 1.5),
+            Self::Smooth if joint % 4 == 0 => from[joint],
+            Self::Smooth => from[joint] + rise(0.1, 6.0 + joint as f64 * 0.1),
+            Self::Jumps if joint == RAIL => dice.signed(),
+            Self::Jumps => dice.signed() * 3.0,
+            Self::Nonsense => match dice.below(5) {
+                0 => f64::INFINITY,
+                1 => f64::NEG_INFINITY,
+                2 => dice.signed() * 1e300,
+                _ => f64::NAN,
+            },
+        })
+    }
+}
+
+/// What is done at the wires.
+pub struct Mischief {
+    pub can_cut: bool,
+    pub arm_cut: bool,
+    pub midi_cut: bool,
+    /// Bytes of the keyboard are lost, and nobody is told.
+    pub midi_silent: bool,
+    /// Share of frames that is lost, both ways.
+    pub frame_loss: f64,
+    /// Frames with this identifier from the hand are lost.
+    pub lost_id: Option<u16>,
+    /// Counts that the first joint of a frame with this identifier is off by.
+    pub encoder_off: Option<(u16, i16)>,
+    /// What arrives besides what the twin says.
+    pub frames: VecDeque<CanFrame>,
+    pub replies: Vec<u8>,
+    pub reports: Vec<u8>,
+    pub midi: Vec<u8>,
+    dice: Dice,
+}
+
+impl Default for Mischief {
+    fn default() -> Self {
+        Self {
+            can_cut: false,
+            arm_cut: false,
+            midi_cut: false,
+            midi_silent: false,
+            frame_loss: 0.0,
+            lost_id: None,
+            encoder_off: None,
+            frames: VecDeque::new(),
+            replies: Vec::new(),
+            reports: Vec::new(),
+            midi: Vec::new(),
+            dice: Dice::new(1),
+        }
+    }
+}
+
+/// The wires with somebody at them.
+struct Tap<'a> {
+    now: Duration,
+    inner: &'a mut dyn Wires,
+    mischief: &'a mut Mischief,
+    judge: &'a mut Judge,
+}
+
+fn can_is_cut() -> CanError {
+    CanError::Broken { bus: "bench".into(), message: "somebody cut it".into() }
+}
+
+fn arm_is_cut() -> ArmLinkError {
+    let source = std::io::Error::new(std::io::ErrorKind::NotConnected, "somebody cut it");
+    ArmLinkError::Broken { doing: "talking on the bench", source }
+}
+
+impl Wires for Tap<'_> {
+    fn send_frame(&mut self, frame: CanFrame) -> Result<(), CanError> {
+        self.judge.frame(&frame);
+        if self.mischief.can_cut {
+            return Err(can_is_cut());
+        }
+        if self.mischief.dice.chance(self.mischief.frame_loss) {
+            return Ok(());
+        }
+        self.inner.send_frame(frame)
+    }
+
+    fn next_frame(&mut self) -> Result<Option<CanFrame>, CanError> {
+        while let Some(frame) = self.inner.next_frame()? {
+            let mischief = &mut *self.mischief;
+            let lost = mischief.dice.chance(mischief.frame_loss) || mischief.lost_id == Some(frame.id());
+            if lost || mischief.can_cut {
+                continue;
+            }
+            if let Some((id, counts)) = mischief.encoder_off.filter(|(id, _)| *id == frame.id())
+                && let Some((first, rest)) = frame.payload().split_first_chunk::<2>()
+            {
+                let off = i16::from_le_bytes(*first).saturating_add(counts).to_le_bytes();
+                return Ok(CanFrame::new(id, &[&off, rest].concat()));
+            }
+            return Ok(Some(frame));
+        }
+        if self.mischief.can_cut {
+            return Err(can_is_cut());
+        }
+        Ok(self.mischief.frames.pop_front())
+    }
+
+    fn send_arm(&mut self, bytes: &[u8]) -> Result<(), ArmLinkError> {
+        self.judge.arm_bytes(self.now, bytes);
+        if self.mischief.arm_cut {
+            return Err(arm_is_cut());
+        }
+        self.inner.send_arm(bytes)
+    }
+
+    fn receive_arm(&mut self, bytes: &mut Vec<u8>) -> Result<(), ArmLinkError> {
+        if self.mischief.arm_cut {
+            let scrap = &mut Vec::new();
+            let _ = self.inner.receive_arm(scrap).and_then(|()| self.inner.receive_report(scrap));
+            return Err(arm_is_cut());
+        }
+        bytes.append(&mut self.mischief.replies);
+        self.inner.receive_arm(bytes)
+    }
+
+    fn receive_report(&mut self, bytes: &mut Vec<u8>) -> Result<(), ArmLinkError> {
+        bytes.append(&mut self.mischief.reports);
+        self.inner.receive_report(bytes)
+    }
+
+    fn receive_midi(&mut self, bytes: &mut Vec<u8>) -> Result<(), MidiError> {
+        self.inner.receive_midi(bytes)?;
+        if self.mischief.midi_silent || self.mischief.midi_cut {
+            bytes.clear();
+        }
+        if self.mischief.midi_cut {
+            return Err(MidiError::Gone { spec: "bench".into(), message: "somebody pulled it".into() });
+        }
+        bytes.append(&mut self.mischief.midi);
+        Ok(())
+    }
+}
+
+/// A controller and a twin, and what is done to them.
+pub struct Bench {
+    pub robot: Robot,
+    pub lockstep: Lockstep,
+    pub judge: Judge,
+    pub mischief: Mischief,
+    pub policy: Policy,
+    /// Where the policy began, and how many milliseconds it has run.
+    from: [f64; DRIVEN],
+    played: u32,
+    dice: Dice,
+    /// What the controller had to say to an operator.
+    pub notes: Vec<String>,
+}
+
+impl Bench {
+    /// A bench whose twin has the arm at the keyboard, fingers straight.
+    pub fn at_the_keyboard(truth: &Truth) -> Self {
+        let mut bench = Self::new(truth, &calibration("twin"));
+        bench.place_arm_at_the_keyboard();
+        bench
+    }
+
+    pub fn new(truth: &Truth, calibration: &Calibration) -> Self {
+        let twin = Twin::new(truth, rig().hand.side).unwrap();
+        Self {
+            robot: robot(calibration),
+            lockstep: Lockstep::new(twin).unwrap(),
+            judge: Judge::new(&rig()),
+            mischief: Mischief::default(),
+            policy: Policy::Silent,
+            from: [0.0; DRIVEN],
+            played: 0,
+            dice: Dice::new(1),
+            notes: Vec::new(),
+        }
+    }
+
+    /// Leads the arm to the middle of the keyboard by hand.
+    pub fn place_arm_at_the_keyboard(&mut self) {
+        self.lockstep.twin.arm.place(*path(&calibration("twin")).middle());
+        self.run(200);
+    }
+
+    /// Leads the arm home by hand.
+    pub fn place_arm_at_home(&mut self) {
+        self.lockstep.twin.arm.place(PAPER_HOME_DEG.map(f64::to_radians));
+        self.run(200);
+    }
+
+    pub fn now(&self) -> Duration {
+        self.lockstep.now()
+    }
+
+    /// One millisecond.
+    pub fn step(&mut self) {
+        self.lockstep.step();
+        if self.robot.phase() == Phase::Following && self.policy != Policy::Silent {
+            if self.played.is_multiple_of(CONTROL) {
+                let (policy, from) = (self.policy, self.from);
+                let secs = f64::from(self.played) * 1e-3;
+                let waypoints: Vec<_> = (0..10)
+                    .map(|n| policy.waypoint(&from, secs + f64::from(n) * 5e-3, &mut self.dice))
+                    .collect();
+                self.robot.follow(self.now(), &waypoints).unwrap();
+            }
+            self.played += 1;
+        }
+        self.poll();
+    }
+
+    /// Lets the controller do what is due now.
+    pub fn poll(&mut self) {
+        self.judge.arm = Some(self.lockstep.twin.arm.joints());
+        self.at_the_wires(|robot, now, wires| robot.poll(now, wires));
+        self.judge.settled(self.robot.phase());
+        let (judge, notes) = (&mut self.judge, &mut self.notes);
+        for record in self.robot.records() {
+            judge.record(&record);
+            if let Record::Note { kind, text, .. } = record {
+                notes.push(format!("{kind}: {text}"));
+            }
+        }
+    }
+
+    fn at_the_wires(&mut self, act: impl FnOnce(&mut Robot, Duration, &mut dyn Wires)) {
+        let now = self.lockstep.now();
+        let (mischief, judge) = (&mut self.mischief, &mut self.judge);
+        let mut tap = Tap { now, inner: self.lockstep.wires(), mischief, judge };
+        act(&mut self.robot, now, &mut tap);
+    }
+
+    pub fn run(&mut self, millis: u32) {
+        (0..millis).for_each(|_| self.step());
+    }
+
+    /// The controller does not run; the twin does.
+    pub fn stall(&mut self, millis: u32) {
+        (0..millis).for_each(|_| self.lockstep.step());
+    }
+
+    /// Milliseconds until something is so, if it comes within the limit.
+    pub fn until(&mut self, limit: u32, so: impl Fn(&Self) -> bool) -> Option<u32> {
+        for passed in 0..=limit {
+            if so(self) {
+                return Some(passed);
+            }
+            self.step();
+        }
+        None
+    }
+
+    /// Lets the robot run until it is in a phase; any fault on the way fails the test.
+    pub fn until_phase(&mut self, phase: Phase, limit: u32) {
+        let so = self.until(limit, |bench| {
+            assert!(
+                phase == Phase::Fault || bench.robot.phase() != Phase::Fault,
+                "{} on the way to {}",
+                bench.robot.fault().unwrap(),
+                phase.name()
+            );
+            bench.robot.phase() == phase
+        });
+        assert!(so.is_some(), "not {} but {} after {limit} ms", phase.name(), self.robot.phase().name());
+    }
+
+    pub fn start(&mut self) {
+        self.robot.start(self.now());
+    }
+
+    pub fn stop(&mut self) {
+        self.at_the_wires(|robot, now, wires| robot.stop(now, wires));
+        self.judge.settled(self.robot.phase());
+    }
+
+    pub fn start_and_hold(&mut self) {
+        self.start();
+        self.until_phase(Phase::Holding, 3000);
+    }
+
+    /// Follows a policy from where the robot stands.
+    pub fn follow(&mut self, policy: Policy) {
+        self.try_follow(policy).unwrap();
+    }
+
+    /// The same, unless it is refused.
+    pub fn try_follow(&mut self, policy: Policy) -> Result<(), Refused> {
+        let from = self.robot.joints();
+        self.robot.follow(self.lockstep.now(), &[from; 10])?;
+        (self.policy, self.from, self.played) = (policy, from, 0);
+        Ok(())
+    }
+
+    /// The hand's emulator feels no torque.
+    pub fn hand_is_free(&self) -> bool {
+        self.lockstep.twin.hand.pwm() == [0; 16]
+    }
+
+    /// The hand's emulator feels no torque and its servo is off.
+    pub fn hand_is_off(&self) -> bool {
+        self.hand_is_free() && !self.lockstep.twin.hand.servo_on()
+    }
+
+    /// The arm's emulator is stopped, and takes no orders to move.
+    pub fn arm_is_stopped(&self) -> bool {
+        self.lockstep.twin.arm.state() == 4
+    }
+
+    /// Largest speed of a joint of the world: rad/s, the rail in m/s.
+    pub fn fastest(&self) -> f64 {
+        self.lockstep.twin.joint_velocities().iter().fold(0.0, |most, speed| most.max(speed.abs()))
+    }
+}

@@ -1,0 +1,271 @@
+//! Listens in on all that the controller sends, and fails the test at the first thing that is out of bounds.
+//!
+//! Decoding and limits are its own, from the fact sheet "hardware": what the crate's codecs and tables had
+//! wrong, it would not share.
+
+use std::f64::consts::PI;
+use std::time::Duration;
+
+use etude_robot::can::CanFrame;
+use etude_robot::limiter::AxisLimits;
+use etude_robot::rig::RigConfig;
+use etude_robot::xarm::kinematics::forward;
+use etude_robot::{Phase, Record};
+
+/// Largest PWM of a finger's and the thumb's joints (§1.4).
+const FINGER_PWM: [i16; 4] = [375, 675, 450, 285];
+const THUMB_PWM: [i16; 4] = [525, 405, 270, 270];
+/// Ranges of the arm's joints, degrees (§2.6).
+const ARM_DEG: [[f64; 2]; 7] = [
+    [-360.0, 360.0],
+    [-118.0, 120.0],
+    [-360.0, 360.0],
+    [-11.0, 225.0],
+    [-360.0, 360.0],
+    [-97.0, 180.0],
+    [-360.0, 360.0],
+];
+/// Fastest flange, m/s, and fastest joint, rad/s (§2.6).
+const FLANGE_M_S: f64 = 1.0;
+const JOINT_RAD_S: f64 = PI;
+/// Fastest joint in a move that the arm plans itself: the controller's own choice, far below the limit.
+const PLANNED_RAD_S: f64 = 0.3;
+/// Time between two targets: shorter ones would not make the arm any faster (§2.5).
+const TARGET_SECS: f64 = 0.005;
+/// A target repeated after a longer pause than this still may not leap.
+const LONGEST_SECS: f64 = 0.02;
+/// The first target may be so far from the arm: reports are up to 10 ms old, and it may still brake.
+const FIRST_RAD: f64 = 0.1;
+/// Set-points per second.
+const SETPOINT_SECS: f64 = 0.005;
+
+/// A set-point as differences tell it: position, and once there were enough of them, speed and acceleration.
+#[derive(Clone, Copy, Default)]
+struct Past {
+    position: Option<f64>,
+    speed: Option<f64>,
+    acceleration: Option<f64>,
+}
+
+/// What was sent so far, as far as it matters for what comes next.
+pub struct Judge {
+    /// Limits of the driven joints.
+    limits: [AxisLimits; 13],
+    /// The last torques that each finger was sent.
+    torques: [[i16; 4]; 4],
+    /// Bytes to the arm that are not a whole request yet.
+    partial: Vec<u8>,
+    /// Register and first parameter of the last request that changes what the arm does.
+    last_order: Option<(u8, u8)>,
+    target: Option<(Duration, [f64; 7])>,
+    past: [Past; 13],
+    /// Whether the arm is told where to be by the set-point of the rail.
+    rail_moves: bool,
+    /// Sent since the last [`settled`](Self::settled).
+    drove: bool,
+    moved: bool,
+    ordered: Option<u8>,
+    /// What the controller was then.
+    idle: bool,
+    starting: bool,
+    /// Where the arm really is; without it first targets are not judged.
+    pub arm: Option<[f64; 7]>,
+    pub frames: u64,
+    pub targets: u64,
+    pub set_points: u64,
+}
+
+impl Judge {
+    pub fn new(rig: &RigConfig) -> Self {
+        let axes = rig.axes();
+        Self {
+            limits: std::array::from_fn(|joint| if joint == 12 { axes[16] } else { axes[joint] }),
+            torques: [[0; 4]; 4],
+            partial: Vec::new(),
+            last_order: None,
+            target: None,
+            past: [Past::default(); 13],
+            rail_moves: false,
+            drove: false,
+            moved: false,
+            ordered: None,
+            idle: true,
+            starting: false,
+            arm: None,
+            frames: 0,
+            targets: 0,
+            set_points: 0,
+        }
+    }
+
+    /// A frame goes to the hand (§1.2, device 0).
+    pub fn frame(&mut self, frame: &CanFrame) {
+        self.frames += 1;
+        let (id, data) = (frame.id(), frame.payload());
+        if frame.is_remote() {
+            let asked = [0x200, 0x220, 0x0E0, 0x0E4, 0x0E8, 0x0EC];
+            assert!(asked.contains(&id) && data.is_empty(), "asked for {frame:?}");
+            return;
+        }
+        match id {
+            0x100 => {
+                assert!(data.is_empty(), "{frame:?}");
+                self.drove = true;
+            }
+            0x104 => assert!(data.is_empty(), "{frame:?}"),
+            0x204 => assert!(data.len() == 6 || data.len() == 8, "{frame:?}"),
+            0x180 | 0x184 | 0x188 | 0x18C => {
+                assert_eq!(data.len(), 8, "{frame:?}");
+                let finger = usize::from(id - 0x180) / 4;
+                let limits = if finger == 3 { THUMB_PWM } else { FINGER_PWM };
+                for joint in 0..4 {
+                    let pwm = i16::from_le_bytes([data[2 * joint], data[2 * joint + 1]]);
+                    assert!(pwm.unsigned_abs() <= limits[joint].unsigned_abs(), "{frame:?}");
+                    self.torques[finger][joint] = pwm;
+                    self.drove |= pwm != 0;
+                }
+            }
+            _ => panic!("nothing of ours has this identifier: {frame:?}"),
+        }
+    }
+
+    /// Bytes go to the arm (§2.2).
+    pub fn arm_bytes(&mut self, now: Duration, bytes: &[u8]) {
+        self.partial.extend_from_slice(bytes);
+        while self.partial.len() >= 6 {
+            let word = |at: usize| u16::from_be_bytes([self.partial[at], self.partial[at + 1]]);
+            let (transaction, protocol, length) = (word(0), word(2), usize::from(word(4)));
+            assert!(transaction >= 1 && (2..=3).contains(&protocol) && (1..=64).contains(&length));
+            if self.partial.len() < 6 + length {
+                return;
+            }
+            let request: Vec<u8> = self.partial.drain(..6 + length).skip(6).collect();
+            self.request(now, request[0], &request[1..]);
+        }
+    }
+
+    fn request(&mut self, now: Duration, register: u8, params: &[u8]) {
+        let first = params.first().copied().unwrap_or(0);
+        let floats: Vec<f64> =
+            params.as_chunks::<4>().0.iter().map(|bytes| f64::from(f32::from_le_bytes(*bytes))).collect();
+        match register {
+            // Questions: version, serial number, state, errors.
+            1 | 2 | 13 | 15 => return assert!(params.is_empty()),
+            16 | 17 => assert!(params.is_empty()),
+            11 => assert_eq!(params, [8, 1]),
+            12 => assert!(params == [0] || params == [4], "{params:?}"),
+            19 => assert!(first <= 2 && params.len() <= 2, "{params:?}"),
+            37 => assert!((1..=5).contains(&first), "{params:?}"),
+            36 => {
+                assert!(params.len() == 16 && (0.0..=3.5).contains(&floats[0]), "{floats:?}");
+                assert!(floats[1..].iter().all(|centre| centre.abs() <= 500.0), "{floats:?}");
+            }
+            23 => {
+                assert_eq!(params.len(), 40);
+                within_range(&floats);
+                assert!((1e-3..=PLANNED_RAD_S + 1e-6).contains(&floats[7]), "speed {}", floats[7]);
+                assert!((1e-3..=20.0).contains(&floats[8]), "acceleration {}", floats[8]);
+            }
+            29 => {
+                assert_eq!(params.len(), 40);
+                within_range(&floats);
+                self.servo(now, std::array::from_fn(|joint| floats[joint]));
+            }
+            _ => panic!("nothing of ours uses register {register}: {params:?}"),
+        }
+        if register != 29 {
+            self.target = None;
+        }
+        // After a change of mode, the set-point of the rail begins anew where the arm then is.
+        self.rail_moves = register == 29 || self.rail_moves && register != 19;
+        self.last_order = Some((register, first));
+        self.moved |= register == 23 || register == 29;
+        if (register, first) != (12, 4) {
+            self.ordered = Some(register);
+        }
+    }
+
+    fn servo(&mut self, now: Duration, joints: [f64; 7]) {
+        self.targets += 1;
+        let far = |other: &[f64; 7]| joints.iter().zip(other).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+        if let Some((at, before)) = self.target {
+            let secs = (now - at).as_secs_f64().clamp(TARGET_SECS, LONGEST_SECS);
+            // What a 32-bit float rounds off.
+            let rounding = 1e-5;
+            assert!(far(&before) <= JOINT_RAD_S * secs + rounding, "{} rad in {secs} s", far(&before));
+            let way_m = (forward(&joints).position_m - forward(&before).position_m).norm();
+            assert!(way_m <= FLANGE_M_S * secs + rounding, "{way_m} m in {secs} s");
+        } else if let Some(arm) = &self.arm {
+            assert!(far(arm) <= FIRST_RAD, "the first target is {} rad away", far(arm));
+        }
+        self.target = Some((now, joints));
+    }
+
+    /// What the controller says that it did.
+    pub fn record(&mut self, record: &Record) {
+        match record {
+            Record::Note { kind: "phase", text, .. } if text == "starting" => {
+                self.past = [Past::default(); 13]
+            }
+            Record::SetPoint { sent, .. } => self.set_point(sent),
+            _ => {}
+        }
+    }
+
+    fn set_point(&mut self, sent: &[f64; 13]) {
+        self.set_points += 1;
+        for (joint, ((limits, past), &position)) in
+            self.limits.iter().zip(&mut self.past).zip(sent).enumerate()
+        {
+            let [low, high] = limits.position;
+            let slack = 1e-8 * (high - low);
+            assert!((low - slack..=high + slack).contains(&position), "joint {joint} at {position}");
+            // Differences of rounded numbers, taken three times.
+            let holds =
+                |value: f64, limit: f64, rounding: f64| value.abs() <= limit * (1.0 + 1e-6) + rounding;
+            let change = |now: Option<f64>, before: Option<f64>| Some((now? - before?) / SETPOINT_SECS);
+            let speed = change(Some(position), past.position);
+            let acceleration = change(speed, past.speed);
+            let jerk = change(acceleration, past.acceleration);
+            let kept = speed.is_none_or(|speed| holds(speed, limits.velocity, 1e-9))
+                && acceleration.is_none_or(|acceleration| holds(acceleration, limits.acceleration, 1e-7))
+                && jerk.is_none_or(|jerk| holds(jerk, limits.jerk, 1e-4));
+            assert!(kept, "joint {joint}: speed {speed:?}, acceleration {acceleration:?}, jerk {jerk:?}");
+            *past = Past { position: Some(position), speed, acceleration };
+        }
+        if !self.rail_moves {
+            self.past[12] = Past::default();
+        }
+    }
+
+    /// The controller has done what it does at a time, and is in this phase.
+    pub fn settled(&mut self, phase: Phase) {
+        let idle = matches!(phase, Phase::Off | Phase::Stopped | Phase::Fault);
+        if idle {
+            assert_eq!(self.torques, [[0; 4]; 4], "the last torque stands while it is {}", phase.name());
+            assert!(
+                matches!(self.last_order, None | Some((12, 4))),
+                "{:?} stands while it is {}",
+                self.last_order,
+                phase.name()
+            );
+            if self.idle {
+                assert!(!self.drove, "the hand was driven while it was {}", phase.name());
+                assert_eq!(self.ordered, None, "the arm was ordered while it was {}", phase.name());
+            }
+        }
+        if phase == Phase::Starting {
+            assert_eq!(self.torques, [[0; 4]; 4], "torque while starting");
+            assert!(!self.starting || !self.moved, "the arm is moved while starting");
+        }
+        (self.idle, self.starting) = (idle, phase == Phase::Starting);
+        (self.drove, self.moved, self.ordered) = (false, false, None);
+    }
+}
+
+fn within_range(floats: &[f64]) {
+    for (angle, range) in floats.iter().zip(ARM_DEG) {
+        let [low, high] = range.map(f64::to_radians);
+        assert!((low - 1e-4..=high + 1e-4).contains(angle), "{floats:?}");
+    }
+}
