@@ -38,7 +38,7 @@ fn clamps_cover_every_difference_between_asked_and_sent() {
 #[test]
 fn nothing_is_asked_of_a_rail_that_is_not_there() {
     let mut bench = Bench::new();
-    bench.devices.arm.place([0.0, 0.17, 0.0, 1.87, 3.14, -0.19, -3.92]);
+    bench.devices.arm.place([0.0, 0.17, 0.0, 1.87, 3.1, -0.19, -3.92]);
     bench.start();
     bench.until(Phase::Holding, 3000);
     let mut goal = [0.1; 13];
