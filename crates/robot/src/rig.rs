@@ -144,7 +144,7 @@ impl LimitsConfig {
             ("rail_velocity", self.rail_velocity, 1.0),
             // 1145 °/s² is 7.8 m/s² where joint 4 turns most for it; in servo mode the controller does not look.
             ("rail_acceleration", self.rail_acceleration, 14.0),
-            // The whole of that, either way, within one set-point.
+            // Nearly all of that, from one way to the other, within one set-point.
             ("rail_jerk", self.rail_jerk, 5000.0),
             ("start_finger_rad", self.start_finger_rad, 0.5),
             ("start_rail_m", self.start_rail_m, 0.05),

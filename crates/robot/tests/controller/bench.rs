@@ -105,12 +105,17 @@ pub struct Bench {
 impl Bench {
     /// Nothing is started; the arm stands in the middle of the keyboard, the fingers are straight.
     pub fn new() -> Self {
+        Self::with(&rig())
+    }
+
+    /// The same with another rig.
+    pub fn with(rig: &RigConfig) -> Self {
         let mut arm = ArmEmulator::new(xarm::EmulatorConfig::default());
         let path = path();
         arm.place(*path.middle());
         let client = arm.connect();
         let devices = Devices {
-            hand: HandEmulator::new(&allegro::EmulatorConfig { side: rig().hand.side, ..Default::default() }),
+            hand: HandEmulator::new(&allegro::EmulatorConfig { side: rig.hand.side, ..Default::default() }),
             joints: FreeHand::default(),
             led: [None; JOINTS],
             arm,
@@ -122,7 +127,7 @@ impl Bench {
             can_cut: false,
             arm_cut: false,
         };
-        Self { robot: Robot::new(&rig(), path).unwrap(), devices, records: Vec::new() }
+        Self { robot: Robot::new(rig, path).unwrap(), devices, records: Vec::new() }
     }
 
     pub fn holding() -> Self {
