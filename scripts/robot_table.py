@@ -33,7 +33,7 @@ def main():
         for mode in MODES:
             report = etude(
                 "perform", "--song", song, "--mode", mode, "--robot", "twin", "--truth", options.truth,
-                "--runs", options.runs, "--out", f"out/robot-table/{song}-{mode}", "--json",
+                "--policy", f"policies/{song}.safetensors", "--runs", options.runs, "--out", f"out/robot-table/{options.truth}/{song}-{mode}", "--json",
             )
             cells.append(f"{report['robot_f1']:.3f} ± {report['robot_f1_std']:.3f}")
             columns[mode].append(report["robot_f1"])
