@@ -21,7 +21,7 @@ pub use play::{Files, PlayError, Report, perform};
 pub use player::{Player, load_player, shipped_policies};
 pub use record::record_robot;
 pub use rig::{
-    RigChoice, StandError, TWIN, claim, load_calibration, rig_choice, stage_side, try_path, unix_secs,
+    RigChoice, StandError, TWIN, claim, load_calibration, rig_choice, start_pose, try_path, unix_secs,
 };
 pub use robot::{RobotPlay, RobotReport, RobotRun, RunFiles, play_on_robot};
 pub use run::{Run, RunError, find_song};

@@ -7,10 +7,10 @@ use std::time::Duration;
 use etude_music::CONTROL_HZ;
 use etude_perform::{Header, RecordingWriter, RobotRecords, Timing, prepare};
 use etude_robot::{Pace as _, Phase};
-use etude_stage::{JOINT_NAMES, PhysicalParams, StageConfig, World};
+use etude_stage::JOINT_NAMES;
 
 use crate::play::PlayError;
-use crate::rig::RigChoice;
+use crate::rig::{RigChoice, start_pose};
 use crate::stand::Stand;
 
 /// Time between two looks at the records.
@@ -28,17 +28,15 @@ pub fn record_robot(
     path: &Path,
     interrupt: &AtomicBool,
 ) -> Result<u64, PlayError> {
-    let side = rig.side()?;
+    let side = rig.side();
     let header = Header {
         player: "nobody".to_string(),
-        rig: rig.name()?,
+        rig: rig.name().to_string(),
         control_hz: CONTROL_HZ,
         joints: JOINT_NAMES.map(str::to_string).to_vec(),
         ..Header::default()
     };
-    let stage = StageConfig { side, ..StageConfig::default() };
-    let pose =
-        World::new(&stage, &PhysicalParams::default()).map_err(etude_task::TaskError::from)?.start_pose();
+    let pose = start_pose(side).map_err(etude_task::TaskError::from)?;
     let mut stand = rig.open(side, 0)?;
     let mut writer = RecordingWriter::create(path, &header)?;
     let Stand { robot, pace } = &mut stand;

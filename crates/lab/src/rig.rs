@@ -11,8 +11,8 @@ use etude_robot::rig::{RigConfig, RigError};
 use etude_robot::wires::OpenWires;
 use etude_robot::xarm::kinematics::PAPER_HOME_DEG;
 use etude_robot::{Robot, RobotError};
-use etude_stage::Side;
-use etude_twin::{Lockstep, Truth, Twin, TwinError, calibration};
+use etude_stage::{JOINTS, PhysicalParams, Side, StageConfig, StageError, World};
+use etude_twin::{Lockstep, Truth, Twin, TwinError, calibration, stage_side};
 
 /// Name of the twin on the command line and in recordings.
 pub const TWIN: &str = "twin";
@@ -26,6 +26,8 @@ pub enum RigChoice {
     File {
         /// The file.
         path: PathBuf,
+        /// What it says.
+        rig: Box<RigConfig>,
         /// The `etude` program, which is started once more as the guard of the robot.
         guard: PathBuf,
     },
@@ -69,14 +71,24 @@ pub enum StandError {
 
 impl RigChoice {
     /// The rig's name.
-    ///
-    /// # Errors
-    /// If its file cannot be read.
-    pub fn name(&self) -> Result<String, StandError> {
+    pub fn name(&self) -> &str {
         match self {
-            Self::Twin(_) => Ok(TWIN.to_string()),
-            Self::File { path, .. } => Ok(RigConfig::load(path)?.name),
+            Self::Twin(_) => TWIN,
+            Self::File { rig, .. } => &rig.name,
         }
+    }
+
+    /// The hand that it has.
+    pub fn side(&self) -> Side {
+        match self {
+            Self::Twin(_) => Side::default(),
+            Self::File { rig, .. } => stage_side(rig.hand.side),
+        }
+    }
+
+    /// Whether it may be brought to the keyboard without asking: nobody stands beside a twin.
+    pub fn is_twin(&self) -> bool {
+        matches!(self, Self::Twin(_))
     }
 
     /// Sets the robot up. Nothing moves yet. `seed` is added to that of the twin's truth; `side` is the hand that the
@@ -94,13 +106,12 @@ impl RigChoice {
                 let robot = controller(&rig, &calibration(TWIN))?;
                 Ok(Stand { robot, pace: StandPace::Lockstep(Box::new(lockstep)) })
             }
-            Self::File { path, guard } => {
-                let rig = RigConfig::load(path)?;
+            Self::File { path, rig, guard } => {
                 if rig.hand.side != wanted {
                     return Err(StandError::Side { policy: side, rig: rig.hand.side });
                 }
-                let place = load_calibration(&rig)?;
-                let robot = controller(&rig, &place)?;
+                let place = load_calibration(rig)?;
+                let robot = controller(rig, &place)?;
                 let claim = claim(path)?;
                 let wires = OpenWires::open(&rig.wires)?;
                 let guard = Guard::start(guard, path).map_err(StandError::Guard)?;
@@ -139,14 +150,6 @@ pub fn unix_secs() -> u64 {
     SystemTime::now().duration_since(UNIX_EPOCH).map_or(0, |since| since.as_secs())
 }
 
-/// The simulator's word for a hand.
-pub fn stage_side(side: HandSide) -> Side {
-    match side {
-        HandSide::Left => Side::Left,
-        HandSide::Right => Side::Right,
-    }
-}
-
 fn hand_side(side: Side) -> HandSide {
     match side {
         Side::Left => HandSide::Left,
@@ -157,13 +160,23 @@ fn hand_side(side: Side) -> HandSide {
 /// The rig that is meant by `--robot`: `twin`, or a file.
 ///
 /// # Errors
-/// If the truth of the twin is not sound, or this program does not know where it lies.
+/// If the truth of the twin or the rig's file is not sound, or this program does not know where it lies.
 pub fn rig_choice(robot: &str, truth: &str) -> Result<RigChoice, StandError> {
     if robot == TWIN {
         return Ok(RigChoice::Twin(Box::new(Truth::load(truth).map_err(TwinError::from)?)));
     }
     let guard = std::env::current_exe().map_err(StandError::Guard)?;
-    Ok(RigChoice::File { path: Path::new(robot).to_path_buf(), guard })
+    let path = Path::new(robot).to_path_buf();
+    Ok(RigChoice::File { rig: Box::new(RigConfig::load(&path)?), path, guard })
+}
+
+/// The pose in which every song begins, in the nominal world: rad, the rail in m.
+///
+/// # Errors
+/// If the world cannot be built.
+pub fn start_pose(side: Side) -> Result<[f64; JOINTS], StageError> {
+    let stage = StageConfig { side, ..StageConfig::default() };
+    Ok(World::new(&stage, &PhysicalParams::default())?.start_pose())
 }
 
 /// Tries whether the arm reaches the whole keyboard by this calibration, starting from where it is.
@@ -172,22 +185,4 @@ pub fn rig_choice(robot: &str, truth: &str) -> Result<RigChoice, StandError> {
 /// If it does not, or the points do not lie as the keys do.
 pub fn try_path(rig: &RigConfig, place: &Calibration, near: &[f64; 7]) -> Result<(), CalibrationError> {
     RailPath::new(place, rig.limits.rail_range_m, near).map(|_| ())
-}
-
-impl RigChoice {
-    /// The hand that it has.
-    ///
-    /// # Errors
-    /// If its file cannot be read.
-    pub fn side(&self) -> Result<Side, StandError> {
-        match self {
-            Self::Twin(_) => Ok(Side::default()),
-            Self::File { path, .. } => Ok(stage_side(RigConfig::load(path)?.hand.side)),
-        }
-    }
-
-    /// Whether it may be brought to the keyboard without asking: nobody stands beside a twin.
-    pub fn is_twin(&self) -> bool {
-        matches!(self, Self::Twin(_))
-    }
 }

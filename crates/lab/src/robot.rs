@@ -137,7 +137,7 @@ pub fn play_on_robot(
     let header = Header {
         song: piece.title().to_string(),
         player: name.clone(),
-        rig: rig.name()?,
+        rig: rig.name().to_string(),
         control_hz: CONTROL_HZ,
         joints: JOINT_NAMES.map(str::to_string).to_vec(),
         due: piece.frames().iter().map(|keys| keys.pitches().collect()).collect(),

@@ -16,4 +16,4 @@ mod twin;
 pub use lockstep::Lockstep;
 pub use server::{ServeError, TwinServer};
 pub use truth::{Truth, TruthError};
-pub use twin::{ARM_SERIAL, SHOWN_KEYS, STEP, Twin, TwinError, calibration};
+pub use twin::{ARM_SERIAL, SHOWN_KEYS, STEP, Twin, TwinError, calibration, stage_side};

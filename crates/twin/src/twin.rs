@@ -214,7 +214,8 @@ pub fn calibration(rig: &str) -> Calibration {
 /// Serial number of the emulated arm.
 pub const ARM_SERIAL: &str = "XS130424A01A08";
 
-fn stage_side(side: HandSide) -> Side {
+/// The simulator's word for a hand.
+pub fn stage_side(side: HandSide) -> Side {
     match side {
         HandSide::Left => Side::Left,
         HandSide::Right => Side::Right,

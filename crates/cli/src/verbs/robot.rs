@@ -8,7 +8,9 @@ use std::sync::mpsc::{TryRecvError, channel};
 use std::time::{Duration, Instant};
 
 use anyhow::Context as _;
-use etude_lab::{READY, RigChoice, Stand, claim, rig_choice, stand_guard, tell_to_stop, unix_secs};
+use etude_lab::{
+    READY, RigChoice, Stand, claim, rig_choice, stand_guard, start_pose, tell_to_stop, unix_secs,
+};
 use etude_perform::prepare;
 use etude_robot::Pace as _;
 use etude_robot::calibration::{Calibration, CalibrationError, Point};
@@ -17,7 +19,6 @@ use etude_robot::monitor::Monitor;
 use etude_robot::rig::RigConfig;
 use etude_robot::stop::stop;
 use etude_stage::geometry::key_lateral;
-use etude_stage::{PhysicalParams, StageConfig, World};
 use etude_twin::SHOWN_KEYS;
 use serde_json::json;
 use signal_hook::consts::{SIGHUP, SIGINT, SIGPIPE, SIGTERM};
@@ -128,7 +129,7 @@ fn file(robot: &str) -> anyhow::Result<RigConfig> {
 }
 
 fn open(choice: &RigChoice) -> anyhow::Result<Stand> {
-    Ok(choice.open(choice.side()?, 0)?)
+    Ok(choice.open(choice.side(), 0)?)
 }
 
 fn check(rig: &Rig) -> anyhow::Result<Ending> {
@@ -190,8 +191,7 @@ fn check(rig: &Rig) -> anyhow::Result<Ending> {
 fn home(rig: &Rig) -> anyhow::Result<Ending> {
     let choice = rig_choice(&rig.robot, "standard")?;
     let interrupt = stop_flag()?;
-    let stage = StageConfig { side: choice.side()?, ..StageConfig::default() };
-    let pose = World::new(&stage, &PhysicalParams::default())?.start_pose();
+    let pose = start_pose(choice.side())?;
     let mut stand = open(&choice)?;
     let Stand { robot, pace } = &mut stand;
     prepare(robot, pace, Some(&pose), None, &interrupt)?;
