@@ -68,6 +68,23 @@ def main(ports):
     check("payload", arm.set_tcp_load(1.091, [-9.72, 18.38, 157.69], wait=True) == 0)
     check("payload reported", wait(lambda: near(arm.tcp_load[1], [-9.72, 18.38, 157.69], 0.01)), arm.tcp_load)
 
+    # Limits of planned moves, in mm and degrees, and what the reports make of them.
+    codes = [arm.set_tcp_jerk(3000), arm.set_tcp_maxacc(4000), arm.set_joint_jerk(2000), arm.set_joint_maxacc(700)]
+    check("limits set", codes == [0] * 4, codes)
+    told = lambda: [arm.tcp_jerk, *arm.tcp_acc_limit, arm.joint_jerk, *arm.joint_acc_limit]
+    check("limits reported", wait(lambda: near(told(), [3000, 0, 4000, 2000, 0, 700], 0.1)), told())
+    arm.set_joint_maxacc(1145)
+    arm.set_tcp_maxacc(50000)
+
+    # The safety box: highest and lowest x, y, z in mm.
+    box = [700, 200, 450, -460, 800, 100]
+    check("box", arm.set_reduced_tcp_boundary(box) == 0)
+    code, states = arm.get_reduced_states()
+    check("box read", code == 0 and states[1] == box and states[5] == 0, states)
+    arm.set_fence_mode(True)
+    code, states = arm.get_reduced_states()
+    check("box watched", code == 0 and states[5] == 1 and near(states[4][2:4], [-118, 120], 0.01), states)
+
     # Planned moves, waited for by the frames that tell of their end.
     there = [20, 0, 10, 90, 170, 0, -200]
     check("planned move", arm.set_servo_angle(angle=there, speed=60, mvacc=500, wait=True, timeout=30) == 0)
@@ -83,6 +100,16 @@ def main(ports):
     check("line", arm.set_position(*line, speed=200, mvacc=2000, wait=True, timeout=30) == 0)
     check("line's end", near(arm.get_position()[1], line, 0.02), arm.get_position())
     check("home again", arm.set_servo_angle(angle=HOME, speed=60, mvacc=500, wait=True, timeout=30) == 0)
+
+    # Out of the box, which stops it; then without one.
+    outside = [80, *HOME[1:]]
+    arm.set_servo_angle(angle=outside, speed=60, mvacc=500, wait=False)
+    check("box left", wait(lambda: arm.error_code == 35 and arm.state == 4), arm.error_code, arm.state)
+    check("stopped at its side", wait(lambda: 450 <= arm.get_position()[1][1] < 480), arm.get_position())
+    arm.set_fence_mode(False)
+    begin(0)
+    check("without a box", wait(lambda: arm.error_code == 0), arm.error_code)
+    check("back home", arm.set_servo_angle(angle=HOME, speed=60, mvacc=500, wait=True, timeout=30) == 0)
 
     # The paper's way: a stream of targets.
     begin(1)

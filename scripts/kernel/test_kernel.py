@@ -20,7 +20,7 @@ INIT = ROOT / "scripts" / "kernel" / "init"
 MODULES = [
     "vcan", "can-raw", "configfs", "snd-seq", "snd-seq-midi", "snd-usb-audio", "dummy_hcd", "libcomposite", "usb_f_midi",
 ]
-EXPECTED = ["can-errors", "can-frames", "can-hand", "can-stop", "can-down"]
+EXPECTED = ["can-errors", "can-frames", "can-hand", "can-stop", "can-off", "can-down"]
 EXPECTED_EACH_WAY = ["keyboard-{}", "keyboard-{}-replug", "keyboard-{}-sensing"]
 TIMEOUT_SECS = 300
 

@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use etude_robot::wires::{OpenWires, Wires};
+use etude_robot::xarm::codec::STOPPED;
 use etude_robot::{Pace, Phase, RealTime, Robot};
 use etude_twin::Lockstep;
 
@@ -14,8 +15,6 @@ use crate::guard::Guard;
 const BEAT_PERIOD: Duration = Duration::from_millis(50);
 /// Time within which the arm must confirm that it stands still.
 const CONFIRM: Duration = Duration::from_secs(1);
-/// State of an arm that stands still and takes no motion (fact sheet "hardware" §2.4).
-const ARM_STOPPED: u8 = 4;
 
 /// A robot with its controller.
 pub struct Stand {
@@ -58,7 +57,7 @@ impl Stand {
             let now = self.pace.now();
             self.pace.run_until(&mut self.robot, now + Duration::from_millis(10));
             let told = self.robot.arm().joints_at().is_some_and(|at| at > begun);
-            if told && self.robot.arm().report().is_some_and(|report| report.state == ARM_STOPPED) {
+            if told && self.robot.arm().report().is_some_and(|report| report.state == STOPPED) {
                 return Ok(());
             }
             if self.pace.now() > begun + CONFIRM {

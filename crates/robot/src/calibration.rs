@@ -295,6 +295,12 @@ impl RailPath {
         Pose { position_m: from.1 + (to.1 - from.1) * share, ..self.orientation }
     }
 
+    /// Places on the rail (m), ends of `range` included, between which the way along it is straight.
+    pub fn bends(&self, [low, high]: [f64; 2]) -> [f64; 3] {
+        let [_, (middle, _), _] = self.points;
+        [low, middle.max(low).min(high), high]
+    }
+
     /// Joints (rad) that bring the hand to a place on the rail, on the way from joints `near` it.
     ///
     /// # Errors

@@ -1,9 +1,9 @@
 //! The wires of a robot, as its controller sees them: frames and bytes that have come, and frames and bytes to send.
 
-use std::time::{Duration, Instant};
+use std::time::Instant;
 
 use crate::can::{self, CanError, CanFrame, CanTransport};
-use crate::keyboard::{self, MidiError, MidiSource};
+use crate::keyboard::{MidiError, MidiPort};
 use crate::rig::WiresConfig;
 use crate::robot::RobotError;
 use crate::xarm::{ArmConnection, ArmLinkError};
@@ -47,16 +47,12 @@ pub trait Wires {
     fn receive_midi(&mut self, bytes: &mut Vec<u8>) -> Result<(), MidiError>;
 }
 
-/// Time between two tries to find a keyboard again.
-const TRY_AGAIN: Duration = Duration::from_secs(1);
-
 /// The wires that a rig's file names.
 pub struct OpenWires {
     can: Box<dyn CanTransport>,
     arm: ArmConnection,
-    midi_spec: String,
-    midi: Option<Box<dyn MidiSource>>,
-    midi_tried: Instant,
+    midi: MidiPort,
+    opened: Instant,
 }
 
 impl OpenWires {
@@ -68,9 +64,8 @@ impl OpenWires {
         Ok(Self {
             can: can::open(&config.can)?,
             arm: ArmConnection::open(&config.arm)?,
-            midi: Some(keyboard::open(&config.midi)?),
-            midi_spec: config.midi.clone(),
-            midi_tried: Instant::now(),
+            midi: MidiPort::open(&config.midi)?,
+            opened: Instant::now(),
         })
     }
 }
@@ -96,14 +91,7 @@ impl Wires for OpenWires {
         self.arm.receive_reports(bytes)
     }
 
-    /// A keyboard that is gone is looked for again once a second.
     fn receive_midi(&mut self, bytes: &mut Vec<u8>) -> Result<(), MidiError> {
-        if self.midi.is_none() && self.midi_tried.elapsed() >= TRY_AGAIN {
-            self.midi_tried = Instant::now();
-            self.midi = keyboard::open(&self.midi_spec).ok();
-        }
-        let gone = || MidiError::Gone { spec: self.midi_spec.clone(), message: "not found again yet".into() };
-        let source = self.midi.as_mut().ok_or_else(gone)?;
-        source.receive(bytes).inspect_err(|_| self.midi = None)
+        self.midi.receive(self.opened.elapsed(), bytes)
     }
 }

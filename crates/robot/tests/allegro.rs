@@ -307,6 +307,42 @@ fn faults_while_starting() {
     }
 }
 
+/// Whatever frame of the start is lost, it is said again; nothing but zeros before the hand is ready.
+#[test]
+fn a_lost_frame_costs_no_start() {
+    for lost in [0x104, 0x180, 0x200, 0x204, 0x100] {
+        let mut bench = Bench::default();
+        let mut once = false;
+        // The first frame with this identifier once the hand has answered, or the first of all.
+        bench.heard = Box::new(move |now, frame| {
+            let late = matches!(lost, 0x100 | 0x204) && now < ms(40);
+            let this = frame.id() == lost && !once && !late;
+            once |= this;
+            !this
+        });
+        bench.start();
+        assert_eq!(bench.hand.state(), HandState::Ready, "{lost:#x}");
+        assert!(bench.now < ms(300), "{lost:#x}: {:?}", bench.now);
+    }
+    // A third of all frames both ways, for as long as the start takes.
+    let mut ready = 0;
+    for seed in 0..50 {
+        let mut bench = Bench::new(
+            &HandConfig { stale_after_secs: 0.1, ..HandConfig::default() },
+            &EmulatorConfig::default(),
+        );
+        let mut random = Pcg64::seed_from_u64(seed);
+        bench.heard = Box::new(move |_, _| random.random_bool(0.67));
+        bench.hand.start(bench.now);
+        while bench.hand.state() == HandState::Starting {
+            bench.step();
+            assert_eq!(bench.emulator.pwm(), [0; JOINTS]);
+        }
+        ready += u32::from(bench.hand.state() == HandState::Ready);
+    }
+    assert!(ready >= 49, "{ready} of 50");
+}
+
 #[test]
 fn a_watchdog_bit_left_over_from_before_is_no_fault() {
     let config = EmulatorConfig { fault_bits: StatusBits::HOST_TIMEOUT, ..EmulatorConfig::default() };

@@ -65,6 +65,56 @@ fn a_hub_brings_each_frame_to_all_others() {
 }
 
 #[test]
+fn a_hub_in_bus_off_is_what_a_kernel_shows() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("bus");
+    let mut hub = Hub::bind(&path).unwrap();
+    let [mut a, mut b] = [0; 2].map(|_| HubTransport::connect(&path).unwrap());
+    let mut bare = UnixStream::connect(&path).unwrap();
+    hub.turn();
+    a.send(frame(1, &[])).unwrap();
+    hub.turn();
+    hub.set_off(true);
+    a.send(frame(2, &[])).unwrap();
+    hub.turn();
+    // Somebody comes meanwhile, and whoever is there reads first what came before.
+    let mut late = HubTransport::connect(&path).unwrap();
+    hub.turn();
+    assert_eq!(next(&mut b, || _ = hub.turn()).unwrap(), frame(1, &[]));
+    for bus in [&mut a, &mut b, &mut late] {
+        let said = loop {
+            if let Err(error) = bus.receive() {
+                break error;
+            }
+            hub.turn();
+        };
+        assert!(matches!(said, CanError::Off { .. }), "{said}");
+        assert!(said.to_string().contains("`ip link set can0 down`"), "{said}");
+        assert!(matches!(bus.send(frame(3, &[])), Err(CanError::Off { .. })));
+    }
+    hub.set_off(false);
+    while a.receive().is_err() || b.receive().is_err() {
+        hub.turn();
+    }
+    a.send(frame(4, &[])).unwrap();
+    assert_eq!(next(&mut b, || _ = hub.turn()).unwrap(), frame(4, &[]), "and nothing from meanwhile");
+    // On the wire: Linux's struct can_frame of a data frame, an error of class 0x40, one of class 0x100.
+    let mut records = [0; 4 * 16];
+    bare.read_exact(&mut records).unwrap();
+    let words = records
+        .as_chunks::<16>()
+        .0
+        .iter()
+        .map(|record| (u32::from_le_bytes([record[0], record[1], record[2], record[3]]), record[4]));
+    assert_eq!(words.collect::<Vec<_>>(), [(1, 0), (0x2000_0040, 8), (0x2000_0100, 8), (4, 0)]);
+    // A client cannot say so: it has lost its place.
+    bare.write_all(&records[16..32]).unwrap();
+    let clients = hub.clients();
+    hub.turn();
+    assert_eq!((hub.clients(), a.receive().unwrap()), (clients - 1, None));
+}
+
+#[test]
 fn a_client_that_dies_or_talks_nonsense_harms_nobody() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("bus");

@@ -6,6 +6,8 @@
 //! on sockets, by the wall clock.
 
 mod drives;
+mod fault_kind;
+mod faults;
 mod keys;
 mod lockstep;
 mod numbers;
@@ -13,6 +15,8 @@ mod server;
 mod truth;
 mod twin;
 
+pub use fault_kind::{FaultError, FaultKind};
+pub use faults::OrderedFault;
 pub use lockstep::Lockstep;
 pub use server::{ServeError, TwinServer};
 pub use truth::{Truth, TruthError};

@@ -3,6 +3,7 @@
 
 use std::time::Duration;
 
+use etude_robot::allegro::{DeviceId, HandMessage};
 use etude_robot::can::{CanError, CanFrame};
 use etude_robot::faults::{FaultPlan, FaultPlanError, FaultyBytes, FaultyFrames};
 use etude_robot::keyboard::MidiError;
@@ -11,6 +12,8 @@ use etude_robot::xarm::report::ReportKind;
 use etude_robot::xarm::{ArmLinkError, ConnectionId};
 use etude_robot::{Pace, Robot};
 
+use crate::fault_kind::FaultKind;
+use crate::faults::Faults;
 use crate::numbers::LinksTruth;
 use crate::truth::TruthError;
 use crate::twin::{STEP, Twin, TwinError};
@@ -28,6 +31,7 @@ pub struct Lockstep {
 /// The wires between them, with their faults.
 struct Links {
     now: Duration,
+    faults: Faults,
     to_hand: FaultyFrames,
     from_hand: FaultyFrames,
     to_arm: FaultyBytes,
@@ -37,7 +41,7 @@ struct Links {
 }
 
 impl Links {
-    fn new(truth: &LinksTruth, seed: u64) -> Result<Self, FaultPlanError> {
+    fn new(truth: &LinksTruth, faults: Faults, seed: u64) -> Result<Self, FaultPlanError> {
         // Every link throws dice of its own.
         let plan = |plan: &FaultPlan, number: u64| FaultPlan {
             seed: plan.seed.wrapping_add(seed).wrapping_mul(8).wrapping_add(number),
@@ -45,6 +49,7 @@ impl Links {
         };
         Ok(Self {
             now: Duration::ZERO,
+            faults,
             to_hand: FaultyFrames::new(&plan(&truth.can, 0))?,
             from_hand: FaultyFrames::new(&plan(&truth.can, 1))?,
             to_arm: FaultyBytes::new(&plan(&truth.arm, 2))?,
@@ -62,8 +67,30 @@ impl Lockstep {
     /// If the faults of the links make no sense.
     pub fn new(mut twin: Twin) -> Result<Self, TwinError> {
         let client = twin.arm.connect();
-        let wires = Links::new(&twin.truth.numbers.links, twin.truth.run_seed()).map_err(TruthError::from)?;
+        let numbers = &twin.truth.numbers;
+        let wires = Links::new(&numbers.links, Faults::new(&numbers.faults), twin.truth.run_seed())
+            .map_err(TruthError::from)?;
         Ok(Self { twin, wires, client, frames: Vec::new(), bytes: Vec::new() })
+    }
+
+    /// Something goes wrong now, whatever the truth has ordered.
+    pub fn begin(&mut self, fault: FaultKind) {
+        self.wires.faults.begin(fault, &mut self.twin);
+    }
+
+    /// One fault like this is over.
+    pub fn end(&mut self, fault: FaultKind) {
+        self.wires.faults.end(fault, &mut self.twin);
+    }
+
+    /// Everything that has gone wrong so is over.
+    pub fn end_all(&mut self) {
+        self.wires.faults.end_all(&mut self.twin);
+    }
+
+    /// Whether something like this is wrong now.
+    pub(crate) fn has(&self, fault: FaultKind) -> bool {
+        self.wires.faults.has(fault)
     }
 
     /// One step of the twin without its controller: what has arrived reaches its devices, and what they say sets out.
@@ -71,6 +98,9 @@ impl Lockstep {
         let now = self.wires.now + STEP;
         self.bytes.clear();
         self.wires.to_arm.pop(now, &mut self.bytes);
+        if self.has(FaultKind::ArmDisconnect) {
+            self.bytes.clear();
+        }
         self.twin.arm.receive(now, self.client, &self.bytes);
         self.step_apart_from_the_arm();
         let (twin, wires, client) = (&mut self.twin, &mut self.wires, self.client);
@@ -83,16 +113,30 @@ impl Lockstep {
         let now = self.wires.now + STEP;
         self.wires.now = now;
         let (twin, wires) = (&mut self.twin, &mut self.wires);
+        wires.faults.advance(twin);
+        let silent = wires.faults.has(FaultKind::CanSilent) || wires.faults.has(FaultKind::CanBusOff);
         self.frames.clear();
         while let Some(frame) = wires.to_hand.pop(now) {
-            twin.hand.receive(now, &frame, &mut self.frames);
+            if !silent {
+                twin.hand.receive(now, &frame, &mut self.frames);
+            }
         }
         twin.step();
         twin.hand.tick(now, &mut self.frames);
         for frame in &self.frames {
-            wires.from_hand.push(now, *frame);
+            if !silent && !finger_of(frame).is_some_and(|finger| wires.faults.silences(finger)) {
+                wires.from_hand.push(now, *frame);
+            }
         }
         send(&mut wires.midi, now, &mut self.bytes, |out| twin.keyboard.poll(now, out));
+    }
+}
+
+/// The finger whose positions a frame of the hand has.
+fn finger_of(frame: &CanFrame) -> Option<usize> {
+    match HandMessage::decode(DeviceId::default(), frame) {
+        Ok(Some(HandMessage::Position { finger, .. })) => Some(finger.number()),
+        _ => None,
     }
 }
 
@@ -122,54 +166,79 @@ impl Pace for Lockstep {
     }
 }
 
+impl Links {
+    /// Whether the controller's end of the bus works, as SocketCAN would tell.
+    fn can_holds(&self, link: &FaultyFrames) -> Result<(), CanError> {
+        if self.faults.has(FaultKind::CanBusOff) {
+            return Err(CanError::off("twin", "can0"));
+        }
+        if link.is_connected(self.now) {
+            return Ok(());
+        }
+        Err(CanError::Broken { bus: "twin".into(), message: "the link is cut".into() })
+    }
+
+    fn arm_holds(&self, link: &FaultyBytes) -> Result<(), ArmLinkError> {
+        if link.is_connected(self.now) && !self.faults.has(FaultKind::ArmDisconnect) {
+            return Ok(());
+        }
+        let source = std::io::Error::new(std::io::ErrorKind::NotConnected, "the link is cut");
+        Err(ArmLinkError::Broken { doing: "talking to the twin", source })
+    }
+}
+
 impl Wires for Links {
     fn send_frame(&mut self, frame: CanFrame) -> Result<(), CanError> {
-        can_holds(&self.to_hand, self.now)?;
+        self.can_holds(&self.to_hand)?;
         self.to_hand.push(self.now, frame);
         Ok(())
     }
 
     fn next_frame(&mut self) -> Result<Option<CanFrame>, CanError> {
-        can_holds(&self.from_hand, self.now)?;
+        if self.faults.has(FaultKind::CanSilent) || self.faults.has(FaultKind::CanBusOff) {
+            // What was on its way is lost.
+            while self.from_hand.pop(self.now).is_some() {}
+        }
+        self.can_holds(&self.from_hand)?;
         Ok(self.from_hand.pop(self.now))
     }
 
     fn send_arm(&mut self, bytes: &[u8]) -> Result<(), ArmLinkError> {
-        arm_holds(&self.to_arm, self.now)?;
+        self.arm_holds(&self.to_arm)?;
         self.to_arm.push(self.now, bytes);
         Ok(())
     }
 
     fn receive_arm(&mut self, bytes: &mut Vec<u8>) -> Result<(), ArmLinkError> {
+        let held = self.arm_holds(&self.from_arm);
+        let had = bytes.len();
         self.from_arm.pop(self.now, bytes);
-        arm_holds(&self.from_arm, self.now)
+        if self.faults.has(FaultKind::ArmDisconnect) {
+            bytes.truncate(had);
+        }
+        held
     }
 
     fn receive_report(&mut self, bytes: &mut Vec<u8>) -> Result<(), ArmLinkError> {
+        let held = self.arm_holds(&self.reports);
+        let had = bytes.len();
         self.reports.pop(self.now, bytes);
-        arm_holds(&self.reports, self.now)
+        if self.faults.has(FaultKind::ArmDisconnect) {
+            bytes.truncate(had);
+        }
+        held
     }
 
     fn receive_midi(&mut self, bytes: &mut Vec<u8>) -> Result<(), MidiError> {
+        let had = bytes.len();
         self.midi.pop(self.now, bytes);
-        if self.midi.is_connected(self.now) {
+        let unplugged = self.faults.has(FaultKind::KeyboardUnplugged);
+        if unplugged || self.faults.has(FaultKind::KeyboardSilent) {
+            bytes.truncate(had);
+        }
+        if self.midi.is_connected(self.now) && !unplugged {
             return Ok(());
         }
-        Err(MidiError::Gone { spec: "twin".into(), message: "the link is cut".into() })
+        Err(MidiError::Gone { spec: "twin".into(), message: "its plug is out".into() })
     }
-}
-
-fn can_holds(link: &FaultyFrames, now: Duration) -> Result<(), CanError> {
-    if link.is_connected(now) {
-        return Ok(());
-    }
-    Err(CanError::Broken { bus: "twin".into(), message: "the link is cut".into() })
-}
-
-fn arm_holds(link: &FaultyBytes, now: Duration) -> Result<(), ArmLinkError> {
-    if link.is_connected(now) {
-        return Ok(());
-    }
-    let source = std::io::Error::new(std::io::ErrorKind::NotConnected, "the link is cut");
-    Err(ArmLinkError::Broken { doing: "talking to the twin", source })
 }

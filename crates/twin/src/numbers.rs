@@ -9,6 +9,7 @@ use etude_stage::params::World as Quantity;
 use etude_stage::{Cone, Integrator, KeyFactors, ModelOptions, ParamError, PhysicalParams};
 use serde::{Deserialize, Serialize};
 
+use crate::faults::OrderedFault;
 use crate::truth::TruthError;
 use crate::twin::STEP;
 
@@ -39,6 +40,9 @@ pub(crate) struct Numbers {
     pub(crate) keys: KeysTruth,
     /// What happens on the wires.
     pub(crate) links: LinksTruth,
+    /// What goes wrong, and when.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub(crate) faults: Vec<OrderedFault>,
 }
 
 /// The truth of a world beside its physical numbers.
@@ -227,7 +231,7 @@ impl Numbers {
                 return Err(TruthError::OutOfRange { name, value, low, high });
             }
         }
-        Ok(())
+        Ok(self.faults.iter().try_for_each(OrderedFault::check)?)
     }
 }
 

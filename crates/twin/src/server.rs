@@ -2,7 +2,8 @@
 //! it were a rig.
 //!
 //! In its folder lie the sockets of the hand's bus and of the keyboard, the rig's file and its calibration. The arm
-//! listens on free ports of this machine. Faults of the arm's link are for [`Lockstep`] only.
+//! listens on free ports of this machine. Faults of the arm's link (`[links.arm]`) are for [`Lockstep`] only; those that
+//! are ordered for a time (`[[faults]]`) happen here as there.
 
 use std::net::{IpAddr, Ipv4Addr};
 use std::path::{Path, PathBuf};
@@ -16,6 +17,7 @@ use etude_robot::keyboard::{MidiError, MidiOutlet};
 use etude_robot::rig::{RigConfig, WiresConfig};
 use etude_robot::xarm::{ArmPorts, ArmServer, Reach};
 
+use crate::fault_kind::FaultKind;
 use crate::lockstep::Lockstep;
 use crate::truth::Truth;
 use crate::twin::{STEP, Twin, TwinError, calibration};
@@ -58,7 +60,9 @@ pub struct TwinServer {
     hub: Hub,
     bus: HubTransport,
     arm: ArmServer,
-    midi: MidiOutlet,
+    /// Gone with its socket while the keyboard is unplugged.
+    midi: Option<MidiOutlet>,
+    midi_path: PathBuf,
     rig: PathBuf,
     bytes: Vec<u8>,
     lost: Duration,
@@ -102,7 +106,8 @@ impl TwinServer {
             hub,
             bus,
             arm,
-            midi: outlet,
+            midi: Some(outlet),
+            midi_path: midi,
             rig: rig_path,
             bytes: Vec::new(),
             lost: Duration::ZERO,
@@ -146,21 +151,38 @@ impl TwinServer {
 
     fn step(&mut self) -> Result<(), ServeError> {
         let now = self.lockstep.now();
+        self.hub.set_off(self.lockstep.has(FaultKind::CanBusOff));
         self.hub.turn();
-        while let Some(frame) = self.bus.receive()? {
-            self.lockstep.wires().send_frame(frame)?;
+        loop {
+            match self.bus.receive() {
+                // A link that is cut takes nothing.
+                Ok(Some(frame)) => drop(self.lockstep.wires().send_frame(frame)),
+                // The twin is at the other end of a bus whose controller is off.
+                Ok(None) | Err(CanError::Off { .. }) => break,
+                Err(error) => return Err(error.into()),
+            }
         }
-        self.arm.serve_once(now, &mut self.lockstep.twin.arm);
+        let gone = self.lockstep.has(FaultKind::ArmDisconnect);
+        let arm = &mut self.lockstep.twin.arm;
+        if gone {
+            self.arm.refuse_once(now, arm);
+        } else {
+            self.arm.serve_once(now, arm);
+        }
         self.lockstep.step_apart_from_the_arm();
         let wires = self.lockstep.wires();
         while let Ok(Some(frame)) = wires.next_frame() {
-            self.bus.send(frame)?;
+            match self.bus.send(frame) {
+                Ok(()) | Err(CanError::Off { .. }) => {}
+                Err(error) => return Err(error.into()),
+            }
         }
         self.hub.turn();
         self.bytes.clear();
-        match wires.receive_midi(&mut self.bytes) {
-            Ok(()) => self.midi.send(&self.bytes),
-            Err(_) => self.midi.disconnect(),
+        match (wires.receive_midi(&mut self.bytes), &mut self.midi) {
+            (Ok(()), Some(midi)) => midi.send(&self.bytes),
+            (Ok(()), None) => self.midi = Some(MidiOutlet::bind(&self.midi_path)?),
+            (Err(_), _) => self.midi = None,
         }
         Ok(())
     }

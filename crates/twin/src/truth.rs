@@ -9,6 +9,8 @@ use etude_robot::faults::FaultPlanError;
 use etude_robot::keyboard::KeyboardConfigError;
 use etude_stage::ParamError;
 
+use crate::fault_kind::FaultError;
+use crate::faults::OrderedFault;
 use crate::numbers::Numbers;
 
 /// The truth of one twin. Its numbers are for the twin alone:
@@ -66,6 +68,9 @@ pub enum TruthError {
     /// The faults of a link make no sense.
     #[error("the twin's links: {0}")]
     Link(#[from] FaultPlanError),
+    /// A fault cannot be ordered as it is.
+    #[error("the twin's faults: {0}")]
+    Fault(#[from] FaultError),
     /// The keyboard's settings make no sense.
     #[error("the twin's keyboard: {0}")]
     Keyboard(#[from] KeyboardConfigError),
@@ -119,6 +124,16 @@ impl Truth {
         let numbers: Numbers = table.try_into().map_err(|error| text(error.to_string()))?;
         numbers.check()?;
         Ok(Self { numbers, run: self.run })
+    }
+
+    /// The same truth with more faults.
+    ///
+    /// # Errors
+    /// If one of them cannot be.
+    pub fn with_faults(mut self, more: &[OrderedFault]) -> Result<Self, TruthError> {
+        more.iter().try_for_each(OrderedFault::check)?;
+        self.numbers.faults.extend_from_slice(more);
+        Ok(self)
     }
 
     /// Its name.
@@ -215,6 +230,10 @@ mod tests {
         assert!(refused("[world]\nkeyboard_yaw_rad = 0.1").contains("keyboard_yaw_rad"));
         assert!(refused("[hand]\nfull_torque_nm = [1, 1, -1, 1]").contains("full_torque_nm"));
         assert!(refused("[hand]\nfriction_at_rest = 0.5").contains("friction_at_rest"));
+        assert!(refused("[[faults]]\nkind = \"fire\"\nat_secs = 1").contains("can-bus-off, can-silent"));
+        assert!(refused("[[faults]]\nkind = \"estop\"\nat_secs = -1").contains("estop@-1"));
+        assert!(refused("[[faults]]\nkind = \"hand-off\"\nat_secs = 1\nfor_secs = 1").contains("moment"));
+        assert!(refused("[[faults]]\nkind = \"estop\"\nat_secs = 1\nuntil_secs = 1").contains("until_secs"));
         // The first contact must come before the second one of every key.
         assert!(refused("[keys]\nfirst_contact = 0.5").contains("first_contact"));
         assert!(refused("[keys]\nfirst_contact = 0.4\nthreshold_spread = 0.2").contains("first_contact"));

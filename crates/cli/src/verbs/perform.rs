@@ -2,9 +2,10 @@
 
 use std::path::PathBuf;
 
-use etude_lab::{RobotPlay, RobotReport, RobotRun, find_song, play_on_robot, rig_choice};
+use etude_lab::{RigChoice, RobotPlay, RobotReport, RobotRun, find_song, play_on_robot, rig_choice};
 use etude_music::sound::SoundFont;
 use etude_perform::Mode;
+use etude_twin::OrderedFault;
 
 use super::{PlayerArgs, json, line, note, slug};
 use crate::Ending;
@@ -39,6 +40,9 @@ pub struct Args {
     /// What is true of the twin: `standard`, `ideal`, `worn`, or a file
     #[arg(long, default_value = "standard", value_name = "NAME|FILE")]
     truth: String,
+    /// Something that goes wrong with the twin, as in `etude twin`; starting and homing take some ten seconds
+    #[arg(long = "fault", value_name = "KIND[=VALUE]@SECS[+SECS]")]
+    faults: Vec<OrderedFault>,
     /// Bring the robot slowly to the keyboard first; a twin always is. Stand clear
     #[arg(long)]
     home: bool,
@@ -67,7 +71,7 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
     song.check_range()?;
     let name = slug(&args.song);
     let mut player = args.player.load(&args.song, &song)?;
-    let rig = rig_choice(&args.robot, &args.truth)?;
+    let rig = with_faults(rig_choice(&args.robot, &args.truth)?, &args.faults)?;
     let font = args.soundfont.as_deref().map(SoundFont::load).transpose()?;
     let folder =
         args.out.clone().unwrap_or_else(|| PathBuf::from("out").join(format!("{name}-{}", args.mode)));
@@ -95,6 +99,19 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
         None => Ok(Ending::Done),
         Some("interrupted") => Ok(Ending::Stopped),
         Some(fault) => anyhow::bail!("the performance was cut short: {fault}"),
+    }
+}
+
+/// The same robot with these faults, which only a twin of this process can be ordered to have.
+fn with_faults(rig: RigChoice, faults: &[OrderedFault]) -> anyhow::Result<RigChoice> {
+    match rig {
+        RigChoice::Twin(truth) => Ok(RigChoice::Twin(Box::new(truth.with_faults(faults)?))),
+        RigChoice::File { .. } if !faults.is_empty() => {
+            anyhow::bail!(
+                "--fault is for --robot twin; a twin of another process gets it by `etude twin --fault`"
+            )
+        }
+        rig => Ok(rig),
     }
 }
 

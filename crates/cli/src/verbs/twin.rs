@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use etude_robot::rig::RigConfig;
 use etude_robot::xarm::ArmPorts;
-use etude_twin::{Truth, TwinServer};
+use etude_twin::{OrderedFault, Truth, TwinServer};
 use serde_json::json;
 
 use super::line;
@@ -18,14 +18,21 @@ The folder holds twin.toml, the rig's file for --robot, its calibration, and the
 keyboard. The arm listens on this machine only; with --arm-ports on the robot's own ports, so that the official SDK finds
 it at 127.0.0.1 (port 502 needs root). The twin runs until Ctrl-C.
 
+Faults happen at SECS after the twin was switched on, for good or for the seconds after the +. A truth's file orders the
+same by [[faults]], with kind, at_secs and for_secs.
+
 Examples:
   etude twin
+  etude twin --fault can-bus-off@30+2 --fault arm-error=31@60
   etude perform --song twinkle --robot out/twin/twin.toml --home
   etude robot monitor --robot out/twin/twin.toml")]
 pub struct Args {
     /// What is true of it: `standard`, `ideal`, `worn`, or a file
     #[arg(long, default_value = "standard", value_name = "NAME|FILE")]
     truth: String,
+    /// Something that goes wrong; repeatable. A wrong KIND lists them all
+    #[arg(long = "fault", value_name = "KIND[=VALUE]@SECS[+SECS]")]
+    faults: Vec<OrderedFault>,
     /// Where its files and sockets go
     #[arg(short = 'o', long = "out", default_value = "out/twin", value_name = "DIR")]
     out: PathBuf,
@@ -39,7 +46,7 @@ pub struct Args {
 
 /// Runs the verb.
 pub fn run(args: Args) -> anyhow::Result<Ending> {
-    let truth = Truth::load(&args.truth)?;
+    let truth = Truth::load(&args.truth)?.with_faults(&args.faults)?;
     let ports = if args.arm_ports { ArmPorts::default() } else { ArmPorts::FREE };
     let mut server = TwinServer::open(&truth, &RigConfig::default(), &args.out, ports)?;
     let stop = stop_flag()?;

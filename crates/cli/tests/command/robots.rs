@@ -60,6 +60,8 @@ fn mistakes_are_told_before_anything_moves() {
                position_mm = [485.0, 0.0, 170.0]\norientation_deg = [0.0, 0.0, 0.0]\nshown_unix_secs = 1\n";
     std::fs::write(desk.path("old.calibration.toml"), old).unwrap();
     std::fs::write(desk.path("old.toml"), "name = \"lab\"\n").unwrap();
+    let fenced = "name = \"lab\"\n[arm]\nfence_mm = [[300, 300], [-400, 400], [100, 700]]\n";
+    std::fs::write(desk.path("fenced.toml"), fenced).unwrap();
     for (args, said) in [
         ("perform --song short.mid --scripted --robot nowhere.toml", "nowhere.toml"),
         ("perform --song short.mid --scripted --robot bad.toml", "velocity limit -1"),
@@ -67,6 +69,10 @@ fn mistakes_are_told_before_anything_moves() {
         ("perform --song short.mid --scripted --robot old.toml", "days old"),
         ("perform --song short.mid --scripted --mode blind", "joint-mirroring, hybrid, real"),
         ("perform --song short.mid --scripted --truth no.toml", "built in are"),
+        ("perform --song short.mid --scripted --fault fire@1", "can-bus-off, can-silent"),
+        ("perform --song short.mid --scripted --robot fenced.toml", "fence_mm (highest x)"),
+        ("twin --fault estop", "KIND[=VALUE]@SECS[+SECS]"),
+        ("twin --fault hand-off@1+1", "is a moment"),
         ("robot stop --robot twin", "etude twin"),
         ("robot stop --robot lab.toml", "hardware stop"),
         ("record --robot twin -o r.mcap", "--secs"),
@@ -76,6 +82,25 @@ fn mistakes_are_told_before_anything_moves() {
         assert!(
             !output.status.success() && text.contains(said) && !text.contains("panicked"),
             "{args}: {text}"
+        );
+    }
+}
+
+/// What is ordered happens, is told, and is in the recording.
+#[test]
+fn an_ordered_fault_cuts_the_performance_short() {
+    let desk = Desk::new();
+    for (fault, said) in [("can-bus-off@10.5", "`ip link set can0 down`"), ("arm-error=31@10.5", "error 31")]
+    {
+        let play = format!("perform --song short.mid --scripted --robot twin --fault {fault} -o f");
+        let output = desk.command(&play).output().unwrap();
+        let text = errors(&output);
+        assert!(!output.status.success() && text.contains("cut short") && text.contains(said), "{text}");
+        let recording = Recording::read(&desk.path("f/run-1.mcap")).unwrap();
+        let note = recording.notes.iter().find(|(_, note)| note.kind == "fault");
+        assert!(
+            note.is_some_and(|(_, note)| note.text.contains(said) || note.text.contains("arm")),
+            "{note:?}"
         );
     }
 }

@@ -312,11 +312,8 @@ impl Hand {
             }
             Step::Ask => self.ask(now, out),
             Step::SwitchOn => {
-                let periods = Periods { position_ms: self.config.period_ms, ..Periods::default() };
-                self.push(HostMessage::Periods(periods), out);
-                // Before ON: the hand may remember a torque.
-                self.push_zero(out);
-                self.push(HostMessage::ServoOn, out);
+                self.push_periods(out);
+                self.push_on(out);
                 self.step = Step::Wait { since: now };
                 self.next_heartbeat = now;
                 self.ask(now, out);
@@ -326,6 +323,14 @@ impl Hand {
                 let believed = self.known.encoders.iter().all(|encoder| encoder.rad().is_some());
                 if moving && believed && self.known.servo_was_on && self.stale_finger(now).is_none() {
                     self.state = HandState::Ready;
+                } else if now >= self.next_heartbeat {
+                    // Frames may be lost, and saying it again does nothing to a hand that has heard (hardware §1.12).
+                    if !moving {
+                        self.push_periods(out);
+                    }
+                    if !self.known.servo_was_on {
+                        self.push_on(out);
+                    }
                 }
                 self.ask(now, out);
             }
@@ -400,6 +405,17 @@ impl Hand {
             self.push_zero(out);
         }
         self.push(HostMessage::ServoOff, out);
+    }
+
+    fn push_periods(&self, out: &mut Vec<CanFrame>) {
+        let periods = Periods { position_ms: self.config.period_ms, ..Periods::default() };
+        self.push(HostMessage::Periods(periods), out);
+    }
+
+    /// Zero torque goes before: the hand may remember another one.
+    fn push_on(&self, out: &mut Vec<CanFrame>) {
+        self.push_zero(out);
+        self.push(HostMessage::ServoOn, out);
     }
 
     fn push_zero(&self, out: &mut Vec<CanFrame>) {

@@ -79,6 +79,17 @@ pub enum CanError {
         /// Why, and what to do.
         message: String,
     },
+    /// Its controller has counted too many errors and has switched itself off: nothing is sent or heard until it is reset.
+    #[error(
+        "the CAN controller of {bus} is in bus-off, after too many errors: check the hand's supply, the cable, its \
+         terminator and the bit rate, then type {reset}, and start again"
+    )]
+    Off {
+        /// Which one.
+        bus: String,
+        /// What to type.
+        reset: String,
+    },
     /// It was there and is gone, or refuses frames.
     #[error("the CAN bus {bus} fails: {message}")]
     Broken {
@@ -87,6 +98,23 @@ pub enum CanError {
         /// Why.
         message: String,
     },
+}
+
+impl CanError {
+    /// A bus whose controller is in bus-off; `interface` is what an operator resets.
+    pub fn off(bus: &str, interface: &str) -> Self {
+        let reset = format!("`ip link set {interface} down` and `{}`", bring_up(interface));
+        Self::Off { bus: bus.to_owned(), reset }
+    }
+}
+
+/// What to type so that an interface is up.
+pub(super) fn bring_up(interface: &str) -> String {
+    if interface.starts_with("vcan") {
+        format!("ip link set {interface} up")
+    } else {
+        format!("ip link set {interface} up type can bitrate 1000000")
+    }
 }
 
 /// Carries frames. Neither call blocks.

@@ -1,9 +1,9 @@
 //! A bus between processes over a Unix socket, for the emulators and for machines without CAN.
 //!
 //! Each frame is a record of 16 bytes, laid out like Linux's `struct can_frame` with a little-endian
-//! identifier: identifier and flags (4), length (1), padding (3), data (8). A client whose records make no
-//! sense has lost its place in the stream and is dropped: a torque must never be read out of the middle of
-//! something else.
+//! identifier: identifier and flags (4), length (1), padding (3), data (8). As a kernel, a [`Hub`] tells of bus-off by
+//! error frames. A client whose records make no sense has lost its place in the stream and is dropped: a torque must
+//! never be read out of the middle of something else.
 
 use std::collections::VecDeque;
 use std::io;
@@ -17,6 +17,10 @@ use super::{CanError, CanFrame, CanTransport};
 
 const RECORD: usize = 16;
 const REMOTE_FLAG: u32 = 0x4000_0000;
+/// Of error frames, in whose identifier stands what has happened (Linux's `can/error.h`).
+const ERROR_FLAG: u32 = 0x2000_0000;
+const BUS_OFF: u32 = 0x40;
+const RESTARTED: u32 = 0x100;
 const MAX_CLIENTS: usize = 32;
 /// Frames that wait for a client that does not read; later ones are lost to it.
 const QUEUE: usize = 4096;
@@ -30,6 +34,30 @@ fn record_of(frame: &CanFrame) -> [u8; RECORD] {
     let [a, b, c, d] = (u32::from(frame.id()) | flag).to_le_bytes();
     let [d0, d1, d2, d3, d4, d5, d6, d7] = frame.data();
     [a, b, c, d, frame.payload().len() as u8, 0, 0, 0, d0, d1, d2, d3, d4, d5, d6, d7]
+}
+
+/// An error frame: eight bytes, of which nothing is used.
+fn error_of(what: u32) -> [u8; RECORD] {
+    let mut record = [0; RECORD];
+    record[..4].copy_from_slice(&(ERROR_FLAG | what).to_le_bytes());
+    record[4] = 8;
+    record
+}
+
+/// What a record says.
+enum Said {
+    Frame(CanFrame),
+    /// Whether the bus is in bus-off from now on.
+    Off(bool),
+}
+
+fn read_record(record: &[u8; RECORD]) -> Option<Said> {
+    let [a, b, c, d, ..] = record;
+    match u32::from_le_bytes([*a, *b, *c, *d]).checked_sub(ERROR_FLAG) {
+        Some(BUS_OFF) => Some(Said::Off(true)),
+        Some(RESTARTED) => Some(Said::Off(false)),
+        _ => frame_of(record).map(Said::Frame),
+    }
 }
 
 fn frame_of(record: &[u8; RECORD]) -> Option<CanFrame> {
@@ -55,8 +83,8 @@ impl Link {
         Ok(Self { stream, partial: Vec::with_capacity(RECORD), outbox: Outbox::new(QUEUE * RECORD) })
     }
 
-    /// Appends the frames that have arrived; `false` if the other end is gone or talks nonsense.
-    fn read(&mut self, frames: &mut impl Extend<CanFrame>) -> bool {
+    /// Appends what has arrived; `false` if the other end is gone or talks nonsense.
+    fn read(&mut self, said: &mut Vec<Said>) -> bool {
         let mut bytes = [0; READ];
         let heard = match hear(&mut self.stream, &mut bytes) {
             Heard::Nothing => return true,
@@ -66,16 +94,16 @@ impl Link {
         self.partial.extend_from_slice(heard);
         let (records, rest) = self.partial.as_chunks();
         for record in records {
-            let Some(frame) = frame_of(record) else { return false };
-            frames.extend([frame]);
+            let Some(record) = read_record(record) else { return false };
+            said.push(record);
         }
         self.partial = rest.to_vec();
         true
     }
 
-    /// Queues a frame; says whether there was room.
-    fn push(&mut self, frame: &CanFrame) -> bool {
-        self.outbox.push(&record_of(frame))
+    /// Queues a record; says whether there was room.
+    fn push(&mut self, record: &[u8; RECORD]) -> bool {
+        self.outbox.push(record)
     }
 
     /// Writes what can be written; `false` if the other end is gone.
@@ -90,6 +118,7 @@ pub struct Hub {
     path: PathBuf,
     listener: UnixListener,
     clients: Vec<Link>,
+    off: bool,
 }
 
 impl Hub {
@@ -111,7 +140,7 @@ impl Hub {
         let listener = UnixListener::bind(&path)
             .and_then(|listener| listener.set_nonblocking(true).map(|()| listener))
             .map_err(|error| open(format!("{error}: {hint}")))?;
-        Ok(Self { listener, clients: Vec::new(), path })
+        Ok(Self { listener, clients: Vec::new(), path, off: false })
     }
 
     /// Accepts who waits, passes on what has arrived, drops who is gone. Never blocks. Returns the frames
@@ -120,13 +149,25 @@ impl Hub {
         while self.clients.len() < MAX_CLIENTS {
             let Ok((stream, _)) = self.listener.accept() else { break };
             self.clients.extend(Link::new(stream).ok());
+            if let (true, Some(client)) = (self.off, self.clients.last_mut()) {
+                client.push(&error_of(BUS_OFF));
+            }
         }
         let mut passed = 0;
         let mut from = 0;
-        let mut frames = Vec::new();
+        let mut said = Vec::new();
         while from < self.clients.len() {
-            frames.clear();
-            let alive = self.clients.get_mut(from).is_some_and(|client| client.read(&mut frames));
+            said.clear();
+            let alive = self.clients.get_mut(from).is_some_and(|client| client.read(&mut said));
+            // What is off is the hub's word alone.
+            let alive = alive && said.iter().all(|said| matches!(said, Said::Frame(_)));
+            let frames: Vec<_> = said
+                .iter()
+                .filter_map(|said| match said {
+                    Said::Frame(frame) if !self.off => Some(record_of(frame)),
+                    _ => None,
+                })
+                .collect();
             passed += frames.len();
             for (_, client) in self.clients.iter_mut().enumerate().filter(|(to, _)| *to != from) {
                 // One that does not read loses frames, whole ones.
@@ -140,6 +181,15 @@ impl Hub {
         }
         self.clients.retain_mut(Link::flush);
         passed
+    }
+
+    /// Puts the bus into bus-off, or ends it: every client is told, and meanwhile no frame reaches anybody.
+    pub fn set_off(&mut self, off: bool) {
+        if self.off != off {
+            self.off = off;
+            let told = error_of(if off { BUS_OFF } else { RESTARTED });
+            self.clients.iter_mut().for_each(|client| _ = client.push(&told));
+        }
     }
 
     /// Serves as long as `go_on` says so.
@@ -169,6 +219,7 @@ pub struct HubTransport {
     bus: String,
     link: Link,
     arrived: VecDeque<CanFrame>,
+    off: bool,
 }
 
 impl HubTransport {
@@ -180,7 +231,7 @@ impl HubTransport {
         let bus = path.as_ref().display().to_string();
         let hint = "start the emulator that serves this bus first, and give both the same path";
         match UnixStream::connect(path.as_ref()).and_then(Link::new) {
-            Ok(link) => Ok(Self { bus, link, arrived: VecDeque::new() }),
+            Ok(link) => Ok(Self { bus, link, arrived: VecDeque::new(), off: false }),
             Err(error) => Err(CanError::Open { bus, message: format!("{error}: {hint}") }),
         }
     }
@@ -189,11 +240,32 @@ impl HubTransport {
         let message = "its hub is gone: start it again, then this program".to_owned();
         CanError::Broken { bus: self.bus.clone(), message }
     }
+
+    /// Takes in what has come; `false` if the hub is gone.
+    fn take_in(&mut self) -> bool {
+        let mut said = Vec::new();
+        let alive = self.link.flush() && self.link.read(&mut said);
+        for said in said {
+            match said {
+                Said::Frame(frame) => self.arrived.push_back(frame),
+                Said::Off(off) => self.off = off,
+            }
+        }
+        alive
+    }
+
+    /// What an operator would do about it with the interface of a real bus.
+    fn is_off(&self) -> CanError {
+        CanError::off(&self.bus, "can0")
+    }
 }
 
 impl CanTransport for HubTransport {
     fn send(&mut self, frame: CanFrame) -> Result<(), CanError> {
-        if !self.link.push(&frame) {
+        if self.off {
+            return Err(self.is_off());
+        }
+        if !self.link.push(&record_of(&frame)) {
             let message = "its hub takes no more frames: it hangs; start it again".to_owned();
             return Err(CanError::Broken { bus: self.bus.clone(), message });
         }
@@ -204,11 +276,12 @@ impl CanTransport for HubTransport {
         if let Some(frame) = self.arrived.pop_front() {
             return Ok(Some(frame));
         }
-        let alive = self.link.flush() && self.link.read(&mut self.arrived);
+        let alive = self.take_in();
         match self.arrived.pop_front() {
             Some(frame) => Ok(Some(frame)),
-            None if alive => Ok(None),
-            None => Err(self.gone()),
+            None if !alive => Err(self.gone()),
+            None if self.off => Err(self.is_off()),
+            None => Ok(None),
         }
     }
 }

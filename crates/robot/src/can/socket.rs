@@ -5,6 +5,7 @@ use std::io;
 
 use socketcan::{CanSocket, EmbeddedFrame, Frame as _, Socket as _, SocketOptions as _, StandardId};
 
+use super::frame::bring_up;
 use super::outbox::not_now;
 use super::{CanError, CanFrame, CanTransport};
 
@@ -24,6 +25,8 @@ pub struct SocketCanTransport {
     name: String,
     socket: CanSocket,
     waiting: VecDeque<CanFrame>,
+    /// The controller was in bus-off when it was last looked at.
+    off: bool,
 }
 
 impl SocketCanTransport {
@@ -44,12 +47,26 @@ impl SocketCanTransport {
         CanSocket::open_iface(0).map_err(|error| refuse(explain(name, &error)))?;
         let socket = CanSocket::open(name).map_err(|error| refuse(explain(name, &error)))?;
         if !is_up(name) {
-            return Err(refuse(format!("it is down: type `{}`", up(name))));
+            return Err(refuse(format!("it is down: type `{}`", bring_up(name))));
+        }
+        if is_off(name) {
+            return Err(CanError::off(name, name));
         }
         let ready = socket.set_nonblocking(true);
         let ready = ready.and_then(|()| socket.set_error_filter(socketcan::errors::CAN_ERR_BUSOFF));
         ready.map_err(|error| refuse(explain(name, &error)))?;
-        Ok(Self { name: name.to_owned(), socket, waiting: VecDeque::new() })
+        Ok(Self { name: name.to_owned(), socket, waiting: VecDeque::new(), off: false })
+    }
+
+    /// The kernel tells of bus-off once, by an error frame, and from then on takes frames in that go nowhere. Whether it
+    /// is over only the interface tells. What waits meanwhile is dropped: a torque must not come late.
+    fn watch(&mut self) -> Result<(), CanError> {
+        if !self.off {
+            return Ok(());
+        }
+        self.waiting.clear();
+        self.off = is_off(&self.name);
+        Err(CanError::off(&self.name, &self.name))
     }
 
     fn broken(&self, message: String) -> CanError {
@@ -81,6 +98,7 @@ impl SocketCanTransport {
 
 impl CanTransport for SocketCanTransport {
     fn send(&mut self, frame: CanFrame) -> Result<(), CanError> {
+        self.watch()?;
         self.waiting.push_back(frame);
         self.flush()?;
         if self.waiting.len() > WAITING {
@@ -91,6 +109,7 @@ impl CanTransport for SocketCanTransport {
     }
 
     fn receive(&mut self) -> Result<Option<CanFrame>, CanError> {
+        self.watch()?;
         self.flush()?;
         loop {
             let frame = match self.socket.read_frame() {
@@ -99,13 +118,9 @@ impl CanTransport for SocketCanTransport {
                 Err(error) => return Err(self.broken(explain(&self.name, &error))),
             };
             if let socketcan::CanFrame::Error(_) = frame {
-                let down = format!("ip link set {} down", self.name);
-                let message = format!(
-                    "it is off after too many errors: check the cable, its terminator and the bit rate, then \
-                     type `{down}` and `{}`",
-                    up(&self.name)
-                );
-                return Err(self.broken(message));
+                // Only bus-off passes the filter.
+                self.off = true;
+                return self.watch().map(|()| None);
             }
             // Extended identifiers belong to other devices.
             let id = u16::try_from(frame.raw_id()).ok().filter(|_| !frame.is_extended());
@@ -119,13 +134,10 @@ impl CanTransport for SocketCanTransport {
     }
 }
 
-/// What to type so that the interface is there and up.
-fn up(name: &str) -> String {
-    if name.starts_with("vcan") {
-        format!("ip link set {name} up")
-    } else {
-        format!("ip link set {name} up type can bitrate 1000000")
-    }
+/// Whether the interface has no carrier, which of one that is up means bus-off. One that is down does not tell.
+fn is_off(name: &str) -> bool {
+    let carrier = std::fs::read_to_string(format!("/sys/class/net/{name}/carrier")).unwrap_or_default();
+    carrier.trim() == "0"
 }
 
 /// Whether the kernel says so; if it does not tell, the first frame will.
@@ -142,10 +154,13 @@ fn explain(name: &str, error: &io::Error) -> String {
                 .to_owned()
         }
         Some(NO_DEVICE) if name.starts_with("vcan") => {
-            format!("there is no such interface: type `ip link add dev {name} type vcan` and `{}`", up(name))
+            format!(
+                "there is no such interface: type `ip link add dev {name} type vcan` and `{}`",
+                bring_up(name)
+            )
         }
-        Some(NO_DEVICE) => format!("no such interface: plug the adapter in, then type `{}`", up(name)),
-        Some(NETWORK_DOWN) => format!("it is down: type `{}`", up(name)),
+        Some(NO_DEVICE) => format!("no such interface: plug the adapter in, then type `{}`", bring_up(name)),
+        Some(NETWORK_DOWN) => format!("it is down: type `{}`", bring_up(name)),
         _ => error.to_string(),
     }
 }
@@ -161,6 +176,9 @@ mod tests {
         assert!(said("can1", NETWORK_DOWN).contains("`ip link set can1 up type can bitrate 1000000`"));
         assert!(said("vcan0", NO_DEVICE).contains("`ip link add dev vcan0 type vcan`"));
         assert!(said("can0", NO_FAMILY).contains("modprobe can_raw"));
+        let off = CanError::off("can0", "can0").to_string();
+        let typed = "`ip link set can0 down` and `ip link set can0 up type can bitrate 1000000`";
+        assert!(off.contains("bus-off") && off.contains(typed), "{off}");
         for name in ["", "../etc", "a very long name of an interface"] {
             assert!(SocketCanTransport::open(name).unwrap_err().to_string().contains("can0"), "{name}");
         }

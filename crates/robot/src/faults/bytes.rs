@@ -5,17 +5,14 @@
 
 use std::{collections::VecDeque, time::Duration};
 
-use super::plan::{Dice, FaultCounts, FaultPlan, FaultPlanError, Link};
+use super::link::FaultyLink;
+use super::plan::{Dice, FaultPlan, FaultPlanError, Link};
 
 /// Bytes on their way at most; later ones are lost and counted.
 const MAX_BYTES: usize = 1 << 20;
 
-/// One direction of a byte stream on which things go wrong.
-#[derive(Clone, Debug)]
-pub struct FaultyBytes {
-    dice: Dice,
-    on_the_way: VecDeque<(Duration, u8)>,
-}
+/// One direction of a byte stream on which things go wrong: bytes, each with its arrival.
+pub type FaultyBytes = FaultyLink<VecDeque<(Duration, u8)>>;
 
 impl FaultyBytes {
     /// A stream with these faults.
@@ -60,21 +57,12 @@ impl FaultyBytes {
             out.push(byte);
         }
     }
-
-    /// Whether the link holds at this time; while it does not, a transport should report its loss.
-    pub fn is_connected(&self, now: Duration) -> bool {
-        self.dice.is_connected(now)
-    }
-
-    /// What went wrong so far.
-    pub fn counts(&self) -> FaultCounts {
-        self.dice.counts
-    }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::faults::FaultCounts;
     use proptest::prelude::*;
 
     const STEP: Duration = Duration::from_millis(1);

@@ -2,19 +2,22 @@
 
 use std::{collections::BTreeMap, time::Duration};
 
-use super::plan::{Dice, FaultCounts, FaultPlan, FaultPlanError, Link};
+use super::link::FaultyLink;
+use super::plan::{Dice, FaultPlan, FaultPlanError, Link};
 use crate::can::CanFrame;
 
 /// Frames on their way at most; later ones are lost and counted. Ten seconds of a hand at full rate.
 const MAX_FRAMES: usize = 32_768;
 
 /// One direction of a CAN bus on which things go wrong.
-#[derive(Clone, Debug)]
-pub struct FaultyFrames {
-    dice: Dice,
+pub type FaultyFrames = FaultyLink<Frames>;
+
+/// Frames on their way.
+#[derive(Clone, Debug, Default)]
+pub struct Frames {
     /// In the order in which they arrive; the second number keeps frames that are due together in the order
     /// they came.
-    on_the_way: BTreeMap<(Duration, u64), CanFrame>,
+    by_arrival: BTreeMap<(Duration, u64), CanFrame>,
     number: u64,
 }
 
@@ -24,7 +27,7 @@ impl FaultyFrames {
     /// # Errors
     /// If the plan makes no sense, or truncates: a frame arrives whole or not at all.
     pub fn new(plan: &FaultPlan) -> Result<Self, FaultPlanError> {
-        Ok(Self { dice: Dice::new(plan, Link::Frames)?, on_the_way: BTreeMap::new(), number: 0 })
+        Ok(Self { dice: Dice::new(plan, Link::Frames)?, on_the_way: Frames::default() })
     }
 
     /// A frame sets out.
@@ -42,37 +45,29 @@ impl FaultyFrames {
         }
         self.dice.counts.held += u64::from(fate.held.is_some());
         for copy in 0..=u8::from(fate.duplicated) {
-            if self.on_the_way.len() >= MAX_FRAMES {
+            if self.on_the_way.by_arrival.len() >= MAX_FRAMES {
                 self.dice.counts.overflowed += u64::from(copy == 0);
                 return;
             }
             self.dice.counts.duplicated += u64::from(copy);
-            self.on_the_way.insert((due, self.number), frame);
-            self.number += 1;
+            let frames = &mut self.on_the_way;
+            frames.by_arrival.insert((due, frames.number), frame);
+            frames.number += 1;
         }
     }
 
     /// The next frame that has arrived by `now`.
     pub fn pop(&mut self, now: Duration) -> Option<CanFrame> {
-        let entry = self.on_the_way.first_entry().filter(|entry| entry.key().0 <= now)?;
+        let entry = self.on_the_way.by_arrival.first_entry().filter(|entry| entry.key().0 <= now)?;
         self.dice.counts.popped += 1;
         Some(entry.remove())
-    }
-
-    /// Whether the bus holds at this time; while it does not, a transport should report its loss.
-    pub fn is_connected(&self, now: Duration) -> bool {
-        self.dice.is_connected(now)
-    }
-
-    /// What went wrong so far.
-    pub fn counts(&self) -> FaultCounts {
-        self.dice.counts
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::faults::FaultCounts;
     use proptest::prelude::*;
 
     const STEP: Duration = Duration::from_millis(1);

@@ -6,8 +6,10 @@
 
 mod bytes;
 mod frames;
+mod link;
 mod plan;
 
 pub use bytes::FaultyBytes;
 pub use frames::FaultyFrames;
+pub use link::FaultyLink;
 pub use plan::{FaultCounts, FaultPlan, FaultPlanError};

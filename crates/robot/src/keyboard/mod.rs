@@ -32,7 +32,7 @@ pub use config::{KeyboardConfig, KeyboardConfigError};
 pub use driver::{KeyChange, Keyboard, KeyboardCounts, KeyboardState, KeyboardWarning, LossReason};
 pub use emulator::{EmulatorConfig, KeyboardEmulator, Line, ReleaseCoding};
 pub use parser::{MidiEvent, MidiParser};
-pub use port::KeyboardPort;
+pub use port::MidiPort;
 pub use shift::Shift;
 pub use transport::{MidiError, MidiOutlet, MidiSource, open};
 

@@ -1,110 +1,84 @@
-//! A keyboard and what carries its bytes, in one: opens it, reads it, and opens it again after it was
-//! unplugged.
+//! The bytes of a keyboard whose cable may come and go: opened again after it was unplugged.
 
 use std::time::Duration;
 
-use super::{
-    driver::{KeyChange, Keyboard},
-    transport::{MidiError, MidiSource, open},
-};
+use super::transport::{MidiError, MidiSource, open};
 
 /// Time between two attempts to open a keyboard that is not there.
-const RETRY: Duration = Duration::from_millis(500);
+const TRY_AGAIN: Duration = Duration::from_secs(1);
 
-/// A [`Keyboard`] at the end of a cable that may come and go.
-pub struct KeyboardPort {
+/// A keyboard at the end of a cable that may come and go.
+pub struct MidiPort {
     spec: String,
-    keyboard: Keyboard,
     source: Option<Box<dyn MidiSource>>,
-    retry_at: Duration,
-    bytes: Vec<u8>,
+    /// Not before this is it looked for again.
+    again: Duration,
 }
 
-impl KeyboardPort {
-    /// The keyboard at `spec` (see [`open`]); nothing is opened before the first [`poll`](Self::poll).
-    pub fn new(spec: &str, keyboard: Keyboard) -> Self {
-        Self { spec: spec.to_owned(), keyboard, source: None, retry_at: Duration::ZERO, bytes: Vec::new() }
+impl MidiPort {
+    /// The keyboard at `spec` (see [`open`]), which need not be there yet.
+    pub fn new(spec: &str) -> Self {
+        Self { spec: spec.to_owned(), source: None, again: Duration::ZERO }
     }
 
-    /// One cycle: takes in what has come and appends what changed; tries to open a keyboard that is not
-    /// there, twice a second. Call it at least every 0.2 s, or silence of the caller is taken for silence of
-    /// the keyboard.
+    /// The same, but it must be there.
     ///
     /// # Errors
-    /// Each failed attempt and each loss, for the log. The port goes on trying; the [state](Keyboard::state)
-    /// of the keyboard says what to do.
-    pub fn poll(&mut self, now: Duration, changes: &mut Vec<KeyChange>) -> Result<(), MidiError> {
-        let result = self.read(now, changes);
-        self.keyboard.poll(now, changes);
-        result
+    /// If the specification is wrong or nothing is there.
+    pub fn open(spec: &str) -> Result<Self, MidiError> {
+        Ok(Self { source: Some(open(spec)?), ..Self::new(spec) })
     }
 
-    /// What is known of the keyboard.
-    pub fn keyboard(&self) -> &Keyboard {
-        &self.keyboard
-    }
-
-    /// The same, to acknowledge its warnings.
-    pub fn keyboard_mut(&mut self) -> &mut Keyboard {
-        &mut self.keyboard
-    }
-
-    fn read(&mut self, now: Duration, changes: &mut Vec<KeyChange>) -> Result<(), MidiError> {
-        let Some(source) = &mut self.source else {
-            if now < self.retry_at {
-                return Ok(());
+    /// Appends the bytes that have come. A keyboard that is gone is looked for once a second. Never blocks.
+    ///
+    /// # Errors
+    /// As long as it is not there; bytes that came before it went are appended still.
+    pub fn receive(&mut self, now: Duration, out: &mut Vec<u8>) -> Result<(), MidiError> {
+        if self.source.is_none() {
+            if now < self.again {
+                let message = "not found again yet".into();
+                return Err(MidiError::Gone { spec: self.spec.clone(), message });
             }
-            self.retry_at = now.saturating_add(RETRY);
+            self.again = now.saturating_add(TRY_AGAIN);
             self.source = Some(open(&self.spec)?);
-            self.keyboard.connected(now, changes);
-            return Ok(());
-        };
-        self.bytes.clear();
-        let result = source.receive(&mut self.bytes);
-        self.keyboard.receive(now, &self.bytes, changes);
-        if result.is_err() {
-            self.source = None;
-            self.retry_at = now.saturating_add(RETRY);
-            self.keyboard.disconnected(now, changes);
         }
-        result
+        let Some(source) = &mut self.source else { return Ok(()) };
+        source.receive(out).inspect_err(|_| {
+            self.source = None;
+            self.again = now.saturating_add(TRY_AGAIN);
+        })
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::keyboard::{KeyboardConfig, KeyboardState, MidiOutlet};
+    use crate::keyboard::MidiOutlet;
 
     #[test]
     fn an_unplugged_keyboard_is_opened_again() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("keys");
-        let mut port = KeyboardPort::new(
-            &format!("midi:{}", path.display()),
-            Keyboard::new(&KeyboardConfig::default()).unwrap(),
-        );
-        let mut changes = Vec::new();
+        let spec = format!("midi:{}", path.display());
+        assert!(MidiPort::open(&spec).is_err(), "it must be there");
+        let mut port = MidiPort::new(&spec);
+        let mut bytes = Vec::new();
         let secs = Duration::from_secs_f64;
-
-        assert!(port.poll(secs(0.0), &mut changes).is_err(), "nobody is there");
-        assert!(port.poll(secs(0.1), &mut changes).is_ok(), "and it is not tried at once again");
-        assert_eq!(port.keyboard().state(), KeyboardState::Absent);
-
+        let nobody = port.receive(secs(0.0), &mut bytes).unwrap_err().to_string();
+        assert!(nobody.contains("start the emulator"), "{nobody}");
         let mut outlet = MidiOutlet::bind(&path).unwrap();
-        port.poll(secs(0.5), &mut changes).unwrap();
-        assert_eq!(port.keyboard().state(), KeyboardState::Present);
+        let waits = port.receive(secs(0.9), &mut bytes).unwrap_err().to_string();
+        assert!(waits.contains("not found again yet"), "{waits}");
+        port.receive(secs(1.0), &mut bytes).unwrap();
         outlet.send(&[0x90, 36, 100]);
-        port.poll(secs(0.6), &mut changes).unwrap();
-        assert_eq!(port.keyboard().pressed(), 1);
+        port.receive(secs(1.1), &mut bytes).unwrap();
+        assert_eq!(bytes, [0x90, 36, 100]);
 
+        outlet.send(&[0xFE]);
         outlet.disconnect();
-        assert!(port.poll(secs(0.7), &mut changes).is_err());
-        assert!(matches!(port.keyboard().state(), KeyboardState::Lost { .. }));
-        assert_eq!((port.keyboard().pressed(), changes.len()), (0, 2), "the key was released");
-
-        port.poll(secs(1.2), &mut changes).unwrap();
-        assert_eq!(port.keyboard().state(), KeyboardState::Present);
-        assert_eq!(port.keyboard().counts().losses, 1);
+        assert!(port.receive(secs(1.2), &mut bytes).is_err());
+        assert_eq!(bytes.last(), Some(&0xFE), "what came before the end");
+        assert!(port.receive(secs(2.1), &mut bytes).is_err());
+        port.receive(secs(2.2), &mut bytes).unwrap();
     }
 }

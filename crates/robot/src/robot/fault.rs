@@ -8,7 +8,7 @@ use crate::can::CanError;
 use crate::keyboard::MidiError;
 use crate::rig::RigError;
 use crate::xarm::kinematics::KinematicsError;
-use crate::xarm::{ArmError, ArmFault, ArmLinkError};
+use crate::xarm::{ArmError, ArmFault, ArmLinkError, OutsideFence};
 
 /// Why the robot was stopped. It stays until an operator starts the robot again.
 #[derive(Debug, thiserror::Error)]
@@ -115,6 +115,9 @@ pub enum Refused {
         /// Which joint, in the order of the driven joints.
         joint: usize,
     },
+    /// The arm's way there leads out of its box.
+    #[error("the arm's way home leaves its box: {0}; lead it nearer home by hand, or enlarge arm.fence_mm")]
+    OutsideFence(#[from] OutsideFence),
     /// A finger or the thumb is far from where the motion begins.
     #[error(
         "joint {joint} of the hand is at {measured_rad:.2} rad and the motion begins at {asked_rad:.2} rad: \
@@ -144,6 +147,14 @@ pub enum RobotError {
     /// The rig's file is not sound.
     #[error(transparent)]
     Rig(#[from] RigError),
+    /// The box of the arm does not hold what it needs.
+    #[error("{place}: {source}; enlarge arm.fence_mm, or narrow limits.rail_range_m")]
+    OutsideFence {
+        /// Where it is left.
+        place: String,
+        /// By how much.
+        source: OutsideFence,
+    },
     /// The keyboard's place is not known.
     #[error(transparent)]
     Calibration(#[from] CalibrationError),

@@ -39,7 +39,7 @@ use crate::xarm::{Arm, kinematics};
 use axes::{AXES, all_axes, driven};
 use following::Following;
 use motion::{Easing, SlowMove, Stretch};
-use plan::{Plan, Station};
+use plan::{Plan, Station, check_fence};
 use record::Journal;
 
 /// Fingers straight ahead, clear of the keys.
@@ -121,9 +121,12 @@ impl Robot {
     /// A controller for this rig and the place of its keyboard.
     ///
     /// # Errors
-    /// If the configuration is not sound.
+    /// If the configuration is not sound, or its box for the arm does not hold the keyboard and the way there.
     pub fn new(config: &RigConfig, path: RailPath) -> Result<Self, RobotError> {
         config.check()?;
+        if let Some(fence) = &config.arm.fence_mm {
+            check_fence(fence, &path, config.limits.rail_range_m)?;
+        }
         let limits = config.axes();
         Ok(Self {
             path,
@@ -184,9 +187,10 @@ impl Robot {
     /// fingers are straight.
     ///
     /// # Errors
-    /// If the robot does not hold still, or the goal holds what is no number.
+    /// If the robot does not hold still, the goal holds what is no number, or the way would lead out of the arm's box.
     pub fn home(&mut self, now: Duration, goal: &[f64; DRIVEN]) -> Result<(), Refused> {
         let station = if self.arm_sent.is_some() { None } else { Some(self.first_station()) };
+        station.map_or(Ok(()), |station| self.check_way(station))?;
         self.slow_move(now, station, goal)
     }
 

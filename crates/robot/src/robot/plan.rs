@@ -5,11 +5,12 @@ use std::time::Duration;
 use super::axes::RAIL_AXIS;
 use super::following::farthest;
 use super::motion::SlowMove;
-use super::{Fault, Phase, Robot};
+use super::{Fault, Phase, Refused, Robot, RobotError};
+use crate::calibration::RailPath;
 use crate::joints::DRIVEN;
 use crate::limiter::Axis;
-use crate::xarm::ArmState;
-use crate::xarm::kinematics::{PAPER_HOME_DEG, forward};
+use crate::xarm::kinematics::{JOINTS, KinematicsError, PAPER_HOME_DEG, forward};
+use crate::xarm::{ArmState, Fence};
 
 /// How far above the keyboard the arm comes and goes, m.
 const CLEAR_M: f64 = 0.08;
@@ -53,7 +54,55 @@ impl Plan {
     }
 }
 
+impl Station {
+    /// The arm's joints there (rad), set out for from where it stands.
+    fn joints(self, path: &RailPath, standing: &[f64; JOINTS]) -> Result<[f64; JOINTS], KinematicsError> {
+        match self {
+            Self::Up => path.above(standing, CLEAR_M),
+            Self::Home => Ok(PAPER_HOME_DEG.map(f64::to_radians)),
+            Self::Above => path.above_middle(CLEAR_M),
+            Self::Middle => Ok(*path.middle()),
+        }
+    }
+}
+
+/// Whether the ways that every move to the keyboard has in common, and the whole `range` of the rail (m), stay in the
+/// arm's box.
+pub(super) fn check_fence(fence: &Fence, path: &RailPath, range: [f64; 2]) -> Result<(), RobotError> {
+    for rail_m in path.bends(range) {
+        let held = fence.holds(&path.pose(rail_m).position_m);
+        let place = || format!("{rail_m:+.3} m along the keyboard");
+        held.map_err(|source| RobotError::OutsideFence { place: place(), source })?;
+    }
+    let mut standing = *path.middle();
+    for (station, place) in [
+        (Station::Middle, "the middle of the keyboard"),
+        (Station::Above, "above the keyboard"),
+        (Station::Home, "the way between home and the keyboard"),
+    ] {
+        // Nothing is refused here that cannot be reached: setting out for it is.
+        let Ok(joints) = station.joints(path, &standing) else { return Ok(()) };
+        let held = fence.holds_way(&standing, &joints);
+        held.map_err(|source| RobotError::OutsideFence { place: place.to_string(), source })?;
+        standing = joints;
+    }
+    Ok(())
+}
+
 impl Robot {
+    /// Whether the arm's way from where it stands to a station, and from there home, stays in its box.
+    pub(super) fn check_way(&self, station: Station) -> Result<(), Refused> {
+        let (Some(fence), Some(mut standing)) = (self.config.arm.fence_mm, self.arm.joints()) else {
+            return Ok(());
+        };
+        for station in [station, Station::Home] {
+            let Ok(joints) = station.joints(&self.path, &standing) else { return Ok(()) };
+            fence.holds_way(&standing, &joints)?;
+            standing = joints;
+        }
+        Ok(())
+    }
+
     /// Where the arm goes first.
     pub(super) fn first_station(&self) -> Station {
         let Some(joints) = self.arm.joints() else { return Station::Home };
@@ -103,14 +152,9 @@ impl Robot {
         }
         plan.station = Some((station, true));
         let standing = self.arm.joints().unwrap_or(*self.path.middle());
-        let joints = match station {
-            Station::Up => self.path.above(&standing, CLEAR_M),
-            Station::Home => Ok(PAPER_HOME_DEG.map(f64::to_radians)),
-            Station::Above => self.path.above_middle(CLEAR_M),
-            Station::Middle => Ok(*self.path.middle()),
-        };
         let rail_m = self.path.place(&standing).rail_m;
-        let joints = joints.map_err(|source| Fault::Reach { rail_m, source })?;
+        let joints =
+            station.joints(&self.path, &standing).map_err(|source| Fault::Reach { rail_m, source })?;
         self.arm.move_home(now, joints, HOMING_SPEED)?;
         Ok(())
     }

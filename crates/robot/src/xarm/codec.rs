@@ -14,6 +14,8 @@ pub const PROTOCOL_PRIVATE: u16 = 2;
 pub const PROTOCOL_KEEP_ALIVE: u16 = 3;
 /// First firmware that understands [`PROTOCOL_KEEP_ALIVE`].
 pub const KEEP_ALIVE_FROM: (u16, u16, u16) = (1, 8, 6);
+/// State that stops an arm, and in which it then stands still and takes no motion (fact sheet hardware §2.4).
+pub const STOPPED: u8 = 4;
 /// Register of a frame that nobody asked for.
 pub const FEEDBACK: u8 = 0xFF;
 
@@ -79,7 +81,10 @@ registers! {
     ForwardKinematics = 44, "forward kinematics";
     JointLimitCheck = 45, "joint limit check";
     GravityDirection = 51, "gravity direction";
+    SafetyBox = 52, "safety box";
+    ReducedMode = 53, "reduced mode settings";
     JointTorque = 55, "joint torque";
+    SafetyBoxOn = 59, "safety box on or off";
     TcpPoseAxisAngle = 91, "TCP pose as axis and angle";
     FeedbackCheck = 253, "feedback check";
     FeedbackType = 254, "feedback type";

@@ -25,6 +25,17 @@ pub const JOINT_LIMITS_RAD: [(f64, f64); JOINTS] = [
     (-2.0 * PI, 2.0 * PI),
 ];
 
+/// What some hardware model of the arm can reach, rad (fact sheet hardware §2.6: the wider of the two rows).
+pub const WIDEST_LIMITS_RAD: [(f64, f64); JOINTS] = [
+    (-2.0 * PI, 2.0 * PI),
+    (-2.059488, 2.094395),
+    (-2.0 * PI, 2.0 * PI),
+    (-0.191986, 3.92699),
+    (-2.0 * PI, 2.0 * PI),
+    (-1.692969, PI),
+    (-2.0 * PI, 2.0 * PI),
+];
+
 /// Where the paper's rig begins and ends, degrees (fact sheet hardware §0).
 pub const PAPER_HOME_DEG: [f64; JOINTS] = [0.0, 10.0, 0.0, 107.3, 180.0, -10.9, -225.0];
 

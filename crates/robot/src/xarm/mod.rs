@@ -5,9 +5,11 @@
 //! take the place of the robot (fact sheet hardware §2.11).
 
 pub mod codec;
+mod details;
 pub mod driver;
 pub mod emulator;
 pub mod errors;
+mod fence;
 pub mod kinematics;
 pub mod report;
 pub mod server;
@@ -18,6 +20,7 @@ pub use driver::{
     Arm, ArmConfig, ArmConfigError, ArmCounters, ArmError, ArmFault, ArmState, ArmVersion, TargetError,
 };
 pub use emulator::{ArmEmulator, ConnectionId, EmulatorConfig};
+pub use fence::{Fence, OutsideFence};
 pub use server::{ArmPorts, ArmServer, Reach};
 pub use stopper::Stopper;
 pub use tcp::{ArmCommands, ArmConnection, ArmLinkError};

@@ -2,7 +2,8 @@
 //! hardware §2.7).
 
 use super::codec::{floats, push_floats};
-use super::kinematics::JOINTS;
+pub use super::details::{Details, MotionLimits};
+use super::kinematics::{JOINTS, WIDEST_LIMITS_RAD};
 
 /// Which of the report ports.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -65,36 +66,15 @@ pub struct Report {
     pub details: Details,
 }
 
-/// What 30001 and 30002 add to a report. All zero in the others.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Details {
-    /// Bit i: the brake of joint i + 1 is released.
-    pub brakes: u8,
-    /// Bit i: joint i + 1 is enabled.
-    pub enabled: u8,
-    /// Controller error, 0 for none.
-    pub error: u8,
-    /// Controller warning, 0 for none.
-    pub warning: u8,
-    /// Offset of the tool from the flange, as on the wire: mm and rad.
-    pub tcp_offset_mm_rad: [f32; 6],
-    /// Payload, kg, and its centre, mm.
-    pub payload_kg_mm: [f32; 4],
-    /// How easily a collision is seen, 0 (off) to 5.
-    pub collision_sensitivity: u8,
-    /// How easily the arm follows the hand, 1 to 5.
-    pub teach_sensitivity: u8,
-    /// Direction of gravity.
-    pub gravity: [f32; 3],
-    /// 30002: status and code of each servo.
-    pub servos: [[u8; 2]; JOINTS],
-}
+/// Beyond what any model's joints reach, rad: encoders and stops have some play. An angle farther out was not measured.
+const SLACK_RAD: f64 = 0.2;
 
-/// Limits that 30002 tells (fact sheet hardware §2.6): jerk, smallest and largest acceleration, smallest and
-/// largest speed; first in mm, then in rad; then jerk and acceleration of turns, which the fact sheet does
-/// not know.
-const LIMITS: [f32; 12] =
-    [7000.0, 0.0, 50000.0, 0.0, 1000.0, 200.0, 0.0, 20.0, 0.0, std::f32::consts::PI, 0.0, 0.0];
+/// Whether every joint may be where a report says.
+fn possible_joints(joints_rad: &[f32; JOINTS]) -> bool {
+    joints_rad.iter().zip(WIDEST_LIMITS_RAD).all(|(angle, (lowest, highest))| {
+        (lowest - SLACK_RAD..=highest + SLACK_RAD).contains(&f64::from(*angle))
+    })
+}
 
 impl Report {
     /// Appends the frame that `kind` sends.
@@ -117,7 +97,10 @@ impl Report {
             // Type and axes, then what the controller calls its master, its slave and its motors.
             out.extend([JOINTS as u8, JOINTS as u8, 0xAA, 0x55, 0, 0]);
             out.extend(firmware.bytes().chain(std::iter::repeat(0)).take(30));
-            push_floats(out, &LIMITS);
+            push_floats(out, &details.tcp_limits_mm.to_wire());
+            push_floats(out, &details.joint_limits_rad.to_wire());
+            // Jerk and acceleration of turns, which the fact sheet does not know.
+            push_floats(out, &[0.0; 2]);
             out.extend(details.servos.as_flattened());
         }
         out.resize(start + kind.size(), 0);
@@ -149,17 +132,19 @@ impl Report {
                 collision_sensitivity,
                 teach_sensitivity,
                 gravity: floats(at(133)?)?,
-                servos: [[0; 2]; JOINTS],
+                ..Details::default()
             };
         }
         if kind == ReportKind::Rich {
+            report.details.tcp_limits_mm = MotionLimits::from_wire(floats(at(181)?)?);
+            report.details.joint_limits_rad = MotionLimits::from_wire(floats(at(201)?)?);
             report.details.servos.as_flattened_mut().copy_from_slice(frame.get(229..243)?);
         }
         // Modes and states as the official SDK believes them.
         let possible = report.state <= 9 && report.mode <= 11;
         let details = &report.details;
         let sensible = details.collision_sensitivity <= 5 && details.teach_sensitivity <= 5;
-        (possible && sensible && report.joints_rad.iter().all(|angle| angle.is_finite())).then_some(report)
+        (possible && sensible && possible_joints(&report.joints_rad)).then_some(report)
     }
 }
 
@@ -241,12 +226,22 @@ mod tests {
     fn any_report() -> impl Strategy<Value = Report> {
         let head = (0..10_u8, 0..12_u8, any::<u16>());
         let numbers = (
-            prop::array::uniform7(-7.0..7.0_f32),
+            prop::array::uniform7(0.0..1.0_f64).prop_map(|shares| {
+                std::array::from_fn(|joint| {
+                    let (lowest, highest) = WIDEST_LIMITS_RAD[joint];
+                    (lowest + (highest - lowest) * shares[joint]) as f32
+                })
+            }),
             prop::array::uniform6(-900.0..900.0_f32),
             prop::array::uniform7(-50.0..50.0_f32),
         );
         let bytes = (any::<[u8; 4]>(), 0..=5_u8, 0..=5_u8, any::<[[u8; 2]; JOINTS]>());
-        let rest = (prop::array::uniform6(-9.0..9.0_f32), prop::array::uniform4(0.0..9.0_f32));
+        let limits = prop::array::uniform5(0.0..9e4_f32).prop_map(MotionLimits::from_wire);
+        let rest = (
+            prop::array::uniform6(-9.0..9.0_f32),
+            prop::array::uniform4(0.0..9.0_f32),
+            [limits.clone(), limits],
+        );
         (head, numbers, bytes, rest).prop_map(|((state, mode, queue), numbers, bytes, rest)| Report {
             state,
             mode,
@@ -264,6 +259,8 @@ mod tests {
                 collision_sensitivity: bytes.1,
                 teach_sensitivity: bytes.2,
                 gravity: [0.0, 0.0, -1.0],
+                tcp_limits_mm: rest.2[0],
+                joint_limits_rad: rest.2[1],
                 servos: bytes.3,
             },
         })
@@ -274,7 +271,12 @@ mod tests {
         let mut report = *report;
         match kind {
             ReportKind::Real => report.details = Details::default(),
-            ReportKind::Normal => report.details.servos = Default::default(),
+            ReportKind::Normal => {
+                let none = Details::default();
+                report.details.servos = none.servos;
+                report.details.tcp_limits_mm = none.tcp_limits_mm;
+                report.details.joint_limits_rad = none.joint_limits_rad;
+            }
             ReportKind::Rich => {}
         }
         report
@@ -299,6 +301,12 @@ mod tests {
                 collision_sensitivity: 3,
                 teach_sensitivity: 4,
                 gravity: [6.0; 3],
+                tcp_limits_mm: MotionLimits { jerk: 7.0, acceleration: [8.0, 9.0], speed: [10.0, 11.0] },
+                joint_limits_rad: MotionLimits {
+                    jerk: 12.0,
+                    acceleration: [13.0, 14.0],
+                    speed: [15.0, 16.0],
+                },
                 servos: [[0, 9]; 7],
             },
         };
@@ -307,8 +315,10 @@ mod tests {
         assert_eq!(frame.len(), 245);
         assert_eq!(frame[..7], [0, 0, 0, 245, 0x12, 1, 2]);
         let float = |at: usize| f32::from_le_bytes(frame[at..at + 4].try_into().unwrap());
-        let numbers = [7, 35, 59, 91, 115, 133, 181, 197, 217].map(float);
-        assert_eq!(numbers, [1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7000.0, 1000.0, std::f32::consts::PI]);
+        let numbers = [7, 35, 59, 91, 115, 133].map(float);
+        assert_eq!(numbers, [1.0, 2.0, 3.0, 4.0, 5.0, 6.0]);
+        let limits: [f32; 10] = std::array::from_fn(|word| float(181 + 4 * word));
+        assert_eq!(limits, [7.0, 8.0, 9.0, 10.0, 11.0, 12.0, 13.0, 14.0, 15.0, 16.0]);
         assert_eq!(frame[87..91], [0x7F, 0x7E, 23, 11]);
         assert_eq!((&frame[131..133], &frame[145..149]), (&[3, 4][..], &[7, 7, 0xAA, 0x55][..]));
         assert_eq!((&frame[151..154], &frame[229..231]), (&b"7,7"[..], &[0, 9][..]));
@@ -318,6 +328,36 @@ mod tests {
             (kind.port(), frame.len())
         });
         assert_eq!(sizes, [(30003, 87), (30001, 145), (30002, 245)]);
+    }
+
+    /// A joint is believed up to its stop and a little farther, and no joint where its neighbour may be.
+    #[test]
+    fn angles_that_no_arm_has_are_not_believed() {
+        let report = |joint: usize, angle: f64| {
+            let mut report = Report {
+                state: 2,
+                mode: 1,
+                queue: 0,
+                joints_rad: [0.0; 7],
+                pose_mm_rad: [0.0; 6],
+                torques_nm: [0.0; 7],
+                details: Details::default(),
+            };
+            report.joints_rad[joint] = angle as f32;
+            let mut frame = Vec::new();
+            report.write(ReportKind::Real, "", &mut frame);
+            Report::read(ReportKind::Real, &frame).is_some()
+        };
+        // Fact sheet §2.6, degrees, the models' widest.
+        let degrees =
+            [[-360, 360], [-118, 120], [-360, 360], [-11, 225], [-360, 360], [-97, 180], [-360, 360]];
+        for (joint, [low, high]) in degrees.into_iter().enumerate() {
+            let [low, high] = [low, high].map(|degrees: i32| f64::from(degrees).to_radians());
+            assert!(report(joint, low - 0.15) && report(joint, high + 0.15), "{joint}");
+            for odd in [low - 0.25, high + 0.25, 1e9, f64::NAN, f64::NEG_INFINITY] {
+                assert!(!report(joint, odd), "joint {joint} at {odd}");
+            }
+        }
     }
 
     proptest! {
@@ -356,7 +396,7 @@ mod tests {
             let mut parser = ReportParser::new(kind);
             let mut bytes = garbage.as_slice();
             while let Some(report) = parser.next(&mut bytes) {
-                prop_assert!(report.joints_rad.iter().all(|angle| angle.is_finite()));
+                prop_assert!(possible_joints(&report.joints_rad));
             }
             prop_assert!(bytes.is_empty() && parser.buffer.len() <= MAX_SIZE);
         }

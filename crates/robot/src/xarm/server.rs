@@ -111,6 +111,18 @@ impl ArmServer {
         })
     }
 
+    /// Takes the place of [`serve_once`](Self::serve_once) while nobody is to be served: all connections end, and new
+    /// ones end at once.
+    pub fn refuse_once(&mut self, now: Duration, emulator: &mut ArmEmulator) {
+        emulator.advance(now);
+        self.commands.hang_up(|id| emulator.disconnect(id));
+        let mut unheard = Vec::new();
+        for (kind, port) in &mut self.reports {
+            emulator.take_reports(*kind, &mut unheard);
+            port.hang_up(|()| {});
+        }
+    }
+
     /// Takes what clients have sent, lets the emulator's time pass until `now`, and sends what is due. Never
     /// waits; call it every millisecond or so.
     pub fn serve_once(&mut self, now: Duration, emulator: &mut ArmEmulator) {
@@ -137,6 +149,12 @@ impl ArmServer {
 }
 
 impl<T: Copy> Port<T> {
+    /// Lets go of everybody who is there or waits to be let in.
+    fn hang_up(&mut self, mut gone: impl FnMut(T)) {
+        self.clients.drain(..).for_each(|client| gone(client.tag));
+        while self.listener.accept().is_ok() {}
+    }
+
     fn bind(address: IpAddr, number: u16) -> io::Result<Self> {
         let address = SocketAddr::new(address, number);
         let explain = |error: io::Error| {

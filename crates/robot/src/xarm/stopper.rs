@@ -5,10 +5,8 @@
 
 use std::time::Duration;
 
-use super::codec::{Frame, FrameParser, PROTOCOL_PRIVATE, Register};
+use super::codec::{Frame, FrameParser, PROTOCOL_PRIVATE, Register, STOPPED};
 
-/// The state in which the arm stands still and takes no motion (fact sheet "hardware" §2.4).
-const STOPPED: u8 = 4;
 /// Time between two stop commands until the arm has confirmed.
 const STOP_AGAIN: Duration = Duration::from_millis(100);
 /// Time between two questions about the state.

@@ -1,10 +1,11 @@
 //! The way to the keyboard: straight fingers first, and up from beside the keys.
 
-use etude_robot::joints::DRIVEN;
-use etude_robot::xarm::kinematics::{JOINTS, forward, inverse};
-use etude_robot::{Fault, Phase};
+use etude_robot::joints::{DRIVEN, RAIL};
+use etude_robot::xarm::Fence;
+use etude_robot::xarm::kinematics::{JOINTS, PAPER_HOME_DEG, forward, inverse};
+use etude_robot::{Fault, Phase, Robot};
 
-use crate::bench::{Bench, path};
+use crate::bench::{Bench, path, rig};
 
 #[test]
 fn the_arm_does_not_set_out_before_the_fingers_are_straight() {
@@ -67,4 +68,48 @@ fn from_beside_the_keys_it_goes_straight_up_first() {
         bench.until(Phase::Holding, 60_000);
         assert!(bench.robot.place().beside_m < 1e-3);
     }
+}
+
+/// The rail is 485 mm before the base, 674 mm long and 170 mm high; home is at 524, 0 and 585 mm.
+#[test]
+fn a_box_holds_the_keyboard_and_the_way_there_or_nothing_begins() {
+    let fenced = |fence: [[i32; 2]; 3]| {
+        let mut rig = rig();
+        rig.arm.fence_mm = Some(Fence(fence));
+        rig
+    };
+    for (fence, said) in [
+        ([[300, 700], [-300, 400], [100, 700]], "+0.337 m along the keyboard: y of the flange is -337"),
+        ([[300, 700], [-400, 341], [100, 700]], "-0.337 m along the keyboard: y of the flange is 337"),
+        ([[300, 700], [-400, 400], [100, 200]], "above the keyboard: z of the flange is"),
+        ([[300, 700], [-400, 400], [100, 500]], "home and the keyboard: z of the flange is"),
+        ([[300, 500], [-400, 400], [100, 700]], "x of the flange is"),
+    ] {
+        let error = Robot::new(&fenced(fence), path()).map(drop).unwrap_err().to_string();
+        assert!(error.contains(said) && error.contains("arm.fence_mm"), "{error}");
+    }
+    // From everywhere in the box home and to the ends of the keyboard, and the controller never minds.
+    let rig = fenced([[300, 700], [-400, 400], [100, 700]]);
+    let mut bench = Bench::with(&rig);
+    bench.devices.arm.place(PAPER_HOME_DEG.map(f64::to_radians));
+    bench.start();
+    bench.until(Phase::Holding, 3000);
+    let mut goal = [0.0; DRIVEN];
+    for rail_m in [0.337, -0.337] {
+        goal[RAIL] = rail_m;
+        bench.robot.home(bench.now(), &goal).unwrap();
+        bench.until(Phase::Holding, 60_000);
+        assert!((bench.robot.joints()[RAIL] - rail_m).abs() < 2e-3);
+    }
+    assert_eq!(bench.devices.arm.error(), 0);
+    // Beside the keyboard, behind the base: the arm stands inside a large box, and its way would lead out.
+    let mut bench = Bench::with(&fenced([[-700, 700], [-400, 400], [100, 700]]));
+    let mut behind = PAPER_HOME_DEG.map(f64::to_radians);
+    behind[0] += 3.0;
+    bench.devices.arm.place(behind);
+    bench.start();
+    bench.until(Phase::Holding, 3000);
+    let refused = bench.robot.home(bench.now(), &goal).unwrap_err().to_string();
+    assert!(refused.contains("leaves its box") && refused.contains("y of the flange"), "{refused}");
+    assert_eq!(bench.robot.phase(), Phase::Holding);
 }

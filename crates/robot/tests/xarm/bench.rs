@@ -5,7 +5,7 @@ use std::time::Duration;
 
 use etude_robot::xarm::codec::{Frame, FrameParser, Register, floats};
 use etude_robot::xarm::kinematics::{JOINT_LIMITS_RAD, JOINTS, PAPER_HOME_DEG, Pose, forward};
-use etude_robot::xarm::report::ReportKind;
+use etude_robot::xarm::report::{Details, ReportKind, ReportParser};
 use etude_robot::xarm::{
     Arm, ArmConfig, ArmEmulator, ArmError, ArmFault, ArmState, ConnectionId, EmulatorConfig,
 };
@@ -21,6 +21,8 @@ pub struct Bench {
     pub wire: Ear,
     /// The network holds replies back.
     pub held: bool,
+    /// Replies of this register have these bits of their state set.
+    pub spoil: Option<(u8, u8)>,
 }
 
 /// Checks everything that the driver sends.
@@ -75,7 +77,7 @@ impl Bench {
         let id = emulator.connect();
         assert_eq!(arm.state(), ArmState::Disconnected);
         arm.connected(Duration::ZERO);
-        Self { arm, emulator, id, now: Duration::ZERO, wire: Ear::default(), held: false }
+        Self { arm, emulator, id, now: Duration::ZERO, wire: Ear::default(), held: false, spoil: None }
     }
 
     pub fn ready() -> Self {
@@ -94,6 +96,12 @@ impl Bench {
         bytes.clear();
         if !self.held {
             self.emulator.take(self.id, &mut bytes);
+        }
+        // A reply comes alone: one request is outstanding at a time.
+        if let Some((register, bits)) = self.spoil
+            && bytes.get(6) == Some(&register)
+        {
+            bytes[7] |= bits;
         }
         self.arm.receive_command(self.now, &bytes);
         bytes.clear();
@@ -138,6 +146,15 @@ impl Bench {
             self.run(5);
         }
         Ok(())
+    }
+
+    /// What the arm's next rich report says beside its motion.
+    pub fn reported(&mut self) -> Details {
+        let (mut bytes, mut parser) = (Vec::new(), ReportParser::new(ReportKind::Rich));
+        self.run(400);
+        self.emulator.take_reports(ReportKind::Rich, &mut bytes);
+        let mut bytes = bytes.as_slice();
+        std::iter::from_fn(|| parser.next(&mut bytes)).last().unwrap().details
     }
 
     pub fn fault(&self) -> Option<ArmFault> {

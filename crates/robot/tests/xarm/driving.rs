@@ -4,8 +4,8 @@ use std::time::Duration;
 
 use etude_robot::xarm::codec::{Feedback, Frame, ReplyState};
 use etude_robot::xarm::kinematics::{self, JOINTS};
-use etude_robot::xarm::report::{ReportKind, ReportParser};
-use etude_robot::xarm::{ArmError, ArmState, EmulatorConfig, TargetError};
+use etude_robot::xarm::report::ReportKind;
+use etude_robot::xarm::{Arm, ArmConfig, ArmError, ArmFault, ArmState, EmulatorConfig, Fence, TargetError};
 
 use crate::bench::{Bench, MS, apart, flange_m, home, over_keys, smooth};
 
@@ -20,6 +20,9 @@ fn it_starts_and_knows_the_arm() {
     bench.until(ArmState::Ready);
     let order: Vec<u8> = bench.wire.frames.iter().map(Frame::register).collect();
     assert_eq!(order[..11], [1, 2, 16, 17, 11, 36, 37, 19, 12, 15, 13]);
+    let limits = order.iter().position(|register| *register == 31).unwrap();
+    assert!(order[11..limits].iter().all(|register| *register == 13), "{order:?}");
+    assert_eq!(order[limits..limits + 8], [31, 32, 33, 34, 19, 12, 15, 13]);
     // From firmware 1.8.6 on with keep-alive, as the official SDK does.
     assert!(bench.wire.frames[0].protocol == 2 && bench.wire.frames[1..].iter().all(|f| f.protocol == 3));
     assert_eq!(bench.arm.version().unwrap().firmware, (2, 4, 0));
@@ -30,13 +33,102 @@ fn it_starts_and_knows_the_arm() {
     assert!((pose.position_m.x - 0.524494).abs() < 1e-5);
     assert_eq!((bench.emulator.state(), bench.emulator.mode()), (2, 1));
     // What it was told about the payload has arrived.
-    let (mut bytes, mut parser) = (Vec::new(), ReportParser::new(ReportKind::Normal));
-    bench.run(400);
-    bench.emulator.take_reports(ReportKind::Normal, &mut bytes);
-    let mut bytes = bytes.as_slice();
-    let last = std::iter::from_fn(|| parser.next(&mut bytes)).last().unwrap();
-    assert_eq!(last.details.payload_kg_mm, [1.091, -9.72, 18.38, 157.69]);
-    assert_eq!((last.details.enabled, last.details.collision_sensitivity), (0x7F, 3));
+    let details = bench.reported();
+    assert_eq!(details.payload_kg_mm, [1.091, -9.72, 18.38, 157.69]);
+    assert_eq!((details.enabled, details.collision_sensitivity), (0x7F, 3));
+}
+
+#[test]
+fn limits_and_box_arrive_in_the_arms_units() {
+    let config = ArmConfig {
+        tcp_jerk_m_s3: 3.0,
+        tcp_acceleration_m_s2: 4.0,
+        joint_jerk_rad_s3: 50.0,
+        joint_acceleration_rad_s2: 1.5,
+        fence_mm: Some(Fence([[200, 700], [-450, 460], [100, 800]])),
+        ..ArmConfig::default()
+    };
+    let mut bench = Bench::new();
+    bench.arm = Arm::new(config).unwrap();
+    bench.arm.connected(bench.now);
+    bench.arm.start(bench.now).unwrap();
+    bench.until(ArmState::Ready);
+    // Little-endian floats of mm and rad; six integers of mm, highest and lowest of each axis (fact sheet §2.3).
+    let params = |register: u8| {
+        let said = bench.wire.frames.iter().find(|frame| frame.register() == register);
+        said.unwrap().params().to_vec()
+    };
+    let float = |register: u8| f32::from_le_bytes(params(register).try_into().unwrap());
+    assert_eq!([31, 32, 33, 34].map(float), [3000.0, 4000.0, 50.0, 1.5]);
+    let sides: Vec<u8> = [700_i32, 200, 460, -450, 800, 100].iter().flat_map(|mm| mm.to_le_bytes()).collect();
+    assert_eq!((params(52), params(59), params(35)), (sides, vec![1], vec![0; 24]));
+    assert!(params(53).is_empty(), "the box is read back");
+    let details = bench.reported();
+    let [tcp, joint] = [details.tcp_limits_mm, details.joint_limits_rad];
+    assert_eq!((tcp.jerk, tcp.acceleration[1]), (3000.0, 4000.0));
+    assert_eq!((joint.jerk, joint.acceleration[1]), (50.0, 1.5));
+    // A planned move keeps to the smaller acceleration.
+    let (begun, mut there) = (bench.now, home());
+    there[0] += 0.2;
+    bench.arm.move_home(begun, there, 3.0).unwrap();
+    bench.until(ArmState::Ready);
+    assert!(
+        bench.now - begun > Duration::from_secs_f64(2.0 * (0.2_f64 / 1.5).sqrt()),
+        "{:?}",
+        bench.now - begun
+    );
+}
+
+#[test]
+fn without_a_box_nothing_is_said_about_one() {
+    let bench = Bench::ready();
+    assert!(bench.wire.frames.iter().all(|frame| ![35, 52, 53, 59].contains(&frame.register())));
+}
+
+#[test]
+fn nothing_is_sent_outside_the_box() {
+    // The paper's home is at x 524, y 0, z 585 mm.
+    let fence = Fence([[300, 700], [-200, 200], [100, 700]]);
+    let fenced = || {
+        let mut bench = Bench::new();
+        bench.arm = Arm::new(ArmConfig { fence_mm: Some(fence), ..ArmConfig::default() }).unwrap();
+        bench.arm.connected(bench.now);
+        bench.arm.start(bench.now).unwrap();
+        bench
+    };
+    let mut bench = fenced();
+    bench.until(ArmState::Ready);
+    // Where a move ends, and where it leads through, must be inside.
+    let (mut outside, mut around) = (home(), home());
+    outside[0] += 0.5;
+    around[0] += 2.0 * std::f64::consts::PI;
+    for there in [outside, around] {
+        let refused = bench.arm.move_home(bench.now, there, 0.3);
+        assert!(matches!(refused, Err(ArmError::Refused(TargetError::OutsideFence(_)))), "{refused:?}");
+    }
+    assert_eq!(bench.arm.state(), ArmState::Ready, "nothing has moved");
+    // A stream out of the box ends before the controller minds.
+    let led = bench.stream(2.0, |time| {
+        let mut joints = home();
+        joints[0] += 0.8 * smooth(time / 2.0);
+        joints
+    });
+    let Err(ArmError::Fault(fault @ ArmFault::RefusedTarget(TargetError::OutsideFence(_)))) = led else {
+        panic!("{led:?}");
+    };
+    assert!(fault.to_string().contains("y of the flange"), "{fault}");
+    bench.run(1000);
+    assert_eq!((bench.emulator.error(), bench.emulator.state()), (0, 4));
+    // From outside nothing starts, and it says why.
+    let mut bench = fenced();
+    bench.emulator.place(outside);
+    bench.run(6000);
+    let fault = bench.fault().unwrap();
+    assert!(
+        matches!(fault, ArmFault::OutsideFence(_)) && fault.to_string().contains("lead it inside"),
+        "{fault}"
+    );
+    assert!(bench.wire.targets.is_empty() && bench.wire.frames.iter().all(|frame| frame.register() != 59));
 }
 
 #[test]
@@ -45,8 +137,8 @@ fn old_firmware_is_spoken_to_in_the_old_way() {
     bench.arm.start(bench.now).unwrap();
     bench.until(ArmState::Ready);
     assert!(bench.wire.frames.iter().all(|frame| frame.protocol == 2));
-    let mode = bench.wire.frames.iter().find(|frame| frame.register() == 19).unwrap();
-    assert_eq!(mode.params(), [1]);
+    let modes = bench.wire.frames.iter().filter(|frame| frame.register() == 19);
+    assert_eq!(modes.map(|mode| mode.params().to_vec()).collect::<Vec<_>>(), [[0], [1]]);
 }
 
 #[test]

@@ -156,6 +156,58 @@ fn the_emulator_raises_the_errors_of_the_sheet() {
 }
 
 #[test]
+fn the_emulator_watches_its_box() {
+    let sides = |mm: [i32; 6]| mm.map(i32::to_le_bytes).as_flattened().to_vec();
+    // Highest and lowest x, y, z; the paper's home is at x 524, y 0, z 585 mm.
+    let mut client = Client::running(1);
+    client.ask(52, &sides([700, 300, 100, -100, 700, 100]));
+    let settings = client.ask(53, &[]).1;
+    assert_eq!(settings.len(), 79);
+    let words: Vec<i16> =
+        settings[1..13].chunks(2).map(|word| i16::from_be_bytes([word[0], word[1]])).collect();
+    assert_eq!((words, settings[77]), (vec![700, 300, 100, -100, 700, 100], 0));
+    // It is watched once it is switched on, and no motion is needed to be outside.
+    let out = |client: &mut Client| {
+        let mut target = client.emulator.joints();
+        for _ in 0..100 {
+            target[0] += 0.003;
+            client.servo(target);
+            client.run(5);
+        }
+    };
+    out(&mut client);
+    client.run(1000);
+    assert_eq!((client.emulator.error(), client.emulator.state()), (0, 2));
+    client.ask(59, &[1]);
+    assert_eq!(client.ask(53, &[]).1[77], 1);
+    client.run(1);
+    assert_eq!((client.emulator.error(), client.emulator.state()), (35, 4));
+    // Led back, it goes on; out again, it stops near the side.
+    client.emulator.place(home());
+    for (register, params) in [(16, &[][..]), (12, &[0])] {
+        client.ask(register, params);
+    }
+    client.run(10);
+    assert_eq!(client.emulator.error(), 0);
+    out(&mut client);
+    assert_eq!((client.emulator.error(), client.emulator.state()), (35, 4));
+    let pose: [f32; 6] = floats(&client.ask(41, &[]).1).unwrap();
+    assert!((100.0..115.0).contains(&pose[1]), "{pose:?}");
+}
+
+#[test]
+fn the_emulator_takes_limits_in_while_it_plans() {
+    for (register, most) in [(31, 1e5), (32, 5e4), (33, 499.9), (34, 19.98)] {
+        let mut client = Client::running(0);
+        assert_eq!(client.ask_floats(register, &[most]), (ReplyState(0), vec![0, 0]), "{register}");
+        assert!(client.ask_floats(register, &[most * 1.001]).0.has(ReplyState::INVALID), "{register}");
+        assert!(client.ask_floats(register, &[f64::NAN]).0.has(ReplyState::INVALID), "{register}");
+        let mut client = Client::running(1);
+        assert!(client.ask_floats(register, &[1.0]).0.has(ReplyState::NOT_READY), "{register}");
+    }
+}
+
+#[test]
 fn the_emulator_plans_moves_and_tells_of_their_end() {
     let mut client = Client::running(0);
     client.ask(254, &[3]);

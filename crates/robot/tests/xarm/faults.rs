@@ -2,9 +2,9 @@
 
 use std::time::Duration;
 
-use etude_robot::xarm::codec::{Frame, Register};
+use etude_robot::xarm::codec::{Frame, Register, ReplyState};
 use etude_robot::xarm::kinematics::JOINTS;
-use etude_robot::xarm::{ArmError, ArmFault, ArmState, TargetError};
+use etude_robot::xarm::{Arm, ArmConfig, ArmError, ArmFault, ArmState, Fence, TargetError};
 
 use crate::bench::{Bench, home, smooth};
 
@@ -284,5 +284,62 @@ fn a_stop_from_elsewhere_during_a_change_of_mode_is_a_fault() {
             }
         }
         assert!(late <= 2 * changes, "{name}: {late} stops were undone");
+    }
+}
+
+/// A start ends in a fault that names the register of which the arm would have nothing.
+#[test]
+fn a_setting_that_is_refused_is_a_failed_start_that_names_it() {
+    let fence = Fence([[200, 700], [-450, 450], [100, 800]]);
+    for (register, name) in [
+        (31, "TCP jerk"),
+        (32, "TCP acceleration"),
+        (33, "joint jerk"),
+        (34, "joint acceleration"),
+        (36, "payload"),
+        (52, "safety box"),
+        (59, "safety box on or off"),
+    ] {
+        // Refused outright, or, of those that wait in the queue, not taken in.
+        for bits in [ReplyState::INVALID, ReplyState::NOT_READY] {
+            if bits == ReplyState::NOT_READY && !(31..=34).contains(&register) {
+                continue;
+            }
+            let mut bench = Bench::new();
+            bench.arm = Arm::new(ArmConfig { fence_mm: Some(fence), ..ArmConfig::default() }).unwrap();
+            bench.arm.connected(bench.now);
+            bench.arm.start(bench.now).unwrap();
+            bench.spoil = Some((register, bits));
+            bench.run(1000);
+            assert_eq!(bench.fault(), Some(ArmFault::CommandRejected { register: name }), "{register}");
+            assert!(bench.fault().unwrap().to_string().contains(name) && bench.emulator.state() == 4);
+            bench.spoil = None;
+            bench.arm.start(bench.now).unwrap();
+            bench.until(ArmState::Ready);
+        }
+    }
+}
+
+/// A reply proves nothing: another program takes the box away as soon as it is set.
+#[test]
+fn a_box_that_is_not_there_is_a_failed_start() {
+    let fence = Fence([[200, 700], [-450, 450], [100, 800]]);
+    let off: &[u8] = &[59, 0];
+    let other =
+        [&[52][..], [700_i32, 200, 450, -450, 800, 101].map(i32::to_le_bytes).as_flattened()].concat();
+    for undo in [off, &other] {
+        let mut bench = Bench::new();
+        bench.arm = Arm::new(ArmConfig { fence_mm: Some(fence), ..ArmConfig::default() }).unwrap();
+        bench.arm.connected(bench.now);
+        bench.arm.start(bench.now).unwrap();
+        while bench.wire.frames.last().is_none_or(|frame| frame.register() != 59) {
+            bench.step();
+        }
+        let somebody = bench.emulator.connect();
+        let mut bytes = Vec::new();
+        Frame::new(1, 2, &[undo]).unwrap().write(&mut bytes);
+        bench.emulator.receive(bench.now, somebody, &bytes);
+        bench.run(200);
+        assert_eq!(bench.fault(), Some(ArmFault::CommandRejected { register: "safety box" }));
     }
 }

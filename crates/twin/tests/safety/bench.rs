@@ -1,5 +1,5 @@
-//! A controller and a twin with somebody at the wires between them: listens to what is sent, and cuts, drops,
-//! damages and invents what comes back.
+//! A controller and a twin with somebody at the wires between them: listens to what is sent, and drops, damages and
+//! invents what comes back. Whole faults of devices and wires are the twin's own ([`FaultKind`]).
 
 use std::collections::VecDeque;
 use std::sync::OnceLock;
@@ -16,7 +16,7 @@ use etude_robot::xarm::ArmLinkError;
 use etude_robot::xarm::kinematics::PAPER_HOME_DEG;
 use etude_robot::{Pace as _, Phase, Record, Refused, Robot};
 use etude_stage::{PhysicalParams, StageConfig, World};
-use etude_twin::{Lockstep, Truth, Twin, calibration};
+use etude_twin::{FaultKind, Lockstep, Truth, Twin, calibration};
 
 use crate::dice::Dice;
 use crate::judge::Judge;
@@ -88,15 +88,8 @@ impl Policy {
 
 /// What is done at the wires.
 pub struct Mischief {
-    pub can_cut: bool,
-    pub arm_cut: bool,
-    pub midi_cut: bool,
-    /// Bytes of the keyboard are lost, and nobody is told.
-    pub midi_silent: bool,
     /// Share of frames that is lost, both ways.
     pub frame_loss: f64,
-    /// Frames with this identifier from the hand are lost.
-    pub lost_id: Option<u16>,
     /// Counts that the first joint of a frame with this identifier is off by.
     pub encoder_off: Option<(u16, i16)>,
     /// What arrives besides what the twin says.
@@ -110,12 +103,7 @@ pub struct Mischief {
 impl Default for Mischief {
     fn default() -> Self {
         Self {
-            can_cut: false,
-            arm_cut: false,
-            midi_cut: false,
-            midi_silent: false,
             frame_loss: 0.0,
-            lost_id: None,
             encoder_off: None,
             frames: VecDeque::new(),
             replies: Vec::new(),
@@ -134,21 +122,9 @@ struct Tap<'a> {
     judge: &'a mut Judge,
 }
 
-fn can_is_cut() -> CanError {
-    CanError::Broken { bus: "bench".into(), message: "somebody cut it".into() }
-}
-
-fn arm_is_cut() -> ArmLinkError {
-    let source = std::io::Error::new(std::io::ErrorKind::NotConnected, "somebody cut it");
-    ArmLinkError::Broken { doing: "talking on the bench", source }
-}
-
 impl Wires for Tap<'_> {
     fn send_frame(&mut self, frame: CanFrame) -> Result<(), CanError> {
         self.judge.frame(&frame);
-        if self.mischief.can_cut {
-            return Err(can_is_cut());
-        }
         if self.mischief.dice.chance(self.mischief.frame_loss) {
             return Ok(());
         }
@@ -158,8 +134,7 @@ impl Wires for Tap<'_> {
     fn next_frame(&mut self) -> Result<Option<CanFrame>, CanError> {
         while let Some(frame) = self.inner.next_frame()? {
             let mischief = &mut *self.mischief;
-            let lost = mischief.dice.chance(mischief.frame_loss) || mischief.lost_id == Some(frame.id());
-            if lost || mischief.can_cut {
+            if mischief.dice.chance(mischief.frame_loss) {
                 continue;
             }
             if let Some((id, counts)) = mischief.encoder_off.filter(|(id, _)| *id == frame.id())
@@ -170,26 +145,15 @@ impl Wires for Tap<'_> {
             }
             return Ok(Some(frame));
         }
-        if self.mischief.can_cut {
-            return Err(can_is_cut());
-        }
         Ok(self.mischief.frames.pop_front())
     }
 
     fn send_arm(&mut self, bytes: &[u8]) -> Result<(), ArmLinkError> {
         self.judge.arm_bytes(self.now, bytes);
-        if self.mischief.arm_cut {
-            return Err(arm_is_cut());
-        }
         self.inner.send_arm(bytes)
     }
 
     fn receive_arm(&mut self, bytes: &mut Vec<u8>) -> Result<(), ArmLinkError> {
-        if self.mischief.arm_cut {
-            let scrap = &mut Vec::new();
-            let _ = self.inner.receive_arm(scrap).and_then(|()| self.inner.receive_report(scrap));
-            return Err(arm_is_cut());
-        }
         bytes.append(&mut self.mischief.replies);
         self.inner.receive_arm(bytes)
     }
@@ -201,12 +165,6 @@ impl Wires for Tap<'_> {
 
     fn receive_midi(&mut self, bytes: &mut Vec<u8>) -> Result<(), MidiError> {
         self.inner.receive_midi(bytes)?;
-        if self.mischief.midi_silent || self.mischief.midi_cut {
-            bytes.clear();
-        }
-        if self.mischief.midi_cut {
-            return Err(MidiError::Gone { spec: "bench".into(), message: "somebody pulled it".into() });
-        }
         bytes.append(&mut self.mischief.midi);
         Ok(())
     }
@@ -264,6 +222,16 @@ impl Bench {
 
     pub fn now(&self) -> Duration {
         self.lockstep.now()
+    }
+
+    /// Something goes wrong.
+    pub fn begin(&mut self, fault: FaultKind) {
+        self.lockstep.begin(fault);
+    }
+
+    /// It is over.
+    pub fn end(&mut self, fault: FaultKind) {
+        self.lockstep.end(fault);
     }
 
     /// One millisecond.

@@ -1,8 +1,7 @@
 //! The rows of the fault matrix: what goes wrong, what must come of it in each phase, and how it is mended.
 
 use etude_robot::calibration::Calibration;
-use etude_robot::can::CanFrame;
-use etude_twin::calibration;
+use etude_twin::{FaultKind, calibration};
 
 use crate::bench::{Bench, Policy, robot};
 
@@ -62,41 +61,34 @@ pub struct Row {
 
 fn nothing(_: &mut Bench) {}
 
-fn arm_request(bench: &mut Bench, body: &[u8]) {
-    let now = bench.now();
-    let arm = &mut bench.lockstep.twin.arm;
-    let other = arm.connect();
-    let mut request = vec![0, 1, 0, 2, 0, body.len() as u8];
-    request.extend_from_slice(body);
-    arm.receive(now, other, &request);
-    arm.disconnect(other);
-}
-
-fn hand_request(bench: &mut Bench, id: u16) {
-    let frame = CanFrame::new(id, &[]).unwrap();
-    let now = bench.now();
-    bench.lockstep.twin.hand.receive(now, &frame, &mut Vec::new());
-}
-
 /// Positions, state and temperature are told every 3, 100 and 400 ms; a report comes every 10.
 pub const ROWS: &[Row] = &[
     Row {
-        name: "CAN cut; the hand's firmware never times out",
+        name: "CAN controller in bus-off; the hand's firmware never times out",
         ends: [Fault(2), Fault(2), Fault(2), Fault(2), Fault(2), GoesOn],
-        says: "CAN bus",
+        says: "bus-off",
         lost: Lost::HandHolds,
         stays: true,
-        strike: |b| b.mischief.can_cut = true,
-        mend: |b| b.mischief.can_cut = false,
+        strike: |b| b.begin(FaultKind::CanBusOff),
+        mend: |b| b.end(FaultKind::CanBusOff),
     },
     Row {
-        name: "CAN cut; the hand's firmware times out after 100 ms",
+        name: "CAN controller in bus-off; the hand's firmware times out after 100 ms",
         ends: [Fault(2), Fault(2), Fault(2), Fault(2), Fault(2), GoesOn],
-        says: "CAN bus",
+        says: "bus-off",
         lost: Lost::HandTimesOut,
         stays: true,
-        strike: |b| b.mischief.can_cut = true,
-        mend: |b| b.mischief.can_cut = false,
+        strike: |b| b.begin(FaultKind::CanBusOff),
+        mend: |b| b.end(FaultKind::CanBusOff),
+    },
+    Row {
+        name: "CAN cut, and nobody says so",
+        ends: [Fault(2100), Fault(25), Fault(25), Fault(25), Fault(25), GoesOn],
+        says: "CAN cable",
+        lost: Lost::HandHolds,
+        stays: true,
+        strike: |b| b.begin(FaultKind::CanSilent),
+        mend: |b| b.end(FaultKind::CanSilent),
     },
     Row {
         name: "CAN loses 10 % of all frames",
@@ -123,8 +115,8 @@ pub const ROWS: &[Row] = &[
         says: "no angles from finger 1",
         lost: Lost::Nothing,
         stays: true,
-        strike: |b| b.mischief.lost_id = Some(0x084),
-        mend: |b| b.mischief.lost_id = None,
+        strike: |b| b.begin(FaultKind::FingerSilent(1)),
+        mend: |b| b.end(FaultKind::FingerSilent(1)),
     },
     Row {
         name: "arm's link cut",
@@ -132,8 +124,8 @@ pub const ROWS: &[Row] = &[
         says: "arm",
         lost: Lost::Arm,
         stays: true,
-        strike: |b| b.mischief.arm_cut = true,
-        mend: |b| b.mischief.arm_cut = false,
+        strike: |b| b.begin(FaultKind::ArmDisconnect),
+        mend: |b| b.end(FaultKind::ArmDisconnect),
     },
     Row {
         name: "arm does not reply",
@@ -141,8 +133,8 @@ pub const ROWS: &[Row] = &[
         says: "did not answer",
         lost: Lost::Nothing,
         stays: true,
-        strike: |b| b.lockstep.twin.arm.set_silent(true),
-        mend: |b| b.lockstep.twin.arm.set_silent(false),
+        strike: |b| b.begin(FaultKind::ArmSilent),
+        mend: |b| b.end(FaultKind::ArmSilent),
     },
     Row {
         name: "arm's reports stop",
@@ -150,8 +142,8 @@ pub const ROWS: &[Row] = &[
         says: "reports",
         lost: Lost::Nothing,
         stays: true,
-        strike: |b| b.lockstep.twin.arm.set_mute(true),
-        mend: |b| b.lockstep.twin.arm.set_mute(false),
+        strike: |b| b.begin(FaultKind::ArmMute),
+        mend: |b| b.end(FaultKind::ArmMute),
     },
     Row {
         name: "arm: collision (error 31)",
@@ -159,7 +151,7 @@ pub const ROWS: &[Row] = &[
         says: "collision",
         lost: Lost::Nothing,
         stays: false,
-        strike: |b| b.lockstep.twin.arm.inject_error(31),
+        strike: |b| b.begin(FaultKind::ArmError(31)),
         mend: nothing,
     },
     Row {
@@ -168,8 +160,8 @@ pub const ROWS: &[Row] = &[
         says: "error 1",
         lost: Lost::Nothing,
         stays: true,
-        strike: |b| b.lockstep.twin.arm.inject_error(1),
-        mend: |b| b.lockstep.twin.arm.inject_error(0),
+        strike: |b| b.begin(FaultKind::Estop),
+        mend: |b| b.end(FaultKind::Estop),
     },
     Row {
         name: "arm's joints are held",
@@ -177,8 +169,8 @@ pub const ROWS: &[Row] = &[
         says: "from where it was sent",
         lost: Lost::Nothing,
         stays: false,
-        strike: |b| b.lockstep.twin.arm.set_stuck(true),
-        mend: |b| b.lockstep.twin.arm.set_stuck(false),
+        strike: |b| b.begin(FaultKind::ArmStuck),
+        mend: |b| b.end(FaultKind::ArmStuck),
     },
     Row {
         name: "arm stopped by another client (state 4)",
@@ -187,7 +179,7 @@ pub const ROWS: &[Row] = &[
         says: "nobody here asked for that",
         lost: Lost::Nothing,
         stays: false,
-        strike: |b| arm_request(b, &[12, 4]),
+        strike: |b| b.begin(FaultKind::ArmStopped),
         mend: nothing,
     },
     Row {
@@ -196,8 +188,8 @@ pub const ROWS: &[Row] = &[
         says: "was unplugged",
         lost: Lost::Nothing,
         stays: true,
-        strike: |b| b.mischief.midi_cut = true,
-        mend: |b| b.mischief.midi_cut = false,
+        strike: |b| b.begin(FaultKind::KeyboardUnplugged),
+        mend: |b| b.end(FaultKind::KeyboardUnplugged),
     },
     Row {
         name: "keyboard with active sensing falls silent",
@@ -205,8 +197,8 @@ pub const ROWS: &[Row] = &[
         says: "active sensing",
         lost: Lost::Nothing,
         stays: true,
-        strike: |b| b.mischief.midi_silent = true,
-        mend: |b| b.mischief.midi_silent = false,
+        strike: |b| b.begin(FaultKind::KeyboardSilent),
+        mend: |b| b.end(FaultKind::KeyboardSilent),
     },
     Row {
         name: "hand's board is hot",
@@ -214,17 +206,17 @@ pub const ROWS: &[Row] = &[
         says: "board is at 80",
         lost: Lost::Nothing,
         stays: true,
-        strike: |b| b.lockstep.twin.hand.config_mut().board_celsius = 80,
-        mend: |b| b.lockstep.twin.hand.config_mut().board_celsius = 35,
+        strike: |b| b.begin(FaultKind::BoardHot(80)),
+        mend: |b| b.end(FaultKind::BoardHot(80)),
     },
     Row {
-        name: "a joint of the hand is hot",
+        name: "a finger of the hand is hot",
         ends: [Fault(460), Fault(410), Fault(410), Fault(410), Fault(410), GoesOn],
-        says: "joint 9 of the hand is at 70",
+        says: "joint 8 of the hand is at 70",
         lost: Lost::Nothing,
         stays: true,
-        strike: |b| b.lockstep.twin.hand.config_mut().joint_celsius[9] = 70,
-        mend: |b| b.lockstep.twin.hand.config_mut().joint_celsius[9] = 33,
+        strike: |b| b.begin(FaultKind::HandHot(2, 70)),
+        mend: |b| b.end(FaultKind::HandHot(2, 70)),
     },
     Row {
         name: "hand reports an internal fault (status bit 4)",
@@ -232,8 +224,8 @@ pub const ROWS: &[Row] = &[
         says: "status bits",
         lost: Lost::Nothing,
         stays: true,
-        strike: |b| b.lockstep.twin.hand.config_mut().fault_bits = 4,
-        mend: |b| b.lockstep.twin.hand.config_mut().fault_bits = 0,
+        strike: |b| b.begin(FaultKind::HandFault(4)),
+        mend: |b| b.end(FaultKind::HandFault(4)),
     },
     Row {
         name: "hand's servo switched off by somebody else",
@@ -241,7 +233,7 @@ pub const ROWS: &[Row] = &[
         says: "servo is off",
         lost: Lost::Nothing,
         stays: false,
-        strike: |b| hand_request(b, 0x104),
+        strike: |b| b.begin(FaultKind::HandOff),
         mend: nothing,
     },
     Row {

@@ -155,6 +155,11 @@ impl Judge {
             11 => assert_eq!(params, [8, 1]),
             12 => assert!(params == [0] || params == [4], "{params:?}"),
             19 => assert!(first <= 2 && params.len() <= 2, "{params:?}"),
+            // What the arm takes for jerks and accelerations of its own moves, mm and rad (§2.6).
+            31..=34 => {
+                let most = [100_000.0, 50_000.0, 500.0, 20.0][usize::from(register - 31)];
+                assert!(params.len() == 4 && (1e-3..=most).contains(&floats[0]), "{register}: {floats:?}");
+            }
             37 => assert!((1..=5).contains(&first), "{params:?}"),
             36 => {
                 assert!(params.len() == 16 && (0.0..=3.5).contains(&floats[0]), "{floats:?}");

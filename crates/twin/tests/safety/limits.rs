@@ -7,7 +7,7 @@ use etude_robot::Phase;
 use etude_robot::can::CanFrame;
 use etude_robot::faults::FaultPlan;
 use etude_robot::joints::DRIVEN;
-use etude_twin::{Truth, calibration};
+use etude_twin::{FaultKind, Truth, calibration};
 use proptest::prelude::*;
 
 use crate::bench::{Bench, Policy, with_links};
@@ -158,14 +158,11 @@ fn happen(bench: &mut Bench, event: &Event) {
         Event::Reports(seed, count) => bench.mischief.reports = dice(*seed).bytes((*count).into()),
         Event::Midi(seed, count) => bench.mischief.midi = dice(*seed).bytes((*count).into()),
         Event::Cut(wire, millis) => {
-            let cut = |bench: &mut Bench, cut| match wire {
-                0 => bench.mischief.can_cut = cut,
-                1 => bench.mischief.arm_cut = cut,
-                _ => bench.mischief.midi_cut = cut,
-            };
-            cut(bench, true);
+            let wires = [FaultKind::CanBusOff, FaultKind::ArmDisconnect, FaultKind::KeyboardUnplugged];
+            let cut = wires[usize::from(*wire) % 3];
+            bench.begin(cut);
             bench.run((*millis).into());
-            cut(bench, false);
+            bench.end(cut);
         }
         Event::Stall(millis) => {
             bench.stall((*millis).into());
@@ -173,19 +170,13 @@ fn happen(bench: &mut Bench, event: &Event) {
         }
         Event::Device(number) => misbehave(bench, *number),
         Event::Mend => {
-            let twin = &mut bench.lockstep.twin;
-            twin.arm.set_stuck(false);
-            twin.arm.set_silent(false);
-            twin.arm.set_mute(false);
-            twin.arm.inject_error(0);
-            let hand = twin.hand.config_mut();
-            (hand.board_celsius, hand.joint_celsius, hand.fault_bits) = (35, [33; 16], 0);
-            twin.keyboard.plug(now);
+            bench.lockstep.end_all();
+            bench.lockstep.twin.arm.inject_error(0);
             if bench.robot.phase() == Phase::Fault {
                 // Only a new connection clears what made no sense.
-                bench.mischief.arm_cut = true;
+                bench.begin(FaultKind::ArmDisconnect);
                 bench.run(2);
-                bench.mischief.arm_cut = false;
+                bench.end(FaultKind::ArmDisconnect);
                 bench.run(2);
             }
         }
@@ -194,25 +185,26 @@ fn happen(bench: &mut Bench, event: &Event) {
 
 fn misbehave(bench: &mut Bench, number: u8) {
     let now = bench.now();
-    let twin = &mut bench.lockstep.twin;
-    match number % 12 {
-        0 => twin.arm.set_stuck(true),
-        1 => twin.arm.set_silent(true),
-        2 => twin.arm.set_mute(true),
-        3 => twin.arm.inject_error(number / 2),
-        4 => twin.arm.inject_warning(number / 10),
-        5 => twin.hand.config_mut().board_celsius = number,
-        6 => twin.hand.config_mut().joint_celsius[usize::from(number / 16)] = number,
-        7 => twin.hand.config_mut().fault_bits = number,
-        8 => twin.hand.receive(now, &CanFrame::new(0x104, &[]).unwrap(), &mut Vec::new()),
-        9 => twin.keyboard.unplug(),
-        10 => twin.keyboard.plug(now),
+    let arm = &mut bench.lockstep.twin.arm;
+    let fault = match number % 12 {
+        0 => FaultKind::ArmStuck,
+        1 => FaultKind::ArmSilent,
+        2 => FaultKind::ArmMute,
+        3 => FaultKind::ArmError(number / 2),
+        4 => return arm.inject_warning(number / 10),
+        5 => FaultKind::BoardHot(number),
+        6 => FaultKind::HandHot(number / 64, number),
+        7 => FaultKind::HandFault(number),
+        8 => FaultKind::HandOff,
+        9 => FaultKind::KeyboardUnplugged,
+        10 => return bench.end(FaultKind::KeyboardUnplugged),
         _ => {
-            let other = twin.arm.connect();
-            twin.arm.receive(now, other, &[0, 1, 0, 2, 0, 2, 12, [0, 3, 4, 6][usize::from(number % 4)]]);
-            twin.arm.disconnect(other);
+            let other = arm.connect();
+            arm.receive(now, other, &[0, 1, 0, 2, 0, 2, 12, [0, 3, 4, 6][usize::from(number % 4)]]);
+            return arm.disconnect(other);
         }
-    }
+    };
+    bench.begin(fault);
 }
 
 trait SignedMillis {

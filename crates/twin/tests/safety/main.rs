@@ -4,6 +4,7 @@
 //! |---|---|
 //! | `playing` | an undisturbed robot starts, goes to the keyboard and follows |
 //! | `matrix` | each fault in each phase ends as its table says (`target/fault-matrix.md`) |
+//! | `ordered` | each kind of fault that a truth can order ends a performance |
 //! | `recovery` | wires that come back, and what an operator may ask while the arm moves by itself |
 //! | `limits` | whatever is asked, heard or broken, nothing outside the limits is ever sent |
 //! | `fuzz` | millions of frames and bytes at random break no driver, parser or emulator |
@@ -22,5 +23,6 @@ mod fuzz;
 mod judge;
 mod limits;
 mod matrix;
+mod ordered;
 mod playing;
 mod recovery;

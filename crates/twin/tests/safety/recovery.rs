@@ -5,7 +5,7 @@ use std::time::Duration;
 use etude_robot::joints::{DRIVEN, RAIL};
 use etude_robot::xarm::ArmState;
 use etude_robot::{Phase, Refused};
-use etude_twin::{Truth, calibration};
+use etude_twin::{FaultKind, Truth, calibration};
 
 use crate::bench::{Bench, Policy};
 
@@ -35,10 +35,10 @@ fn homing() -> Bench {
 #[test]
 fn a_hand_whose_bus_comes_back_is_let_go_without_being_asked() {
     let mut bench = following();
-    bench.mischief.can_cut = true;
+    bench.begin(FaultKind::CanBusOff);
     bench.run(1000);
     assert!(!bench.hand_is_free(), "the test wants a hand that holds a torque");
-    bench.mischief.can_cut = false;
+    bench.end(FaultKind::CanBusOff);
     let took = bench.until(150, Bench::hand_is_off);
     assert!(took.is_some(), "the hand still holds {:?}", bench.lockstep.twin.hand.pwm());
     assert_eq!(bench.robot.phase(), Phase::Fault);
@@ -47,13 +47,13 @@ fn a_hand_whose_bus_comes_back_is_let_go_without_being_asked() {
 #[test]
 fn an_arm_whose_link_comes_back_is_stopped_without_being_asked() {
     let mut bench = homing();
-    bench.mischief.arm_cut = true;
+    bench.begin(FaultKind::ArmDisconnect);
     bench.run(200);
     assert!(!bench.arm_is_stopped(), "the test wants an arm that goes on with its move");
     // The hand's bus is dead as well, and stays so.
-    bench.mischief.can_cut = true;
+    bench.begin(FaultKind::CanBusOff);
     bench.run(10);
-    bench.mischief.arm_cut = false;
+    bench.end(FaultKind::ArmDisconnect);
     assert!(bench.until(20, Bench::arm_is_stopped).is_some(), "state {}", bench.lockstep.twin.arm.state());
     bench.run(1000);
     assert!(bench.arm_is_stopped());
@@ -83,7 +83,7 @@ fn a_keyboard_that_is_not_there_is_a_fault_that_says_so() {
     let mut bench = Bench::at_the_keyboard(&truth());
     let mut bench = {
         // Nobody has seen the keyboard yet.
-        bench.mischief.midi_cut = true;
+        bench.begin(FaultKind::KeyboardUnplugged);
         bench.robot = crate::bench::robot(&calibration("twin"));
         bench
     };
@@ -93,7 +93,7 @@ fn a_keyboard_that_is_not_there_is_a_fault_that_says_so() {
     assert!(fault.contains("plug it in"), "{fault}");
     bench.run(20);
     assert!(bench.hand_is_off() && bench.arm_is_stopped());
-    bench.mischief.midi_cut = false;
+    bench.end(FaultKind::KeyboardUnplugged);
     bench.run(20);
     bench.start_and_hold();
 }
@@ -120,8 +120,8 @@ fn the_first_fault_stays() {
     bench.until_phase(Phase::Fault, 150);
     let first = bench.robot.fault().unwrap().to_string();
     bench.lockstep.twin.arm.inject_error(31);
-    bench.mischief.midi_cut = true;
-    bench.mischief.can_cut = true;
+    bench.begin(FaultKind::KeyboardUnplugged);
+    bench.begin(FaultKind::CanBusOff);
     bench.run(300);
     assert_eq!(bench.robot.fault().unwrap().to_string(), first);
     bench.stop();

@@ -5,6 +5,8 @@ use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
 
+use crate::xarm::fence::Fence;
+
 /// Settings of the arm's driver.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
@@ -15,6 +17,18 @@ pub struct ArmConfig {
     pub payload_centre_mm: [f64; 3],
     /// How easily the controller sees a collision, 0 (never) to 5.
     pub collision_sensitivity: u8,
+    /// Box that the flange must stay in, mm in the frame of the arm's base: lowest and highest x, y, z. Without one,
+    /// what the controller has of its own stays as it is.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub fence_mm: Option<Fence>,
+    /// Jerk of straight moves that the arm plans itself, m/s³.
+    pub tcp_jerk_m_s3: f64,
+    /// Largest acceleration of them, m/s².
+    pub tcp_acceleration_m_s2: f64,
+    /// Jerk of joint moves that the arm plans itself, rad/s³.
+    pub joint_jerk_rad_s3: f64,
+    /// Largest acceleration of them, rad/s².
+    pub joint_acceleration_rad_s2: f64,
     /// Targets a second, 100 to 250.
     pub servo_hz: f64,
     /// A target that needs a faster joint is refused, rad/s.
@@ -39,6 +53,14 @@ impl Default for ArmConfig {
             payload_kg: 1.091,
             payload_centre_mm: [-9.72, 18.38, 157.69],
             collision_sensitivity: 3,
+            fence_mm: None,
+            // The controller's own default jerks and full accelerations (§2.6): what another program left behind does
+            // not stay, and nothing slows the servo mode down, whose acceleration is documented as the maximum and
+            // perhaps is this one.
+            tcp_jerk_m_s3: 7.0,
+            tcp_acceleration_m_s2: 50.0,
+            joint_jerk_rad_s3: 200.0,
+            joint_acceleration_rad_s2: 19.98,
             servo_hz: 200.0,
             joint_speed_limit_rad_s: PI,
             tcp_speed_limit_m_s: 1.0,
@@ -77,6 +99,11 @@ impl ArmConfig {
             ("payload_centre_mm (y)", y, -500.0, 500.0),
             ("payload_centre_mm (z)", z, -500.0, 500.0),
             ("collision_sensitivity", self.collision_sensitivity.into(), 0.0, 5.0),
+            // Up to what the controller takes (§2.6); below the least of them a move home would take minutes.
+            ("tcp_jerk_m_s3", self.tcp_jerk_m_s3, 0.1, 100.0),
+            ("tcp_acceleration_m_s2", self.tcp_acceleration_m_s2, 0.1, 50.0),
+            ("joint_jerk_rad_s3", self.joint_jerk_rad_s3, 1.0, 499.9),
+            ("joint_acceleration_rad_s2", self.joint_acceleration_rad_s2, 0.1, 19.98),
             ("servo_hz", self.servo_hz, 100.0, 250.0),
             ("joint_speed_limit_rad_s", self.joint_speed_limit_rad_s, 0.01, PI),
             ("tcp_speed_limit_m_s", self.tcp_speed_limit_m_s, 0.01, 1.2),
@@ -85,7 +112,11 @@ impl ArmConfig {
             ("report_stale_after_secs", self.report_stale_after_secs, 0.02, 10.0),
             ("start_timeout_secs", self.start_timeout_secs, 0.1, 60.0),
         ];
-        for (name, value, lowest, highest) in rows {
+        let sides = self.fence_mm.map(|fence| fence.sides()).into_iter().flatten();
+        let sides = sides.map(|(name, value, lowest, highest)| {
+            (name, f64::from(value), f64::from(lowest), f64::from(highest))
+        });
+        for (name, value, lowest, highest) in rows.into_iter().chain(sides) {
             if !(lowest..=highest).contains(&value) {
                 return Err(ArmConfigError { name, value, lowest, highest });
             }
@@ -107,11 +138,21 @@ mod tests {
     fn the_default_is_allowed_and_odd_values_are_named() {
         assert_eq!(ArmConfig::default().check(), Ok(()));
         type Spoil = fn(&mut ArmConfig);
-        let odd: [(&str, Spoil); 4] = [
+        let odd: [(&str, Spoil); 11] = [
             ("servo_hz", |config| config.servo_hz = 251.0),
             ("payload_kg", |config| config.payload_kg = f64::NAN),
             ("payload_centre_mm (z)", |config| config.payload_centre_mm[2] = 1577.0),
             ("collision_sensitivity", |config| config.collision_sensitivity = 6),
+            // 1145 °/s², 28647 °/s³, 50000 mm/s² and 100000 mm/s³ are the most that the controller takes.
+            ("tcp_jerk_m_s3", |config| config.tcp_jerk_m_s3 = 100.1),
+            ("tcp_acceleration_m_s2", |config| config.tcp_acceleration_m_s2 = 50.1),
+            ("joint_jerk_rad_s3", |config| config.joint_jerk_rad_s3 = 28648_f64.to_radians()),
+            ("joint_acceleration_rad_s2", |config| config.joint_acceleration_rad_s2 = 1146_f64.to_radians()),
+            ("fence_mm (highest x)", |config| config.fence_mm = Some(Fence([[1, 50], [1, 51], [1, 51]]))),
+            ("fence_mm (lowest z)", |config| config.fence_mm = Some(Fence([[1, 51], [1, 51], [-401, 51]]))),
+            ("fence_mm (lowest y)", |config| {
+                config.fence_mm = Some(Fence([[1, 51], [i32::MAX, i32::MIN], [1, 51]]));
+            }),
         ];
         for (name, spoil) in odd {
             let mut config = ArmConfig::default();
@@ -120,5 +161,11 @@ mod tests {
         }
         assert!(toml::from_str::<ArmConfig>("servo_hz = 100.0").unwrap().check().is_ok());
         assert!(toml::from_str::<ArmConfig>("servo_speed = 100.0").is_err());
+        let fenced = "fence_mm = [[300, 700], [-450, 450], [100, 700]]";
+        let fenced: ArmConfig = toml::from_str(fenced).unwrap();
+        assert!(
+            fenced.check().is_ok() && fenced.fence_mm == Some(Fence([[300, 700], [-450, 450], [100, 700]]))
+        );
+        assert_eq!(toml::from_str::<ArmConfig>(&toml::to_string(&fenced).unwrap()).unwrap(), fenced);
     }
 }

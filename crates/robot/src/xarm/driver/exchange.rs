@@ -6,7 +6,7 @@ use super::gate::largest_turn;
 use super::steps::{ArmVersion, MANUAL, SERVO, Step, text};
 use super::{Arm, ArmFault, Phase, STOP_AGAIN, Target, Work};
 use crate::xarm::codec::{
-    FEEDBACK, Frame, KEEP_ALIVE_FROM, PROTOCOL_KEEP_ALIVE, PROTOCOL_PRIVATE, Register, ReplyState,
+    FEEDBACK, Frame, KEEP_ALIVE_FROM, PROTOCOL_KEEP_ALIVE, PROTOCOL_PRIVATE, Register, ReplyState, STOPPED,
 };
 use crate::xarm::kinematics::JOINTS;
 
@@ -22,8 +22,10 @@ const ARRIVED_RAD: f64 = 0.02;
 const IDLE_LIMIT: u32 = 50;
 /// Acceleration of a planned move, rad/s².
 const HOME_ACCELERATION: f64 = 2.0;
-/// State that stops the arm, and in which it is then.
-pub(super) const STOP: u8 = 4;
+/// Places of the box and of its switch in the reply of the reduced mode's settings (fact sheet "hardware" §2.3, §2.7:
+/// in the order of the report from its byte 495 on).
+const BOX_AT: usize = 1;
+const FENCE_AT: usize = 77;
 
 /// The request whose reply is awaited.
 #[derive(Clone, Copy, Debug)]
@@ -81,7 +83,7 @@ impl Arm {
         halt.since.get_or_insert(now);
         halt.again = now + STOP_AGAIN;
         self.counters.stops += 1;
-        self.request(now, Purpose::Stop, Register::SetState, &[STOP], out);
+        self.request(now, Purpose::Stop, Register::SetState, &[STOPPED], out);
     }
 
     /// Gives up on what was not answered, and on reports that stopped.
@@ -158,12 +160,29 @@ impl Arm {
                 params.extend(values.as_flattened());
             }
             Step::Tell(Register::CollisionSensitivity) => params.push(config.collision_sensitivity),
+            // On the wire in mm.
+            Step::Tell(Register::TcpJerk) => params.extend(float(config.tcp_jerk_m_s3 * 1e3)),
+            Step::Tell(Register::TcpAcceleration) => params.extend(float(config.tcp_acceleration_m_s2 * 1e3)),
+            Step::Tell(Register::JointJerk) => params.extend(float(config.joint_jerk_rad_s3)),
+            Step::Tell(Register::JointAcceleration) => params.extend(float(config.joint_acceleration_rad_s2)),
+            Step::Tell(Register::SafetyBox) => {
+                let Some(fence) = config.fence_mm else { return };
+                // The controller would stop the arm as soon as it runs.
+                if let Err(outside) = self.pose().map_or(Ok(()), |pose| fence.holds(&pose.position_m)) {
+                    return self.fail(ArmFault::OutsideFence(outside));
+                }
+                params.extend(fence.to_wire().map(i32::to_le_bytes).as_flattened());
+            }
+            Step::Tell(Register::SafetyBoxOn) => params.push(1),
+            Step::Tell(Register::TcpOffset) => params.extend([0.0_f32.to_le_bytes(); 6].as_flattened()),
             Step::Move => {
-                let rest = [work.speed_rad_s, HOME_ACCELERATION, 0.0];
+                let acceleration = HOME_ACCELERATION.min(config.joint_acceleration_rad_s2);
+                let rest = [work.speed_rad_s, acceleration, 0.0];
                 params.extend(words(&work.home, rest).as_flattened());
             }
             Step::Tell(_)
             | Step::Serial
+            | Step::Fenced
             | Step::NoError
             | Step::Unstopped
             | Step::Await(_)
@@ -191,7 +210,8 @@ impl Arm {
         }
         self.counters.warnings += u64::from(state.has(ReplyState::WARNING));
         let moves = asked.purpose == Purpose::Target || asked.register == Register::MoveJoints;
-        if self.active() && state.has(ReplyState::INVALID) {
+        let ignored = is_queued(asked.register) && state.has(ReplyState::NOT_READY);
+        if self.active() && (ignored || state.has(ReplyState::INVALID)) {
             self.fail(ArmFault::CommandRejected { register: asked.register.name() });
         } else if moves && state.has(ReplyState::ERROR) {
             self.fail(ArmFault::Controller { code: None });
@@ -244,6 +264,10 @@ impl Arm {
             (Step::NoError | Step::Unstopped | Step::Await(_) | Step::Arrive, None) => {
                 return self.fail(ArmFault::ProtocolNonsense("a reply is too short"));
             }
+            (Step::Fenced, _) if !self.is_fenced(params) => {
+                return self.fail(ArmFault::CommandRejected { register: Register::SafetyBox.name() });
+            }
+            (Step::Fenced, _) => true,
             (Step::NoError, Some(0)) => true,
             (Step::NoError, code) => return self.fail(ArmFault::Controller { code }),
             (Step::Unstopped | Step::Await(_), Some(state)) if work.forbids(state) => {
@@ -263,11 +287,24 @@ impl Arm {
         work.ask_at = if done { now } else { now + ASK_AGAIN };
         if done {
             (work.at, work.since) = (work.at + 1, now);
+            let fenced = self.config.fence_mm.is_some();
+            while !fenced && work.steps.get(work.at).is_some_and(|step| step.is_of_the_fence()) {
+                work.at += 1;
+            }
         }
         self.phase = Phase::Working(work);
         if work.at == work.steps.len() {
             self.finish(step);
         }
+    }
+
+    /// Whether the settings of the reduced mode (fact sheet "hardware" §2.3, register 53) say that the box is ours and
+    /// watched.
+    fn is_fenced(&self, params: &[u8]) -> bool {
+        let sides = params.get(BOX_AT..BOX_AT + 12).map(|bytes| bytes.as_chunks::<2>().0);
+        let sides = sides.unwrap_or_default().iter().map(|side| i32::from(i16::from_be_bytes(*side)));
+        let watched = params.get(FENCE_AT).is_some_and(|on| *on == 1);
+        watched && self.config.fence_mm.is_some_and(|fence| sides.eq(fence.to_wire()))
     }
 
     /// Whether the arm is ready in this mode: its reply and a report that came after the change both say so.
@@ -315,6 +352,16 @@ impl Arm {
             _ => {}
         }
     }
+}
+
+fn float(value: f64) -> [u8; 4] {
+    (value as f32).to_le_bytes()
+}
+
+/// Whether a setting waits in the queue of planned moves: one that does not run takes nothing in.
+fn is_queued(register: Register) -> bool {
+    use Register::{JointAcceleration, JointJerk, TcpAcceleration, TcpJerk};
+    matches!(register, TcpJerk | TcpAcceleration | JointJerk | JointAcceleration)
 }
 
 /// Joints and three more values, as little-endian floats.

@@ -1,6 +1,7 @@
 //! What can go wrong with the arm, each with what the operator does next.
 
 use crate::xarm::errors::controller_error;
+use crate::xarm::fence::OutsideFence;
 use crate::xarm::kinematics::KinematicsError;
 
 /// Why a target was refused.
@@ -12,6 +13,9 @@ pub enum TargetError {
     /// A joint is beyond its limit.
     #[error(transparent)]
     BeyondLimit(KinematicsError),
+    /// The flange would be outside its box.
+    #[error(transparent)]
+    OutsideFence(OutsideFence),
     /// A joint would have to be too fast.
     #[error("joint {joint} would need {needed_rad_s:.2} rad/s, allowed are {allowed_rad_s:.2}")]
     JointTooFast {
@@ -82,6 +86,11 @@ pub enum ArmFault {
         "a target for the arm was refused: {0}; slow the motion down or correct its path, then start again"
     )]
     RefusedTarget(TargetError),
+    /// The arm stands outside its box.
+    #[error(
+        "the arm cannot start here: {0}; lead it inside by hand, or correct arm.fence_mm, then start again"
+    )]
+    OutsideFence(OutsideFence),
     /// The controller refused a command.
     #[error(
         "the arm's controller refused \"{register}\": update its firmware, check the config, then start again"

@@ -18,6 +18,10 @@ impl Arm {
     /// Whether a target may follow the one before.
     pub(super) fn allowed(&self, target: &Target) -> Result<(), TargetError> {
         possible(&target.joints)?;
+        if let Some(fence) = self.config.fence_mm {
+            let flange = kinematics::forward(&target.joints).position_m;
+            fence.holds(&flange).map_err(TargetError::OutsideFence)?;
+        }
         let Some(before) = self.target.or(self.sent) else { return Ok(()) };
         let secs = self.step_secs(&before, target, LONGEST_GAP) * ROUNDING;
         let (joint, turn) = largest_turn(&before.joints, &target.joints);

@@ -17,10 +17,10 @@ pub use config::{ArmConfig, ArmConfigError};
 pub use fault::{ArmError, ArmFault, ArmState, TargetError};
 pub use steps::ArmVersion;
 
-use super::codec::{FrameParser, Register};
+use super::codec::{FrameParser, Register, STOPPED};
 use super::kinematics::{self, JOINTS, Pose};
 use super::report::{Report, ReportKind, ReportParser};
-use exchange::{Outstanding, Purpose, STOP};
+use exchange::{Outstanding, Purpose};
 use gate::{largest_turn, possible};
 use steps::{MANUAL, SERVO, Step};
 
@@ -119,7 +119,7 @@ struct Work {
 impl Work {
     /// Whether the arm must not be in this state: a change of mode leads to state 5, and only a start begins at a stop.
     fn forbids(&self, state: u8) -> bool {
-        state == STOP && self.steps != steps::START
+        state == STOPPED && self.steps != steps::START
     }
 }
 
@@ -218,6 +218,10 @@ impl Arm {
             return Err(ArmError::NotNow(self.state()));
         }
         possible(&joints_rad).map_err(ArmError::Refused)?;
+        if let (Some(fence), Some(from)) = (self.config.fence_mm, self.joints()) {
+            let held = fence.holds_way(&from, &joints_rad);
+            held.map_err(|outside| ArmError::Refused(TargetError::OutsideFence(outside)))?;
+        }
         let allowed_rad_s = self.config.joint_speed_limit_rad_s;
         if !(speed_rad_s > 0.0 && speed_rad_s <= allowed_rad_s) {
             let (joint, needed_rad_s) = (1, speed_rad_s);

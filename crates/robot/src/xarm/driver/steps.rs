@@ -16,6 +16,8 @@ pub(super) enum Step {
     Version,
     /// Reads the serial number.
     Serial,
+    /// Reads back the box: it must be the one that was set, and watched.
+    Fenced,
     /// Reads the error: there must be none.
     NoError,
     /// Reads the state: somebody may have stopped the arm, and setting the state anew would undo that.
@@ -28,7 +30,9 @@ pub(super) enum Step {
     Arrive,
 }
 
-/// From any condition to following targets.
+/// From any condition to following targets. Limits are taken in by the queue of planned moves, which runs in its mode only
+/// (fact sheet "hardware" §2.4); the box is set last, when a report has told where the arm stands. A stored offset of
+/// the tool would move the box against the flange.
 pub(super) const START: &[Step] = &[
     Step::Version,
     Step::Serial,
@@ -37,6 +41,18 @@ pub(super) const START: &[Step] = &[
     Step::Tell(Register::MotionEnable),
     Step::Tell(Register::Payload),
     Step::Tell(Register::CollisionSensitivity),
+    Step::Mode(PLANNED),
+    Step::Tell(Register::SetState),
+    Step::NoError,
+    Step::Await(PLANNED),
+    Step::Tell(Register::TcpJerk),
+    Step::Tell(Register::TcpAcceleration),
+    Step::Tell(Register::JointJerk),
+    Step::Tell(Register::JointAcceleration),
+    Step::Tell(Register::TcpOffset),
+    Step::Tell(Register::SafetyBox),
+    Step::Tell(Register::SafetyBoxOn),
+    Step::Fenced,
     Step::Mode(SERVO),
     Step::Tell(Register::SetState),
     Step::NoError,
@@ -70,6 +86,12 @@ pub(super) const SERVO: u8 = 1;
 pub(super) const MANUAL: u8 = 2;
 
 impl Step {
+    /// Whether only an arm with a box needs it.
+    pub(super) fn is_of_the_fence(self) -> bool {
+        use Register::{ReducedMode, SafetyBox, SafetyBoxOn, TcpOffset};
+        matches!(self.register(), SafetyBox | SafetyBoxOn | TcpOffset | ReducedMode)
+    }
+
     /// The register that it uses.
     pub(super) fn register(self) -> Register {
         match self {
@@ -77,6 +99,7 @@ impl Step {
             Self::Mode(_) => Register::SetMode,
             Self::Version => Register::Version,
             Self::Serial => Register::Serial,
+            Self::Fenced => Register::ReducedMode,
             Self::NoError => Register::Errors,
             Self::Unstopped | Self::Await(_) | Self::Arrive => Register::GetState,
             Self::Move => Register::MoveJoints,

@@ -1,25 +1,14 @@
 //! What the emulated controller does with each register, and what it replies (fact sheet hardware §2.3, §2.4,
 //! §2.10).
 
-use std::f64::consts::PI;
-
 use super::motion::{MAX_ACCELERATION, MAX_SPEED};
 use super::{ALL, ArmEmulator, Condition, ConnectionId, Planned, Receipt};
 use crate::xarm::codec::{
     Frame, PROTOCOL_KEEP_ALIVE, PROTOCOL_PRIVATE, Register, ReplyState, floats, push_floats,
 };
-use crate::xarm::kinematics::{self, JOINTS, Pose};
+use crate::xarm::fence::Fence;
+use crate::xarm::kinematics::{self, JOINTS, Pose, WIDEST_LIMITS_RAD};
 
-/// Limits of the joints, rad: those of the hardware model that the version claims (fact sheet hardware §2.6).
-const LIMITS: [(f64, f64); JOINTS] = [
-    (-2.0 * PI, 2.0 * PI),
-    (-2.059488, 2.094395),
-    (-2.0 * PI, 2.0 * PI),
-    (-0.191986, 3.92699),
-    (-2.0 * PI, 2.0 * PI),
-    (-1.692969, PI),
-    (-2.0 * PI, 2.0 * PI),
-];
 /// Rounding of a limit to a 32-bit float.
 const ROUNDING: f64 = 1e-6;
 /// A servo target for which a joint needs longer than this at full speed is an error, s. Never send a far
@@ -149,10 +138,13 @@ impl ArmEmulator {
             Register::TcpJerk
             | Register::TcpAcceleration
             | Register::JointJerk
-            | Register::JointAcceleration => {
-                floats::<1>(params)?;
-                reply.extend(self.queue_length());
+            | Register::JointAcceleration => return self.limit(register, params),
+            Register::SafetyBox => {
+                let sides: &[[u8; 4]; 6] = params.as_chunks().0.try_into().ok()?;
+                self.fence = Fence::from_wire(sides.map(i32::from_le_bytes));
             }
+            Register::SafetyBoxOn => self.fenced = byte(0)? != 0,
+            Register::ReducedMode => reply = self.reduced_mode(),
             Register::TcpOffset => {
                 self.details.tcp_offset_mm_rad = floats(params)?;
                 self.reset();
@@ -206,6 +198,41 @@ impl ArmEmulator {
             self.feedback(&receipt, 4, 0);
         }
         Some(Answer::Done(reply))
+    }
+
+    /// A limit of planned moves waits for its turn as they do. `None` for one that no arm has (fact sheet hardware §2.6).
+    fn limit(&mut self, register: Register, params: &[u8]) -> Option<Answer> {
+        let [value] = floats::<1>(params)?;
+        let (limit, most) = match register {
+            Register::TcpJerk => (&mut self.details.tcp_limits_mm.jerk, 100_000.0),
+            Register::TcpAcceleration => (&mut self.details.tcp_limits_mm.acceleration[1], 50_000.0),
+            Register::JointJerk => (&mut self.details.joint_limits_rad.jerk, 28_647_f32.to_radians()),
+            _ => (&mut self.details.joint_limits_rad.acceleration[1], 1145_f32.to_radians()),
+        };
+        if !(0.0..=most).contains(&value) {
+            return None;
+        }
+        // As a move: nothing is taken in unless the arm runs in the mode of planned ones.
+        if !matches!((self.condition, self.mode), (Condition::Running, 0)) {
+            return Some(Answer::Idle(self.queue_length().into()));
+        }
+        *limit = value;
+        Some(Answer::Done(self.queue_length().into()))
+    }
+
+    /// Settings of the reduced mode, in the order of the report from its byte 495 on (fact sheet hardware §2.7): off, the
+    /// box, speeds, ranges of the joints, whether the box is watched, no rebound.
+    fn reduced_mode(&self) -> Vec<u8> {
+        let mut reply = vec![0];
+        let side = |mm: i32| mm.clamp(i16::MIN.into(), i16::MAX.into()) as i16;
+        reply.extend(self.fence.to_wire().map(|mm| side(mm).to_be_bytes()).as_flattened());
+        push_floats(&mut reply, &[1000.0, MAX_SPEED as f32]);
+        push_floats(
+            &mut reply,
+            WIDEST_LIMITS_RAD.map(|(low, high)| [low as f32, high as f32]).as_flattened(),
+        );
+        reply.extend([self.fenced.into(), 0]);
+        reply
     }
 
     /// What changes the set-up leaves the arm waiting for state 0.
@@ -271,7 +298,8 @@ impl ArmEmulator {
         } else if self.queue.len() == MAX_QUEUE {
             self.details.warning = 11;
         } else {
-            let acceleration = acceleration.min(MAX_ACCELERATION);
+            let most = f64::from(self.details.joint_limits_rad.acceleration[1]);
+            let acceleration = acceleration.min(most);
             self.queue.push_back(Planned { to, speed, acceleration, receipt });
         }
         Answer::Done(self.queue_length().into())
@@ -324,7 +352,7 @@ fn beyond(joints: &[f64; JOINTS]) -> bool {
     let inside = |(angle, (lowest, highest)): (&f64, (f64, f64))| {
         (lowest - ROUNDING..=highest + ROUNDING).contains(angle)
     };
-    !joints.iter().zip(LIMITS).all(inside)
+    !joints.iter().zip(WIDEST_LIMITS_RAD).all(inside)
 }
 
 /// The bits of one joint, or of all for 8.

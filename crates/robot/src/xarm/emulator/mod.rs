@@ -12,8 +12,9 @@ use std::time::Duration;
 use serde::{Deserialize, Serialize};
 
 use super::codec::{Feedback, Frame, FrameParser, ReplyState};
+use super::fence::Fence;
 use super::kinematics::{self, JOINTS, PAPER_HOME_DEG, Pose};
-use super::report::{Details, Report, ReportKind};
+use super::report::{Details, MotionLimits, Report, ReportKind};
 use motion::Motion;
 
 /// Reports of each kind that wait to be taken at most, in bytes.
@@ -112,6 +113,9 @@ pub struct ArmEmulator {
     condition: Condition,
     mode: u8,
     details: Details,
+    /// The safety boundary, and whether it is watched.
+    fence: Fence,
+    fenced: bool,
     connections: Vec<Connection>,
     next_id: u64,
     waiting: [Vec<u8>; 3],
@@ -120,7 +124,8 @@ pub struct ArmEmulator {
 }
 
 impl ArmEmulator {
-    /// An arm that has just been switched on: planned mode, motors off, stopped.
+    /// An arm that has just been switched on: planned mode, motors off, stopped; the limits of its moves are those of the
+    /// fact sheet (hardware §2.6), and no box is watched.
     pub fn new(config: EmulatorConfig) -> Self {
         Self {
             clock: 0,
@@ -134,8 +139,20 @@ impl ArmEmulator {
                 collision_sensitivity: 3,
                 teach_sensitivity: 3,
                 gravity: [0.0, 0.0, -1.0],
+                tcp_limits_mm: MotionLimits {
+                    jerk: 7000.0,
+                    acceleration: [0.0, 50_000.0],
+                    speed: [0.0, 1000.0],
+                },
+                joint_limits_rad: MotionLimits {
+                    jerk: 11_459_f32.to_radians(),
+                    acceleration: [0.0, 1145_f32.to_radians()],
+                    speed: [0.0, std::f32::consts::PI],
+                },
                 ..Details::default()
             },
+            fence: Fence::WIDEST,
+            fenced: false,
             connections: Vec::new(),
             next_id: 0,
             waiting: [Vec::new(), Vec::new(), Vec::new()],
@@ -277,6 +294,13 @@ impl ArmEmulator {
             self.motion.plan(next.to, next.speed, next.acceleration);
             self.current = Some(next.receipt);
             self.receipt(1, 0);
+        }
+        // While it stands it is let alone, or it could never be led inside again.
+        if self.fenced
+            && self.condition == Condition::Running
+            && !self.fence.contains(&self.tool().position_m)
+        {
+            self.inject_error(35);
         }
         if self.mode != 1 || !self.motion.moving() {
             self.tool_at = None;

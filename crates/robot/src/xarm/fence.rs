@@ -1,0 +1,162 @@
+//! The box that the flange stays in: the controller's "safety boundary" (fact sheet "hardware" §2.3, registers 52 and
+//! 59), which stops the arm with error 35 when it is left.
+//!
+//! What we send keeps a little away from its sides, so that the controller's check stays the second one.
+
+use nalgebra::Vector3;
+use serde::{Deserialize, Serialize};
+
+use super::kinematics::{JOINTS, forward};
+
+/// How far from the sides our own motion stays, mm: a servoed arm rounds its corners.
+const MARGIN_MM: f64 = 5.0;
+/// Where the official SDK lets a tool be, mm (fact sheet "hardware" §2.6).
+const WIDEST_MM: [[i32; 2]; 3] = [[-750, 750], [-750, 750], [-400, 1000]];
+/// Thinnest box, mm: less leaves nothing between its margins.
+const THINNEST_MM: i32 = 50;
+/// Turn of a joint from one tried place of a way to the next, rad: the flange's arc between two of them leaves its
+/// chord by less than a tenth of a millimetre.
+const TRIAL_STEP_RAD: f64 = 0.02;
+const AXES: [&str; 3] = ["x", "y", "z"];
+
+/// A box in the frame of the arm's base: lowest and highest x, y and z of the flange, mm.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(transparent)]
+pub struct Fence(pub [[i32; 2]; 3]);
+
+/// The flange is, or would be, outside the box.
+#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
+#[error(
+    "{axis} of the flange is {at_mm:.0} mm, and arm.fence_mm allows {low_mm} to {high_mm}, {margin} mm less at each side",
+    margin = MARGIN_MM
+)]
+pub struct OutsideFence {
+    /// Along which axis of the base.
+    pub axis: &'static str,
+    /// Where the flange is, mm.
+    pub at_mm: f64,
+    /// Lowest side of the box, mm.
+    pub low_mm: i32,
+    /// Highest side of the box, mm.
+    pub high_mm: i32,
+}
+
+impl Fence {
+    /// The largest one.
+    pub(super) const WIDEST: Self = Self(WIDEST_MM);
+
+    /// What [`ArmConfig`](super::ArmConfig) checks: name, value, least and greatest value of each side.
+    pub(super) fn sides(&self) -> [(&'static str, i32, i32, i32); 6] {
+        let names = [
+            ["fence_mm (lowest x)", "fence_mm (highest x)"],
+            ["fence_mm (lowest y)", "fence_mm (highest y)"],
+            ["fence_mm (lowest z)", "fence_mm (highest z)"],
+        ];
+        let mut sides = [("", 0, 0, 0); 6];
+        for (axis, ((pair, names), [low, high])) in
+            sides.as_chunks_mut().0.iter_mut().zip(names).zip(self.0).enumerate()
+        {
+            let [widest_low, widest_high] = WIDEST_MM[axis];
+            *pair = [
+                (names[0], low, widest_low, widest_high - THINNEST_MM),
+                (names[1], high, low.saturating_add(THINNEST_MM), widest_high),
+            ];
+        }
+        sides
+    }
+
+    /// Whether our motion may bring the flange here.
+    ///
+    /// # Errors
+    /// Names the first axis along which it may not.
+    pub fn holds(&self, position_m: &Vector3<f64>) -> Result<(), OutsideFence> {
+        for ((axis, metres), [low_mm, high_mm]) in AXES.into_iter().zip(position_m.iter()).zip(self.0) {
+            let (at_mm, low, high) = (metres * 1e3, f64::from(low_mm), f64::from(high_mm));
+            if !(low + MARGIN_MM..=high - MARGIN_MM).contains(&at_mm) {
+                return Err(OutsideFence { axis, at_mm, low_mm, high_mm });
+            }
+        }
+        Ok(())
+    }
+
+    /// Whether our motion may bring the arm from these joints straight to those (rad): a move that the arm plans itself.
+    ///
+    /// # Errors
+    /// Names the first axis along which the flange would leave.
+    pub fn holds_way(&self, from: &[f64; JOINTS], to: &[f64; JOINTS]) -> Result<(), OutsideFence> {
+        let turn = from.iter().zip(to).map(|(from, to)| (to - from).abs()).fold(0.0, f64::max);
+        // No joint turns by more than two full turns either way.
+        let steps = (turn / TRIAL_STEP_RAD).ceil().clamp(1.0, 2000.0) as u32;
+        for step in 0..=steps {
+            let share = f64::from(step) / f64::from(steps);
+            let joints = std::array::from_fn(|joint| from[joint] + (to[joint] - from[joint]) * share);
+            self.holds(&forward(&joints).position_m)?;
+        }
+        Ok(())
+    }
+
+    /// Whether the controller itself leaves the arm alone here: there is no margin.
+    pub(super) fn contains(&self, position_m: &Vector3<f64>) -> bool {
+        position_m
+            .iter()
+            .zip(self.0)
+            .all(|(metres, [low, high])| (f64::from(low)..=f64::from(high)).contains(&(metres * 1e3)))
+    }
+
+    /// As register 52 has it: highest and lowest x, y and z.
+    pub(super) fn to_wire(self) -> [i32; 6] {
+        let [[x_low, x_high], [y_low, y_high], [z_low, z_high]] = self.0;
+        [x_high, x_low, y_high, y_low, z_high, z_low]
+    }
+
+    /// Reads what [`to_wire`](Self::to_wire) writes.
+    pub(super) fn from_wire(wire: [i32; 6]) -> Self {
+        let [x_high, x_low, y_high, y_low, z_high, z_low] = wire;
+        Self([[x_low, x_high], [y_low, y_high], [z_low, z_high]])
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+    use crate::xarm::kinematics::PAPER_HOME_DEG;
+
+    #[test]
+    fn a_way_may_leave_between_two_places_that_are_inside() {
+        // The paper's home, and the same turned by a half: between them the flange goes around the base.
+        let from = PAPER_HOME_DEG.map(f64::to_radians);
+        let mut to = from;
+        (to[0], to[6]) = (std::f64::consts::PI, from[6]);
+        let narrow = Fence([[-600, 600], [-100, 100], [500, 650]]);
+        narrow.holds(&forward(&from).position_m).unwrap();
+        narrow.holds(&forward(&to).position_m).unwrap();
+        let outside = narrow.holds_way(&from, &to).unwrap_err();
+        assert_eq!((outside.axis, outside.high_mm), ("y", 100));
+        assert!(outside.to_string().contains("arm.fence_mm allows -100 to 100"), "{outside}");
+        Fence([[-600, 600], [-600, 600], [500, 650]]).holds_way(&from, &to).unwrap();
+    }
+
+    proptest! {
+        #[test]
+        fn what_we_allow_the_controller_allows(
+            low in prop::array::uniform3(-700..0_i32),
+            size in prop::array::uniform3(50..700_i32),
+            at_m in prop::array::uniform3(-1.0..1.0_f64),
+        ) {
+            let fence = Fence(std::array::from_fn(|axis| [low[axis], low[axis] + size[axis]]));
+            prop_assert_eq!(Fence::from_wire(fence.to_wire()), fence);
+            let at = Vector3::from(at_m);
+            prop_assert!(fence.holds(&at).is_err() || fence.contains(&at));
+        }
+
+        #[test]
+        fn no_number_is_inside(axis in 0..3_usize, odd in prop::sample::select(&[f64::NAN, f64::INFINITY][..])) {
+            let mut at = Vector3::zeros();
+            at[axis] = odd;
+            prop_assert!(Fence::WIDEST.holds(&at).is_err());
+            prop_assert!(Fence::WIDEST.holds_way(&[odd; JOINTS], &[0.0; JOINTS]).is_err());
+        }
+    }
+}
