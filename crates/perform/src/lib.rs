@@ -4,20 +4,29 @@
 //! A [`Recording`] is an MCAP file with JSON messages, so Foxglove, the Python `mcap` package and Étude itself read it.
 //! A [`Performer`] plays on a [`Robot`](etude_robot::Robot), whatever moves its devices.
 
+mod excitation;
+mod excite;
 mod files;
 mod messages;
 mod mode;
 mod performer;
 mod recording;
 mod robot_records;
+mod shaping;
 mod timing;
+mod writer;
 
+pub use excitation::Excitation;
+pub use excite::excite;
 pub use files::{FileError, write_frames_csv, write_text};
 pub use messages::{
     ArmMessage, HandMessage, Header, KeyMessage, NoteMessage, PolicyMessage, SetPointMessage, StepMessage,
+    TargetMessage,
 };
 pub use mode::Mode;
 pub use performer::{Choose, Ending, PerformError, Performer, Played, keys, prepare};
-pub use recording::{Recording, RecordingError, RecordingWriter};
+pub use recording::{Recording, RecordingError};
 pub use robot_records::RobotRecords;
+pub use shaping::shaping_params;
 pub use timing::{Timing, TimingReport};
+pub use writer::RecordingWriter;

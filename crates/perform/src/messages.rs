@@ -13,6 +13,9 @@ pub struct Header {
     pub player: String,
     /// Which rig: `simulation`, `twin`, or the name of a robot.
     pub rig: String,
+    /// The execution mode on a robot; `excitation` or `rest` without a song; empty in simulation.
+    #[serde(default)]
+    pub mode: String,
     /// Control steps per second.
     pub control_hz: f64,
     /// Names of the joints, in the order of every list below.
@@ -28,7 +31,7 @@ pub struct Header {
 pub struct StepMessage {
     /// Index of the step.
     pub step: u64,
-    /// Joint targets that were sent.
+    /// Joint targets that were sent; of a robot the last waypoint.
     pub targets: Vec<f64>,
     /// Joint positions as the encoders read them.
     pub positions: Vec<f64>,
@@ -51,6 +54,16 @@ pub struct KeyMessage {
     pub pitch: u8,
     /// MIDI velocity; 0 is a release.
     pub velocity: u8,
+}
+
+/// The joint targets that were chosen for a control step, as they were before anything shaped them: what a simulated joint's
+/// controller is given. Rad, the rail in m.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct TargetMessage {
+    /// Index of the step.
+    pub step: u64,
+    /// The targets.
+    pub targets: Vec<f64>,
 }
 
 /// What the policy saw and chose at the beginning of a control step, and how late it was.

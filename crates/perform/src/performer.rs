@@ -5,19 +5,20 @@ use std::time::Duration;
 
 use etude_music::{CONTROL_HZ, KEYS, KeyEvent, KeySet};
 use etude_robot::{Pace, Phase, Refused, Robot};
-use etude_stage::controller::{Controller, Gains};
-use etude_stage::{JOINTS, PHYSICS_STEPS, RAIL, World, joint_range};
+use etude_stage::{JOINTS, PHYSICS_STEPS, RAIL, World};
 use etude_task::{ACTION_LEN, Piece, TargetRange, TaskConfig, TaskError, layout, observe};
 
 use crate::Mode;
-use crate::recording::{RecordingError, RecordingWriter};
+use crate::recording::RecordingError;
 use crate::robot_records::RobotRecords;
+use crate::shaping::Shaping;
 use crate::timing::Timing;
+use crate::writer::RecordingWriter;
 
 /// Time that devices may take to come up, and that the slow way to the keyboard may take.
 const PREPARATION: Duration = Duration::from_secs(120);
 /// How long the robot holds still before the first note is counted in.
-const SETTLE: Duration = Duration::from_millis(300);
+pub(crate) const SETTLE: Duration = Duration::from_millis(300);
 /// What is known of a stop that came from elsewhere.
 const STOPPED: &str = "it was stopped by `etude robot stop`, or its guard is gone";
 /// Steps of a wait.
@@ -56,6 +57,13 @@ pub enum Ending {
     Interrupted,
 }
 
+impl Ending {
+    /// That of a robot which no longer does what it was asked to.
+    pub fn of(robot: &Robot) -> Self {
+        Self::Fault(robot.fault().map_or_else(|| STOPPED.to_string(), ToString::to_string))
+    }
+}
+
 /// What was played on the robot.
 #[derive(Clone, Debug)]
 pub struct Played {
@@ -85,8 +93,6 @@ pub struct Performer {
     piece: Piece,
     range: TargetRange,
     world: World,
-    gains: [Gains; JOINTS],
-    controllers: [Controller; JOINTS],
 }
 
 impl Performer {
@@ -97,17 +103,7 @@ impl Performer {
     pub fn new(task: &TaskConfig, piece: &Piece, mode: Mode) -> Result<Self, TaskError> {
         let params = task.params()?;
         let world = World::new(&task.stage, &params)?;
-        let step = task.stage.physics_step_secs();
-        let start = world.start_pose();
-        Ok(Self {
-            mode,
-            task: task.clone(),
-            piece: piece.clone(),
-            range: TargetRange::new(piece),
-            gains: std::array::from_fn(|joint| Gains::new(&params, joint, task.stage.actuation, step)),
-            controllers: std::array::from_fn(|joint| Controller::at_rest(start[joint])),
-            world,
-        })
+        Ok(Self { mode, task: task.clone(), piece: piece.clone(), range: TargetRange::new(piece), world })
     }
 
     /// The pose in which every performance begins: rad, the rail in m.
@@ -129,10 +125,6 @@ impl Performer {
         interrupt: &AtomicBool,
     ) -> Result<Played, PerformError> {
         self.world.reset();
-        let pose = self.start_pose();
-        for (controller, position) in self.controllers.iter_mut().zip(pose) {
-            controller.rest(position);
-        }
         let begun = pace.now() + SETTLE;
         pace.run_until(robot, begun);
         let mut records = RobotRecords::new(begun, recording);
@@ -169,6 +161,7 @@ impl Performer {
         let mut observation = vec![0.0; layout(&self.task).len()];
         let mut action = [0.0; ACTION_LEN];
         let mut waypoints = [[0.0; JOINTS]; PHYSICS_STEPS];
+        let mut shaping = Shaping::new(&robot.config().limits, &self.start_pose());
         let mut previous = self.observed_joints(robot);
         for step in 0..self.piece.steps() {
             let due = begun + control_period() * step as u32;
@@ -181,18 +174,23 @@ impl Performer {
             observe(&self.task, &joints, &previous, pressed, &self.piece, step, &mut observation);
             previous = joints;
             choose(step, &observation, &mut action);
-            self.waypoints(&action, &mut waypoints);
+            let targets = self.range.targets(&action);
+            if self.mode.has_simulation() {
+                self.mirror(&targets, &mut waypoints);
+            } else {
+                shaping.shape(&targets, &mut waypoints);
+            }
             robot.follow(due, &waypoints)?;
             let late = pace.now().saturating_sub(due);
             played.timing.command(late, LATE);
+            records.target(step, &targets)?;
             records.policy(step, &observation, &action, late)?;
             pace.run_until(robot, due + control_period());
             records.take(robot, &mut played.events, &mut played.timing)?;
             match robot.phase() {
                 Phase::Following => {}
                 _ => {
-                    let fault = robot.fault().map_or_else(|| STOPPED.to_string(), ToString::to_string);
-                    played.ending = Ending::Fault(fault);
+                    played.ending = Ending::of(robot);
                     return Ok(());
                 }
             }
@@ -209,27 +207,14 @@ impl Performer {
         if self.mode.sees_robot_joints() { robot.joints() } else { self.world.joints() }
     }
 
-    /// What the robot is to do in this control step: mirror the simulation's joints, or, without one, follow the
-    /// references that the simulated joints would be driven to.
-    fn waypoints(&mut self, action: &[f32; ACTION_LEN], waypoints: &mut [[f64; JOINTS]; PHYSICS_STEPS]) {
-        let targets = self.range.targets(action);
-        if self.mode.has_simulation() {
-            let mut next = waypoints.iter_mut();
-            self.world.step_watched(&targets, |world| {
-                if let Some(waypoint) = next.next() {
-                    *waypoint = world.joints();
-                }
-            });
-            return;
-        }
-        for waypoint in waypoints {
-            for joint in 0..JOINTS {
-                let [low, high] = joint_range(joint);
-                let (gains, controller) = (&self.gains[joint], &mut self.controllers[joint]);
-                let target = targets[joint].clamp(gains.measured(low), gains.measured(high));
-                waypoint[joint] = controller.follow(gains, target);
+    /// Lets the simulation play the control step; the robot is to be where its joints were after each physics step.
+    fn mirror(&mut self, targets: &[f64; JOINTS], waypoints: &mut [[f64; JOINTS]; PHYSICS_STEPS]) {
+        let mut next = waypoints.iter_mut();
+        self.world.step_watched(targets, |world| {
+            if let Some(waypoint) = next.next() {
+                *waypoint = world.joints();
             }
-        }
+        });
     }
 }
 

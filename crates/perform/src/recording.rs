@@ -10,6 +10,7 @@
 //!
 //! | topic | message | when |
 //! |---|---|---|
+//! | `/target` | [`TargetMessage`] | at the beginning of every control step |
 //! | `/policy` | [`PolicyMessage`] | when a control step was commanded |
 //! | `/setpoint` | [`SetPointMessage`] | at every set-point, 200 a second |
 //! | `/hand` | [`HandMessage`] | at every period of the hand's joint loop, 333 a second |
@@ -18,22 +19,17 @@
 //!
 //! Messages are JSON with a JSON schema. Log times are nanoseconds since the start of the performance; what comes before
 //! it has the time 0. The file is written front to back and flushed once a second, so a recording that was cut short,
-//! be it by kill -9, can be read as far as it goes.
+//! be it by kill -9, can be read as far as it goes. [`RecordingWriter`](crate::RecordingWriter) writes it, [`Recording`] reads it.
 
-use std::collections::BTreeMap;
-use std::fs::File;
-use std::io::BufWriter;
 use std::path::{Path, PathBuf};
-
-use mcap::records::MessageHeader;
-use serde::Serialize;
 
 use crate::messages::{
     ArmMessage, HandMessage, Header, KeyMessage, NoteMessage, PolicyMessage, SetPointMessage, StepMessage,
+    TargetMessage,
 };
 
 /// Version of the messages below.
-const SCHEMA: u32 = 1;
+pub(crate) const SCHEMA: u32 = 1;
 
 /// A recording could not be written or read.
 #[derive(Debug, thiserror::Error)]
@@ -64,162 +60,6 @@ pub enum RecordingError {
     },
 }
 
-/// Writes a recording front to back.
-pub struct RecordingWriter {
-    path: PathBuf,
-    writer: mcap::Writer<BufWriter<File>>,
-    channels: [u16; TOPICS.len()],
-    sequence: u32,
-    flushed_secs: f64,
-}
-
-/// Topics and the names of their schemas, in the order of [`Topic`].
-const TOPICS: [(&str, &str); 8] = [
-    ("/header", "etude.Header"),
-    ("/step", "etude.Step"),
-    ("/key", "etude.Key"),
-    ("/policy", "etude.Policy"),
-    ("/setpoint", "etude.SetPoint"),
-    ("/hand", "etude.Hand"),
-    ("/arm", "etude.Arm"),
-    ("/note", "etude.Note"),
-];
-
-#[derive(Clone, Copy)]
-enum Topic {
-    Header,
-    Step,
-    Key,
-    Policy,
-    SetPoint,
-    Hand,
-    Arm,
-    Note,
-}
-
-/// Time after which what was written is handed to the system, s.
-const FLUSH_SECS: f64 = 1.0;
-
-impl RecordingWriter {
-    /// Creates the file and writes its header.
-    ///
-    /// # Errors
-    /// If the file cannot be created or written.
-    pub fn create(path: &Path, header: &Header) -> Result<Self, RecordingError> {
-        let file =
-            File::create(path).map_err(|source| RecordingError::Open { path: path.to_path_buf(), source })?;
-        let fail = |error: mcap::McapError| RecordingError::Write {
-            path: path.to_path_buf(),
-            message: error.to_string(),
-        };
-        let options = mcap::WriteOptions::new()
-            .compression(None)
-            .profile("")
-            .library(concat!("etude ", env!("CARGO_PKG_VERSION")))
-            .chunk_size(Some(64 * 1024));
-        let mut writer = options.create(BufWriter::new(file)).map_err(fail)?;
-        let mut channels = [0; TOPICS.len()];
-        for (id, (topic, name)) in channels.iter_mut().zip(TOPICS) {
-            let schema = writer.add_schema(name, "jsonschema", br#"{"type":"object"}"#).map_err(fail)?;
-            *id = writer.add_channel(schema, topic, "json", &BTreeMap::new()).map_err(fail)?;
-        }
-        let mut recording =
-            Self { path: path.to_path_buf(), writer, channels, sequence: 0, flushed_secs: 0.0 };
-        recording.write(Topic::Header, 0.0, &Header { schema: SCHEMA, ..header.clone() })?;
-        Ok(recording)
-    }
-
-    /// Adds the control step that ended at `secs`.
-    ///
-    /// # Errors
-    /// If writing fails.
-    pub fn step(&mut self, secs: f64, message: &StepMessage) -> Result<(), RecordingError> {
-        self.write(Topic::Step, secs, message)
-    }
-
-    /// Adds a key event.
-    ///
-    /// # Errors
-    /// If writing fails.
-    pub fn key(&mut self, message: &KeyMessage) -> Result<(), RecordingError> {
-        self.write(Topic::Key, message.secs, message)
-    }
-
-    /// Adds what the policy saw and chose at `secs`.
-    ///
-    /// # Errors
-    /// If writing fails.
-    pub fn policy(&mut self, secs: f64, message: &PolicyMessage) -> Result<(), RecordingError> {
-        self.write(Topic::Policy, secs, message)
-    }
-
-    /// Adds a set-point at `secs`.
-    ///
-    /// # Errors
-    /// If writing fails.
-    pub fn setpoint(&mut self, secs: f64, message: &SetPointMessage) -> Result<(), RecordingError> {
-        self.write(Topic::SetPoint, secs, message)
-    }
-
-    /// Adds a period of the hand at `secs`.
-    ///
-    /// # Errors
-    /// If writing fails.
-    pub fn hand(&mut self, secs: f64, message: &HandMessage) -> Result<(), RecordingError> {
-        self.write(Topic::Hand, secs, message)
-    }
-
-    /// Adds a report of the arm at `secs`.
-    ///
-    /// # Errors
-    /// If writing fails.
-    pub fn arm(&mut self, secs: f64, message: &ArmMessage) -> Result<(), RecordingError> {
-        self.write(Topic::Arm, secs, message)
-    }
-
-    /// Adds something to read at `secs`.
-    ///
-    /// # Errors
-    /// If writing fails.
-    pub fn note(&mut self, secs: f64, message: &NoteMessage) -> Result<(), RecordingError> {
-        self.write(Topic::Note, secs, message)
-    }
-
-    /// Messages written so far.
-    pub fn messages(&self) -> u64 {
-        u64::from(self.sequence)
-    }
-
-    /// Completes the file.
-    ///
-    /// # Errors
-    /// If writing fails.
-    pub fn finish(mut self) -> Result<(), RecordingError> {
-        let finished = self.writer.finish();
-        finished.map(|_| ()).map_err(|error| self.fail(&error))
-    }
-
-    fn write(&mut self, topic: Topic, secs: f64, message: &impl Serialize) -> Result<(), RecordingError> {
-        self.sequence += 1;
-        let channel_id = self.channels[topic as usize];
-        let nanos = (secs.max(0.0) * 1e9).round() as u64;
-        let header =
-            MessageHeader { channel_id, sequence: self.sequence, log_time: nanos, publish_time: nanos };
-        // Plain numbers and strings: writing them as JSON cannot fail.
-        let text = serde_json::to_vec(message).unwrap_or_default();
-        let mut written = self.writer.write_to_known_channel(&header, &text);
-        if secs >= self.flushed_secs + FLUSH_SECS {
-            self.flushed_secs = secs;
-            written = written.and_then(|()| self.writer.flush());
-        }
-        written.map_err(|error| self.fail(&error))
-    }
-
-    fn fail(&self, error: &mcap::McapError) -> RecordingError {
-        RecordingError::Write { path: self.path.clone(), message: error.to_string() }
-    }
-}
-
 /// A recording read back.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Recording {
@@ -229,6 +69,8 @@ pub struct Recording {
     pub steps: Vec<StepMessage>,
     /// Every key event.
     pub keys: Vec<KeyMessage>,
+    /// Joint targets of a robot's control steps, before they were shaped.
+    pub targets: Vec<TargetMessage>,
     /// What a robot's policy saw and chose.
     pub policy: Vec<PolicyMessage>,
     /// A robot's set-points, each at its time, s.
@@ -290,6 +132,7 @@ impl Recording {
                 "/header" => serde_json::from_slice(data).map(|header| self.header = header),
                 "/step" => serde_json::from_slice(data).map(|step| self.steps.push(step)),
                 "/key" => serde_json::from_slice(data).map(|key| self.keys.push(key)),
+                "/target" => serde_json::from_slice(data).map(|target| self.targets.push(target)),
                 "/policy" => serde_json::from_slice(data).map(|policy| self.policy.push(policy)),
                 "/setpoint" => serde_json::from_slice(data).map(|point| self.setpoints.push((secs, point))),
                 "/hand" => serde_json::from_slice(data).map(|hand| self.hand.push((secs, hand))),
@@ -306,6 +149,7 @@ impl Recording {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::RecordingWriter;
     use proptest::prelude::*;
 
     fn sample() -> (Recording, Vec<u8>) {

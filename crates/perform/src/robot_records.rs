@@ -9,10 +9,12 @@ use etude_task::ACTION_LEN;
 
 use crate::messages::{
     ArmMessage, HandMessage, KeyMessage, NoteMessage, PolicyMessage, SetPointMessage, StepMessage,
+    TargetMessage,
 };
 use crate::performer::keys;
-use crate::recording::{RecordingError, RecordingWriter};
+use crate::recording::RecordingError;
 use crate::timing::Timing;
+use crate::writer::RecordingWriter;
 
 /// Takes the records of a robot, with times since `begun`.
 pub struct RobotRecords<'a> {
@@ -82,6 +84,13 @@ impl<'a> RobotRecords<'a> {
                 writer.note(secs(at), &message)
             }
         }
+    }
+
+    /// The targets of a control step, before they are shaped.
+    pub(crate) fn target(&mut self, step: usize, targets: &[f64; DRIVEN]) -> Result<(), RecordingError> {
+        let Some(writer) = &mut self.writer else { return Ok(()) };
+        let message = TargetMessage { step: step as u64, targets: targets.to_vec() };
+        writer.target(step as f64 / CONTROL_HZ, &message)
     }
 
     /// What the policy saw and chose.

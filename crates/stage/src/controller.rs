@@ -69,6 +69,17 @@ impl Gains {
         }
     }
 
+    /// The torque that draws a joint to `wanted`.
+    fn torque(&self, wanted: f64, measured: f64, velocity: f64) -> f64 {
+        match self.actuation {
+            Actuation::Position => self.stiffness * (wanted - measured),
+            Actuation::Controlled => {
+                let torque = self.stiffness * (wanted - measured) - self.damping * velocity;
+                torque.clamp(-self.torque_limit, self.torque_limit)
+            }
+        }
+    }
+
     /// What the encoder reads when the joint is at `position`.
     pub fn measured(&self, position: f64) -> f64 {
         position + self.encoder_bias
@@ -122,21 +133,20 @@ impl Controller {
     /// One physics step: the torque for `target` when the encoder reads `measured` and the joint moves at `velocity`.
     pub fn torque(&mut self, gains: &Gains, target: f64, measured: f64, velocity: f64) -> f64 {
         let wanted = self.follow(gains, target);
-        match gains.actuation {
-            Actuation::Position => gains.stiffness * (wanted - measured),
-            Actuation::Controlled => {
-                let torque = gains.stiffness * (wanted - measured) - gains.damping * velocity;
-                torque.clamp(-gains.torque_limit, gains.torque_limit)
-            }
-        }
+        gains.torque(wanted, measured, velocity)
+    }
+
+    /// One physics step as [`torque`](Self::torque), but `reference` is followed as it comes, without low-pass and
+    /// limits: for set-points that were shaped already.
+    pub fn track(&mut self, gains: &Gains, reference: f64, measured: f64, velocity: f64) -> f64 {
+        let wanted = self.delayed(gains, reference);
+        gains.torque(wanted, measured, velocity)
     }
 
     /// One physics step without a joint: the position that the joint is to be at, given `target`. It is what a robot
     /// is asked for whose own drives take the place of the torque.
     pub fn follow(&mut self, gains: &Gains, target: f64) -> f64 {
-        self.head = (self.head + 1) % QUEUE;
-        self.queue[self.head] = target;
-        let delayed = self.queue[(self.head + QUEUE - gains.delay_steps) % QUEUE];
+        let delayed = self.delayed(gains, target);
         match gains.actuation {
             Actuation::Position => delayed,
             Actuation::Controlled => {
@@ -145,6 +155,13 @@ impl Controller {
                 self.position
             }
         }
+    }
+
+    /// What was wanted as long ago as commands take.
+    fn delayed(&mut self, gains: &Gains, wanted: f64) -> f64 {
+        self.head = (self.head + 1) % QUEUE;
+        self.queue[self.head] = wanted;
+        self.queue[(self.head + QUEUE - gains.delay_steps) % QUEUE]
     }
 
     /// Moves the reference one step toward the filtered target within its limits.
@@ -222,6 +239,17 @@ mod tests {
         let mut controller = Controller::at_rest(0.0);
         let torques: Vec<f64> = (0..6).map(|_| controller.torque(&gains, 1.0, 0.0, 0.0)).collect();
         assert_eq!(torques.iter().position(|t| *t > 0.0), Some(4));
+    }
+
+    #[test]
+    fn a_reference_that_is_tracked_is_not_shaped_again() {
+        let mut params = PhysicalParams::default();
+        params.set("joint.index_1.delay", 0.01).unwrap();
+        let gains = Gains::new(&params, 1, Actuation::Controlled, STEP);
+        let mut controller = Controller::at_rest(0.0);
+        let torques: Vec<f64> = (0..4).map(|_| controller.track(&gains, 0.1, 0.02, 0.5)).collect();
+        let law = |wanted: f64| 3.0 * (wanted - 0.02) - 0.1 * 0.5;
+        assert_eq!(torques, [law(0.0), law(0.0), law(0.1), law(0.1)]);
     }
 
     #[test]

@@ -84,6 +84,9 @@ pub struct World {
     events: Vec<KeyEvent>,
 }
 
+/// What a joint's controller makes of a target, a measured position and a velocity: a torque.
+type Law = fn(&mut Controller, &Gains, f64, f64, f64) -> f64;
+
 fn id(model: &MjModel, kind: MjtObjBase, name: &str) -> Result<usize, StageError> {
     model.name_to_id(kind, name).ok_or_else(|| StageError::Missing(name.to_string()))
 }
@@ -261,11 +264,30 @@ impl World {
     }
 
     /// As [`step`](Self::step), calling `watch` after each physics step.
-    pub fn step_watched(&mut self, targets: &[f64; JOINTS], mut watch: impl FnMut(&Self)) -> StepOutcome {
+    pub fn step_watched(&mut self, targets: &[f64; JOINTS], watch: impl FnMut(&Self)) -> StepOutcome {
+        self.control_step(|_| targets, Controller::torque, watch)
+    }
+
+    /// One control step in which the joints follow `waypoints`, one a physics step, as they come: what a robot does with
+    /// set-points that were shaped already. Calls `watch` after each physics step.
+    pub fn track_watched(
+        &mut self,
+        waypoints: &[[f64; JOINTS]; PHYSICS_STEPS],
+        watch: impl FnMut(&Self),
+    ) -> StepOutcome {
+        self.control_step(|step| &waypoints[step], Controller::track, watch)
+    }
+
+    fn control_step<'a>(
+        &mut self,
+        wanted: impl Fn(usize) -> &'a [f64; JOINTS],
+        law: Law,
+        mut watch: impl FnMut(&Self),
+    ) -> StepOutcome {
         let mut outcome = StepOutcome::default();
         self.events.clear();
-        for _ in 0..PHYSICS_STEPS {
-            self.physics_step(targets, &mut outcome);
+        for step in 0..PHYSICS_STEPS {
+            self.physics_step(wanted(step), law, &mut outcome);
             watch(self);
         }
         outcome.finger_power /= PHYSICS_STEPS as f64;
@@ -273,14 +295,14 @@ impl World {
         outcome
     }
 
-    fn physics_step(&mut self, targets: &[f64; JOINTS], outcome: &mut StepOutcome) {
+    fn physics_step(&mut self, targets: &[f64; JOINTS], law: Law, outcome: &mut StepOutcome) {
         for (joint, target) in targets.iter().enumerate() {
             let dof = self.layout.joint_dof[joint];
             let [low, high] = joint_range(joint);
             let (position, velocity) = (self.data.qpos()[dof], self.data.qvel()[dof]);
             let gains = &self.gains[joint];
             let target = target.clamp(gains.measured(low), gains.measured(high));
-            let torque = self.controllers[joint].torque(gains, target, gains.measured(position), velocity);
+            let torque = law(&mut self.controllers[joint], gains, target, gains.measured(position), velocity);
             let power = (torque * velocity).abs();
             if joint == RAIL {
                 outcome.rail_power += power

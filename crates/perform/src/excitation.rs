@@ -1,0 +1,301 @@
+//! Motions that show what a robot's joints do: the sequences that a simulator is fitted to (paper, "Sim2Real2Sim").
+//!
+//! All of them stay clear of the keyboard: only pieces touch keys. A sequence is one joint target a control step, given to
+//! the robot through the shaping of its rig, as a policy's targets are.
+
+use std::f64::consts::TAU;
+
+use etude_music::CONTROL_HZ;
+use etude_stage::hand::{FINGER_JOINTS, FINGERS};
+use etude_stage::{JOINTS, RAIL};
+use rand::{RngExt as _, SeedableRng as _};
+use rand_pcg::Pcg64;
+
+/// A sequence.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Excitation {
+    /// Hands open and close, slowly and fast: the paper's initial sequence.
+    OpenClose,
+    /// Every finger joint swings with rising frequency, each with a sweep of its own.
+    Chirp,
+    /// The hand goes along the rail: by steps of a key to an octave, then swinging with rising frequency.
+    Rail,
+    /// All joints and the rail at once, by sums of sines with random phases and random steps in between: other motion than
+    /// that of the others, to try a fit on.
+    Held,
+}
+
+/// Fingers straight but for a little: where every sequence begins and ends.
+const REST: [f64; FINGER_JOINTS] = [0.0, 0.05, 0.15, 0.15];
+/// The hand closed as far as the keys below allow.
+const CLOSED: [f64; FINGER_JOINTS] = [0.0, -0.05, 0.6, 0.75];
+/// The hand open.
+const OPEN: [f64; FINGER_JOINTS] = [0.0, -0.1, -0.05, -0.1];
+/// How far each joint of a finger swings about [`REST`], rad.
+const SWING: [f64; FINGER_JOINTS] = [0.3, 0.13, 0.19, 0.27];
+/// Frequencies of a sweep of the fingers, Hz: up to where targets of 20 Hz still draw a swing.
+const SWEEP_HZ: [f64; 2] = [0.2, 5.0];
+/// The same of the rail, whose reach falls with the square of the frequency.
+const RAIL_SWEEP_HZ: [f64; 2] = [0.2, 2.5];
+/// Greatest acceleration that a swing of the rail asks for, m/s².
+const RAIL_SWING: f64 = 5.0;
+/// Farthest that the rail swings, m.
+const RAIL_REACH: f64 = 0.12;
+/// Time in which a sequence grows from rest and dies away, s.
+const FADE_SECS: f64 = 1.0;
+
+impl Excitation {
+    /// All of them.
+    pub const ALL: [Self; 4] = [Self::OpenClose, Self::Chirp, Self::Rail, Self::Held];
+
+    /// Its name on the command line and in recordings.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::OpenClose => "open-close",
+            Self::Chirp => "chirp",
+            Self::Rail => "rail",
+            Self::Held => "held-out",
+        }
+    }
+
+    /// Where it begins: rad, the rail in m.
+    pub fn start(self) -> [f64; JOINTS] {
+        pose(&[REST; FINGERS], 0.0)
+    }
+
+    /// The targets of its control steps.
+    pub fn targets(self) -> Vec<[f64; JOINTS]> {
+        match self {
+            Self::OpenClose => open_close(),
+            Self::Chirp => chirp(),
+            Self::Rail => rail(),
+            Self::Held => held_out(),
+        }
+    }
+}
+
+impl std::fmt::Display for Excitation {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(self.name())
+    }
+}
+
+impl std::str::FromStr for Excitation {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        Self::ALL.into_iter().find(|excitation| excitation.name() == text).ok_or_else(|| {
+            format!("no excitation is called `{text}`; there are: {}", Self::ALL.map(Self::name).join(", "))
+        })
+    }
+}
+
+fn pose(fingers: &[[f64; FINGER_JOINTS]; FINGERS], rail: f64) -> [f64; JOINTS] {
+    std::array::from_fn(|joint| match joint {
+        RAIL => rail,
+        _ => fingers[joint / FINGER_JOINTS][joint % FINGER_JOINTS],
+    })
+}
+
+fn steps(secs: f64) -> usize {
+    (secs * CONTROL_HZ).round() as usize
+}
+
+/// From 0 at both ends of `count` control steps to 1 in between.
+fn fade(step: usize, count: usize) -> f64 {
+    let inside = step.min(count - 1 - step) as f64 / CONTROL_HZ;
+    let share = (inside / FADE_SECS).min(1.0);
+    share * share * (3.0 - 2.0 * share)
+}
+
+/// Phase of a sweep that rises exponentially from `low` to `high` in `secs`, rad.
+fn sweep(at_secs: f64, [low, high]: [f64; 2], secs: f64) -> f64 {
+    let rate = (high / low).ln() / secs;
+    TAU * low * ((rate * at_secs).exp() - 1.0) / rate
+}
+
+/// Frequency of the same, Hz.
+fn sweep_hz(at_secs: f64, [low, high]: [f64; 2], secs: f64) -> f64 {
+    low * ((high / low).ln() * at_secs / secs).exp()
+}
+
+fn blend(from: &[f64; FINGER_JOINTS], to: &[f64; FINGER_JOINTS], share: f64) -> [f64; FINGER_JOINTS] {
+    std::array::from_fn(|joint| from[joint] + share * (to[joint] - from[joint]))
+}
+
+/// Open and closed in turns: in one step and held, then by ramps, then finger by finger. Rolls go to and fro meanwhile.
+fn open_close() -> Vec<[f64; JOINTS]> {
+    let mut targets = Vec::new();
+    let mut hold = |fingers: [[f64; FINGER_JOINTS]; FINGERS], secs: f64| {
+        targets.extend(std::iter::repeat_n(pose(&fingers, 0.0), steps(secs)));
+    };
+    let rolled = |angles: [f64; FINGER_JOINTS], roll: f64| [roll, angles[1], angles[2], angles[3]];
+    hold([REST; FINGERS], 0.5);
+    for (turn, secs) in [0.8, 0.6, 0.4, 0.3, 0.2, 0.2].into_iter().enumerate() {
+        let roll = if turn % 2 == 0 { 0.25 } else { -0.25 };
+        hold([rolled(CLOSED, roll); FINGERS], secs);
+        hold([rolled(OPEN, -roll); FINGERS], secs);
+    }
+    for secs in [2.0, 1.0] {
+        let count = steps(secs);
+        for step in 0..2 * count {
+            let share = 1.0 - (step as f64 / count as f64 - 1.0).abs();
+            hold([blend(&OPEN, &CLOSED, share); FINGERS], 1.0 / CONTROL_HZ);
+        }
+    }
+    for finger in 0..FINGERS {
+        let mut fingers = [REST; FINGERS];
+        for angles in [CLOSED, OPEN, rolled(REST, 0.3), rolled(REST, -0.3)] {
+            fingers[finger] = angles;
+            hold(fingers, 0.4);
+        }
+    }
+    hold([REST; FINGERS], 1.0);
+    targets
+}
+
+/// Every finger joint sweeps: neighbours with other lengths and directions, so that no two move alike.
+fn chirp() -> Vec<[f64; JOINTS]> {
+    const SECS: f64 = 24.0;
+    let count = steps(SECS);
+    (0..count)
+        .map(|step| {
+            let at = step as f64 / CONTROL_HZ;
+            let fingers = std::array::from_fn(|finger| {
+                std::array::from_fn(|joint| {
+                    let high = SWEEP_HZ[1] * (1.0 - 0.12 * ((finger + joint) % 4) as f64);
+                    let phase = sweep(at, [SWEEP_HZ[0], high], SECS);
+                    let sign = if (finger + joint) % 2 == 0 { 1.0 } else { -1.0 };
+                    REST[joint] + fade(step, count) * sign * SWING[joint] * phase.sin()
+                })
+            });
+            pose(&fingers, 0.0)
+        })
+        .collect()
+}
+
+/// Steps of one, three, five and eight white keys, then a sweep.
+fn rail() -> Vec<[f64; JOINTS]> {
+    const SECS: f64 = 16.0;
+    let pitch = etude_stage::geometry::WHITE_PITCH;
+    let fingers = [REST; FINGERS];
+    let mut targets = vec![pose(&fingers, 0.0); steps(0.5)];
+    for (keys, secs) in [(1.0, 0.5), (3.0, 0.7), (5.0, 0.9), (2.0, 0.4)] {
+        for place in [keys, 0.0, -keys, 0.0] {
+            targets.extend(std::iter::repeat_n(pose(&fingers, place * pitch), steps(secs)));
+        }
+    }
+    let count = steps(SECS);
+    targets.extend((0..count).map(|step| {
+        let at = step as f64 / CONTROL_HZ;
+        let omega = TAU * sweep_hz(at, RAIL_SWEEP_HZ, SECS);
+        let reach = (RAIL_SWING / (omega * omega)).min(RAIL_REACH);
+        pose(&fingers, fade(step, count) * reach * sweep(at, RAIL_SWEEP_HZ, SECS).sin())
+    }));
+    targets.extend(std::iter::repeat_n(pose(&fingers, 0.0), steps(0.5)));
+    targets
+}
+
+/// Sums of sines at frequencies of their own, and every two seconds a step of all joints that is held for half a second.
+fn held_out() -> Vec<[f64; JOINTS]> {
+    const SECS: f64 = 16.0;
+    const HZ: [f64; 4] = [0.37, 0.83, 1.71, 3.1];
+    const STEP_EVERY_SECS: f64 = 2.0;
+    const HELD_SECS: f64 = 0.5;
+    let mut random = Pcg64::seed_from_u64(20_250_319);
+    let phases: [[f64; HZ.len()]; JOINTS] =
+        std::array::from_fn(|_| std::array::from_fn(|_| TAU * random.random::<f64>()));
+    let count = steps(SECS);
+    let (every, held) = (steps(STEP_EVERY_SECS), steps(HELD_SECS));
+    let swing = |step: usize| -> [f64; JOINTS] {
+        let at = step as f64 / CONTROL_HZ;
+        std::array::from_fn(|joint| {
+            let sum = |powers: f64| -> f64 {
+                let wave = |(hz, phase): (&f64, &f64)| (TAU * hz * at + phase).sin() / hz.powf(powers);
+                HZ.iter().zip(&phases[joint]).map(wave).sum::<f64>()
+            };
+            match joint {
+                RAIL => 0.018 * sum(1.0),
+                _ => SWING[joint % FINGER_JOINTS] * sum(0.0) / 3.0,
+            }
+        })
+    };
+    let mut jumped = [0.0; JOINTS];
+    (0..count)
+        .map(|step| {
+            if step % every == 0 {
+                jumped = std::array::from_fn(|joint| {
+                    let share = random.random_range(-0.9..=0.9);
+                    if joint == RAIL { 0.06 * share } else { SWING[joint % FINGER_JOINTS] * share }
+                });
+            }
+            let offset = if step % every < held { jumped } else { swing(step) };
+            let rest = Excitation::Held.start();
+            std::array::from_fn(|joint| rest[joint] + fade(step, count) * offset[joint])
+        })
+        .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use etude_stage::geometry::BLACK;
+    use etude_stage::hand::TIP_RADIUS;
+    use etude_stage::{Side, joint_range, kinematics};
+
+    /// How high above the black keys the ends of the fingers stay, as far as targets go, m.
+    const CLEARANCE: f64 = 0.012;
+
+    /// Height of the lowest fingertip above the black keys when the joints are at these targets, m.
+    fn clearance(targets: &[f64; JOINTS]) -> f64 {
+        let height = |finger: usize| {
+            let angles = std::array::from_fn(|joint| targets[finger * FINGER_JOINTS + joint]);
+            kinematics::fingertip(Side::Left, finger, &angles, targets[RAIL])[2]
+        };
+        (0..FINGERS).map(height).fold(f64::INFINITY, f64::min) - TIP_RADIUS - BLACK.top()
+    }
+
+    #[test]
+    fn sequences_keep_clear_of_the_keys_and_within_the_joints_ranges() {
+        for excitation in Excitation::ALL {
+            let targets = excitation.targets();
+            assert!(targets.len() > 200, "{excitation}");
+            for (step, targets) in targets.iter().enumerate() {
+                assert!(clearance(targets) > CLEARANCE, "{excitation} {step}: {}", clearance(targets));
+                for (joint, target) in targets.iter().enumerate() {
+                    let [low, high] = joint_range(joint);
+                    assert!((low..=high).contains(target), "{excitation} {step} {joint}: {target}");
+                }
+            }
+            let rest = excitation.start();
+            for end in [&targets[0], &targets[targets.len() - 1]] {
+                let far = (0..JOINTS).map(|joint| (end[joint] - rest[joint]).abs()).fold(0.0, f64::max);
+                assert!(far < 1e-9, "{excitation}: {far}");
+            }
+        }
+    }
+
+    #[test]
+    fn every_joint_is_moved_by_the_sequences_to_fit_and_by_the_one_to_try_it_on() {
+        let spread = |excitations: &[Excitation], joint: usize| {
+            let values = excitations.iter().flat_map(|excitation| excitation.targets());
+            let (low, high) = values.fold((f64::MAX, f64::MIN), |(low, high), targets| {
+                (low.min(targets[joint]), high.max(targets[joint]))
+            });
+            high - low
+        };
+        for joint in 0..JOINTS {
+            let least = if joint == RAIL { 0.1 } else { 0.2 };
+            assert!(spread(&[Excitation::OpenClose, Excitation::Chirp, Excitation::Rail], joint) > least);
+            assert!(spread(&[Excitation::Held], joint) > least / 2.0, "{joint}");
+        }
+    }
+
+    #[test]
+    fn names_lead_back() {
+        for excitation in Excitation::ALL {
+            assert_eq!(excitation.name().parse(), Ok(excitation));
+        }
+        assert!("chrip".parse::<Excitation>().unwrap_err().contains("open-close, chirp, rail"));
+    }
+}

@@ -1,0 +1,94 @@
+//! How joint targets become set-points when no simulation does it: the low-pass and the bounded reference of a simulated
+//! joint with default numbers, within what the rig's limiter lets through.
+//!
+//! It is the rig's and not the policy's: a simulator that was fitted to a robot has this shaping inside its numbers, and
+//! must not be put in front of the robot a second time.
+
+use etude_robot::rig::LimitsConfig;
+use etude_stage::controller::{Actuation, Controller, Gains};
+use etude_stage::params::Joint;
+use etude_stage::{JOINTS, PHYSICS_STEPS, PhysicalParams, RAIL, StageConfig, joint_range};
+
+/// Set-points are shaped to this share of the limiter's velocity, acceleration and jerk, so that it has nothing to do.
+const WITHIN: f64 = 0.95;
+
+/// Shapes targets into set-points.
+pub(crate) struct Shaping {
+    gains: [Gains; JOINTS],
+    controllers: [Controller; JOINTS],
+}
+
+impl Shaping {
+    /// At rest at `pose` (rad, the rail in m).
+    pub(crate) fn new(limits: &LimitsConfig, pose: &[f64; JOINTS]) -> Self {
+        let params = shaping_params(limits);
+        let step = StageConfig::default().physics_step_secs();
+        Self {
+            gains: std::array::from_fn(|joint| Gains::new(&params, joint, Actuation::Controlled, step)),
+            controllers: pose.map(Controller::at_rest),
+        }
+    }
+
+    /// The set-points of a control step with these targets.
+    pub(crate) fn shape(&mut self, targets: &[f64; JOINTS], waypoints: &mut [[f64; JOINTS]; PHYSICS_STEPS]) {
+        for waypoint in waypoints {
+            for joint in 0..JOINTS {
+                let [low, high] = joint_range(joint);
+                let target = targets[joint].clamp(low, high);
+                waypoint[joint] = self.controllers[joint].follow(&self.gains[joint], target);
+            }
+        }
+    }
+}
+
+/// Numbers of a simulated joint whose low-pass and reference are those that a rig's commands are shaped with: where the
+/// numbers of an ideal robot's joints begin.
+pub fn shaping_params(limits: &LimitsConfig) -> PhysicalParams {
+    let mut params = PhysicalParams::default();
+    for joint in 0..JOINTS {
+        let most = if joint == RAIL {
+            [limits.rail_velocity, limits.rail_acceleration, limits.rail_jerk]
+        } else {
+            [limits.finger_velocity, limits.finger_acceleration, limits.finger_jerk]
+        };
+        let rows = [Joint::VelocityLimit, Joint::AccelerationLimit, Joint::JerkLimit];
+        for (row, most) in rows.into_iter().zip(most) {
+            params.set_joint(row, joint, params.joint(row, joint).min(WITHIN * most));
+        }
+    }
+    params
+}
+
+#[cfg(test)]
+mod tests {
+    use etude_robot::limiter::{Axis, AxisLimits};
+    use proptest::prelude::*;
+
+    use super::*;
+
+    proptest! {
+        /// Whatever the targets, the limiter has nothing to clamp.
+        #[test]
+        fn what_is_shaped_passes_the_limiter(
+            targets in prop::collection::vec(prop::array::uniform13(-2.0..2.0f64), 1..20),
+        ) {
+            let limits = LimitsConfig::default();
+            let mut shaping = Shaping::new(&limits, &[0.0; JOINTS]);
+            let rig = etude_robot::rig::RigConfig { limits, ..Default::default() };
+            let axes = rig.axes();
+            let limits: [AxisLimits; JOINTS] =
+                std::array::from_fn(|joint| if joint == RAIL { axes[axes.len() - 1] } else { axes[joint] });
+            let mut limiter = limits.map(|limits| Axis::at_rest(limits, 0.005, 0.0));
+            let mut waypoints = [[0.0; JOINTS]; PHYSICS_STEPS];
+            for targets in targets {
+                shaping.shape(&targets, &mut waypoints);
+                for waypoint in &waypoints {
+                    for (joint, axis) in limiter.iter_mut().enumerate() {
+                        let clamp = axis.step(waypoint[joint]);
+                        prop_assert!(clamp.is_none(), "joint {joint}: {clamp:?}");
+                    }
+                }
+            }
+        }
+    }
+}

@@ -1,0 +1,279 @@
+//! Writing a recording: messages become JSON where they arise, and the file is written by a thread of its own, so that a
+//! slow disk does not hold up a robot.
+
+use std::collections::BTreeMap;
+use std::fs::File;
+use std::io::BufWriter;
+use std::path::{Path, PathBuf};
+use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
+use std::sync::{Arc, OnceLock};
+use std::thread::JoinHandle;
+
+use mcap::records::MessageHeader;
+use serde::Serialize;
+
+use crate::messages::{
+    ArmMessage, HandMessage, Header, KeyMessage, NoteMessage, PolicyMessage, SetPointMessage, StepMessage,
+    TargetMessage,
+};
+use crate::recording::{RecordingError, SCHEMA};
+
+/// Topics and the names of their schemas, in the order of [`Topic`].
+const TOPICS: [(&str, &str); 9] = [
+    ("/header", "etude.Header"),
+    ("/step", "etude.Step"),
+    ("/key", "etude.Key"),
+    ("/target", "etude.Target"),
+    ("/policy", "etude.Policy"),
+    ("/setpoint", "etude.SetPoint"),
+    ("/hand", "etude.Hand"),
+    ("/arm", "etude.Arm"),
+    ("/note", "etude.Note"),
+];
+
+#[derive(Clone, Copy)]
+enum Topic {
+    Header,
+    Step,
+    Key,
+    Target,
+    Policy,
+    SetPoint,
+    Hand,
+    Arm,
+    Note,
+}
+
+/// Time after which what was written is handed to the system, s.
+const FLUSH_SECS: f64 = 1.0;
+/// Messages that wait for the disk at most, some two minutes of a robot; whoever has more to say waits then.
+const WAITING: usize = 65_536;
+
+type McapFile = mcap::Writer<BufWriter<File>>;
+
+/// One message on its way to the file.
+struct Line {
+    header: MessageHeader,
+    text: Vec<u8>,
+    flush: bool,
+}
+
+/// Writes a recording front to back.
+pub struct RecordingWriter {
+    path: PathBuf,
+    channels: [u16; TOPICS.len()],
+    sequence: u32,
+    flushed_secs: f64,
+    /// Absent when the file is complete.
+    lines: Option<SyncSender<Line>>,
+    thread: Option<JoinHandle<()>>,
+    failed: Arc<OnceLock<String>>,
+}
+
+impl RecordingWriter {
+    /// Creates the file and writes its header.
+    ///
+    /// # Errors
+    /// If the file cannot be created or written.
+    pub fn create(path: &Path, header: &Header) -> Result<Self, RecordingError> {
+        let file =
+            File::create(path).map_err(|source| RecordingError::Open { path: path.to_path_buf(), source })?;
+        let fail = |message: String| RecordingError::Write { path: path.to_path_buf(), message };
+        let options = mcap::WriteOptions::new()
+            .compression(None)
+            .profile("")
+            .library(concat!("etude ", env!("CARGO_PKG_VERSION")))
+            .chunk_size(Some(64 * 1024));
+        let open = || -> mcap::McapResult<(McapFile, [u16; TOPICS.len()])> {
+            let mut writer = options.create(BufWriter::new(file))?;
+            let mut channels = [0; TOPICS.len()];
+            for (id, (topic, name)) in channels.iter_mut().zip(TOPICS) {
+                let schema = writer.add_schema(name, "jsonschema", br#"{"type":"object"}"#)?;
+                *id = writer.add_channel(schema, topic, "json", &BTreeMap::new())?;
+            }
+            Ok((writer, channels))
+        };
+        let (writer, channels) = open().map_err(|error| fail(cause(&error)))?;
+        let failed = Arc::new(OnceLock::new());
+        let (lines, waiting) = sync_channel(WAITING);
+        let told = Arc::clone(&failed);
+        let thread = std::thread::Builder::new()
+            .name("recording".to_string())
+            .spawn(move || {
+                if let Err(error) = write_lines(writer, &waiting) {
+                    // Nobody else sets it.
+                    let _ = told.set(cause(&error));
+                }
+            })
+            .map_err(|error| fail(error.to_string()))?;
+        let mut recording = Self {
+            path: path.to_path_buf(),
+            channels,
+            sequence: 0,
+            flushed_secs: 0.0,
+            lines: Some(lines),
+            thread: Some(thread),
+            failed,
+        };
+        recording.write(Topic::Header, 0.0, &Header { schema: SCHEMA, ..header.clone() })?;
+        Ok(recording)
+    }
+
+    /// Adds the control step that ended at `secs`.
+    ///
+    /// # Errors
+    /// If writing fails.
+    pub fn step(&mut self, secs: f64, message: &StepMessage) -> Result<(), RecordingError> {
+        self.write(Topic::Step, secs, message)
+    }
+
+    /// Adds a key event.
+    ///
+    /// # Errors
+    /// If writing fails.
+    pub fn key(&mut self, message: &KeyMessage) -> Result<(), RecordingError> {
+        self.write(Topic::Key, message.secs, message)
+    }
+
+    /// Adds the targets of the control step that begins at `secs`.
+    ///
+    /// # Errors
+    /// If writing fails.
+    pub fn target(&mut self, secs: f64, message: &TargetMessage) -> Result<(), RecordingError> {
+        self.write(Topic::Target, secs, message)
+    }
+
+    /// Adds what the policy saw and chose at `secs`.
+    ///
+    /// # Errors
+    /// If writing fails.
+    pub fn policy(&mut self, secs: f64, message: &PolicyMessage) -> Result<(), RecordingError> {
+        self.write(Topic::Policy, secs, message)
+    }
+
+    /// Adds a set-point at `secs`.
+    ///
+    /// # Errors
+    /// If writing fails.
+    pub fn setpoint(&mut self, secs: f64, message: &SetPointMessage) -> Result<(), RecordingError> {
+        self.write(Topic::SetPoint, secs, message)
+    }
+
+    /// Adds a period of the hand at `secs`.
+    ///
+    /// # Errors
+    /// If writing fails.
+    pub fn hand(&mut self, secs: f64, message: &HandMessage) -> Result<(), RecordingError> {
+        self.write(Topic::Hand, secs, message)
+    }
+
+    /// Adds a report of the arm at `secs`.
+    ///
+    /// # Errors
+    /// If writing fails.
+    pub fn arm(&mut self, secs: f64, message: &ArmMessage) -> Result<(), RecordingError> {
+        self.write(Topic::Arm, secs, message)
+    }
+
+    /// Adds something to read at `secs`.
+    ///
+    /// # Errors
+    /// If writing fails.
+    pub fn note(&mut self, secs: f64, message: &NoteMessage) -> Result<(), RecordingError> {
+        self.write(Topic::Note, secs, message)
+    }
+
+    /// Messages written so far.
+    pub fn messages(&self) -> u64 {
+        u64::from(self.sequence)
+    }
+
+    /// Completes the file.
+    ///
+    /// # Errors
+    /// If writing fails, or failed before.
+    pub fn finish(mut self) -> Result<(), RecordingError> {
+        self.complete();
+        self.failed.get().map_or(Ok(()), |message| Err(self.fail(message)))
+    }
+
+    /// Waits until everything is in the file.
+    fn complete(&mut self) {
+        self.lines = None;
+        if let Some(Err(_)) = self.thread.take().map(JoinHandle::join) {
+            let _ = self.failed.set("the thread that writes it has died".to_string());
+        }
+    }
+
+    fn write(&mut self, topic: Topic, secs: f64, message: &impl Serialize) -> Result<(), RecordingError> {
+        self.sequence += 1;
+        let channel_id = self.channels[topic as usize];
+        let nanos = (secs.max(0.0) * 1e9).round() as u64;
+        let header =
+            MessageHeader { channel_id, sequence: self.sequence, log_time: nanos, publish_time: nanos };
+        // Plain numbers and strings: writing them as JSON cannot fail.
+        let text = serde_json::to_vec(message).unwrap_or_default();
+        let flush = secs >= self.flushed_secs + FLUSH_SECS;
+        if flush {
+            self.flushed_secs = secs;
+        }
+        let sent = self.lines.as_ref().map(|lines| lines.send(Line { header, text, flush }));
+        if let Some(Err(_)) = sent {
+            // The thread has ended before its time; what it says is there when it is gone.
+            self.complete();
+        }
+        self.failed.get().map_or(Ok(()), |message| Err(self.fail(message)))
+    }
+
+    fn fail(&self, message: &str) -> RecordingError {
+        RecordingError::Write { path: self.path.clone(), message: message.to_string() }
+    }
+}
+
+impl Drop for RecordingWriter {
+    fn drop(&mut self) {
+        self.complete();
+    }
+}
+
+/// What is wrong, in the system's words where it is the system's error.
+fn cause(error: &mcap::McapError) -> String {
+    match error {
+        mcap::McapError::Io(source) => source.to_string(),
+        other => other.to_string(),
+    }
+}
+
+/// Writes line after line until no more can come, and completes the file.
+fn write_lines(mut writer: McapFile, lines: &Receiver<Line>) -> mcap::McapResult<()> {
+    for line in lines {
+        writer.write_to_known_channel(&line.header, &line.text)?;
+        if line.flush {
+            writer.flush()?;
+        }
+    }
+    writer.finish().map(|_| ())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Whoever records hears of a full disk while there is time to stop, and again at the end.
+    #[test]
+    #[cfg(target_os = "linux")]
+    fn a_full_disk_is_told_on_the_way() {
+        let full = Path::new("/dev/full");
+        let message = StepMessage { positions: vec![0.1; 5000], ..StepMessage::default() };
+        let error = match RecordingWriter::create(full, &Header::default()) {
+            Err(error) => error,
+            Ok(mut writer) => (0..1_000_000)
+                .find_map(|step| writer.step(f64::from(step), &message).err())
+                .expect("it says so before long"),
+        };
+        assert!(error.to_string().contains("No space left"), "{error}");
+        if let Ok(writer) = RecordingWriter::create(full, &Header::default()) {
+            assert!(writer.finish().unwrap_err().to_string().contains("No space left"));
+        }
+    }
+}
