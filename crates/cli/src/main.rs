@@ -39,12 +39,18 @@ enum Verb {
     Train(verbs::train::Args),
     /// Play a song with a trained policy and keep the MIDI, sound, frames and recording
     Play(verbs::play::Args),
+    /// Play a song in many simulated worlds: how robust a policy is
+    Evaluate(verbs::evaluate::Args),
     /// Play a song on a robot or its twin, in one of three modes
     Perform(verbs::perform::Args),
     /// Check, home, calibrate, watch and stop a robot
     Robot(verbs::robot::Args),
     /// Record a robot that plays no song
     Record(verbs::record::Args),
+    /// Fit the simulator to a robot's recordings
+    Identify(verbs::identify::Args),
+    /// Sim2Real2Sim: record, identify, train, perform, and round again
+    Rehearse(verbs::rehearse::Args),
     /// Run a robot that is not there, for --robot
     Twin(verbs::twin::Args),
     /// Export the simulated world, or list its physical parameters
@@ -67,9 +73,12 @@ fn main() -> ExitCode {
         Verb::Songs(args) => verbs::songs::run(args),
         Verb::Train(args) => verbs::train::run(args),
         Verb::Play(args) => verbs::play::run(args),
+        Verb::Evaluate(args) => verbs::evaluate::run(args),
         Verb::Perform(args) => verbs::perform::run(args),
         Verb::Robot(args) => verbs::robot::run(args),
         Verb::Record(args) => verbs::record::run(args),
+        Verb::Identify(args) => verbs::identify::run(args),
+        Verb::Rehearse(args) => verbs::rehearse::run(args),
         Verb::Twin(args) => verbs::twin::run(args),
         Verb::Model(args) => verbs::model::run(args),
         Verb::Bench(args) => verbs::bench::run(args),

@@ -73,6 +73,10 @@ impl Progress {
             || "F1 not yet evaluated".to_string(),
             |f1| format!("F1 {f1:.3} (best {:.3})", self.best_f1),
         );
+        // A warm start is evaluated before its first step, when nobody knows how fast it goes.
+        if step == self.first_step {
+            return format!("{f1}  step {step}");
+        }
         let rate =
             step.saturating_sub(self.first_step) as f64 / self.started.elapsed().as_secs_f64().max(1e-3);
         let by_steps = self.total.saturating_sub(step) as f64 / rate.max(1e-3);

@@ -176,15 +176,20 @@ fn parse(text: &str, origin: &str) -> Result<toml::Table, ConfigError> {
     })
 }
 
+/// Tables whose keys are paths of physical parameters.
+const BY_PATH: &[&[&str]] = &[&["task", "physics"], &["task", "randomisation", "widths"]];
+
 /// The table that says `value` at a dotted `path`. A value that is not TOML is taken as a string, so that
 /// `task.stage.side=right` needs no quotes. Physical parameters keep the rest of their path as one key.
 fn override_table(path: &str, value: &str) -> toml::Table {
     let parsed = format!("v = {value}").parse::<toml::Table>().ok().and_then(|mut t| t.remove("v"));
     let mut value = parsed.unwrap_or_else(|| toml::Value::String(value.to_string()));
-    let mut parts: Vec<&str> = match path.strip_prefix("task.physics.") {
-        Some(parameter) => vec!["task", "physics", parameter],
-        None => path.split('.').collect(),
+    let within = |table: &'static [&'static str]| {
+        let parameter = path.strip_prefix(&(table.join(".") + "."))?;
+        Some([table, &[parameter]].concat())
     };
+    let mut parts: Vec<&str> =
+        BY_PATH.iter().find_map(|table| within(table)).unwrap_or_else(|| path.split('.').collect());
     // Steps are counted: `2e6` is as good as `2_000_000`. A whole number does for a real one too.
     if let toml::Value::Float(whole) = value
         && whole.fract() == 0.0
@@ -219,6 +224,7 @@ fn merge(base: &mut toml::Table, over: toml::Table) {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use etude_task::Widths;
 
     #[test]
     fn every_preset_resolves_and_the_paper_is_the_default() {
@@ -246,6 +252,35 @@ mod tests {
         assert_eq!(config.task.reward["collision"], 0.0);
         std::fs::write(&path, toml::to_string(&config).unwrap()).unwrap();
         assert_eq!(resolve("paper", Some(&path), &[]).unwrap(), config);
+    }
+
+    #[test]
+    fn widths_of_randomisation_are_set_by_path_and_survive_the_file() {
+        let sets = |sets: &[&str]| {
+            resolve("fast", None, &sets.iter().map(ToString::to_string).collect::<Vec<_>>()).unwrap()
+        };
+        assert_eq!(sets(&["task.randomisation.widths=paper"]).task, sets(&[]).task);
+        let config = sets(&[
+            "task.randomisation.intensity=1",
+            "task.randomisation.widths.joint.fingers.damping=0.02",
+            "task.randomisation.widths.key.stiffness=1",
+            "task.randomisation.curriculum_steps=1e5",
+        ]);
+        let Widths::Identified(widths) = &config.task.randomisation.widths else { panic!("{config:?}") };
+        assert_eq!((widths["joint.fingers.damping"], widths["key.stiffness"], widths.len()), (0.02, 1.0, 2));
+        assert_eq!(config.task.randomisation.curriculum_steps, 100_000);
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("c.toml");
+        std::fs::write(&path, toml::to_string(&config).unwrap()).unwrap();
+        assert_eq!(resolve("fast", Some(&path), &[]).unwrap(), config);
+        std::fs::write(&path, "[task.randomisation.widths]\n\"key.threshold\" = 0.1\n").unwrap();
+        assert!(matches!(
+            resolve("fast", Some(&path), &[]).unwrap().task.randomisation.widths,
+            Widths::Identified(widths) if widths["key.threshold"] == 0.1
+        ));
+        let said =
+            resolve("fast", None, &["task.randomisation.widths=wide".to_string()]).unwrap_err().to_string();
+        assert!(said.contains("task.randomisation.widths") && said.contains("paper"), "{said}");
     }
 
     #[test]

@@ -6,20 +6,28 @@
 
 pub mod bench;
 mod config;
+mod grid;
 mod guard;
+mod identify;
 mod play;
 mod player;
 mod record;
+mod rehearse;
 mod rig;
 mod robot;
 mod run;
 mod stand;
 
 pub use config::{ConfigError, PRESETS, RunConfig, resolve};
+pub use grid::{GridConfig, GridReport, Marginal, WorldScores, evaluate_grid};
 pub use guard::{READY, stand_guard};
+pub use identify::{
+    IDENTIFIED, Identification, IdentificationError, IdentifyMethod, IdentifyReport, identify_robot,
+};
 pub use play::{Files, PlayError, Report, perform};
 pub use player::{Player, load_player, shipped_policies};
-pub use record::record_robot;
+pub use record::{Activity, Recorded, record_robot};
+pub use rehearse::{RehearsalConfig, RehearsalError, RehearsalStep, Round, rehearse_on_robot};
 pub use rig::{
     RigChoice, StandError, TWIN, claim, load_calibration, rig_choice, start_pose, try_path, unix_secs,
 };

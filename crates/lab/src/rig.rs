@@ -78,6 +78,14 @@ impl RigChoice {
         }
     }
 
+    /// What its file says, or would say for a twin.
+    pub fn config(&self) -> RigConfig {
+        match self {
+            Self::Twin(_) => RigConfig { name: TWIN.to_string(), ..RigConfig::default() },
+            Self::File { rig, .. } => (**rig).clone(),
+        }
+    }
+
     /// The hand that it has.
     pub fn side(&self) -> Side {
         match self {
@@ -100,7 +108,7 @@ impl RigChoice {
         let wanted = hand_side(side);
         match self {
             Self::Twin(truth) => {
-                let mut rig = RigConfig { name: TWIN.to_string(), ..RigConfig::default() };
+                let mut rig = self.config();
                 rig.hand.side = wanted;
                 let lockstep = Lockstep::new(Twin::new(&truth.with_seed_added(seed), wanted)?)?;
                 let robot = controller(&rig, &calibration(TWIN))?;

@@ -141,7 +141,8 @@ pub fn play_on_robot(
         control_hz: CONTROL_HZ,
         joints: JOINT_NAMES.map(str::to_string).to_vec(),
         due: piece.frames().iter().map(|keys| keys.pitches().collect()).collect(),
-        config: json!({ "run": player.config, "mode": play.mode }),
+        mode: play.mode.name().to_string(),
+        config: json!({ "run": player.config, "rig": rig.config() }),
         ..Header::default()
     };
     let mut report = RobotReport {

@@ -3,7 +3,7 @@
 use std::fs::{File, TryLockError};
 use std::path::{Path, PathBuf};
 
-use etude_learn::{Outcome, Parts, TrainError, Trainer, TrainerConfig, TrainingObserver, seed};
+use etude_learn::{Outcome, Parts, TrainError, Trainer, TrainerConfig, TrainingObserver, WarmStart, seed};
 use etude_music::{Song, SongError};
 use etude_perform::{FileError, write_text};
 use etude_task::{Piece, ScriptedPlayer, SongEvaluator, TaskError, VectorPiano};
@@ -34,6 +34,30 @@ pub enum RunError {
         "{0} holds a training already: `etude train --resume {0}` continues it, or choose another folder with -o"
     )]
     AlreadyStarted(PathBuf),
+    /// A warm start from something else.
+    #[error(
+        "a training cannot begin with what {path} has learned: that is {theirs}, this one {ours}; make this one alike, \
+         or begin without --from"
+    )]
+    OtherTask {
+        /// The policy or the run.
+        path: PathBuf,
+        /// What it has learned.
+        theirs: String,
+        /// What this training is to learn.
+        ours: String,
+    },
+    /// A policy does not say what it has learned.
+    #[error(
+        "a training cannot begin with {path}: it does not say which song and task it has learned; begin without --from"
+    )]
+    UnknownTask {
+        /// The policy.
+        path: PathBuf,
+    },
+    /// A folder has nothing to begin with.
+    #[error("{0} holds no policy to begin with; name the folder of a run, or a policy file")]
+    NothingThere(PathBuf),
     /// Another process is at work in the folder.
     #[error(
         "another `etude train` is at work in {0}: wait for it, stop it, or choose another folder with -o"
@@ -76,12 +100,40 @@ impl Run {
     /// If the song or configuration cannot be used, or the folder cannot be written or already holds a run. Nothing is
     /// written before song and configuration are known to be sound.
     pub fn start(song: Song, config: RunConfig, folder: &Path, command: &str) -> Result<Self, RunError> {
+        Self::begin(song, config, folder, command, None)
+    }
+
+    /// The same with what another training of the song has learned, in whatever physics, instead of random networks:
+    /// `source` is a run's folder (its last policy with critics, targets and temperature) or a policy file (the actor
+    /// alone). See [`WarmStart`].
+    ///
+    /// # Errors
+    /// As [`start`](Self::start); and if the source cannot be read, has learned another song, or its networks or what
+    /// they see and do have another form. Nothing is written then.
+    pub fn start_from(
+        song: Song,
+        config: RunConfig,
+        folder: &Path,
+        command: &str,
+        source: &Path,
+    ) -> Result<Self, RunError> {
+        Self::begin(song, config, folder, command, Some(source))
+    }
+
+    fn begin(
+        song: Song,
+        config: RunConfig,
+        folder: &Path,
+        command: &str,
+        source: Option<&Path>,
+    ) -> Result<Self, RunError> {
         if Trainer::exists(folder) {
             return Err(RunError::AlreadyStarted(folder.to_path_buf()));
         }
         let config = config.complete();
         config.check()?;
         let parts = parts(&song, &config)?;
+        let warm = source.map(|source| warm_start(source, &song, &config, &parts)).transpose()?;
         let fail = |source| RunError::Folder { path: folder.to_path_buf(), source };
         std::fs::create_dir_all(folder).map_err(fail)?;
         let lock = lock(folder)?;
@@ -89,6 +141,7 @@ impl Run {
         song.save(folder.join(SONG))?;
         let meta = json!({
             "command": command,
+            "from": source,
             "song": song.title(),
             "etude": env!("CARGO_PKG_VERSION"),
             "mujoco": etude_stage::mujoco_version(),
@@ -96,7 +149,11 @@ impl Run {
             "machine": std::env::consts::ARCH,
         });
         write_text(&folder.join(META), &format!("{meta:#}\n"))?;
-        let trainer = Trainer::start(folder, &config.droq, &config.trainer, parts)?;
+        let (droq, trainer) = (&config.droq, &config.trainer);
+        let trainer = match &warm {
+            Some(warm) => Trainer::start_from(folder, droq, trainer, parts, warm)?,
+            None => Trainer::start(folder, droq, trainer, parts)?,
+        };
         Ok(Self { song, config, trainer, _lock: lock })
     }
 
@@ -148,6 +205,36 @@ impl Run {
     pub fn run(&mut self, observer: &mut dyn TrainingObserver) -> Result<Outcome, RunError> {
         Ok(self.trainer.run(observer)?)
     }
+}
+
+/// What the run or policy at `path` has learned, if a training of `song` by `config` can begin with it.
+fn warm_start(path: &Path, song: &Song, config: &RunConfig, parts: &Parts) -> Result<WarmStart, RunError> {
+    let warm = match (path.is_dir(), policy_in(path)) {
+        (false, _) => WarmStart::from_policy(path),
+        (true, _) if Trainer::exists(path) => WarmStart::from_run(path),
+        (true, Some(policy)) => WarmStart::from_policy(&policy),
+        (true, None) => return Err(RunError::NothingThere(path.to_path_buf())),
+    };
+    let warm = warm.map_err(TrainError::from)?;
+    let unknown = || RunError::UnknownTask { path: path.to_path_buf() };
+    let learned = warm.notes()["song"].as_str().ok_or_else(unknown)?;
+    let theirs: RunConfig = serde_json::from_value(warm.notes()["config"].clone()).map_err(|_| unknown())?;
+    let told = |title: &str, config: &RunConfig| {
+        let task = &config.task;
+        [
+            format!("of the song `{title}`"),
+            format!("of the {:?} hand (`task.stage.side`)", task.stage.side),
+            format!("with joint readings scaled {:?} (`task.scale`)", task.scale),
+            format!("with {} steps of lookahead (`task.lookahead`)", task.lookahead),
+            format!("with previous joints {} (`task.previous_joints`)", task.previous_joints),
+        ]
+    };
+    let pairs = told(learned, &theirs).into_iter().zip(told(song.title(), config));
+    if let Some((theirs, ours)) = { pairs }.find(|(theirs, ours)| theirs != ours) {
+        return Err(RunError::OtherTask { path: path.to_path_buf(), theirs, ours });
+    }
+    warm.check(&config.droq, &*parts.environment)?;
+    Ok(warm)
 }
 
 /// The policy file of the run in `folder` that should be played: the best, or the last while none has been evaluated.

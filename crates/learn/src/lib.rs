@@ -33,5 +33,5 @@ pub use env::{EnvironmentError, Evaluator, ObservationLayout, Score, StepBatch, 
 pub use files::FileError;
 pub use policy::{Policy, PolicyHeader};
 pub use trainer::{
-    Best, EvaluationRow, LogRow, Outcome, Parts, StopReason, TrainError, Trainer, TrainingObserver,
+    Best, EvaluationRow, LogRow, Outcome, Parts, StopReason, TrainError, Trainer, TrainingObserver, WarmStart,
 };

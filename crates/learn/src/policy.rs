@@ -76,6 +76,10 @@ impl Policy {
         &self.header
     }
 
+    pub(crate) fn parameters(&self) -> &Buffer {
+        &self.parameters
+    }
+
     /// Replaces the caller's notes.
     pub fn set_notes(&mut self, notes: serde_json::Value) {
         self.header.notes = notes;

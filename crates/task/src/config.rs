@@ -67,6 +67,12 @@ pub enum TaskError {
     /// A weight is not a number.
     #[error("the weight of reward term `{0}` is {1}; it must be a finite number")]
     BadWeight(String, f64),
+    /// A half-width of the randomisation is not a number of at least 0.
+    #[error(
+        "task.randomisation.widths: {0} = {1} must be a finite number of at least 0, in the unit of the row; \
+         `etude model params` lists the rows"
+    )]
+    BadWidth(String, f64),
     /// A number of the task itself is out of range.
     #[error("task.{name} = {value} must lie in {low} … {high}")]
     OutOfRange {
@@ -100,7 +106,10 @@ impl TaskConfig {
     }
 
     /// Checks the numbers that only the task knows.
-    pub(crate) fn check(&self) -> Result<(), TaskError> {
+    ///
+    /// # Errors
+    /// Names the first one that is out of range.
+    pub fn check(&self) -> Result<(), TaskError> {
         let limits = [
             ("randomisation.intensity", self.randomisation.intensity, 0.0, 1.0),
             ("initial_silence_secs", self.initial_silence_secs, 0.0, 60.0),

@@ -36,6 +36,10 @@ pub struct Environment {
     randomisation: Randomisation,
     random: Pcg64,
     step: usize,
+    /// Control steps made over all episodes.
+    steps_made: u64,
+    /// Environments of the same training, this one included. They step together.
+    peers: u64,
     previous_joints: [f64; JOINTS],
     previous_action: [f32; ACTION_LEN],
 }
@@ -47,6 +51,9 @@ struct Saved {
     params: PhysicalParams,
     random: Pcg64,
     step: usize,
+    /// Absent in states from before there was a curriculum, and then of no consequence.
+    #[serde(default)]
+    steps_made: u64,
     previous_joints: [f64; JOINTS],
     previous_action: [f32; ACTION_LEN],
 }
@@ -59,15 +66,19 @@ impl Environment {
     pub fn new(config: &TaskConfig, piece: &Piece, seed: u64) -> Result<Self, TaskError> {
         config.check()?;
         let params = config.params()?;
+        let randomisation =
+            Randomisation::new(params.clone(), &config.randomisation, config.stage.actuation)?;
         let mut environment = Self {
             world: World::new(&config.stage, &params)?,
             piece: piece.clone(),
             range: TargetRange::new(piece),
             config: config.clone(),
             reward: Reward::new(&config.reward)?,
-            randomisation: Randomisation::new(params, &config.randomisation),
+            randomisation,
             random: Pcg64::seed_from_u64(seed),
             step: 0,
+            steps_made: 0,
+            peers: 1,
             previous_joints: [0.0; JOINTS],
             previous_action: [0.0; ACTION_LEN],
         };
@@ -75,11 +86,24 @@ impl Environment {
         Ok(environment)
     }
 
+    /// As one of `peers` environments of a training, which count its steps together.
+    pub(crate) fn among(self, peers: usize) -> Self {
+        Self { peers: peers as u64, ..self }
+    }
+
+    /// Starts an episode in the world `params`. For environments without randomisation: the next reset of another would
+    /// draw a world again.
+    pub(crate) fn reset_in(&mut self, params: &PhysicalParams) {
+        self.world.set_params(params);
+        self.reset();
+    }
+
     /// Starts the next episode: a new draw of the randomised numbers, the hand in its starting pose, the beginning of
     /// the song (or, with `random_start`, any place in it with a finger over the key that is due next).
     pub fn reset(&mut self) {
-        if self.config.randomisation.intensity > 0.0 {
-            let params = self.randomisation.draw(&mut self.random);
+        if self.randomisation.is_on() {
+            let steps = self.steps_made.saturating_mul(self.peers);
+            let params = self.randomisation.draw(steps, &mut self.random);
             self.world.set_params(&params);
         }
         self.world.reset();
@@ -120,6 +144,7 @@ impl Environment {
         let reward = self.reward.evaluate(&moment, parts);
         self.previous_action = *action;
         self.step += 1;
+        self.steps_made = self.steps_made.saturating_add(1);
         Step { reward, song_over: self.step >= self.piece.steps(), collided: outcome.collided }
     }
 
@@ -162,6 +187,7 @@ impl Environment {
             params: self.world.params().clone(),
             random: self.random.clone(),
             step: self.step,
+            steps_made: self.steps_made,
             previous_joints: self.previous_joints,
             previous_action: self.previous_action,
         };
@@ -183,6 +209,7 @@ impl Environment {
         self.world.restore(&saved.snapshot).map_err(|e| EnvironmentError::new(e.to_string()))?;
         self.random = saved.random;
         self.step = saved.step;
+        self.steps_made = saved.steps_made;
         self.previous_joints = saved.previous_joints;
         self.previous_action = saved.previous_action;
         Ok(())

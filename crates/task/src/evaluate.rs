@@ -1,9 +1,10 @@
-//! Evaluation for the trainer: the whole song, from the beginning, without exploration.
+//! Evaluation: the whole song, from the beginning, without exploration; for the trainer, and in worlds of one's choice.
 
 use etude_learn::{Evaluator, Score};
+use etude_stage::PhysicalParams;
 
 use crate::environment::Environment;
-use crate::performance::play;
+use crate::performance::{Act, Performance, play};
 use crate::{Piece, TaskConfig, TaskError, layout};
 
 /// Plays the song once per evaluation, always in the nominal world, and scores it.
@@ -19,12 +20,33 @@ impl SongEvaluator {
     /// # Errors
     /// If the configuration is not sound.
     pub fn new(config: &TaskConfig, piece: &Piece) -> Result<Self, TaskError> {
-        let mut config = config.clone();
-        config.random_start = false;
-        config.randomisation.intensity = 0.0;
+        let config = still(config);
         let observation_len = layout(&config).len();
         Ok(Self { environment: Environment::new(&config, piece, 0)?, piece: piece.clone(), observation_len })
     }
+}
+
+/// Plays the whole song once from the beginning in the world `params`, calling `act` for each action.
+///
+/// # Errors
+/// If the configuration is not sound.
+pub fn rehearse_in(
+    config: &TaskConfig,
+    piece: &Piece,
+    params: &PhysicalParams,
+    act: &mut Act<'_>,
+) -> Result<Performance, TaskError> {
+    let config = still(config);
+    let mut environment = Environment::new(&config, piece, 0)?;
+    environment.reset_in(params);
+    Ok(play(&mut environment, piece, layout(&config).len(), act, &mut |_, _| {}))
+}
+
+/// The task without anything random in it.
+fn still(config: &TaskConfig) -> TaskConfig {
+    let mut config = TaskConfig { random_start: false, ..config.clone() };
+    config.randomisation.intensity = 0.0;
+    config
 }
 
 impl Evaluator for SongEvaluator {

@@ -57,7 +57,9 @@ pub fn rehearse(
     act: &mut Act<'_>,
     watch: &mut Watch<'_>,
 ) -> Result<Performance, TaskError> {
-    let config = TaskConfig { random_start: false, ..config.clone() };
+    let mut config = TaskConfig { random_start: false, ..config.clone() };
+    // There is no training whose steps a curriculum could count.
+    config.randomisation.curriculum_steps = 0;
     let mut environment = Environment::new(&config, piece, seed)?;
     Ok(play(&mut environment, piece, crate::layout(&config).len(), act, watch))
 }

@@ -36,7 +36,7 @@ impl VectorPiano {
         let environments = (0..num_envs)
             .map(|index| {
                 let seed = seed::split(root_seed, &format!("environment {index}"));
-                let environment = Environment::new(config, piece, seed)?;
+                let environment = Environment::new(config, piece, seed)?.among(num_envs);
                 let parts = vec![0.0; environment.reward().names().len()];
                 Ok(Slot { environment, parts })
             })

@@ -2,10 +2,13 @@
 
 pub mod bench;
 pub mod doctor;
+pub mod evaluate;
+pub mod identify;
 pub mod model;
 pub mod perform;
 pub mod play;
 pub mod record;
+pub mod rehearse;
 pub mod robot;
 pub mod songs;
 pub mod train;

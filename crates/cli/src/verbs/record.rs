@@ -1,10 +1,10 @@
 //! `etude record`: record what a robot does without playing a song.
 
 use std::path::PathBuf;
-use std::sync::atomic::Ordering;
 use std::time::Duration;
 
-use etude_lab::{record_robot, rig_choice};
+use etude_lab::{Activity, record_robot, rig_choice};
+use etude_perform::Excitation;
 
 use super::line;
 use crate::Ending;
@@ -13,12 +13,13 @@ use crate::progress::stop_flag;
 /// What to record, and where to.
 #[derive(clap::Args)]
 #[command(after_help = "\
-The robot is brought up and holds still; everything that it measures and sends, and every key that is played, is
-recorded.
+The robot is brought up and holds still, or moves through an excitation clear of the keyboard; everything that it measures
+and sends, and every key that is played, is recorded. `etude identify` fits the simulator to recordings of excitations.
 
 Examples:
   etude record --robot lab.toml --secs 60 -o keys.mcap
-  etude record --robot twin --secs 5 -o rest.mcap")]
+  etude record --robot lab.toml --home --excitation open-close -o open-close.mcap
+  etude record --robot twin --truth worn --excitation chirp -o chirp.mcap")]
 pub struct Args {
     /// `twin`, or the file of a rig
     #[arg(long, value_name = "RIG")]
@@ -26,7 +27,14 @@ pub struct Args {
     /// What is true of the twin: `standard`, `ideal`, `worn`, or a file
     #[arg(long, default_value = "standard", value_name = "NAME|FILE")]
     truth: String,
-    /// Bring the robot slowly to the keyboard first. Stand clear
+    /// Move the joints so that a simulator can be fitted to them: `open-close`, `chirp`, `rail`, or `held-out` to try a
+    /// fit on
+    #[arg(long, value_name = "NAME", conflicts_with = "secs")]
+    excitation: Option<Excitation>,
+    /// Added to the seed of the twin's truth
+    #[arg(long, default_value_t = 0)]
+    seed: u64,
+    /// Bring the robot slowly to the keyboard first (a twin always is). Stand clear
     #[arg(long)]
     home: bool,
     /// How long, s; until Ctrl-C if not given
@@ -41,12 +49,21 @@ pub struct Args {
 pub fn run(args: Args) -> anyhow::Result<Ending> {
     let rig = rig_choice(&args.robot, &args.truth)?;
     let stop = stop_flag()?;
-    if args.secs.is_none() && rig.is_twin() {
-        anyhow::bail!("a twin in lockstep knows no time of day: say how long with --secs");
+    let activity = match (args.excitation, args.secs) {
+        (Some(excitation), _) => Activity::Excitation(excitation),
+        (None, None) if rig.is_twin() => {
+            anyhow::bail!("a twin in lockstep knows no time of day: say how long with --secs")
+        }
+        (None, secs) => Activity::Rest(secs.map(Duration::from_secs_f64)),
+    };
+    let home = args.home || rig.is_twin();
+    let recorded = record_robot(&rig, activity, home, args.seed, &args.out, &stop)?;
+    line(format!("{} messages in {}", recorded.messages, args.out.display()))?;
+    match recorded.ending {
+        etude_perform::Ending::Complete => Ok(Ending::Done),
+        etude_perform::Ending::Fault(fault) => Err(etude_perform::PerformError::Fault(fault).into()),
+        // Whoever records until Ctrl-C has what was wanted.
+        etude_perform::Ending::Interrupted if matches!(activity, Activity::Rest(None)) => Ok(Ending::Done),
+        etude_perform::Ending::Interrupted => Ok(Ending::Stopped),
     }
-    let longest = args.secs.map(Duration::from_secs_f64);
-    let records = record_robot(&rig, args.home, longest, &args.out, &stop)?;
-    line(format!("{records} messages in {}", args.out.display()))?;
-    let cut_short = args.secs.is_some() && stop.load(Ordering::Relaxed);
-    Ok(if cut_short { Ending::Stopped } else { Ending::Done })
 }

@@ -20,6 +20,7 @@ checkpoints. Ctrl-C and SIGTERM save before they stop; after a kill -9 at most o
 Examples:
   etude train twinkle --minutes 10
   etude train my-song.mid --set trainer.seed=3 --set trainer.total_steps=2e6
+  etude train twinkle --from runs/twinkle__fast__0 -o runs/other --set task.physics.joint.rail.acceleration_limit=7.5
   etude train --resume runs/twinkle__fast__0
   etude train --resume runs/twinkle__fast__0 --set trainer.total_steps=3e6")]
 pub struct Args {
@@ -31,6 +32,10 @@ pub struct Args {
     /// The run's folder; runs/SONG__PRESET__SEED if not given
     #[arg(short = 'o', long = "out", value_name = "DIR", conflicts_with = "resume")]
     out: Option<PathBuf>,
+    /// Begin with what this run or policy file has learned of the song, in whatever physics: from a run the last policy with its
+    /// critics, from a file the actor alone. Replay and optimiser are new
+    #[arg(long, value_name = "PATH", conflicts_with = "resume")]
+    from: Option<PathBuf>,
     /// Continue the run in this folder, bit for bit; --set may change its steps, intervals and threads, nothing else
     #[arg(long, value_name = "DIR", conflicts_with_all = ["preset", "config"])]
     resume: Option<PathBuf>,
@@ -56,12 +61,15 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
                 PathBuf::from(format!("runs/{}__{}__{}", slug(name), args.config.preset, config.trainer.seed))
             });
             let command = std::env::args().collect::<Vec<_>>().join(" ");
-            let run = Run::start(song, config, &folder, &command)?;
+            let run = match &args.from {
+                Some(source) => Run::start_from(song, config, &folder, &command, source)?,
+                None => Run::start(song, config, &folder, &command)?,
+            };
             (folder, run)
         }
     };
     if !args.json {
-        announce(&run, &folder)?;
+        announce(&run, &args, &folder)?;
     }
     let mut progress = Progress::new(&run, limit, args.json, stop);
     let outcome = run.run(&mut progress);
@@ -71,7 +79,7 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
     Ok(if outcome.stopped == Some(StopReason::Requested) { Ending::Stopped } else { Ending::Done })
 }
 
-fn announce(run: &Run, folder: &Path) -> anyhow::Result<()> {
+fn announce(run: &Run, args: &Args, folder: &Path) -> anyhow::Result<()> {
     for warning in run.song().warnings() {
         note(format!("warning: {warning}"));
     }
@@ -80,6 +88,7 @@ fn announce(run: &Run, folder: &Path) -> anyhow::Result<()> {
         0 => String::new(),
         step => format!(", going on after {step}"),
     };
+    let begun = args.from.as_ref().map_or(begun, |source| format!(", beginning with {}", source.display()));
     line(format!(
         "Learning {} ({} notes): {} steps in {} at a time{begun}, into {}",
         run.song().title(),

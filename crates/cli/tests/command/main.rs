@@ -5,9 +5,11 @@
 mod mistakes;
 mod playing;
 mod printing;
+mod rehearsing;
 mod robots;
 mod songs;
 mod training;
+mod worlds;
 
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};

@@ -61,6 +61,12 @@ fn settings_that_cannot_work() {
         ("--preset slow", &["slow", "fast, quick, paper, appendix"]),
         ("--config absent.toml", &["absent.toml", "No such file"]),
         ("--config broken.toml", &["broken.toml", "TOML"]),
+        ("--set task.randomisation.widths.key.colour=1", &["key.colour", "etude model params"]),
+        ("--set task.randomisation.widths.key.threshold=-1", &["key.threshold = -1", "at least 0"]),
+        ("--set task.randomisation.widths=wide", &["task.randomisation.widths", "paper"]),
+        ("--from absent", &["absent", "No such file"]),
+        ("--from .", &["holds no policy to begin with"]),
+        ("--from broken.toml", &["broken.toml cannot be used"]),
         ("--minutes -1", &["--minutes", "above 0"]),
         ("--minutes nan", &["--minutes", "above 0"]),
         ("--minutes 1e300", &["--minutes"]),
@@ -93,12 +99,41 @@ fn runs_that_are_none_or_are_one_already() {
     refused(&desk, "train --resume run --set task.reward.collision=0", &["`task.reward.collision`"]);
     refused(&desk, "train --resume run --preset paper", &["--preset"]);
     refused(&desk, "train short.mid --resume run", &["--resume"]);
+    refused(&desk, "train --resume run --from run", &["--from"]);
     assert_eq!(desk.bytes("run/checkpoints/last.safetensors"), before);
 
     std::fs::write(desk.path("run/checkpoints/last.safetensors"), &before[..before.len() / 2]).unwrap();
     refused(&desk, "train --resume run", &["last.safetensors", "damaged"]);
     std::fs::remove_file(desk.path("run/checkpoints/last.safetensors")).unwrap();
     refused(&desk, "train --resume run", &["no checkpoint"]);
+}
+
+/// The source differs in its song, its observation, its networks: each is told apart, and no folder is made.
+#[test]
+fn beginnings_that_do_not_fit() {
+    let desk = Desk::new();
+    succeed(desk.tiny("short.mid -o run --json"));
+    for source in ["run", "run/policy-best.safetensors"] {
+        let from = |rest: &str| format!("train {rest} --from {source} -o new");
+        refused(&desk, &from("twinkle"), &["`short`", "Twinkle", source, "--from"]);
+        refused(&desk, &from("short.mid"), &["[16, 16]", "[128, 128, 128]", "droq.hidden"]);
+        refused(&desk, &from("short.mid --set task.lookahead=2"), &["5 steps", "2 steps", "task.lookahead"]);
+        refused(
+            &desk,
+            &from("short.mid --set task.previous_joints=false"),
+            &["true", "task.previous_joints"],
+        );
+        refused(&desk, &from("short.mid --set task.stage.side=right"), &["Left hand", "Right hand"]);
+        refused(&desk, &from("short.mid --set task.scale=si"), &["Normalised", "Si", "task.scale"]);
+    }
+    let path = desk.path("run/checkpoints/last.safetensors");
+    let checkpoint = std::fs::read(&path).unwrap();
+    std::fs::write(&path, &checkpoint[..checkpoint.len() / 2]).unwrap();
+    refused(&desk, "train short.mid --from run -o new", &["last.safetensors", "damaged"]);
+    assert_eq!(desk.left_behind(), ["run"]);
+    refused(&desk, "evaluate short.mid --policy run --worlds 0", &["--worlds"]);
+    refused(&desk, "evaluate short.mid --policy run --intensity 2", &["randomisation.intensity", "0 … 1"]);
+    refused(&desk, "evaluate short.mid --policy run --worlds 1 -o /proc/x.csv", &["/proc/x.csv", "-o"]);
 }
 
 #[test]

@@ -65,7 +65,7 @@ fn help_is_worth_reading() {
     let desk = Desk::new();
     let help = desk.ok("--help");
     assert!(help.contains("First steps") && help.contains("Exit codes"), "{help}");
-    for verb in ["songs", "train", "play", "model"] {
+    for verb in ["songs", "train", "play", "evaluate", "model"] {
         assert!(help.contains(verb) && desk.ok(&format!("{verb} --help")).contains("Examples:"), "{verb}");
     }
     assert!(desk.ok("bench --help").contains("--peers"));

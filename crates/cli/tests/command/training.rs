@@ -97,6 +97,32 @@ fn a_killed_training_goes_on_from_its_last_checkpoint() {
     assert_same_results(&desk, "whole", "killed");
 }
 
+/// Another world, the same song: what was learned is there at step 0, and a run that begins so is one like any other.
+#[test]
+fn a_training_begins_with_what_another_one_has_learned() {
+    let desk = Desk::new();
+    succeed(desk.tiny("short.mid -o source"));
+    let other = "--set task.physics.joint.rail.acceleration_limit=7.5";
+    let more = format!("short.mid --from source {other} {LONGER}");
+    let text = succeed(desk.tiny(&format!("{more} -o whole --set trainer.threads=1")));
+    assert!(text.contains("beginning with source"), "{text}");
+    let meta: serde_json::Value = serde_json::from_slice(&desk.bytes("whole/meta.json")).unwrap();
+    assert_eq!(meta["from"], "source");
+    // Its first row is the source's last policy in the new world.
+    let metrics = String::from_utf8(desk.bytes("whole/metrics.jsonl")).unwrap();
+    let first: serde_json::Value = serde_json::from_str(metrics.lines().next().unwrap()).unwrap();
+    let play = format!("play short.mid --policy source/policy-last.safetensors {other} --json");
+    assert_eq!((&first["step"], &first["eval/f1"]), (&0.into(), &desk.json(&play)["f1"]));
+
+    let child = start_and_wait(&desk, &format!("{more} -o parts --set trainer.threads=2"), "parts");
+    signal(&child, "INT");
+    assert_eq!(child.wait_with_output().unwrap().status.code(), Some(3));
+    // The source is not needed to go on.
+    std::fs::remove_dir_all(desk.path("source")).unwrap();
+    assert!(desk.ok("train --resume parts --set trainer.threads=1").contains("Finished after 4000 steps"));
+    assert_same_results(&desk, "whole", "parts");
+}
+
 #[test]
 fn time_runs_out_and_more_can_be_asked_for() {
     let desk = Desk::new();

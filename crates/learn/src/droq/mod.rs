@@ -9,6 +9,7 @@
 mod critic;
 mod draws;
 mod gaussian;
+mod knowledge;
 mod learned;
 mod shard;
 mod tensors;
@@ -19,6 +20,7 @@ mod tests;
 
 pub(crate) use draws::{CRITICS, ShardStreams};
 pub(crate) use gaussian::Gaussian;
+pub(crate) use knowledge::Knowledge;
 pub(crate) use learned::Learned;
 
 use crate::{
@@ -68,6 +70,8 @@ pub(crate) struct Droq {
     log_temperature: LearnedScalar,
     /// Updates made so far, which is also Adam's step count.
     updates: u64,
+    /// Whether updates leave the actor and the temperature as they are.
+    actor_held: bool,
     /// The batch in parts that threads share.
     shards: Vec<Shard>,
 }
@@ -75,6 +79,11 @@ pub(crate) struct Droq {
 /// The form of the actor.
 pub(crate) fn actor_shape(layout: ObservationLayout, action_len: usize, hidden: &[usize]) -> Shape {
     Shape { layout, extra: 0, hidden: hidden.to_vec(), outputs: 2 * action_len, normalised: false }
+}
+
+/// The form of a critic.
+fn critic_shape(layout: ObservationLayout, action_len: usize, hidden: &[usize]) -> Shape {
+    Shape { layout, extra: action_len, hidden: hidden.to_vec(), outputs: 1, normalised: true }
 }
 
 impl Droq {
@@ -93,13 +102,7 @@ impl Droq {
         seed: u64,
     ) -> Self {
         let actor_network = Network::new(actor_shape(layout, action_len, &config.hidden));
-        let critic_network = Network::new(Shape {
-            layout,
-            extra: action_len,
-            hidden: config.hidden.clone(),
-            outputs: 1,
-            normalised: true,
-        });
+        let critic_network = Network::new(critic_shape(layout, action_len, &config.hidden));
         let actor = actor_network.initialise(&mut Stream::new(seed, "init/actor"));
         let critics = ["init/critic-0", "init/critic-1"].map(|purpose| {
             Critic::new(&critic_network, critic_network.initialise(&mut Stream::new(seed, purpose)))
@@ -124,6 +127,7 @@ impl Droq {
                 ..Default::default()
             },
             updates: 0,
+            actor_held: false,
             shards,
         }
     }

@@ -8,7 +8,7 @@
 use super::{Droq, LearnedScalar};
 use crate::tensors::{Lookup, NamedTensor, TensorError, find, find_tensors, name_tensors};
 
-const TEMPERATURE: &str = "temperature.log";
+pub(super) const TEMPERATURE: &str = "temperature.log";
 
 impl Droq {
     /// Everything but the generators and the update count. The temperature's three values are lent by the caller.

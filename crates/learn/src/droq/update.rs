@@ -64,8 +64,8 @@ impl Droq {
 
     fn step_actor(&mut self) {
         self.actor.gather(self.shards.iter().map(|shard| &shard.actor_gradient[..]));
+        let step = self.actor_step(self.config.actor_learning_rate);
         let Learned { parameters, gradient, mean, square } = &mut self.actor;
-        let step = AdamStep::new(self.config.actor_learning_rate, self.updates);
         if self.config.policy_polyak < 1.0 {
             let polyak = self.config.policy_polyak as f32;
             adam_polyak(step, polyak, parameters, gradient, mean, square, &mut self.policy);
@@ -75,13 +75,19 @@ impl Droq {
         }
     }
 
+    /// The optimiser's step of the actor or the temperature. While they are held its rate is zero, and their moments
+    /// go on being counted.
+    fn actor_step(&self, rate: f64) -> AdamStep {
+        AdamStep::new(if self.actor_held { 0.0 } else { rate }, self.updates)
+    }
+
     /// Returns the temperature loss.
     pub(super) fn update_temperature(&mut self, entropy: f64) -> f64 {
         let target = self.config.target_entropy_per_action * self.action_len as f64;
         // With temperature = e^x, the loss is its own derivative with respect to x.
         let loss = f64::from(self.log_temperature.value.exp()) * (entropy - target);
+        let step = self.actor_step(self.config.temperature_learning_rate);
         let scalar = &mut self.log_temperature;
-        let step = AdamStep::new(self.config.temperature_learning_rate, self.updates);
         adam(
             step,
             std::slice::from_mut(&mut scalar.value),

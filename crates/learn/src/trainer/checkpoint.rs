@@ -13,7 +13,7 @@ use std::{
 use safetensors::Dtype;
 use serde::{Deserialize, Serialize};
 
-use super::{TrainError, demonstrations::Demonstrations, metrics::Mark};
+use super::{TrainError, demonstrations::Demonstrations, metrics::Mark, warm::Beginning};
 use crate::{
     config::DroqConfig,
     droq::ShardStreams,
@@ -63,6 +63,9 @@ pub(crate) struct Header {
     pub demonstration_share: f64,
     pub demonstration_noise: f64,
     pub demonstrations: Demonstrations,
+    /// Absent in checkpoints from before there were warm starts.
+    #[serde(default)]
+    pub beginning: Beginning,
 }
 
 /// What every version's header has.
@@ -161,6 +164,19 @@ impl Store {
         sync_folder(&folder)
     }
 
+    /// The checkpoint in `bytes`, if this version can read it.
+    pub(crate) fn parse<'a>(&self, bytes: &'a [u8]) -> Result<TensorFile<'a>, FileError> {
+        let bad = |reason: String| FileError::content(&self.path(), reason);
+        let file = TensorFile::parse(bytes).map_err(bad)?;
+        // The schema first: the rest of another version's header may be anything.
+        let Schema { schema } = file.header().map_err(bad)?;
+        if schema != SCHEMA {
+            let reason = format!("its schema is `{schema}`, and this version of Étude reads `{SCHEMA}`");
+            return Err(bad(reason));
+        }
+        Ok(file)
+    }
+
     /// Reads the checkpoint and hands its parts to `take`.
     pub(crate) fn load(
         &self,
@@ -168,15 +184,8 @@ impl Store {
     ) -> Result<(), TrainError> {
         let path = self.path();
         let bytes = read(&path)?;
-        let bad = |reason: String| FileError::content(&path, reason);
-        let file = TensorFile::parse(&bytes).map_err(bad)?;
-        // The schema first: the rest of another version's header may be anything.
-        let Schema { schema } = file.header().map_err(bad)?;
-        if schema != SCHEMA {
-            let reason = format!("its schema is `{schema}`, and this version of Étude reads `{SCHEMA}`");
-            return Err(bad(reason).into());
-        }
-        let header: Header = file.header().map_err(bad)?;
+        let file = self.parse(&bytes)?;
+        let header: Header = file.header().map_err(|reason| FileError::content(&path, reason))?;
         let missing = |name: &str| FileError::content(&path, format!("tensor `{name}` is missing"));
         let (_, observation) = file.floats(OBSERVATION).ok_or_else(|| missing(OBSERVATION))?;
         let (_, sums) = file.bytes(SUMS, Dtype::F64).ok_or_else(|| missing(SUMS))?;

@@ -40,6 +40,19 @@ pub enum TrainError {
         /// The caller's.
         given: String,
     },
+    /// A warm start has networks of another form.
+    #[error(
+        "a training cannot begin with what {} has learned: that has {theirs}, this one {ours}; configure this one alike, or \
+         begin without it", origin.display()
+    )]
+    OtherForm {
+        /// The policy or the run.
+        origin: PathBuf,
+        /// What it has.
+        theirs: String,
+        /// What the training has.
+        ours: String,
+    },
     /// Arithmetic or the environment went wrong.
     #[error(
         "{what} is not a finite number at environment step {step}: lower the learning rates, or look for what the environment does there; the last checkpoint is from before"

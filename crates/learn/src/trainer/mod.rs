@@ -9,11 +9,14 @@ mod report;
 mod resume;
 mod round;
 mod sums;
+mod warm;
 
 #[cfg(test)]
 mod tests;
 #[cfg(test)]
 mod toy;
+#[cfg(test)]
+mod warm_tests;
 
 use std::{
     path::{Path, PathBuf},
@@ -23,6 +26,7 @@ use std::{
 pub use checkpoint::Best;
 pub use error::TrainError;
 pub use observer::{EvaluationRow, LogRow, StopReason, TrainingObserver};
+pub use warm::WarmStart;
 
 use crate::{
     acting::Acting,
@@ -38,6 +42,10 @@ use checkpoint::{Extras, Header, Store};
 use demonstrations::Demonstrations;
 use metrics::Metrics;
 use sums::Sums;
+use warm::Beginning;
+
+const BEST_POLICY: &str = "policy-best.safetensors";
+const LAST_POLICY: &str = "policy-last.safetensors";
 
 /// How a training ended.
 #[derive(Clone, Debug, PartialEq)]
@@ -88,6 +96,7 @@ pub struct Trainer {
     policy_stream: Stream,
     warmup_stream: Stream,
     demonstrations: Demonstrations,
+    beginning: Beginning,
     /// Environment steps made.
     step: u64,
     best: Option<Best>,
@@ -137,13 +146,41 @@ impl Trainer {
         config: &TrainerConfig,
         parts: Parts,
     ) -> Result<Self, TrainError> {
+        Self::begin(folder, droq, config, parts, None)
+    }
+
+    /// The same with what another training has learned instead of random networks; see [`WarmStart`]. Its first evaluation is
+    /// of what was taken over, at step 0. Nothing is written if that does not fit.
+    pub fn start_from(
+        folder: &Path,
+        droq: &DroqConfig,
+        config: &TrainerConfig,
+        parts: Parts,
+        source: &WarmStart,
+    ) -> Result<Self, TrainError> {
+        Self::begin(folder, droq, config, parts, Some(source))
+    }
+
+    fn begin(
+        folder: &Path,
+        droq: &DroqConfig,
+        config: &TrainerConfig,
+        parts: Parts,
+        source: Option<&WarmStart>,
+    ) -> Result<Self, TrainError> {
         if Store::new(folder).exists() {
             return Err(TrainError::AlreadyStarted { folder: folder.to_owned() });
         }
         droq.validate()?;
         config.validate()?;
+        let mut learner = Self::learner(droq, config, &parts);
+        if let Some(source) = source {
+            source.check(droq, &*parts.environment)?;
+            learner.adopt(source.knowledge());
+        }
         Store::new(folder).prepare()?;
-        let mut trainer = Self::build(folder, droq, config, parts, metrics::Mark::default())?;
+        let mut trainer = Self::build(folder, droq, config, parts, learner, metrics::Mark::default())?;
+        trainer.beginning = source.map_or(Beginning::Fresh, WarmStart::beginning);
         trainer.parts.environment.reset(&mut trainer.buffers.observation);
         trainer.save()?;
         Ok(trainer)
@@ -154,15 +191,19 @@ impl Trainer {
         Store::new(folder).exists()
     }
 
+    /// A learner with random networks for these parts.
+    fn learner(droq: &DroqConfig, config: &TrainerConfig, parts: &Parts) -> Droq {
+        Droq::new(droq, parts.environment.layout(), parts.environment.action_len(), config.seed)
+    }
+
     fn build(
         folder: &Path,
         droq_config: &DroqConfig,
         config: &TrainerConfig,
         parts: Parts,
+        droq: Droq,
         mark: metrics::Mark,
     ) -> Result<Self, TrainError> {
-        droq_config.validate()?;
-        config.validate()?;
         let environment = &parts.environment;
         let (n, layout, action_len) =
             (environment.num_envs(), environment.layout(), environment.action_len());
@@ -178,7 +219,6 @@ impl Trainer {
             return Err(ConfigError { field: "trainer.demonstration_share", value, rule }.into());
         }
         let term_names = environment.reward_term_names();
-        let droq = Droq::new(droq_config, layout, action_len, config.seed);
         let pool = thread_pool(config.threads)?;
         let (metrics, before) = Metrics::open(folder, mark)?;
         let now = Instant::now();
@@ -194,6 +234,7 @@ impl Trainer {
             policy_stream: Stream::new(config.seed, "trainer/policy"),
             warmup_stream: Stream::new(config.seed, "trainer/warmup"),
             demonstrations: Demonstrations::new(config),
+            beginning: Beginning::Fresh,
             step: 0,
             best: None,
             last_evaluation: None,
@@ -249,6 +290,10 @@ impl Trainer {
     fn rounds(&mut self, observer: &mut dyn TrainingObserver) -> Result<Outcome, TrainError> {
         let mut stopped = None;
         let mut saved = None;
+        let untried = self.step == 0 && self.last_evaluation.is_none();
+        if self.beginning != Beginning::Fresh && untried && self.config.evaluate_every_steps > 0 {
+            self.evaluate(observer)?;
+        }
         while self.step < self.config.total_steps {
             stopped = observer.should_stop();
             if stopped.is_some() {
@@ -330,6 +375,7 @@ impl Trainer {
             demonstration_share: self.config.demonstration_share,
             demonstration_noise: self.config.demonstration_noise,
             demonstrations: self.demonstrations.clone(),
+            beginning: self.beginning,
         };
         let extras = Extras {
             observation: self.buffers.observation.clone(),
@@ -340,7 +386,7 @@ impl Trainer {
         let tensors: Vec<RawTensor> = self.droq.tensors(&temperature).into_iter().map(Into::into).collect();
         self.store.save(&header, tensors, &extras)?;
         self.segments = header.segments;
-        self.policy().save(&self.folder.join("policy-last.safetensors"))?;
+        self.policy().save(&self.folder.join(LAST_POLICY))?;
         Ok(())
     }
 }

@@ -2,7 +2,9 @@
 
 use std::time::Instant;
 
-use super::{Best, EvaluationRow, LogRow, TrainError, Trainer, TrainingObserver, metrics::ELAPSED};
+use super::{
+    BEST_POLICY, Best, EvaluationRow, LogRow, TrainError, Trainer, TrainingObserver, metrics::ELAPSED,
+};
 
 impl Trainer {
     pub(super) fn log(&mut self, observer: &mut dyn TrainingObserver) -> Result<(), TrainError> {
@@ -41,7 +43,7 @@ impl Trainer {
             .map_or(f64::NEG_INFINITY, |best| best.value);
         let best = first > record;
         if best {
-            self.policy_with(&scores).save(&self.folder.join("policy-best.safetensors"))?;
+            self.policy_with(&scores).save(&self.folder.join(BEST_POLICY))?;
             // JSON, and so the checkpoint, has no word for a score that is not finite.
             let finite = scores.iter().filter(|score| score.value.is_finite()).cloned().collect();
             self.best = Some(Best { step: self.step, scores: finite });

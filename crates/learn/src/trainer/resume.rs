@@ -31,6 +31,8 @@ impl Trainer {
         if !store.exists() {
             return Err(TrainError::NothingToResume { folder: folder.to_owned() });
         }
+        droq.validate()?;
+        config.validate()?;
         let path = store.path();
         let mut resumed = None;
         store.load(|header, file, extras| {
@@ -50,7 +52,8 @@ impl Trainer {
             same("the action length", &header.action_len, &parts.environment.action_len())?;
             same("the reward terms", &header.reward_terms, &parts.environment.reward_term_names())?;
             let bad = |reason: String| TrainError::from(FileError::content(&path, reason));
-            let mut trainer = Self::build(folder, droq, config, parts, header.metrics)?;
+            let learner = Self::learner(droq, config, &parts);
+            let mut trainer = Self::build(folder, droq, config, parts, learner, header.metrics)?;
             trainer
                 .droq
                 .load_tensors(&|name| file.floats(name))
@@ -82,6 +85,7 @@ impl Trainer {
                 return Err(bad("its demonstrations are of another number of environments".to_owned()));
             }
             trainer.demonstrations = header.demonstrations;
+            trainer.beginning = header.beginning;
             trainer.best = header.best;
             trainer.last_evaluation = header.last_evaluation;
             resumed = Some(trainer);

@@ -11,6 +11,8 @@ impl Trainer {
         self.act();
         let learning = self.step >= self.config.warmup_steps;
         let updates = if learning { self.config.updates_per_round } else { 0 };
+        let held = self.critics_learn_alone();
+        self.droq.hold_actor(held);
         let (droq, replay, sums) = (&mut self.droq, &self.replay, &mut self.sums);
         let mut learn = move || -> Result<(), Losses> {
             for _ in 0..updates {
@@ -64,11 +66,12 @@ impl Trainer {
         Ok(())
     }
 
-    /// Chooses the round's actions: uniformly random during the warm-up, then from the policy; in stretches from the
-    /// demonstrator.
+    /// Chooses the round's actions: uniformly random during the warm-up unless there is a policy already, then from the policy;
+    /// in stretches from the demonstrator.
     fn act(&mut self) {
+        let at_random = self.acts_at_random();
         let Buffers { observation, action, noise, demonstrated, .. } = &mut self.buffers;
-        if self.step < self.config.warmup_steps {
+        if at_random {
             action.fill_with(|| 2.0 * self.warmup_stream.uniform() - 1.0);
         } else {
             self.policy_stream.fill_normal(noise);

@@ -20,7 +20,11 @@ pub fn nominal() -> TaskConfig {
 
 /// Randomised worlds and starts.
 pub fn restless() -> TaskConfig {
-    TaskConfig { randomisation: RandomisationConfig { intensity: 0.5 }, random_start: true, ..nominal() }
+    TaskConfig {
+        randomisation: RandomisationConfig { intensity: 0.5, ..Default::default() },
+        random_start: true,
+        ..nominal()
+    }
 }
 
 /// Actions near the middle of the keyboard that change every few steps, the same for the same seed.

@@ -1,9 +1,17 @@
-//! Randomised worlds: another one for each episode, the same ones for the same seed, the nominal one at intensity 0.
+//! Randomised worlds: another one for each episode, the same ones for the same seed, the nominal one at intensity 0, and none
+//! that upsets the engine.
 
-use etude_stage::{JOINTS, PhysicalParams, RAIL};
-use etude_task::{Environment, RandomisationConfig, TaskConfig};
+use std::collections::BTreeMap;
 
-use crate::bench::{nominal, restless, short_piece};
+use etude_learn::VectorEnvironment as _;
+use etude_stage::{Actuation, JOINTS, PhysicalParams, RAIL, World, joint_range};
+use etude_task::{
+    Environment, Randomisation, RandomisationConfig, TaskConfig, VectorPiano, Widths, rehearse, rehearse_in,
+};
+use rand::{RngExt as _, SeedableRng as _};
+use rand_pcg::Pcg64;
+
+use crate::bench::{Actions, nominal, play, restless, short_piece};
 
 fn worlds(config: &TaskConfig, seed: u64, episodes: usize) -> Vec<PhysicalParams> {
     let mut environment = Environment::new(config, &short_piece(), seed).unwrap();
@@ -91,6 +99,173 @@ fn a_random_start_with_biased_encoders_holds_the_true_pose() {
         for joint in (0..JOINTS).filter(|joint| *joint != RAIL) {
             let off = readings[joint] - honest[joint] - 0.04;
             assert!(off.abs() < 1e-9, "joint {joint} starts {off} rad off");
+        }
+    }
+}
+
+/// The worlds of a few episodes, one environment after the other.
+fn worlds_of(piano: &VectorPiano) -> Vec<PhysicalParams> {
+    let text = String::from_utf8(piano.save_state()).unwrap();
+    let params = |line: &str| {
+        let from = line.split_once(r#""params":"#).unwrap().1;
+        serde_json::from_str(from.split_once(r#","random":"#).unwrap().0).unwrap()
+    };
+    text.lines().map(params).collect()
+}
+
+/// The intensity follows the steps of all environments together, on any number of threads, saved and continued or not.
+#[test]
+fn the_curriculum_counts_the_steps_of_the_training() {
+    let piece = short_piece();
+    let (envs, episodes) = (3, 4);
+    let mut config = TaskConfig { random_start: false, ..restless() };
+    config.randomisation.curriculum_steps = (envs * episodes * piece.steps()) as u64;
+    let run = |threads: usize, stops: &[usize]| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        pool.install(|| {
+            let mut piano = VectorPiano::new(&config, &piece, envs, 11).unwrap();
+            let mut actions = Actions::new(envs, 1);
+            let mut worlds = vec![worlds_of(&piano)];
+            for episode in 0..episodes + 1 {
+                for _ in 0..piece.steps() {
+                    play(&mut piano, &mut actions, 1);
+                    if stops.contains(&episode) {
+                        let saved = piano.save_state();
+                        piano = VectorPiano::new(&config, &piece, envs, 99).unwrap();
+                        piano.load_state(&saved).unwrap();
+                    }
+                }
+                worlds.push(worlds_of(&piano));
+            }
+            worlds
+        })
+    };
+    let worlds = run(1, &[]);
+    assert!(run(3, &[]) == worlds && run(2, &[1, 3]) == worlds);
+    let nominal = PhysicalParams::default();
+    assert_eq!(worlds[0], vec![nominal.clone(); envs], "the first episode is in the nominal world");
+    // Damping is one plus or minus 0.9 times the intensity, for thirteen joints in three worlds: some come near the ends.
+    for (episode, drawn) in worlds.iter().enumerate() {
+        let intensity = 0.5 * (episode as f64 / episodes as f64).min(1.0);
+        let damping = |path: &String| path.starts_with("joint.") && path.ends_with(".damping");
+        let rows = || PhysicalParams::rows().map(|row| row.0).filter(damping);
+        let off = drawn.iter().flat_map(|params| {
+            rows().map(|path| (params.get(&path).unwrap() / nominal.get(&path).unwrap() - 1.0).abs())
+        });
+        let farthest = off.fold(0.0, f64::max);
+        let most = 0.9 * intensity;
+        assert!((0.8 * most..=most + 1e-12).contains(&farthest), "episode {episode}: {farthest} of {most}");
+    }
+    // What has no training has no curriculum: a rehearsal is in the world that its seed draws.
+    let mut seen = None;
+    rehearse(&config, &piece, 5, &mut |_, _, _| {}, &mut |environment, _| {
+        seen.get_or_insert_with(|| environment.world().params().clone());
+    })
+    .unwrap();
+    assert_ne!(seen, Some(nominal));
+}
+
+/// Without a curriculum a state from before there was one still loads, to the same continuation.
+#[test]
+fn states_without_a_step_count_still_load() {
+    let mut piano = VectorPiano::new(&restless(), &short_piece(), 1, 2).unwrap();
+    play(&mut piano, &mut Actions::new(1, 3), 40);
+    let text = String::from_utf8(piano.save_state()).unwrap();
+    let older = text.replace(r#""steps_made":40,"#, "");
+    assert_ne!(older, text);
+    let mut resumed = VectorPiano::new(&restless(), &short_piece(), 1, 7).unwrap();
+    resumed.load_state(older.as_bytes()).unwrap();
+    assert!(play(&mut piano, &mut Actions::new(1, 4), 40) == play(&mut resumed, &mut Actions::new(1, 4), 40));
+    assert_eq!(worlds_of(&piano), worlds_of(&resumed));
+}
+
+#[test]
+fn a_rehearsal_in_a_world_is_one_where_it_is_nominal() {
+    let piece = short_piece();
+    let params = worlds(&restless(), 3, 1).remove(0);
+    let mut fixed = nominal();
+    for (path, _, _) in PhysicalParams::rows() {
+        fixed.physics.insert(path.clone(), params.get(&path).unwrap());
+    }
+    let mut press = |_: &Environment, _: &[f32], action: &mut [f32; 13]| {
+        *action = [0.0, 0.3, 0.2, 0.1, 0.0, 0.4, 0.2, 0.1, 0.0, 0.3, 0.2, 0.1, 0.05];
+    };
+    let chosen = rehearse_in(&restless(), &piece, &params, &mut press).unwrap();
+    let built = rehearse(&fixed, &piece, 0, &mut press, &mut |_, _| {}).unwrap();
+    assert_eq!((chosen.pressed, chosen.events, chosen.reward), (built.pressed, built.events, built.reward));
+}
+
+/// Steps `world` under random targets all over the joints' ranges, which change every other control step.
+fn calm(world: &mut World, random: &mut Pcg64) -> Result<(), String> {
+    let mut targets = world.start_pose();
+    for step in 0..16 {
+        if step % 2 == 0 {
+            targets = std::array::from_fn(|joint| {
+                let [low, high] = joint_range(joint);
+                random.random_range(low..=high)
+            });
+        }
+        let outcome = world.step(&targets);
+        let warnings: i32 = world.data().warning().iter().map(|warning| warning.number).sum();
+        if warnings > 0 {
+            return Err(format!("{warnings} warnings of the engine in step {step}"));
+        }
+        let numbers = world.data().qpos().iter().chain(world.data().qvel()).chain(world.torques());
+        if !numbers.copied().all(f64::is_finite) || !outcome.finger_power.is_finite() {
+            return Err(format!("a number that is not finite in step {step}"));
+        }
+        for (joint, position) in world.joints().iter().enumerate() {
+            let [low, high] = joint_range(joint);
+            // Stops are soft, and position actuators throw the hand against them with torques without limit.
+            let beyond = if world.config().actuation == Actuation::Position { 10.0 } else { high - low };
+            if !(low - beyond..=high + beyond).contains(position) {
+                return Err(format!("joint {joint} at {position} in step {step}"));
+            }
+        }
+    }
+    Ok(())
+}
+
+#[test]
+fn worlds_of_full_intensity_stay_calm_under_random_actions() {
+    let mut random = Pcg64::seed_from_u64(8);
+    // As identified robots may be: stiffer and more damped than the defaults, with delays, dry friction and an arm's limits.
+    let mut other = nominal();
+    for (path, value) in [
+        ("joint.fingers.stiffness", 6.0),
+        ("joint.fingers.damping", 0.2),
+        ("joint.fingers.friction", 0.05),
+        ("joint.all.delay", 0.02),
+        ("joint.rail.acceleration_limit", 7.5),
+        ("joint.rail.stiffness", 40_000.0),
+        ("joint.rail.damping", 2_000.0),
+    ] {
+        other.physics.insert(path.into(), value);
+    }
+    let wide: BTreeMap<String, f64> = PhysicalParams::rows()
+        .map(|(path, row, _)| (path, 0.5 * (row.range[1] - row.range[0])))
+        .filter(|(path, _)| !path.starts_with("keyboard."))
+        .collect();
+    let full = |widths| RandomisationConfig { intensity: 1.0, widths, curriculum_steps: 0 };
+    for (name, config, widths, worlds) in [
+        ("paper", nominal(), Widths::Paper, 300),
+        ("paper about another robot", other.clone(), Widths::Paper, 100),
+        ("half of every row", nominal(), Widths::Identified(wide), 100),
+    ] {
+        for actuation in [Actuation::Controlled, Actuation::Position] {
+            let mut config = config.clone();
+            config.stage.actuation = actuation;
+            let randomisation =
+                Randomisation::new(config.params().unwrap(), &full(widths.clone()), actuation).unwrap();
+            let mut world = World::new(&config.stage, &config.params().unwrap()).unwrap();
+            for index in 0..worlds {
+                let params = randomisation.draw(0, &mut random);
+                world.set_params(&params);
+                world.reset();
+                if let Err(why) = calm(&mut world, &mut random) {
+                    panic!("world {index} of `{name}`, {actuation:?}: {why}: {params:?}");
+                }
+            }
         }
     }
 }

@@ -1,0 +1,114 @@
+//! `etude evaluate`: how well a policy plays in many worlds.
+
+use std::io::IsTerminal as _;
+use std::path::PathBuf;
+use std::sync::atomic::Ordering;
+
+use etude_lab::{GridConfig, GridReport, evaluate_grid, find_song};
+use indicatif::{ProgressBar, ProgressStyle};
+
+use super::{PlayerArgs, json, line, note, slug};
+use crate::Ending;
+use crate::progress::stop_flag;
+
+/// Numbers whose influence is printed; the JSON has all.
+const SHOWN: usize = 8;
+
+/// What to play, with what, and in which worlds.
+#[derive(clap::Args)]
+#[command(after_help = "\
+The worlds are a fixed, evenly spread set over what the policy's own configuration randomises (the paper's seven
+quantities, or task.randomisation.widths), the same for the same --worlds, --intensity and --seed. The CSV has one line a
+world: world, f1, precision, recall, pooled_f1, onset_f1, collision_free, then every number that varies.
+
+Examples:
+  etude evaluate twinkle
+  etude evaluate twinkle --policy runs/twinkle__fast__0 --worlds 128 --intensity 0.6
+  etude evaluate twinkle --set task.randomisation.widths.joint.fingers.damping=0.02 --intensity 1")]
+pub struct Args {
+    /// A built-in id (see `etude songs`) or a MIDI file
+    song: String,
+    #[command(flatten)]
+    player: PlayerArgs,
+    /// Number of worlds beside the nominal one
+    #[arg(long, default_value_t = 64, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=100_000))]
+    worlds: u32,
+    /// How far the worlds are from the nominal one: the paper's C_dr, 0 to 1
+    #[arg(long, default_value_t = 0.5, value_name = "C")]
+    intensity: f64,
+    /// Another seed, another set of worlds
+    #[arg(long, default_value_t = 0)]
+    seed: u64,
+    /// Where the table goes; out/SONG/worlds.csv if not given
+    #[arg(short = 'o', long = "out", value_name = "FILE.csv")]
+    out: Option<PathBuf>,
+    /// Print JSON: nominal_f1, mean_f1, worst_decile_f1, worst_f1, marginals (path, range, f1 by thirds), scores, csv
+    #[arg(long)]
+    json: bool,
+}
+
+/// Runs the verb.
+pub fn run(args: Args) -> anyhow::Result<Ending> {
+    let song = find_song(&args.song)?;
+    song.check_range()?;
+    let player = args.player.load(&args.song, &song)?;
+    let grid = GridConfig { worlds: args.worlds as usize, intensity: args.intensity, seed: args.seed };
+    let stop = stop_flag()?;
+    let bar = (!args.json && std::io::stderr().is_terminal()).then(|| {
+        let style = ProgressStyle::with_template("{bar:32} {percent:>3} %  {pos} worlds  {eta} left");
+        ProgressBar::new(u64::from(args.worlds) + 1)
+            .with_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()))
+    });
+    let report = evaluate_grid(&song, &player, &grid, &|done| {
+        if let Some(bar) = &bar {
+            bar.set_position(done as u64);
+        }
+        !stop.load(Ordering::Relaxed)
+    })?;
+    if let Some(bar) = &bar {
+        bar.finish_and_clear();
+    }
+    let Some(mut report) = report else {
+        note("stopped; nothing was written");
+        return Ok(Ending::Stopped);
+    };
+    let out = args.out.unwrap_or_else(|| PathBuf::from("out").join(slug(&args.song)).join("worlds.csv"));
+    report.write_csv(&out)?;
+    if args.json {
+        json(&report)?
+    } else {
+        print(&report)?
+    }
+    Ok(Ending::Done)
+}
+
+fn print(report: &GridReport) -> anyhow::Result<()> {
+    line(format!(
+        "{} played by {} in {} worlds of intensity {}",
+        report.song, report.player, report.worlds, report.intensity
+    ))?;
+    for (name, f1) in [
+        ("nominal world", report.nominal_f1),
+        ("mean", report.mean_f1),
+        ("worst tenth", report.worst_decile_f1),
+        ("worst world", report.worst_f1),
+    ] {
+        line(format!("F1 {name:16} {f1:.3}"))?;
+    }
+    let mut marginals: Vec<_> = report.marginals.iter().collect();
+    let swing =
+        |f1: [f64; 3]| f1.iter().copied().fold(0.0, f64::max) - f1.iter().copied().fold(1.0, f64::min);
+    marginals.sort_by(|a, b| swing(b.f1).total_cmp(&swing(a.f1)));
+    if !marginals.is_empty() {
+        line(format!("\n{:34} {:>21} {:>24}", "what matters most", "range", "F1 low  middle  high"))?;
+    }
+    for marginal in marginals.into_iter().take(SHOWN) {
+        let [low, middle, high] = marginal.f1;
+        let range = format!("{:.4} … {:.4}", marginal.range[0], marginal.range[1]);
+        line(format!("{:34} {range:>21} {low:>10.3} {middle:>6.3} {high:>6.3}", marginal.path))?;
+    }
+    if let Some(csv) = &report.csv {
+        line(format!("\nEvery world: {}", csv.display()))?;
+    }
+    Ok(())
+}

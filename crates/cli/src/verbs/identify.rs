@@ -1,0 +1,119 @@
+//! `etude identify`: fit the simulator to a robot's recordings.
+
+use std::path::PathBuf;
+
+use etude_identify::{IdentifyError, Progress};
+use etude_lab::{Identification, IdentificationError, IdentifyMethod, identify_robot};
+use etude_task::TaskConfig;
+
+use super::line;
+use crate::Ending;
+use crate::progress::stop_flag;
+
+/// Which recordings, and how.
+#[derive(clap::Args)]
+#[command(after_help = "\
+Fits joint by joint, then finger by finger, to recordings that touch no key; then the keyboard to those that do.
+Recordings of the excitation `held-out` are not fitted to: the fit is tried on them. The folder receives identified.toml
+(a layer for `etude train --config`), a report, and what is needed to go on after Ctrl-C or a kill with the same command.
+
+Examples:
+  etude record --robot twin --excitation open-close -o open-close.mcap
+  etude record --robot twin --excitation chirp -o chirp.mcap
+  etude record --robot twin --excitation rail -o rail.mcap
+  etude record --robot twin --excitation held-out -o held-out.mcap
+  etude identify open-close.mcap chirp.mcap rail.mcap held-out.mcap -o out/identified
+  etude train twinkle --config out/identified/identified.toml")]
+pub struct Args {
+    /// Recordings of one robot (`etude record --excitation`, `etude perform`)
+    #[arg(required = true, value_name = "RECORDING")]
+    recordings: Vec<PathBuf>,
+    /// A recording to try the fit on, not to fit to; may be repeated
+    #[arg(long, value_name = "RECORDING")]
+    held_out: Vec<PathBuf>,
+    /// `lm` (Levenberg–Marquardt), `cma` (CMA-ES) or `bo` (Bayesian optimisation, as in the paper)
+    #[arg(long, default_value = "lm", value_name = "METHOD")]
+    method: IdentifyMethod,
+    /// End the fit of a joint, a finger or the keyboard after so many evaluations, settled or not
+    #[arg(long, value_parser = clap::value_parser!(u64).range(1..))]
+    evaluations: Option<u64>,
+    /// Seed of every random draw
+    #[arg(long, default_value_t = 0)]
+    seed: u64,
+    /// Begin at the numbers of this file, such as an earlier identified.toml
+    #[arg(long, value_name = "FILE")]
+    from: Option<PathBuf>,
+    /// Where everything goes
+    #[arg(short = 'o', long = "out", default_value = "out/identified", value_name = "DIR")]
+    out: PathBuf,
+    /// Print nothing but one JSON object at the end: rig, method, fit_errors, held_out_errors, identified, file, …
+    #[arg(long)]
+    json: bool,
+}
+
+/// Runs the verb.
+pub fn run(args: Args) -> anyhow::Result<Ending> {
+    let start = match &args.from {
+        Some(path) => etude_lab::resolve("paper", Some(path), &[])?.task.physics,
+        None => TaskConfig::default().physics,
+    };
+    let what = Identification {
+        recordings: args.recordings,
+        held_out: args.held_out,
+        method: args.method,
+        evaluations: args.evaluations,
+        seed: args.seed,
+        start,
+    };
+    let stop = stop_flag()?;
+    let mut progress = indicatif::ProgressBar::new_spinner();
+    if args.json {
+        progress.set_draw_target(indicatif::ProgressDrawTarget::hidden());
+    }
+    let report = match identify_robot(&what, &args.out, &mut |at| show(&mut progress, at), &stop) {
+        Err(IdentificationError::Identify(error @ IdentifyError::Interrupted)) => {
+            progress.finish_and_clear();
+            super::note(error);
+            return Ok(Ending::Stopped);
+        }
+        report => report?,
+    };
+    progress.finish_and_clear();
+    if args.json {
+        super::json(&report)?;
+        return Ok(Ending::Done);
+    }
+    for stage in &report.identified.stages {
+        line(format!(
+            "{:<18} residuals {:6.1} → {:5.1} times the noise, {} replays, {:.0} s",
+            stage.stage.name(),
+            stage.rms[0],
+            stage.rms[1],
+            stage.replays,
+            stage.secs
+        ))?;
+    }
+    for (what, errors) in [("fitted", &report.fit_errors), ("held out", &report.held_out_errors)] {
+        if !errors.joints.is_empty() {
+            let [before, after] = errors.fingers.map(|rad| rad * 1e3);
+            line(format!(
+                "{what:<18} fingers {before:.2} → {after:.2} mrad ({:.1} times less; noise {:.2})",
+                before / after,
+                errors.fingers_noise * 1e3
+            ))?;
+        }
+    }
+    line(format!("The simulator as identified is {}", report.file.display()))?;
+    Ok(Ending::Done)
+}
+
+fn show(bar: &mut indicatif::ProgressBar, at: &Progress) {
+    let [ended, all] = at.ended;
+    bar.set_message(format!(
+        "{}: {} replays, residuals {:.2} times the noise, {ended} of {all} settled",
+        at.stage.name(),
+        at.replays,
+        at.rms
+    ));
+    bar.tick();
+}

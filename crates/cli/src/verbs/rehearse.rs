@@ -1,0 +1,177 @@
+//! `etude rehearse`: Sim2Real2Sim, from the first recording to the last performance.
+
+use std::path::PathBuf;
+
+use etude_identify::IdentifyError;
+use etude_lab::{
+    IdentificationError, IdentifyMethod, RehearsalConfig, RehearsalError, RehearsalStep, RigChoice, Round,
+    find_song, rehearse_on_robot, rig_choice, shipped_policies,
+};
+use etude_perform::Mode;
+
+use super::{json, line, note, slug};
+use crate::Ending;
+use crate::progress::stop_flag;
+
+/// What to rehearse, on which robot, how often.
+#[derive(clap::Args)]
+#[command(after_help = "\
+Round 0 plays what was learned in the simulator as it comes. Each round after it records the robot (once, moving clear of the
+keyboard), fits the simulator to that and to what was played, trains on in it, and plays again. Stop it anywhere: the
+same command goes on. On a robot stand clear: it goes to the keyboard by itself before each run.
+
+Examples:
+  etude rehearse --song c-major-scale --robot twin --rounds 2
+  etude rehearse --song twinkle --robot twin --truth worn --mode hybrid --rounds 1
+  etude rehearse --song my-song.mid --robot lab.toml --rounds 3")]
+pub struct Args {
+    /// A built-in id (see `etude songs`) or a MIDI file
+    #[arg(long)]
+    song: String,
+    /// `twin`, or the file of a rig
+    #[arg(long, default_value = "twin", value_name = "RIG")]
+    robot: String,
+    /// What is true of the twin: `standard`, `ideal`, `worn`, or a file
+    #[arg(long, default_value = "standard", value_name = "NAME|FILE")]
+    truth: String,
+    /// Rounds of identifying, training and performing
+    #[arg(long, default_value_t = 2)]
+    rounds: usize,
+    /// Performances a round
+    #[arg(long, default_value_t = 4, value_parser = clap::value_parser!(u16).range(1..))]
+    runs: u16,
+    /// joint-mirroring, hybrid or real
+    #[arg(long, default_value = "real")]
+    mode: Mode,
+    /// Preset of the trainings
+    #[arg(long, default_value = "fast", value_name = "NAME")]
+    preset: String,
+    /// Set a value of it, for example --set task.randomisation.intensity=0.2; may be repeated
+    #[arg(long = "set", value_name = "PATH=VALUE")]
+    overrides: Vec<String>,
+    /// The policy to begin with; the shipped one if not given, and without one the song is learned first
+    #[arg(long, value_name = "FILE|DIR")]
+    policy: Option<PathBuf>,
+    /// Method of identification: lm, cma or bo
+    #[arg(long, default_value = "lm", value_name = "METHOD")]
+    method: IdentifyMethod,
+    /// End each fit of the identification after so many evaluations, settled or not
+    #[arg(long, value_parser = clap::value_parser!(u64).range(1..))]
+    evaluations: Option<u64>,
+    /// Seed of identification, of the twin's noise, and of the training unless --set says otherwise
+    #[arg(long, default_value_t = 0)]
+    seed: u64,
+    /// Where everything goes; out/rehearse-SONG if not given
+    #[arg(short = 'o', long = "out", value_name = "DIR")]
+    out: Option<PathBuf>,
+    /// Print nothing but one JSON array at the end: the rounds
+    #[arg(long)]
+    json: bool,
+}
+
+/// Runs the verb.
+pub fn run(args: Args) -> anyhow::Result<Ending> {
+    let song = find_song(&args.song)?;
+    song.check_range()?;
+    let name = slug(&args.song);
+    let rig = rig_choice(&args.robot, &args.truth)?;
+    let folder = args.out.unwrap_or_else(|| PathBuf::from("out").join(format!("rehearse-{name}")));
+    let shipped = || shipped_policies(&name, &PathBuf::from("no-runs")).into_iter().next();
+    let mut overrides = vec![format!("trainer.seed={}", args.seed)];
+    overrides.extend(args.overrides);
+    let config = RehearsalConfig {
+        song: args.song,
+        rig: rig.name().to_string(),
+        truth: match &rig {
+            RigChoice::Twin(_) => Some(args.truth),
+            RigChoice::File { .. } => None,
+        },
+        rounds: args.rounds,
+        runs: args.runs.into(),
+        mode: args.mode,
+        preset: args.preset,
+        overrides,
+        policy: args.policy.or_else(shipped),
+        method: args.method,
+        evaluations: args.evaluations,
+        seed: args.seed,
+    };
+    let stop = stop_flag()?;
+    let bar = indicatif::ProgressBar::new_spinner();
+    if args.json {
+        bar.set_draw_target(indicatif::ProgressDrawTarget::hidden());
+    }
+    let mut tell = |step: &RehearsalStep<'_>| show(&bar, step);
+    let rounds = match rehearse_on_robot(&song, &rig, &config, &folder, &mut tell, &stop) {
+        Err(
+            error @ (RehearsalError::Interrupted
+            | RehearsalError::Identify(IdentificationError::Identify(IdentifyError::Interrupted))),
+        ) => {
+            bar.finish_and_clear();
+            note(error);
+            return Ok(Ending::Stopped);
+        }
+        rounds => rounds?,
+    };
+    bar.finish_and_clear();
+    if args.json {
+        json(&rounds)?;
+        return Ok(Ending::Done);
+    }
+    print(&rounds, config.mode)?;
+    line(format!("Everything is in {}", folder.display()))?;
+    Ok(Ending::Done)
+}
+
+fn show(bar: &indicatif::ProgressBar, step: &RehearsalStep<'_>) {
+    let text = match step {
+        RehearsalStep::Recorded(excitation) => format!("recorded {excitation}"),
+        RehearsalStep::Identifying(round, at) => format!(
+            "round {round}: identifying {}, {} replays, residuals {:.2} times the noise",
+            at.stage.name(),
+            at.replays,
+            at.rms
+        ),
+        RehearsalStep::Training(round, step, total, best) => {
+            format!("round {round}: training, step {step} of {total}, best F1 {best:.3}")
+        }
+        RehearsalStep::Performed(round, index, run) => {
+            format!("round {round}: run {} played, F1 {:.3}", index + 1, run.frame.f1)
+        }
+        RehearsalStep::Round(round) => {
+            let what = format!(
+                "round {}: F1 {:.3} in simulation, {:.3} on the robot: a gap of {:.3}",
+                round.round, round.sim_f1, round.robot_f1, round.gap
+            );
+            if !bar.is_hidden() {
+                bar.println(&what);
+            }
+            what
+        }
+    };
+    bar.set_message(text);
+    bar.tick();
+}
+
+fn print(rounds: &[Round], mode: Mode) -> anyhow::Result<()> {
+    line(format!(
+        "{:<8}{:>12}{:>16}{:>8}   held-out error of the fingers, mrad",
+        "round",
+        "simulation",
+        mode.name(),
+        "gap"
+    ))?;
+    for round in rounds {
+        let held_out = round
+            .held_out_rad
+            .map_or_else(String::new, |[before, after]| format!("{:.2} → {:.2}", before * 1e3, after * 1e3));
+        line(format!(
+            "{:<8}{:>12.3}{:>16}{:>8.3}   {held_out}",
+            round.round,
+            round.sim_f1,
+            format!("{:.3} ± {:.3}", round.robot_f1, round.robot_f1_std),
+            round.gap
+        ))?;
+    }
+    Ok(())
+}

@@ -1,0 +1,107 @@
+//! `etude record --excitation`, `identify` and `rehearse`: the way from a robot back to a simulator.
+
+use std::process::{Command, Stdio};
+use std::thread::sleep;
+use std::time::{Duration, Instant};
+
+use serde_json::Value;
+
+use crate::{Desk, TINY, errors};
+
+/// Waits until `file` is there, then sends `signal` to the process.
+fn interrupt_at(mut command: Command, file: &std::path::Path, signal: &str) -> Option<i32> {
+    let mut child = command.stdout(Stdio::null()).stderr(Stdio::null()).spawn().unwrap();
+    let begun = Instant::now();
+    while !file.exists() && begun.elapsed() < Duration::from_secs(120) {
+        sleep(Duration::from_millis(5));
+    }
+    Command::new("kill").args([signal, &child.id().to_string()]).status().unwrap();
+    child.wait().unwrap().code()
+}
+
+#[test]
+fn the_rail_is_identified_from_its_excitation_and_an_interruption_changes_nothing() {
+    let desk = Desk::new();
+    desk.ok("record --robot twin --truth worn --excitation rail -o rail.mcap");
+    desk.ok("record --robot twin --truth worn --excitation rail --seed 1 -o again.mcap");
+    let identify =
+        |out: &str| format!("identify rail.mcap --held-out again.mcap --evaluations 30 -o {out} --json");
+    let report = desk.json(&identify("a"));
+    for errors in ["fit_errors", "held_out_errors"] {
+        let joints = report[errors]["joints"].as_array().unwrap();
+        assert_eq!(joints.len(), 1, "only the rail moves: {joints:?}");
+        let error = |when: &str| joints[0][when].as_f64().unwrap();
+        assert!(error("after") < 0.3 * error("before"), "{errors}: {joints:?}");
+    }
+    let code = interrupt_at(desk.command(&identify("b")), &desk.path("b/state.json"), "-INT");
+    assert_eq!(code, Some(3), "it says that it was interrupted");
+    desk.ok(&identify("b"));
+    assert_eq!(desk.bytes("a/identified.toml"), desk.bytes("b/identified.toml"));
+    interrupt_at(desk.command(&identify("c")), &desk.path("c/state.json"), "-KILL");
+    desk.ok(&identify("c"));
+    assert_eq!(desk.bytes("a/identified.toml"), desk.bytes("c/identified.toml"));
+    // What was identified is a layer of a training's settings.
+    let train = desk.tiny("short.mid --config a/identified.toml -o run --json").output().unwrap();
+    assert!(train.status.success(), "{}", errors(&train));
+    let config = String::from_utf8(desk.bytes("run/config.toml")).unwrap();
+    assert!(config.contains("joint.rail.delay"), "{config}");
+}
+
+#[test]
+fn recordings_that_would_mislead_are_refused_with_the_reason() {
+    let desk = Desk::new();
+    desk.ok("record --robot twin --secs 3 -o rest.mcap");
+    desk.ok("play short.mid --scripted -o sim");
+    std::fs::write(desk.path("note.txt"), "no recording").unwrap();
+    for (args, said) in [
+        ("identify rest.mcap", "no joint was told anything"),
+        ("identify sim/recording.mcap", "what rig it was made on"),
+        ("identify note.txt", "not a recording of Étude"),
+        ("identify nowhere.mcap", "nowhere.mcap"),
+        ("identify rest.mcap --method sgd", "lm, cma, bo"),
+        ("record --robot twin --excitation dance -o x.mcap", "open-close, chirp, rail"),
+    ] {
+        let output = desk.command(args).output().unwrap();
+        assert!(!output.status.success(), "{args}");
+        assert!(errors(&output).contains(said), "{args}: {}", errors(&output));
+    }
+}
+
+#[test]
+fn a_rehearsal_that_was_killed_goes_on_to_the_same_end() {
+    let desk = Desk::new();
+    let rehearse = |out: &str| {
+        let mut command =
+            desk.command("rehearse --song short.mid --robot twin --rounds 1 --runs 1 --evaluations 2");
+        command.args(TINY.iter().flat_map(|set| ["--set", set])).args(["--json", "-o", out]);
+        command
+    };
+    let finish = |out: &str| -> Vec<Value> {
+        let output = rehearse(out).output().unwrap();
+        assert!(output.status.success(), "{}", errors(&output));
+        serde_json::from_slice(&output.stdout).unwrap()
+    };
+    let rounds = finish("a");
+    assert_eq!(rounds.len(), 2);
+    assert!(rounds[0]["held_out_rad"].is_null() && rounds[1]["held_out_rad"][1].as_f64().unwrap() > 0.0);
+    assert!(desk.path(rounds[1]["recordings"][0].as_str().unwrap()).is_file());
+    let places = [
+        "round-0/training/run.lock",
+        "excitation/chirp.partial",
+        "round-1/identified/state.json",
+        "round-1/training/run.lock",
+        "round-1/performance/run-1.mcap",
+    ];
+    for place in places {
+        interrupt_at(rehearse("b"), &desk.path("b").join(place), "-KILL");
+    }
+    let same = finish("b");
+    for (round, same) in rounds.iter().zip(&same) {
+        for key in ["sim_f1", "robot_f1", "physics", "held_out_rad"] {
+            assert_eq!(round[key], same[key], "{key}");
+        }
+    }
+    let changed =
+        desk.command("rehearse --song short.mid --robot twin --rounds 1 --runs 2 -o a").output().unwrap();
+    assert!(errors(&changed).contains("another rehearsal"), "{}", errors(&changed));
+}

@@ -1,0 +1,214 @@
+//! Bayesian optimisation, as the paper uses it: a Gaussian process through everything told, and the
+//! candidates that promise most under it.
+//!
+//! What it is told is kept here and the process starts anew from that for each batch, with a seed of the batch's own,
+//! so the told points are the whole state. It sees the logarithm of one plus the cost, since costs span
+//! orders of magnitude.
+
+use serde::{Deserialize, Serialize};
+
+use crate::config::BoConfig;
+use crate::fit::{Method, Outcome, Reason};
+use crate::problem::Problem;
+use crate::process::Process;
+use crate::random::Draws;
+use crate::space::is_point;
+
+/// Random points a coordinate among which the search for the next candidate begins.
+const EVERYWHERE: usize = 100;
+/// How far about the best point it begins, too, in normalised coordinates.
+const NEAR: [f64; 3] = [0.2, 0.05, 0.01];
+/// How many of the most promising ones are improved.
+const IMPROVED: usize = 4;
+/// Points closer than this, in normalised coordinates, tell a process nothing new and spoil its matrices.
+const SAME: f64 = 1e-6;
+
+/// State of the method.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct Bo {
+    config: BoConfig,
+    seed: u64,
+    batch: u64,
+    /// Allowed points and what came of them; `None` for a failure.
+    told: Vec<(Vec<f64>, Option<f64>)>,
+}
+
+impl Bo {
+    pub(crate) fn new(config: BoConfig, seed: u64) -> Self {
+        Self { config, seed, batch: 0, told: Vec::new() }
+    }
+
+    /// The start, and a Latin hypercube: each parameter's range in as many stripes as candidates, one in
+    /// each.
+    fn initial(&self, problem: &Problem) -> Vec<Vec<f64>> {
+        let n = problem.space().len();
+        let count = if self.config.initial == 0 { 2 * n + 2 } else { self.config.initial };
+        let stripes = count - 1;
+        let mut draws = Draws::new(self.seed, self.batch);
+        let mut points = vec![vec![0.0; n]; stripes];
+        for parameter in 0..n {
+            let mut order: Vec<usize> = (0..stripes).collect();
+            for last in (1..stripes).rev() {
+                order.swap(last, draws.below(last + 1));
+            }
+            for (point, stripe) in points.iter_mut().zip(order) {
+                point[parameter] = (stripe as f64 + draws.uniform()) / stripes as f64;
+            }
+        }
+        std::iter::once(problem.space().start()).chain(points).collect()
+    }
+
+    /// What the process suggests; nothing where it has failed.
+    fn suggested(&self, n: usize, draws: &mut Draws) -> Vec<Vec<f64>> {
+        let heights: Vec<Option<f64>> = self.told.iter().map(|(_, cost)| cost.map(f64::ln_1p)).collect();
+        // A failure is as bad as the worst that came back.
+        let worst = heights.iter().flatten().fold(f64::NEG_INFINITY, |worst, &height| worst.max(height));
+        if worst == f64::NEG_INFINITY {
+            return Vec::new();
+        }
+        let mut heights: Vec<f64> = heights.into_iter().map(|height| height.unwrap_or(worst)).collect();
+        let points: Vec<Vec<f64>> = self.told.iter().map(|(point, _)| point.clone()).collect();
+        let Some(mut process) = Process::fit(&points, &heights) else { return Vec::new() };
+        let mut batch: Vec<Vec<f64>> = Vec::new();
+        while batch.len() < self.config.batch {
+            let least = heights.iter().copied().fold(f64::INFINITY, f64::min);
+            let best = points.iter().zip(&heights).min_by(|a, b| a.1.total_cmp(b.1)).map(|(point, _)| point);
+            let Some(point) = search(&process, least, best, n, draws) else { break };
+            // Of the next in the batch the process believes what it predicts for this one (Ginsbourger 2010).
+            let (believed, _) = process.predict(&point);
+            batch.push(point.clone());
+            match process.and(&point, believed, &mut heights) {
+                Some(next) => process = next,
+                None => break,
+            }
+        }
+        batch
+    }
+}
+
+/// What a point promises: expected improvement on the least height less the predicted height (Watson and Barnes 1995).
+fn promise(process: &Process, least: f64, point: &[f64]) -> f64 {
+    let (mean, deviation) = process.predict(point);
+    let gain = least - mean;
+    if deviation < 1e-12 {
+        return gain.max(0.0) - mean;
+    }
+    let z = gain / deviation;
+    let density = (-0.5 * z * z).exp() / std::f64::consts::TAU.sqrt();
+    gain * normal(z) + deviation * density - mean
+}
+
+/// The standard normal distribution to 1e-7 (Abramowitz and Stegun 26.2.17).
+fn normal(z: f64) -> f64 {
+    const B: [f64; 5] = [0.319_381_530, -0.356_563_782, 1.781_477_937, -1.821_255_978, 1.330_274_429];
+    let t = 1.0 / (1.0 + 0.231_641_9 * z.abs());
+    let tail = (-0.5 * z * z).exp() / std::f64::consts::TAU.sqrt();
+    let upper = tail * B.iter().rev().fold(0.0, |sum, b| (sum + b) * t);
+    if z >= 0.0 { 1.0 - upper } else { upper }
+}
+
+/// The most promising point that is found: from everywhere and from near the best so far, each of the first few improved
+/// coordinate by coordinate.
+fn search(
+    process: &Process,
+    least: f64,
+    best: Option<&Vec<f64>>,
+    n: usize,
+    draws: &mut Draws,
+) -> Option<Vec<f64>> {
+    let mut candidates: Vec<Vec<f64>> =
+        (0..EVERYWHERE * n).map(|_| (0..n).map(|_| draws.uniform()).collect()).collect();
+    for reach in NEAR {
+        for _ in 0..EVERYWHERE * n / 2 {
+            let near = best.into_iter().flatten().map(|u| u + reach * (2.0 * draws.uniform() - 1.0));
+            candidates.push(near.map(|u| u.clamp(0.0, 1.0)).collect());
+        }
+    }
+    let mut ranked: Vec<(f64, Vec<f64>)> = candidates
+        .into_iter()
+        .filter(|point| point.len() == n)
+        .map(|point| (promise(process, least, &point), point))
+        .collect();
+    ranked.sort_by(|a, b| b.0.total_cmp(&a.0));
+    ranked.truncate(IMPROVED);
+    for (value, point) in &mut ranked {
+        let mut reach = 0.05;
+        while reach > 1e-4 {
+            let before = *value;
+            for coordinate in 0..n {
+                for way in [reach, -reach] {
+                    let old = point[coordinate];
+                    point[coordinate] = (old + way).clamp(0.0, 1.0);
+                    let now = promise(process, least, point);
+                    if now > *value {
+                        *value = now;
+                        break;
+                    }
+                    point[coordinate] = old;
+                }
+            }
+            if *value <= before {
+                reach /= 2.0;
+            }
+        }
+    }
+    ranked.into_iter().max_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, point)| point)
+}
+
+impl Method for Bo {
+    fn propose(&self, problem: &Problem) -> Vec<Vec<f64>> {
+        if self.told.is_empty() {
+            return self.initial(problem);
+        }
+        let space = problem.space();
+        let mut draws = Draws::new(self.seed, self.batch);
+        let mut batch: Vec<Vec<f64>> = Vec::new();
+        for point in self.suggested(space.len(), &mut draws) {
+            if point.len() == space.len() && point.iter().all(|u| u.is_finite()) {
+                batch.push(space.snap(&point));
+            }
+        }
+        batch.resize_with(self.config.batch, || (0..space.len()).map(|_| draws.uniform()).collect());
+        for place in 0..batch.len() {
+            let is_known = |point: &Vec<f64>| {
+                let told = self.told.iter().map(|(known, _)| known);
+                told.chain(&batch[..place])
+                    .any(|known| known.iter().zip(space.snap(point)).all(|(a, b)| (a - b).abs() < SAME))
+            };
+            // What is known already makes room for chance; a small grid may hold nothing new, so not for
+            // ever.
+            let mut point = batch[place].clone();
+            for _ in 0..20 {
+                if !is_known(&point) {
+                    break;
+                }
+                point = (0..space.len()).map(|_| draws.uniform()).collect();
+            }
+            batch[place] = point;
+        }
+        batch
+    }
+
+    fn learn(
+        &mut self,
+        problem: &Problem,
+        points: &[Vec<f64>],
+        outcomes: &[Option<Outcome<'_>>],
+    ) -> Option<Reason> {
+        for (point, outcome) in points.iter().zip(outcomes) {
+            self.told.push((problem.space().snap(point), outcome.as_ref().map(|outcome| outcome.cost)));
+        }
+        self.batch += 1;
+        let none = self.told.iter().all(|(_, cost)| cost.is_none());
+        (none && self.batch > 1).then_some(Reason::Failures)
+    }
+
+    fn is_sound(&self, problem: &Problem) -> bool {
+        let n = problem.space().len();
+        let told = |(point, cost): &(Vec<f64>, Option<f64>)| {
+            is_point(point, n) && cost.is_none_or(|cost| cost.is_finite() && cost >= 0.0)
+        };
+        self.config.validate(n).is_ok() && self.told.iter().all(told)
+    }
+}

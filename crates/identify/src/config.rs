@@ -1,0 +1,225 @@
+//! Every constant of the three methods, with defaults that suit residuals in standard deviations of the
+//! noise.
+
+use serde::{Deserialize, Serialize};
+
+/// Dimensions beyond which Bayesian optimisation is refused (fact sheet "speed and sample efficiency" §5).
+pub(crate) const BO_MOST_PARAMETERS: usize = 20;
+
+/// A configured value that cannot work.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum ConfigError {
+    /// A number out of place.
+    #[error("`{field}` is {value}, but {rule}; change it in the configuration")]
+    Value {
+        /// Name of the field, as in the configuration file.
+        field: &'static str,
+        /// What it was set to.
+        value: String,
+        /// What it must be.
+        rule: &'static str,
+    },
+    /// More parameters than a Gaussian process can search.
+    #[error(
+        "Bayesian optimisation of {0} parameters would learn little: it copes with {BO_MOST_PARAMETERS} \
+        at most and is good \
+         up to about 10. Fit joint by joint, or choose the method `lm`, or `cma` if the residuals are \
+         not smooth"
+    )]
+    TooManyForBo(usize),
+}
+
+fn require(
+    holds: bool,
+    field: &'static str,
+    value: impl std::fmt::Display,
+    rule: &'static str,
+) -> Result<(), ConfigError> {
+    if holds { Ok(()) } else { Err(ConfigError::Value { field, value: value.to_string(), rule }) }
+}
+
+/// The method of a fit and its constants.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(tag = "method", rename_all = "lowercase")]
+pub enum MethodConfig {
+    /// Levenberg–Marquardt: for smooth residuals; tens of Jacobians.
+    Lm(LmConfig),
+    /// CMA-ES: for rough ones; thousands of evaluations.
+    Cma(CmaConfig),
+    /// Bayesian optimisation: for few parameters and dear evaluations; hundreds of them.
+    Bo(BoConfig),
+}
+
+impl MethodConfig {
+    /// Checks every number; `parameters` is the number of parameters.
+    pub(crate) fn validate(&self, parameters: usize) -> Result<(), ConfigError> {
+        match self {
+            Self::Lm(config) => config.validate(),
+            Self::Cma(config) => config.validate(),
+            Self::Bo(config) => config.validate(parameters),
+        }
+    }
+
+    pub(crate) fn max_evaluations(&self) -> u64 {
+        match self {
+            Self::Lm(config) => config.max_evaluations,
+            Self::Cma(config) => config.max_evaluations,
+            Self::Bo(config) => config.max_evaluations,
+        }
+    }
+}
+
+/// How slopes are measured.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Differences {
+    /// One step away from the point: one evaluation a parameter, error in proportion to the step.
+    #[default]
+    Forward,
+    /// A step to each side: two evaluations, error in proportion to its square.
+    Central,
+}
+
+/// Constants of Levenberg–Marquardt. Lengths are in normalised coordinates.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct LmConfig {
+    /// Evaluations after which no new batch is begun.
+    pub max_evaluations: u64,
+    /// How slopes are measured.
+    pub differences: Differences,
+    /// Step of the differences, as a share of a parameter's range; a parameter on a grid takes one grid step
+    /// instead.
+    pub difference_step: f64,
+    /// Damping at the start, relative to the curvature of each parameter.
+    pub initial_damping: f64,
+    /// Ends when the cosine between the residuals and each free column of the Jacobian is smaller.
+    pub gradient_tolerance: f64,
+    /// Ends when no coordinate would move farther.
+    pub step_tolerance: f64,
+    /// Ends when a step promises and brings a smaller share of the cost.
+    pub cost_tolerance: f64,
+}
+
+impl Default for LmConfig {
+    fn default() -> Self {
+        Self {
+            max_evaluations: 10_000,
+            differences: Differences::Forward,
+            difference_step: 1e-5,
+            initial_damping: 1e-3,
+            gradient_tolerance: 1e-8,
+            step_tolerance: 1e-7,
+            cost_tolerance: 1e-9,
+        }
+    }
+}
+
+impl LmConfig {
+    pub(crate) fn validate(&self) -> Result<(), ConfigError> {
+        require(self.max_evaluations > 0, "max_evaluations", self.max_evaluations, "it must be positive")?;
+        let step = self.difference_step;
+        require((1e-9..=0.1).contains(&step), "difference_step", step, "it must lie in 1e-9 … 0.1")?;
+        let damping = self.initial_damping;
+        require(
+            (1e-12..=1e12).contains(&damping),
+            "initial_damping",
+            damping,
+            "it must lie in 1e-12 … 1e12",
+        )?;
+        for (field, value) in [
+            ("gradient_tolerance", self.gradient_tolerance),
+            ("step_tolerance", self.step_tolerance),
+            ("cost_tolerance", self.cost_tolerance),
+        ] {
+            require((0.0..1.0).contains(&value), field, value, "it must lie in 0 … 1, without 1")?;
+        }
+        Ok(())
+    }
+}
+
+/// Constants of CMA-ES. Lengths are in normalised coordinates.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct CmaConfig {
+    /// Evaluations after which no new generation is begun.
+    pub max_evaluations: u64,
+    /// Candidates a generation; 0 takes 4 + 3 ln n.
+    pub population: usize,
+    /// Standard deviation of the first generation (PACE's, fact sheet §5).
+    pub initial_spread: f64,
+    /// Times that the search begins anew at a random point with twice the population, once it has settled
+    /// (IPOP).
+    pub restarts: u32,
+    /// Settles when the standard deviation of every continuous coordinate is smaller.
+    pub spread_tolerance: f64,
+    /// Settles when the best costs of the last generations differ by a smaller share.
+    pub cost_tolerance: f64,
+}
+
+impl Default for CmaConfig {
+    fn default() -> Self {
+        Self {
+            max_evaluations: 100_000,
+            population: 0,
+            initial_spread: 0.25,
+            restarts: 0,
+            spread_tolerance: 1e-6,
+            cost_tolerance: 1e-10,
+        }
+    }
+}
+
+impl CmaConfig {
+    pub(crate) fn validate(&self) -> Result<(), ConfigError> {
+        require(self.max_evaluations > 0, "max_evaluations", self.max_evaluations, "it must be positive")?;
+        let (population, spread) = (self.population, self.initial_spread);
+        let rule = "it must be 0 or lie in 4 … 100000";
+        require(population == 0 || (4..=100_000).contains(&population), "population", population, rule)?;
+        require((1e-6..=1.0).contains(&spread), "initial_spread", spread, "it must lie in 1e-6 … 1")?;
+        require(
+            self.restarts <= 12,
+            "restarts",
+            self.restarts,
+            "12 is the most (4096 times the population)",
+        )?;
+        for (field, value) in
+            [("spread_tolerance", self.spread_tolerance), ("cost_tolerance", self.cost_tolerance)]
+        {
+            require((0.0..1.0).contains(&value), field, value, "it must lie in 0 … 1, without 1")?;
+        }
+        Ok(())
+    }
+}
+
+/// Constants of Bayesian optimisation.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct BoConfig {
+    /// Evaluations after which no new batch is begun.
+    pub max_evaluations: u64,
+    /// Candidates of the first batch, spread over the whole space; 0 takes 2 n + 2.
+    pub initial: usize,
+    /// Candidates of each later batch. One learns most from each evaluation; more keep as many cores busy.
+    pub batch: usize,
+}
+
+impl Default for BoConfig {
+    fn default() -> Self {
+        Self { max_evaluations: 150, initial: 0, batch: 1 }
+    }
+}
+
+impl BoConfig {
+    pub(crate) fn validate(&self, parameters: usize) -> Result<(), ConfigError> {
+        if parameters > BO_MOST_PARAMETERS {
+            return Err(ConfigError::TooManyForBo(parameters));
+        }
+        let rule = "it must lie in 1 … 2000, since each new candidate takes time in proportion to the \
+        cube of all before";
+        require((1..=2000).contains(&self.max_evaluations), "max_evaluations", self.max_evaluations, rule)?;
+        let rule = "it must be 0 or lie in 3 … 2000";
+        require(self.initial == 0 || (3..=2000).contains(&self.initial), "initial", self.initial, rule)?;
+        require((1..=64).contains(&self.batch), "batch", self.batch, "it must lie in 1 … 64")
+    }
+}

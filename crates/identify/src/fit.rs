@@ -1,0 +1,322 @@
+//! The one interface of all methods: ask for a batch, evaluate it anywhere, tell what came of it.
+//!
+//! Everything that the methods have in common is here: the best so far, counts, budget, failures, and the
+//! saved state. A method itself only proposes points, as a pure function of its state, and learns from them.
+
+use serde::{Deserialize, Serialize};
+
+use crate::bo::Bo;
+use crate::cma::Cma;
+use crate::config::{ConfigError, MethodConfig};
+use crate::lm::Lm;
+use crate::problem::{Evaluation, Problem};
+use crate::space::is_point;
+
+/// A point to be evaluated.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Candidate {
+    /// Normalised coordinates in [0, 1], one a parameter.
+    pub point: Vec<f64>,
+    /// Physical values in the order of the parameters, SI units.
+    pub values: Vec<f64>,
+}
+
+impl Candidate {
+    /// The allowed candidate nearest to a normalised point.
+    pub fn at(problem: &Problem, point: &[f64]) -> Self {
+        let point = problem.space().snap(point);
+        Self { values: problem.space().to_physical(&point), point }
+    }
+}
+
+/// The candidate with the lowest cost so far.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Best {
+    /// Normalised coordinates in [0, 1].
+    pub point: Vec<f64>,
+    /// Physical values, SI units.
+    pub values: Vec<f64>,
+    /// Its cost ([`Problem::cost`]).
+    pub cost: f64,
+    /// Which evaluation it was, counted from zero.
+    pub evaluation: u64,
+}
+
+/// Why a fit ended.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Reason {
+    /// Residuals are at right angles to everything that a free parameter can do.
+    Gradient,
+    /// No parameter would move any farther.
+    Step,
+    /// Steps no longer lower the cost.
+    Cost,
+    /// All candidates have come together in one place.
+    Spread,
+    /// No step lowers the cost, however short: the residuals are rougher than the differences taken of them.
+    Damping,
+    /// As many evaluations as were allowed.
+    Budget,
+    /// The start could not be evaluated, or too many candidates in a row.
+    Failures,
+}
+
+impl std::fmt::Display for Reason {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(match self {
+            Self::Gradient => "converged: no free parameter can lower the cost",
+            Self::Step => "converged: the parameters no longer move",
+            Self::Cost => "converged: the cost no longer falls",
+            Self::Spread => "converged: all candidates have come together",
+            Self::Damping => "stopped: no step lowers the cost, however short; try a larger difference_step",
+            Self::Budget => "stopped: max_evaluations are used up; raise it to go on",
+            Self::Failures => "stopped: the simulation fails there; start elsewhere or narrow the bounds",
+        })
+    }
+}
+
+/// Evaluations that do not answer the last batch.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum TellError {
+    /// Not one for each candidate.
+    #[error(
+        "{given} evaluations were told for {asked} candidates; tell one for each candidate, in the \
+        order asked"
+    )]
+    Count {
+        /// Candidates that were asked.
+        asked: usize,
+        /// Evaluations that were told.
+        given: usize,
+    },
+    /// Residuals that are not those of the problem.
+    #[error(
+        "candidate {candidate} of the batch has {given} residuals where the problem has {samples}; give \
+        one residual for \
+         each sample of each block, whatever the candidate"
+    )]
+    Samples {
+        /// Place in the batch, from zero.
+        candidate: usize,
+        /// Residuals that the problem has.
+        samples: usize,
+        /// Residuals that were told.
+        given: usize,
+    },
+    /// The fit is over.
+    #[error("the fit has ended, so it takes no more evaluations; start another fit from its best point")]
+    Finished,
+}
+
+/// What came of a candidate, ready for a method.
+pub(crate) struct Outcome<'a> {
+    pub residuals: &'a [f64],
+    pub cost: f64,
+}
+
+/// What a method has to do. Its state must survive JSON: finite numbers only.
+pub(crate) trait Method {
+    /// The next batch, a function of the state alone; coordinates may lie anywhere, [`Fit`] moves them to
+    /// allowed ones.
+    fn propose(&self, problem: &Problem) -> Vec<Vec<f64>>;
+    /// Takes in what came of `points`, which are those that were proposed; `None` for a failure.
+    fn learn(
+        &mut self,
+        problem: &Problem,
+        points: &[Vec<f64>],
+        outcomes: &[Option<Outcome<'_>>],
+    ) -> Option<Reason>;
+    /// Whether the state fits the problem, as that from a damaged file may not.
+    fn is_sound(&self, problem: &Problem) -> bool;
+}
+
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+enum State {
+    Lm(Box<Lm>),
+    Cma(Box<Cma>),
+    Bo(Box<Bo>),
+}
+
+impl State {
+    fn method(&self) -> &dyn Method {
+        match self {
+            Self::Lm(lm) => lm.as_ref(),
+            Self::Cma(cma) => cma.as_ref(),
+            Self::Bo(bo) => bo.as_ref(),
+        }
+    }
+
+    fn method_mut(&mut self) -> &mut dyn Method {
+        match self {
+            Self::Lm(lm) => lm.as_mut(),
+            Self::Cma(cma) => cma.as_mut(),
+            Self::Bo(bo) => bo.as_mut(),
+        }
+    }
+}
+
+/// A fit under way: its problem, its method and all that was learned.
+///
+/// It is `Serialize` and `Deserialize`: written after any [`Fit::tell`] and read again, it goes on to the
+/// same end, bit for bit (with a format that keeps every bit of a number, such as serde_json with
+/// `float_roundtrip`).
+#[derive(Clone, Debug, Serialize, Deserialize)]
+#[serde(try_from = "Saved")]
+pub struct Fit {
+    problem: Problem,
+    max_evaluations: u64,
+    state: State,
+    best: Option<Best>,
+    evaluations: u64,
+    failures: u64,
+    finished: Option<Reason>,
+    /// What the method proposed and is not told yet.
+    #[serde(skip)]
+    asked: Option<Vec<Vec<f64>>>,
+}
+
+/// A fit as it comes from a file.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Saved {
+    problem: Problem,
+    max_evaluations: u64,
+    state: State,
+    best: Option<Best>,
+    evaluations: u64,
+    failures: u64,
+    finished: Option<Reason>,
+}
+
+impl TryFrom<Saved> for Fit {
+    type Error = &'static str;
+
+    fn try_from(saved: Saved) -> Result<Self, Self::Error> {
+        let Saved { problem, max_evaluations, state, best, evaluations, failures, finished } = saved;
+        let n = problem.space().len();
+        let best_fits =
+            best.as_ref().is_none_or(|b| is_point(&b.point, n) && b.values.len() == n && b.cost.is_finite());
+        if !best_fits || !state.method().is_sound(&problem) {
+            return Err("the saved fit is damaged or from another version; start it again");
+        }
+        let asked = None;
+        Ok(Self { problem, max_evaluations, state, best, evaluations, failures, finished, asked })
+    }
+}
+
+impl Fit {
+    /// Begins a fit at the parameters' start values.
+    ///
+    /// `seed` owns every random draw; Levenberg–Marquardt makes none.
+    ///
+    /// # Errors
+    /// [`ConfigError`] names a number that cannot work, or a method that cannot handle so many parameters.
+    pub fn new(problem: Problem, method: &MethodConfig, seed: u64) -> Result<Self, ConfigError> {
+        method.validate(problem.space().len())?;
+        let state = match method {
+            MethodConfig::Lm(config) => State::Lm(Box::new(Lm::new(&problem, config.clone()))),
+            MethodConfig::Cma(config) => State::Cma(Box::new(Cma::new(&problem, config.clone(), seed))),
+            MethodConfig::Bo(config) => State::Bo(Box::new(Bo::new(config.clone(), seed))),
+        };
+        Ok(Self {
+            problem,
+            max_evaluations: method.max_evaluations(),
+            state,
+            best: None,
+            evaluations: 0,
+            failures: 0,
+            finished: None,
+            asked: None,
+        })
+    }
+
+    /// The next batch, to be evaluated in any order. The same batch until it is told; empty once the fit has
+    /// ended.
+    pub fn ask(&mut self) -> Vec<Candidate> {
+        self.proposed().iter().map(|point| Candidate::at(&self.problem, point)).collect()
+    }
+
+    fn proposed(&mut self) -> Vec<Vec<f64>> {
+        if self.finished.is_some() {
+            return Vec::new();
+        }
+        self.asked.get_or_insert_with(|| self.state.method().propose(&self.problem)).clone()
+    }
+
+    /// Takes what came of the last batch, one evaluation a candidate in the order of [`Fit::ask`].
+    ///
+    /// Residuals that are not finite (or beyond 1e100) count as a failed evaluation.
+    ///
+    /// # Errors
+    /// [`TellError`] when the evaluations do not answer the batch; nothing has changed then.
+    pub fn tell(&mut self, evaluations: &[Evaluation]) -> Result<(), TellError> {
+        if self.finished.is_some() {
+            return Err(TellError::Finished);
+        }
+        let points = self.proposed();
+        let samples = self.problem.samples();
+        if points.len() != evaluations.len() {
+            return Err(TellError::Count { asked: points.len(), given: evaluations.len() });
+        }
+        for (candidate, evaluation) in evaluations.iter().enumerate() {
+            if let Evaluation::Residuals(residuals) = evaluation
+                && residuals.len() != samples
+            {
+                return Err(TellError::Samples { candidate, samples, given: residuals.len() });
+            }
+        }
+        let outcomes: Vec<Option<Outcome<'_>>> = evaluations
+            .iter()
+            .map(|evaluation| {
+                let residuals = self.problem.usable(evaluation)?;
+                Some(Outcome { residuals, cost: self.problem.cost(residuals) })
+            })
+            .collect();
+        for (point, outcome) in points.iter().zip(&outcomes) {
+            match outcome {
+                None => self.failures += 1,
+                Some(outcome) if self.best.as_ref().is_none_or(|best| outcome.cost < best.cost) => {
+                    let Candidate { point, values } = Candidate::at(&self.problem, point);
+                    let evaluation = self.evaluations;
+                    self.best = Some(Best { point, values, cost: outcome.cost, evaluation });
+                }
+                Some(_) => {}
+            }
+            self.evaluations += 1;
+        }
+        self.finished = self.state.method_mut().learn(&self.problem, &points, &outcomes);
+        if self.finished.is_none() && self.evaluations >= self.max_evaluations {
+            self.finished = Some(Reason::Budget);
+        }
+        self.asked = None;
+        Ok(())
+    }
+
+    /// The problem.
+    pub fn problem(&self) -> &Problem {
+        &self.problem
+    }
+
+    /// The candidate with the lowest cost so far; `None` while every evaluation has failed.
+    pub fn best(&self) -> Option<&Best> {
+        self.best.as_ref()
+    }
+
+    /// Evaluations told so far, failed ones among them.
+    pub fn evaluations(&self) -> u64 {
+        self.evaluations
+    }
+
+    /// Evaluations that failed.
+    pub fn failures(&self) -> u64 {
+        self.failures
+    }
+
+    /// Why the fit has ended; `None` while it goes on.
+    pub fn finished(&self) -> Option<Reason> {
+        self.finished
+    }
+}

@@ -1,0 +1,531 @@
+//! From recordings to physical numbers: joint by joint, then finger by finger, then what only touching keys tells.
+//!
+//! Each stage is a [`Fit`] a group, all of them fed by the same replays. Everything is written to a file after each batch,
+//! and a fit that was interrupted goes on from there to the same end.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Instant;
+
+use etude_perform::{FileError, shaping_params, write_text};
+use etude_stage::params::Joint;
+use etude_stage::{JOINTS, PhysicalParams, StageConfig, StageError};
+use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
+
+use crate::config::{ConfigError, MethodConfig};
+use crate::estimate::{Estimate, EstimateError};
+use crate::fit::{Candidate, Fit, TellError};
+use crate::group::{Group, GroupError, fingers, joints, keyboard};
+use crate::jacobian::{JacobianError, JacobianPlan};
+use crate::motion::Motion;
+use crate::problem::Evaluation;
+use crate::replay::{Replayer, Trace};
+use crate::rows::{contact_parameters, follow_stiffness, joint_parameters};
+use crate::space::Parameter;
+
+/// Step of the differences that an estimate's intervals come from, as a share of each range.
+const ESTIMATE_STEP: f64 = 1e-3;
+
+/// Longest delay that is tried at first, in physics steps.
+const MOST_DELAY_STEPS: usize = 6;
+
+/// Parts of an identification, in order.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Stage {
+    /// Every joint by itself.
+    Joints,
+    /// The joints of a finger together; by Levenberg–Marquardt only, the others cope with few parameters.
+    Fingers,
+    /// The keyboard and the encoders' biases, from motions that touch keys.
+    Contact,
+}
+
+impl Stage {
+    /// Its name in reports.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Joints => "joint by joint",
+            Self::Fingers => "finger by finger",
+            Self::Contact => "keyboard",
+        }
+    }
+
+    fn groups(self) -> Vec<Group> {
+        match self {
+            Self::Joints => joints(),
+            Self::Fingers => fingers(),
+            Self::Contact => vec![keyboard()],
+        }
+    }
+}
+
+/// How to identify.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct IdentifyConfig {
+    /// The method of every stage.
+    pub method: MethodConfig,
+    /// Owns every random draw.
+    pub seed: u64,
+    /// Where the fit starts: rows other than the defaults, by path.
+    pub start: BTreeMap<String, f64>,
+}
+
+/// An identification failed.
+#[derive(Debug, thiserror::Error)]
+pub enum IdentifyError {
+    /// The world cannot be built.
+    #[error(transparent)]
+    Stage(#[from] StageError),
+    /// A start value that is none.
+    #[error(transparent)]
+    Param(#[from] etude_stage::ParamError),
+    /// The method's numbers.
+    #[error(transparent)]
+    Config(#[from] ConfigError),
+    /// A group cannot be fitted.
+    #[error(transparent)]
+    Group(#[from] GroupError),
+    /// A fit was told the wrong thing: a bug.
+    #[error(transparent)]
+    Tell(#[from] TellError),
+    /// The end cannot be judged.
+    #[error(transparent)]
+    Estimate(#[from] EstimateError),
+    /// Nor its slopes.
+    #[error(transparent)]
+    Jacobian(#[from] JacobianError),
+    /// The state cannot be written.
+    #[error(transparent)]
+    Write(#[from] FileError),
+    /// The state cannot be read, or is of another identification.
+    #[error("{0}; remove it, or choose another folder with -o, to begin anew")]
+    State(String),
+    /// Nothing to fit.
+    #[error("none of the recordings moves a joint; record an excitation (`etude record --excitation chirp`)")]
+    Nothing,
+    /// On request; what was done is saved.
+    #[error("interrupted; the same command goes on from where it stopped")]
+    Interrupted,
+}
+
+/// How far it has got.
+#[derive(Clone, Debug)]
+pub struct Progress {
+    /// The stage.
+    pub stage: Stage,
+    /// Replays of all motions so far in this stage.
+    pub replays: u64,
+    /// Root mean square of all residuals of the best candidates so far, in standard deviations of the noise.
+    pub rms: f64,
+    /// Groups that have ended, of all.
+    pub ended: [usize; 2],
+}
+
+/// One stage as it ended.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct StageEnd {
+    /// Which.
+    pub stage: Stage,
+    /// Replays of all motions.
+    pub replays: u64,
+    /// Time that they and the method took, s, over all interruptions.
+    pub secs: f64,
+    /// Root mean square of the residuals at its beginning and at its end, in standard deviations of the noise.
+    pub rms: [f64; 2],
+}
+
+/// What came of it.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Identified {
+    /// Rows other than the defaults, by path: the identified simulator.
+    pub physics: BTreeMap<String, f64>,
+    /// Where the fit started.
+    pub before: BTreeMap<String, f64>,
+    /// The stages.
+    pub stages: Vec<StageEnd>,
+    /// What the estimates of the last stage of each group are worth.
+    pub estimates: Vec<(String, Estimate)>,
+}
+
+/// What is kept on the way.
+#[derive(Serialize, Deserialize)]
+struct State {
+    config: IdentifyConfig,
+    /// What tells recordings from others: path, length and start of each.
+    motions: Vec<(String, usize, [f64; JOINTS])>,
+    params: PhysicalParams,
+    ended: Vec<StageEnd>,
+    /// Whether all stages are.
+    done: bool,
+    /// The stage under way.
+    stage: Stage,
+    fits: Vec<(Group, Fit)>,
+    replays: u64,
+    secs: f64,
+    rms: f64,
+}
+
+/// Fits the simulator to motions of one rig. What is needed to go on after an interruption is in the file `state`.
+///
+/// # Errors
+/// If there is nothing to fit, a number makes no sense, or a file cannot be read or written; [`IdentifyError::Interrupted`]
+/// when `interrupt` is set.
+pub fn identify(
+    motions: &[Motion],
+    config: &IdentifyConfig,
+    state: &Path,
+    tell: &mut dyn FnMut(&Progress),
+    interrupt: &AtomicBool,
+) -> Result<Identified, IdentifyError> {
+    let mut work = Work::open(motions, config, state)?;
+    while let Some(stage) = work.next_stage() {
+        work.run(stage, tell, interrupt)?;
+    }
+    work.state.done = true;
+    work.save()?;
+    work.finish()
+}
+
+struct Work<'a> {
+    motions: &'a [Motion],
+    world: StageConfig,
+    before: PhysicalParams,
+    file: &'a Path,
+    state: State,
+}
+
+impl<'a> Work<'a> {
+    fn open(motions: &'a [Motion], config: &IdentifyConfig, file: &'a Path) -> Result<Self, IdentifyError> {
+        let first = motions.first().ok_or(IdentifyError::Nothing)?;
+        let world = StageConfig { side: first.side(), ..StageConfig::default() };
+        let mut before = shaping_params(&first.rig.limits);
+        for (path, value) in &config.start {
+            before.set(path, *value)?;
+        }
+        let marks: Vec<_> = motions
+            .iter()
+            .map(|motion| (motion.path.display().to_string(), motion.commands.steps(), motion.start))
+            .collect();
+        let fresh = State {
+            config: config.clone(),
+            motions: marks,
+            params: before.clone(),
+            ended: Vec::new(),
+            done: false,
+            stage: Stage::Joints,
+            fits: Vec::new(),
+            replays: 0,
+            secs: 0.0,
+            rms: 0.0,
+        };
+        let state = match std::fs::read(file) {
+            Err(error) if error.kind() == std::io::ErrorKind::NotFound => fresh,
+            Err(error) => {
+                return Err(IdentifyError::State(format!("cannot read {}: {error}", file.display())));
+            }
+            Ok(bytes) => {
+                let saved: State = serde_json::from_slice(&bytes).map_err(|error| {
+                    IdentifyError::State(format!("{} is damaged: {error}", file.display()))
+                })?;
+                let same = saved.config == fresh.config && saved.motions == fresh.motions;
+                if !same && !saved.done {
+                    let what = "is of an unfinished identification with other recordings or settings";
+                    return Err(IdentifyError::State(format!("{} {what}", file.display())));
+                }
+                if same { saved } else { fresh }
+            }
+        };
+        Ok(Self { motions, world, before, file, state })
+    }
+
+    fn next_stage(&self) -> Option<Stage> {
+        let lm = matches!(self.state.config.method, MethodConfig::Lm(_));
+        let keys = self.motions.iter().any(|motion| !motion.keys.is_empty());
+        let air = self.air().next().is_some();
+        [(Stage::Joints, air), (Stage::Fingers, air && lm), (Stage::Contact, keys)]
+            .into_iter()
+            .find(|(stage, wanted)| *wanted && self.state.ended.iter().all(|end| end.stage != *stage))
+            .map(|(stage, _)| stage)
+    }
+
+    /// Motions that touch no key: what the drives of the joints are fitted to.
+    fn air(&self) -> impl Iterator<Item = &'a Motion> + use<'a> {
+        self.motions.iter().filter(|motion| motion.keys.is_empty())
+    }
+
+    fn motions_of(&self, stage: Stage) -> Vec<Motion> {
+        match stage {
+            Stage::Joints | Stage::Fingers => self.air().cloned().collect(),
+            Stage::Contact => self.motions.iter().filter(|motion| !motion.keys.is_empty()).cloned().collect(),
+        }
+    }
+
+    /// Finds the delay of each joint that repeats its motion best while its other numbers are as they are. A fit that begins
+    /// a step or two away from it can settle in the wrong valley: a delay is not the only number that holds a joint back.
+    fn find_delays(&mut self, motions: &[Motion], interrupt: &AtomicBool) -> Result<(), IdentifyError> {
+        let worlds: Vec<PhysicalParams> = (0..=MOST_DELAY_STEPS)
+            .map(|steps| {
+                let mut params = self.state.params.clone();
+                for joint in 0..JOINTS {
+                    params.set_joint(Joint::Delay, joint, steps as f64 * self.world.physics_step_secs());
+                }
+                params
+            })
+            .collect();
+        let traces = self.replay(&worlds, motions, false, interrupt)?;
+        for joint in 0..JOINTS {
+            let cost = |traces: &[Option<Trace>]| -> f64 {
+                let moving = motions.iter().zip(traces).filter(|(motion, _)| motion.moves[joint]);
+                moving
+                    .map(|(motion, trace)| trace.as_ref().map_or(f64::INFINITY, |t| t.rmse(motion, joint)))
+                    .sum()
+            };
+            let costs: Vec<f64> = traces.iter().map(|traces| cost(traces)).collect();
+            if let Some(best) = (0..costs.len()).min_by(|a, b| costs[*a].total_cmp(&costs[*b])) {
+                let delay = worlds[best].joint(Joint::Delay, joint);
+                self.state.params.set_joint(Joint::Delay, joint, delay);
+            }
+        }
+        self.state.replays = worlds.len() as u64;
+        Ok(())
+    }
+
+    fn begin(&mut self, stage: Stage, motions: &[Motion]) -> Result<(), IdentifyError> {
+        let params = &self.state.params;
+        let mut fits = Vec::new();
+        for (index, group) in stage.groups().into_iter().enumerate() {
+            if !motions.iter().any(|motion| group.learns_from(motion)) {
+                continue;
+            }
+            let parameters = match stage {
+                Stage::Contact => contact_parameters(params),
+                _ => drives(&group, motions, params),
+            };
+            let problem = group.problem(parameters, motions)?;
+            let seed = self.state.config.seed.wrapping_mul(1000).wrapping_add(index as u64);
+            fits.push((group, Fit::new(problem, &self.state.config.method, seed)?));
+        }
+        if fits.is_empty() {
+            return Err(IdentifyError::Nothing);
+        }
+        (self.state.stage, self.state.fits, self.state.replays, self.state.secs) = (stage, fits, 0, 0.0);
+        Ok(())
+    }
+
+    fn run(
+        &mut self,
+        stage: Stage,
+        tell: &mut dyn FnMut(&Progress),
+        interrupt: &AtomicBool,
+    ) -> Result<(), IdentifyError> {
+        let motions = self.motions_of(stage);
+        if self.state.fits.is_empty() || self.state.stage != stage {
+            if stage == Stage::Joints {
+                self.find_delays(&motions, interrupt)?;
+            }
+            self.begin(stage, &motions)?;
+        }
+        let began = self.state.params.clone();
+        loop {
+            let begun = Instant::now();
+            let asked: Vec<Vec<Candidate>> = self.state.fits.iter_mut().map(|(_, fit)| fit.ask()).collect();
+            let batch = asked.iter().map(Vec::len).max().unwrap_or(0);
+            if batch == 0 {
+                break;
+            }
+            if interrupt.load(Ordering::Relaxed) {
+                return Err(IdentifyError::Interrupted);
+            }
+            let worlds: Vec<PhysicalParams> = (0..batch).map(|index| self.world_of(&asked, index)).collect();
+            let traces = self.replay(&worlds, &motions, stage == Stage::Contact, interrupt)?;
+            for ((group, fit), candidates) in self.state.fits.iter_mut().zip(&asked) {
+                if !candidates.is_empty() {
+                    let evaluations: Vec<Evaluation> = (0..candidates.len())
+                        .map(|index| group.evaluate(&began, &worlds[index], &motions, &traces[index]))
+                        .collect();
+                    fit.tell(&evaluations)?;
+                }
+            }
+            let rms = rms(&self.state.fits);
+            if self.state.replays == 0 {
+                self.state.rms = rms;
+            }
+            self.state.replays += batch as u64;
+            self.state.secs += begun.elapsed().as_secs_f64();
+            self.save()?;
+            let ended = self.state.fits.iter().filter(|(_, fit)| fit.finished().is_some()).count();
+            let replays = self.state.replays;
+            tell(&Progress { stage, replays, rms, ended: [ended, self.state.fits.len()] });
+        }
+        let fits = std::mem::take(&mut self.state.fits);
+        self.state.params = best_of(&self.state.params, &fits);
+        if stage != Stage::Contact {
+            let saturates = |joint: usize| motions.iter().any(|motion| motion.saturates[joint]);
+            follow_stiffness(&self.before, saturates, &mut self.state.params);
+        }
+        let (replays, secs) = (self.state.replays, self.state.secs);
+        self.state.ended.push(StageEnd { stage, replays, secs, rms: [self.state.rms, rms(&fits)] });
+        self.save()
+    }
+
+    /// A world with the candidate `index` of each fit, or with the best so far of one that has fewer.
+    fn world_of(&self, asked: &[Vec<Candidate>], index: usize) -> PhysicalParams {
+        let mut params = self.state.params.clone();
+        for ((_, fit), candidates) in self.state.fits.iter().zip(asked) {
+            let values = candidates.get(index).map(|candidate| &candidate.values);
+            if let Some(values) = values.or_else(|| fit.best().map(|best| &best.values)) {
+                set(&mut params, fit, values);
+            }
+        }
+        params
+    }
+
+    /// Replays every motion in every world: one list a world, one trace a motion.
+    fn replay(
+        &self,
+        worlds: &[PhysicalParams],
+        motions: &[Motion],
+        keys: bool,
+        interrupt: &AtomicBool,
+    ) -> Result<Vec<Vec<Option<Trace>>>, IdentifyError> {
+        let jobs: Vec<(usize, usize)> = (0..worlds.len())
+            .flat_map(|world| (0..motions.len()).map(move |motion| (world, motion)))
+            .collect();
+        let replayer = || Replayer::new(&self.world);
+        let traces: Vec<Option<Trace>> = jobs
+            .par_iter()
+            .map_init(replayer, |replayer, (world, motion)| match replayer {
+                _ if interrupt.load(Ordering::Relaxed) => Err(IdentifyError::Interrupted),
+                Ok(replayer) => Ok(replayer.replay(&worlds[*world], &motions[*motion], keys)),
+                Err(_) => Err(replayer_error(&self.world)),
+            })
+            .collect::<Result<_, _>>()?;
+        let mut traces = traces.into_iter();
+        Ok(worlds.iter().map(|_| traces.by_ref().take(motions.len()).collect()).collect())
+    }
+
+    fn save(&self) -> Result<(), IdentifyError> {
+        // Numbers, strings and paths: writing them as JSON cannot fail.
+        let text = serde_json::to_string(&self.state).unwrap_or_default();
+        Ok(write_text(self.file, &text)?)
+    }
+
+    /// Judges where the fits have ended.
+    fn finish(self) -> Result<Identified, IdentifyError> {
+        let still = AtomicBool::new(false);
+        let done: Vec<Stage> = self.state.ended.iter().map(|end| end.stage).collect();
+        // The estimate of the fingers is that of their joints with their correlations.
+        let judged =
+            done.iter().copied().filter(|stage| *stage != Stage::Joints || !done.contains(&Stage::Fingers));
+        let mut estimates = Vec::new();
+        let began = self.before.clone();
+        for stage in judged {
+            let motions = self.motions_of(stage);
+            let mut problems = Vec::new();
+            for group in stage.groups() {
+                if motions.iter().any(|motion| group.learns_from(motion)) {
+                    let params = &self.state.params;
+                    let parameters = match stage {
+                        Stage::Contact => contact_parameters(&self.before),
+                        _ => drives(&group, &motions, &self.before),
+                    };
+                    let problem = group.problem(parameters, &motions)?;
+                    let values: Vec<f64> = problem
+                        .space()
+                        .parameters()
+                        .iter()
+                        .map(|parameter| params.get(&parameter.path))
+                        .collect::<Result<_, _>>()?;
+                    let plan =
+                        JacobianPlan::new(&problem, &problem.space().to_normalised(&values), ESTIMATE_STEP);
+                    problems.push((group, problem, plan));
+                }
+            }
+            let asked: Vec<Vec<Candidate>> =
+                problems.iter().map(|(_, problem, plan)| plan.candidates(problem)).collect();
+            let batch = asked.iter().map(Vec::len).max().unwrap_or(0);
+            let worlds: Vec<PhysicalParams> = (0..batch)
+                .map(|index| {
+                    let mut params = self.state.params.clone();
+                    for ((_, problem, _), candidates) in problems.iter().zip(&asked) {
+                        if let Some(candidate) = candidates.get(index) {
+                            for (parameter, value) in
+                                problem.space().parameters().iter().zip(&candidate.values)
+                            {
+                                // A path of the rows, within their bounds.
+                                let _ = params.set(&parameter.path, *value);
+                            }
+                        }
+                    }
+                    params
+                })
+                .collect();
+            let traces = self.replay(&worlds, &motions, stage == Stage::Contact, &still)?;
+            for ((group, problem, plan), candidates) in problems.iter().zip(&asked) {
+                let evaluations: Vec<Evaluation> = (0..candidates.len())
+                    .map(|index| group.evaluate(&began, &worlds[index], &motions, &traces[index]))
+                    .collect();
+                let linear = plan.finish(problem, &evaluations)?;
+                estimates.push((group.name.clone(), Estimate::new(problem, &linear)?));
+            }
+        }
+        Ok(Identified {
+            physics: changed(&self.state.params),
+            before: changed(&self.before),
+            stages: self.state.ended,
+            estimates,
+        })
+    }
+}
+
+/// Parameters of a group's joints.
+fn drives(group: &Group, motions: &[Motion], before: &PhysicalParams) -> Vec<Parameter> {
+    let saturates = |joint: usize| motions.iter().any(|motion| motion.saturates[joint]);
+    group.joints.iter().flat_map(|&joint| joint_parameters(joint, saturates(joint), before)).collect()
+}
+
+fn replayer_error(world: &StageConfig) -> IdentifyError {
+    match Replayer::new(world) {
+        Err(error) => error.into(),
+        Ok(_) => StageError::Missing("memory for another world".to_string()).into(),
+    }
+}
+
+fn set(params: &mut PhysicalParams, fit: &Fit, values: &[f64]) {
+    for (parameter, value) in fit.problem().space().parameters().iter().zip(values) {
+        // A path of the rows, within their bounds.
+        let _ = params.set(&parameter.path, *value);
+    }
+}
+
+fn best_of(before: &PhysicalParams, fits: &[(Group, Fit)]) -> PhysicalParams {
+    let mut params = before.clone();
+    for (_, fit) in fits {
+        if let Some(best) = fit.best() {
+            set(&mut params, fit, &best.values);
+        }
+    }
+    params
+}
+
+/// Root mean square of the residuals of the best candidates.
+fn rms(fits: &[(Group, Fit)]) -> f64 {
+    let (cost, samples) = fits.iter().fold((0.0, 0.0), |(cost, samples), (_, fit)| {
+        let best = fit.best().map_or(f64::INFINITY, |best| best.cost);
+        (cost + best, samples + fit.problem().samples() as f64)
+    });
+    f64::sqrt(2.0 * cost / f64::max(samples, 1.0))
+}
+
+/// Rows other than the defaults.
+fn changed(params: &PhysicalParams) -> BTreeMap<String, f64> {
+    PhysicalParams::rows()
+        .filter_map(|(path, _, default)| {
+            let value = params.get(&path).ok()?;
+            (value != default).then_some((path, value))
+        })
+        .collect()
+}

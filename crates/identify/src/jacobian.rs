@@ -1,0 +1,287 @@
+//! The Jacobian by finite differences, one batch of candidates: parameters that influence no block in common
+//! are perturbed together, so that thirteen joints with eight parameters each cost eight simulations and not
+//! 104.
+
+use crate::config::Differences;
+use crate::fit::Candidate;
+use crate::problem::{Evaluation, Problem};
+use crate::space::Space;
+
+/// Slopes of the residuals with respect to the normalised coordinates; only blocks that a parameter
+/// influences are kept.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Jacobian {
+    columns: Vec<Vec<Part>>,
+    samples: usize,
+}
+
+/// One block of one column.
+#[derive(Clone, Debug, PartialEq)]
+struct Part {
+    block: usize,
+    /// Place of the block in the residuals.
+    start: usize,
+    slopes: Vec<f64>,
+}
+
+impl Jacobian {
+    /// Slopes of all residuals per unit of one parameter's normalised coordinate; zero where it has no
+    /// influence. Empty for a parameter that does not exist.
+    pub fn column(&self, parameter: usize) -> Vec<f64> {
+        let Some(parts) = self.columns.get(parameter) else { return Vec::new() };
+        let mut column = vec![0.0; self.samples];
+        for part in parts {
+            for (place, slope) in column[part.start..].iter_mut().zip(&part.slopes) {
+                *place = *slope;
+            }
+        }
+        column
+    }
+
+    /// Number of parameters.
+    pub(crate) fn parameters(&self) -> usize {
+        self.columns.len()
+    }
+
+    /// Adds a block's `scale · JᵀWJ` to `sum` (row by row, parameters × parameters); `weights` are of all
+    /// residuals.
+    pub(crate) fn add_gram(&self, block: usize, weights: &[f64], scale: f64, sum: &mut [f64]) {
+        let n = self.columns.len();
+        let parts: Vec<(usize, &Part)> = self
+            .columns
+            .iter()
+            .enumerate()
+            .filter_map(|(i, parts)| Some((i, parts.iter().find(|part| part.block == block)?)))
+            .collect();
+        for (position, (i, left)) in parts.iter().enumerate() {
+            for (j, right) in &parts[position..] {
+                let products = left.slopes.iter().zip(&right.slopes).zip(&weights[left.start..]);
+                let product = scale * products.map(|((a, b), w)| a * b * w).sum::<f64>();
+                sum[i * n + j] += product;
+                if i != j {
+                    sum[j * n + i] += product;
+                }
+            }
+        }
+    }
+
+    /// `Jᵀ v` for a vector over all residuals.
+    pub(crate) fn transposed_times(&self, vector: &[f64]) -> Vec<f64> {
+        let along = |part: &Part| -> f64 {
+            part.slopes.iter().zip(&vector[part.start..]).map(|(slope, v)| slope * v).sum()
+        };
+        self.columns.iter().map(|parts| parts.iter().map(along).sum()).collect()
+    }
+}
+
+/// One candidate of a Jacobian: the point, and how far each of its members was moved.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Probe {
+    pub point: Vec<f64>,
+    /// Parameter and signed distance, normalised.
+    pub moved: Vec<(usize, f64)>,
+}
+
+/// Sets of parameters, no two in a set influencing the same block. Every parameter is in exactly one.
+pub(crate) fn colours(problem: &Problem) -> Vec<Vec<usize>> {
+    let blocks = problem.blocks().len();
+    let mut sets: Vec<(Vec<usize>, Vec<bool>)> = Vec::new();
+    for parameter in 0..problem.space().len() {
+        let wanted = problem.influenced(parameter);
+        let free = sets.iter().position(|(_, taken)| wanted.iter().all(|&block| !taken[block]));
+        let place = free.unwrap_or_else(|| {
+            sets.push((Vec::new(), vec![false; blocks]));
+            sets.len() - 1
+        });
+        let (members, taken) = &mut sets[place];
+        members.push(parameter);
+        wanted.iter().for_each(|&block| taken[block] = true);
+    }
+    sets.into_iter().map(|(members, _)| members).collect()
+}
+
+/// How far to move a parameter from `at` in the direction of `sign`, staying inside; zero where there is no
+/// room.
+///
+/// The distance is what a computer makes of it, so that the difference of the two coordinates is exact.
+fn distance(space: &Space, parameter: usize, at: f64, sign: f64, step: f64) -> f64 {
+    let step = space.grid(parameter).unwrap_or(step);
+    let target = at + sign * step;
+    // A grid step to the last value of the grid may miss the bound by rounding.
+    if (-1e-9..=1.0 + 1e-9).contains(&target) { target.clamp(0.0, 1.0) - at } else { 0.0 }
+}
+
+/// The candidates of a Jacobian at `point`, without the point itself.
+///
+/// `attempts` counts for each parameter how often its probes have failed: another direction is tried, then a
+/// tenth of the step.
+pub(crate) fn probes(
+    problem: &Problem,
+    point: &[f64],
+    differences: Differences,
+    step: f64,
+    attempts: &[u8],
+) -> Vec<Probe> {
+    let space = problem.space();
+    let probe = |members: &[usize], distance_of: &dyn Fn(usize) -> f64| -> Option<Probe> {
+        let moved: Vec<(usize, f64)> =
+            members.iter().map(|&p| (p, distance_of(p))).filter(|(_, d)| *d != 0.0).collect();
+        let mut moved_point = point.to_vec();
+        for &(parameter, distance) in &moved {
+            moved_point[parameter] += distance;
+        }
+        (!moved.is_empty()).then_some(Probe { point: moved_point, moved })
+    };
+    let mut all = Vec::new();
+    for members in colours(problem) {
+        let attempt = |p: usize| attempts.get(p).copied().unwrap_or(0);
+        match differences {
+            Differences::Forward => {
+                let forward = |p: usize| {
+                    let sign = if attempt(p) == 1 { -1.0 } else { 1.0 };
+                    let step = if attempt(p) >= 2 { 0.1 * step } else { step };
+                    match distance(space, p, point[p], sign, step) {
+                        0.0 => distance(space, p, point[p], -sign, step),
+                        d => d,
+                    }
+                };
+                all.extend(probe(&members, &forward));
+            }
+            Differences::Central => {
+                for sign in [1.0, -1.0] {
+                    let to_side =
+                        |p: usize| distance(space, p, point[p], sign, step * 0.1f64.powi(attempt(p).into()));
+                    all.extend(probe(&members, &to_side));
+                }
+            }
+        }
+    }
+    all
+}
+
+/// Puts a Jacobian together; also gives the parameters for which no probe came back, whose columns are zero.
+pub(crate) fn assemble(
+    problem: &Problem,
+    base: &[f64],
+    probes: &[Probe],
+    outcomes: &[Option<&[f64]>],
+) -> (Jacobian, Vec<usize>) {
+    let mut columns = Vec::with_capacity(problem.space().len());
+    let mut missing = Vec::new();
+    for parameter in 0..problem.space().len() {
+        // Lowest and highest of the base and the probes that came back.
+        let (mut low, mut high) = ((0.0, base), (0.0, base));
+        for (probe, outcome) in probes.iter().zip(outcomes) {
+            let moved = probe.moved.iter().find(|(p, _)| *p == parameter);
+            if let (Some(&(_, distance)), Some(residuals)) = (moved, outcome) {
+                if distance < low.0 {
+                    low = (distance, residuals);
+                } else if distance > high.0 {
+                    high = (distance, residuals);
+                }
+            }
+        }
+        let width = high.0 - low.0;
+        if width == 0.0 {
+            missing.push(parameter);
+            columns.push(Vec::new());
+            continue;
+        }
+        let part = |&block: &usize| {
+            let range = problem.ranges()[block].clone();
+            let start = range.start;
+            let slopes = high.1[range.clone()].iter().zip(&low.1[range]).map(|(h, l)| (h - l) / width);
+            Part { block, start, slopes: slopes.collect() }
+        };
+        columns.push(problem.influenced(parameter).iter().map(part).collect());
+    }
+    (Jacobian { columns, samples: problem.samples() }, missing)
+}
+
+/// A Jacobian that cannot be made of what came back.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum JacobianError {
+    /// Not one evaluation for each candidate.
+    #[error(
+        "{given} evaluations came back for {asked} candidates; give one for each, in the order of the \
+        candidates"
+    )]
+    Count {
+        /// Candidates of the plan.
+        asked: usize,
+        /// Evaluations that were given.
+        given: usize,
+    },
+    /// The point itself failed.
+    #[error(
+        "the point itself could not be evaluated, so nothing can be said about it; take the best point \
+        of a fit"
+    )]
+    Point,
+    /// Nothing on either side of the point.
+    #[error(
+        "no neighbour of the point could be evaluated along `{0}`; try a smaller difference step, or \
+        hold that parameter \
+         fixed"
+    )]
+    Parameter(String),
+}
+
+/// The batch of candidates that tells the Jacobian at a point, for [`Estimate`](crate::Estimate) after any
+/// method.
+#[derive(Clone, Debug)]
+pub struct JacobianPlan {
+    point: Vec<f64>,
+    probes: Vec<Probe>,
+}
+
+impl JacobianPlan {
+    /// Plans central differences at the allowed point nearest to `point` (normalised); `step` is a share of
+    /// each range. Towards a bound, or over a failed neighbour, a parameter's difference is one-sided.
+    pub fn new(problem: &Problem, point: &[f64], step: f64) -> Self {
+        let mut point = problem.space().snap(point);
+        point.resize(problem.space().len(), 0.0);
+        let step = if step.is_finite() { step.clamp(1e-9, 0.1) } else { 1e-5 };
+        let probes = probes(problem, &point, Differences::Central, step, &[]);
+        Self { point, probes }
+    }
+
+    /// The batch, the point itself first. In any order, on any number of threads.
+    pub fn candidates(&self, problem: &Problem) -> Vec<Candidate> {
+        let probes = self.probes.iter().map(|probe| &probe.point);
+        std::iter::once(&self.point).chain(probes).map(|point| Candidate::at(problem, point)).collect()
+    }
+
+    /// Makes the Jacobian of what came back, in the order of [`JacobianPlan::candidates`].
+    ///
+    /// # Errors
+    /// [`JacobianError`] says what is missing.
+    pub fn finish(
+        &self,
+        problem: &Problem,
+        evaluations: &[Evaluation],
+    ) -> Result<Linearisation, JacobianError> {
+        let asked = self.probes.len() + 1;
+        let outcomes: Vec<Option<&[f64]>> = evaluations.iter().map(|e| problem.usable(e)).collect();
+        let Some((base, others)) = outcomes.split_first().filter(|_| outcomes.len() == asked) else {
+            return Err(JacobianError::Count { asked, given: evaluations.len() });
+        };
+        let base = base.ok_or(JacobianError::Point)?;
+        let (jacobian, missing) = assemble(problem, base, &self.probes, others);
+        match missing.first().and_then(|&parameter| problem.space().parameters().get(parameter)) {
+            Some(parameter) => Err(JacobianError::Parameter(parameter.path.clone())),
+            None => Ok(Linearisation { point: self.point.clone(), residuals: base.to_vec(), jacobian }),
+        }
+    }
+}
+
+/// The residuals near a point, to first order.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Linearisation {
+    /// Normalised point.
+    pub point: Vec<f64>,
+    /// Residuals at the point.
+    pub residuals: Vec<f64>,
+    /// Their slopes there.
+    pub jacobian: Jacobian,
+}

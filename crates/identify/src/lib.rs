@@ -1,0 +1,63 @@
+//! Parameter estimation: which physical numbers make a simulation repeat what was recorded, and how surely.
+//!
+//! A [`Problem`] is a [`Space`] of parameters, the [`Block`]s of residuals between simulation and recording,
+//! and a [`Loss`]. A [`Fit`] searches it by one of three methods ([`MethodConfig`]): Levenberg–Marquardt
+//! ([`LmConfig`]), CMA-ES ([`CmaConfig`]) or Bayesian optimisation ([`BoConfig`], the paper's). The caller
+//! evaluates: [`Fit::ask`] gives a batch of candidates, in whatever order and on however many threads they
+//! are simulated, and [`Fit::tell`] takes what came of them. An [`Estimate`] says what the end is worth:
+//! intervals, correlations, what the data cannot tell.
+//!
+//! ```
+//! use etude_identify::{Block, Evaluation, Fit, LmConfig, Loss, MethodConfig, Parameter, Problem, Space};
+//!
+//! let space = Space::new(vec![Parameter::new("joint.index_1.damping", 0.0, 1.0, 0.9)])?;
+//! let problem = Problem::new(space, vec![Block::new("index_1", 2)], Loss::Squared)?;
+//! let mut fit = Fit::new(problem, &MethodConfig::Lm(LmConfig::default()), 1)?;
+//! while fit.finished().is_none() {
+//!     let simulate = |values: &[f64]| Evaluation::Residuals(vec![values[0] - 0.3, 2.0 * (values[0] - 0.3)]);
+//!     let evaluations: Vec<_> = fit.ask().iter().map(|candidate| simulate(&candidate.values)).collect();
+//!     fit.tell(&evaluations)?;
+//!     // Here a long fit is written to a file (it is `Serialize`), to go on from after an interruption.
+//! }
+//! assert!((fit.best().map_or(0.0, |best| best.values[0]) - 0.3).abs() < 1e-6);
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+//!
+//! Promises, each with a test: the same seed and evaluations give the same candidates, whatever the number of
+//! threads; a fit that is saved after any tell and loaded is the fit that went on; candidates lie inside the
+//! bounds; a failed evaluation, or one that is not a number, is survived and never becomes the best; optima
+//! and covariances agree with SciPy's and the effort of CMA-ES with pycma's (`scripts/golden_identify.py`).
+
+mod assessment;
+mod autocorrelation;
+mod bo;
+mod cma;
+mod config;
+mod estimate;
+mod fit;
+mod group;
+mod identification;
+mod jacobian;
+mod lm;
+mod motion;
+mod problem;
+mod process;
+mod random;
+mod replay;
+mod report;
+mod rows;
+mod space;
+
+pub use assessment::{Assessment, JointErrors};
+pub use autocorrelation::integrated_autocorrelation;
+pub use config::{BoConfig, CmaConfig, ConfigError, Differences, LmConfig, MethodConfig};
+pub use estimate::{BlockStatistics, Bound, Estimate, EstimateError, ParameterEstimate, WeakDirection};
+pub use fit::{Best, Candidate, Fit, Reason, TellError};
+pub use group::{Group, GroupError};
+pub use identification::{Identified, IdentifyConfig, IdentifyError, Progress, Stage, StageEnd, identify};
+pub use jacobian::{Jacobian, JacobianError, JacobianPlan, Linearisation};
+pub use motion::{Commands, Motion, MotionError};
+pub use problem::{Block, Evaluation, Loss, Problem, ProblemError};
+pub use replay::{Replayer, Trace};
+pub use report::{Report, ReportInput};
+pub use space::{Parameter, Scale, Space, SpaceError};

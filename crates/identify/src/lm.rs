@@ -1,0 +1,275 @@
+//! Levenberg–Marquardt in a box: Gauss–Newton steps on measured slopes, damped by how well they keep their
+//! promise.
+//!
+//! Bounds are an active set: a parameter at its bound whose slope points outward is held, and one that a step
+//! would carry over its bound is put there while the others are solved for again. A parameter on a grid (a
+//! delay of whole physics steps) is differenced over one grid step and rounded, the others are solved for
+//! again beside it; and where the fit has settled its two neighbours are tried, each with the others moved as
+//! far as the slopes say they must.
+
+use serde::{Deserialize, Serialize};
+
+use crate::config::LmConfig;
+use crate::fit::{Method, Outcome, Reason};
+use crate::jacobian::{assemble, probes};
+use crate::problem::Problem;
+use crate::space::is_point;
+
+mod step;
+
+use step::{Model, neighbours};
+
+/// Share of the promised reduction from which on a step is taken.
+const LEAST_GAIN: f64 = 1e-4;
+const DAMPING_LIMITS: [f64; 2] = [1e-12, 1e15];
+/// Times that a failed probe is tried at another distance, before its parameter is held for one step.
+const MOST_ATTEMPTS: u8 = 3;
+
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+enum Phase {
+    /// The start is being evaluated.
+    Start,
+    /// The Jacobian at the point is being measured; how often each parameter's probes have failed.
+    Jacobian { attempts: Vec<u8> },
+    /// A step is being tried, which promises to lower the cost by this much.
+    Trial { point: Vec<f64>, predicted: f64 },
+    /// The neighbours on the grid are being tried, since the fit has settled for this reason.
+    Neighbours { reason: Reason },
+}
+
+/// State of the method.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct Lm {
+    config: LmConfig,
+    phase: Phase,
+    /// Where the fit is, its cost and its residuals.
+    point: Vec<f64>,
+    cost: f64,
+    residuals: Vec<f64>,
+    /// Slopes and curvatures there, as the last Jacobian tells.
+    model: Model,
+    damping: f64,
+    /// Factor by which the next refusal raises the damping (Nielsen 1999).
+    growth: f64,
+    /// Where the neighbours on the grid were tried last.
+    settled: Option<Vec<f64>>,
+}
+
+impl Lm {
+    pub(crate) fn new(problem: &Problem, config: LmConfig) -> Self {
+        let point = problem.space().start();
+        let damping = config.initial_damping;
+        Self {
+            model: Model::new(point.len()),
+            config,
+            phase: Phase::Start,
+            point,
+            cost: 0.0,
+            residuals: Vec::new(),
+            damping,
+            growth: 2.0,
+            settled: None,
+        }
+    }
+
+    fn begin_jacobian(&mut self) {
+        self.phase = Phase::Jacobian { attempts: vec![0; self.point.len()] };
+    }
+
+    fn move_to(&mut self, problem: &Problem, point: &[f64], outcome: &Outcome<'_>) {
+        self.point = problem.space().snap(point);
+        self.cost = outcome.cost;
+        self.residuals = outcome.residuals.to_vec();
+        self.begin_jacobian();
+    }
+
+    /// The next step from here, or what ends the fit.
+    fn decide(&mut self, problem: &Problem) -> Option<Reason> {
+        let space = problem.space();
+        let flat = self.model.steepest(space, &self.point) <= self.config.gradient_tolerance;
+        while self.damping <= DAMPING_LIMITS[1] {
+            let Some(step) = self.model.step(space, &self.point, self.damping) else {
+                self.refuse();
+                continue;
+            };
+            let moves: Vec<f64> = step.point.iter().zip(&self.point).map(|(a, b)| (a - b).abs()).collect();
+            let stays_on_grid = (0..moves.len()).all(|i| space.grid(i).is_none() || moves[i] == 0.0);
+            if flat && stays_on_grid {
+                return self.settle(problem, Reason::Gradient);
+            }
+            let small = if moves.iter().all(|d| *d <= self.config.step_tolerance) {
+                Some(Reason::Step)
+            } else if step.predicted <= self.config.cost_tolerance * self.cost {
+                Some(Reason::Cost)
+            } else {
+                None
+            };
+            if let Some(reason) = small {
+                // A step that only damping makes small has not converged.
+                let reason = if self.damping <= 1.0 { reason } else { Reason::Damping };
+                return self.settle(problem, reason);
+            }
+            self.phase = Phase::Trial { point: step.point, predicted: step.predicted };
+            return None;
+        }
+        self.settle(problem, Reason::Damping)
+    }
+
+    fn refuse(&mut self) {
+        self.damping *= self.growth;
+        self.growth = (2.0 * self.growth).min(1e6);
+    }
+
+    /// Ends for `reason`, unless there are neighbours on the grid that were not tried yet.
+    fn settle(&mut self, problem: &Problem, reason: Reason) -> Option<Reason> {
+        let tried = self.settled.as_ref() == Some(&self.point);
+        if tried || neighbours(problem, &self.model, &self.point).is_empty() {
+            return Some(reason);
+        }
+        self.phase = Phase::Neighbours { reason };
+        None
+    }
+
+    fn learn_jacobian(
+        &mut self,
+        problem: &Problem,
+        mut attempts: Vec<u8>,
+        outcomes: &[Option<Outcome<'_>>],
+    ) -> Option<Reason> {
+        let probes = self.jacobian_probes(problem, &attempts);
+        let residuals: Vec<Option<&[f64]>> =
+            outcomes.iter().map(|outcome| outcome.as_ref().map(|o| o.residuals)).collect();
+        let (jacobian, missing) = assemble(problem, &self.residuals, &probes, &residuals);
+        let again: Vec<usize> = missing.into_iter().filter(|&p| attempts[p] + 1 < MOST_ATTEMPTS).collect();
+        if !again.is_empty() {
+            again.iter().for_each(|&p| attempts[p] += 1);
+            self.phase = Phase::Jacobian { attempts };
+            return None;
+        }
+        self.model.measure(problem, &self.residuals, &jacobian);
+        self.decide(problem)
+    }
+
+    fn jacobian_probes(&self, problem: &Problem, attempts: &[u8]) -> Vec<crate::jacobian::Probe> {
+        probes(problem, &self.point, self.config.differences, self.config.difference_step, attempts)
+    }
+
+    fn learn_trial(
+        &mut self,
+        problem: &Problem,
+        point: &[f64],
+        predicted: f64,
+        outcome: Option<&Outcome<'_>>,
+    ) -> Option<Reason> {
+        let accepted = outcome.filter(|o| self.cost - o.cost > LEAST_GAIN * predicted);
+        let Some(outcome) = accepted else {
+            self.refuse();
+            return self.decide(problem);
+        };
+        let reduction = self.cost - outcome.cost;
+        let tolerance = self.config.cost_tolerance * self.cost;
+        let gain = reduction / predicted;
+        let factor = (1.0 - (2.0 * gain - 1.0).powi(3)).clamp(1.0 / 3.0, 2.0);
+        self.damping = (self.damping * factor).clamp(DAMPING_LIMITS[0], DAMPING_LIMITS[1]);
+        self.growth = 2.0;
+        self.move_to(problem, point, outcome);
+        if reduction <= tolerance && predicted <= tolerance {
+            return self.settle(problem, Reason::Cost);
+        }
+        None
+    }
+
+    /// Joins the neighbours that are better, as far as they do not touch the same blocks, to one trial.
+    fn learn_neighbours(
+        &mut self,
+        problem: &Problem,
+        reason: Reason,
+        outcomes: &[Option<Outcome<'_>>],
+    ) -> Option<Reason> {
+        let proposed = neighbours(problem, &self.model, &self.point);
+        let mut better: Vec<(f64, &step::Move)> = Vec::new();
+        for (neighbour, outcome) in proposed.iter().zip(outcomes) {
+            let Some(outcome) = outcome else { continue };
+            for change in &neighbour.moves {
+                let gain: f64 = problem.influenced(change.parameter).iter().fold(0.0, |gain, &block| {
+                    let range = problem.ranges()[block].clone();
+                    gain + problem.cost(&self.residuals[range.clone()])
+                        - problem.cost(&outcome.residuals[range])
+                });
+                if gain > self.config.cost_tolerance * self.cost {
+                    better.push((gain, change));
+                }
+            }
+        }
+        better.sort_by(|a, b| b.0.total_cmp(&a.0));
+        self.settled = Some(self.point.clone());
+        let (mut point, mut predicted) = (self.point.clone(), 0.0);
+        let mut taken = vec![false; problem.blocks().len()];
+        for (gain, change) in better {
+            let blocks = problem.influenced(change.parameter);
+            if blocks.iter().any(|&block| taken[block]) {
+                continue;
+            }
+            blocks.iter().for_each(|&block| taken[block] = true);
+            change.apply(&mut point);
+            predicted += gain;
+        }
+        if predicted == 0.0 {
+            return Some(reason);
+        }
+        self.phase = Phase::Trial { point, predicted };
+        None
+    }
+}
+
+impl Method for Lm {
+    fn propose(&self, problem: &Problem) -> Vec<Vec<f64>> {
+        match &self.phase {
+            Phase::Start => vec![self.point.clone()],
+            Phase::Jacobian { attempts } => {
+                self.jacobian_probes(problem, attempts).into_iter().map(|probe| probe.point).collect()
+            }
+            Phase::Trial { point, .. } => vec![point.clone()],
+            Phase::Neighbours { .. } => {
+                neighbours(problem, &self.model, &self.point).into_iter().map(|n| n.point).collect()
+            }
+        }
+    }
+
+    fn learn(
+        &mut self,
+        problem: &Problem,
+        points: &[Vec<f64>],
+        outcomes: &[Option<Outcome<'_>>],
+    ) -> Option<Reason> {
+        let first = outcomes.first().and_then(Option::as_ref);
+        match self.phase.clone() {
+            Phase::Start => match (points.first(), first) {
+                (Some(point), Some(outcome)) => {
+                    self.move_to(problem, point, outcome);
+                    None
+                }
+                _ => Some(Reason::Failures),
+            },
+            Phase::Jacobian { attempts } => self.learn_jacobian(problem, attempts, outcomes),
+            Phase::Trial { point, predicted } => self.learn_trial(problem, &point, predicted, first),
+            Phase::Neighbours { reason } => self.learn_neighbours(problem, reason, outcomes),
+        }
+    }
+
+    fn is_sound(&self, problem: &Problem) -> bool {
+        let n = problem.space().len();
+        let phase = match &self.phase {
+            Phase::Start => self.residuals.is_empty(),
+            Phase::Jacobian { attempts } => attempts.len() == n,
+            Phase::Trial { point, predicted } => is_point(point, n) && *predicted > 0.0,
+            Phase::Neighbours { .. } => true,
+        };
+        let started = self.phase == Phase::Start || self.residuals.len() == problem.samples();
+        let numbers = self.damping > 0.0 && self.growth >= 1.0 && self.cost.is_finite();
+        let numbers = numbers && self.config.validate().is_ok();
+        phase && started && numbers && is_point(&self.point, n) && self.model.is_sound(n)
+    }
+}

@@ -1,0 +1,218 @@
+//! The quadratic model that a Jacobian gives, and the best allowed step in it.
+
+use nalgebra::{DMatrix, DVector};
+use serde::{Deserialize, Serialize};
+
+use crate::jacobian::{Jacobian, colours};
+use crate::problem::Problem;
+use crate::space::Space;
+
+/// Damping in the model of a parameter without curvature, as a share of the largest curvature.
+const LEAST_SCALE: f64 = 1e-10;
+/// Damping while the neighbours of a grid are solved for: none but for rounding.
+const NEIGHBOUR_DAMPING: f64 = 1e-9;
+
+/// Slopes and curvatures of the cost in normalised coordinates.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Model {
+    /// Jᵀ W r.
+    gradient: Vec<f64>,
+    /// Jᵀ W J, row by row.
+    hessian: Vec<f64>,
+    /// Largest curvature of each parameter so far, on which it is damped (Moré 1978).
+    scale: Vec<f64>,
+    /// Length of the weighted residuals.
+    length: f64,
+}
+
+/// A step and what the model promises of it.
+pub(super) struct Step {
+    pub point: Vec<f64>,
+    pub predicted: f64,
+}
+
+impl Model {
+    pub(super) fn new(n: usize) -> Self {
+        Self { gradient: vec![0.0; n], hessian: vec![0.0; n * n], scale: vec![0.0; n], length: 0.0 }
+    }
+
+    pub(super) fn is_sound(&self, n: usize) -> bool {
+        let all = [&self.gradient, &self.hessian, &self.scale];
+        let finite = all.iter().all(|values| values.iter().all(|x| x.is_finite()));
+        let lengths = self.gradient.len() == n && Some(self.hessian.len()) == n.checked_mul(n);
+        finite && lengths && self.scale.len() == n && self.length.is_finite()
+    }
+
+    pub(super) fn measure(&mut self, problem: &Problem, residuals: &[f64], jacobian: &Jacobian) {
+        let weights: Vec<f64> = residuals.iter().map(|&r| problem.loss().weight(r)).collect();
+        let weighted: Vec<f64> = residuals.iter().zip(&weights).map(|(r, w)| r * w).collect();
+        self.gradient = jacobian.transposed_times(&weighted);
+        self.hessian.fill(0.0);
+        for block in 0..problem.blocks().len() {
+            jacobian.add_gram(block, &weights, 1.0, &mut self.hessian);
+        }
+        self.length = residuals.iter().zip(&weighted).map(|(r, w)| r * w).sum::<f64>().sqrt();
+        for (i, scale) in self.scale.iter_mut().enumerate() {
+            *scale = scale.max(self.hessian[i * self.gradient.len() + i]);
+        }
+    }
+
+    fn curvature(&self, i: usize, j: usize) -> f64 {
+        self.hessian[i * self.gradient.len() + j]
+    }
+
+    /// Whether a parameter stands at a bound and its slope points outward.
+    fn is_held(&self, point: &[f64], i: usize) -> bool {
+        (point[i] <= 0.0 && self.gradient[i] >= 0.0) || (point[i] >= 1.0 && self.gradient[i] <= 0.0)
+    }
+
+    /// Largest cosine between the residuals and the column of a parameter that is continuous and not held.
+    pub(super) fn steepest(&self, space: &Space, point: &[f64]) -> f64 {
+        (0..point.len()).filter(|&i| space.grid(i).is_none() && !self.is_held(point, i)).fold(
+            0.0,
+            |most, i| {
+                let lengths = self.curvature(i, i).sqrt() * self.length;
+                if lengths > 0.0 { most.max(self.gradient[i].abs() / lengths) } else { most }
+            },
+        )
+    }
+
+    /// The step to the model's minimum in the box under `damping`; `None` where the damping does not suffice
+    /// to solve it.
+    pub(super) fn step(&self, space: &Space, point: &[f64], damping: f64) -> Option<Step> {
+        let n = point.len();
+        let held: Vec<Option<f64>> = (0..n).map(|i| self.is_held(point, i).then_some(0.0)).collect();
+        let mut delta = self.solve(point, &self.gradient, damping, held.clone())?;
+        if (0..n).any(|i| space.grid(i).is_some()) {
+            let target: Vec<f64> = point.iter().zip(&delta).map(|(u, d)| u + d).collect();
+            let rounded = space.snap(&target);
+            let on_grid = |i: usize| match space.grid(i) {
+                Some(_) => Some(rounded[i] - point[i]),
+                None => held[i],
+            };
+            delta = self.solve(point, &self.gradient, damping, (0..n).map(on_grid).collect())?;
+        }
+        let target: Vec<f64> = point.iter().zip(&delta).map(|(u, d)| u + d).collect();
+        let point_after = space.snap(&target);
+        let moved: Vec<f64> = point_after.iter().zip(point).map(|(after, before)| after - before).collect();
+        let mut change = 0.0;
+        for i in 0..n {
+            let bent: f64 = (0..n).map(|j| self.curvature(i, j) * moved[j]).sum();
+            change += moved[i] * (self.gradient[i] + 0.5 * bent);
+        }
+        Some(Step { point: point_after, predicted: -change })
+    }
+
+    /// Minimises `gᵀδ + ½ δᵀ(H + damping · D)δ` with the displacements in `fixed` given and the others inside
+    /// the box.
+    fn solve(
+        &self,
+        point: &[f64],
+        gradient: &[f64],
+        damping: f64,
+        mut fixed: Vec<Option<f64>>,
+    ) -> Option<Vec<f64>> {
+        let largest = self.scale.iter().fold(0.0f64, |largest, &s| largest.max(s));
+        let scale = |i: usize| damping * self.scale[i].max(LEAST_SCALE * largest).max(f64::MIN_POSITIVE);
+        // Each round puts at least one more parameter on its bound.
+        loop {
+            let free: Vec<usize> = (0..point.len()).filter(|&i| fixed[i].is_none()).collect();
+            let matrix = DMatrix::from_fn(free.len(), free.len(), |a, b| {
+                self.curvature(free[a], free[b]) + if a == b { scale(free[a]) } else { 0.0 }
+            });
+            let right = DVector::from_fn(free.len(), |a, _| {
+                let pulls =
+                    fixed.iter().enumerate().filter_map(|(j, d)| Some(self.curvature(free[a], j) * (*d)?));
+                -gradient[free[a]] - pulls.sum::<f64>()
+            });
+            let solution = match free.len() {
+                0 => right,
+                _ => matrix.cholesky()?.solve(&right),
+            };
+            if !solution.iter().all(|d| d.is_finite()) {
+                return None;
+            }
+            let mut inside = true;
+            for (&i, d) in free.iter().zip(solution.iter()) {
+                let bounded = (point[i] + d).clamp(0.0, 1.0);
+                if bounded != point[i] + d {
+                    fixed[i] = Some(bounded - point[i]);
+                    inside = false;
+                }
+            }
+            if inside {
+                let mut delta: Vec<f64> = fixed.iter().map(|d| d.unwrap_or(0.0)).collect();
+                free.iter().zip(solution.iter()).for_each(|(&i, &d)| delta[i] = d);
+                return Some(delta);
+            }
+        }
+    }
+}
+
+/// One grid parameter moved by a step, and the parameters of its own blocks moved along.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Move {
+    pub parameter: usize,
+    /// Parameter and displacement.
+    changes: Vec<(usize, f64)>,
+}
+
+impl Move {
+    pub(super) fn apply(&self, point: &mut [f64]) {
+        for &(i, d) in &self.changes {
+            point[i] = (point[i] + d).clamp(0.0, 1.0);
+        }
+    }
+}
+
+/// A candidate next to a settled point: moves that do not touch the same block.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Neighbour {
+    pub point: Vec<f64>,
+    pub moves: Vec<Move>,
+}
+
+/// The neighbours on the grids: one step up and one down, parameters without a block in common together.
+pub(super) fn neighbours(problem: &Problem, model: &Model, point: &[f64]) -> Vec<Neighbour> {
+    let space = problem.space();
+    let mut all = Vec::new();
+    for members in colours(problem) {
+        for sign in [1.0, -1.0] {
+            let moves: Vec<Move> = members
+                .iter()
+                .filter_map(|&i| {
+                    let target = point[i] + sign * space.grid(i)?;
+                    let inside = (-1e-9..=1.0 + 1e-9).contains(&target);
+                    if !inside {
+                        None
+                    } else {
+                        one_move(problem, model, point, i, target.clamp(0.0, 1.0) - point[i])
+                    }
+                })
+                .collect();
+            let mut moved = point.to_vec();
+            moves.iter().for_each(|change| change.apply(&mut moved));
+            if !moves.is_empty() {
+                all.push(Neighbour { point: moved, moves });
+            }
+        }
+    }
+    all
+}
+
+fn one_move(problem: &Problem, model: &Model, point: &[f64], parameter: usize, by: f64) -> Option<Move> {
+    let space = problem.space();
+    let mine = problem.influenced(parameter);
+    let goes_along = |i: usize| {
+        let inside = problem.influenced(i).iter().all(|block| mine.contains(block));
+        i != parameter && space.grid(i).is_none() && inside && !model.is_held(point, i)
+    };
+    let fixed = (0..point.len())
+        .map(|i| if goes_along(i) { None } else { Some(if i == parameter { by } else { 0.0 }) })
+        .collect();
+    // The point has settled, so the slopes there are zero: what counts is how the step bends them.
+    let delta = model.solve(point, &vec![0.0; point.len()], NEIGHBOUR_DAMPING, fixed)?;
+    let changes = delta.into_iter().enumerate().filter(|(_, d)| *d != 0.0).collect();
+    Some(Move { parameter, changes })
+}

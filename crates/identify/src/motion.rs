@@ -1,0 +1,366 @@
+//! One recording as a fit sees it: what the joints were told, where they were measured to be, which keys sounded.
+//!
+//! Commands are either joint targets, one a control step and shaped on their way (excitations, the execution mode `real`), or
+//! set-points that a simulation had shaped already, one a physics step (the mirroring modes). A recording that a fit would
+//! be misled by is refused with the reason.
+
+use std::path::{Path, PathBuf};
+
+use etude_music::{CONTROL_HZ, KEYS, KeyEvent, LOWEST_PITCH};
+use etude_perform::{Mode, Recording, RecordingError};
+use etude_robot::allegro::RAD_PER_COUNT;
+use etude_robot::joints::FINGER_JOINTS;
+use etude_robot::rig::{RigConfig, SETPOINT_HZ};
+use etude_stage::{JOINT_NAMES, JOINTS, PHYSICS_STEPS, RAIL, Side};
+
+/// Shortest motion that tells anything, s.
+const SHORTEST_SECS: f64 = 2.0;
+/// Longest time without a reading that is bridged, s.
+const LONGEST_GAP_SECS: f64 = 0.1;
+/// Largest share of control steps whose command may have been a physics step late or more.
+const MOST_LATE: f64 = 0.01;
+/// Largest share of periods in which a joint's drive may have been at its limit: what it did then says little of the rest.
+const MOST_SATURATED: f64 = 0.5;
+/// A drive that was at its limit for more of the time tells where the limit is.
+const TELLS_LIMIT: f64 = 0.005;
+/// Duties that differ by more were cut, of 1200.
+const CUT_PWM: f64 = 2.0;
+/// Readings before the motion from which the start and the noise are taken.
+const AT_REST: usize = 60;
+/// A joint that moves by less tells nothing of its drive, rad or m.
+const LEAST_MOTION: [f64; 2] = [0.02, 0.005];
+/// Noise of the rail's readings at least: the arm's report holds single-precision angles of joints, m.
+const RAIL_NOISE_M: f64 = 2e-5;
+
+/// What the joints were told.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Commands {
+    /// Joint targets, one a control step.
+    Targets(Vec<[f64; JOINTS]>),
+    /// Set-points, one a physics step.
+    SetPoints(Vec<[[f64; JOINTS]; PHYSICS_STEPS]>),
+}
+
+impl Commands {
+    /// Control steps.
+    pub fn steps(&self) -> usize {
+        match self {
+            Self::Targets(targets) => targets.len(),
+            Self::SetPoints(points) => points.len(),
+        }
+    }
+}
+
+/// One recording.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Motion {
+    /// Where it was read.
+    pub path: PathBuf,
+    /// The rig.
+    pub rig: RigConfig,
+    /// The execution mode, or the excitation.
+    pub mode: String,
+    /// What the joints were told.
+    pub commands: Commands,
+    /// Where the joints were measured to be before the first command, rad, the rail in m.
+    pub start: [f64; JOINTS],
+    /// Readings of the finger joints: time, s, and rad.
+    pub fingers: Vec<(f64, [f64; FINGER_JOINTS])>,
+    /// Readings of the rail: time, s, and m.
+    pub rail: Vec<(f64, f64)>,
+    /// Standard deviation of the readings of a joint at rest.
+    pub noise: [f64; JOINTS],
+    /// Whether a joint moves enough to tell something.
+    pub moves: [bool; JOINTS],
+    /// Whether a joint's drive is at its limit often enough to tell where that is.
+    pub saturates: [bool; JOINTS],
+    /// Keys that were struck and released.
+    pub keys: Vec<KeyEvent>,
+}
+
+/// A recording that cannot be used.
+#[derive(Debug, thiserror::Error)]
+pub enum MotionError {
+    /// It cannot be read.
+    #[error(transparent)]
+    Read(#[from] RecordingError),
+    /// It is not of a robot, or of nothing that moved.
+    #[error("{path}: {why}")]
+    Unsuitable {
+        /// The file.
+        path: PathBuf,
+        /// What is missing, and where to get it.
+        why: String,
+    },
+    /// Recordings of different rigs.
+    #[error(
+        "{path} was made on the rig `{rig}`, and {other} on `{other_rig}`: identify one rig at a time, from its own recordings"
+    )]
+    OtherRig {
+        /// The file.
+        path: PathBuf,
+        /// Its rig.
+        rig: String,
+        /// The first file.
+        other: PathBuf,
+        /// Its rig.
+        other_rig: String,
+    },
+}
+
+impl Motion {
+    /// Reads recordings of one rig.
+    ///
+    /// # Errors
+    /// If one of them cannot be used, or they are of more than one rig.
+    pub fn load_all(paths: &[PathBuf]) -> Result<Vec<Self>, MotionError> {
+        let motions = paths.iter().map(|path| Self::load(path)).collect::<Result<Vec<_>, _>>()?;
+        if let Some((first, rest)) = motions.split_first()
+            && let Some(other) = rest.iter().find(|motion| motion.rig != first.rig)
+        {
+            return Err(MotionError::OtherRig {
+                path: other.path.clone(),
+                rig: other.rig.name.clone(),
+                other: first.path.clone(),
+                other_rig: first.rig.name.clone(),
+            });
+        }
+        Ok(motions)
+    }
+
+    /// Reads a recording.
+    ///
+    /// # Errors
+    /// If it cannot be read, or a fit would be misled by it; the message says why.
+    pub fn load(path: &Path) -> Result<Self, MotionError> {
+        Self::new(path, &Recording::read(path)?)
+            .map_err(|why| MotionError::Unsuitable { path: path.to_path_buf(), why })
+    }
+
+    /// Takes what a fit needs out of a recording. `Err` says why it cannot be used.
+    ///
+    /// # Errors
+    /// As [`load`](Self::load).
+    pub fn new(path: &Path, recording: &Recording) -> Result<Self, String> {
+        let header = &recording.header;
+        let rig = serde_json::from_value(header.config["rig"].clone()).map_err(|_| {
+            "it does not say what rig it was made on: record it anew with `etude record` or `etude perform`".to_string()
+        })?;
+        if header.joints != JOINT_NAMES {
+            return Err("its joints are others than those of this hand".to_string());
+        }
+        let commands = commands(recording)?;
+        let secs = commands.steps() as f64 / CONTROL_HZ;
+        let (before, fingers) = finger_readings(recording, secs)?;
+        let (rail_before, rail) = rail_readings(recording, secs);
+        if secs < SHORTEST_SECS {
+            return Err(format!(
+                "it lasts {secs:.1} s, and a fit needs {SHORTEST_SECS} s at least; record a longer motion"
+            ));
+        }
+        check_times(recording, &fingers, &rail, secs)?;
+        let saturates = drives_at_their_limits(recording)?;
+        let (start, noise) = at_rest(&before, &rail_before)?;
+        let mut moves = [false; JOINTS];
+        for (joint, moves) in moves.iter_mut().enumerate() {
+            let values = fingers.iter().map(|(_, angles)| angles.get(joint).copied());
+            let (low, high) =
+                if joint == RAIL { extent(rail.iter().map(|(_, m)| *m)) } else { extent(values.flatten()) };
+            *moves = high - low > LEAST_MOTION[usize::from(joint == RAIL)];
+        }
+        if !moves.contains(&true) {
+            return Err(
+                "nothing moves in it; record an excitation (`etude record --excitation chirp`)".to_string()
+            );
+        }
+        let keys = recording
+            .keys
+            .iter()
+            .filter_map(|event| {
+                let key = usize::from(event.pitch.checked_sub(LOWEST_PITCH)?);
+                (key < KEYS).then_some(KeyEvent { secs: event.secs, key, velocity: event.velocity })
+            })
+            .collect();
+        Ok(Self {
+            path: path.to_path_buf(),
+            rig,
+            mode: header.mode.clone(),
+            commands,
+            start,
+            fingers,
+            rail,
+            noise,
+            moves,
+            saturates,
+            keys,
+        })
+    }
+
+    /// How long it is, s.
+    pub fn secs(&self) -> f64 {
+        self.commands.steps() as f64 / CONTROL_HZ
+    }
+
+    /// Which hand it is of.
+    pub fn side(&self) -> Side {
+        match self.rig.hand.side {
+            etude_robot::allegro::HandSide::Left => Side::Left,
+            etude_robot::allegro::HandSide::Right => Side::Right,
+        }
+    }
+
+    /// Readings of a joint, in the order of time: s, and rad or m.
+    pub fn readings(&self, joint: usize) -> Box<dyn Iterator<Item = (f64, f64)> + '_> {
+        if joint == RAIL {
+            Box::new(self.rail.iter().copied())
+        } else {
+            Box::new(self.fingers.iter().map(move |(secs, angles)| (*secs, angles[joint])))
+        }
+    }
+}
+
+fn extent(values: impl Iterator<Item = f64>) -> (f64, f64) {
+    values.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), value| (low.min(value), high.max(value)))
+}
+
+fn thirteen(values: &[f64]) -> Result<[f64; JOINTS], String> {
+    let found = <[f64; JOINTS]>::try_from(values).ok().filter(|values| values.iter().all(|v| v.is_finite()));
+    found.ok_or_else(|| "a command in it has not one number for each joint".to_string())
+}
+
+/// The commands of every control step that was played to its end.
+fn commands(recording: &Recording) -> Result<Commands, String> {
+    let mirrored = recording.header.mode.parse::<Mode>().is_ok_and(Mode::has_simulation);
+    let played = recording.steps.len();
+    if recording.targets.is_empty() {
+        return Err("no joint was told anything in it: it is of a robot at rest, or of a simulation, or from an earlier \
+                    version; record an excitation (`etude record --excitation chirp`) or a performance"
+            .to_string());
+    }
+    if !mirrored {
+        let targets = recording.targets.iter().take(played).map(|message| thirteen(&message.targets));
+        return Ok(Commands::Targets(targets.collect::<Result<_, _>>()?));
+    }
+    // The set-point due after physics step n is what the joints are to be at then.
+    let mut points = vec![None; played * PHYSICS_STEPS];
+    for (secs, point) in &recording.setpoints {
+        let index = (secs * SETPOINT_HZ).round();
+        if index >= 1.0
+            && let Some(slot) = points.get_mut(index as usize - 1)
+        {
+            *slot = Some(thirteen(&point.sent)?);
+        }
+    }
+    let mut last = None;
+    let filled: Option<Vec<_>> = points
+        .into_iter()
+        .map(|point| {
+            last = point.or(last);
+            last
+        })
+        .collect();
+    let filled = filled.ok_or("its first set-points are missing")?;
+    let (steps, _) = filled.as_chunks::<PHYSICS_STEPS>();
+    Ok(Commands::SetPoints(steps.to_vec()))
+}
+
+type FingerReadings = Vec<(f64, [f64; FINGER_JOINTS])>;
+
+/// Readings of the fingers before the first command, and from then to the end.
+fn finger_readings(recording: &Recording, secs: f64) -> Result<(FingerReadings, FingerReadings), String> {
+    let readings: Option<FingerReadings> = recording
+        .hand
+        .iter()
+        .map(|(at, message)| Some((*at, *message.positions.first_chunk::<FINGER_JOINTS>()?)))
+        .collect();
+    let readings = readings.ok_or("a reading of the hand in it has too few joints")?;
+    // What comes before the beginning has the time 0.
+    let begun = readings.partition_point(|(at, _)| *at <= 0.0);
+    let end = readings.partition_point(|(at, _)| *at <= secs);
+    Ok((readings[..begun].to_vec(), readings[begun..end.max(begun)].to_vec()))
+}
+
+fn rail_readings(recording: &Recording, secs: f64) -> (Vec<f64>, Vec<(f64, f64)>) {
+    let before = recording.arm.iter().filter(|(at, _)| *at <= 0.0).map(|(_, arm)| arm.rail_m).collect();
+    let inside = recording.arm.iter().filter(|(at, _)| *at > 0.0 && *at <= secs);
+    (before, inside.map(|(at, arm)| (*at, arm.rail_m)).collect())
+}
+
+/// Refuses recordings whose times are in doubt.
+fn check_times(
+    recording: &Recording,
+    fingers: &FingerReadings,
+    rail: &[(f64, f64)],
+    secs: f64,
+) -> Result<(), String> {
+    let rail: Vec<f64> = rail.iter().map(|(at, _)| *at).collect();
+    let fingers: Vec<f64> = fingers.iter().map(|(at, _)| *at).collect();
+    for (who, times) in [("hand", fingers), ("arm", rail)] {
+        let all: Vec<f64> = [0.0].into_iter().chain(times).chain([secs]).collect();
+        let gap = all.windows(2).map(|pair| pair[1] - pair[0]).fold(0.0, f64::max);
+        if gap > LONGEST_GAP_SECS {
+            return Err(format!(
+                "it is badly timed: {:.0} ms without a reading of the {who}; record it on a quieter machine or mend the link",
+                gap * 1e3
+            ));
+        }
+    }
+    let late = recording.policy.iter().filter(|message| message.late_secs > 1.0 / SETPOINT_HZ).count();
+    if late as f64 > MOST_LATE * recording.policy.len() as f64 {
+        return Err(format!(
+            "it is badly timed: {late} of {} commands were late; record it on a quieter machine",
+            recording.policy.len()
+        ));
+    }
+    Ok(())
+}
+
+/// Which drives were at their limits so often that it tells where those are; refuses recordings in which one was for most of
+/// the time.
+fn drives_at_their_limits(recording: &Recording) -> Result<[bool; JOINTS], String> {
+    let mut saturates = [false; JOINTS];
+    for joint in 0..FINGER_JOINTS {
+        let cut = |message: &etude_perform::HandMessage| {
+            let [wanted, sent] =
+                [message.wanted.get(joint).copied(), message.pwm.get(joint).map(|&pwm| f64::from(pwm))];
+            wanted.zip(sent).is_some_and(|(wanted, sent)| (wanted - sent).abs() > CUT_PWM)
+        };
+        let (inside, cut) = recording
+            .hand
+            .iter()
+            .filter(|(at, _)| *at > 0.0)
+            .fold((0usize, 0usize), |(all, cuts), (_, message)| (all + 1, cuts + usize::from(cut(message))));
+        if cut as f64 > MOST_SATURATED * inside as f64 {
+            return Err(format!(
+                "it is saturated: the drive of {} was at its limit for {:.0} % of the time; move less or slower",
+                JOINT_NAMES[joint],
+                100.0 * cut as f64 / inside as f64
+            ));
+        }
+        saturates[joint] = cut as f64 > TELLS_LIMIT * inside as f64;
+    }
+    Ok(saturates)
+}
+
+/// Mean and standard deviation of the readings just before the first command.
+fn at_rest(fingers: &FingerReadings, rail: &[f64]) -> Result<([f64; JOINTS], [f64; JOINTS]), String> {
+    let fingers = &fingers[fingers.len().saturating_sub(AT_REST)..];
+    let rail = &rail[rail.len().saturating_sub(AT_REST / 4)..];
+    if fingers.is_empty() || rail.is_empty() {
+        return Err("it does not show where the joints were before the first command".to_string());
+    }
+    let statistics = |joint: usize| {
+        let values: Vec<f64> = match joint {
+            RAIL => rail.to_vec(),
+            _ => fingers.iter().map(|(_, angles)| angles[joint]).collect(),
+        };
+        let count = values.len() as f64;
+        let mean = values.iter().sum::<f64>() / count;
+        let variance =
+            values.iter().map(|value| (value - mean).powi(2)).sum::<f64>() / (count - 1.0).max(1.0);
+        // A joint at rest may read the same count for ever; it is not known better than that count.
+        let least = if joint == RAIL { RAIL_NOISE_M } else { RAD_PER_COUNT / 12f64.sqrt() };
+        (mean, variance.sqrt().max(least))
+    };
+    Ok((std::array::from_fn(|joint| statistics(joint).0), std::array::from_fn(|joint| statistics(joint).1)))
+}

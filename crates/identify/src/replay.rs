@@ -1,0 +1,117 @@
+//! What a simulation with given numbers does when it is told what a robot was told.
+
+use etude_music::KEYS;
+use etude_stage::{JOINTS, PHYSICS_STEPS, PhysicalParams, RAIL, StageConfig, StageError, World};
+
+use crate::motion::{Commands, Motion};
+
+/// A joint farther out than this has diverged, rad or m.
+const DIVERGED: f64 = 10.0;
+
+/// A world that replays motions, one after the other.
+pub struct Replayer {
+    world: World,
+    step_secs: f64,
+}
+
+/// What the joints did: readings of their encoders, one before the first physics step and one after each.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Trace {
+    step_secs: f64,
+    positions: Vec<[f64; JOINTS]>,
+    velocities: Vec<[f64; JOINTS]>,
+    /// How far each key is down; only where keys were asked for.
+    travel: Vec<[f32; KEYS]>,
+}
+
+impl Replayer {
+    /// A replayer of motions of this hand.
+    ///
+    /// # Errors
+    /// If the world cannot be built.
+    pub fn new(stage: &StageConfig) -> Result<Self, StageError> {
+        let world = World::new(stage, &PhysicalParams::default())?;
+        Ok(Self { world, step_secs: stage.physics_step_secs() })
+    }
+
+    /// Replays a motion in a world with these numbers; `keys` asks for the travel of the keys too. `None` if the world
+    /// diverges.
+    pub fn replay(&mut self, params: &PhysicalParams, motion: &Motion, keys: bool) -> Option<Trace> {
+        let world = &mut self.world;
+        world.set_params(params);
+        let zero = params_bias(params);
+        world.reset_to(&std::array::from_fn(|joint| motion.start[joint] - zero[joint]));
+        let steps = motion.commands.steps();
+        let mut trace = Trace { step_secs: self.step_secs, ..Trace::default() };
+        trace.positions.reserve(steps * PHYSICS_STEPS + 1);
+        trace.velocities.reserve(steps * PHYSICS_STEPS + 1);
+        trace.take(world, keys);
+        for step in 0..steps {
+            let mut sound = true;
+            let watch = |world: &World| {
+                trace.take(world, keys);
+                sound &= trace.positions.last().is_some_and(|q| q.iter().all(|q| q.abs() < DIVERGED));
+            };
+            match &motion.commands {
+                Commands::Targets(targets) => world.step_watched(&targets[step], watch),
+                Commands::SetPoints(points) => world.track_watched(&points[step], watch),
+            };
+            if !sound {
+                return None;
+            }
+        }
+        Some(trace)
+    }
+}
+
+/// What the encoders read at the joints' zero.
+fn params_bias(params: &PhysicalParams) -> [f64; JOINTS] {
+    std::array::from_fn(|joint| params.joint(etude_stage::params::Joint::EncoderBias, joint))
+}
+
+impl Trace {
+    fn take(&mut self, world: &World, keys: bool) {
+        self.positions.push(world.joints());
+        self.velocities.push(world.joint_velocities());
+        if keys {
+            self.travel.push(std::array::from_fn(|key| world.key_travel(key) as f32));
+        }
+    }
+
+    /// Where a joint is at `secs`, between the physics steps by a cubic through positions and velocities.
+    pub fn position(&self, joint: usize, secs: f64) -> f64 {
+        let Some(last) = self.positions.len().checked_sub(1) else { return f64::NAN };
+        let place = (secs / self.step_secs).clamp(0.0, last as f64);
+        let index = (place as usize).min(last.saturating_sub(1));
+        let next = (index + 1).min(last);
+        let share = place - index as f64;
+        let [from, to] = [self.positions[index][joint], self.positions[next][joint]];
+        let [slope_from, slope_to] =
+            [self.velocities[index][joint], self.velocities[next][joint]].map(|v| v * self.step_secs);
+        let (square, cube) = (share * share, share * share * share);
+        (2.0 * cube - 3.0 * square + 1.0) * from
+            + (cube - 2.0 * square + share) * slope_from
+            + (3.0 * square - 2.0 * cube) * to
+            + (cube - square) * slope_to
+    }
+
+    /// How far a key is down at `secs`, as [`World::key_travel`]; 0 where keys were not asked for.
+    pub fn key_travel(&self, key: usize, secs: f64) -> f64 {
+        let index = (secs / self.step_secs).round() as usize;
+        self.travel.get(index).map_or(0.0, |travel| f64::from(travel[key]))
+    }
+
+    /// Differences between this and what was measured of a joint, in the order of its readings, rad or m.
+    pub fn errors<'a>(&'a self, motion: &'a Motion, joint: usize) -> impl Iterator<Item = f64> + 'a {
+        motion.readings(joint).map(move |(secs, measured)| self.position(joint, secs) - measured)
+    }
+
+    /// Root mean square of the same, rad or m.
+    pub fn rmse(&self, motion: &Motion, joint: usize) -> f64 {
+        let (count, sum) = self.errors(motion, joint).fold((0.0, 0.0), |(n, sum), e| (n + 1.0, sum + e * e));
+        f64::sqrt(sum / f64::max(count, 1.0))
+    }
+}
+
+// The rail is the last joint: a loop over joints meets it as it meets the fingers'.
+const _: () = assert!(RAIL + 1 == JOINTS);

@@ -1,0 +1,136 @@
+//! Which physical numbers a fit left as they were, and why.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use etude_stage::{JOINT_NAMES, JOINTS, PhysicalParams, RAIL};
+
+use super::document::{Table, numbers, words};
+use super::number::{number, unit};
+
+/// A table of the rows that no estimate has: row, of how many joints, value, unit, why.
+pub(super) fn held(estimated: &BTreeSet<&str>, params: &PhysicalParams) -> Table {
+    // Rows of joints that are held for the same reason are one line; the order is that of the rows.
+    let mut lines: Vec<(String, String, &'static str)> = Vec::new();
+    let mut joints: BTreeMap<(String, &'static str), Vec<(usize, f64)>> = BTreeMap::new();
+    for (path, row, default) in PhysicalParams::rows() {
+        if estimated.contains(path.as_str()) {
+            continue;
+        }
+        let why = why(&path, estimated);
+        let key = match joint_of(&path) {
+            // The rail has units and defaults of its own.
+            Some(RAIL) | None => path.clone(),
+            Some(_) => format!("joint.*.{}", row.name),
+        };
+        let value = params.get(&path).unwrap_or(default);
+        let of_row = joints.entry((key.clone(), why)).or_default();
+        if of_row.is_empty() {
+            lines.push((key, unit(&path, row), why));
+        }
+        of_row.push((joint_of(&path).unwrap_or(JOINTS), value));
+    }
+    let line = |(key, unit, why): (String, String, &'static str)| {
+        let held = joints.get(&(key.clone(), why)).map_or(&[][..], Vec::as_slice);
+        let low = held.iter().map(|(_, value)| *value).fold(f64::INFINITY, f64::min);
+        let high = held.iter().map(|(_, value)| *value).fold(f64::NEG_INFINITY, f64::max);
+        let value = if low < high { format!("{} … {}", number(low), number(high)) } else { number(low) };
+        let names: Vec<&str> =
+            held.iter().filter_map(|(joint, _)| JOINT_NAMES.get(*joint).copied()).collect();
+        let of = match names.len() {
+            _ if !key.contains('*') => String::new(),
+            RAIL => "all of the fingers".to_string(),
+            _ => names.join(", "),
+        };
+        vec![key, of, value, unit, why.to_string()]
+    };
+    Table {
+        caption: "Held at these values".to_string(),
+        columns: vec![
+            words("row"),
+            words("joints"),
+            numbers("value"),
+            words("unit"),
+            words("why it was held"),
+        ],
+        rows: lines.into_iter().map(line).collect(),
+    }
+}
+
+fn joint_of(path: &str) -> Option<usize> {
+    let name = path.strip_prefix("joint.")?.split('.').next()?;
+    JOINT_NAMES.iter().position(|joint| *joint == name)
+}
+
+/// Why a row was not estimated (crates/identify/src/rows.rs decides that).
+fn why(path: &str, estimated: &BTreeSet<&str>) -> &'static str {
+    let touches = estimated.contains("key.threshold");
+    let Some(joint) = joint_of(path) else {
+        return match path {
+            "keyboard.depth" | "key.armature" | "key.friction" | "hand.start" => {
+                "hardly changes which keys sound, and when"
+            }
+            _ if touches => "no fit estimates it",
+            _ => "no recording that was fitted touches a key",
+        };
+    };
+    match super::advice::row_of(path) {
+        "velocity_limit" | "acceleration_limit" => {
+            "Étude itself imposes it on a robot's commands; as the rig's file says"
+        }
+        "viscosity" => "nothing tells it from the damping while the drive is below its limit",
+        "encoder_bias" if joint == RAIL || joint % etude_stage::hand::FINGER_JOINTS == 0 => {
+            "sideways it is the same as keyboard.lateral"
+        }
+        "encoder_bias" if !touches => "only touching keys tells it, and no recording that was fitted does",
+        "encoder_bias" => {
+            "one bias a finger is looked for: keys tell no more of it than the height of its tip"
+        }
+        "armature" if joint == RAIL => "scales with the rail's gains: one of them must be given",
+        "torque_limit" if joint == RAIL => "the arm does not report when its drive is at its limit",
+        _ if !estimated.contains(format!("joint.{}.stiffness", JOINT_NAMES[joint]).as_str()) => {
+            "the joint does not move in any recording that was fitted without touching keys"
+        }
+        "torque_limit" => {
+            "its drive was hardly ever at its limit; it follows the stiffness, a duty of the same motor"
+        }
+        _ => "no fit estimates it",
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::rows::{contact_parameters, joint_parameters};
+
+    #[test]
+    fn every_row_is_estimated_or_held_for_a_reason() {
+        let before = PhysicalParams::default();
+        for (saturates, touches, moving) in
+            [(true, true, 0..=RAIL), (false, false, 0..=RAIL), (false, true, 4..=7), (false, true, 0..=0)]
+        {
+            let mut paths: Vec<String> = moving
+                .flat_map(|joint| joint_parameters(joint, saturates, &before))
+                .map(|parameter| parameter.path)
+                .collect();
+            if touches {
+                paths.extend(contact_parameters(&before).into_iter().map(|parameter| parameter.path));
+            }
+            let estimated: BTreeSet<&str> = paths.iter().map(String::as_str).collect();
+            let table = held(&estimated, &before);
+            assert!(table.rows.iter().all(|row| row.len() == table.columns.len()));
+            for (path, row, _) in PhysicalParams::rows() {
+                if estimated.contains(path.as_str()) {
+                    continue;
+                }
+                assert_ne!(why(&path, &estimated), "no fit estimates it", "{path}");
+                let joint = path.split('.').nth(1).unwrap_or_default();
+                let shown = |cells: &Vec<String>| {
+                    cells[0] == path
+                        || cells[0] == format!("joint.*.{}", row.name)
+                            && (cells[1].starts_with("all") || cells[1].split(", ").any(|name| name == joint))
+                };
+                assert!(table.rows.iter().any(shown), "{path}");
+            }
+        }
+    }
+}

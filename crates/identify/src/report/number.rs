@@ -1,0 +1,132 @@
+//! Numbers and units as a reader wants them: four digits, milliradians and millimetres.
+
+use etude_stage::RAIL;
+use etude_stage::params::Row;
+
+/// Digits that are printed.
+const DIGITS: i32 = 4;
+/// Powers of ten that are printed without an exponent.
+const PLAIN: std::ops::Range<i32> = -3..6;
+
+/// Four significant digits without idle zeros; `∞` and `–` for what is infinite and what is no number.
+pub(super) fn number(value: f64) -> String {
+    if value.is_nan() {
+        return "–".to_string();
+    }
+    if value.is_infinite() {
+        return if value > 0.0 { "∞" } else { "-∞" }.to_string();
+    }
+    // Rounded first: 0.99999 has the power of ten of 1.
+    let rounded: f64 = format!("{value:.3e}").parse().unwrap_or(value);
+    if rounded == 0.0 {
+        return "0".to_string();
+    }
+    let power = rounded.abs().log10().floor() as i32;
+    if !PLAIN.contains(&power) {
+        return format!("{rounded:e}");
+    }
+    let decimals = usize::try_from(DIGITS - 1 - power).unwrap_or(0);
+    let text = format!("{rounded:.decimals$}");
+    match text.contains('.') {
+        true => text.trim_end_matches('0').trim_end_matches('.').to_string(),
+        false => text,
+    }
+}
+
+/// A share of the whole as whole per cent.
+pub(super) fn percent(share: f64) -> String {
+    if share.is_finite() { format!("{:.0} %", 100.0 * share) } else { "–".to_string() }
+}
+
+/// How many times smaller an error has become.
+pub(super) fn factor([before, after]: [f64; 2]) -> String {
+    match (before.is_finite(), after.is_finite()) {
+        (true, true) if after > 0.0 => number(before / after),
+        (_, false) => "diverged".to_string(),
+        _ => "∞".to_string(),
+    }
+}
+
+/// A number as prose has it: two digits.
+pub(super) fn about(value: f64) -> String {
+    format!("{value:.1e}").parse().map_or_else(|_| number(value), number)
+}
+
+/// An error of a joint, rad or m, in mrad or mm.
+pub(super) fn milli(error: f64) -> String {
+    if error.is_infinite() { "diverged".to_string() } else { number(1e3 * error) }
+}
+
+/// The unit that [`milli`] gives a joint's errors.
+pub(super) fn milli_unit(joint: usize) -> &'static str {
+    if joint == RAIL { "mm" } else { "mrad" }
+}
+
+/// The unit of a row of a joint: the table of rows has that of a finger.
+pub(super) fn unit(path: &str, row: &Row) -> String {
+    if !path.starts_with("joint.rail.") {
+        return row.unit.to_string();
+    }
+    match row.unit {
+        "N·m/rad" => "N/m",
+        "N·m·s/rad" => "N·s/m",
+        "N·m" => "N",
+        "kg·m²" => "kg",
+        "rad" => "m",
+        "rad/s" => "m/s",
+        "rad/s²" => "m/s²",
+        "rad/s³" => "m/s³",
+        other => other,
+    }
+    .to_string()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use etude_stage::PhysicalParams;
+    use proptest::prelude::*;
+
+    #[test]
+    fn numbers_are_short() {
+        for (value, text) in [
+            (0.0, "0"),
+            (-0.0, "0"),
+            (0.005, "0.005"),
+            (29_439.89, "29440"),
+            (1366.58, "1367"),
+            (0.99999, "1"),
+            (-2.5, "-2.5"),
+            (100.0, "100"),
+            (6.25e-5, "6.25e-5"),
+            (33_333_333.3, "3.333e7"),
+            (f64::INFINITY, "∞"),
+            (f64::NAN, "–"),
+        ] {
+            assert_eq!(number(value), text, "{value}");
+        }
+        assert_eq!([about(18.22), about(7.715), about(f64::INFINITY)], ["18", "7.7", "∞"]);
+        assert_eq!(milli(f64::INFINITY), "diverged");
+        assert_eq!(factor([0.4, 0.1]), "4");
+        assert_eq!(factor([0.4, f64::INFINITY]), "diverged");
+        assert_eq!(factor([f64::INFINITY, 0.1]), "∞");
+    }
+
+    #[test]
+    fn the_rail_has_units_of_its_own() {
+        let rail: Vec<String> = PhysicalParams::rows()
+            .filter(|(path, ..)| path.starts_with("joint.rail."))
+            .map(|(path, row, _)| unit(&path, row))
+            .collect();
+        assert!(rail.iter().all(|unit| !unit.contains("rad") && !unit.contains("N·m")), "{rail:?}");
+        assert!(rail.contains(&"N/m".to_string()) && rail.contains(&"m/s³".to_string()));
+    }
+
+    proptest! {
+        #[test]
+        fn what_is_printed_is_the_number(value in proptest::num::f64::NORMAL) {
+            let back: f64 = number(value).parse().unwrap();
+            prop_assert!(value.abs() > 1e307 || (back - value).abs() <= 6e-4 * value.abs(), "{back}");
+        }
+    }
+}

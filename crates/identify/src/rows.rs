@@ -1,0 +1,161 @@
+//! Which physical numbers a fit estimates, between which bounds.
+//!
+//! Left out on purpose: a joint's viscosity, which nothing tells from its damping while its drive is not at its limit; limits of
+//! velocity and acceleration, which Étude itself imposes on a robot's commands; the rail's armature, which scales with its
+//! gains.
+
+use etude_stage::params::{Joint, World};
+use etude_stage::{JOINT_NAMES, PhysicalParams, RAIL};
+
+use crate::space::{Parameter, Scale};
+
+/// Length of a physics step, s: delays are whole ones.
+const STEP_SECS: f64 = 0.005;
+
+/// How a row's bounds and start follow from its value before the fit.
+enum Bounds {
+    /// The value divided and multiplied by this; on a logarithmic scale.
+    Factor(f64),
+    /// From zero to this, beginning at that.
+    UpTo(f64, f64),
+    /// Whole physics steps from zero to this.
+    Steps(f64),
+    /// This much to both sides.
+    Around(f64),
+}
+
+use Bounds::{Around, Factor, Steps, UpTo};
+
+/// What is estimated of a finger's joint. Dry friction: up to a tenth of a joint's torque.
+const FINGER: &[(Joint, Bounds)] = &[
+    (Joint::Stiffness, Factor(5.0)),
+    (Joint::Damping, Factor(8.0)),
+    (Joint::Friction, UpTo(0.08, 0.005)),
+    (Joint::Armature, Factor(8.0)),
+    (Joint::LowPass, Factor(8.0)),
+    (Joint::Delay, Steps(0.05)),
+    (Joint::JerkLimit, Factor(8.0)),
+    (Joint::TorqueLimit, Factor(3.0)),
+];
+
+/// What is estimated of the rail.
+const RAIL_ROWS: &[(Joint, Bounds)] = &[
+    (Joint::Stiffness, Factor(10.0)),
+    (Joint::Damping, Factor(8.0)),
+    (Joint::Friction, UpTo(30.0, 1.0)),
+    (Joint::LowPass, Factor(8.0)),
+    (Joint::Delay, Steps(0.06)),
+    (Joint::JerkLimit, Factor(8.0)),
+];
+
+/// What only touching keys tells. The keyboard's place: what a calibration may be off. How far a finger's encoders are off
+/// shows in one number a finger, the height of its tip, so only the bias of its first bending joint is looked for.
+const CONTACT: &[(World, Bounds)] = &[
+    (World::KeyboardHeight, Around(0.006)),
+    (World::KeyboardLateral, Around(0.005)),
+    (World::KeyThreshold, Around(0.3)),
+    (World::KeyStiffness, Factor(3.0)),
+    (World::KeyDamping, Factor(4.0)),
+];
+
+/// Largest encoder bias that is looked for, rad.
+const MOST_BIAS: f64 = 0.05;
+/// Joint of a finger that bends first.
+const FIRST_BEND: usize = 1;
+/// What is believed before any key is touched: that a number lies within this share of its range about its start, by one
+/// standard deviation. It decides only what the keys do not: height and biases together are one height of a fingertip.
+const BELIEF: f64 = 0.15;
+
+fn parameter(path: String, range: [f64; 2], before: f64, bounds: &Bounds) -> Parameter {
+    let [low, high] = range;
+    let within = |value: f64| value.clamp(low, high);
+    match *bounds {
+        Factor(factor) => {
+            Parameter::new(&path, within(before / factor), within(before * factor), before).logarithmic()
+        }
+        UpTo(most, start) => {
+            Parameter::new(&path, 0.0, most, if before > 0.0 { before.min(most) } else { start })
+        }
+        Steps(most) => Parameter::new(&path, 0.0, most, before.min(most)).stepped(STEP_SECS),
+        Around(width) => Parameter::new(&path, within(before - width), within(before + width), before),
+    }
+}
+
+/// Parameters of a joint's drive; its torque limit only where it is met, since nothing else tells it.
+pub fn joint_parameters(joint: usize, saturates: bool, before: &PhysicalParams) -> Vec<Parameter> {
+    let rows = if joint == RAIL { RAIL_ROWS } else { FINGER };
+    rows.iter()
+        .filter(|(quantity, _)| saturates || *quantity != Joint::TorqueLimit)
+        .map(|(quantity, bounds)| {
+            let row = quantity.row();
+            let path = format!("joint.{}.{}", JOINT_NAMES[joint], row.name);
+            parameter(path, row.range, before.joint(*quantity, joint), bounds)
+        })
+        .collect()
+}
+
+/// Parameters of the keyboard, and the encoder biases of the fingers.
+pub fn contact_parameters(before: &PhysicalParams) -> Vec<Parameter> {
+    let keyboard = CONTACT.iter().map(|(quantity, bounds)| {
+        let row = quantity.row();
+        parameter(row.name.to_string(), row.range, before.world(*quantity), bounds)
+    });
+    let bends = (0..RAIL).filter(|joint| joint % etude_stage::hand::FINGER_JOINTS == FIRST_BEND);
+    let biases = bends.map(|joint| {
+        let row = Joint::EncoderBias.row();
+        let path = format!("joint.{}.{}", JOINT_NAMES[joint], row.name);
+        parameter(path, row.range, before.joint(Joint::EncoderBias, joint), &Around(MOST_BIAS))
+    });
+    keyboard.chain(biases).collect()
+}
+
+/// By how much a world with `params` goes against what was believed of the contact parameters in one with `before`, in standard
+/// deviations, one number a parameter.
+pub fn contact_disbelief<'a>(
+    before: &'a PhysicalParams,
+    params: &'a PhysicalParams,
+) -> impl Iterator<Item = f64> + 'a {
+    contact_parameters(before).into_iter().map(move |parameter| {
+        let value = params.get(&parameter.path).unwrap_or(parameter.start);
+        let (range, way) = match parameter.scale {
+            Scale::Linear => (parameter.high - parameter.low, value - parameter.start),
+            Scale::Logarithmic => ((parameter.high / parameter.low).ln(), (value / parameter.start).ln()),
+        };
+        way / (BELIEF * range)
+    })
+}
+
+/// Torque limits that follow from the stiffness, joint by joint, where no drive was at its limit: both are duties of one motor,
+/// so the limit is as much more or less than it was as the stiffness is.
+pub fn follow_stiffness(
+    before: &PhysicalParams,
+    saturates: impl Fn(usize) -> bool,
+    params: &mut PhysicalParams,
+) {
+    for joint in (0..RAIL).filter(|joint| !saturates(*joint)) {
+        let share = params.joint(Joint::Stiffness, joint) / before.joint(Joint::Stiffness, joint);
+        params.set_joint(Joint::TorqueLimit, joint, before.joint(Joint::TorqueLimit, joint) * share);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::Space;
+
+    #[test]
+    fn every_parameter_is_a_row_with_bounds_around_its_value() {
+        let before = PhysicalParams::default();
+        let mut all: Vec<Parameter> =
+            (0..=RAIL).flat_map(|joint| joint_parameters(joint, true, &before)).collect();
+        all.extend(contact_parameters(&before));
+        let space = Space::new(all).unwrap();
+        assert_eq!(space.len(), 12 * FINGER.len() + RAIL_ROWS.len() + CONTACT.len() + 3);
+        for (parameter, value) in space.parameters().iter().zip(space.to_physical(&space.start())) {
+            let mut params = before.clone();
+            for value in [parameter.low, value, parameter.high] {
+                params.set(&parameter.path, value).unwrap();
+            }
+        }
+    }
+}

@@ -1,0 +1,265 @@
+//! The parameters of a fit: what each is called, where it may lie, and the unit cube in which the methods
+//! work.
+//!
+//! A method sees every parameter as a coordinate in [0, 1], so that steps, spreads and singular values of
+//! damping and delay can be compared. The way back to physical numbers is here and nowhere else.
+
+use serde::{Deserialize, Serialize};
+
+/// How a physical value follows its normalised coordinate.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Scale {
+    /// In proportion.
+    #[default]
+    Linear,
+    /// Equal ratios for equal distances; both bounds must be positive.
+    Logarithmic,
+}
+
+/// One parameter to be estimated. Bounds, start and step are in the parameter's own SI unit.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Parameter {
+    /// Path as in `etude_stage::PhysicalParams::rows`, such as `joint.index_1.damping`.
+    pub path: String,
+    /// Smallest value.
+    pub low: f64,
+    /// Largest value.
+    pub high: f64,
+    /// Where the fit starts.
+    pub start: f64,
+    /// How the value follows the normalised coordinate.
+    #[serde(default)]
+    pub scale: Scale,
+    /// Distance between the values that the parameter may take, counted from `low`, where it is not
+    /// continuous: a delay is whole physics steps. Linear scale only.
+    #[serde(default)]
+    pub step: Option<f64>,
+    /// Names of the residual blocks ([`Block`](crate::Block)) that the parameter can influence; empty means
+    /// all. Parameters without a block in common are perturbed together when a Jacobian is measured.
+    #[serde(default)]
+    pub influences: Vec<String>,
+}
+
+impl Parameter {
+    /// A continuous parameter that may influence every residual.
+    pub fn new(path: &str, low: f64, high: f64, start: f64) -> Self {
+        let scale = Scale::Linear;
+        Self { path: path.to_string(), low, high, start, scale, step: None, influences: Vec::new() }
+    }
+
+    /// The same on a logarithmic scale.
+    pub fn logarithmic(self) -> Self {
+        Self { scale: Scale::Logarithmic, ..self }
+    }
+
+    /// The same, restricted to `low` plus whole multiples of `step`.
+    pub fn stepped(self, step: f64) -> Self {
+        Self { step: Some(step), ..self }
+    }
+
+    /// The same, influencing only these blocks of residuals.
+    pub fn influencing<S: Into<String>>(self, blocks: impl IntoIterator<Item = S>) -> Self {
+        Self { influences: blocks.into_iter().map(Into::into).collect(), ..self }
+    }
+}
+
+/// A parameter, or a set of them, that cannot be fitted.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum SpaceError {
+    /// Nothing to estimate.
+    #[error("no parameter is to be estimated; name at least one")]
+    Empty,
+    /// The same path twice.
+    #[error("parameter `{0}` is named twice; remove one of the two")]
+    Twice(String),
+    /// Bounds or start that are not numbers, or in the wrong order.
+    #[error(
+        "parameter `{path}`: bounds {low} … {high} and start {start} are not in order; give finite \
+        numbers with \
+         low < high and low <= start <= high"
+    )]
+    Order {
+        /// Path of the parameter.
+        path: String,
+        /// Lower bound.
+        low: f64,
+        /// Upper bound.
+        high: f64,
+        /// Start.
+        start: f64,
+    },
+    /// A logarithmic scale over zero.
+    #[error(
+        "parameter `{path}` has a logarithmic scale, but its lower bound is {low}; raise it above zero \
+        or make it linear"
+    )]
+    Logarithm {
+        /// Path of the parameter.
+        path: String,
+        /// Lower bound.
+        low: f64,
+    },
+    /// A step that does not fit.
+    #[error(
+        "parameter `{path}`: a step of {step} does not fit; give one that is positive, no larger than \
+        the range, at least \
+         a millionth of it, and on a linear scale"
+    )]
+    Step {
+        /// Path of the parameter.
+        path: String,
+        /// The step.
+        step: f64,
+    },
+}
+
+/// The parameters of a fit and their unit cube. Points have one entry a parameter, in order.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(try_from = "Vec<Parameter>", into = "Vec<Parameter>")]
+pub struct Space {
+    parameters: Vec<Parameter>,
+}
+
+impl TryFrom<Vec<Parameter>> for Space {
+    type Error = SpaceError;
+
+    fn try_from(parameters: Vec<Parameter>) -> Result<Self, SpaceError> {
+        Self::new(parameters)
+    }
+}
+
+impl From<Space> for Vec<Parameter> {
+    fn from(space: Space) -> Self {
+        space.parameters
+    }
+}
+
+impl Space {
+    /// Checks the parameters.
+    ///
+    /// # Errors
+    /// [`SpaceError`] names the first parameter that cannot be fitted.
+    pub fn new(parameters: Vec<Parameter>) -> Result<Self, SpaceError> {
+        if parameters.is_empty() {
+            return Err(SpaceError::Empty);
+        }
+        for (index, parameter) in parameters.iter().enumerate() {
+            check(parameter)?;
+            if parameters[..index].iter().any(|other| other.path == parameter.path) {
+                return Err(SpaceError::Twice(parameter.path.clone()));
+            }
+        }
+        Ok(Self { parameters })
+    }
+
+    /// The parameters, in order.
+    pub fn parameters(&self) -> &[Parameter] {
+        &self.parameters
+    }
+
+    /// Number of parameters, at least one.
+    #[allow(clippy::len_without_is_empty)]
+    pub fn len(&self) -> usize {
+        self.parameters.len()
+    }
+
+    /// Normalised start, on the grid where there is one.
+    pub fn start(&self) -> Vec<f64> {
+        self.parameters.iter().map(|p| snapped(p, normalised(p, p.start))).collect()
+    }
+
+    /// Physical values of a normalised point, inside the bounds and on the grid whatever the point is.
+    pub fn to_physical(&self, point: &[f64]) -> Vec<f64> {
+        self.parameters.iter().zip(point).map(|(p, &u)| physical(p, snapped(p, u))).collect()
+    }
+
+    /// Normalised point of physical values, cut at the bounds and put on the grid.
+    pub fn to_normalised(&self, values: &[f64]) -> Vec<f64> {
+        self.parameters.iter().zip(values).map(|(p, &v)| snapped(p, normalised(p, v))).collect()
+    }
+
+    /// Nearest normalised point that is allowed: inside [0, 1] and on the grid where there is one.
+    pub fn snap(&self, point: &[f64]) -> Vec<f64> {
+        self.parameters.iter().zip(point).map(|(p, &u)| snapped(p, u)).collect()
+    }
+
+    /// Normalised distance between the values of parameter `index`; `None` where it is continuous.
+    pub(crate) fn grid(&self, index: usize) -> Option<f64> {
+        self.parameters.get(index).and_then(grid)
+    }
+
+    /// Physical change of each parameter per unit of its normalised coordinate, at `point`.
+    pub(crate) fn slopes(&self, point: &[f64]) -> Vec<f64> {
+        let slope = |(p, &u): (&Parameter, &f64)| match p.scale {
+            Scale::Linear => p.high - p.low,
+            Scale::Logarithmic => physical(p, u) * (p.high / p.low).ln(),
+        };
+        self.parameters.iter().zip(point).map(slope).collect()
+    }
+
+    /// Physical value of a coordinate of parameter `index` as if there were no grid.
+    pub(crate) fn continuous(&self, index: usize, coordinate: f64) -> f64 {
+        self.parameters.get(index).map_or(f64::NAN, |p| physical(p, coordinate))
+    }
+}
+
+/// Whether a normalised point is one that this crate may have written: `len` coordinates in [0, 1].
+pub(crate) fn is_point(point: &[f64], len: usize) -> bool {
+    point.len() == len && point.iter().all(|u| (0.0..=1.0).contains(u))
+}
+
+fn check(p: &Parameter) -> Result<(), SpaceError> {
+    let finite = p.low.is_finite() && p.high.is_finite() && (p.high - p.low).is_finite();
+    if !finite || p.low >= p.high || !(p.low..=p.high).contains(&p.start) {
+        let (path, low, high, start) = (p.path.clone(), p.low, p.high, p.start);
+        return Err(SpaceError::Order { path, low, high, start });
+    }
+    // The smallest normal number, since the ratio of the bounds must be finite too.
+    let spans = p.low >= f64::MIN_POSITIVE && (p.high / p.low).is_finite();
+    if p.scale == Scale::Logarithmic && !spans {
+        return Err(SpaceError::Logarithm { path: p.path.clone(), low: p.low });
+    }
+    if let Some(step) = p.step {
+        let share = step / (p.high - p.low);
+        // A range that is a whole number of steps must not fail by rounding.
+        if !(1e-6..=1.0 + 1e-9).contains(&share) || p.scale != Scale::Linear {
+            return Err(SpaceError::Step { path: p.path.clone(), step });
+        }
+    }
+    Ok(())
+}
+
+fn grid(p: &Parameter) -> Option<f64> {
+    p.step.map(|step| (step / (p.high - p.low)).min(1.0))
+}
+
+fn snapped(p: &Parameter, coordinate: f64) -> f64 {
+    // What is no number must still lie somewhere.
+    let inside = if coordinate.is_nan() { 0.0 } else { coordinate.clamp(0.0, 1.0) };
+    match grid(p) {
+        None => inside,
+        Some(step) => {
+            let last = (1.0 / step + 1e-9).floor();
+            ((inside / step).round().min(last) * step).min(1.0)
+        }
+    }
+}
+
+fn physical(p: &Parameter, coordinate: f64) -> f64 {
+    let value = match p.scale {
+        Scale::Linear => p.low + coordinate * (p.high - p.low),
+        Scale::Logarithmic => p.low * ((p.high / p.low).ln() * coordinate).exp(),
+    };
+    value.clamp(p.low, p.high)
+}
+
+fn normalised(p: &Parameter, value: f64) -> f64 {
+    let value = if value.is_nan() { p.low } else { value.clamp(p.low, p.high) };
+    let coordinate = match p.scale {
+        Scale::Linear => (value - p.low) / (p.high - p.low),
+        Scale::Logarithmic => (value / p.low).ln() / (p.high / p.low).ln(),
+    };
+    coordinate.clamp(0.0, 1.0)
+}

@@ -1,0 +1,73 @@
+//! Bayesian optimisation on the field's usual function, and its limits.
+
+use etude_identify::{BoConfig, ConfigError, Evaluation, Fit, MethodConfig, Reason};
+
+use crate::problems::{evaluate, fitted, problem};
+
+/// Least cost of Branin's function (Dixon and Szegő 1978).
+const LEAST: f64 = 0.397_887;
+
+fn branin(x: &[f64]) -> Vec<f64> {
+    let (a, b) = (x[0], x[1]);
+    let pi = std::f64::consts::PI;
+    let valley = b - 5.1 / (4.0 * pi * pi) * a * a + 5.0 / pi * a - 6.0;
+    let cost = valley * valley + 10.0 * (1.0 - 1.0 / (8.0 * pi)) * a.cos() + 10.0;
+    vec![(2.0 * cost).sqrt()]
+}
+
+#[test]
+fn branins_least_cost_is_found_in_forty_evaluations() {
+    let problem = problem(&[[-5.0, 10.0], [0.0, 15.0]], &[0.0, 10.0], 1);
+    for seed in 0..5 {
+        let config = BoConfig { max_evaluations: 40, ..BoConfig::default() };
+        let (fit, reason) = fitted(&problem, &MethodConfig::Bo(config), seed, &branin);
+        println!("{seed}: {:?}", fit.best());
+        assert_eq!((reason, fit.evaluations()), (Reason::Budget, 40));
+        assert!(fit.best().unwrap().cost < LEAST + 0.01, "{seed}: {:?}", fit.best());
+    }
+}
+
+#[test]
+fn threads_change_nothing() {
+    let problem = problem(&[[-5.0, 10.0], [0.0, 15.0]], &[0.0, 10.0], 1);
+    let trace = |threads: usize| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        pool.install(|| {
+            let config = BoConfig { max_evaluations: 15, batch: 3, ..BoConfig::default() };
+            let mut fit = Fit::new(problem.clone(), &MethodConfig::Bo(config), 9).unwrap();
+            let mut asked = Vec::new();
+            while fit.finished().is_none() {
+                let batch = fit.ask();
+                fit.tell(&evaluate(&batch, &branin)).unwrap();
+                asked.extend(batch);
+            }
+            asked
+        })
+    };
+    let alone = trace(1);
+    assert_eq!(alone.len(), 15);
+    assert_eq!(alone, trace(4));
+}
+
+#[test]
+fn many_parameters_are_refused_with_advice_and_twelve_are_not() {
+    let many = |n: usize| problem(&vec![[0.0, 1.0]; n], &vec![0.5; n], 1);
+    let config = BoConfig { max_evaluations: 28, ..BoConfig::default() };
+    let refused = Fit::new(many(21), &MethodConfig::Bo(config.clone()), 0).unwrap_err();
+    assert_eq!(refused, ConfigError::TooManyForBo(21));
+    assert!(refused.to_string().contains("joint by joint"));
+    let bowl = |x: &[f64]| vec![1.0 + x.iter().map(|v| (v - 0.3).powi(2)).sum::<f64>()];
+    let (fit, _) = fitted(&many(12), &MethodConfig::Bo(config), 0, &bowl);
+    assert_eq!(fit.evaluations(), 28);
+}
+
+#[test]
+fn where_nothing_can_be_evaluated_it_gives_up() {
+    let config = MethodConfig::Bo(BoConfig::default());
+    let mut fit = Fit::new(problem(&[[0.0, 1.0]], &[0.5], 1), &config, 0).unwrap();
+    while fit.finished().is_none() {
+        let failed = vec![Evaluation::Residuals(vec![f64::NAN]); fit.ask().len()];
+        fit.tell(&failed).unwrap();
+    }
+    assert_eq!(fit.finished(), Some(Reason::Failures));
+}

@@ -1,0 +1,191 @@
+//! What must hold whatever the problem: candidates inside the bounds, numbers only, refusals that say what to
+//! do.
+
+use etude_identify::{
+    Block, BoConfig, CmaConfig, ConfigError, Evaluation, Fit, LmConfig, Loss, MethodConfig, Parameter,
+    Problem, ProblemError, Scale, Space, SpaceError, TellError,
+};
+use proptest::prelude::*;
+
+use crate::problems::problem;
+
+fn parameter() -> impl Strategy<Value = Parameter> {
+    let bounds = (-1e3..1e3f64, 1e-3..1e3f64, 0.0..=1.0f64);
+    (bounds, prop::bool::ANY, prop::option::of(0.001..0.9f64)).prop_map(|((low, width, at), log, grid)| {
+        let low = if log { low.abs() + 1e-6 } else { low };
+        let high = low + width;
+        let parameter = Parameter::new("p", low, high, (low + at * width).clamp(low, high));
+        match (log, grid) {
+            (true, _) => parameter.logarithmic(),
+            (false, Some(share)) => parameter.stepped(share * width),
+            (false, None) => parameter,
+        }
+    })
+}
+
+fn space() -> impl Strategy<Value = Space> {
+    prop::collection::vec(parameter(), 1..5).prop_map(|mut parameters| {
+        parameters.iter_mut().enumerate().for_each(|(i, p)| p.path = format!("p{i}"));
+        Space::new(parameters).unwrap()
+    })
+}
+
+fn method() -> impl Strategy<Value = MethodConfig> {
+    prop_oneof![
+        4 => Just(MethodConfig::Lm(LmConfig { difference_step: 1e-3, ..LmConfig::default() })),
+        4 => (0.01..1.0f64).prop_map(|initial_spread| {
+            MethodConfig::Cma(CmaConfig { initial_spread, restarts: 2, ..CmaConfig::default() })
+        }),
+        1 => Just(MethodConfig::Bo(BoConfig { initial: 5, batch: 2, ..BoConfig::default() })),
+    ]
+}
+
+/// Residuals that are smooth here, rough there, sometimes not a number and sometimes not there.
+fn hostile(point: &[f64], seed: u64) -> Evaluation {
+    let mix = point
+        .iter()
+        .fold(seed, |mix, u| (mix ^ u.to_bits()).wrapping_mul(0x9e37_79b9_7f4a_7c15).rotate_left(29));
+    let sum: f64 = point.iter().sum();
+    match mix % 11 {
+        0 => Evaluation::Failed("diverged".into()),
+        1 => Evaluation::Residuals(vec![f64::NAN, sum, 1.0]),
+        2 => Evaluation::Residuals(vec![f64::NEG_INFINITY, sum, -1e308]),
+        3 => Evaluation::Residuals(vec![1e99, -1e99, 1e99]),
+        _ => Evaluation::Residuals(vec![1e6 * (sum - 0.3), (mix % 1000) as f64, sum * sum]),
+    }
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(120))]
+
+    #[test]
+    fn candidates_lie_inside_and_what_is_no_number_is_never_best(
+        space in space(), method in method(), seed in any::<u64>(),
+    ) {
+        let problem = Problem::new(space.clone(), vec![Block::new("all", 3)], Loss::Huber(10.0)).unwrap();
+        let mut fit = Fit::new(problem.clone(), &method, seed).unwrap();
+        let mut lowest = f64::INFINITY;
+        for _ in 0..8 {
+            let batch = fit.ask();
+            prop_assert_eq!(batch.is_empty(), fit.finished().is_some());
+            if batch.is_empty() {
+                break;
+            }
+            let mut told = Vec::new();
+            for candidate in &batch {
+                let numbers = candidate.values.iter().zip(&candidate.point);
+                for (p, (value, u)) in space.parameters().iter().zip(numbers) {
+                    prop_assert!((p.low..=p.high).contains(value) && (0.0..=1.0).contains(u));
+                    if let Some(step) = p.step {
+                        let steps = (value - p.low) / step;
+                        prop_assert!((steps - steps.round()).abs() < 1e-6, "{} is off the grid", value);
+                    }
+                }
+                let evaluation = hostile(&candidate.point, seed);
+                if let Evaluation::Residuals(residuals) = &evaluation
+                    && residuals.iter().all(|r| r.abs() <= 1e100)
+                {
+                    lowest = lowest.min(problem.cost(residuals));
+                }
+                told.push(evaluation);
+            }
+            fit.tell(&told).unwrap();
+            prop_assert_eq!(fit.best().map_or(f64::INFINITY, |best| best.cost), lowest);
+        }
+    }
+
+    #[test]
+    fn there_and_back_again(space in space(), shares in prop::collection::vec(-0.5..1.5f64, 5)) {
+        let point = space.snap(&shares[..space.len()]);
+        let values = space.to_physical(&point);
+        for ((a, b), p) in space.to_normalised(&values).iter().zip(&point).zip(space.parameters()) {
+            prop_assert!((a - b).abs() < 1e-9, "{a} {b} {p:?}");
+        }
+        prop_assert_eq!(space.snap(&point), point);
+        prop_assert_eq!(space.to_physical(&vec![f64::NAN; space.len()]).len(), space.len());
+    }
+}
+
+#[test]
+fn a_logarithmic_scale_goes_by_ratios() {
+    let space = Space::new(vec![Parameter::new("p", 0.01, 100.0, 1.0).logarithmic()]).unwrap();
+    assert!((space.start()[0] - 0.5).abs() < 1e-12);
+    assert!((space.to_physical(&[0.75])[0] - 10.0).abs() < 1e-9);
+}
+
+#[test]
+fn what_cannot_be_fitted_is_refused_with_the_reason() {
+    let p = |low, high, start| Parameter::new("joint.index_1.delay", low, high, start);
+    let refused = |parameters: Vec<Parameter>| Space::new(parameters).unwrap_err();
+    assert_eq!(refused(vec![]), SpaceError::Empty);
+    assert!(matches!(refused(vec![p(1.0, 0.0, 0.5)]), SpaceError::Order { .. }));
+    assert!(matches!(refused(vec![p(0.0, f64::INFINITY, 0.5)]), SpaceError::Order { .. }));
+    assert!(matches!(refused(vec![p(0.0, 1.0, f64::NAN)]), SpaceError::Order { .. }));
+    assert!(matches!(refused(vec![p(0.0, 1.0, 0.5).logarithmic()]), SpaceError::Logarithm { .. }));
+    for step in [0.0, -0.1, 2.0, f64::NAN] {
+        assert!(matches!(refused(vec![p(0.0, 1.0, 0.5).stepped(step)]), SpaceError::Step { .. }));
+    }
+    assert!(matches!(refused(vec![p(0.0, 1.0, 0.5), p(0.0, 1.0, 0.5)]), SpaceError::Twice(_)));
+
+    let space = || Space::new(vec![p(0.0, 1.0, 0.5).influencing(["thumb"])]).unwrap();
+    let refused = |blocks: Vec<Block>, loss| Problem::new(space(), blocks, loss).unwrap_err();
+    let thumb = || Block::new("thumb", 3);
+    assert_eq!(refused(vec![], Loss::Squared), ProblemError::Empty);
+    assert_eq!(refused(vec![Block::new("thumb", 0)], Loss::Squared), ProblemError::Empty);
+    assert!(matches!(refused(vec![thumb(), thumb()], Loss::Squared), ProblemError::Twice(_)));
+    assert!(matches!(refused(vec![thumb()], Loss::Huber(0.0)), ProblemError::Bend(_)));
+    let unknown = refused(vec![Block::new("index", 3)], Loss::Squared).to_string();
+    assert!(unknown.contains("`thumb`") && unknown.contains("index"), "{unknown}");
+}
+
+#[test]
+fn configurations_are_checked_field_by_field() {
+    let refused = |method: MethodConfig| match Fit::new(problem(&[[0.0, 1.0]], &[0.5], 1), &method, 0) {
+        Err(ConfigError::Value { field, .. }) => field,
+        other => panic!("{other:?}"),
+    };
+    let lm = |change: &dyn Fn(&mut LmConfig)| {
+        let mut config = LmConfig::default();
+        change(&mut config);
+        refused(MethodConfig::Lm(config))
+    };
+    assert_eq!(lm(&|c| c.max_evaluations = 0), "max_evaluations");
+    assert_eq!(lm(&|c| c.difference_step = f64::NAN), "difference_step");
+    assert_eq!(lm(&|c| c.initial_damping = 0.0), "initial_damping");
+    assert_eq!(lm(&|c| c.gradient_tolerance = 1.0), "gradient_tolerance");
+    let cma = |change: &dyn Fn(&mut CmaConfig)| {
+        let mut config = CmaConfig::default();
+        change(&mut config);
+        refused(MethodConfig::Cma(config))
+    };
+    assert_eq!(cma(&|c| c.population = 3), "population");
+    assert_eq!(cma(&|c| c.initial_spread = 0.0), "initial_spread");
+    assert_eq!(cma(&|c| c.restarts = 13), "restarts");
+    let bo = |change: &dyn Fn(&mut BoConfig)| {
+        let mut config = BoConfig::default();
+        change(&mut config);
+        refused(MethodConfig::Bo(config))
+    };
+    assert_eq!(bo(&|c| c.batch = 0), "batch");
+    assert_eq!(bo(&|c| c.initial = 1), "initial");
+    let text = r#"{"method": "bo", "batch": 4, "btach": 3}"#;
+    assert!(serde_json::from_str::<MethodConfig>(text).unwrap_err().to_string().contains("btach"));
+    let text = r#"{"method": "bo", "batch": 4}"#;
+    let MethodConfig::Bo(config) = serde_json::from_str(text).unwrap() else { panic!() };
+    assert_eq!(config, BoConfig { batch: 4, ..BoConfig::default() });
+    let space = Space::new(vec![Parameter::new("p", 0.0, 1.0, 0.5)]).unwrap();
+    assert_eq!(space.parameters()[0].scale, Scale::Linear);
+}
+
+#[test]
+fn evaluations_that_do_not_answer_the_batch_change_nothing() {
+    let mut fit =
+        Fit::new(problem(&[[0.0, 1.0]], &[0.5], 2), &MethodConfig::Cma(CmaConfig::default()), 0).unwrap();
+    let batch = fit.ask();
+    assert_eq!(fit.tell(&[]), Err(TellError::Count { asked: batch.len(), given: 0 }));
+    let mut short = vec![Evaluation::Residuals(vec![0.0, 0.0]); batch.len()];
+    short[1] = Evaluation::Residuals(vec![0.0]);
+    assert_eq!(fit.tell(&short), Err(TellError::Samples { candidate: 1, samples: 2, given: 1 }));
+    assert_eq!((fit.evaluations(), fit.best()), (0, None));
+    assert_eq!(fit.ask(), batch);
+}

@@ -1,0 +1,211 @@
+//! Levenberg–Marquardt: perturbing together, grids, outliers, failures.
+
+use std::cell::Cell;
+
+use etude_identify::{
+    Block, Differences, Evaluation, Fit, LmConfig, Loss, MethodConfig, Parameter, Problem, Reason, Space,
+};
+
+use crate::problems::{evaluate, fitted, linearised, oscillate, problem, run};
+
+const JOINTS: usize = 13;
+const SAMPLES: usize = 60;
+
+fn lm() -> MethodConfig {
+    MethodConfig::Lm(LmConfig::default())
+}
+
+/// Thirteen oscillators with three parameters each, and one that all share; told which influences which, or
+/// not.
+fn joints(grouped: bool) -> Problem {
+    let mut parameters = vec![Parameter::new("world.gain", 0.5, 2.0, 1.0)];
+    for joint in 0..JOINTS {
+        for (name, low, high, start) in
+            [("stiffness", 5.0, 60.0, 20.0), ("damping", 0.05, 5.0, 0.3), ("cubic", 0.0, 20.0, 1.0)]
+        {
+            let parameter = Parameter::new(&format!("joint.{joint}.{name}"), low, high, start);
+            parameters.push(if grouped {
+                parameter.influencing([format!("joint.{joint}")])
+            } else {
+                parameter
+            });
+        }
+    }
+    let blocks = (0..JOINTS).map(|joint| Block::new(&format!("joint.{joint}"), SAMPLES)).collect();
+    Problem::new(Space::new(parameters).unwrap(), blocks, Loss::Squared).unwrap()
+}
+
+fn joints_residuals(x: &[f64]) -> Vec<f64> {
+    let of_joint = |joint: usize| {
+        let truth = oscillate(&[20.0 + joint as f64, 0.8, 6.0], 0.03, SAMPLES);
+        let given = oscillate(&x[1 + 3 * joint..4 + 3 * joint], 0.03, SAMPLES);
+        given.into_iter().zip(truth).map(|(a, b)| (x[0] * a - 1.2 * b) / 0.01).collect::<Vec<f64>>()
+    };
+    (0..JOINTS).flat_map(of_joint).collect()
+}
+
+#[test]
+fn a_jacobian_perturbed_together_is_the_one_perturbed_one_by_one() {
+    let (together, single) = (joints(true), joints(false));
+    let point = together.space().start();
+    let [a, b] = [&together, &single].map(|problem| linearised(problem, &point, 1e-5, &joints_residuals));
+    for parameter in 0..point.len() {
+        assert_eq!(a.jacobian.column(parameter), b.jacobian.column(parameter), "{parameter}");
+        assert!(a.jacobian.column(parameter).iter().any(|slope| *slope != 0.0));
+    }
+    // And the effort: one column for the shared gain and three for all joints.
+    let mut fits = [together, single].map(|problem| Fit::new(problem, &lm(), 0).unwrap());
+    let batches = fits.each_mut().map(|fit| {
+        let start = evaluate(&fit.ask(), &joints_residuals);
+        fit.tell(&start).unwrap();
+        fit.ask().len()
+    });
+    assert_eq!(batches, [4, 40]);
+}
+
+#[test]
+fn perturbing_together_finds_the_same_optimum_with_a_tenth_of_the_evaluations() {
+    let [(together, _), (single, _)] =
+        [true, false].map(|grouped| fitted(&joints(grouped), &lm(), 0, &joints_residuals));
+    println!("{} and {} evaluations", together.evaluations(), single.evaluations());
+    assert!(together.evaluations() * 7 < single.evaluations());
+    for fit in [&together, &single] {
+        let values = &fit.best().unwrap().values;
+        assert!((values[0] - 1.2).abs() < 1e-5, "{values:?}");
+        for joint in 0..JOINTS {
+            assert!((values[1 + 3 * joint] - 20.0 - joint as f64).abs() < 1e-3, "{values:?}");
+        }
+    }
+}
+
+/// Reference trajectories of joints: a chirp, delayed by whole steps and slowed by a low-pass.
+fn delayed(delay_secs: f64, low_pass_secs: f64, joint: usize) -> Vec<f64> {
+    let steps = (delay_secs / 0.005).round() as i64;
+    let mut y = 0.0;
+    (0..400i64)
+        .map(|k| {
+            let t = (k - steps).max(0) as f64 * 0.005;
+            let target = ((3.0 + 0.3 * joint as f64 + 4.0 * t) * t).sin();
+            y += (target - y) * (0.005 / (0.005 + low_pass_secs));
+            y
+        })
+        .collect()
+}
+
+#[test]
+fn delays_of_whole_steps_are_found_beside_the_low_pass_that_looks_like_one() {
+    for grouped in [true, false] {
+        let joints = 5;
+        let delay = |j: usize| 0.005 * (2 + j * 3) as f64;
+        let mut parameters = Vec::new();
+        for joint in 0..joints {
+            let block = [format!("joint.{joint}")];
+            let path = |name: &str| format!("joint.{joint}.{name}");
+            let two = [
+                Parameter::new(&path("delay"), 0.0, 0.1, 0.0).stepped(0.005),
+                Parameter::new(&path("low_pass"), 0.0, 0.2, 0.05),
+            ];
+            parameters.extend(two.map(|p| if grouped { p.influencing(block.clone()) } else { p }));
+        }
+        let blocks = (0..joints).map(|joint| Block::new(&format!("joint.{joint}"), 400)).collect();
+        let problem = Problem::new(Space::new(parameters).unwrap(), blocks, Loss::Squared).unwrap();
+        let residuals = |x: &[f64]| -> Vec<f64> {
+            let of_joint = |joint: usize| {
+                let given = delayed(x[2 * joint], x[2 * joint + 1], joint);
+                let truth = delayed(delay(joint), 0.02, joint);
+                given.into_iter().zip(truth).map(|(a, b)| (a - b) / 0.002).collect::<Vec<f64>>()
+            };
+            (0..joints).flat_map(of_joint).collect()
+        };
+        let (fit, reason) = fitted(&problem, &lm(), 0, &residuals);
+        println!("grouped {grouped}: {reason} after {} evaluations", fit.evaluations());
+        let values = &fit.best().unwrap().values;
+        for joint in 0..joints {
+            assert!((values[2 * joint] - delay(joint)).abs() < 1e-9, "{grouped} {values:?}");
+            assert!((values[2 * joint + 1] - 0.02).abs() < 1e-5, "{grouped} {values:?}");
+        }
+    }
+}
+
+#[test]
+fn a_delay_at_the_wrong_neighbour_is_left_when_slopes_are_blind_to_it() {
+    // A step in time: no slope, but one neighbour is better than the start, and the next one better still.
+    let parameter = Parameter::new("delay", 0.0, 0.1, 0.05).stepped(0.01);
+    let space = Space::new(vec![parameter, Parameter::new("offset", -1.0, 1.0, 0.5)]).unwrap();
+    let problem = Problem::new(space, vec![Block::new("all", 50)], Loss::Squared).unwrap();
+    let step = |delay: f64, k: usize| if k as f64 * 0.002 >= delay + 1e-9 { 1.0 } else { 0.0 };
+    let residuals =
+        |x: &[f64]| (0..50).map(|k| step(x[0], k) + x[1] - step(0.03, k) - 0.1).collect::<Vec<f64>>();
+    let (fit, _) = fitted(&problem, &lm(), 0, &residuals);
+    let best = fit.best().unwrap();
+    assert!((best.values[0] - 0.03).abs() < 1e-9 && (best.values[1] - 0.1).abs() < 1e-6, "{best:?}");
+}
+
+#[test]
+fn huber_forgives_an_outlier_that_squares_do_not() {
+    let line = |x: &[f64]| -> Vec<f64> {
+        let datum = |k: usize| 0.3 * k as f64 + if k == 15 { 500.0 } else { 0.0 };
+        (0..20).map(|k| x[0] * k as f64 - datum(k)).collect()
+    };
+    let slope = |loss: Loss| {
+        let space = Space::new(vec![Parameter::new("slope", -10.0, 10.0, 5.0)]).unwrap();
+        let problem = Problem::new(space, vec![Block::new("all", 20)], loss).unwrap();
+        let config = LmConfig { cost_tolerance: 1e-14, ..LmConfig::default() };
+        let (fit, _) = fitted(&problem, &MethodConfig::Lm(config), 0, &line);
+        fit.best().unwrap().values[0]
+    };
+    assert!((slope(Loss::Squared) - 0.3).abs() > 1.0);
+    // One bend's worth of pull, from the lever of the outlier: 1.345 · 15 over Σ k² without it.
+    let others: f64 = (0..20).filter(|k| *k != 15).map(|k| f64::from(k * k)).sum();
+    let expected = 0.3 + 1.345 * 15.0 / others;
+    assert!((slope(Loss::Huber(1.345)) - expected).abs() < 1e-6);
+}
+
+#[test]
+fn failures_beside_the_optimum_and_on_the_way_are_survived() {
+    // Whatever is beyond 0.7 in the first parameter cannot be simulated; the optimum is just before.
+    let problem = problem(&[[0.0, 1.0], [0.0, 1.0]], &[0.1, 0.1], 3);
+    for differences in [Differences::Forward, Differences::Central] {
+        let config = LmConfig { differences, ..LmConfig::default() };
+        let mut fit = Fit::new(problem.clone(), &MethodConfig::Lm(config), 0).unwrap();
+        while fit.finished().is_none() {
+            let simulate = |x: &[f64]| match x[0] > 0.7 {
+                true => Evaluation::Failed("diverged".into()),
+                false => Evaluation::Residuals(vec![x[0] - 0.699_999, (x[0] * x[1]).exp() - 1.3, 0.3 * x[1]]),
+            };
+            let evaluations: Vec<_> = fit.ask().iter().map(|c| simulate(&c.values)).collect();
+            fit.tell(&evaluations).unwrap();
+        }
+        println!("{differences:?}: {:?} {:?}, {} failures", fit.finished(), fit.best(), fit.failures());
+        assert!(fit.best().unwrap().cost < 0.02 && fit.evaluations() < 200);
+    }
+}
+
+#[test]
+fn a_start_that_fails_ends_the_fit() {
+    let mut fit = Fit::new(problem(&[[0.0, 1.0]], &[0.5], 1), &lm(), 0).unwrap();
+    fit.tell(&[Evaluation::Failed("diverged".into())]).unwrap();
+    assert_eq!(fit.finished(), Some(Reason::Failures));
+    assert!(fit.ask().is_empty() && fit.tell(&[]).is_err());
+}
+
+#[test]
+fn a_parameter_without_influence_stays_where_it_is() {
+    let problem = problem(&[[0.0, 1.0], [0.0, 1.0]], &[0.1, 0.6], 2);
+    let (fit, _) = fitted(&problem, &lm(), 0, &|x: &[f64]| vec![x[0] - 0.4, 2.0 * x[0] - 0.8]);
+    let values = &fit.best().unwrap().values;
+    assert!((values[0] - 0.4).abs() < 1e-6 && values[1] == 0.6, "{values:?}");
+}
+
+#[test]
+fn the_budget_ends_a_fit_after_the_batch_under_way() {
+    let calls = Cell::new(0u64);
+    let residuals = |x: &[f64]| {
+        calls.set(calls.get() + 1);
+        joints_residuals(x)
+    };
+    let config = LmConfig { max_evaluations: 5, ..LmConfig::default() };
+    let mut fit = Fit::new(joints(false), &MethodConfig::Lm(config), 0).unwrap();
+    assert_eq!(run(&mut fit, &residuals), Reason::Budget);
+    assert_eq!((fit.evaluations(), calls.get()), (41, 41));
+}

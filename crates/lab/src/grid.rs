@@ -1,0 +1,352 @@
+//! A policy on a fixed grid of worlds: how well it plays where the simulator is wrong.
+//!
+//! The nominal world flatters what was trained in it. The grid is a Latin hypercube over the widths of the player's own
+//! randomisation ([`etude_task::Randomisation::grid`]), the same for the same seed, so that policies are compared in the
+//! same worlds; its worst tenth says more about a robot than its mean (fact sheet "speed and sample efficiency" §6).
+
+use std::fmt::Write as _;
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+
+use etude_learn::Policy;
+use etude_music::Song;
+use etude_perform::write_text;
+use etude_stage::PhysicalParams;
+use etude_task::scripted::ScriptedPlayer;
+use etude_task::{Performance, Piece, Randomisation, TaskConfig, TaskError, rehearse_in};
+use rayon::prelude::*;
+use serde::Serialize;
+
+use crate::play::PlayError;
+use crate::player::{Mind, Player};
+
+/// Which grid.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct GridConfig {
+    /// Number of worlds beside the nominal one.
+    pub worlds: usize,
+    /// The paper's C_dr: how far the worlds are from the nominal one.
+    pub intensity: f64,
+    /// Another one, another grid.
+    pub seed: u64,
+}
+
+/// How a song went in one world.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct WorldScores {
+    /// The paper's F1, by control step.
+    pub f1: f64,
+    /// Precision by control step.
+    pub precision: f64,
+    /// Recall by control step.
+    pub recall: f64,
+    /// F1 pooled over key-time.
+    pub pooled_f1: f64,
+    /// F1 of notes, by their onsets.
+    pub onset_f1: f64,
+    /// Fraction of control steps without a collision.
+    pub collision_free: f64,
+}
+
+/// Mean F1 where one number is low, in the middle or high among the worlds, which are split in thirds.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Marginal {
+    /// Path of the number.
+    pub path: String,
+    /// Its nominal value.
+    pub nominal: f64,
+    /// Its least and its greatest value on the grid.
+    pub range: [f64; 2],
+    /// Mean F1 in the worlds of its low, middle and high third.
+    pub f1: [f64; 3],
+}
+
+/// A policy on a grid. Its keys are those of `etude evaluate --json`.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct GridReport {
+    /// Title of the song.
+    pub song: String,
+    /// The policy file, or `scripted`.
+    pub player: String,
+    /// Number of worlds.
+    pub worlds: usize,
+    /// How far they are from the nominal one.
+    pub intensity: f64,
+    /// The grid's seed.
+    pub seed: u64,
+    /// F1 in the nominal world.
+    pub nominal_f1: f64,
+    /// Mean F1 over the worlds.
+    pub mean_f1: f64,
+    /// Mean F1 over the worst tenth of the worlds (at least one).
+    pub worst_decile_f1: f64,
+    /// F1 in the worst world.
+    pub worst_f1: f64,
+    /// F1 by third of each number that varies; none for fewer than three worlds.
+    pub marginals: Vec<Marginal>,
+    /// Scores in each world, in the grid's order.
+    pub scores: Vec<WorldScores>,
+    /// The numbers of each world that vary, in the order of `paths`.
+    #[serde(skip)]
+    pub values: Vec<Vec<f64>>,
+    /// Paths of the numbers that vary.
+    #[serde(skip)]
+    pub paths: Vec<String>,
+    /// The table that was written, if one was.
+    pub csv: Option<PathBuf>,
+}
+
+/// Plays `song` once in each world of the grid, over the threads of the current rayon pool. `watch` is told after each how
+/// many are done, on any thread, and says whether to go on; if not, there is no report.
+///
+/// # Errors
+/// If the song does not fit the keyboard, or the player's task or the grid is not sound.
+pub fn evaluate_grid(
+    song: &Song,
+    player: &Player,
+    grid: &GridConfig,
+    watch: &(dyn Fn(usize) -> bool + Sync),
+) -> Result<Option<GridReport>, PlayError> {
+    let mut task = player.config.task.clone();
+    task.randomisation.intensity = grid.intensity;
+    task.check()?;
+    let piece = Piece::new(song, task.initial_silence_secs)?;
+    let nominal = task.params().map_err(TaskError::from)?;
+    let randomisation = Randomisation::new(nominal.clone(), &task.randomisation, task.stage.actuation)?;
+    let mut worlds = vec![nominal];
+    worlds.extend(randomisation.grid(grid.worlds, grid.seed));
+    let actor = match &player.mind {
+        Mind::Script => Actor::Script(Box::new(ScriptedPlayer::new(&task, &piece)?)),
+        Mind::Policy(policy, _) => Actor::Policy(policy),
+    };
+
+    let (done, stopped) = (AtomicUsize::new(0), AtomicBool::new(false));
+    let played = worlds.par_iter().with_max_len(1).map(|params| -> Result<Option<WorldScores>, TaskError> {
+        if stopped.load(Ordering::Relaxed) {
+            return Ok(None);
+        }
+        let scores = scores(&actor.play(&task, &piece, params)?);
+        if !watch(done.fetch_add(1, Ordering::Relaxed) + 1) {
+            stopped.store(true, Ordering::Relaxed);
+        }
+        Ok(Some(scores))
+    });
+    let played: Vec<Option<WorldScores>> = played.collect::<Result<_, _>>()?;
+    let played: Option<Vec<WorldScores>> = played.into_iter().collect();
+    let Some(mut scores) = played.filter(|_| !stopped.load(Ordering::Relaxed)) else { return Ok(None) };
+
+    let nominal_f1 = scores.remove(0).f1;
+    let paths: Vec<String> = randomisation.paths().collect();
+    let read = |params: &PhysicalParams| paths.iter().map(|path| params.get(path)).collect();
+    let mut values =
+        worlds.iter().map(read).collect::<Result<Vec<Vec<f64>>, _>>().map_err(TaskError::from)?;
+    let middle = values.remove(0);
+    let f1: Vec<f64> = scores.iter().map(|scores| scores.f1).collect();
+    let mut sorted = f1.clone();
+    sorted.sort_by(f64::total_cmp);
+    Ok(Some(GridReport {
+        song: song.title().to_string(),
+        player: player.name(),
+        worlds: grid.worlds,
+        intensity: grid.intensity,
+        seed: grid.seed,
+        nominal_f1,
+        mean_f1: mean(&f1),
+        worst_decile_f1: mean(&sorted[..sorted.len().div_ceil(10)]),
+        worst_f1: sorted.first().copied().unwrap_or(nominal_f1),
+        marginals: marginals(&paths, &middle, &values, &f1),
+        scores,
+        values,
+        paths,
+        csv: None,
+    }))
+}
+
+/// Who plays, shared by the threads.
+enum Actor<'a> {
+    Policy(&'a Policy),
+    Script(Box<ScriptedPlayer>),
+}
+
+impl Actor<'_> {
+    fn play(
+        &self,
+        task: &TaskConfig,
+        piece: &Piece,
+        params: &PhysicalParams,
+    ) -> Result<Performance, TaskError> {
+        match self {
+            Self::Policy(policy) => {
+                let mut policy = (*policy).clone();
+                rehearse_in(task, piece, params, &mut |_, observation, action| {
+                    policy.act(observation, action)
+                })
+            }
+            Self::Script(script) => rehearse_in(task, piece, params, &mut |environment, _, action| {
+                *action = script.action(environment.position());
+            }),
+        }
+    }
+}
+
+fn scores(performance: &Performance) -> WorldScores {
+    let frame = performance.frame_scores();
+    WorldScores {
+        f1: frame.f1,
+        precision: frame.precision,
+        recall: frame.recall,
+        pooled_f1: frame.pooled_f1,
+        onset_f1: performance.note_scores().onset_f1,
+        collision_free: performance.collision_free,
+    }
+}
+
+fn mean(values: &[f64]) -> f64 {
+    values.iter().sum::<f64>() / values.len().max(1) as f64
+}
+
+fn marginals(paths: &[String], nominal: &[f64], values: &[Vec<f64>], f1: &[f64]) -> Vec<Marginal> {
+    if f1.len() < 3 {
+        return Vec::new();
+    }
+    let of = |(column, path): (usize, &String)| {
+        let mut order: Vec<usize> = (0..f1.len()).collect();
+        order.sort_by(|a, b| values[*a][column].total_cmp(&values[*b][column]));
+        let third = |index: usize| {
+            let worlds = &order[index * f1.len() / 3..(index + 1) * f1.len() / 3];
+            mean(&worlds.iter().map(|world| f1[*world]).collect::<Vec<_>>())
+        };
+        let end = |at: usize| order.get(at).map_or(f64::NAN, |world| values[*world][column]);
+        Marginal {
+            path: path.clone(),
+            nominal: nominal[column],
+            range: [end(0), end(f1.len() - 1)],
+            f1: [0, 1, 2].map(third),
+        }
+    };
+    paths.iter().enumerate().map(of).collect()
+}
+
+impl GridReport {
+    /// Writes one line a world: its number, its scores, and the numbers that vary, under their paths.
+    ///
+    /// # Errors
+    /// If the file cannot be written.
+    pub fn write_csv(&mut self, path: &Path) -> Result<(), PlayError> {
+        let mut text = String::from("world,f1,precision,recall,pooled_f1,onset_f1,collision_free");
+        for path in &self.paths {
+            text.push(',');
+            text.push_str(path);
+        }
+        for (index, (scores, values)) in self.scores.iter().zip(&self.values).enumerate() {
+            let WorldScores { f1, precision, recall, pooled_f1, onset_f1, collision_free } = scores;
+            // Writing to a string cannot fail.
+            let _ =
+                write!(text, "\n{index},{f1},{precision},{recall},{pooled_f1},{onset_f1},{collision_free}");
+            for value in values {
+                let _ = write!(text, ",{value}");
+            }
+        }
+        if let Some(folder) = path.parent().filter(|folder| !folder.as_os_str().is_empty()) {
+            std::fs::create_dir_all(folder)
+                .map_err(|source| PlayError::Folder { path: folder.to_path_buf(), source })?;
+        }
+        write_text(path, &(text + "\n"))?;
+        self.csv = Some(path.to_path_buf());
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::config::change;
+    use etude_music::Note;
+
+    fn song() -> Song {
+        let note = |(at, pitch): (usize, u8)| {
+            let start_secs = 0.3 * at as f64;
+            Note { pitch, start_secs, end_secs: start_secs + 0.3, velocity: 80 }
+        };
+        Song::new("Short", [60, 62, 64].into_iter().enumerate().map(note).collect(), 0.9).unwrap()
+    }
+
+    fn player(sets: &[&str]) -> Player {
+        let mut player = Player::scripted();
+        player.config =
+            change(&player.config, &sets.iter().map(ToString::to_string).collect::<Vec<_>>()).unwrap();
+        player
+    }
+
+    fn on_threads(threads: usize, player: &Player, grid: &GridConfig) -> GridReport {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        pool.install(|| evaluate_grid(&song(), player, grid, &|_| true)).unwrap().unwrap()
+    }
+
+    #[test]
+    fn any_number_of_threads_gives_the_same_report() {
+        let grid = GridConfig { worlds: 11, intensity: 0.5, seed: 0 };
+        let one = on_threads(1, &player(&[]), &grid);
+        for threads in [2, 4] {
+            assert_eq!(on_threads(threads, &player(&[]), &grid), one);
+        }
+        assert_ne!(on_threads(2, &player(&[]), &GridConfig { seed: 1, ..grid }).scores, one.scores);
+        assert_eq!((one.scores.len(), one.marginals.len(), one.paths.len()), (11, 31, 31));
+        // The means are those of the scores: two worlds are the worst tenth of eleven.
+        let mut f1: Vec<f64> = one.scores.iter().map(|scores| scores.f1).collect();
+        assert!((f1.iter().sum::<f64>() / 11.0 - one.mean_f1).abs() < 1e-12);
+        f1.sort_by(f64::total_cmp);
+        assert!(((f1[0] + f1[1]) / 2.0 - one.worst_decile_f1).abs() < 1e-12 && f1[0] == one.worst_f1);
+        assert!(one.nominal_f1 > one.worst_decile_f1, "{one:?}");
+        let of_thirds: f64 = one.marginals[3].f1.iter().zip([3.0, 4.0, 4.0]).map(|(f1, n)| f1 * n).sum();
+        assert!((of_thirds / 11.0 - one.mean_f1).abs() < 1e-12, "each world is in one third");
+    }
+
+    #[test]
+    fn without_intensity_every_world_is_the_nominal_one() {
+        let report = on_threads(2, &player(&[]), &GridConfig { worlds: 3, intensity: 0.0, seed: 0 });
+        assert!(report.scores.iter().all(|scores| scores.f1 == report.nominal_f1));
+        assert_eq!((report.mean_f1, report.worst_f1), (report.nominal_f1, report.nominal_f1));
+        let report = on_threads(2, &player(&[]), &GridConfig { worlds: 0, intensity: 0.5, seed: 0 });
+        assert!(report.marginals.is_empty() && report.worst_f1 == report.nominal_f1);
+    }
+
+    #[test]
+    fn a_number_that_matters_shows_in_its_thirds() {
+        let player = player(&["task.randomisation.widths.key.threshold=0.45"]);
+        let report = on_threads(2, &player, &GridConfig { worlds: 12, intensity: 1.0, seed: 0 });
+        let [marginal] = &report.marginals[..] else { panic!("{:?}", report.marginals) };
+        assert_eq!((marginal.path.as_str(), marginal.nominal), ("key.threshold", 0.5));
+        assert!(marginal.range[0] < 0.1 && marginal.range[1] > 0.9, "{marginal:?}");
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("new/worlds.csv");
+        let mut report = report;
+        report.write_csv(&path).unwrap();
+        let text = std::fs::read_to_string(&path).unwrap();
+        let rows: Vec<Vec<&str>> = text.lines().map(|line| line.split(',').collect()).collect();
+        assert_eq!((rows.len(), *rows[0].last().unwrap()), (13, "key.threshold"));
+        for (row, (scores, values)) in rows[1..].iter().zip(report.scores.iter().zip(&report.values)) {
+            assert_eq!((row[1].parse(), row[7].parse()), (Ok(scores.f1), Ok(values[0])));
+        }
+    }
+
+    #[test]
+    fn stopping_gives_no_report_and_what_cannot_work_an_error() {
+        let grid = GridConfig { worlds: 20, intensity: 0.5, seed: 0 };
+        let played = AtomicUsize::new(0);
+        let watch = |done: usize| {
+            played.fetch_max(done, Ordering::Relaxed);
+            done < 2
+        };
+        assert_eq!(evaluate_grid(&song(), &player(&[]), &grid, &watch).unwrap(), None);
+        assert!(played.load(Ordering::Relaxed) < 10);
+        let fails = |player: &Player, grid: &GridConfig| {
+            evaluate_grid(&song(), player, grid, &|_| true).unwrap_err().to_string()
+        };
+        assert!(
+            fails(&player(&[]), &GridConfig { intensity: 1.5, ..grid }).contains("randomisation.intensity")
+        );
+        let said = fails(&player(&["task.randomisation.widths.key.colour=1"]), &grid);
+        assert!(said.contains("`key.colour`") && said.contains("etude model params"), "{said}");
+    }
+}

@@ -1,0 +1,145 @@
+//! Domain randomisation: worlds about a nominal one, drawn anew for each episode without rebuilding the model.
+//!
+//! One intensity `C` in [0, 1] scales every width: at 0 the world keeps its nominal numbers, at 1 a quantity covers
+//! its full range (authors' code, fact sheet "simulation and learning" §2.5). Everything shrinks toward the nominal value,
+//! which is therefore the median of what is drawn: an identified simulator is randomised about what was identified. How
+//! wide is a choice: the paper's seven quantities, or a half-width for each identified number ([`Widths`]).
+
+mod grid;
+mod spread;
+mod stability;
+mod widths;
+
+#[cfg(test)]
+mod tests;
+
+use etude_stage::params::{Joint, PhysicalParams, World};
+use etude_stage::{Actuation, JOINTS, RAIL};
+use rand_pcg::Pcg64;
+use serde::{Deserialize, Serialize};
+
+use crate::TaskError;
+use spread::{Reach, Slot, Spread};
+pub use widths::Widths;
+
+/// How much to randomise.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct RandomisationConfig {
+    /// The paper's C_dr: 0 is none, 1 is all.
+    pub intensity: f64,
+    /// What varies, and how far at full intensity.
+    pub widths: Widths,
+    /// Environment steps of a training in which the intensity rises from 0 to its value, in proportion; 0 for none. Episodes
+    /// of every intensity so far share the replay, so it should take a good part of the training (fact sheet "speed
+    /// and sample efficiency" §6).
+    pub curriculum_steps: u64,
+}
+
+/// Full range of a randomised quantity.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Full {
+    /// One value for the world, anywhere between the two.
+    Between(World, f64, f64),
+    /// One value for the world, the nominal one plus or minus this.
+    Around(World, f64),
+    /// A factor for each finger joint and the rail, one plus or minus this.
+    Scaled(Joint, f64),
+}
+
+/// The paper's seven quantities ("Domain Randomization") with their ranges at full intensity.
+pub const RANDOMISED: &[(&str, Full)] = &[
+    ("height of the piano", Full::Around(World::KeyboardHeight, 0.0085)),
+    ("starting position of the hand", Full::Around(World::HandStart, 0.33)),
+    ("dampening of the joints", Full::Scaled(Joint::Damping, 0.9)),
+    ("applied force of each actuator", Full::Scaled(Joint::Stiffness, 0.9)),
+    ("threshold of a key", Full::Between(World::KeyThreshold, 0.1, 0.9)),
+    ("stiffness of the springs", Full::Between(World::KeyStiffness, 0.3, 2.3)),
+    ("friction of keys and fingertips", Full::Between(World::KeyFriction, 0.2, 2.5)),
+];
+
+/// Draws worlds about a nominal one.
+#[derive(Clone, Debug)]
+pub struct Randomisation {
+    nominal: PhysicalParams,
+    intensity: f64,
+    curriculum_steps: u64,
+    spreads: Vec<Spread>,
+    /// How the joints are driven, if the drawn numbers are to be kept from what upsets the engine.
+    guarded: Option<Actuation>,
+}
+
+impl Randomisation {
+    /// Worlds about `nominal`, whose joints are driven by `actuation`.
+    ///
+    /// # Errors
+    /// If a width is not a number of at least 0, or of a parameter that there is not.
+    pub fn new(
+        nominal: PhysicalParams,
+        config: &RandomisationConfig,
+        actuation: Actuation,
+    ) -> Result<Self, TaskError> {
+        let (spreads, guarded) = match &config.widths {
+            // As the authors draw them; tests/task/randomisation.rs checks that the engine bears it.
+            Widths::Paper => (papers(), None),
+            Widths::Identified(widths) => (widths::spreads(widths)?, Some(actuation)),
+        };
+        let (intensity, curriculum_steps) = (config.intensity, config.curriculum_steps);
+        Ok(Self { nominal, intensity, curriculum_steps, spreads, guarded })
+    }
+
+    /// The intensity after so many environment steps of a training.
+    pub fn intensity_after(&self, steps: u64) -> f64 {
+        if steps >= self.curriculum_steps {
+            return self.intensity;
+        }
+        self.intensity * (steps as f64 / self.curriculum_steps as f64)
+    }
+
+    /// Whether worlds can differ from the nominal one at all.
+    pub fn is_on(&self) -> bool {
+        self.intensity > 0.0
+    }
+
+    /// The next world, for an episode that begins after `steps` environment steps of a training. Without intensity nothing
+    /// is drawn.
+    pub fn draw(&self, steps: u64, random: &mut Pcg64) -> PhysicalParams {
+        let intensity = self.intensity_after(steps);
+        let mut params = self.nominal.clone();
+        if intensity == 0.0 {
+            return params;
+        }
+        for spread in &self.spreads {
+            spread.set(&mut params, intensity, spread.draw(random));
+        }
+        self.guard(params)
+    }
+
+    /// Paths of the numbers that vary, in the order in which they are drawn.
+    pub fn paths(&self) -> impl Iterator<Item = String> {
+        self.spreads.iter().map(|spread| spread.slot.path())
+    }
+
+    fn guard(&self, mut params: PhysicalParams) -> PhysicalParams {
+        if let Some(actuation) = self.guarded {
+            stability::keep(&mut params, &self.nominal, actuation);
+        }
+        params
+    }
+}
+
+/// The paper's quantities, number by number.
+fn papers() -> Vec<Spread> {
+    let world = |quantity, reach| vec![Spread { slot: Slot::World(quantity), reach }];
+    let spreads = RANDOMISED.iter().flat_map(|(_, full)| match *full {
+        Full::Between(quantity, low, high) => world(quantity, Reach::Between(low, high)),
+        Full::Around(quantity, width) => world(quantity, Reach::Around(width)),
+        Full::Scaled(quantity, width) => (0..JOINTS)
+            .map(|joint| Spread { slot: Slot::Joint(quantity, joint), reach: Reach::Scaled(width) })
+            .collect(),
+    });
+    spreads.collect()
+}
+
+// The rail is scaled with the fingers: it is the last joint.
+const _: () = assert!(RAIL + 1 == JOINTS);

@@ -1,0 +1,62 @@
+//! Two limits within which a world of drawn numbers cannot upset the engine.
+//!
+//! A wide draw of inertias, torques or springs can ask for motion that physics steps of 5 ms cannot follow; MuJoCo then
+//! starts the world over in the middle of an episode, without a word. The limits are those of
+//! `crates/stage/tests/stage/extremes.rs`, whose tests find every combination calm that keeps to them: a key's spring well
+//! below where its own integration swings up, and a drive that crosses its joint's range no faster than 0.4 ranges in a
+//! step.
+
+use etude_music::CONTROL_HZ;
+use etude_stage::geometry::BLACK;
+use etude_stage::hand::{FINGERS, LINK_MASSES, PALM_MASS, THUMB_MASS};
+use etude_stage::params::{Joint, PhysicalParams, World};
+use etude_stage::{Actuation, JOINTS, PHYSICS_STEPS, RAIL, joint_range};
+
+/// Length of a physics step, s.
+const STEP_SECS: f64 = 1.0 / (CONTROL_HZ * PHYSICS_STEPS as f64);
+/// Share of the stiffness at which the lightest key loses stability. Half, since fingers touch keys.
+const KEY_SHARE: f64 = 0.5;
+/// Fastest that a drive may by itself cross its joint's range, ranges per second.
+const FASTEST: f64 = 0.4 / STEP_SECS;
+
+/// Takes drawn numbers back to the limits. A number whose nominal value is beyond its limit already is left alone: whoever
+/// set it wanted it.
+pub(super) fn keep(params: &mut PhysicalParams, nominal: &PhysicalParams, actuation: Actuation) {
+    if nominal.world(World::KeyStiffness) <= stiffest_key(nominal) {
+        let stiffness = params.world(World::KeyStiffness).min(stiffest_key(params));
+        params.set_world(World::KeyStiffness, stiffness);
+    }
+    let drive = match actuation {
+        Actuation::Controlled => Joint::TorqueLimit,
+        Actuation::Position => Joint::Stiffness,
+    };
+    for joint in 0..JOINTS {
+        if nominal.joint(drive, joint) <= strongest_drive(nominal, joint, actuation) {
+            let strength = params.joint(drive, joint).min(strongest_drive(params, joint, actuation));
+            params.set_joint(drive, joint, strength);
+        }
+    }
+}
+
+/// Largest stiffness of the keys, N·m/rad: an explicitly integrated spring k on a hinge of inertia I and implicit damping
+/// d is stable while dt²·k < 2·(2·I + dt·d), and black keys have the least inertia.
+fn stiffest_key(params: &PhysicalParams) -> f64 {
+    let [length, _, height] = BLACK.size;
+    let box_about_its_rear = BLACK.mass * (length * length / 3.0 + height * height / 12.0);
+    let inertia = box_about_its_rear + params.world(World::KeyArmature);
+    let unstable =
+        2.0 * (2.0 * inertia + STEP_SECS * params.world(World::KeyDamping)) / (STEP_SECS * STEP_SECS);
+    KEY_SHARE * unstable
+}
+
+/// Largest torque, or stiffness of a position actuator: over the whole range a constant torque reaches
+/// v² = 2·range·torque/inertia, and a spring v² = range²·stiffness/inertia.
+fn strongest_drive(params: &PhysicalParams, joint: usize, actuation: Actuation) -> f64 {
+    let [low, high] = joint_range(joint);
+    let hand = PALM_MASS + THUMB_MASS + FINGERS as f64 * LINK_MASSES.iter().sum::<f64>();
+    let inertia = params.joint(Joint::Armature, joint) + if joint == RAIL { hand } else { 0.0 };
+    match actuation {
+        Actuation::Controlled => inertia * FASTEST.powi(2) * (high - low) / 2.0,
+        Actuation::Position => inertia * FASTEST.powi(2),
+    }
+}

@@ -1,0 +1,174 @@
+#!/usr/bin/env python3
+"""Golden numbers for crates/identify, from SciPy and pycma.
+
+    python3 -m venv /tmp/venv-identify
+    /tmp/venv-identify/bin/pip install numpy==2.4.6 scipy==1.17.1 cma==4.5.0
+    /tmp/venv-identify/bin/python scripts/golden_identify.py
+
+Writes crates/identify/tests/golden/fits.json. `least_squares`: three problems with their data, the optimum that SciPy's
+trust-region method finds within the bounds, its cost, and the covariance there from slopes measured to high order, as if
+there were no bounds. `cma`: two functions as sums of squares, their optimum, and the evaluations that pycma needs to
+come down to a cost, for each of five seeds. Everything is drawn from fixed seeds; run twice, same bytes.
+"""
+
+import json
+import math
+import pathlib
+
+import cma
+import numpy as np
+from scipy.optimize import least_squares
+
+OUT = pathlib.Path(__file__).resolve().parent.parent / "crates/identify/tests/golden/fits.json"
+TIGHT = {"xtol": 1e-15, "ftol": 1e-15, "gtol": 1e-15, "max_nfev": 2000}
+
+
+# ------------------------------------------------------------------------------------------ least squares
+
+
+def decay(x, case):
+    times, data = np.array(case["times_secs"]), np.array(case["data"])
+    return (x[0] * np.exp(-x[1] * times) + x[2] - data) / case["noise"]
+
+
+def oscillate(x, step_secs, steps):
+    """Places of a damped oscillator let go at 1 and at rest, after each step of the classical Runge-Kutta method."""
+    stiffness, damping, cubic = x
+    slope = lambda p, v: (v, -stiffness * p - damping * v - cubic * p**3)
+    p, v, places, h = 1.0, 0.0, [], step_secs
+    for _ in range(steps):
+        a = slope(p, v)
+        b = slope(p + 0.5 * h * a[0], v + 0.5 * h * a[1])
+        c = slope(p + 0.5 * h * b[0], v + 0.5 * h * b[1])
+        d = slope(p + h * c[0], v + h * c[1])
+        p += h / 6 * (a[0] + 2 * b[0] + 2 * c[0] + d[0])
+        v += h / 6 * (a[1] + 2 * b[1] + 2 * c[1] + d[1])
+        places.append(p)
+    return np.array(places)
+
+
+def oscillator(x, case):
+    data = np.array(case["data"])
+    return (oscillate(x, case["step_secs"], len(data)) - data) / case["noise"]
+
+
+def rosenbrock_residuals(x, case):
+    """The chained valley, with a pull of each coordinate to -1 that leaves residuals at the optimum."""
+    steep = [10 * (x[i + 1] - x[i] ** 2) for i in range(len(x) - 1)]
+    flat = [1 - x[i] for i in range(len(x) - 1)]
+    return np.array(steep + flat + [case["pull"] * (value + 1) for value in x])
+
+
+def slopes(function, x):
+    """Central differences, extrapolated twice (Richardson)."""
+    columns = []
+    for i in range(len(x)):
+        def difference(h):
+            e = np.zeros(len(x))
+            e[i] = h * max(1.0, abs(x[i]))
+            return (function(x + e) - function(x - e)) / (2 * e[i])
+
+        coarse, middle, fine = difference(4e-3), difference(2e-3), difference(1e-3)
+        first, second = (4 * middle - coarse) / 3, (4 * fine - middle) / 3
+        columns.append((16 * second - first) / 15)
+    return np.array(columns).T
+
+
+def solved(name, function, case, start, bounds):
+    residuals = lambda x: function(x, case)
+    low, high = zip(*bounds)
+    fit = least_squares(residuals, start, jac=lambda x: slopes(residuals, x), bounds=(low, high), method="trf", **TIGHT)
+    j, r = slopes(residuals, fit.x), residuals(fit.x)
+    covariance = np.linalg.inv(j.T @ j) * (r @ r) / (len(r) - len(fit.x))
+    return {
+        "name": name, **case, "start": start, "bounds": bounds,
+        "optimum": fit.x.tolist(), "cost": float(fit.cost), "covariance": covariance.tolist(),
+        "singular_values": np.linalg.svd(j, compute_uv=False).tolist(),
+    }
+
+
+def least_squares_cases():
+    random = np.random.default_rng(5)
+    times = np.linspace(0, 4, 60)
+    # The offset that was drawn with is below its lower bound, so the bound is active at the optimum.
+    clean = 2.0 * np.exp(-0.9 * times) - 0.1
+    decaying = {"times_secs": times.tolist(), "noise": 0.05}
+    decaying["data"] = (clean + 0.05 * random.normal(size=len(times))).tolist()
+    swinging = {"step_secs": 0.02, "noise": 0.02}
+    clean = oscillate([25.0, 0.8, 6.0], 0.02, 200)
+    swinging["data"] = (clean + 0.02 * random.normal(size=len(clean))).tolist()
+    return [
+        solved("decay", decay, decaying, [1.0, 0.3, 0.5], [[0.1, 5.0], [0.05, 4.0], [0.0, 1.0]]),
+        solved("oscillator", oscillator, swinging, [20.0, 0.3, 1.0], [[5.0, 60.0], [0.05, 5.0], [0.0, 20.0]]),
+        solved("rosenbrock", rosenbrock_residuals, {"pull": 0.3}, [-1.2, 1.0, 0.5], [[-2.0, 2.0]] * 3),
+    ]
+
+
+# ------------------------------------------------------------------------------------------------ CMA-ES
+
+
+def ellipsoid(x, case):
+    turned = np.array(case["rotation"]) @ (np.array(x) - np.array(case["optimum"]))
+    return np.array(case["lengths"]) * turned
+
+
+def rosenbrock(x, case):
+    x = np.array(x)
+    return np.concatenate([10 * (x[1:] - x[:-1] ** 2), 1 - x[:-1]])
+
+
+def evaluations(function, case):
+    """Evaluations until pycma first meets a cost below the target, in the unit cube and with our spread and constants."""
+    low, high = np.array(case["bounds"]).T
+    counts = []
+    for seed in range(1, 6):
+        start = ((np.array(case["start"]) - low) / (high - low)).tolist()
+        options = {"seed": seed, "bounds": [0, 1], "verbose": -9, "maxfevals": 50_000, "tolfun": 0, "tolx": 0, "tolfunhist": 0}
+        search, count = cma.CMAEvolutionStrategy(start, case["spread"], options), 0
+        met = False
+        while not met:
+            points = search.ask()
+            residuals = [function(low + np.array(point) * (high - low), case) for point in points]
+            costs = [0.5 * float(r @ r) for r in residuals]
+            for cost in costs:
+                count += 1
+                if cost < case["target"]:
+                    met = True
+                    break
+            search.tell(points, costs)
+            assert count < 50_000
+        counts.append(count)
+    return counts
+
+
+def cma_cases():
+    random = np.random.default_rng(11)
+    n = 8
+    rotation, _ = np.linalg.qr(random.normal(size=(n, n)))
+    cases = [
+        {
+            "name": "ellipsoid", "rotation": rotation.tolist(), "lengths": [1000 ** (i / (n - 1)) for i in range(n)],
+            "optimum": [0.1 * (i - 3) for i in range(n)], "start": [1.5] * n, "bounds": [[-2.0, 3.0]] * n,
+        },
+        {"name": "rosenbrock", "optimum": [1.0] * 5, "start": [0.0] * 5, "bounds": [[-2.0, 2.0]] * 5},
+    ]
+    functions = {"ellipsoid": ellipsoid, "rosenbrock": rosenbrock}
+    for case in cases:
+        case.update({"spread": 0.2, "target": 1e-8})
+        case["evaluations"] = evaluations(functions[case["name"]], case)
+    return cases
+
+
+def main():
+    OUT.parent.mkdir(parents=True, exist_ok=True)
+    golden = {"least_squares": least_squares_cases(), "cma": cma_cases()}
+    for case in golden["least_squares"]:
+        assert all(math.isfinite(value) for row in case["covariance"] for value in row), case["name"]
+        print(case["name"], case["optimum"], case["cost"])
+    for case in golden["cma"]:
+        print(case["name"], case["evaluations"])
+    OUT.write_text(json.dumps(golden, indent=1) + "\n")
+
+
+if __name__ == "__main__":
+    main()
