@@ -16,7 +16,7 @@
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use etude_identify::Progress;
+use etude_identify::{Motion, MotionError, Progress};
 use etude_learn::{EvaluationRow, LogRow, StopReason, TrainError, TrainingObserver};
 use etude_music::Song;
 use etude_perform::{Ending, Excitation, FileError, Mode, write_text};
@@ -88,6 +88,8 @@ pub struct Round {
 pub enum RehearsalStep<'a> {
     /// An excitation was recorded.
     Recorded(Excitation),
+    /// A performance is not fitted to, for this reason.
+    LeftOut(&'a Path, &'a str),
     /// A fit goes on.
     Identifying(usize, &'a Progress),
     /// A training goes on: round, step, of how many, best F1 so far.
@@ -225,7 +227,14 @@ impl Rehearsal<'_> {
         let (mut held_out_rad, mut physics, mut layer) = (None, Default::default(), None);
         if let Some(before) = before {
             let mut recordings = self.excite(tell)?;
-            recordings.extend(before.recordings.iter().cloned());
+            for path in &before.recordings {
+                // One that a fit would be misled by: a policy that knows little pushes against its joints' stops.
+                match Motion::load(path) {
+                    Err(MotionError::Unsuitable { path, why }) => tell(&RehearsalStep::LeftOut(&path, &why)),
+                    Err(error) => return Err(IdentificationError::from(error).into()),
+                    Ok(_) => recordings.push(path.clone()),
+                }
+            }
             let what = Identification {
                 recordings,
                 held_out: Vec::new(),

@@ -126,6 +126,12 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
 fn show(bar: &indicatif::ProgressBar, step: &RehearsalStep<'_>) {
     let text = match step {
         RehearsalStep::Recorded(excitation) => format!("recorded {excitation}"),
+        RehearsalStep::LeftOut(path, why) => {
+            if !bar.is_hidden() {
+                note(format!("warning: {} is not fitted to: {why}", path.display()));
+            }
+            return;
+        }
         RehearsalStep::Identifying(round, at) => format!(
             "round {round}: identifying {}, {} replays, residuals {:.2} times the noise",
             at.stage.name(),
