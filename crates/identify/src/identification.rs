@@ -20,7 +20,7 @@ use crate::fit::{Candidate, Fit, TellError};
 use crate::group::{Group, GroupError, fingers, joints, keyboard};
 use crate::jacobian::{JacobianError, JacobianPlan};
 use crate::motion::Motion;
-use crate::problem::Evaluation;
+use crate::problem::{Evaluation, Problem};
 use crate::replay::{Replayer, Trace};
 use crate::rows::{contact_parameters, follow_stiffness, joint_parameters};
 use crate::space::Parameter;
@@ -289,7 +289,6 @@ impl<'a> Work<'a> {
                 self.state.params.set_joint(Joint::Delay, joint, delay);
             }
         }
-        self.state.replays = worlds.len() as u64;
         Ok(())
     }
 
@@ -363,7 +362,7 @@ impl<'a> Work<'a> {
         let fits = std::mem::take(&mut self.state.fits);
         self.state.params = best_of(&self.state.params, &fits);
         if stage != Stage::Contact {
-            let saturates = |joint: usize| motions.iter().any(|motion| motion.saturates[joint]);
+            let saturates = |joint| saturates(&motions, joint);
             follow_stiffness(&self.before, saturates, &mut self.state.params);
         }
         let (replays, secs) = (self.state.replays, self.state.secs);
@@ -377,7 +376,7 @@ impl<'a> Work<'a> {
         for ((_, fit), candidates) in self.state.fits.iter().zip(asked) {
             let values = candidates.get(index).map(|candidate| &candidate.values);
             if let Some(values) = values.or_else(|| fit.best().map(|best| &best.values)) {
-                set(&mut params, fit, values);
+                set(&mut params, fit.problem(), values);
             }
         }
         params
@@ -452,12 +451,7 @@ impl<'a> Work<'a> {
                     let mut params = self.state.params.clone();
                     for ((_, problem, _), candidates) in problems.iter().zip(&asked) {
                         if let Some(candidate) = candidates.get(index) {
-                            for (parameter, value) in
-                                problem.space().parameters().iter().zip(&candidate.values)
-                            {
-                                // A path of the rows, within their bounds.
-                                let _ = params.set(&parameter.path, *value);
-                            }
+                            set(&mut params, problem, &candidate.values);
                         }
                     }
                     params
@@ -483,8 +477,16 @@ impl<'a> Work<'a> {
 
 /// Parameters of a group's joints.
 fn drives(group: &Group, motions: &[Motion], before: &PhysicalParams) -> Vec<Parameter> {
-    let saturates = |joint: usize| motions.iter().any(|motion| motion.saturates[joint]);
-    group.joints.iter().flat_map(|&joint| joint_parameters(joint, saturates(joint), before)).collect()
+    group
+        .joints
+        .iter()
+        .flat_map(|&joint| joint_parameters(joint, saturates(motions, joint), before))
+        .collect()
+}
+
+/// Whether the motions tell where the limit of a joint's drive is.
+fn saturates(motions: &[Motion], joint: usize) -> bool {
+    motions.iter().any(|motion| motion.saturates[joint])
 }
 
 fn replayer_error(world: &StageConfig) -> IdentifyError {
@@ -494,8 +496,8 @@ fn replayer_error(world: &StageConfig) -> IdentifyError {
     }
 }
 
-fn set(params: &mut PhysicalParams, fit: &Fit, values: &[f64]) {
-    for (parameter, value) in fit.problem().space().parameters().iter().zip(values) {
+fn set(params: &mut PhysicalParams, problem: &Problem, values: &[f64]) {
+    for (parameter, value) in problem.space().parameters().iter().zip(values) {
         // A path of the rows, within their bounds.
         let _ = params.set(&parameter.path, *value);
     }
@@ -505,7 +507,7 @@ fn best_of(before: &PhysicalParams, fits: &[(Group, Fit)]) -> PhysicalParams {
     let mut params = before.clone();
     for (_, fit) in fits {
         if let Some(best) = fit.best() {
-            set(&mut params, fit, &best.values);
+            set(&mut params, fit.problem(), &best.values);
         }
     }
     params

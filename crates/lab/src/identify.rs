@@ -7,7 +7,7 @@ use etude_identify::{
     Assessment, BoConfig, CmaConfig, Identified, IdentifyConfig, IdentifyError, LmConfig, MethodConfig,
     Motion, MotionError, Progress, Report, ReportInput, identify,
 };
-use etude_perform::{FileError, write_text};
+use etude_perform::{Excitation, FileError, write_text};
 use etude_stage::{ParamError, PhysicalParams, StageError};
 use serde::{Deserialize, Serialize};
 
@@ -20,8 +20,6 @@ const PAGE: &str = "report.html";
 const TEXT: &str = "report.txt";
 /// Name of what is needed to go on after an interruption.
 const STATE: &str = "state.json";
-/// Mode of recordings that a fit is tried on and never fitted to.
-const HELD_OUT: &str = "held-out";
 
 /// Evaluations of one joint by CMA-ES at most: beyond, the cost no longer falls by a thousandth.
 const CMA_EVALUATIONS: u64 = 1500;
@@ -166,7 +164,8 @@ pub fn identify_robot(
 ) -> Result<IdentifyReport, IdentificationError> {
     let paths: Vec<PathBuf> = what.recordings.iter().chain(&what.held_out).cloned().collect();
     let all = Motion::load_all(&paths)?;
-    let is_held_out = |motion: &Motion| motion.mode == HELD_OUT || what.held_out.contains(&motion.path);
+    let is_held_out =
+        |motion: &Motion| motion.mode == Excitation::Held.name() || what.held_out.contains(&motion.path);
     let (held_out, fitted): (Vec<Motion>, Vec<Motion>) = all.into_iter().partition(is_held_out);
     let Some(first) = fitted.first() else { return Err(IdentificationError::AllHeldOut) };
     std::fs::create_dir_all(folder)
