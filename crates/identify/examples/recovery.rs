@@ -7,7 +7,7 @@ use std::path::PathBuf;
 use std::sync::atomic::AtomicBool;
 
 use etude_identify::{
-    Assessment, Commands, Identified, IdentifyConfig, LmConfig, MethodConfig, Motion, Replayer, identify,
+    Assessment, Commands, IdentifyConfig, LmConfig, MethodConfig, Motion, Replayer, identify,
 };
 use etude_perform::{Excitation, shaping_params};
 use etude_robot::rig::RigConfig;
@@ -91,14 +91,6 @@ fn third(excitation: Excitation, part: usize) -> Vec<[f64; JOINTS]> {
     targets[part * count..(part + 1) * count].to_vec()
 }
 
-fn params(identified: &Identified) -> Result<PhysicalParams, etude_stage::ParamError> {
-    let mut params = PhysicalParams::default();
-    for (path, value) in &identified.physics {
-        params.set(path, *value)?;
-    }
-    Ok(params)
-}
-
 /// What a fit of known numbers comes to: `cargo run --release -p etude-identify --example recovery -- SEED`.
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     let seed: u64 = std::env::args().nth(1).map_or(Ok(1), |text| text.parse())?;
@@ -118,7 +110,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     std::fs::remove_file(&state)?;
     let held_out = [recorded(&truth, third(Excitation::Held, 1), 10 * seed + 9)?];
     let before = shaping_params(&RigConfig::default().limits);
-    let found = Assessment::new(&held_out, &before, &params(&identified)?)?;
+    let found = Assessment::new(&held_out, &before, &PhysicalParams::default().with(&identified.physics)?)?;
     println!("joint, held-out error over noise before the fit and after it");
     for joint in &found.joints {
         println!("{} {:.1} {:.2}", joint.joint, joint.before / joint.noise, joint.after / joint.noise);
@@ -126,8 +118,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     println!("number, found, 95 % interval, true");
     for parameter in identified.estimates.iter().flat_map(|(_, estimate)| &estimate.parameters) {
         let true_value = truth.get(&parameter.path)?;
-        // A delay is whole steps: right or wrong.
-        if parameter.is_identifiable && !parameter.path.ends_with(".delay") {
+        if parameter.is_identifiable {
             let [low, high] = parameter.interval;
             covered += usize::from((low..=high).contains(&true_value));
             errors.push((parameter.value / true_value - 1.0).abs());

@@ -12,7 +12,7 @@ use crate::fit::{Method, Outcome, Reason};
 use crate::problem::Problem;
 use crate::process::Process;
 use crate::random::Draws;
-use crate::space::is_point;
+use crate::space::{all_inside, is_point};
 
 /// Random points a coordinate among which the search for the next candidate begins.
 const EVERYWHERE: usize = 100;
@@ -166,7 +166,7 @@ impl Method for Bo {
         let mut batch: Vec<Vec<f64>> = Vec::new();
         for point in self.suggested(space.len(), &mut draws) {
             if point.len() == space.len() && point.iter().all(|u| u.is_finite()) {
-                batch.push(space.snap(&point));
+                batch.push(all_inside(&point));
             }
         }
         batch.resize_with(self.config.batch, || (0..space.len()).map(|_| draws.uniform()).collect());
@@ -174,10 +174,9 @@ impl Method for Bo {
             let is_known = |point: &Vec<f64>| {
                 let told = self.told.iter().map(|(known, _)| known);
                 told.chain(&batch[..place])
-                    .any(|known| known.iter().zip(space.snap(point)).all(|(a, b)| (a - b).abs() < SAME))
+                    .any(|known| known.iter().zip(all_inside(point)).all(|(a, b)| (a - b).abs() < SAME))
             };
-            // What is known already makes room for chance; a small grid may hold nothing new, so not for
-            // ever.
+            // What is known already makes room for chance; a point in a corner may come again, so not for ever.
             let mut point = batch[place].clone();
             for _ in 0..20 {
                 if !is_known(&point) {
@@ -192,12 +191,12 @@ impl Method for Bo {
 
     fn learn(
         &mut self,
-        problem: &Problem,
+        _problem: &Problem,
         points: &[Vec<f64>],
         outcomes: &[Option<Outcome<'_>>],
     ) -> Option<Reason> {
         for (point, outcome) in points.iter().zip(outcomes) {
-            self.told.push((problem.space().snap(point), outcome.as_ref().map(|outcome| outcome.cost)));
+            self.told.push((all_inside(point), outcome.as_ref().map(|outcome| outcome.cost)));
         }
         self.batch += 1;
         let none = self.told.iter().all(|(_, cost)| cost.is_none());

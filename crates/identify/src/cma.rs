@@ -2,8 +2,7 @@
 //!
 //! Constants and updates are those of Hansen's tutorial (arXiv:1604.00772, with negative weights) and the
 //! restarts those of IPOP (Auger and Hansen 2005). Outside the cube the cost is that of the mirrored point,
-//! so that a bound is a place like any other and the distribution needs no repair. Parameters on a grid are
-//! sampled with a spread of at least a third of a step, since a narrower one sees no difference.
+//! so that a bound is a place like any other and the distribution needs no repair.
 
 use nalgebra::{DMatrix, DVector, SymmetricEigen};
 use serde::{Deserialize, Serialize};
@@ -15,8 +14,6 @@ use crate::random::Draws;
 
 /// Generations in a row without a single sample that could be evaluated, after which the search gives up.
 const MOST_FAILED_GENERATIONS: u32 = 10;
-/// Least spread of a parameter on a grid, in grid steps.
-const GRID_SPREAD: f64 = 0.3;
 /// Ratio of the longest to the shortest axis, squared, beyond which sampling is no longer exact.
 const LARGEST_CONDITION: f64 = 1e14;
 /// Candidates of a generation at the most, however often the population was doubled.
@@ -216,11 +213,11 @@ impl Cma {
     }
 
     /// Why this search is over, if it is.
-    fn settled(&self, problem: &Problem) -> Option<Reason> {
+    fn settled(&self) -> Option<Reason> {
         let search = &self.search;
         let n = search.mean.len();
         let Some(axes) = Axes::of(&search.shape, n) else { return Some(Reason::Spread) };
-        let narrow = (0..n).filter(|&i| problem.space().grid(i).is_none()).all(|i| {
+        let narrow = (0..n).all(|i| {
             let deviation = search.shape[i * n + i].sqrt().max(search.path_of_shape[i].abs());
             search.spread * deviation < self.config.spread_tolerance
         });
@@ -261,27 +258,17 @@ fn mirrored(coordinate: f64) -> f64 {
 }
 
 impl Method for Cma {
-    fn propose(&self, problem: &Problem) -> Vec<Vec<f64>> {
+    fn propose(&self, _problem: &Problem) -> Vec<Vec<f64>> {
         let search = &self.search;
-        let n = search.mean.len();
-        // How much wider than the distribution each coordinate is sampled.
-        let widening: Vec<f64> = (0..n)
-            .map(|i| match problem.space().grid(i) {
-                Some(step) => {
-                    (GRID_SPREAD * step / (search.spread * search.shape[i * n + i].sqrt())).max(1.0)
-                }
-                None => 1.0,
-            })
-            .collect();
         let place = |step: DVector<f64>| {
-            (0..n).map(|i| mirrored(search.mean[i] + search.spread * widening[i] * step[i])).collect()
+            search.mean.iter().zip(&step).map(|(mean, step)| mirrored(mean + search.spread * step)).collect()
         };
         self.steps().into_iter().map(place).collect()
     }
 
     fn learn(
         &mut self,
-        problem: &Problem,
+        _problem: &Problem,
         _points: &[Vec<f64>],
         outcomes: &[Option<Outcome<'_>>],
     ) -> Option<Reason> {
@@ -305,7 +292,7 @@ impl Method for Cma {
         if recent.len() > memory {
             recent.remove(0);
         }
-        match self.settled(problem) {
+        match self.settled() {
             Some(reason) => self.restart(reason),
             None => None,
         }

@@ -88,8 +88,7 @@ pub struct LmConfig {
     pub max_evaluations: u64,
     /// How slopes are measured.
     pub differences: Differences,
-    /// Step of the differences, as a share of a parameter's range; a parameter on a grid takes one grid step
-    /// instead.
+    /// Step of the differences, as a share of a parameter's range.
     pub difference_step: f64,
     /// Damping at the start, relative to the curvature of each parameter.
     pub initial_damping: f64,

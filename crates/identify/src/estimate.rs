@@ -300,7 +300,7 @@ fn parameters(
     let (values, slopes) = (space.to_physical(point), space.slopes(point));
     let of = |(i, parameter): (usize, &crate::Parameter)| {
         let error = covariance[(i, i)].max(0.0).sqrt();
-        let end = |sign: f64| space.continuous(i, (point[i] + sign * HALF_INTERVAL * error).clamp(0.0, 1.0));
+        let end = |sign: f64| space.value(i, (point[i] + sign * HALF_INTERVAL * error).clamp(0.0, 1.0));
         let at_bound = if point[i] <= AT_BOUND {
             Some(Bound::Low)
         } else if point[i] >= 1.0 - AT_BOUND {

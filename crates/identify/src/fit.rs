@@ -10,7 +10,7 @@ use crate::cma::Cma;
 use crate::config::{ConfigError, MethodConfig};
 use crate::lm::Lm;
 use crate::problem::{Evaluation, Problem};
-use crate::space::is_point;
+use crate::space::{all_inside, is_point};
 
 /// A point to be evaluated.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -22,9 +22,9 @@ pub struct Candidate {
 }
 
 impl Candidate {
-    /// The allowed candidate nearest to a normalised point.
+    /// The candidate at a normalised point, or at the nearest one inside the bounds.
     pub fn at(problem: &Problem, point: &[f64]) -> Self {
-        let point = problem.space().snap(point);
+        let point = all_inside(point);
         Self { values: problem.space().to_physical(&point), point }
     }
 }

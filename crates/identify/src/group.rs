@@ -65,6 +65,16 @@ impl Group {
         Ok(Problem::new(Space::new(parameters)?, blocks, loss)?)
     }
 
+    /// Names of the blocks that a number of a joint influences: those of its own finger. What the joints of one finger do to
+    /// another's, through the rail, is beneath the noise.
+    pub fn influenced<'a>(&'a self, joint: usize, motions: &'a [Motion]) -> impl Iterator<Item = String> + 'a {
+        let finger = |joint: usize| joint / etude_stage::hand::FINGER_JOINTS;
+        motions.iter().enumerate().flat_map(move |(index, motion)| {
+            let its = self.joints_of(motion).filter(move |other| finger(*other) == finger(joint));
+            its.map(move |other| format!("{index}.{}", JOINT_NAMES[other]))
+        })
+    }
+
     fn joints_of<'a>(&'a self, motion: &'a Motion) -> impl Iterator<Item = usize> + 'a {
         self.joints.iter().copied().filter(|joint| motion.moves[*joint])
     }
@@ -131,6 +141,11 @@ pub fn joints() -> Vec<Group> {
     let group =
         |joint: usize| Group { name: JOINT_NAMES[joint].to_string(), joints: vec![joint], keys: false };
     (0..JOINTS).map(group).collect()
+}
+
+/// All joints in one fit.
+pub fn together() -> Vec<Group> {
+    vec![Group { name: "joints".to_string(), joints: (0..JOINTS).collect(), keys: false }]
 }
 
 /// Every finger's joints together, and the rail.

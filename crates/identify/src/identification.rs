@@ -1,4 +1,4 @@
-//! From recordings to physical numbers: joint by joint, then finger by finger, then what only touching keys tells.
+//! From recordings to physical numbers: joint by joint, then all joints together, then what only touching keys tells.
 //!
 //! Each stage is a [`Fit`] a group, all of them fed by the same replays. Everything is written to a file after each batch,
 //! and a fit that was interrupted goes on from there to the same end.
@@ -17,7 +17,7 @@ use serde::{Deserialize, Serialize};
 use crate::config::{ConfigError, MethodConfig};
 use crate::estimate::{Estimate, EstimateError};
 use crate::fit::{Candidate, Fit, TellError};
-use crate::group::{Group, GroupError, fingers, joints, keyboard};
+use crate::group::{Group, GroupError, fingers, joints, keyboard, together};
 use crate::jacobian::{JacobianError, JacobianPlan};
 use crate::motion::Motion;
 use crate::problem::{Evaluation, Problem};
@@ -37,8 +37,8 @@ const MOST_DELAY_STEPS: usize = 6;
 pub enum Stage {
     /// Every joint by itself.
     Joints,
-    /// The joints of a finger together; by Levenberg–Marquardt only, the others cope with few parameters.
-    Fingers,
+    /// All joints together; by Levenberg–Marquardt only, the others cope with few parameters.
+    Together,
     /// The keyboard and the encoders' biases, from motions that touch keys.
     Contact,
 }
@@ -48,7 +48,7 @@ impl Stage {
     pub fn name(self) -> &'static str {
         match self {
             Self::Joints => "joint by joint",
-            Self::Fingers => "finger by finger",
+            Self::Together => "all joints together",
             Self::Contact => "keyboard",
         }
     }
@@ -56,7 +56,7 @@ impl Stage {
     fn groups(self) -> Vec<Group> {
         match self {
             Self::Joints => joints(),
-            Self::Fingers => fingers(),
+            Self::Together => together(),
             Self::Contact => vec![keyboard()],
         }
     }
@@ -201,10 +201,7 @@ impl<'a> Work<'a> {
     fn open(motions: &'a [Motion], config: &IdentifyConfig, file: &'a Path) -> Result<Self, IdentifyError> {
         let first = motions.first().ok_or(IdentifyError::Nothing)?;
         let world = StageConfig { side: first.side(), ..StageConfig::default() };
-        let mut before = shaping_params(&first.rig.limits);
-        for (path, value) in &config.start {
-            before.set(path, *value)?;
-        }
+        let before = shaping_params(&first.rig.limits).with(&config.start)?;
         let marks: Vec<_> = motions
             .iter()
             .map(|motion| (motion.path.display().to_string(), motion.commands.steps(), motion.start))
@@ -245,7 +242,7 @@ impl<'a> Work<'a> {
         let lm = matches!(self.state.config.method, MethodConfig::Lm(_));
         let keys = self.motions.iter().any(|motion| !motion.keys.is_empty());
         let air = self.air().next().is_some();
-        [(Stage::Joints, air), (Stage::Fingers, air && lm), (Stage::Contact, keys)]
+        [(Stage::Joints, air), (Stage::Together, air && lm), (Stage::Contact, keys)]
             .into_iter()
             .find(|(stage, wanted)| *wanted && self.state.ended.iter().all(|end| end.stage != *stage))
             .map(|(stage, _)| stage)
@@ -258,7 +255,7 @@ impl<'a> Work<'a> {
 
     fn motions_of(&self, stage: Stage) -> Vec<Motion> {
         match stage {
-            Stage::Joints | Stage::Fingers => self.air().cloned().collect(),
+            Stage::Joints | Stage::Together => self.air().cloned().collect(),
             Stage::Contact => self.motions.iter().filter(|motion| !motion.keys.is_empty()).cloned().collect(),
         }
     }
@@ -418,13 +415,14 @@ impl<'a> Work<'a> {
         let done: Vec<Stage> = self.state.ended.iter().map(|end| end.stage).collect();
         // The estimate of the fingers is that of their joints with their correlations.
         let judged =
-            done.iter().copied().filter(|stage| *stage != Stage::Joints || !done.contains(&Stage::Fingers));
+            done.iter().copied().filter(|stage| *stage != Stage::Joints || !done.contains(&Stage::Together));
         let mut estimates = Vec::new();
         let began = self.before.clone();
         for stage in judged {
             let motions = self.motions_of(stage);
             let mut problems = Vec::new();
-            for group in stage.groups() {
+            // The joints of different fingers have nothing to do with each other's estimates.
+            for group in if stage == Stage::Together { fingers() } else { stage.groups() } {
                 if motions.iter().any(|motion| group.learns_from(motion)) {
                     let params = &self.state.params;
                     let parameters = match stage {
@@ -477,11 +475,13 @@ impl<'a> Work<'a> {
 
 /// Parameters of a group's joints.
 fn drives(group: &Group, motions: &[Motion], before: &PhysicalParams) -> Vec<Parameter> {
-    group
-        .joints
-        .iter()
-        .flat_map(|&joint| joint_parameters(joint, saturates(motions, joint), before))
-        .collect()
+    let of_joint = |&joint: &usize| {
+        let influenced: Vec<String> = group.influenced(joint, motions).collect();
+        // A joint of a finger that never moves has no number to find.
+        let parameters = (!influenced.is_empty()).then(|| joint_parameters(joint, saturates(motions, joint), before));
+        parameters.into_iter().flatten().map(move |parameter| parameter.influencing(influenced.clone()))
+    };
+    group.joints.iter().flat_map(of_joint).collect()
 }
 
 /// Whether the motions tell where the limit of a joint's drive is.

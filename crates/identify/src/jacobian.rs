@@ -5,7 +5,7 @@
 use crate::config::Differences;
 use crate::fit::Candidate;
 use crate::problem::{Evaluation, Problem};
-use crate::space::Space;
+use crate::space::all_inside;
 
 /// Slopes of the residuals with respect to the normalised coordinates; only blocks that a parameter
 /// influences are kept.
@@ -104,11 +104,9 @@ pub(crate) fn colours(problem: &Problem) -> Vec<Vec<usize>> {
 /// room.
 ///
 /// The distance is what a computer makes of it, so that the difference of the two coordinates is exact.
-fn distance(space: &Space, parameter: usize, at: f64, sign: f64, step: f64) -> f64 {
-    let step = space.grid(parameter).unwrap_or(step);
+fn distance(at: f64, sign: f64, step: f64) -> f64 {
     let target = at + sign * step;
-    // A grid step to the last value of the grid may miss the bound by rounding.
-    if (-1e-9..=1.0 + 1e-9).contains(&target) { target.clamp(0.0, 1.0) - at } else { 0.0 }
+    if (0.0..=1.0).contains(&target) { target - at } else { 0.0 }
 }
 
 /// The candidates of a Jacobian at `point`, without the point itself.
@@ -122,7 +120,6 @@ pub(crate) fn probes(
     step: f64,
     attempts: &[u8],
 ) -> Vec<Probe> {
-    let space = problem.space();
     let probe = |members: &[usize], distance_of: &dyn Fn(usize) -> f64| -> Option<Probe> {
         let moved: Vec<(usize, f64)> =
             members.iter().map(|&p| (p, distance_of(p))).filter(|(_, d)| *d != 0.0).collect();
@@ -140,8 +137,8 @@ pub(crate) fn probes(
                 let forward = |p: usize| {
                     let sign = if attempt(p) == 1 { -1.0 } else { 1.0 };
                     let step = if attempt(p) >= 2 { 0.1 * step } else { step };
-                    match distance(space, p, point[p], sign, step) {
-                        0.0 => distance(space, p, point[p], -sign, step),
+                    match distance(point[p], sign, step) {
+                        0.0 => distance(point[p], -sign, step),
                         d => d,
                     }
                 };
@@ -150,7 +147,7 @@ pub(crate) fn probes(
             Differences::Central => {
                 for sign in [1.0, -1.0] {
                     let to_side =
-                        |p: usize| distance(space, p, point[p], sign, step * 0.1f64.powi(attempt(p).into()));
+                        |p: usize| distance(point[p], sign, step * 0.1f64.powi(attempt(p).into()));
                     all.extend(probe(&members, &to_side));
                 }
             }
@@ -236,10 +233,10 @@ pub struct JacobianPlan {
 }
 
 impl JacobianPlan {
-    /// Plans central differences at the allowed point nearest to `point` (normalised); `step` is a share of
+    /// Plans central differences at `point` (normalised); `step` is a share of
     /// each range. Towards a bound, or over a failed neighbour, a parameter's difference is one-sided.
     pub fn new(problem: &Problem, point: &[f64], step: f64) -> Self {
-        let mut point = problem.space().snap(point);
+        let mut point = all_inside(point);
         point.resize(problem.space().len(), 0.0);
         let step = if step.is_finite() { step.clamp(1e-9, 0.1) } else { 1e-5 };
         let probes = probes(problem, &point, Differences::Central, step, &[]);

@@ -2,10 +2,7 @@
 //! promise.
 //!
 //! Bounds are an active set: a parameter at its bound whose slope points outward is held, and one that a step
-//! would carry over its bound is put there while the others are solved for again. A parameter on a grid (a
-//! delay of whole physics steps) is differenced over one grid step and rounded, the others are solved for
-//! again beside it; and where the fit has settled its two neighbours are tried, each with the others moved as
-//! far as the slopes say they must.
+//! would carry over its bound is put there while the others are solved for again.
 
 use serde::{Deserialize, Serialize};
 
@@ -13,11 +10,11 @@ use crate::config::LmConfig;
 use crate::fit::{Method, Outcome, Reason};
 use crate::jacobian::{assemble, probes};
 use crate::problem::Problem;
-use crate::space::is_point;
+use crate::space::{all_inside, is_point};
 
 mod step;
 
-use step::{Model, neighbours};
+use step::Model;
 
 /// Share of the promised reduction from which on a step is taken.
 const LEAST_GAIN: f64 = 1e-4;
@@ -34,8 +31,6 @@ enum Phase {
     Jacobian { attempts: Vec<u8> },
     /// A step is being tried, which promises to lower the cost by this much.
     Trial { point: Vec<f64>, predicted: f64 },
-    /// The neighbours on the grid are being tried, since the fit has settled for this reason.
-    Neighbours { reason: Reason },
 }
 
 /// State of the method.
@@ -53,8 +48,6 @@ pub(crate) struct Lm {
     damping: f64,
     /// Factor by which the next refusal raises the damping (Nielsen 1999).
     growth: f64,
-    /// Where the neighbours on the grid were tried last.
-    settled: Option<Vec<f64>>,
 }
 
 impl Lm {
@@ -70,7 +63,6 @@ impl Lm {
             residuals: Vec::new(),
             damping,
             growth: 2.0,
-            settled: None,
         }
     }
 
@@ -78,27 +70,24 @@ impl Lm {
         self.phase = Phase::Jacobian { attempts: vec![0; self.point.len()] };
     }
 
-    fn move_to(&mut self, problem: &Problem, point: &[f64], outcome: &Outcome<'_>) {
-        self.point = problem.space().snap(point);
+    fn move_to(&mut self, point: &[f64], outcome: &Outcome<'_>) {
+        self.point = all_inside(point);
         self.cost = outcome.cost;
         self.residuals = outcome.residuals.to_vec();
         self.begin_jacobian();
     }
 
     /// The next step from here, or what ends the fit.
-    fn decide(&mut self, problem: &Problem) -> Option<Reason> {
-        let space = problem.space();
-        let flat = self.model.steepest(space, &self.point) <= self.config.gradient_tolerance;
+    fn decide(&mut self) -> Option<Reason> {
+        if self.model.steepest(&self.point) <= self.config.gradient_tolerance {
+            return Some(Reason::Gradient);
+        }
         while self.damping <= DAMPING_LIMITS[1] {
-            let Some(step) = self.model.step(space, &self.point, self.damping) else {
+            let Some(step) = self.model.step(&self.point, self.damping) else {
                 self.refuse();
                 continue;
             };
             let moves: Vec<f64> = step.point.iter().zip(&self.point).map(|(a, b)| (a - b).abs()).collect();
-            let stays_on_grid = (0..moves.len()).all(|i| space.grid(i).is_none() || moves[i] == 0.0);
-            if flat && stays_on_grid {
-                return self.settle(problem, Reason::Gradient);
-            }
             let small = if moves.iter().all(|d| *d <= self.config.step_tolerance) {
                 Some(Reason::Step)
             } else if step.predicted <= self.config.cost_tolerance * self.cost {
@@ -108,28 +97,17 @@ impl Lm {
             };
             if let Some(reason) = small {
                 // A step that only damping makes small has not converged.
-                let reason = if self.damping <= 1.0 { reason } else { Reason::Damping };
-                return self.settle(problem, reason);
+                return Some(if self.damping <= 1.0 { reason } else { Reason::Damping });
             }
             self.phase = Phase::Trial { point: step.point, predicted: step.predicted };
             return None;
         }
-        self.settle(problem, Reason::Damping)
+        Some(Reason::Damping)
     }
 
     fn refuse(&mut self) {
         self.damping *= self.growth;
         self.growth = (2.0 * self.growth).min(1e6);
-    }
-
-    /// Ends for `reason`, unless there are neighbours on the grid that were not tried yet.
-    fn settle(&mut self, problem: &Problem, reason: Reason) -> Option<Reason> {
-        let tried = self.settled.as_ref() == Some(&self.point);
-        if tried || neighbours(problem, &self.model, &self.point).is_empty() {
-            return Some(reason);
-        }
-        self.phase = Phase::Neighbours { reason };
-        None
     }
 
     fn learn_jacobian(
@@ -149,7 +127,7 @@ impl Lm {
             return None;
         }
         self.model.measure(problem, &self.residuals, &jacobian);
-        self.decide(problem)
+        self.decide()
     }
 
     fn jacobian_probes(&self, problem: &Problem, attempts: &[u8]) -> Vec<crate::jacobian::Probe> {
@@ -158,7 +136,6 @@ impl Lm {
 
     fn learn_trial(
         &mut self,
-        problem: &Problem,
         point: &[f64],
         predicted: f64,
         outcome: Option<&Outcome<'_>>,
@@ -166,7 +143,7 @@ impl Lm {
         let accepted = outcome.filter(|o| self.cost - o.cost > LEAST_GAIN * predicted);
         let Some(outcome) = accepted else {
             self.refuse();
-            return self.decide(problem);
+            return self.decide();
         };
         let reduction = self.cost - outcome.cost;
         let tolerance = self.config.cost_tolerance * self.cost;
@@ -174,52 +151,10 @@ impl Lm {
         let factor = (1.0 - (2.0 * gain - 1.0).powi(3)).clamp(1.0 / 3.0, 2.0);
         self.damping = (self.damping * factor).clamp(DAMPING_LIMITS[0], DAMPING_LIMITS[1]);
         self.growth = 2.0;
-        self.move_to(problem, point, outcome);
+        self.move_to(point, outcome);
         if reduction <= tolerance && predicted <= tolerance {
-            return self.settle(problem, Reason::Cost);
+            return Some(Reason::Cost);
         }
-        None
-    }
-
-    /// Joins the neighbours that are better, as far as they do not touch the same blocks, to one trial.
-    fn learn_neighbours(
-        &mut self,
-        problem: &Problem,
-        reason: Reason,
-        outcomes: &[Option<Outcome<'_>>],
-    ) -> Option<Reason> {
-        let proposed = neighbours(problem, &self.model, &self.point);
-        let mut better: Vec<(f64, &step::Move)> = Vec::new();
-        for (neighbour, outcome) in proposed.iter().zip(outcomes) {
-            let Some(outcome) = outcome else { continue };
-            for change in &neighbour.moves {
-                let gain: f64 = problem.influenced(change.parameter).iter().fold(0.0, |gain, &block| {
-                    let range = problem.ranges()[block].clone();
-                    gain + problem.cost(&self.residuals[range.clone()])
-                        - problem.cost(&outcome.residuals[range])
-                });
-                if gain > self.config.cost_tolerance * self.cost {
-                    better.push((gain, change));
-                }
-            }
-        }
-        better.sort_by(|a, b| b.0.total_cmp(&a.0));
-        self.settled = Some(self.point.clone());
-        let (mut point, mut predicted) = (self.point.clone(), 0.0);
-        let mut taken = vec![false; problem.blocks().len()];
-        for (gain, change) in better {
-            let blocks = problem.influenced(change.parameter);
-            if blocks.iter().any(|&block| taken[block]) {
-                continue;
-            }
-            blocks.iter().for_each(|&block| taken[block] = true);
-            change.apply(&mut point);
-            predicted += gain;
-        }
-        if predicted == 0.0 {
-            return Some(reason);
-        }
-        self.phase = Phase::Trial { point, predicted };
         None
     }
 }
@@ -232,9 +167,6 @@ impl Method for Lm {
                 self.jacobian_probes(problem, attempts).into_iter().map(|probe| probe.point).collect()
             }
             Phase::Trial { point, .. } => vec![point.clone()],
-            Phase::Neighbours { .. } => {
-                neighbours(problem, &self.model, &self.point).into_iter().map(|n| n.point).collect()
-            }
         }
     }
 
@@ -248,14 +180,13 @@ impl Method for Lm {
         match self.phase.clone() {
             Phase::Start => match (points.first(), first) {
                 (Some(point), Some(outcome)) => {
-                    self.move_to(problem, point, outcome);
+                    self.move_to(point, outcome);
                     None
                 }
                 _ => Some(Reason::Failures),
             },
             Phase::Jacobian { attempts } => self.learn_jacobian(problem, attempts, outcomes),
-            Phase::Trial { point, predicted } => self.learn_trial(problem, &point, predicted, first),
-            Phase::Neighbours { reason } => self.learn_neighbours(problem, reason, outcomes),
+            Phase::Trial { point, predicted } => self.learn_trial(&point, predicted, first),
         }
     }
 
@@ -265,7 +196,6 @@ impl Method for Lm {
             Phase::Start => self.residuals.is_empty(),
             Phase::Jacobian { attempts } => attempts.len() == n,
             Phase::Trial { point, predicted } => is_point(point, n) && *predicted > 0.0,
-            Phase::Neighbours { .. } => true,
         };
         let started = self.phase == Phase::Start || self.residuals.len() == problem.samples();
         let numbers = self.damping > 0.0 && self.growth >= 1.0 && self.cost.is_finite();

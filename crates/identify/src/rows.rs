@@ -9,22 +9,17 @@ use etude_stage::{JOINT_NAMES, PhysicalParams, RAIL};
 
 use crate::space::{Parameter, Scale};
 
-/// Length of a physics step, s: delays are whole ones.
-const STEP_SECS: f64 = 0.005;
-
 /// How a row's bounds and start follow from its value before the fit.
 enum Bounds {
     /// The value divided and multiplied by this; on a logarithmic scale.
     Factor(f64),
     /// From zero to this, beginning at that.
     UpTo(f64, f64),
-    /// Whole physics steps from zero to this.
-    Steps(f64),
     /// This much to both sides.
     Around(f64),
 }
 
-use Bounds::{Around, Factor, Steps, UpTo};
+use Bounds::{Around, Factor, UpTo};
 
 /// What is estimated of a finger's joint. Dry friction: up to a tenth of a joint's torque.
 const FINGER: &[(Joint, Bounds)] = &[
@@ -33,7 +28,7 @@ const FINGER: &[(Joint, Bounds)] = &[
     (Joint::Friction, UpTo(0.08, 0.005)),
     (Joint::Armature, Factor(8.0)),
     (Joint::LowPass, Factor(8.0)),
-    (Joint::Delay, Steps(0.05)),
+    (Joint::Delay, UpTo(0.05, 0.0025)),
     (Joint::JerkLimit, Factor(8.0)),
     (Joint::TorqueLimit, Factor(3.0)),
 ];
@@ -44,7 +39,7 @@ const RAIL_ROWS: &[(Joint, Bounds)] = &[
     (Joint::Damping, Factor(8.0)),
     (Joint::Friction, UpTo(30.0, 1.0)),
     (Joint::LowPass, Factor(8.0)),
-    (Joint::Delay, Steps(0.06)),
+    (Joint::Delay, UpTo(0.06, 0.0025)),
     (Joint::JerkLimit, Factor(8.0)),
 ];
 
@@ -76,7 +71,6 @@ fn parameter(path: String, range: [f64; 2], before: f64, bounds: &Bounds) -> Par
         UpTo(most, start) => {
             Parameter::new(&path, 0.0, most, if before > 0.0 { before.min(most) } else { start })
         }
-        Steps(most) => Parameter::new(&path, 0.0, most, before.min(most)).stepped(STEP_SECS),
         Around(width) => Parameter::new(&path, within(before - width), within(before + width), before),
     }
 }

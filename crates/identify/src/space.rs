@@ -32,10 +32,6 @@ pub struct Parameter {
     /// How the value follows the normalised coordinate.
     #[serde(default)]
     pub scale: Scale,
-    /// Distance between the values that the parameter may take, counted from `low`, where it is not
-    /// continuous: a delay is whole physics steps. Linear scale only.
-    #[serde(default)]
-    pub step: Option<f64>,
     /// Names of the residual blocks ([`Block`](crate::Block)) that the parameter can influence; empty means
     /// all. Parameters without a block in common are perturbed together when a Jacobian is measured.
     #[serde(default)]
@@ -46,17 +42,12 @@ impl Parameter {
     /// A continuous parameter that may influence every residual.
     pub fn new(path: &str, low: f64, high: f64, start: f64) -> Self {
         let scale = Scale::Linear;
-        Self { path: path.to_string(), low, high, start, scale, step: None, influences: Vec::new() }
+        Self { path: path.to_string(), low, high, start, scale, influences: Vec::new() }
     }
 
     /// The same on a logarithmic scale.
     pub fn logarithmic(self) -> Self {
         Self { scale: Scale::Logarithmic, ..self }
-    }
-
-    /// The same, restricted to `low` plus whole multiples of `step`.
-    pub fn stepped(self, step: f64) -> Self {
-        Self { step: Some(step), ..self }
     }
 
     /// The same, influencing only these blocks of residuals.
@@ -100,18 +91,6 @@ pub enum SpaceError {
         path: String,
         /// Lower bound.
         low: f64,
-    },
-    /// A step that does not fit.
-    #[error(
-        "parameter `{path}`: a step of {step} does not fit; give one that is positive, no larger than \
-        the range, at least \
-         a millionth of it, and on a linear scale"
-    )]
-    Step {
-        /// Path of the parameter.
-        path: String,
-        /// The step.
-        step: f64,
     },
 }
 
@@ -165,29 +144,19 @@ impl Space {
         self.parameters.len()
     }
 
-    /// Normalised start, on the grid where there is one.
+    /// Normalised start.
     pub fn start(&self) -> Vec<f64> {
-        self.parameters.iter().map(|p| snapped(p, normalised(p, p.start))).collect()
+        self.parameters.iter().map(|p| normalised(p, p.start)).collect()
     }
 
-    /// Physical values of a normalised point, inside the bounds and on the grid whatever the point is.
+    /// Physical values of a normalised point, inside the bounds whatever the point is.
     pub fn to_physical(&self, point: &[f64]) -> Vec<f64> {
-        self.parameters.iter().zip(point).map(|(p, &u)| physical(p, snapped(p, u))).collect()
+        self.parameters.iter().zip(point).map(|(p, &u)| physical(p, inside(u))).collect()
     }
 
-    /// Normalised point of physical values, cut at the bounds and put on the grid.
+    /// Normalised point of physical values, cut at the bounds.
     pub fn to_normalised(&self, values: &[f64]) -> Vec<f64> {
-        self.parameters.iter().zip(values).map(|(p, &v)| snapped(p, normalised(p, v))).collect()
-    }
-
-    /// Nearest normalised point that is allowed: inside [0, 1] and on the grid where there is one.
-    pub fn snap(&self, point: &[f64]) -> Vec<f64> {
-        self.parameters.iter().zip(point).map(|(p, &u)| snapped(p, u)).collect()
-    }
-
-    /// Normalised distance between the values of parameter `index`; `None` where it is continuous.
-    pub(crate) fn grid(&self, index: usize) -> Option<f64> {
-        self.parameters.get(index).and_then(grid)
+        self.parameters.iter().zip(values).map(|(p, &v)| normalised(p, v)).collect()
     }
 
     /// Physical change of each parameter per unit of its normalised coordinate, at `point`.
@@ -199,10 +168,20 @@ impl Space {
         self.parameters.iter().zip(point).map(slope).collect()
     }
 
-    /// Physical value of a coordinate of parameter `index` as if there were no grid.
-    pub(crate) fn continuous(&self, index: usize, coordinate: f64) -> f64 {
+    /// Physical value of a coordinate of parameter `index`.
+    pub(crate) fn value(&self, index: usize, coordinate: f64) -> f64 {
         self.parameters.get(index).map_or(f64::NAN, |p| physical(p, coordinate))
     }
+}
+
+/// Nearest coordinate in [0, 1]. What is no number must still lie somewhere.
+pub(crate) fn inside(coordinate: f64) -> f64 {
+    if coordinate.is_nan() { 0.0 } else { coordinate.clamp(0.0, 1.0) }
+}
+
+/// The same for a whole point.
+pub(crate) fn all_inside(point: &[f64]) -> Vec<f64> {
+    point.iter().copied().map(inside).collect()
 }
 
 /// Whether a normalised point is one that this crate may have written: `len` coordinates in [0, 1].
@@ -221,30 +200,7 @@ fn check(p: &Parameter) -> Result<(), SpaceError> {
     if p.scale == Scale::Logarithmic && !spans {
         return Err(SpaceError::Logarithm { path: p.path.clone(), low: p.low });
     }
-    if let Some(step) = p.step {
-        let share = step / (p.high - p.low);
-        // A range that is a whole number of steps must not fail by rounding.
-        if !(1e-6..=1.0 + 1e-9).contains(&share) || p.scale != Scale::Linear {
-            return Err(SpaceError::Step { path: p.path.clone(), step });
-        }
-    }
     Ok(())
-}
-
-fn grid(p: &Parameter) -> Option<f64> {
-    p.step.map(|step| (step / (p.high - p.low)).min(1.0))
-}
-
-fn snapped(p: &Parameter, coordinate: f64) -> f64 {
-    // What is no number must still lie somewhere.
-    let inside = if coordinate.is_nan() { 0.0 } else { coordinate.clamp(0.0, 1.0) };
-    match grid(p) {
-        None => inside,
-        Some(step) => {
-            let last = (1.0 / step + 1e-9).floor();
-            ((inside / step).round().min(last) * step).min(1.0)
-        }
-    }
 }
 
 fn physical(p: &Parameter, coordinate: f64) -> f64 {

@@ -176,7 +176,8 @@ pub fn identify_robot(
         start: what.start.clone(),
     };
     let identified = identify(&fitted, &config, &folder.join(STATE), tell, interrupt)?;
-    let (before, after) = (params(&identified.before)?, params(&identified.physics)?);
+    let with = |rows| PhysicalParams::default().with(rows);
+    let (before, after) = (with(&identified.before)?, with(&identified.physics)?);
     let air: Vec<Motion> = fitted.iter().filter(|motion| motion.keys.is_empty()).cloned().collect();
     let names = |motions: &[Motion]| motions.iter().map(|motion| motion.path.clone()).collect();
     let report = IdentifyReport {
@@ -207,14 +208,6 @@ pub fn identify_robot(
     write_text(&folder.join(PAGE), &told.html())?;
     write_text(&folder.join(TEXT), &told.text())?;
     Ok(report)
-}
-
-fn params(rows: &std::collections::BTreeMap<String, f64>) -> Result<PhysicalParams, ParamError> {
-    let mut params = PhysicalParams::default();
-    for (path, value) in rows {
-        params.set(path, *value)?;
-    }
-    Ok(params)
 }
 
 /// The identified simulator as a layer of a run's configuration.

@@ -4,6 +4,8 @@
 //! rows. A row is a path such as `key.stiffness` or `joint.index_1.damping`. To add a number: one row in one of the
 //! two tables, and its use where the world is built or stepped.
 
+use std::collections::BTreeMap;
+
 use serde::{Deserialize, Serialize};
 
 use crate::hand::{FINGER_JOINTS, JOINT_NAMES, JOINTS, RAIL};
@@ -132,7 +134,7 @@ rows! {
              its own); docs/results/learning.md says what slower joints cost"),
         /// Delay.
         Delay = joint("delay", "s", 0.0, 0.0, [0.0, 0.1],
-            "time from a target to its effect, in whole physics steps"),
+            "time from a target to its effect"),
         /// Encoder bias.
         EncoderBias = joint("encoder_bias", "rad", 0.0, 0.0, [-0.2, 0.2],
             "what the encoder reads at the joint's true zero"),
@@ -266,6 +268,16 @@ impl PhysicalParams {
             *slot = value;
         }
         Ok(())
+    }
+
+    /// The same with other values at these paths, set in the order of the paths: a joint's own row comes after that of all
+    /// fingers.
+    ///
+    /// # Errors
+    /// Names the first path or value that is refused.
+    pub fn with(mut self, rows: &BTreeMap<String, f64>) -> Result<Self, ParamError> {
+        rows.iter().try_for_each(|(path, value)| self.set(path, *value))?;
+        Ok(self)
     }
 
     fn slots(&mut self, path: &str) -> Result<Vec<(&mut f64, &'static Row)>, ParamError> {

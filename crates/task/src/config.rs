@@ -98,11 +98,7 @@ impl TaskConfig {
     /// # Errors
     /// If a path is unknown or a value out of its range.
     pub fn params(&self) -> Result<PhysicalParams, ParamError> {
-        let mut params = PhysicalParams::default();
-        for (path, value) in &self.physics {
-            params.set(path, *value)?;
-        }
-        Ok(params)
+        PhysicalParams::default().with(&self.physics)
     }
 
     /// Checks the numbers that only the task knows.

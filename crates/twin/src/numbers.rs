@@ -168,11 +168,7 @@ pub(crate) struct LinksTruth {
 impl Numbers {
     /// The physical numbers of its world.
     pub(crate) fn params(&self) -> Result<PhysicalParams, ParamError> {
-        let mut params = PhysicalParams::default();
-        for (path, value) in &self.physics {
-            params.set(path, *value)?;
-        }
-        Ok(params)
+        PhysicalParams::default().with(&self.physics)
     }
 
     /// How its world is built and computed.

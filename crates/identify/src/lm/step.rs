@@ -3,14 +3,12 @@
 use nalgebra::{DMatrix, DVector};
 use serde::{Deserialize, Serialize};
 
-use crate::jacobian::{Jacobian, colours};
+use crate::jacobian::Jacobian;
 use crate::problem::Problem;
-use crate::space::Space;
+use crate::space::inside;
 
 /// Damping in the model of a parameter without curvature, as a share of the largest curvature.
 const LEAST_SCALE: f64 = 1e-10;
-/// Damping while the neighbours of a grid are solved for: none but for rounding.
-const NEIGHBOUR_DAMPING: f64 = 1e-9;
 
 /// Slopes and curvatures of the cost in normalised coordinates.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -67,34 +65,21 @@ impl Model {
         (point[i] <= 0.0 && self.gradient[i] >= 0.0) || (point[i] >= 1.0 && self.gradient[i] <= 0.0)
     }
 
-    /// Largest cosine between the residuals and the column of a parameter that is continuous and not held.
-    pub(super) fn steepest(&self, space: &Space, point: &[f64]) -> f64 {
-        (0..point.len()).filter(|&i| space.grid(i).is_none() && !self.is_held(point, i)).fold(
-            0.0,
-            |most, i| {
-                let lengths = self.curvature(i, i).sqrt() * self.length;
-                if lengths > 0.0 { most.max(self.gradient[i].abs() / lengths) } else { most }
-            },
-        )
+    /// Largest cosine between the residuals and the column of a parameter that is not held.
+    pub(super) fn steepest(&self, point: &[f64]) -> f64 {
+        (0..point.len()).filter(|&i| !self.is_held(point, i)).fold(0.0, |most, i| {
+            let lengths = self.curvature(i, i).sqrt() * self.length;
+            if lengths > 0.0 { most.max(self.gradient[i].abs() / lengths) } else { most }
+        })
     }
 
     /// The step to the model's minimum in the box under `damping`; `None` where the damping does not suffice
     /// to solve it.
-    pub(super) fn step(&self, space: &Space, point: &[f64], damping: f64) -> Option<Step> {
+    pub(super) fn step(&self, point: &[f64], damping: f64) -> Option<Step> {
         let n = point.len();
         let held: Vec<Option<f64>> = (0..n).map(|i| self.is_held(point, i).then_some(0.0)).collect();
-        let mut delta = self.solve(point, &self.gradient, damping, held.clone())?;
-        if (0..n).any(|i| space.grid(i).is_some()) {
-            let target: Vec<f64> = point.iter().zip(&delta).map(|(u, d)| u + d).collect();
-            let rounded = space.snap(&target);
-            let on_grid = |i: usize| match space.grid(i) {
-                Some(_) => Some(rounded[i] - point[i]),
-                None => held[i],
-            };
-            delta = self.solve(point, &self.gradient, damping, (0..n).map(on_grid).collect())?;
-        }
-        let target: Vec<f64> = point.iter().zip(&delta).map(|(u, d)| u + d).collect();
-        let point_after = space.snap(&target);
+        let delta = self.solve(point, damping, held)?;
+        let point_after: Vec<f64> = point.iter().zip(&delta).map(|(u, d)| inside(u + d)).collect();
         let moved: Vec<f64> = point_after.iter().zip(point).map(|(after, before)| after - before).collect();
         let mut change = 0.0;
         for i in 0..n {
@@ -109,7 +94,6 @@ impl Model {
     fn solve(
         &self,
         point: &[f64],
-        gradient: &[f64],
         damping: f64,
         mut fixed: Vec<Option<f64>>,
     ) -> Option<Vec<f64>> {
@@ -124,7 +108,7 @@ impl Model {
             let right = DVector::from_fn(free.len(), |a, _| {
                 let pulls =
                     fixed.iter().enumerate().filter_map(|(j, d)| Some(self.curvature(free[a], j) * (*d)?));
-                -gradient[free[a]] - pulls.sum::<f64>()
+                -self.gradient[free[a]] - pulls.sum::<f64>()
             });
             let solution = match free.len() {
                 0 => right,
@@ -148,71 +132,4 @@ impl Model {
             }
         }
     }
-}
-
-/// One grid parameter moved by a step, and the parameters of its own blocks moved along.
-#[derive(Clone, Debug, PartialEq)]
-pub(super) struct Move {
-    pub parameter: usize,
-    /// Parameter and displacement.
-    changes: Vec<(usize, f64)>,
-}
-
-impl Move {
-    pub(super) fn apply(&self, point: &mut [f64]) {
-        for &(i, d) in &self.changes {
-            point[i] = (point[i] + d).clamp(0.0, 1.0);
-        }
-    }
-}
-
-/// A candidate next to a settled point: moves that do not touch the same block.
-#[derive(Clone, Debug, PartialEq)]
-pub(super) struct Neighbour {
-    pub point: Vec<f64>,
-    pub moves: Vec<Move>,
-}
-
-/// The neighbours on the grids: one step up and one down, parameters without a block in common together.
-pub(super) fn neighbours(problem: &Problem, model: &Model, point: &[f64]) -> Vec<Neighbour> {
-    let space = problem.space();
-    let mut all = Vec::new();
-    for members in colours(problem) {
-        for sign in [1.0, -1.0] {
-            let moves: Vec<Move> = members
-                .iter()
-                .filter_map(|&i| {
-                    let target = point[i] + sign * space.grid(i)?;
-                    let inside = (-1e-9..=1.0 + 1e-9).contains(&target);
-                    if !inside {
-                        None
-                    } else {
-                        one_move(problem, model, point, i, target.clamp(0.0, 1.0) - point[i])
-                    }
-                })
-                .collect();
-            let mut moved = point.to_vec();
-            moves.iter().for_each(|change| change.apply(&mut moved));
-            if !moves.is_empty() {
-                all.push(Neighbour { point: moved, moves });
-            }
-        }
-    }
-    all
-}
-
-fn one_move(problem: &Problem, model: &Model, point: &[f64], parameter: usize, by: f64) -> Option<Move> {
-    let space = problem.space();
-    let mine = problem.influenced(parameter);
-    let goes_along = |i: usize| {
-        let inside = problem.influenced(i).iter().all(|block| mine.contains(block));
-        i != parameter && space.grid(i).is_none() && inside && !model.is_held(point, i)
-    };
-    let fixed = (0..point.len())
-        .map(|i| if goes_along(i) { None } else { Some(if i == parameter { by } else { 0.0 }) })
-        .collect();
-    // The point has settled, so the slopes there are zero: what counts is how the step bends them.
-    let delta = model.solve(point, &vec![0.0; point.len()], NEIGHBOUR_DAMPING, fixed)?;
-    let changes = delta.into_iter().enumerate().filter(|(_, d)| *d != 0.0).collect();
-    Some(Move { parameter, changes })
 }

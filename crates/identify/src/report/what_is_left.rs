@@ -39,8 +39,8 @@ const CAUSES: [Cause; 7] = [
     Cause {
         name: "velocity",
         phrase: "goes with velocity (timing)",
-        meaning: "an error of timing: the robot is late by the time given (early, where it is negative). The \
-                  simulator's delays are whole physics steps of 5 ms; rows: delay, low_pass, damping.",
+        meaning: "an error of timing: the robot is late by the time given (early, where it is negative). Rows: \
+                  delay, low_pass, damping.",
     },
     Cause {
         name: "acceleration",

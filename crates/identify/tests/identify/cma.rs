@@ -1,4 +1,4 @@
-//! CMA-ES where there is no reference to count against: bounds, grids, restarts, failures.
+//! CMA-ES where there is no reference to count against: bounds, restarts, failures.
 
 use etude_identify::{
     Block, CmaConfig, Evaluation, Fit, Loss, MethodConfig, Parameter, Problem, Reason, Space,
@@ -18,22 +18,6 @@ fn an_optimum_on_two_bounds_is_found() {
     let values = &fit.best().unwrap().values;
     assert!(values[0] < 1e-4 && values[1] > 1.0 - 1e-4 && (values[2] - 0.4).abs() < 1e-3, "{values:?}");
     assert!(matches!(reason, Reason::Spread | Reason::Cost));
-}
-
-#[test]
-fn a_delay_on_a_grid_is_found_beside_a_continuous_parameter() {
-    let delay = Parameter::new("delay", 0.0, 0.1, 0.0).stepped(0.005);
-    let gain = Parameter::new("gain", 0.1, 10.0, 0.2).logarithmic();
-    let space = Space::new(vec![delay, gain]).unwrap();
-    let problem = Problem::new(space, vec![Block::new("all", 100)], Loss::Squared).unwrap();
-    let wave = |delay: f64, gain: f64| (0..100).map(move |k| gain * (0.05 * k as f64 - 20.0 * delay).sin());
-    let residuals =
-        |x: &[f64]| wave(x[0], x[1]).zip(wave(0.035, 3.0)).map(|(a, b)| (a - b) / 0.01).collect::<Vec<_>>();
-    for seed in 0..5 {
-        let (fit, _) = fitted(&problem, &cma(CmaConfig::default()), seed, &residuals);
-        let values = &fit.best().unwrap().values;
-        assert!((values[0] - 0.035).abs() < 1e-9 && (values[1] - 3.0).abs() < 1e-3, "{values:?}");
-    }
 }
 
 #[test]

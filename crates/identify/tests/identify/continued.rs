@@ -22,7 +22,7 @@ fn methods() -> [MethodConfig; 3] {
 fn problem() -> Problem {
     let joint = |j: usize| {
         let path = |name: &str| format!("joint.{j}.{name}");
-        let delay = Parameter::new(&path("delay"), 0.0, 0.05, 0.02).stepped(0.005);
+        let delay = Parameter::new(&path("delay"), 0.0, 0.05, 0.02);
         let gain = Parameter::new(&path("gain"), 0.1, 10.0, 0.5).logarithmic();
         [delay, gain].map(|parameter| parameter.influencing([format!("joint.{j}")]))
     };

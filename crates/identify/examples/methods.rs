@@ -1,0 +1,160 @@
+//! The three methods on the same recordings, from the same starts: how many replays and seconds each needs to come to the same
+//! error. Prints the table of docs/results/identification.md:
+//! `cargo run --release -p etude-identify --example methods -- chirp.mcap [--seeds N]`.
+#![allow(clippy::print_stdout, clippy::print_stderr, reason = "printing is what it is for")]
+
+use std::collections::BTreeMap;
+use std::path::Path;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Instant;
+
+use etude_identify::{
+    BoConfig, CmaConfig, IdentifyConfig, IdentifyError, LmConfig, MethodConfig, Motion, Progress, Stage,
+    identify,
+};
+use etude_stage::params::Joint;
+use etude_stage::{JOINT_NAMES, PhysicalParams};
+use rand::{RngExt as _, SeedableRng as _};
+use rand_pcg::Pcg64;
+
+/// Errors at which the methods are compared, as multiples of the smallest that any of them reached from any start.
+const LEVELS: [f64; 4] = [3.0, 1.5, 1.1, 1.02];
+/// How far a start is off the usual one at most, as a factor.
+const START: f64 = 2.0;
+
+/// Error after so many replays and seconds.
+#[derive(Clone, Copy)]
+struct Point {
+    replays: u64,
+    secs: f64,
+    rms: f64,
+}
+
+fn methods() -> [(&'static str, MethodConfig); 3] {
+    // As `etude identify` has them.
+    let lm = LmConfig {
+        difference_step: 1e-4,
+        cost_tolerance: 1e-4,
+        max_evaluations: 200,
+        ..LmConfig::default()
+    };
+    let cma = CmaConfig {
+        max_evaluations: 1500,
+        cost_tolerance: 1e-4,
+        spread_tolerance: 1e-4,
+        ..CmaConfig::default()
+    };
+    [
+        ("lm", MethodConfig::Lm(lm)),
+        ("cma", MethodConfig::Cma(cma)),
+        ("bo", MethodConfig::Bo(BoConfig::default())),
+    ]
+}
+
+/// Numbers of each joint to begin with, drawn by `seed`.
+fn start(seed: u64) -> BTreeMap<String, f64> {
+    let mut random = Pcg64::seed_from_u64(seed);
+    let defaults = PhysicalParams::default();
+    let mut start = BTreeMap::new();
+    for (joint, name) in JOINT_NAMES.iter().enumerate() {
+        for quantity in [Joint::Stiffness, Joint::Damping, Joint::LowPass] {
+            let factor = START.powf(random.random_range(-1.0..=1.0));
+            start.insert(
+                format!("joint.{name}.{}", quantity.row().name),
+                factor * defaults.joint(quantity, joint),
+            );
+        }
+    }
+    start
+}
+
+/// How the error of all joints falls while each is fitted by itself.
+fn course(motions: &[Motion], method: MethodConfig, seed: u64) -> Result<Vec<Point>, IdentifyError> {
+    let config = IdentifyConfig { method, seed, start: start(seed) };
+    let state = std::env::temp_dir().join(format!("methods-{seed}-{}.json", std::process::id()));
+    let (begun, interrupt) = (Instant::now(), AtomicBool::new(false));
+    let mut points: Vec<Point> = Vec::new();
+    let mut tell = |progress: &Progress| {
+        if progress.stage == Stage::Joints {
+            let secs = begun.elapsed().as_secs_f64();
+            points.push(Point { replays: progress.replays, secs, rms: progress.rms });
+        } else {
+            interrupt.store(true, Ordering::Relaxed);
+        }
+    };
+    let ended = identify(motions, &config, &state, &mut tell, &interrupt);
+    let _ = std::fs::remove_file(&state);
+    match ended {
+        Ok(_) | Err(IdentifyError::Interrupted) => Ok(points),
+        Err(error) => Err(error),
+    }
+}
+
+/// Median, and the range in brackets, of those that got there.
+fn spread(mut values: Vec<f64>, digits: usize) -> String {
+    values.sort_by(f64::total_cmp);
+    match (values.first(), values.last()) {
+        (Some(low), Some(high)) => {
+            format!("{:.digits$} ({low:.digits$}–{high:.digits$})", values[values.len() / 2])
+        }
+        _ => "–".to_string(),
+    }
+}
+
+fn main() -> Result<(), Box<dyn std::error::Error>> {
+    let mut paths: Vec<String> = std::env::args().skip(1).collect();
+    let seeds: u64 = match paths.iter().position(|text| text == "--seeds") {
+        Some(place) => paths.split_off(place).get(1).ok_or("--seeds needs a number")?.parse()?,
+        None => 5,
+    };
+    let motions: Vec<Motion> =
+        paths.iter().map(|path| Motion::load(Path::new(path))).collect::<Result<_, _>>()?;
+    let mut courses: Vec<(&str, Vec<Vec<Point>>)> = Vec::new();
+    for (name, method) in methods() {
+        let mut all = Vec::new();
+        for seed in 0..seeds {
+            let course = course(&motions, method.clone(), seed)?;
+            let last = course.last().ok_or("nothing was fitted")?;
+            eprintln!(
+                "{name}, seed {seed}: {:.2} after {} replays, {:.1} s",
+                last.rms, last.replays, last.secs
+            );
+            all.push(course);
+        }
+        courses.push((name, all));
+    }
+    let last = |course: &Vec<Point>| course.last().map_or(f64::INFINITY, |point| point.rms);
+    let least = courses.iter().flat_map(|(_, all)| all.iter().map(last)).fold(f64::INFINITY, f64::min);
+    println!(
+        "Smallest error {least:.2} standard deviations of the encoders' noise; at the starts {}.\n",
+        spread(
+            courses[0].1.iter().map(|course| course.first().map_or(f64::NAN, |point| point.rms)).collect(),
+            0
+        )
+    );
+    println!("| error | method | reached | replays | seconds |\n|---|---|---|---|---|");
+    for level in LEVELS {
+        for (name, all) in &courses {
+            let reached: Vec<Point> = all
+                .iter()
+                .filter_map(|course| course.iter().find(|point| point.rms <= level * least).copied())
+                .collect();
+            println!(
+                "| {level} × the smallest | {name} | {} of {seeds} | {} | {} |",
+                reached.len(),
+                spread(reached.iter().map(|point| point.replays as f64).collect(), 0),
+                spread(reached.iter().map(|point| point.secs).collect(), 1)
+            );
+        }
+    }
+    println!("| where it ended | | | | |");
+    for (name, all) in &courses {
+        println!(
+            "| {} × the smallest | {name} | | {} | {} |",
+            spread(all.iter().map(|course| last(course) / least).collect(), 2),
+            spread(all.iter().filter_map(|c| c.last()).map(|point| point.replays as f64).collect(), 0),
+            spread(all.iter().filter_map(|c| c.last()).map(|point| point.secs).collect(), 1)
+        );
+    }
+    Ok(())
+}
