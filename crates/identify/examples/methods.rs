@@ -34,8 +34,9 @@ fn methods() -> [(&'static str, MethodConfig); 3] {
     // As `etude identify` has them.
     let lm = LmConfig {
         difference_step: 1e-4,
+        first_difference_step: 1e-2,
         cost_tolerance: 1e-4,
-        max_evaluations: 200,
+        max_evaluations: 400,
         ..LmConfig::default()
     };
     let cma = CmaConfig {

@@ -103,7 +103,12 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
             recorded(&truth, third(excitation, index % 2 + 1), 10 * seed + index as u64)
         })
         .collect::<Result<_, _>>()?;
-    let method = LmConfig { difference_step: 1e-4, cost_tolerance: 1e-7, ..LmConfig::default() };
+    let method = LmConfig {
+        difference_step: 1e-4,
+        first_difference_step: 1e-2,
+        cost_tolerance: 1e-7,
+        ..LmConfig::default()
+    };
     let config = IdentifyConfig { method: MethodConfig::Lm(method), seed, start: BTreeMap::default() };
     let state = std::env::temp_dir().join(format!("recovery-{seed}-{}.json", std::process::id()));
     let identified = identify(&motions, &config, &state, &mut |_| {}, &AtomicBool::new(false))?;
@@ -111,6 +116,15 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let held_out = [recorded(&truth, third(Excitation::Held, 1), 10 * seed + 9)?];
     let before = shaping_params(&RigConfig::default().limits);
     let found = Assessment::new(&held_out, &before, &PhysicalParams::default().with(&identified.physics)?)?;
+    for end in &identified.stages {
+        let [before, after] = end.rms;
+        println!(
+            "{}: {before:.2} to {after:.2} after {} replays, {:.0} s",
+            end.stage.name(),
+            end.replays,
+            end.secs
+        );
+    }
     println!("joint, held-out error over noise before the fit and after it");
     for joint in &found.joints {
         println!("{} {:.1} {:.2}", joint.joint, joint.before / joint.noise, joint.after / joint.noise);

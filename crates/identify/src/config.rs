@@ -88,8 +88,11 @@ pub struct LmConfig {
     pub max_evaluations: u64,
     /// How slopes are measured.
     pub differences: Differences,
-    /// Step of the differences, as a share of a parameter's range.
+    /// Step of the differences that the fit ends with, as a share of a parameter's range.
     pub difference_step: f64,
+    /// Step that it begins with. Where a simulation is rough, wide differences still see which way is down; each time
+    /// the fit settles it goes on with a tenth of the step, down to `difference_step`.
+    pub first_difference_step: f64,
     /// Damping at the start, relative to the curvature of each parameter.
     pub initial_damping: f64,
     /// Ends when the cosine between the residuals and each free column of the Jacobian is smaller.
@@ -106,6 +109,7 @@ impl Default for LmConfig {
             max_evaluations: 10_000,
             differences: Differences::Forward,
             difference_step: 1e-5,
+            first_difference_step: 1e-5,
             initial_damping: 1e-3,
             gradient_tolerance: 1e-8,
             step_tolerance: 1e-7,
@@ -119,6 +123,9 @@ impl LmConfig {
         require(self.max_evaluations > 0, "max_evaluations", self.max_evaluations, "it must be positive")?;
         let step = self.difference_step;
         require((1e-9..=0.1).contains(&step), "difference_step", step, "it must lie in 1e-9 … 0.1")?;
+        let first = self.first_difference_step;
+        let rule = "it must lie between difference_step and 0.1";
+        require((step..=0.1).contains(&first), "first_difference_step", first, rule)?;
         let damping = self.initial_damping;
         require(
             (1e-12..=1e12).contains(&damping),

@@ -67,7 +67,11 @@ impl Group {
 
     /// Names of the blocks that a number of a joint influences: those of its own finger. What the joints of one finger do to
     /// another's, through the rail, is beneath the noise.
-    pub fn influenced<'a>(&'a self, joint: usize, motions: &'a [Motion]) -> impl Iterator<Item = String> + 'a {
+    pub fn influenced<'a>(
+        &'a self,
+        joint: usize,
+        motions: &'a [Motion],
+    ) -> impl Iterator<Item = String> + 'a {
         let finger = |joint: usize| joint / etude_stage::hand::FINGER_JOINTS;
         motions.iter().enumerate().flat_map(move |(index, motion)| {
             let its = self.joints_of(motion).filter(move |other| finger(*other) == finger(joint));

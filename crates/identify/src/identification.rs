@@ -28,6 +28,10 @@ use crate::space::Parameter;
 /// Step of the differences that an estimate's intervals come from, as a share of each range.
 const ESTIMATE_STEP: f64 = 1e-3;
 
+/// Rounds of fits joint by joint at most, and the share of the error that one must take away for another to follow.
+const MOST_ROUNDS: usize = 6;
+const LEAST_GAIN: f64 = 0.01;
+
 /// Longest delay that is tried at first, in physics steps.
 const MOST_DELAY_STEPS: usize = 6;
 
@@ -242,10 +246,22 @@ impl<'a> Work<'a> {
         let lm = matches!(self.state.config.method, MethodConfig::Lm(_));
         let keys = self.motions.iter().any(|motion| !motion.keys.is_empty());
         let air = self.air().next().is_some();
-        [(Stage::Joints, air), (Stage::Together, air && lm), (Stage::Contact, keys)]
-            .into_iter()
-            .find(|(stage, wanted)| *wanted && self.state.ended.iter().all(|end| end.stage != *stage))
-            .map(|(stage, _)| stage)
+        let ended = |stage: Stage| self.state.ended.iter().filter(move |end| end.stage == stage);
+        let gains = |end: &StageEnd| end.rms[1] < (1.0 - LEAST_GAIN) * end.rms[0];
+        // A slope is misled while the joint beside it moves as well: what ended for that reason has a better one in the next round.
+        let again = lm
+            && ended(Stage::Joints).count() < MOST_ROUNDS
+            && ended(Stage::Joints).next_back().is_some_and(gains);
+        let joints = air && (ended(Stage::Joints).count() == 0 || again);
+        let once = |stage: Stage| ended(stage).count() == 0;
+        [
+            (Stage::Joints, joints),
+            (Stage::Together, air && lm && once(Stage::Together)),
+            (Stage::Contact, keys && once(Stage::Contact)),
+        ]
+        .into_iter()
+        .find(|(_, wanted)| *wanted)
+        .map(|(stage, _)| stage)
     }
 
     /// Motions that touch no key: what the drives of the joints are fitted to.
@@ -289,6 +305,14 @@ impl<'a> Work<'a> {
         Ok(())
     }
 
+    /// What a group of a stage estimates, with bounds around what the numbers were before the first stage.
+    fn parameters(&self, stage: Stage, group: &Group, motions: &[Motion]) -> Vec<Parameter> {
+        match stage {
+            Stage::Contact => contact_parameters(&self.before),
+            _ => drives(group, motions, &self.before),
+        }
+    }
+
     fn begin(&mut self, stage: Stage, motions: &[Motion]) -> Result<(), IdentifyError> {
         let params = &self.state.params;
         let mut fits = Vec::new();
@@ -296,10 +320,14 @@ impl<'a> Work<'a> {
             if !motions.iter().any(|motion| group.learns_from(motion)) {
                 continue;
             }
-            let parameters = match stage {
-                Stage::Contact => contact_parameters(params),
-                _ => drives(&group, motions, params),
-            };
+            let mut parameters = self.parameters(stage, &group, motions);
+            for parameter in &mut parameters {
+                // Where an earlier stage has left it.
+                let [now, before] = [params.get(&parameter.path)?, self.before.get(&parameter.path)?];
+                if now != before {
+                    parameter.start = now.clamp(parameter.low, parameter.high);
+                }
+            }
             let problem = group.problem(parameters, motions)?;
             let seed = self.state.config.seed.wrapping_mul(1000).wrapping_add(index as u64);
             fits.push((group, Fit::new(problem, &self.state.config.method, seed)?));
@@ -319,7 +347,7 @@ impl<'a> Work<'a> {
     ) -> Result<(), IdentifyError> {
         let motions = self.motions_of(stage);
         if self.state.fits.is_empty() || self.state.stage != stage {
-            if stage == Stage::Joints {
+            if self.state.ended.is_empty() && stage == Stage::Joints {
                 self.find_delays(&motions, interrupt)?;
             }
             self.begin(stage, &motions)?;
@@ -425,10 +453,7 @@ impl<'a> Work<'a> {
             for group in if stage == Stage::Together { fingers() } else { stage.groups() } {
                 if motions.iter().any(|motion| group.learns_from(motion)) {
                     let params = &self.state.params;
-                    let parameters = match stage {
-                        Stage::Contact => contact_parameters(&self.before),
-                        _ => drives(&group, &motions, &self.before),
-                    };
+                    let parameters = self.parameters(stage, &group, &motions);
                     let problem = group.problem(parameters, &motions)?;
                     let values: Vec<f64> = problem
                         .space()
@@ -478,7 +503,8 @@ fn drives(group: &Group, motions: &[Motion], before: &PhysicalParams) -> Vec<Par
     let of_joint = |&joint: &usize| {
         let influenced: Vec<String> = group.influenced(joint, motions).collect();
         // A joint of a finger that never moves has no number to find.
-        let parameters = (!influenced.is_empty()).then(|| joint_parameters(joint, saturates(motions, joint), before));
+        let parameters =
+            (!influenced.is_empty()).then(|| joint_parameters(joint, saturates(motions, joint), before));
         parameters.into_iter().flatten().map(move |parameter| parameter.influencing(influenced.clone()))
     };
     group.joints.iter().flat_map(of_joint).collect()

@@ -146,8 +146,7 @@ pub(crate) fn probes(
             }
             Differences::Central => {
                 for sign in [1.0, -1.0] {
-                    let to_side =
-                        |p: usize| distance(point[p], sign, step * 0.1f64.powi(attempt(p).into()));
+                    let to_side = |p: usize| distance(point[p], sign, step * 0.1f64.powi(attempt(p).into()));
                     all.extend(probe(&members, &to_side));
                 }
             }

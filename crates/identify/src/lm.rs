@@ -45,6 +45,8 @@ pub(crate) struct Lm {
     residuals: Vec<f64>,
     /// Slopes and curvatures there, as the last Jacobian tells.
     model: Model,
+    /// Step of the differences at present.
+    difference_step: f64,
     damping: f64,
     /// Factor by which the next refusal raises the damping (Nielsen 1999).
     growth: f64,
@@ -53,7 +55,7 @@ pub(crate) struct Lm {
 impl Lm {
     pub(crate) fn new(problem: &Problem, config: LmConfig) -> Self {
         let point = problem.space().start();
-        let damping = config.initial_damping;
+        let (difference_step, damping) = (config.first_difference_step, config.initial_damping);
         Self {
             model: Model::new(point.len()),
             config,
@@ -61,6 +63,7 @@ impl Lm {
             point,
             cost: 0.0,
             residuals: Vec::new(),
+            difference_step,
             damping,
             growth: 2.0,
         }
@@ -77,10 +80,22 @@ impl Lm {
         self.begin_jacobian();
     }
 
+    /// Goes on from here with finer differences, or ends for `reason` if there are none.
+    fn settle(&mut self, reason: Reason) -> Option<Reason> {
+        if self.difference_step <= self.config.difference_step {
+            return Some(reason);
+        }
+        self.difference_step = (0.1 * self.difference_step).max(self.config.difference_step);
+        (self.damping, self.growth) = (self.config.initial_damping, 2.0);
+        self.model = Model::new(self.point.len());
+        self.begin_jacobian();
+        None
+    }
+
     /// The next step from here, or what ends the fit.
     fn decide(&mut self) -> Option<Reason> {
         if self.model.steepest(&self.point) <= self.config.gradient_tolerance {
-            return Some(Reason::Gradient);
+            return self.settle(Reason::Gradient);
         }
         while self.damping <= DAMPING_LIMITS[1] {
             let Some(step) = self.model.step(&self.point, self.damping) else {
@@ -97,12 +112,12 @@ impl Lm {
             };
             if let Some(reason) = small {
                 // A step that only damping makes small has not converged.
-                return Some(if self.damping <= 1.0 { reason } else { Reason::Damping });
+                return self.settle(if self.damping <= 1.0 { reason } else { Reason::Damping });
             }
             self.phase = Phase::Trial { point: step.point, predicted: step.predicted };
             return None;
         }
-        Some(Reason::Damping)
+        self.settle(Reason::Damping)
     }
 
     fn refuse(&mut self) {
@@ -131,7 +146,7 @@ impl Lm {
     }
 
     fn jacobian_probes(&self, problem: &Problem, attempts: &[u8]) -> Vec<crate::jacobian::Probe> {
-        probes(problem, &self.point, self.config.differences, self.config.difference_step, attempts)
+        probes(problem, &self.point, self.config.differences, self.difference_step, attempts)
     }
 
     fn learn_trial(
@@ -153,7 +168,7 @@ impl Lm {
         self.growth = 2.0;
         self.move_to(point, outcome);
         if reduction <= tolerance && predicted <= tolerance {
-            return Some(Reason::Cost);
+            return self.settle(Reason::Cost);
         }
         None
     }
@@ -198,7 +213,10 @@ impl Method for Lm {
             Phase::Trial { point, predicted } => is_point(point, n) && *predicted > 0.0,
         };
         let started = self.phase == Phase::Start || self.residuals.len() == problem.samples();
-        let numbers = self.damping > 0.0 && self.growth >= 1.0 && self.cost.is_finite();
+        let numbers = (1e-9..=0.1).contains(&self.difference_step)
+            && self.damping > 0.0
+            && self.growth >= 1.0
+            && self.cost.is_finite();
         let numbers = numbers && self.config.validate().is_ok();
         phase && started && numbers && is_point(&self.point, n) && self.model.is_sound(n)
     }

@@ -53,8 +53,9 @@ impl IdentifyMethod {
             // Replays are not smooth to the last digit: contacts and dry friction switch.
             Self::Lm => MethodConfig::Lm(LmConfig {
                 difference_step: 1e-4,
+                first_difference_step: 1e-2,
                 cost_tolerance: 1e-4,
-                max_evaluations: 200,
+                max_evaluations: 400,
                 ..LmConfig::default()
             }),
             Self::Cma => MethodConfig::Cma(CmaConfig {

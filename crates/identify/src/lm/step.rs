@@ -91,12 +91,7 @@ impl Model {
 
     /// Minimises `gᵀδ + ½ δᵀ(H + damping · D)δ` with the displacements in `fixed` given and the others inside
     /// the box.
-    fn solve(
-        &self,
-        point: &[f64],
-        damping: f64,
-        mut fixed: Vec<Option<f64>>,
-    ) -> Option<Vec<f64>> {
+    fn solve(&self, point: &[f64], damping: f64, mut fixed: Vec<Option<f64>>) -> Option<Vec<f64>> {
         let largest = self.scale.iter().fold(0.0f64, |largest, &s| largest.max(s));
         let scale = |i: usize| damping * self.scale[i].max(LEAST_SCALE * largest).max(f64::MIN_POSITIVE);
         // Each round puts at least one more parameter on its bound.
