@@ -102,7 +102,7 @@ class Problem:
             self.parameters.add(sysid.Parameter(name, row["start"], row["low"], row["high"], modifier=modifier(row)))
         self.spec = spec
         self.sequences = [self.sequence(model, motion) for motion in self.problem["motions"]]
-        self.candidates = 0
+        self.replays = 0
 
     def sequence(self, model, motion):
         place = np.zeros(model.nq)
@@ -121,7 +121,7 @@ class Problem:
     def compare(self, parameters, predicted, measured, model, return_all, *, state):
         """Residuals in standard deviations of the noise. Of the states, which are those after each step: what a sensor
         of a joint's position gives in a rollout is its reading before the step."""
-        self.candidates += 1
+        self.replays += 1
         predicted = sysid.TimeSeries(state[:, 0], state[:, self.fitted], measured.signal_mapping)
         return (predicted.data - measured.data) / self.problem["noise_rad"], predicted, measured
 
@@ -153,21 +153,57 @@ class Problem:
 
 
 def solve(problem, threads, way):
-    """What the toolbox makes of the problem: values, half intervals, standard errors, cost, candidates, seconds."""
+    """What the toolbox makes of the problem; standard errors and intervals are its own."""
     residual = problem.residual(threads)
-    problem.candidates = 0
+    problem.replays = 0
     begun = time.perf_counter()
     with contextlib.redirect_stdout(sys.stderr):
         found, result = sysid.optimize(problem.parameters, residual, verbose=False, **way)
     secs = time.perf_counter() - begun
-    candidates = problem.candidates / len(problem.sequences)
+    evaluations = problem.replays // len(problem.sequences)
     values = found.as_vector()
     residuals, _, _ = residual(values, found.copy())
-    covariance, half = sysid.calculate_intervals([np.concatenate([r.ravel() for r in residuals])], result.jac)
-    return {
-        "values": values, "half": half, "errors": np.sqrt(np.diag(covariance)), "cost": problem.cost(residual, values),
-        "candidates": round(candidates), "secs": secs,
-    }
+    covariance, half = sysid.calculate_intervals([block.ravel() for block in residuals], result.jac)
+    errors = np.sqrt(np.diag(covariance))
+    intervals = np.stack([values - half, values + half], axis=1)
+    cost = problem.cost(residual, values)
+    return {"values": values, "intervals": intervals, "errors": errors, "cost": cost, "evaluations": evaluations, "secs": secs}
+
+
+def number(value):
+    return f"{value:.4g}" if abs(value) >= 1e-3 else f"{value * 1e6:.1f}e-6"
+
+
+def table_of_numbers(rows, ours, theirs):
+    """One line a number; the answers apart in the smaller of the two standard errors."""
+    apart = (ours["values"] - theirs["values"]) / np.minimum(ours["errors"], theirs["errors"])
+    print("| number | true | start | ours | 95 % | toolbox | 95 % | apart, s.e. | s.e., ours over theirs |")
+    print("|---|---|---|---|---|---|---|---|---|")
+    for index, row in enumerate(rows):
+        cells = [f"{row['joint']} {row['quantity']}, {row['unit']}", number(row["truth"]), number(row["start"])]
+        for answer in (ours, theirs):
+            low, high = answer["intervals"][index]
+            cells += [number(answer["values"][index]), f"{number(low)} … {number(high)}"]
+        cells += [f"{apart[index]:+.4f}", f"{ours['errors'][index] / theirs['errors'][index]:.3f}"]
+        print("| " + " | ".join(cells) + " |")
+    truth = np.array([row["truth"] for row in rows])
+    for name, answer in (("ours", ours), ("the toolbox's", theirs)):
+        low, high = np.asarray(answer["intervals"]).T
+        print(f"\nOf the {len(truth)} true numbers {int(((low <= truth) & (truth <= high)).sum())} lie in {name} 95 % intervals.")
+    return np.abs(apart).max()
+
+
+def table_of_solvers(problem, answers):
+    """One line a solver: what it took, and how far above the best cost of all it ended."""
+    readings = sum(len(motion["readings"]) * len(problem["fitted"]) for motion in problem["motions"])
+    best = min(answer["cost"] for answer in answers.values())
+    print("\n| solver | evaluations | seconds | cost | above the best | rms over noise |\n|---|---|---|---|---|---|")
+    for name, answer in answers.items():
+        rms = np.sqrt(2 * answer["cost"] / readings)
+        print(
+            f"| {name} | {answer['evaluations']} | {answer['secs']:.1f} | {answer['cost']:.4f} | {answer['cost'] - best:.4g} "
+            f"| {rms:.4f} |"
+        )
 
 
 def main(folder):
@@ -175,19 +211,44 @@ def main(folder):
         sys.exit(f"this is MuJoCo {mujoco.__version__}, and the problem is for {MUJOCO}: run with --venv")
     problem = Problem(folder)
     ours = json.loads((folder / "answer.json").read_text())
+    ours["values"], ours["errors"] = np.array(ours["values"]), np.array(ours["standard_errors"])
     furthest, contacts = problem.furthest_from_ours()
-    print(f"furthest {furthest:.1e} contacts {contacts}")
     residual = problem.residual(ours["threads"])
-    print("cost of ours", ours["cost"], problem.cost(residual, ours["values"]), "truth", problem.cost(residual, [r["truth"] for r in problem.problem["parameters"]]), "start", problem.cost(residual, problem.parameters.as_vector()))
-    print("ours", ours["evaluations"], ours["secs"], ours["ended"])
-    for name, way in WAYS.items():
-        theirs = solve(problem, ours["threads"], way)
-        print(name, theirs["cost"], theirs["candidates"], theirs["secs"])
-        print((theirs["values"] - ours["values"]) / theirs["errors"])
-        print(np.array(ours["standard_errors"]) / theirs["errors"])
+    in_theirs = problem.cost(residual, ours["values"])
+    print(f"With the true numbers stock MuJoCo is at most {furthest:.1e} rad from our simulator, with {contacts} contacts.")
+    print(f"Our answer costs {ours['cost']:.6f} as we reckon and {in_theirs:.6f} as the toolbox does.\n")
+
+    ways = {name: solve(problem, ours["threads"], way) for name, way in WAYS.items()}
+    theirs = min(ways.values(), key=lambda answer: answer["cost"])
+    apart = table_of_numbers(problem.problem["parameters"], ours, theirs)
+    table_of_solvers(problem.problem, {"ours": ours} | ways)
+
+    ratios = ours["errors"] / theirs["errors"]
+    wrong = []
+    # `not <=` rather than `>`: a NaN must fail too.
+    if not (furthest <= SAME_MOTION and contacts == 0):
+        wrong.append(f"the two simulate different things: motions may differ by {SAME_MOTION:g} rad, without contacts")
+    if not abs(in_theirs - ours["cost"]) <= 1e-6 * ours["cost"]:
+        wrong.append("the two reckon the cost of our answer differently")
+    if not ours["cost"] - theirs["cost"] <= SAME_COST:
+        wrong.append(f"the toolbox found a better optimum, by {ours['cost'] - theirs['cost']:.4g}: ours is wrong")
+    elif not theirs["cost"] - ours["cost"] <= SAME_COST:
+        wrong.append(
+            f"the toolbox ended {theirs['cost'] - ours['cost']:.4g} above us, so it checks nothing; give the example another seed"
+        )
+    elif not apart <= SAME_VALUE:
+        wrong.append(f"values are up to {apart:.3f} standard errors apart; {SAME_VALUE:g} are allowed")
+    elif not np.maximum(ratios, 1 / ratios).max() <= SAME_ERROR:
+        wrong.append(f"standard errors differ by factors of {ratios.min():.2f} … {ratios.max():.2f}; {SAME_ERROR:g} is allowed")
+    print()
+    for line in wrong:
+        print(f"NOT THE SAME: {line}.")
+    if not wrong:
+        print(f"The same: values within {apart:.4f} standard errors, costs within {abs(ours['cost'] - theirs['cost']):.1e}.")
+    return 1 if wrong else 0
 
 
 if __name__ == "__main__":
     if len(sys.argv) != 2:
         sys.exit(__doc__)
-    main(pathlib.Path(sys.argv[1]))
+    sys.exit(main(pathlib.Path(sys.argv[1])))

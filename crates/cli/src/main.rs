@@ -2,6 +2,7 @@
 #![allow(clippy::print_stdout, clippy::print_stderr)] // Printing is what this crate is for.
 
 mod progress;
+mod status;
 mod verbs;
 
 use std::io::Write as _;

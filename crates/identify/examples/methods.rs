@@ -33,7 +33,7 @@ struct Point {
 fn methods() -> [(&'static str, MethodConfig); 3] {
     // As `etude identify` has them.
     let lm = LmConfig {
-        difference_step: 1e-4,
+        difference_step: 1e-3,
         first_difference_step: 1e-2,
         cost_tolerance: 1e-4,
         max_evaluations: 400,

@@ -36,6 +36,8 @@ const FRICTION_NM: f64 = 0.01;
 const MOST_FRICTION_NM: f64 = 0.08;
 /// How many times off the nominal numbers the true ones are at most.
 const TRUTH: f64 = 1.3;
+/// Most of a joint's momentum that its damping takes in a physics step, as a share: beyond 2 the joint only chatters.
+const MOST_TAKEN: f64 = 1.5;
 /// Step of the differences that intervals come from, as a share of each range.
 const ESTIMATE_STEP: f64 = 1e-4;
 
@@ -53,13 +55,19 @@ fn nominal() -> PhysicalParams {
     params
 }
 
-/// Numbers up to `times` off those of `params`, either way.
+/// Numbers up to `times` off those of `params`, either way, of joints that physics steps of this length can simulate.
 fn off(params: &PhysicalParams, times: f64, random: &mut Pcg64) -> PhysicalParams {
     let mut params = params.clone();
     for joint in FITTED {
-        for quantity in QUANTITIES {
-            let factor = times.powf(random.random_range(-1.0..=1.0));
-            params.set_joint(quantity, joint, params.joint(quantity, joint) * factor);
+        let middle = QUANTITIES.map(|quantity| params.joint(quantity, joint));
+        loop {
+            for (quantity, middle) in QUANTITIES.into_iter().zip(middle) {
+                params.set_joint(quantity, joint, middle * times.powf(random.random_range(-1.0..=1.0)));
+            }
+            let taken = params.joint(Joint::Damping, joint) * StageConfig::default().physics_step_secs();
+            if taken < MOST_TAKEN * params.joint(Joint::Armature, joint) {
+                break;
+            }
         }
     }
     params

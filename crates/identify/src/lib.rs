@@ -59,5 +59,5 @@ pub use jacobian::{Jacobian, JacobianError, JacobianPlan, Linearisation};
 pub use motion::{Commands, Motion, MotionError};
 pub use problem::{Block, Evaluation, Loss, Problem, ProblemError};
 pub use replay::{Replayer, Trace};
-pub use report::{Report, ReportInput};
+pub use report::{Report, ReportInput, html};
 pub use space::{Parameter, Scale, Space, SpaceError};

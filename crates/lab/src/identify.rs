@@ -52,7 +52,7 @@ impl IdentifyMethod {
         match self {
             // Replays are not smooth to the last digit: contacts and dry friction switch.
             Self::Lm => MethodConfig::Lm(LmConfig {
-                difference_step: 1e-4,
+                difference_step: 1e-3,
                 first_difference_step: 1e-2,
                 cost_tolerance: 1e-4,
                 max_evaluations: 400,

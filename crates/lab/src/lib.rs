@@ -12,6 +12,7 @@ mod identify;
 mod play;
 mod player;
 mod record;
+mod rehearsal_page;
 mod rehearse;
 mod rig;
 mod robot;
@@ -27,7 +28,9 @@ pub use identify::{
 pub use play::{Files, PlayError, Report, perform};
 pub use player::{Player, load_player, shipped_policies};
 pub use record::{Activity, Recorded, record_robot};
-pub use rehearse::{RehearsalConfig, RehearsalError, RehearsalStep, Round, rehearse_on_robot};
+pub use rehearse::{
+    REHEARSAL_PAGE, RehearsalConfig, RehearsalError, RehearsalStep, Round, rehearse_on_robot,
+};
 pub use rig::{
     RigChoice, StandError, TWIN, claim, load_calibration, rig_choice, start_pose, try_path, unix_secs,
 };

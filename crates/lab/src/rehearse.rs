@@ -2,9 +2,10 @@
 //!
 //! ```text
 //! DIR/rehearsal.json          what was asked for
+//! DIR/rehearsal.html          what came of it so far, to read and to listen to
 //! DIR/excitation/*.mcap       the robot moving clear of the keyboard
 //! DIR/round-0/                played with what was learned in the simulator as it comes
-//! DIR/round-N/identified/     the simulator fitted to the excitation and the performances of the round before
+//! DIR/round-N/identified/     the simulator fitted to the excitation (once) and to the performances of the round before
 //! DIR/round-N/training/       the policy of the round before, trained on in that simulator
 //! DIR/round-N/performance/    played on the robot; recordings, MIDI and sound to listen to
 //! DIR/round-N/round.json      what came of the round; written last
@@ -27,9 +28,13 @@ use crate::identify::{IDENTIFIED, Identification, IdentificationError, IdentifyM
 use crate::play::PlayError;
 use crate::player::load_player;
 use crate::record::{Activity, record_robot};
+use crate::rehearsal_page::rehearsal_page;
 use crate::rig::RigChoice;
 use crate::robot::{RobotPlay, RobotRun, play_on_robot};
 use crate::run::{Run, RunError};
+
+/// Name of the page for readers.
+pub const REHEARSAL_PAGE: &str = "rehearsal.html";
 
 /// What is rehearsed, and how.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -163,6 +168,7 @@ pub fn rehearse_on_robot(
         };
         tell(&RehearsalStep::Round(&done));
         rounds.push(done);
+        write_text(&folder.join(REHEARSAL_PAGE), &rehearsal_page(config, &rounds, folder))?;
     }
     Ok(rounds)
 }
@@ -226,15 +232,21 @@ impl Rehearsal<'_> {
         std::fs::create_dir_all(&folder).map_err(fail)?;
         let (mut held_out_rad, mut physics, mut layer) = (None, Default::default(), None);
         if let Some(before) = before {
-            let mut recordings = self.excite(tell)?;
+            let excitations = self.excite(tell)?;
+            let mut performances = Vec::new();
             for path in &before.recordings {
                 // One that a fit would be misled by: a policy that knows little pushes against its joints' stops.
                 match Motion::load(path) {
                     Err(MotionError::Unsuitable { path, why }) => tell(&RehearsalStep::LeftOut(&path, &why)),
                     Err(error) => return Err(IdentificationError::from(error).into()),
-                    Ok(_) => recordings.push(path.clone()),
+                    Ok(_) => performances.push(path.clone()),
                 }
             }
+            // The excitations tell of the drives, and they are the same in each round: once they are fitted, what is new is
+            // in the performances.
+            let fitted_before = round > 1 && !performances.is_empty();
+            let is_new = |path: &PathBuf| !fitted_before || path.ends_with(excitation_file(Excitation::Held));
+            let recordings = excitations.into_iter().filter(is_new).chain(performances).collect();
             let what = Identification {
                 recordings,
                 held_out: Vec::new(),
@@ -306,7 +318,7 @@ impl Rehearsal<'_> {
     ) -> Result<Vec<PathBuf>, RehearsalError> {
         let mut paths = Vec::new();
         for (index, excitation) in Excitation::ALL.into_iter().enumerate() {
-            let path = self.folder.join("excitation").join(format!("{excitation}.mcap"));
+            let path = self.folder.join("excitation").join(excitation_file(excitation));
             if !path.is_file() {
                 let partial = path.with_extension("partial");
                 let seed = self.config.seed.wrapping_add(500 + index as u64);
@@ -358,6 +370,10 @@ impl Rehearsal<'_> {
         }
         Ok(folder)
     }
+}
+
+fn excitation_file(excitation: Excitation) -> String {
+    format!("{excitation}.mcap")
 }
 
 struct Watch<'a> {

@@ -23,8 +23,6 @@ pub(crate) const SETTLE: Duration = Duration::from_millis(300);
 const STOPPED: &str = "it was stopped by `etude robot stop`, or its guard is gone";
 /// Steps of a wait.
 const WAIT: Duration = Duration::from_millis(20);
-/// A command is late after the time of one set-point: the set-point before it stood longer than it should.
-const LATE: Duration = Duration::from_millis(5);
 
 /// A performance could not be given.
 #[derive(Debug, thiserror::Error)]
@@ -182,7 +180,7 @@ impl Performer {
             }
             robot.follow(due, &waypoints)?;
             let late = pace.now().saturating_sub(due);
-            played.timing.command(late, LATE);
+            played.timing.command(late);
             records.target(step, &targets)?;
             records.policy(step, &observation, &action, late)?;
             pace.run_until(robot, due + control_period());

@@ -2,13 +2,15 @@
 
 use std::time::Duration;
 
+use etude_robot::rig::SETPOINT_HZ;
 use serde::Serialize;
+
+use crate::performer::control_period;
 
 /// Times of a performance, s.
 #[derive(Clone, Debug, Default)]
 pub struct Timing {
-    late: Vec<f64>,
-    missed: usize,
+    late: Vec<Duration>,
     periods: Vec<f64>,
     last_period: Option<Duration>,
 }
@@ -18,8 +20,11 @@ pub struct Timing {
 pub struct TimingReport {
     /// Control steps that were commanded.
     pub commands: usize,
-    /// Commands later than one set-point after the beginning of their control step.
+    /// Commands that were not there before the next control step began: their deadline.
     pub missed: usize,
+    /// Commands later than one set-point after the beginning of their control step: the set-point before them stood
+    /// longer than it should.
+    pub late: usize,
     /// Median time from the beginning of a control step until its command was there.
     pub late_median_ms: f64,
     /// The same for the latest but one in a thousand.
@@ -38,11 +43,13 @@ pub struct TimingReport {
     pub hand_late_worst_ms: f64,
 }
 
+/// A set-point's time.
+const SETPOINT: Duration = Duration::from_nanos((1e9 / SETPOINT_HZ) as u64);
+
 impl Timing {
     /// A command that was there `late` after the beginning of its control step.
-    pub(crate) fn command(&mut self, late: Duration, allowed: Duration) {
-        self.late.push(late.as_secs_f64());
-        self.missed += usize::from(late > allowed);
+    pub(crate) fn command(&mut self, late: Duration) {
+        self.late.push(late);
     }
 
     /// A period of the hand's loop that ended at `at`.
@@ -54,11 +61,14 @@ impl Timing {
 
     /// Medians, extremes and counts.
     pub fn report(&self) -> TimingReport {
-        let (late, periods) = (sorted(&self.late), sorted(&self.periods));
+        let later = |limit: Duration| self.late.iter().filter(|late| **late > limit).count();
+        let late: Vec<f64> = self.late.iter().map(Duration::as_secs_f64).collect();
+        let (late, periods) = (sorted(&late), sorted(&self.periods));
         let median = at(&periods, 0.5);
         TimingReport {
             commands: late.len(),
-            missed: self.missed,
+            missed: later(control_period()),
+            late: later(SETPOINT),
             late_median_ms: at(&late, 0.5) * 1e3,
             late_p999_ms: at(&late, 0.999) * 1e3,
             late_worst_ms: at(&late, 1.0) * 1e3,
@@ -74,7 +84,7 @@ impl Timing {
         let bounds = [0.5e-3, 1e-3, 2e-3, 5e-3, 10e-3, 50e-3];
         let mut counts = [0; 7];
         for late in &self.late {
-            counts[bounds.iter().position(|bound| late <= bound).unwrap_or(bounds.len())] += 1;
+            counts[bounds.iter().position(|bound| late.as_secs_f64() <= *bound).unwrap_or(bounds.len())] += 1;
         }
         counts
     }
@@ -100,18 +110,19 @@ mod tests {
     fn ranks_and_counts() {
         let mut timing = Timing::default();
         for late in 1..=1000u64 {
-            timing.command(Duration::from_micros(10 * late), Duration::from_millis(5));
+            timing.command(Duration::from_micros(60 * late));
         }
         for period in [0, 3, 6, 9, 16] {
             timing.hand(Duration::from_millis(period));
         }
         let report = timing.report();
-        assert_eq!((report.commands, report.missed, report.hand_periods), (1000, 500, 4));
+        // Beyond 50 ms, and beyond 5 ms.
+        assert_eq!((report.commands, report.missed, report.late, report.hand_periods), (1000, 167, 917, 4));
         let close = |a: f64, b: f64| (a - b).abs() < 1e-9;
-        assert!(close(report.late_median_ms, 5.0) && close(report.late_p999_ms, 9.99));
-        assert!(close(report.late_worst_ms, 10.0));
+        assert!(close(report.late_median_ms, 30.0) && close(report.late_p999_ms, 59.94));
+        assert!(close(report.late_worst_ms, 60.0));
         assert!(close(report.hand_period_median_ms, 3.0) && close(report.hand_late_worst_ms, 4.0));
-        assert_eq!(report.late_histogram, [50, 50, 100, 300, 500, 0, 0]);
+        assert_eq!(report.late_histogram, [8, 8, 17, 50, 83, 667, 167]);
         assert_eq!(Timing::default().report(), TimingReport::default());
     }
 }

@@ -9,6 +9,7 @@ use etude_task::TaskConfig;
 use super::line;
 use crate::Ending;
 use crate::progress::stop_flag;
+use crate::status::Status;
 
 /// Which recordings, and how.
 #[derive(clap::Args)]
@@ -66,19 +67,16 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
         start,
     };
     let stop = stop_flag()?;
-    let mut progress = indicatif::ProgressBar::new_spinner();
-    if args.json {
-        progress.set_draw_target(indicatif::ProgressDrawTarget::hidden());
-    }
-    let report = match identify_robot(&what, &args.out, &mut |at| show(&mut progress, at), &stop) {
+    let mut status = Status::new(args.json);
+    let report = match identify_robot(&what, &args.out, &mut |at| show(&mut status, at), &stop) {
         Err(IdentificationError::Identify(error @ IdentifyError::Interrupted)) => {
-            progress.finish_and_clear();
+            status.finish();
             super::note(error);
             return Ok(Ending::Stopped);
         }
         report => report?,
     };
-    progress.finish_and_clear();
+    status.finish();
     if args.json {
         super::json(&report)?;
         return Ok(Ending::Done);
@@ -107,13 +105,11 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
     Ok(Ending::Done)
 }
 
-fn show(bar: &mut indicatif::ProgressBar, at: &Progress) {
+fn show(status: &mut Status, at: &Progress) {
     let [ended, all] = at.ended;
-    bar.set_message(format!(
-        "{}: {} replays, residuals {:.2} times the noise, {ended} of {all} settled",
-        at.stage.name(),
-        at.replays,
-        at.rms
-    ));
-    bar.tick();
+    let state = format!(
+        ": {} replays, residuals {:.2} times the noise, {ended} of {all} settled",
+        at.replays, at.rms
+    );
+    status.now(at.stage.name(), &state);
 }

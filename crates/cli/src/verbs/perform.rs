@@ -140,13 +140,14 @@ fn print(report: &RobotReport) -> anyhow::Result<()> {
     for run in &report.runs {
         let (notes, times) = (&run.note, &run.timing);
         line(format!(
-            "{} notes right, {} missed, {} wrong; {} set-points clamped; {} of {} commands late (worst {:.1} ms)",
+            "{} notes right, {} missed, {} wrong; {} set-points clamped; {} of {} deadlines missed, {} commands late (worst {:.1} ms)",
             notes.matched,
             notes.missed,
             notes.wrong,
             run.clamped,
             times.missed,
             times.commands,
+            times.late,
             times.late_worst_ms
         ))?;
         if let Some(files) = &run.files {

@@ -4,14 +4,15 @@ use std::path::PathBuf;
 
 use etude_identify::IdentifyError;
 use etude_lab::{
-    IdentificationError, IdentifyMethod, RehearsalConfig, RehearsalError, RehearsalStep, RigChoice, Round,
-    find_song, rehearse_on_robot, rig_choice, shipped_policies,
+    IdentificationError, IdentifyMethod, REHEARSAL_PAGE, RehearsalConfig, RehearsalError, RehearsalStep,
+    RigChoice, Round, find_song, rehearse_on_robot, rig_choice, shipped_policies,
 };
 use etude_perform::Mode;
 
 use super::{json, line, note, slug};
 use crate::Ending;
 use crate::progress::stop_flag;
+use crate::status::Status;
 
 /// What to rehearse, on which robot, how often.
 #[derive(clap::Args)]
@@ -97,66 +98,51 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
         seed: args.seed,
     };
     let stop = stop_flag()?;
-    let bar = indicatif::ProgressBar::new_spinner();
-    if args.json {
-        bar.set_draw_target(indicatif::ProgressDrawTarget::hidden());
-    }
-    let mut tell = |step: &RehearsalStep<'_>| show(&bar, step);
+    let mut status = Status::new(args.json);
+    let mut tell = |step: &RehearsalStep<'_>| show(&mut status, step);
     let rounds = match rehearse_on_robot(&song, &rig, &config, &folder, &mut tell, &stop) {
         Err(
             error @ (RehearsalError::Interrupted
             | RehearsalError::Identify(IdentificationError::Identify(IdentifyError::Interrupted))),
         ) => {
-            bar.finish_and_clear();
+            status.finish();
             note(error);
             return Ok(Ending::Stopped);
         }
         rounds => rounds?,
     };
-    bar.finish_and_clear();
+    status.finish();
     if args.json {
         json(&rounds)?;
         return Ok(Ending::Done);
     }
     print(&rounds, config.mode)?;
-    line(format!("Everything is in {}", folder.display()))?;
+    line(format!("Read and listen: {}", folder.join(REHEARSAL_PAGE).display()))?;
     Ok(Ending::Done)
 }
 
-fn show(bar: &indicatif::ProgressBar, step: &RehearsalStep<'_>) {
-    let text = match step {
-        RehearsalStep::Recorded(excitation) => format!("recorded {excitation}"),
+fn show(status: &mut Status, step: &RehearsalStep<'_>) {
+    match step {
+        RehearsalStep::Recorded(excitation) => status.now(&format!("recorded {excitation}"), ""),
         RehearsalStep::LeftOut(path, why) => {
-            if !bar.is_hidden() {
-                note(format!("warning: {} is not fitted to: {why}", path.display()));
-            }
-            return;
+            status.done(&format!("warning: {} is not fitted to: {why}", path.display()));
         }
-        RehearsalStep::Identifying(round, at) => format!(
-            "round {round}: identifying {}, {} replays, residuals {:.2} times the noise",
-            at.stage.name(),
-            at.replays,
-            at.rms
+        RehearsalStep::Identifying(round, at) => status.now(
+            &format!("round {round}: identifying, {}", at.stage.name()),
+            &format!(", {} replays, residuals {:.2} times the noise", at.replays, at.rms),
         ),
-        RehearsalStep::Training(round, step, total, best) => {
-            format!("round {round}: training, step {step} of {total}, best F1 {best:.3}")
-        }
+        RehearsalStep::Training(round, step, total, best) => status.now(
+            &format!("round {round}: training"),
+            &format!(", step {step} of {total}, best F1 {best:.3}"),
+        ),
         RehearsalStep::Performed(round, index, run) => {
-            format!("round {round}: run {} played, F1 {:.3}", index + 1, run.frame.f1)
+            status.now(&format!("round {round}: run {} played, F1 {:.3}", index + 1, run.frame.f1), "");
         }
-        RehearsalStep::Round(round) => {
-            let what = format!(
-                "round {}: F1 {:.3} in simulation, {:.3} on the robot: a gap of {:.3}",
-                round.round, round.sim_f1, round.robot_f1, round.gap
-            );
-            if !bar.is_hidden() {
-                bar.println(&what);
-            }
-            what
-        }
-    };
-    bar.set_message(text);
-    bar.tick();
+        RehearsalStep::Round(round) => status.done(&format!(
+            "round {}: F1 {:.3} in simulation, {:.3} on the robot: a gap of {:.3}",
+            round.round, round.sim_f1, round.robot_f1, round.gap
+        )),
+    }
 }
 
 fn print(rounds: &[Round], mode: Mode) -> anyhow::Result<()> {

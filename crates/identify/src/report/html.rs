@@ -2,7 +2,7 @@
 
 use super::document::{Document, Element, Picture, Table};
 
-/// Looks of the page and of the drawings in it. The colours of curves are those of Okabe and Ito, which
+/// Looks of a page and of the drawings in it. The colours of curves are those of Okabe and Ito, which
 /// colour-blind readers tell apart; in print the strokes differ too.
 const STYLE: &str = "
 body{font:16px/1.5 system-ui,sans-serif;color:#111;background:#fff;
@@ -30,7 +30,6 @@ body{print-color-adjust:exact;-webkit-print-color-adjust:exact}}
 
 /// The document as a page.
 pub(super) fn html(document: &Document) -> String {
-    let title = escape(&document.title);
     let sections: String = document
         .sections
         .iter()
@@ -39,11 +38,17 @@ pub(super) fn html(document: &Document) -> String {
             format!("<section>\n<h2>{}</h2>\n{elements}</section>\n", escape(section.title))
         })
         .collect();
+    page(&document.title, &sections)
+}
+
+/// A page that needs nothing else: `title` is plain text, `body` is HTML.
+pub fn page(title: &str, body: &str) -> String {
+    let title = escape(title);
     format!(
         "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\"/>\n\
          <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\"/>\n\
          <title>{title}</title>\n<style>{STYLE}</style>\n</head>\n<body>\n<h1>{title}</h1>\n\
-         {sections}</body>\n</html>\n"
+         {body}</body>\n</html>\n"
     )
 }
 
@@ -92,7 +97,7 @@ fn table(table: &Table) -> String {
 }
 
 /// Plain text as it may stand in an element or a quoted attribute of HTML and XML.
-pub(super) fn escape(text: &str) -> String {
+pub fn escape(text: &str) -> String {
     let mut out = String::with_capacity(text.len());
     for c in text.chars() {
         match c {

@@ -9,7 +9,7 @@ mod correlation;
 mod document;
 mod errors;
 mod held;
-mod html;
+pub mod html;
 mod number;
 mod overlay;
 mod parameters;

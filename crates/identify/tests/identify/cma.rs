@@ -1,8 +1,6 @@
 //! CMA-ES where there is no reference to count against: bounds, restarts, failures.
 
-use etude_identify::{
-    Block, CmaConfig, Evaluation, Fit, Loss, MethodConfig, Parameter, Problem, Reason, Space,
-};
+use etude_identify::{CmaConfig, Evaluation, Fit, MethodConfig, Reason};
 
 use crate::problems::{fitted, problem};
 

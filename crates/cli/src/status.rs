@@ -1,0 +1,63 @@
+//! One line that says what goes on: it changes in place on a terminal; elsewhere, as in the log of a batch job, a line is
+//! written for each new phase and then once in a while.
+
+use std::io::IsTerminal as _;
+use std::time::{Duration, Instant};
+
+use indicatif::ProgressBar;
+
+use crate::verbs::note;
+
+/// How often a phase that goes on is mentioned in a log.
+const MENTIONED: Duration = Duration::from_secs(30);
+
+/// The line.
+pub struct Status {
+    bar: Option<ProgressBar>,
+    quiet: bool,
+    phase: String,
+    mentioned: Instant,
+}
+
+impl Status {
+    /// Says nothing at all if `quiet`.
+    pub fn new(quiet: bool) -> Self {
+        let bar = (!quiet && std::io::stderr().is_terminal()).then(ProgressBar::new_spinner);
+        Self { bar, quiet, phase: String::new(), mentioned: Instant::now() }
+    }
+
+    /// What goes on now, and how far it is.
+    pub fn now(&mut self, phase: &str, state: &str) {
+        let is_new = phase != self.phase;
+        match &self.bar {
+            Some(bar) => {
+                bar.set_message(format!("{phase}{state}"));
+                bar.tick();
+            }
+            None if !self.quiet && (is_new || self.mentioned.elapsed() >= MENTIONED) => {
+                note(format!("{phase}{state}"));
+                self.mentioned = Instant::now();
+            }
+            None => {}
+        }
+        if is_new {
+            self.phase = phase.to_string();
+        }
+    }
+
+    /// What stays to be read.
+    pub fn done(&self, text: &str) {
+        match &self.bar {
+            Some(bar) => bar.println(text),
+            None if self.quiet => {}
+            None => note(text),
+        }
+    }
+
+    /// Takes the line away so that the closing lines stand alone.
+    pub fn finish(&self) {
+        if let Some(bar) = &self.bar {
+            bar.finish_and_clear();
+        }
+    }
+}
