@@ -90,7 +90,7 @@ pub struct LmConfig {
     pub differences: Differences,
     /// Step of the differences that the fit ends with, as a share of a parameter's range.
     pub difference_step: f64,
-    /// Step that it begins with. Where a simulation is rough, wide differences still see which way is down; each time
+    /// Step that it begins with, if larger. Where a simulation is rough, wide differences still see which way is down; each time
     /// the fit settles it goes on with a tenth of the step, down to `difference_step`.
     pub first_difference_step: f64,
     /// Damping at the start, relative to the curvature of each parameter.
@@ -124,8 +124,8 @@ impl LmConfig {
         let step = self.difference_step;
         require((1e-9..=0.1).contains(&step), "difference_step", step, "it must lie in 1e-9 … 0.1")?;
         let first = self.first_difference_step;
-        let rule = "it must lie between difference_step and 0.1";
-        require((step..=0.1).contains(&first), "first_difference_step", first, rule)?;
+        let rule = "it must lie in 1e-9 … 0.1";
+        require((1e-9..=0.1).contains(&first), "first_difference_step", first, rule)?;
         let damping = self.initial_damping;
         require(
             (1e-12..=1e12).contains(&damping),

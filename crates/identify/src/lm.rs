@@ -55,7 +55,8 @@ pub(crate) struct Lm {
 impl Lm {
     pub(crate) fn new(problem: &Problem, config: LmConfig) -> Self {
         let point = problem.space().start();
-        let (difference_step, damping) = (config.first_difference_step, config.initial_damping);
+        let difference_step = config.first_difference_step.max(config.difference_step);
+        let damping = config.initial_damping;
         Self {
             model: Model::new(point.len()),
             config,

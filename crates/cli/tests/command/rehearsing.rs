@@ -101,6 +101,11 @@ fn a_rehearsal_that_was_killed_goes_on_to_the_same_end() {
             assert_eq!(round[key], same[key], "{key}");
         }
     }
+    let page = String::from_utf8(desk.bytes("b/rehearsal.html")).unwrap();
+    for round in 0..2 {
+        let take = format!("round-{round}/performance/run-1.wav");
+        assert!(page.contains(&format!("src=\"{take}\"")) && desk.path("b").join(&take).is_file(), "{page}");
+    }
     let changed =
         desk.command("rehearse --song short.mid --robot twin --rounds 1 --runs 2 -o a").output().unwrap();
     assert!(errors(&changed).contains("another rehearsal"), "{}", errors(&changed));

@@ -11,3 +11,5 @@ mod golden;
 mod limits;
 mod lm;
 mod problems;
+mod recovery;
+mod synthetic;

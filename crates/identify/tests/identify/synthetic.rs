@@ -1,0 +1,166 @@
+//! Known numbers, recovered: recordings made by the simulator itself, with noise on its encoders. The test tries one finger,
+//! `examples/recovery.rs` the whole hand.
+
+use std::collections::BTreeMap;
+use std::path::PathBuf;
+use std::sync::atomic::AtomicBool;
+
+use etude_identify::{
+    Assessment, Commands, IdentifyConfig, LmConfig, MethodConfig, Motion, ParameterEstimate, Replayer,
+    StageEnd, identify,
+};
+use etude_perform::{Excitation, shaping_params};
+use etude_robot::rig::RigConfig;
+use etude_stage::params::Joint;
+use etude_stage::{JOINTS, PhysicalParams, RAIL, StageConfig};
+use rand::{RngExt as _, SeedableRng as _};
+use rand_pcg::Pcg64;
+
+type Error = Box<dyn std::error::Error>;
+
+/// Noise of the encoders, rad, and of the rail, m.
+const NOISE: [f64; 2] = [2e-4, 5e-5];
+
+/// What a recovery came to.
+pub struct Recovery {
+    /// How it went.
+    pub stages: Vec<StageEnd>,
+    /// Held-out errors by joint, in multiples of its noise: before the fit and after it.
+    pub held_out: Vec<(String, [f64; 2])>,
+    /// The identifiable numbers, and what they truly are.
+    pub numbers: Vec<(ParameterEstimate, f64)>,
+}
+
+impl Recovery {
+    /// Median relative error of the identifiable numbers.
+    pub fn median_error(&self) -> f64 {
+        let mut errors: Vec<f64> =
+            self.numbers.iter().map(|(found, truth)| (found.value / truth - 1.0).abs()).collect();
+        errors.sort_by(f64::total_cmp);
+        errors.get(errors.len() / 2).copied().unwrap_or(f64::NAN)
+    }
+
+    /// Share of their 95 % intervals that cover the truth.
+    pub fn coverage(&self) -> f64 {
+        let covers = |(found, truth): &&(ParameterEstimate, f64)| {
+            (found.interval[0]..=found.interval[1]).contains(truth)
+        };
+        self.numbers.iter().filter(covers).count() as f64 / self.numbers.len() as f64
+    }
+}
+
+fn gauss(random: &mut Pcg64) -> f64 {
+    let (a, b): (f64, f64) = (random.random(), random.random());
+    (-2.0 * (1.0 - a).ln()).sqrt() * (std::f64::consts::TAU * b).cos()
+}
+
+/// What a robot with these numbers would have sent while these joints were moved as in a third of an excitation.
+fn recorded(
+    params: &PhysicalParams,
+    joints: &[usize],
+    (excitation, part): (Excitation, usize),
+    seed: u64,
+) -> Result<Motion, Error> {
+    let mut random = Pcg64::seed_from_u64(seed);
+    let all = excitation.targets();
+    let count = all.len() / 3;
+    let mut targets = all[part * count..(part + 1) * count].to_vec();
+    let still = targets[0];
+    for row in &mut targets {
+        *row = std::array::from_fn(|joint| if joints.contains(&joint) { row[joint] } else { still[joint] });
+    }
+    let noise: [f64; JOINTS] = std::array::from_fn(|joint| NOISE[usize::from(joint == RAIL)]);
+    let mut motion = Motion {
+        path: PathBuf::from(format!("synthetic-{seed}")),
+        rig: RigConfig { name: "synthetic".to_string(), ..RigConfig::default() },
+        mode: "synthetic".to_string(),
+        start: still,
+        commands: Commands::Targets(targets),
+        fingers: Vec::new(),
+        rail: Vec::new(),
+        noise,
+        moves: std::array::from_fn(|joint| joints.contains(&joint)),
+        saturates: [false; JOINTS],
+        keys: Vec::new(),
+    };
+    let mut replayer = Replayer::new(&StageConfig::default())?;
+    let trace = replayer.replay(params, &motion, false).ok_or("the world diverged")?;
+    let samples = (motion.secs() * 333.0) as usize;
+    for sample in 1..samples {
+        let at = sample as f64 / 333.0;
+        let reading =
+            |joint: usize, random: &mut Pcg64| trace.position(joint, at) + noise[joint] * gauss(random);
+        motion.fingers.push((at, std::array::from_fn(|joint| reading(joint, &mut random))));
+        if sample % 3 == 0 {
+            let rail = reading(RAIL, &mut random);
+            motion.rail.push((at, rail));
+        }
+    }
+    Ok(motion)
+}
+
+/// A robot whose joints are some way from the numbers with which a fit starts.
+fn truth(joints: &[usize], seed: u64) -> PhysicalParams {
+    let mut random = Pcg64::seed_from_u64(seed);
+    let mut params = shaping_params(&RigConfig::default().limits);
+    for &joint in joints {
+        let mut scale = |quantity: Joint, most: f64| {
+            let factor: f64 = random.random_range(1.0 / most..=most);
+            params.set_joint(quantity, joint, params.joint(quantity, joint) * factor);
+        };
+        scale(Joint::Stiffness, 1.3);
+        scale(Joint::Damping, 1.3);
+        scale(Joint::LowPass, 1.5);
+        scale(Joint::JerkLimit, 1.3);
+        if joint != RAIL {
+            scale(Joint::Armature, 1.3);
+        }
+        let friction =
+            if joint == RAIL { random.random_range(1.0..5.0) } else { random.random_range(0.004..0.02) };
+        params.set_joint(Joint::Friction, joint, friction);
+        params.set_joint(Joint::Delay, joint, random.random_range(0.002..0.018));
+    }
+    params
+}
+
+/// Draws a robot, moves these joints of it, and fits.
+pub fn recover(joints: &[usize], seed: u64) -> Result<Recovery, Error> {
+    let truth = truth(joints, seed);
+    let parts = [(Excitation::OpenClose, 1), (Excitation::Chirp, 2), (Excitation::Rail, 1)];
+    let told =
+        |(excitation, _): &(Excitation, usize)| *excitation != Excitation::Rail || joints.contains(&RAIL);
+    let motions: Vec<Motion> = parts
+        .into_iter()
+        .filter(told)
+        .enumerate()
+        .map(|(index, part)| recorded(&truth, joints, part, 10 * seed + index as u64))
+        .collect::<Result<_, _>>()?;
+    let method = LmConfig {
+        difference_step: 1e-3,
+        first_difference_step: 1e-2,
+        cost_tolerance: 1e-6,
+        ..LmConfig::default()
+    };
+    let config = IdentifyConfig { method: MethodConfig::Lm(method), seed, start: BTreeMap::default() };
+    let folder = std::env::temp_dir().join(format!("etude-recovery-{seed}-{}", std::process::id()));
+    std::fs::create_dir_all(&folder)?;
+    let identified =
+        identify(&motions, &config, &folder.join("state.json"), &mut |_| {}, &AtomicBool::new(false));
+    std::fs::remove_dir_all(&folder)?;
+    let identified = identified?;
+    let held_out = [recorded(&truth, joints, (Excitation::Held, 1), 10 * seed + 9)?];
+    let before = shaping_params(&RigConfig::default().limits);
+    let after = PhysicalParams::default().with(&identified.physics)?;
+    let found = Assessment::new(&held_out, &before, &after)?;
+    let errors = found.joints.into_iter();
+    let numbers = identified.estimates.into_iter().flat_map(|(_, estimate)| estimate.parameters);
+    let numbers = numbers.filter(|found| found.is_identifiable).map(|found| {
+        let truth = truth.get(&found.path)?;
+        Ok((found, truth))
+    });
+    Ok(Recovery {
+        stages: identified.stages,
+        held_out: errors.map(|e| (e.joint, [e.before / e.noise, e.after / e.noise])).collect(),
+        numbers: numbers.collect::<Result<_, etude_stage::ParamError>>()?,
+    })
+}

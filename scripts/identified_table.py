@@ -1,0 +1,64 @@
+"""Compares what `etude identify` found on the twin with what the twin's truth implies, for docs/results/identification.md.
+
+    etude identify … -o out/identified && python3 scripts/identified_table.py out/identified configs/truths/standard.toml
+
+Implied are: a joint's gains, the rig's (duty a radian) times the torque of full duty; its dry friction, that of the truth on its
+way and the torque of the drive's dead band; the keyboard's rows, as the truth has them. Armature, low-pass, delay and jerk limit
+have no counterpart: in the twin a velocity filter, a servo and wires stand in their place.
+"""
+
+import json
+import pathlib
+import statistics
+import sys
+import tomllib
+
+FULL_PWM = 1200
+KP, KD = 3600, 120  # duty a radian, duty a radian a second: the rig's default gains
+DEFAULT_VISCOSITY = 0.01
+KEYBOARD = {"key.threshold": 0.5, "key.stiffness": 1.0, "key.damping": None, "keyboard.height": 0.0, "keyboard.lateral": 0.0}
+
+
+def implied(truth):
+    """Value by path."""
+    physics, hand = truth.get("physics", {}), truth.get("hand", {})
+    torque = hand.get("full_torque_nm", [1.0] * 4)
+    values = {path: physics.get(path, default) for path, default in KEYBOARD.items()}
+    if "key.threshold" in physics or "keys" in truth:
+        # Where the second contact closes: the key's travel is another, too, and the simulator's share is of its own.
+        values["key.threshold"] = physics.get("key.threshold", 0.5) * truth.get("keys", {}).get("travel", 1.0)
+    for finger in ("index", "middle", "ring"):
+        for joint in range(4):
+            name = f"joint.{finger}_{joint}"
+            own = lambda row, default: physics.get(f"{name}.{row}", physics.get(f"joint.fingers.{row}", default))
+            values[f"{name}.stiffness"] = KP / FULL_PWM * torque[joint]
+            values[f"{name}.damping"] = KD / FULL_PWM * torque[joint] + own("viscosity", DEFAULT_VISCOSITY) - DEFAULT_VISCOSITY
+            values[f"{name}.friction"] = own("friction", 0.0) + hand.get("dead_pwm", 0) / FULL_PWM * torque[joint]
+    return values
+
+
+def main():
+    folder, truth = pathlib.Path(sys.argv[1]), tomllib.loads(pathlib.Path(sys.argv[2]).read_text())
+    report = json.loads((folder / "identification.json").read_text())
+    wanted = implied(truth)
+    errors = {}
+    print("| number | implied | found | 95 % interval | off | identifiable |\n|---|---|---|---|---|---|")
+    for _, estimate in report["identified"]["estimates"]:
+        for parameter in estimate["parameters"]:
+            path, target = parameter["path"], wanted.get(parameter["path"])
+            if target is None:
+                continue
+            low, high = parameter["interval"]
+            off = abs(parameter["value"] / target - 1) if target else float("nan")
+            told = "yes" if parameter["is_identifiable"] else "no"
+            print(f"| {path} | {target:.4g} | {parameter['value']:.4g} | {low:.4g} … {high:.4g} | {100 * off:.0f} % | {told} |")
+            if target:
+                for group in (path.rsplit(".", 1)[-1], "all", *(["identifiable"] if parameter["is_identifiable"] else [])):
+                    errors.setdefault(group, []).append(off)
+    print()
+    for group, values in errors.items():
+        print(f"{group}: median error {100 * statistics.median(values):.1f} % of {len(values)}")
+
+
+if __name__ == "__main__":
+    main()
