@@ -33,8 +33,9 @@ struct Point {
 fn methods() -> [(&'static str, MethodConfig); 3] {
     // As `etude identify` has them.
     let lm = LmConfig {
-        difference_step: 1e-3,
+        difference_step: 1e-6,
         first_difference_step: 1e-2,
+        initial_damping: 10.0,
         cost_tolerance: 1e-4,
         max_evaluations: 400,
         ..LmConfig::default()

@@ -39,6 +39,8 @@ pub struct Group {
     pub joints: Vec<usize>,
     /// Whether it explains which keys sound, too.
     pub keys: bool,
+    /// Whether what was believed of its parameters counts beside the recordings.
+    pub believes: bool,
 }
 
 impl Group {
@@ -57,11 +59,10 @@ impl Group {
                 blocks.push(Block::new(&format!("{index}.keys"), 2 * motion.commands.steps()));
             }
         }
-        let mut loss = Loss::Squared;
-        if self.keys {
+        if self.believes {
             blocks.push(Block::new("belief", parameters.len()));
-            loss = Loss::Huber(SLIPS);
         }
+        let loss = if self.keys { Loss::Huber(SLIPS) } else { Loss::Squared };
         Ok(Problem::new(Space::new(parameters)?, blocks, loss)?)
     }
 
@@ -113,7 +114,7 @@ impl Group {
                 key_residuals(params, motion, trace, &mut residuals);
             }
         }
-        if self.keys {
+        if self.believes {
             residuals.extend(contact_disbelief(before, params));
         }
         Evaluation::Residuals(residuals)
@@ -142,14 +143,18 @@ fn key_residuals(params: &PhysicalParams, motion: &Motion, trace: &Trace, residu
 
 /// Every joint by itself.
 pub fn joints() -> Vec<Group> {
-    let group =
-        |joint: usize| Group { name: JOINT_NAMES[joint].to_string(), joints: vec![joint], keys: false };
+    let group = |joint: usize| Group {
+        name: JOINT_NAMES[joint].to_string(),
+        joints: vec![joint],
+        keys: false,
+        believes: false,
+    };
     (0..JOINTS).map(group).collect()
 }
 
 /// All joints in one fit.
 pub fn together() -> Vec<Group> {
-    vec![Group { name: "joints".to_string(), joints: (0..JOINTS).collect(), keys: false }]
+    vec![Group { name: "joints".to_string(), joints: (0..JOINTS).collect(), keys: false, believes: false }]
 }
 
 /// Every finger's joints together, and the rail.
@@ -159,13 +164,15 @@ pub fn fingers() -> Vec<Group> {
         name: FINGER_NAMES[finger].to_string(),
         joints: (finger * FINGER_JOINTS..(finger + 1) * FINGER_JOINTS).collect(),
         keys: false,
+        believes: false,
     };
-    let rail = Group { name: "rail".to_string(), joints: vec![etude_stage::RAIL], keys: false };
+    let rail =
+        Group { name: "rail".to_string(), joints: vec![etude_stage::RAIL], keys: false, believes: false };
     (0..FINGER_NAMES.len()).map(finger).chain([rail]).collect()
 }
 
 /// The keyboard, by which keys sound and when. Not by the joints that press: how a finger folds under a key's load hangs on
 /// play and dry friction at rest, which a simulated joint has not, and would bend the keyboard's numbers to its needs.
 pub fn keyboard() -> Group {
-    Group { name: "keyboard".to_string(), joints: Vec::new(), keys: true }
+    Group { name: "keyboard".to_string(), joints: Vec::new(), keys: true, believes: true }
 }

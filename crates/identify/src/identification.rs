@@ -31,6 +31,8 @@ const ESTIMATE_STEP: f64 = 1e-3;
 /// Rounds of fits joint by joint at most, and the share of the error that one must take away for another to follow.
 const MOST_ROUNDS: usize = 6;
 const LEAST_GAIN: f64 = 0.01;
+/// How far beyond its kink a jerk limit is restarted, as a factor.
+const CROSSED: f64 = 1.4;
 
 /// Longest delay that is tried at first, in physics steps.
 const MOST_DELAY_STEPS: usize = 6;
@@ -41,6 +43,8 @@ const MOST_DELAY_STEPS: usize = 6;
 pub enum Stage {
     /// Every joint by itself.
     Joints,
+    /// Every joint by itself from another start, kept where it ends better; by Levenberg–Marquardt only.
+    Restart,
     /// All joints together; by Levenberg–Marquardt only, the others cope with few parameters.
     Together,
     /// The keyboard and the encoders' biases, from motions that touch keys.
@@ -52,6 +56,7 @@ impl Stage {
     pub fn name(self) -> &'static str {
         match self {
             Self::Joints => "joint by joint",
+            Self::Restart => "joint by joint, restarted",
             Self::Together => "all joints together",
             Self::Contact => "keyboard",
         }
@@ -59,7 +64,7 @@ impl Stage {
 
     fn groups(self) -> Vec<Group> {
         match self {
-            Self::Joints => joints(),
+            Self::Joints | Self::Restart => joints(),
             Self::Together => together(),
             Self::Contact => vec![keyboard()],
         }
@@ -170,6 +175,9 @@ struct State {
     replays: u64,
     secs: f64,
     rms: f64,
+    /// Of the last stage: the cost that each group ended with, and how many residuals there were.
+    costs: BTreeMap<String, f64>,
+    samples: usize,
 }
 
 /// Fits the simulator to motions of one rig. What is needed to go on after an interruption is in the file `state`.
@@ -221,6 +229,8 @@ impl<'a> Work<'a> {
             replays: 0,
             secs: 0.0,
             rms: 0.0,
+            costs: BTreeMap::new(),
+            samples: 0,
         };
         let state = match std::fs::read(file) {
             Err(error) if error.kind() == std::io::ErrorKind::NotFound => fresh,
@@ -245,23 +255,25 @@ impl<'a> Work<'a> {
     fn next_stage(&self) -> Option<Stage> {
         let lm = matches!(self.state.config.method, MethodConfig::Lm(_));
         let keys = self.motions.iter().any(|motion| !motion.keys.is_empty());
-        let air = self.air().next().is_some();
-        let ended = |stage: Stage| self.state.ended.iter().filter(move |end| end.stage == stage);
-        let gains = |end: &StageEnd| end.rms[1] < (1.0 - LEAST_GAIN) * end.rms[0];
-        // A slope is misled while the joint beside it moves as well: what ended for that reason has a better one in the next round.
-        let again = lm
-            && ended(Stage::Joints).count() < MOST_ROUNDS
-            && ended(Stage::Joints).next_back().is_some_and(gains);
-        let joints = air && (ended(Stage::Joints).count() == 0 || again);
-        let once = |stage: Stage| ended(stage).count() == 0;
-        [
-            (Stage::Joints, joints),
-            (Stage::Together, air && lm && once(Stage::Together)),
-            (Stage::Contact, keys && once(Stage::Contact)),
-        ]
-        .into_iter()
-        .find(|(_, wanted)| *wanted)
-        .map(|(stage, _)| stage)
+        let ended = &self.state.ended;
+        let times = |stage: Stage| ended.iter().filter(|end| end.stage == stage).count();
+        let error = |end: &StageEnd| end.rms[1];
+        let gained = match ended.as_slice() {
+            [.., before, last] => error(last) < (1.0 - LEAST_GAIN) * error(before),
+            _ => true,
+        };
+        let after_air = || (keys && times(Stage::Contact) == 0).then_some(Stage::Contact);
+        match ended.last().map(|end| end.stage) {
+            None if self.air().next().is_some() => Some(Stage::Joints),
+            // A slope is misled while the joint beside it moves as well: what ended for that reason has a better one in the
+            // next round.
+            Some(Stage::Joints | Stage::Restart) if lm && gained && times(Stage::Joints) < MOST_ROUNDS => {
+                Some(Stage::Joints)
+            }
+            Some(Stage::Joints) if lm && times(Stage::Restart) == 0 => Some(Stage::Restart),
+            Some(Stage::Joints | Stage::Restart) if lm => Some(Stage::Together),
+            _ => after_air(),
+        }
     }
 
     /// Motions that touch no key: what the drives of the joints are fitted to.
@@ -271,7 +283,7 @@ impl<'a> Work<'a> {
 
     fn motions_of(&self, stage: Stage) -> Vec<Motion> {
         match stage {
-            Stage::Joints | Stage::Together => self.air().cloned().collect(),
+            Stage::Joints | Stage::Restart | Stage::Together => self.air().cloned().collect(),
             Stage::Contact => self.motions.iter().filter(|motion| !motion.keys.is_empty()).cloned().collect(),
         }
     }
@@ -313,8 +325,22 @@ impl<'a> Work<'a> {
         }
     }
 
-    fn begin(&mut self, stage: Stage, motions: &[Motion]) -> Result<(), IdentifyError> {
-        let params = &self.state.params;
+    /// Puts every joint's jerk limit on the other side of where the reference's settling changes: above, the physics step
+    /// bounds it, below, the limit does. A fit that has settled on one side finds no slope that leads across.
+    fn cross_the_kinks(&self, params: &mut PhysicalParams) {
+        for joint in 0..JOINTS {
+            let kink = params.joint(Joint::AccelerationLimit, joint) / self.world.physics_step_secs();
+            let side = if params.joint(Joint::JerkLimit, joint) < kink { CROSSED } else { 1.0 / CROSSED };
+            params.set_joint(Joint::JerkLimit, joint, side * kink);
+        }
+    }
+
+    fn begin(
+        &mut self,
+        stage: Stage,
+        starts: &PhysicalParams,
+        motions: &[Motion],
+    ) -> Result<(), IdentifyError> {
         let mut fits = Vec::new();
         for (index, group) in stage.groups().into_iter().enumerate() {
             if !motions.iter().any(|motion| group.learns_from(motion)) {
@@ -323,7 +349,7 @@ impl<'a> Work<'a> {
             let mut parameters = self.parameters(stage, &group, motions);
             for parameter in &mut parameters {
                 // Where an earlier stage has left it.
-                let [now, before] = [params.get(&parameter.path)?, self.before.get(&parameter.path)?];
+                let [now, before] = [starts.get(&parameter.path)?, self.before.get(&parameter.path)?];
                 if now != before {
                     parameter.start = now.clamp(parameter.low, parameter.high);
                 }
@@ -350,7 +376,11 @@ impl<'a> Work<'a> {
             if self.state.ended.is_empty() && stage == Stage::Joints {
                 self.find_delays(&motions, interrupt)?;
             }
-            self.begin(stage, &motions)?;
+            let mut starts = self.state.params.clone();
+            if stage == Stage::Restart {
+                self.cross_the_kinks(&mut starts);
+            }
+            self.begin(stage, &starts, &motions)?;
         }
         let began = self.state.params.clone();
         loop {
@@ -384,14 +414,32 @@ impl<'a> Work<'a> {
             let replays = self.state.replays;
             tell(&Progress { stage, replays, rms, ended: [ended, self.state.fits.len()] });
         }
-        let fits = std::mem::take(&mut self.state.fits);
+        let mut fits = std::mem::take(&mut self.state.fits);
+        let mut begin_rms = self.state.rms;
+        if stage == Stage::Restart {
+            // What did not end better stays as it was.
+            begin_rms = self.state.ended.last().map_or(begin_rms, |end| end.rms[1]);
+            let costs = &self.state.costs;
+            fits.retain(|(group, fit)| {
+                let before = costs.get(&group.name).copied().unwrap_or(f64::INFINITY);
+                fit.best().is_some_and(|best| best.cost < before)
+            });
+        }
         self.state.params = best_of(&self.state.params, &fits);
+        let (mut cost, mut samples) = (self.state.costs.clone(), self.state.samples);
+        if stage != Stage::Restart {
+            cost.clear();
+            samples = fits.iter().map(|(_, fit)| fit.problem().samples()).sum();
+        }
+        cost.extend(fits.iter().filter_map(|(group, fit)| Some((group.name.clone(), fit.best()?.cost))));
+        let end_rms = f64::sqrt(2.0 * cost.values().sum::<f64>() / samples.max(1) as f64);
+        (self.state.costs, self.state.samples) = (cost, samples);
         if stage != Stage::Contact {
             let saturates = |joint| saturates(&motions, joint);
             follow_stiffness(&self.before, saturates, &mut self.state.params);
         }
         let (replays, secs) = (self.state.replays, self.state.secs);
-        self.state.ended.push(StageEnd { stage, replays, secs, rms: [self.state.rms, rms(&fits)] });
+        self.state.ended.push(StageEnd { stage, replays, secs, rms: [begin_rms, end_rms] });
         self.save()
     }
 
@@ -450,7 +498,9 @@ impl<'a> Work<'a> {
             let motions = self.motions_of(stage);
             let mut problems = Vec::new();
             // The joints of different fingers have nothing to do with each other's estimates.
-            for group in if stage == Stage::Together { fingers() } else { stage.groups() } {
+            let groups = if stage == Stage::Together { fingers() } else { stage.groups() };
+            // What the recordings tell, without what was believed before them.
+            for group in groups.into_iter().map(|group| Group { believes: false, ..group }) {
                 if motions.iter().any(|motion| group.learns_from(motion)) {
                     let params = &self.state.params;
                     let parameters = self.parameters(stage, &group, &motions);

@@ -18,6 +18,8 @@ use step::Model;
 
 /// Share of the promised reduction from which on a step is taken.
 const LEAST_GAIN: f64 = 1e-4;
+/// Share of its promise that a step must keep for its model to be trusted.
+const TRUSTED: f64 = 0.9;
 const DAMPING_LIMITS: [f64; 2] = [1e-12, 1e15];
 /// Times that a failed probe is tried at another distance, before its parameter is held for one step.
 const MOST_ATTEMPTS: u8 = 3;
@@ -87,7 +89,7 @@ impl Lm {
             return Some(reason);
         }
         self.difference_step = (0.1 * self.difference_step).max(self.config.difference_step);
-        (self.damping, self.growth) = (self.config.initial_damping, 2.0);
+        (self.damping, self.growth) = (self.damping.min(self.config.initial_damping), 2.0);
         self.model = Model::new(self.point.len());
         self.begin_jacobian();
         None
@@ -164,7 +166,9 @@ impl Lm {
         let reduction = self.cost - outcome.cost;
         let tolerance = self.config.cost_tolerance * self.cost;
         let gain = reduction / predicted;
-        let factor = (1.0 - (2.0 * gain - 1.0).powi(3)).clamp(1.0 / 3.0, 2.0);
+        // Nielsen's rule; and where the model keeps its promise almost wholly, it is trusted much farther at once.
+        let nielsen = (1.0 - (2.0 * gain - 1.0).powi(3)).clamp(1.0 / 3.0, 2.0);
+        let factor = if gain > TRUSTED { 0.1 } else { nielsen };
         self.damping = (self.damping * factor).clamp(DAMPING_LIMITS[0], DAMPING_LIMITS[1]);
         self.growth = 2.0;
         self.move_to(point, outcome);

@@ -52,8 +52,9 @@ impl IdentifyMethod {
         match self {
             // Replays are not smooth to the last digit: contacts and dry friction switch.
             Self::Lm => MethodConfig::Lm(LmConfig {
-                difference_step: 1e-3,
+                difference_step: 1e-6,
                 first_difference_step: 1e-2,
+                initial_damping: 10.0,
                 cost_tolerance: 1e-4,
                 max_evaluations: 400,
                 ..LmConfig::default()

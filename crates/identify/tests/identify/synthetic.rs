@@ -136,8 +136,9 @@ pub fn recover(joints: &[usize], seed: u64) -> Result<Recovery, Error> {
         .map(|(index, part)| recorded(&truth, joints, part, 10 * seed + index as u64))
         .collect::<Result<_, _>>()?;
     let method = LmConfig {
-        difference_step: 1e-3,
+        difference_step: 1e-6,
         first_difference_step: 1e-2,
+        initial_damping: 10.0,
         cost_tolerance: 1e-6,
         ..LmConfig::default()
     };
