@@ -9,7 +9,6 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
 
 use etude_perform::{FileError, shaping_params, write_text};
-use etude_stage::params::Joint;
 use etude_stage::{JOINTS, PhysicalParams, StageConfig, StageError};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
@@ -17,25 +16,16 @@ use serde::{Deserialize, Serialize};
 use crate::config::{ConfigError, MethodConfig};
 use crate::estimate::{Estimate, EstimateError};
 use crate::fit::{Candidate, Fit, TellError};
-use crate::group::{Group, GroupError, fingers, joints, keyboard, together};
-use crate::jacobian::{JacobianError, JacobianPlan};
+use crate::group::{Group, GroupError, joints, keyboard, together};
+use crate::jacobian::JacobianError;
 use crate::motion::Motion;
 use crate::problem::{Evaluation, Problem};
 use crate::replay::{Replayer, Trace};
 use crate::rows::{contact_parameters, follow_stiffness, joint_parameters};
 use crate::space::Parameter;
 
-/// Step of the differences that an estimate's intervals come from, as a share of each range.
-const ESTIMATE_STEP: f64 = 1e-3;
-
-/// Rounds of fits joint by joint at most, and the share of the error that one must take away for another to follow.
-const MOST_ROUNDS: usize = 6;
-const LEAST_GAIN: f64 = 0.01;
-/// How far beyond its kink a jerk limit is restarted, as a factor.
-const CROSSED: f64 = 1.4;
-
-/// Longest delay that is tried at first, in physics steps.
-const MOST_DELAY_STEPS: usize = 6;
+mod judge;
+mod order;
 
 /// Parts of an identification, in order.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -252,30 +242,6 @@ impl<'a> Work<'a> {
         Ok(Self { motions, world, before, file, state })
     }
 
-    fn next_stage(&self) -> Option<Stage> {
-        let lm = matches!(self.state.config.method, MethodConfig::Lm(_));
-        let keys = self.motions.iter().any(|motion| !motion.keys.is_empty());
-        let ended = &self.state.ended;
-        let times = |stage: Stage| ended.iter().filter(|end| end.stage == stage).count();
-        let error = |end: &StageEnd| end.rms[1];
-        let gained = match ended.as_slice() {
-            [.., before, last] => error(last) < (1.0 - LEAST_GAIN) * error(before),
-            _ => true,
-        };
-        let after_air = || (keys && times(Stage::Contact) == 0).then_some(Stage::Contact);
-        match ended.last().map(|end| end.stage) {
-            None if self.air().next().is_some() => Some(Stage::Joints),
-            // A slope is misled while the joint beside it moves as well: what ended for that reason has a better one in the
-            // next round.
-            Some(Stage::Joints | Stage::Restart) if lm && gained && times(Stage::Joints) < MOST_ROUNDS => {
-                Some(Stage::Joints)
-            }
-            Some(Stage::Joints) if lm && times(Stage::Restart) == 0 => Some(Stage::Restart),
-            Some(Stage::Joints | Stage::Restart) if lm => Some(Stage::Together),
-            _ => after_air(),
-        }
-    }
-
     /// Motions that touch no key: what the drives of the joints are fitted to.
     fn air(&self) -> impl Iterator<Item = &'a Motion> + use<'a> {
         self.motions.iter().filter(|motion| motion.keys.is_empty())
@@ -288,50 +254,11 @@ impl<'a> Work<'a> {
         }
     }
 
-    /// Finds the delay of each joint that repeats its motion best while its other numbers are as they are. A fit that begins
-    /// a step or two away from it can settle in the wrong valley: a delay is not the only number that holds a joint back.
-    fn find_delays(&mut self, motions: &[Motion], interrupt: &AtomicBool) -> Result<(), IdentifyError> {
-        let worlds: Vec<PhysicalParams> = (0..=MOST_DELAY_STEPS)
-            .map(|steps| {
-                let mut params = self.state.params.clone();
-                for joint in 0..JOINTS {
-                    params.set_joint(Joint::Delay, joint, steps as f64 * self.world.physics_step_secs());
-                }
-                params
-            })
-            .collect();
-        let traces = self.replay(&worlds, motions, false, interrupt)?;
-        for joint in 0..JOINTS {
-            let cost = |traces: &[Option<Trace>]| -> f64 {
-                let moving = motions.iter().zip(traces).filter(|(motion, _)| motion.moves[joint]);
-                moving
-                    .map(|(motion, trace)| trace.as_ref().map_or(f64::INFINITY, |t| t.rmse(motion, joint)))
-                    .sum()
-            };
-            let costs: Vec<f64> = traces.iter().map(|traces| cost(traces)).collect();
-            if let Some(best) = (0..costs.len()).min_by(|a, b| costs[*a].total_cmp(&costs[*b])) {
-                let delay = worlds[best].joint(Joint::Delay, joint);
-                self.state.params.set_joint(Joint::Delay, joint, delay);
-            }
-        }
-        Ok(())
-    }
-
     /// What a group of a stage estimates, with bounds around what the numbers were before the first stage.
     fn parameters(&self, stage: Stage, group: &Group, motions: &[Motion]) -> Vec<Parameter> {
         match stage {
             Stage::Contact => contact_parameters(&self.before),
             _ => drives(group, motions, &self.before),
-        }
-    }
-
-    /// Puts every joint's jerk limit on the other side of where the reference's settling changes: above, the physics step
-    /// bounds it, below, the limit does. A fit that has settled on one side finds no slope that leads across.
-    fn cross_the_kinks(&self, params: &mut PhysicalParams) {
-        for joint in 0..JOINTS {
-            let kink = params.joint(Joint::AccelerationLimit, joint) / self.world.physics_step_secs();
-            let side = if params.joint(Joint::JerkLimit, joint) < kink { CROSSED } else { 1.0 / CROSSED };
-            params.set_joint(Joint::JerkLimit, joint, side * kink);
         }
     }
 
@@ -484,68 +411,6 @@ impl<'a> Work<'a> {
         let text = serde_json::to_string(&self.state).unwrap_or_default();
         Ok(write_text(self.file, &text)?)
     }
-
-    /// Judges where the fits have ended.
-    fn finish(self) -> Result<Identified, IdentifyError> {
-        let still = AtomicBool::new(false);
-        let done: Vec<Stage> = self.state.ended.iter().map(|end| end.stage).collect();
-        // The estimate of the fingers is that of their joints with their correlations.
-        let judged =
-            done.iter().copied().filter(|stage| *stage != Stage::Joints || !done.contains(&Stage::Together));
-        let mut estimates = Vec::new();
-        let began = self.before.clone();
-        for stage in judged {
-            let motions = self.motions_of(stage);
-            let mut problems = Vec::new();
-            // The joints of different fingers have nothing to do with each other's estimates.
-            let groups = if stage == Stage::Together { fingers() } else { stage.groups() };
-            // What the recordings tell, without what was believed before them.
-            for group in groups.into_iter().map(|group| Group { believes: false, ..group }) {
-                if motions.iter().any(|motion| group.learns_from(motion)) {
-                    let params = &self.state.params;
-                    let parameters = self.parameters(stage, &group, &motions);
-                    let problem = group.problem(parameters, &motions)?;
-                    let values: Vec<f64> = problem
-                        .space()
-                        .parameters()
-                        .iter()
-                        .map(|parameter| params.get(&parameter.path))
-                        .collect::<Result<_, _>>()?;
-                    let plan =
-                        JacobianPlan::new(&problem, &problem.space().to_normalised(&values), ESTIMATE_STEP);
-                    problems.push((group, problem, plan));
-                }
-            }
-            let asked: Vec<Vec<Candidate>> =
-                problems.iter().map(|(_, problem, plan)| plan.candidates(problem)).collect();
-            let batch = asked.iter().map(Vec::len).max().unwrap_or(0);
-            let worlds: Vec<PhysicalParams> = (0..batch)
-                .map(|index| {
-                    let mut params = self.state.params.clone();
-                    for ((_, problem, _), candidates) in problems.iter().zip(&asked) {
-                        if let Some(candidate) = candidates.get(index) {
-                            set(&mut params, problem, &candidate.values);
-                        }
-                    }
-                    params
-                })
-                .collect();
-            let traces = self.replay(&worlds, &motions, stage == Stage::Contact, &still)?;
-            for ((group, problem, plan), candidates) in problems.iter().zip(&asked) {
-                let evaluations: Vec<Evaluation> = (0..candidates.len())
-                    .map(|index| group.evaluate(&began, &worlds[index], &motions, &traces[index]))
-                    .collect();
-                let linear = plan.finish(problem, &evaluations)?;
-                estimates.push((group.name.clone(), Estimate::new(problem, &linear)?));
-            }
-        }
-        Ok(Identified {
-            physics: changed(&self.state.params),
-            before: changed(&self.before),
-            stages: self.state.ended,
-            estimates,
-        })
-    }
 }
 
 /// Parameters of a group's joints.
@@ -596,14 +461,4 @@ fn rms(fits: &[(Group, Fit)]) -> f64 {
         (cost + best, samples + fit.problem().samples() as f64)
     });
     f64::sqrt(2.0 * cost / f64::max(samples, 1.0))
-}
-
-/// Rows other than the defaults.
-fn changed(params: &PhysicalParams) -> BTreeMap<String, f64> {
-    PhysicalParams::rows()
-        .filter_map(|(path, _, default)| {
-            let value = params.get(&path).ok()?;
-            (value != default).then_some((path, value))
-        })
-        .collect()
 }
