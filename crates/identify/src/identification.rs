@@ -13,7 +13,7 @@ use etude_stage::{JOINTS, PhysicalParams, StageConfig, StageError};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-use crate::config::{ConfigError, MethodConfig};
+use crate::config::{ConfigError, Differences, LmConfig, MethodConfig};
 use crate::estimate::{Estimate, EstimateError};
 use crate::fit::{Candidate, Fit, TellError};
 use crate::group::{Group, GroupError, joints, keyboard, together};
@@ -26,6 +26,9 @@ use crate::space::Parameter;
 
 mod judge;
 mod order;
+
+/// Step of the differences that the last slopes and the estimate's intervals come from, as a share of each range.
+const ESTIMATE_STEP: f64 = 1e-3;
 
 /// Parts of an identification, in order.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -262,6 +265,20 @@ impl<'a> Work<'a> {
         }
     }
 
+    /// The method of a stage. All joints together are the last word on the drives, so its slopes are taken to both sides:
+    /// over so wide a difference they do not feel how rough the replays are, and yet they do not lean.
+    fn method(&self, stage: Stage) -> MethodConfig {
+        match &self.state.config.method {
+            MethodConfig::Lm(lm) if stage == Stage::Together => MethodConfig::Lm(LmConfig {
+                differences: Differences::Central,
+                difference_step: ESTIMATE_STEP,
+                first_difference_step: ESTIMATE_STEP,
+                ..lm.clone()
+            }),
+            method => method.clone(),
+        }
+    }
+
     fn begin(
         &mut self,
         stage: Stage,
@@ -283,7 +300,7 @@ impl<'a> Work<'a> {
             }
             let problem = group.problem(parameters, motions)?;
             let seed = self.state.config.seed.wrapping_mul(1000).wrapping_add(index as u64);
-            fits.push((group, Fit::new(problem, &self.state.config.method, seed)?));
+            fits.push((group, Fit::new(problem, &self.method(stage), seed)?));
         }
         if fits.is_empty() {
             return Err(IdentifyError::Nothing);

@@ -5,15 +5,12 @@ use std::sync::atomic::AtomicBool;
 
 use etude_stage::PhysicalParams;
 
-use super::{Identified, IdentifyError, Stage, Work, set};
+use super::{ESTIMATE_STEP, Identified, IdentifyError, Stage, Work, set};
 use crate::estimate::Estimate;
 use crate::fit::Candidate;
 use crate::group::{Group, fingers};
 use crate::jacobian::JacobianPlan;
 use crate::problem::Evaluation;
-
-/// Step of the differences that an estimate's intervals come from, as a share of each range.
-const ESTIMATE_STEP: f64 = 1e-3;
 
 impl Work<'_> {
     /// Judges where the fits have ended.
