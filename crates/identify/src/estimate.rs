@@ -60,7 +60,8 @@ pub struct ParameterEstimate {
     pub coordinate_standard_error: f64,
     /// The bound it is at. Its interval is then computed as if the bound were not there.
     pub at_bound: Option<Bound>,
-    /// Whether the data tell it: false for a parameter that takes part in a weak direction.
+    /// Whether the data tell it: false for a parameter that takes part in a weak direction, or whose own half interval is
+    /// longer than half its range.
     pub is_identifiable: bool,
 }
 
@@ -316,9 +317,10 @@ fn parameters(
             coordinate: point[i],
             coordinate_standard_error: error,
             at_bound,
-            is_identifiable: !weak
-                .iter()
-                .any(|direction| direction.parts.iter().any(|(path, _)| *path == parameter.path)),
+            is_identifiable: HALF_INTERVAL * error <= WEAK_HALF_INTERVAL
+                && !weak
+                    .iter()
+                    .any(|direction| direction.parts.iter().any(|(path, _)| *path == parameter.path)),
         }
     };
     space.parameters().iter().enumerate().map(of).collect()
