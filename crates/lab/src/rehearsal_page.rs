@@ -11,7 +11,10 @@ use crate::rehearse::{RehearsalConfig, Round};
 /// The page of the rounds so far, in `folder`: recordings are linked from there.
 pub(crate) fn rehearsal_page(config: &RehearsalConfig, rounds: &[Round], folder: &Path) -> String {
     let mut body = String::new();
-    let truth = config.truth.as_ref().map_or_else(String::new, |truth| format!(" (truth {truth})"));
+    let truth = match &config.truth {
+        Some(name) => format!(" (truth {name})"),
+        None => String::new(),
+    };
     // Writing to a string cannot fail.
     let _ = writeln!(
         body,
