@@ -80,7 +80,9 @@ fn remote_frame() -> Checked {
 
 fn hand() -> Checked {
     let (mut host_bus, mut hand_bus) = (can::open("vcan0")?, can::open("vcan0")?);
-    let mut hand = Hand::new(&HandConfig::default())?;
+    // The clock is ours, the bus is the kernel's: a frame that it hands over late, as it may in an emulated guest, is no fault of
+    // the hand's.
+    let mut hand = Hand::new(&HandConfig { stale_after_secs: 0.1, ..HandConfig::default() })?;
     let mut emulator = HandEmulator::new(&HandEmulatorConfig::default());
     let mut joints = FreeHand::default();
     let (mut out, mut periods, mut sent) = (Vec::new(), 0_u32, [0; 16]);
