@@ -24,9 +24,8 @@ def implied(truth):
     physics, hand = truth.get("physics", {}), truth.get("hand", {})
     torque = hand.get("full_torque_nm", [1.0] * 4)
     values = {path: physics.get(path, default) for path, default in KEYBOARD.items()}
-    if "key.threshold" in physics or "keys" in truth:
-        # Where the second contact closes: the key's travel is another, too, and the simulator's share is of its own.
-        values["key.threshold"] = physics.get("key.threshold", 0.5) * truth.get("keys", {}).get("travel", 1.0)
+    # Where the second contact closes: the key's travel is another, too, and the simulator's share is of its own.
+    values["key.threshold"] *= truth.get("keys", {}).get("travel", 1.0)
     for finger in ("index", "middle", "ring"):
         for joint in range(4):
             name = f"joint.{finger}_{joint}"
