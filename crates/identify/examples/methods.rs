@@ -31,24 +31,9 @@ struct Point {
 }
 
 fn methods() -> [(&'static str, MethodConfig); 3] {
-    // As `etude identify` has them.
-    let lm = LmConfig {
-        difference_step: 1e-6,
-        first_difference_step: 1e-2,
-        initial_damping: 10.0,
-        cost_tolerance: 1e-4,
-        max_evaluations: 400,
-        ..LmConfig::default()
-    };
-    let cma = CmaConfig {
-        max_evaluations: 1500,
-        cost_tolerance: 1e-4,
-        spread_tolerance: 1e-4,
-        ..CmaConfig::default()
-    };
     [
-        ("lm", MethodConfig::Lm(lm)),
-        ("cma", MethodConfig::Cma(cma)),
+        ("lm", MethodConfig::Lm(LmConfig::for_replays())),
+        ("cma", MethodConfig::Cma(CmaConfig::for_replays())),
         ("bo", MethodConfig::Bo(BoConfig::default())),
     ]
 }

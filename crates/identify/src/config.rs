@@ -119,6 +119,18 @@ impl Default for LmConfig {
 }
 
 impl LmConfig {
+    /// Constants that suit replays of a robot, which are not smooth to the last digit: contacts and dry friction switch.
+    pub fn for_replays() -> Self {
+        Self {
+            difference_step: 1e-6,
+            first_difference_step: 1e-2,
+            initial_damping: 10.0,
+            cost_tolerance: 1e-4,
+            max_evaluations: 400,
+            ..Self::default()
+        }
+    }
+
     pub(crate) fn validate(&self) -> Result<(), ConfigError> {
         require(self.max_evaluations > 0, "max_evaluations", self.max_evaluations, "it must be positive")?;
         let step = self.difference_step;
@@ -177,6 +189,11 @@ impl Default for CmaConfig {
 }
 
 impl CmaConfig {
+    /// Constants that suit replays of a robot: beyond these evaluations the cost of a joint no longer falls by a thousandth.
+    pub fn for_replays() -> Self {
+        Self { max_evaluations: 1500, cost_tolerance: 1e-4, spread_tolerance: 1e-4, ..Self::default() }
+    }
+
     pub(crate) fn validate(&self) -> Result<(), ConfigError> {
         require(self.max_evaluations > 0, "max_evaluations", self.max_evaluations, "it must be positive")?;
         let (population, spread) = (self.population, self.initial_spread);

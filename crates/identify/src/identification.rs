@@ -168,9 +168,8 @@ struct State {
     replays: u64,
     secs: f64,
     rms: f64,
-    /// Of the last stage: the cost that each group ended with, and how many residuals there were.
+    /// The cost that each group of the last stage ended with.
     costs: BTreeMap<String, f64>,
-    samples: usize,
 }
 
 /// Fits the simulator to motions of one rig. What is needed to go on after an interruption is in the file `state`.
@@ -223,7 +222,6 @@ impl<'a> Work<'a> {
             secs: 0.0,
             rms: 0.0,
             costs: BTreeMap::new(),
-            samples: 0,
         };
         let state = match std::fs::read(file) {
             Err(error) if error.kind() == std::io::ErrorKind::NotFound => fresh,
@@ -359,25 +357,22 @@ impl<'a> Work<'a> {
             tell(&Progress { stage, replays, rms, ended: [ended, self.state.fits.len()] });
         }
         let mut fits = std::mem::take(&mut self.state.fits);
+        let samples = fits.iter().map(|(_, fit)| fit.problem().samples()).sum();
         let mut begin_rms = self.state.rms;
+        let costs = &mut self.state.costs;
         if stage == Stage::Restart {
             // What did not end better stays as it was.
             begin_rms = self.state.ended.last().map_or(begin_rms, |end| end.rms[1]);
-            let costs = &self.state.costs;
             fits.retain(|(group, fit)| {
                 let before = costs.get(&group.name).copied().unwrap_or(f64::INFINITY);
                 fit.best().is_some_and(|best| best.cost < before)
             });
+        } else {
+            costs.clear();
         }
+        costs.extend(fits.iter().filter_map(|(group, fit)| Some((group.name.clone(), fit.best()?.cost))));
+        let end_rms = root_mean_square(costs.values().sum(), samples);
         self.state.params = best_of(&self.state.params, &fits);
-        let (mut cost, mut samples) = (self.state.costs.clone(), self.state.samples);
-        if stage != Stage::Restart {
-            cost.clear();
-            samples = fits.iter().map(|(_, fit)| fit.problem().samples()).sum();
-        }
-        cost.extend(fits.iter().filter_map(|(group, fit)| Some((group.name.clone(), fit.best()?.cost))));
-        let end_rms = f64::sqrt(2.0 * cost.values().sum::<f64>() / samples.max(1) as f64);
-        (self.state.costs, self.state.samples) = (cost, samples);
         if stage != Stage::Contact {
             let saturates = |joint| saturates(&motions, joint);
             follow_stiffness(&self.before, saturates, &mut self.state.params);
@@ -473,9 +468,13 @@ fn best_of(before: &PhysicalParams, fits: &[(Group, Fit)]) -> PhysicalParams {
 
 /// Root mean square of the residuals of the best candidates.
 fn rms(fits: &[(Group, Fit)]) -> f64 {
-    let (cost, samples) = fits.iter().fold((0.0, 0.0), |(cost, samples), (_, fit)| {
+    let (cost, samples) = fits.iter().fold((0.0, 0), |(cost, samples), (_, fit)| {
         let best = fit.best().map_or(f64::INFINITY, |best| best.cost);
-        (cost + best, samples + fit.problem().samples() as f64)
+        (cost + best, samples + fit.problem().samples())
     });
-    f64::sqrt(2.0 * cost / f64::max(samples, 1.0))
+    root_mean_square(cost, samples)
+}
+
+fn root_mean_square(cost: f64, samples: usize) -> f64 {
+    f64::sqrt(2.0 * cost / samples.max(1) as f64)
 }

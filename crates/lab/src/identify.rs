@@ -21,9 +21,6 @@ const TEXT: &str = "report.txt";
 /// Name of what is needed to go on after an interruption.
 const STATE: &str = "state.json";
 
-/// Evaluations of one joint by CMA-ES at most: beyond, the cost no longer falls by a thousandth.
-const CMA_EVALUATIONS: u64 = 1500;
-
 /// A method by name.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
@@ -50,21 +47,8 @@ impl IdentifyMethod {
 
     fn defaults(self) -> MethodConfig {
         match self {
-            // Replays are not smooth to the last digit: contacts and dry friction switch.
-            Self::Lm => MethodConfig::Lm(LmConfig {
-                difference_step: 1e-6,
-                first_difference_step: 1e-2,
-                initial_damping: 10.0,
-                cost_tolerance: 1e-4,
-                max_evaluations: 400,
-                ..LmConfig::default()
-            }),
-            Self::Cma => MethodConfig::Cma(CmaConfig {
-                max_evaluations: CMA_EVALUATIONS,
-                cost_tolerance: 1e-4,
-                spread_tolerance: 1e-4,
-                ..CmaConfig::default()
-            }),
+            Self::Lm => MethodConfig::Lm(LmConfig::for_replays()),
+            Self::Cma => MethodConfig::Cma(CmaConfig::for_replays()),
             Self::Bo => MethodConfig::Bo(BoConfig::default()),
         }
     }

@@ -135,13 +135,8 @@ pub fn recover(joints: &[usize], seed: u64) -> Result<Recovery, Error> {
         .enumerate()
         .map(|(index, part)| recorded(&truth, joints, part, 10 * seed + index as u64))
         .collect::<Result<_, _>>()?;
-    let method = LmConfig {
-        difference_step: 1e-6,
-        first_difference_step: 1e-2,
-        initial_damping: 10.0,
-        cost_tolerance: 1e-6,
-        ..LmConfig::default()
-    };
+    let most = LmConfig::default().max_evaluations;
+    let method = LmConfig { cost_tolerance: 1e-6, max_evaluations: most, ..LmConfig::for_replays() };
     let config = IdentifyConfig { method: MethodConfig::Lm(method), seed, start: BTreeMap::default() };
     let folder = std::env::temp_dir().join(format!("etude-recovery-{seed}-{}", std::process::id()));
     std::fs::create_dir_all(&folder)?;
