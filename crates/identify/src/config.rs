@@ -101,6 +101,9 @@ pub struct LmConfig {
     pub step_tolerance: f64,
     /// Ends when a step promises and brings a smaller share of the cost.
     pub cost_tolerance: f64,
+    /// A parameter is held while the cost's curvature along it is less. Where residuals are in standard deviations of their noise, a
+    /// parameter's own 95 % interval is then wider than `3.92 / √least_curvature` of its range: a step along it would be a guess.
+    pub least_curvature: f64,
 }
 
 impl Default for LmConfig {
@@ -114,6 +117,7 @@ impl Default for LmConfig {
             gradient_tolerance: 1e-8,
             step_tolerance: 1e-7,
             cost_tolerance: 1e-9,
+            least_curvature: 0.0,
         }
     }
 }
@@ -152,6 +156,8 @@ impl LmConfig {
         ] {
             require((0.0..1.0).contains(&value), field, value, "it must lie in 0 … 1, without 1")?;
         }
+        let least = self.least_curvature;
+        require((0.0..=1e12).contains(&least), "least_curvature", least, "it must lie in 0 … 1e12")?;
         Ok(())
     }
 }

@@ -152,11 +152,6 @@ pub fn joints() -> Vec<Group> {
     (0..JOINTS).map(group).collect()
 }
 
-/// All joints in one fit.
-pub fn together() -> Vec<Group> {
-    vec![Group { name: "joints".to_string(), joints: (0..JOINTS).collect(), keys: false, believes: false }]
-}
-
 /// Every finger's joints together, and the rail.
 pub fn fingers() -> Vec<Group> {
     use etude_stage::hand::{FINGER_JOINTS, FINGER_NAMES};

@@ -1,4 +1,4 @@
-//! From recordings to physical numbers: joint by joint, then all joints together, then what only touching keys tells.
+//! From recordings to physical numbers: joint by joint, then finger by finger, then what only touching keys tells.
 //!
 //! Each stage is a [`Fit`] a group, all of them fed by the same replays. Everything is written to a file after each batch,
 //! and a fit that was interrupted goes on from there to the same end.
@@ -16,7 +16,7 @@ use serde::{Deserialize, Serialize};
 use crate::config::{ConfigError, Differences, LmConfig, MethodConfig};
 use crate::estimate::{Estimate, EstimateError};
 use crate::fit::{Candidate, Fit, TellError};
-use crate::group::{Group, GroupError, joints, keyboard, together};
+use crate::group::{Group, GroupError, fingers, joints, keyboard};
 use crate::jacobian::JacobianError;
 use crate::motion::Motion;
 use crate::problem::{Evaluation, Problem};
@@ -29,6 +29,8 @@ mod order;
 
 /// Step of the differences that the last slopes and the estimate's intervals come from, as a share of each range.
 const ESTIMATE_STEP: f64 = 1e-3;
+/// Curvature of the cost along a number whose 95 % interval is its whole range.
+const LEAST_CURVATURE: f64 = (2.0 * 1.96) * (2.0 * 1.96);
 
 /// Parts of an identification, in order.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -38,8 +40,8 @@ pub enum Stage {
     Joints,
     /// Every joint by itself from another start, kept where it ends better; by Levenberg–Marquardt only.
     Restart,
-    /// All joints together; by Levenberg–Marquardt only, the others cope with few parameters.
-    Together,
+    /// Every finger's joints together, and the rail; by Levenberg–Marquardt only, the others cope with few parameters.
+    Fingers,
     /// The keyboard and the encoders' biases, from motions that touch keys.
     Contact,
 }
@@ -50,7 +52,7 @@ impl Stage {
         match self {
             Self::Joints => "joint by joint",
             Self::Restart => "joint by joint, restarted",
-            Self::Together => "all joints together",
+            Self::Fingers => "finger by finger",
             Self::Contact => "keyboard",
         }
     }
@@ -58,7 +60,7 @@ impl Stage {
     fn groups(self) -> Vec<Group> {
         match self {
             Self::Joints | Self::Restart => joints(),
-            Self::Together => together(),
+            Self::Fingers => fingers(),
             Self::Contact => vec![keyboard()],
         }
     }
@@ -250,7 +252,7 @@ impl<'a> Work<'a> {
 
     fn motions_of(&self, stage: Stage) -> Vec<Motion> {
         match stage {
-            Stage::Joints | Stage::Restart | Stage::Together => self.air().cloned().collect(),
+            Stage::Joints | Stage::Restart | Stage::Fingers => self.air().cloned().collect(),
             Stage::Contact => self.motions.iter().filter(|motion| !motion.keys.is_empty()).cloned().collect(),
         }
     }
@@ -263,14 +265,19 @@ impl<'a> Work<'a> {
         }
     }
 
-    /// The method of a stage. All joints together are the last word on the drives, so its slopes are taken to both sides:
-    /// over so wide a difference they do not feel how rough the replays are, and yet they do not lean.
+    /// The method of a stage. The fingers are the last word on the drives. Their slopes are taken to both sides: over so wide a
+    /// difference they do not feel how rough the replays are, and yet they do not lean. The damping falls to a millionth on
+    /// the way, so that a joint's scale of torque, which moves its cost by one in 250, is found too; a number that the
+    /// recordings do not tell is left where it is, or a step along it would end in another valley.
     fn method(&self, stage: Stage) -> MethodConfig {
         match &self.state.config.method {
-            MethodConfig::Lm(lm) if stage == Stage::Together => MethodConfig::Lm(LmConfig {
+            MethodConfig::Lm(lm) if stage == Stage::Fingers => MethodConfig::Lm(LmConfig {
                 differences: Differences::Central,
                 difference_step: ESTIMATE_STEP,
                 first_difference_step: ESTIMATE_STEP,
+                initial_damping: 1e-3,
+                cost_tolerance: 0.1 * lm.cost_tolerance,
+                least_curvature: LEAST_CURVATURE,
                 ..lm.clone()
             }),
             method => method.clone(),

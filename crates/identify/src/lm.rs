@@ -60,7 +60,7 @@ impl Lm {
         let difference_step = config.first_difference_step.max(config.difference_step);
         let damping = config.initial_damping;
         Self {
-            model: Model::new(point.len()),
+            model: Model::new(point.len(), config.least_curvature),
             config,
             phase: Phase::Start,
             point,
@@ -90,7 +90,7 @@ impl Lm {
         }
         self.difference_step = (0.1 * self.difference_step).max(self.config.difference_step);
         (self.damping, self.growth) = (self.damping.min(self.config.initial_damping), 2.0);
-        self.model = Model::new(self.point.len());
+        self.model = Model::new(self.point.len(), self.config.least_curvature);
         self.begin_jacobian();
         None
     }

@@ -8,7 +8,7 @@ use etude_stage::PhysicalParams;
 use super::{ESTIMATE_STEP, Identified, IdentifyError, Stage, Work, set};
 use crate::estimate::Estimate;
 use crate::fit::Candidate;
-use crate::group::{Group, fingers};
+use crate::group::Group;
 use crate::jacobian::JacobianPlan;
 use crate::problem::Evaluation;
 
@@ -18,17 +18,15 @@ impl Work<'_> {
         let still = AtomicBool::new(false);
         let done = |stage: Stage| self.state.ended.iter().any(|end| end.stage == stage);
         // The estimate of a finger is that of its joints with their correlations.
-        let air = if done(Stage::Together) { Stage::Together } else { Stage::Joints };
+        let air = if done(Stage::Fingers) { Stage::Fingers } else { Stage::Joints };
         let judged = [air, Stage::Contact].into_iter().filter(|stage| done(*stage));
         let mut estimates = Vec::new();
         let began = self.before.clone();
         for stage in judged {
             let motions = self.motions_of(stage);
             let mut problems = Vec::new();
-            // The joints of different fingers have nothing to do with each other's estimates.
-            let groups = if stage == Stage::Together { fingers() } else { stage.groups() };
             // What the recordings tell, without what was believed before them.
-            for group in groups.into_iter().map(|group| Group { believes: false, ..group }) {
+            for group in stage.groups().into_iter().map(|group| Group { believes: false, ..group }) {
                 if motions.iter().any(|motion| group.learns_from(motion)) {
                     let params = &self.state.params;
                     let parameters = self.parameters(stage, &group, &motions);

@@ -39,7 +39,7 @@ impl Work<'_> {
                 Some(Stage::Joints)
             }
             Some(Stage::Joints) if lm && times(Stage::Restart) == 0 => Some(Stage::Restart),
-            Some(Stage::Joints | Stage::Restart) if lm => Some(Stage::Together),
+            Some(Stage::Joints | Stage::Restart) if lm => Some(Stage::Fingers),
             _ => after_air(),
         }
     }

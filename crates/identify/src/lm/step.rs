@@ -22,6 +22,8 @@ pub(super) struct Model {
     scale: Vec<f64>,
     /// Length of the weighted residuals.
     length: f64,
+    /// Parameters with less curvature are held.
+    least_curvature: f64,
 }
 
 /// A step and what the model promises of it.
@@ -31,15 +33,16 @@ pub(super) struct Step {
 }
 
 impl Model {
-    pub(super) fn new(n: usize) -> Self {
-        Self { gradient: vec![0.0; n], hessian: vec![0.0; n * n], scale: vec![0.0; n], length: 0.0 }
+    pub(super) fn new(n: usize, least_curvature: f64) -> Self {
+        let (gradient, hessian, scale) = (vec![0.0; n], vec![0.0; n * n], vec![0.0; n]);
+        Self { gradient, hessian, scale, length: 0.0, least_curvature }
     }
 
     pub(super) fn is_sound(&self, n: usize) -> bool {
         let all = [&self.gradient, &self.hessian, &self.scale];
         let finite = all.iter().all(|values| values.iter().all(|x| x.is_finite()));
         let lengths = self.gradient.len() == n && Some(self.hessian.len()) == n.checked_mul(n);
-        finite && lengths && self.scale.len() == n && self.length.is_finite()
+        finite && lengths && self.scale.len() == n && self.length.is_finite() && self.least_curvature >= 0.0
     }
 
     pub(super) fn measure(&mut self, problem: &Problem, residuals: &[f64], jacobian: &Jacobian) {
@@ -60,9 +63,11 @@ impl Model {
         self.hessian[i * self.gradient.len() + j]
     }
 
-    /// Whether a parameter stands at a bound and its slope points outward.
+    /// Whether a parameter stands at a bound and its slope points outward, or the residuals hardly feel it.
     fn is_held(&self, point: &[f64], i: usize) -> bool {
-        (point[i] <= 0.0 && self.gradient[i] >= 0.0) || (point[i] >= 1.0 && self.gradient[i] <= 0.0)
+        let outward =
+            (point[i] <= 0.0 && self.gradient[i] >= 0.0) || (point[i] >= 1.0 && self.gradient[i] <= 0.0);
+        outward || self.curvature(i, i) < self.least_curvature
     }
 
     /// Largest cosine between the residuals and the column of a parameter that is not held.
