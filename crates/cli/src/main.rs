@@ -52,6 +52,8 @@ enum Verb {
     Identify(verbs::identify::Args),
     /// Sim2Real2Sim: record, identify, train, perform, and round again
     Rehearse(verbs::rehearse::Args),
+    /// The paper's experiments and your own: plan, run here or on a cluster, report
+    Experiment(verbs::experiment::Args),
     /// Run a robot that is not there, for --robot
     Twin(verbs::twin::Args),
     /// Export the simulated world, or list its physical parameters
@@ -66,6 +68,8 @@ enum Verb {
 enum Ending {
     Done,
     Stopped,
+    /// Another process does what was asked for.
+    Busy,
 }
 
 fn main() -> ExitCode {
@@ -80,6 +84,7 @@ fn main() -> ExitCode {
         Verb::Record(args) => verbs::record::run(args),
         Verb::Identify(args) => verbs::identify::run(args),
         Verb::Rehearse(args) => verbs::rehearse::run(args),
+        Verb::Experiment(args) => verbs::experiment::run(args),
         Verb::Twin(args) => verbs::twin::run(args),
         Verb::Model(args) => verbs::model::run(args),
         Verb::Bench(args) => verbs::bench::run(args),
@@ -88,6 +93,7 @@ fn main() -> ExitCode {
     match ended {
         Ok(Ending::Done) => ExitCode::SUCCESS,
         Ok(Ending::Stopped) => ExitCode::from(3),
+        Ok(Ending::Busy) => ExitCode::from(etude_lab::experiment::BUSY),
         Err(error) if broken_pipe(&error) => ExitCode::SUCCESS,
         Err(error) => {
             let _ = writeln!(std::io::stderr(), "etude: {}", message(&error));

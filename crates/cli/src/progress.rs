@@ -24,6 +24,24 @@ pub fn stop_flag() -> anyhow::Result<Arc<AtomicBool>> {
     Ok(flag)
 }
 
+/// Set by Ctrl-C or SIGTERM, however often they come.
+pub fn patient_stop_flag() -> anyhow::Result<Arc<AtomicBool>> {
+    let flag = Arc::new(AtomicBool::new(false));
+    for signal in [signal_hook::consts::SIGINT, signal_hook::consts::SIGTERM] {
+        signal_hook::flag::register(signal, flag.clone())?;
+    }
+    Ok(flag)
+}
+
+/// Sets the flag when standard input ends: whoever holds its other end has closed it, or is gone.
+pub fn stop_when_unattended(flag: &Arc<AtomicBool>) {
+    let flag = flag.clone();
+    std::thread::spawn(move || {
+        let _ = std::io::copy(&mut std::io::stdin(), &mut std::io::sink());
+        flag.store(true, Ordering::Relaxed);
+    });
+}
+
 /// Watches a training for the user.
 pub struct Progress {
     stop: Arc<AtomicBool>,
@@ -87,7 +105,8 @@ impl Progress {
     }
 }
 
-fn clock(secs: f64) -> String {
+/// A time as a clock shows it.
+pub fn clock(secs: f64) -> String {
     let whole = secs.round() as u64;
     let (hours, minutes, secs) = (whole / 3600, whole / 60 % 60, whole % 60);
     if hours > 0 { format!("{hours} h {minutes:02} min") } else { format!("{minutes}:{secs:02}") }

@@ -45,6 +45,15 @@ impl IdentifyMethod {
         config
     }
 
+    /// Its name on the command line and in files.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Lm => "lm",
+            Self::Cma => "cma",
+            Self::Bo => "bo",
+        }
+    }
+
     fn defaults(self) -> MethodConfig {
         match self {
             Self::Lm => MethodConfig::Lm(LmConfig::for_replays()),

@@ -6,6 +6,7 @@
 
 pub mod bench;
 mod config;
+pub mod experiment;
 mod grid;
 mod guard;
 mod identify;

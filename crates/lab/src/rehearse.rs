@@ -18,7 +18,7 @@ use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use etude_identify::{Motion, MotionError, Progress};
-use etude_learn::{EvaluationRow, LogRow, StopReason, TrainError, TrainingObserver};
+use etude_learn::{EvaluationRow, LogRow, StopReason, TrainingObserver};
 use etude_music::Song;
 use etude_perform::{Ending, Excitation, FileError, Mode, write_text};
 use serde::{Deserialize, Serialize};
@@ -200,7 +200,7 @@ impl Rehearsal<'_> {
             Err(error) if error.kind() == std::io::ErrorKind::NotFound => {}
             Err(error) => return Err(fail(error.to_string())),
         }
-        std::fs::create_dir_all(self.folder.join("excitation")).map_err(|error| fail(error.to_string()))?;
+        std::fs::create_dir_all(self.folder).map_err(|error| fail(error.to_string()))?;
         Ok(write_text(&file, &text)?)
     }
 
@@ -232,7 +232,10 @@ impl Rehearsal<'_> {
         std::fs::create_dir_all(&folder).map_err(fail)?;
         let (mut held_out_rad, mut physics, mut layer) = (None, Default::default(), None);
         if let Some(before) = before {
-            let excitations = self.excite(tell)?;
+            let folder = self.folder.join("excitation");
+            let seed = self.config.seed.wrapping_add(500);
+            let mut recorded = |excitation| tell(&RehearsalStep::Recorded(excitation));
+            let excitations = record_excitations(self.rig, &folder, seed, self.interrupt, &mut recorded)?;
             let mut performances = Vec::new();
             for path in &before.recordings {
                 // One that a fit would be misled by: a policy that knows little pushes against its joints' stops.
@@ -311,33 +314,6 @@ impl Rehearsal<'_> {
         Ok(done)
     }
 
-    /// Records the excitations that are not there yet.
-    fn excite(
-        &self,
-        tell: &mut (dyn FnMut(&RehearsalStep<'_>) + Send),
-    ) -> Result<Vec<PathBuf>, RehearsalError> {
-        let mut paths = Vec::new();
-        for (index, excitation) in Excitation::ALL.into_iter().enumerate() {
-            let path = self.folder.join("excitation").join(excitation_file(excitation));
-            if !path.is_file() {
-                let partial = path.with_extension("partial");
-                let seed = self.config.seed.wrapping_add(500 + index as u64);
-                let activity = Activity::Excitation(excitation);
-                let recorded = record_robot(self.rig, activity, true, seed, &partial, self.interrupt)?;
-                match recorded.ending {
-                    Ending::Complete => {}
-                    Ending::Interrupted => return Err(RehearsalError::Interrupted),
-                    Ending::Fault(fault) => return Err(RehearsalError::Fault { round: 0, fault }),
-                }
-                std::fs::rename(&partial, &path)
-                    .map_err(|error| RehearsalError::Folder { path: path.clone(), why: error.to_string() })?;
-                tell(&RehearsalStep::Recorded(excitation));
-            }
-            paths.push(path);
-        }
-        Ok(paths)
-    }
-
     /// Trains, or goes on training, in the simulator of `layer`, from what `source` has learned.
     fn train(
         &self,
@@ -347,20 +323,9 @@ impl Rehearsal<'_> {
         tell: &mut (dyn FnMut(&RehearsalStep<'_>) + Send),
     ) -> Result<PathBuf, RehearsalError> {
         let folder = self.round_folder(round).join("training");
-        let resumed = Run::resume(&folder, &[]);
-        let mut run = match resumed {
-            Ok(run) => run,
-            // Nothing there, or killed before its first checkpoint.
-            Err(RunError::NoRun(_) | RunError::Train(TrainError::NothingToResume { .. })) => {
-                let config = resolve(&self.config.preset, layer, &self.config.overrides)?;
-                let command = format!("etude rehearse, round {round}");
-                match source {
-                    Some(source) => Run::start_from(self.song.clone(), config, &folder, &command, source)?,
-                    None => Run::start(self.song.clone(), config, &folder, &command)?,
-                }
-            }
-            Err(error) => return Err(error.into()),
-        };
+        let config = resolve(&self.config.preset, layer, &self.config.overrides)?;
+        let command = format!("etude rehearse, round {round}");
+        let mut run = Run::start_or_resume(self.song.clone(), config, &folder, &command, source)?;
         let total = run.config().trainer.total_steps;
         let best = run.best_f1().unwrap_or(0.0);
         let mut watch = Watch { round, total, best, tell, interrupt: self.interrupt };
@@ -370,6 +335,43 @@ impl Rehearsal<'_> {
         }
         Ok(folder)
     }
+}
+
+/// Records all excitations into `folder`, but those that are there already, and gives their paths. `tell` hears of each.
+///
+/// # Errors
+/// If the robot does not get ready or stops itself, a recording cannot be written, or it is interrupted.
+pub(crate) fn record_excitations(
+    rig: &RigChoice,
+    folder: &Path,
+    seed: u64,
+    interrupt: &AtomicBool,
+    tell: &mut dyn FnMut(Excitation),
+) -> Result<Vec<PathBuf>, RehearsalError> {
+    let fail = |path: &Path, error: std::io::Error| RehearsalError::Folder {
+        path: path.to_path_buf(),
+        why: error.to_string(),
+    };
+    std::fs::create_dir_all(folder).map_err(|error| fail(folder, error))?;
+    let mut paths = Vec::new();
+    for (index, excitation) in Excitation::ALL.into_iter().enumerate() {
+        let path = folder.join(excitation_file(excitation));
+        if !path.is_file() {
+            let partial = path.with_extension("partial");
+            let activity = Activity::Excitation(excitation);
+            let seed = seed.wrapping_add(index as u64);
+            let recorded = record_robot(rig, activity, true, seed, &partial, interrupt)?;
+            match recorded.ending {
+                Ending::Complete => {}
+                Ending::Interrupted => return Err(RehearsalError::Interrupted),
+                Ending::Fault(fault) => return Err(RehearsalError::Fault { round: 0, fault }),
+            }
+            std::fs::rename(&partial, &path).map_err(|error| fail(&path, error))?;
+            tell(excitation);
+        }
+        paths.push(path);
+    }
+    Ok(paths)
 }
 
 fn excitation_file(excitation: Excitation) -> String {

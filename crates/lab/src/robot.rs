@@ -154,7 +154,7 @@ pub fn play_on_robot(
             RigChoice::Twin(truth) => Some(truth.name().to_string()),
             RigChoice::File { .. } => None,
         },
-        sim_f1: in_simulation(player, &piece)?,
+        sim_f1: in_simulation(player, &piece)?.f1,
         robot_f1: 0.0,
         robot_f1_std: 0.0,
         gap: 0.0,
@@ -207,8 +207,8 @@ pub fn play_on_robot(
     Ok(report)
 }
 
-/// F1 of the player in simulation alone.
-fn in_simulation(player: &mut Player, piece: &Piece) -> Result<f64, PlayError> {
+/// Scores of the player in simulation alone.
+pub(crate) fn in_simulation(player: &mut Player, piece: &Piece) -> Result<FrameScores, PlayError> {
     let config = player.config.clone();
     let mut act: Box<Act<'_>> = match &mut player.mind {
         Mind::Policy(policy, _) => Box::new(|_, observation, action| policy.act(observation, action)),
@@ -218,7 +218,7 @@ fn in_simulation(player: &mut Player, piece: &Piece) -> Result<f64, PlayError> {
         }
     };
     let performance = rehearse(&config.task, piece, config.trainer.seed, &mut *act, &mut |_, _| {})?;
-    Ok(performance.frame_scores().f1)
+    Ok(performance.frame_scores())
 }
 
 /// Keys at each control step of the piece, silent where it was not played.

@@ -178,6 +178,27 @@ impl Run {
         Ok(Self { song, config, trainer, _lock: lock })
     }
 
+    /// Goes on with the training in `folder`, or starts it: anew, or from `source` as [`start_from`](Self::start_from).
+    ///
+    /// # Errors
+    /// As those.
+    pub fn start_or_resume(
+        song: Song,
+        config: RunConfig,
+        folder: &Path,
+        command: &str,
+        source: Option<&Path>,
+    ) -> Result<Self, RunError> {
+        let threads = format!("trainer.threads={}", config.trainer.threads);
+        match Self::resume(folder, &[threads]) {
+            // Nothing there, or killed before its first checkpoint.
+            Err(RunError::NoRun(_) | RunError::Train(TrainError::NothingToResume { .. })) => {
+                Self::begin(song, config, folder, command, source)
+            }
+            resumed => resumed,
+        }
+    }
+
     /// The song that is learned.
     pub fn song(&self) -> &Song {
         &self.song

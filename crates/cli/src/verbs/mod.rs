@@ -3,6 +3,7 @@
 pub mod bench;
 pub mod doctor;
 pub mod evaluate;
+pub mod experiment;
 pub mod identify;
 pub mod model;
 pub mod perform;

@@ -1,0 +1,381 @@
+//! `etude experiment`: every experiment of the paper, on a laptop or a cluster.
+
+use std::path::{Path, PathBuf};
+
+use clap::{Subcommand, ValueEnum};
+use etude_lab::experiment::{
+    Budget, Experiment, LaunchProgress, LocalConfig, PlanConfig, SlurmConfig, Task, TaskEnd, TaskProgress,
+    TaskState, launch_local, names, open_tasks, plan_text, read_plan, run_task, slurm_script, submit,
+    write_plan,
+};
+use etude_perform::write_text;
+use serde_json::json as object;
+
+use super::{json, line, note};
+use crate::Ending;
+use crate::progress::{clock, patient_stop_flag, stop_flag, stop_when_unattended};
+use crate::status::Status;
+
+/// What to do with experiments.
+#[derive(clap::Args)]
+#[command(after_help = "\
+An experiment is a TOML file (configs/experiments; a path works too). Its plan is a list of tasks with ids that say what is done:
+experiments share what they have in common, a task that is done is not done again, and one that was stopped goes on.
+Results of several machines are merged by copying the folders of tasks.
+
+Examples:
+  etude experiment list
+  etude experiment run songs
+  etude experiment run randomisation --launcher slurm --throttle 20 --sbatch=--partition=short
+  etude experiment status songs
+  etude experiment report songs fences -o out/experiments")]
+pub struct Args {
+    #[command(subcommand)]
+    what: What,
+}
+
+#[derive(Subcommand)]
+enum What {
+    /// List the experiments that come with Étude
+    List {
+        /// Print JSON instead
+        #[arg(long)]
+        json: bool,
+    },
+    /// Print the tasks of an experiment, one JSON object a line
+    Plan(PlanArgs),
+    /// Do the tasks that are not done yet
+    Run(RunArgs),
+    /// Say where the tasks stand
+    Status(StatusArgs),
+    /// Tables, figures and one page from what is done
+    Report(ReportArgs),
+    /// Do one task of a plan: what the launchers call
+    #[command(hide = true)]
+    Task(TaskArgs),
+}
+
+#[derive(clap::Args)]
+struct PlanArgs {
+    /// Names of experiments, or TOML files
+    #[arg(required = true, value_name = "NAME|FILE")]
+    names: Vec<String>,
+    /// This many seeds instead of the file's
+    #[arg(long, value_parser = clap::value_parser!(u64).range(1..))]
+    seeds: Option<u64>,
+    /// full, or smoke: everything once and as little as possible, to see that it works
+    #[arg(long, default_value = "full")]
+    budget: Budget,
+    /// Set a value of every training, for example --set trainer.total_steps=1e6; may be repeated
+    #[arg(long = "set", value_name = "PATH=VALUE")]
+    set: Vec<String>,
+}
+
+impl PlanArgs {
+    fn plans(&self) -> anyhow::Result<Vec<(Experiment, Vec<Task>)>> {
+        let config = PlanConfig { seeds: self.seeds, budget: self.budget, set: self.set.clone() };
+        let plan = |name: &String| {
+            let experiment = Experiment::load(name)?;
+            let tasks = experiment.plan(&config)?;
+            Ok((experiment, tasks))
+        };
+        self.names.iter().map(plan).collect()
+    }
+}
+
+#[derive(Clone, Copy, ValueEnum)]
+enum Launcher {
+    /// Processes on this machine
+    Local,
+    /// A job array
+    Slurm,
+}
+
+#[derive(clap::Args)]
+struct RunArgs {
+    #[command(flatten)]
+    plan: PlanArgs,
+    /// Where the folders of tasks are
+    #[arg(long, default_value = "runs", value_name = "DIR")]
+    runs: PathBuf,
+    /// Where the work goes
+    #[arg(long, value_enum, default_value = "local")]
+    launcher: Launcher,
+    /// Local: tasks that go on at once; one a core if not given
+    #[arg(long, value_parser = clap::value_parser!(u16).range(1..), value_name = "N")]
+    workers: Option<u16>,
+    /// Threads of a task
+    #[arg(long, default_value_t = 1, value_parser = clap::value_parser!(u16).range(1..), value_name = "N")]
+    threads: u16,
+    /// Slurm: tasks that run at once at most
+    #[arg(long, value_parser = clap::value_parser!(u16).range(1..), value_name = "N")]
+    throttle: Option<u16>,
+    /// Slurm: time limit of a task; one that needs longer saves itself and is requeued
+    #[arg(long, default_value = "04:00:00", value_name = "TIME")]
+    time: String,
+    /// Slurm: an option of sbatch, as your site asks for it, for example --sbatch=--partition=short; may be repeated
+    #[arg(long = "sbatch", value_name = "OPTION", allow_hyphen_values = true)]
+    sbatch: Vec<String>,
+    /// Slurm: print the script and hand nothing over
+    #[arg(long)]
+    dry_run: bool,
+}
+
+#[derive(clap::Args)]
+struct StatusArgs {
+    #[command(flatten)]
+    plan: PlanArgs,
+    /// Where the folders of tasks are
+    #[arg(long, default_value = "runs", value_name = "DIR")]
+    runs: PathBuf,
+    /// Print JSON instead
+    #[arg(long)]
+    json: bool,
+}
+
+#[derive(clap::Args)]
+struct ReportArgs {
+    #[command(flatten)]
+    plan: PlanArgs,
+    /// Where the folders of tasks are
+    #[arg(long, default_value = "runs", value_name = "DIR")]
+    runs: PathBuf,
+    /// Where the page goes. Results of an earlier report in it count too, so it can be made again without the runs
+    #[arg(short = 'o', long = "out", default_value = "out/experiments", value_name = "DIR")]
+    out: PathBuf,
+}
+
+#[derive(clap::Args)]
+struct TaskArgs {
+    /// The plan
+    plan: PathBuf,
+    /// Which line of it, from 0
+    index: usize,
+    /// Where the folders of tasks are
+    #[arg(long, default_value = "runs", value_name = "DIR")]
+    runs: PathBuf,
+    /// Threads
+    #[arg(long, default_value_t = 1)]
+    threads: usize,
+    /// Tell the launcher how far it is, and stop when the launcher is gone
+    #[arg(long)]
+    attended: bool,
+}
+
+/// Runs the verb.
+pub fn run(args: Args) -> anyhow::Result<Ending> {
+    match args.what {
+        What::List { json } => list(json),
+        What::Plan(args) => {
+            for (_, tasks) in args.plans()? {
+                line(plan_text(&tasks).trim_end())?;
+            }
+            Ok(Ending::Done)
+        }
+        What::Run(args) => launch(&args),
+        What::Status(args) => status(&args),
+        What::Report(args) => report(&args),
+        What::Task(args) => task(&args),
+    }
+}
+
+fn list(as_json: bool) -> anyhow::Result<Ending> {
+    let mut rows = Vec::new();
+    for name in names() {
+        let experiment = Experiment::load(name)?;
+        let tasks = experiment.plan(&PlanConfig::default())?.len();
+        rows.push(
+            object!({ "name": name, "tasks": tasks, "title": experiment.title, "source": experiment.source }),
+        );
+        if !as_json {
+            line(format!("{name:<16}{tasks:>5} tasks  {}", experiment.title))?;
+        }
+    }
+    if as_json {
+        json(&rows)?;
+    }
+    Ok(Ending::Done)
+}
+
+/// Where the plan of an experiment lies.
+fn plan_file(runs: &Path, experiments: &[(Experiment, Vec<Task>)]) -> (String, PathBuf) {
+    let name =
+        experiments.iter().map(|(experiment, _)| experiment.name.as_str()).collect::<Vec<_>>().join("+");
+    let file = runs.join(format!("{name}.plan.jsonl"));
+    (name, file)
+}
+
+fn launch(args: &RunArgs) -> anyhow::Result<Ending> {
+    let plans = args.plan.plans()?;
+    let tasks: Vec<Task> = plans.iter().flat_map(|(_, tasks)| tasks.clone()).collect();
+    std::fs::create_dir_all(&args.runs).map_err(|error| {
+        anyhow::anyhow!("cannot create {}: {error}; choose another folder with --runs", args.runs.display())
+    })?;
+    let (name, plan) = plan_file(&args.runs, &plans);
+    let program = std::env::current_exe()?;
+    match args.launcher {
+        Launcher::Local => {
+            write_plan(&plan, &tasks)?;
+            local(args, &tasks, &plan, program)
+        }
+        Launcher::Slurm => slurm(args, &name, &tasks, &plan, program),
+    }
+}
+
+fn local(args: &RunArgs, tasks: &[Task], plan: &Path, program: PathBuf) -> anyhow::Result<Ending> {
+    let cores = std::thread::available_parallelism().map_or(1, usize::from);
+    let threads = usize::from(args.threads);
+    let workers = args.workers.map_or_else(|| (cores / threads).max(1), usize::from);
+    let stop = stop_flag()?;
+    let mut status = Status::new(false);
+    let mut tell = |at: &LaunchProgress| status.now(&counts(at), &running(at));
+    let report =
+        launch_local(tasks, plan, &args.runs, &LocalConfig { program, workers, threads }, &mut tell, &stop)?;
+    status.finish();
+    for (id, why) in &report.failed {
+        note(format!(
+            "{id} failed: {why} ({})",
+            args.runs.join(id).join(etude_lab::experiment::LOG).display()
+        ));
+    }
+    let busy = if report.busy > 0 { format!(", {} are done elsewhere", report.busy) } else { String::new() };
+    line(format!("{} tasks are done{busy}, {} failed", report.done, report.failed.len()))?;
+    if report.stopped {
+        note("stopped; the same command goes on");
+        return Ok(Ending::Stopped);
+    }
+    match report.failed.len() {
+        0 => Ok(Ending::Done),
+        _ => Err(anyhow::anyhow!("not all tasks are done; the same command tries those that failed again")),
+    }
+}
+
+fn counts(at: &LaunchProgress) -> String {
+    let failed = if at.failed > 0 { format!(", {} failed", at.failed) } else { String::new() };
+    format!("{} of {} tasks done{failed}", at.done, at.total)
+}
+
+fn running(at: &LaunchProgress) -> String {
+    let one = |(id, task): (&String, &TaskProgress)| {
+        let f1 = task.f1.map_or_else(String::new, |f1| format!(" F1 {f1:.3}"));
+        // Without the fingerprint.
+        let name = id.rsplit_once("__").map_or(id.as_str(), |(name, _)| name);
+        format!("  {name}: {} {:.0} %{f1}", task.phase, 100.0 * task.share)
+    };
+    let left = at.left_secs.map_or_else(String::new, |secs| format!(", {} left", clock(secs)));
+    left + &at.running.iter().map(one).collect::<String>()
+}
+
+fn slurm(
+    args: &RunArgs,
+    name: &str,
+    tasks: &[Task],
+    plan: &Path,
+    program: PathBuf,
+) -> anyhow::Result<Ending> {
+    let indices = open_tasks(tasks, &args.runs);
+    if indices.is_empty() {
+        line("all tasks are done, or under way")?;
+        return Ok(Ending::Done);
+    }
+    let config = SlurmConfig {
+        program,
+        throttle: args.throttle.map(usize::from),
+        time: args.time.clone(),
+        cpus: args.threads.into(),
+        options: args.sbatch.clone(),
+    };
+    let runs = std::path::absolute(&args.runs)?;
+    let plan_there = std::path::absolute(plan)?;
+    let script = slurm_script(name, &plan_there, &runs, &std::env::current_dir()?, &indices, &config);
+    if args.dry_run {
+        line(script.trim_end())?;
+        return Ok(Ending::Done);
+    }
+    write_plan(plan, tasks)?;
+    let file = plan.with_extension("sbatch");
+    std::fs::create_dir_all(plan.with_extension("slurm"))?;
+    write_text(&file, &script)?;
+    let job = submit(&file)?;
+    line(format!(
+        "job {job}: {} tasks; squeue --job {job} shows them, scancel {job} ends them",
+        indices.len()
+    ))?;
+    Ok(Ending::Done)
+}
+
+fn status(args: &StatusArgs) -> anyhow::Result<Ending> {
+    let mut all = Vec::new();
+    for (experiment, tasks) in args.plan.plans()? {
+        let states: Vec<TaskState> = tasks.iter().map(|task| TaskState::of(task, &args.runs)).collect();
+        let count = |state: TaskState| states.iter().filter(|other| **other == state).count();
+        if args.json {
+            let rows = tasks
+                .iter()
+                .zip(&states)
+                .map(|(task, state)| object!({ "id": task.id, "labels": task.labels, "state": state }));
+            all.push(object!({ "experiment": experiment.name, "tasks": rows.collect::<Vec<_>>() }));
+            continue;
+        }
+        line(format!(
+            "{}: {} tasks, {} done, {} running, {} begun and left, {} waiting",
+            experiment.name,
+            tasks.len(),
+            count(TaskState::Done),
+            count(TaskState::Running),
+            count(TaskState::Begun),
+            count(TaskState::Waiting)
+        ))?;
+        for (task, state) in tasks.iter().zip(&states) {
+            if matches!(state, TaskState::Running | TaskState::Begun) {
+                let labels: Vec<String> =
+                    task.labels.iter().map(|(key, value)| format!("{key} {value}")).collect();
+                let state = if *state == TaskState::Running { "running" } else { "begun" };
+                line(format!("  {state:<8} {}  {}", task.id, labels.join(", ")))?;
+            }
+        }
+    }
+    if args.json {
+        json(&all)?;
+    }
+    Ok(Ending::Done)
+}
+
+fn report(args: &ReportArgs) -> anyhow::Result<Ending> {
+    let plans = args.plan.plans()?;
+    let page = etude_lab::experiment::write_report(&plans, &args.runs, &args.out)?;
+    for missing in &page.missing {
+        note(format!("{}: {} of {} tasks are not done", missing.experiment, missing.tasks, missing.of));
+    }
+    line(format!("Read {}", page.file.display()))?;
+    Ok(Ending::Done)
+}
+
+fn task(args: &TaskArgs) -> anyhow::Result<Ending> {
+    let tasks = read_plan(&args.plan)?;
+    let count = tasks.len();
+    let task = tasks.get(args.index).ok_or_else(|| {
+        anyhow::anyhow!("{} has no line {}, only {count} from 0", args.plan.display(), args.index)
+    })?;
+    // A cluster may ask more than once.
+    let stop = patient_stop_flag()?;
+    if args.attended {
+        stop_when_unattended(&stop);
+    }
+    let attended = args.attended;
+    let mut tell = move |at: &TaskProgress| {
+        if attended && let Ok(text) = serde_json::to_string(at) {
+            // A launcher that is gone ends the task by other means.
+            let _ = line(text);
+        }
+    };
+    let command = std::env::args().collect::<Vec<_>>().join(" ");
+    match run_task(task, &args.runs, args.threads, &command, &mut tell, &stop)? {
+        TaskEnd::Done | TaskEnd::WasDone => Ok(Ending::Done),
+        TaskEnd::Stopped => Ok(Ending::Stopped),
+        TaskEnd::Busy => {
+            note(format!("another process is at work on {}", task.id));
+            Ok(Ending::Busy)
+        }
+    }
+}

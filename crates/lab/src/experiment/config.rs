@@ -1,0 +1,302 @@
+//! An experiment as a file: what is trained or fitted, what is compared, which figures come of it, and what the paper found.
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+use etude_perform::Mode;
+use serde::{Deserialize, Serialize};
+
+use crate::identify::IdentifyMethod;
+
+// `build.rs` lists the files of `configs/experiments`: name and text of each.
+include!(concat!(env!("OUT_DIR"), "/experiments.rs"));
+
+/// An experiment, as its TOML says.
+///
+/// Its tasks are the product of songs, variants, grid and seeds.
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Experiment {
+    /// The file's name without its ending.
+    #[serde(skip)]
+    pub name: String,
+    /// The question.
+    pub title: String,
+    /// Where the paper asks it, or why we do.
+    pub source: String,
+    /// What the paper found.
+    #[serde(default)]
+    pub finding: String,
+    /// Songs: built-in ids or MIDI files.
+    #[serde(default)]
+    pub songs: Vec<String>,
+    /// How many seeds, counted from 0.
+    pub seeds: u64,
+    /// Preset of the trainings.
+    #[serde(default = "fast")]
+    pub preset: String,
+    /// Values of it that are set otherwise, `path=value`.
+    #[serde(default)]
+    pub set: Vec<String>,
+    /// What is compared. The first is what the others are compared with.
+    #[serde(default)]
+    pub variants: Vec<Variant>,
+    /// Values that are tried for a key of the configuration, by its path; every combination of them.
+    #[serde(default)]
+    pub grid: BTreeMap<String, Vec<toml::Value>>,
+    /// The trained policies play on the twin.
+    pub perform: Option<PerformConfig>,
+    /// Instead of a training: Sim2Real2Sim.
+    pub rehearse: Option<RehearseConfig>,
+    /// Instead of a training: fits to recordings of the twin.
+    pub identify: Option<FitConfig>,
+    /// The figures, in order.
+    #[serde(default)]
+    pub figures: Vec<FigureConfig>,
+    /// The paper's numbers.
+    #[serde(default)]
+    pub paper: Vec<Published>,
+}
+
+fn fast() -> String {
+    "fast".to_string()
+}
+
+/// One of several things that are compared.
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Variant {
+    /// Its name in figures and tables.
+    pub name: String,
+    /// What it sets otherwise, `path=value`.
+    #[serde(default)]
+    pub set: Vec<String>,
+    /// The modes in which it is played, if not those of `[perform]`.
+    pub modes: Option<Vec<Mode>>,
+}
+
+/// How trained policies play on the twin.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct PerformConfig {
+    /// In which modes.
+    pub modes: Vec<Mode>,
+    /// How often in each.
+    pub runs: usize,
+    /// What is true of the twin.
+    #[serde(default = "standard")]
+    pub truth: String,
+}
+
+/// How Sim2Real2Sim goes.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct RehearseConfig {
+    /// In which modes; each is a rehearsal of its own.
+    pub modes: Vec<Mode>,
+    /// Rounds after the first performance.
+    pub rounds: usize,
+    /// Performances a round.
+    pub runs: usize,
+    /// What is true of the twin.
+    #[serde(default = "standard")]
+    pub truth: String,
+    /// Evaluations of each fit at most; the method's own number if not given.
+    pub evaluations: Option<u64>,
+}
+
+/// How the simulator is fitted to the twin's excitations.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct FitConfig {
+    /// Truths of the twin.
+    pub truths: Vec<String>,
+    /// Methods.
+    pub methods: Vec<IdentifyMethod>,
+    /// Evaluations of each fit at most; the method's own number if not given.
+    pub evaluations: Option<u64>,
+}
+
+fn standard() -> String {
+    "standard".to_string()
+}
+
+/// Kinds of figure.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum FigureKind {
+    /// Measures against a number that grows in the course of a task, such as `step`.
+    Curves,
+    /// Measures for each value of a label, side by side.
+    Bars,
+    /// Measures against a label that is a number.
+    Lines,
+}
+
+/// A figure. Its series are the measures `y`, for each value of the label `by`.
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct FigureConfig {
+    /// Name of its files.
+    pub name: String,
+    /// What it shows.
+    pub title: String,
+    /// Which kind.
+    pub kind: FigureKind,
+    /// The number or the label along the horizontal axis.
+    pub x: String,
+    /// Measures.
+    pub y: Vec<String>,
+    /// Label whose values are told apart.
+    pub by: Option<String>,
+    /// Only what has these labels.
+    #[serde(default, rename = "where")]
+    pub filter: BTreeMap<String, String>,
+}
+
+/// A number of the paper.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Published {
+    /// What it is of: labels.
+    #[serde(default, rename = "where")]
+    pub filter: BTreeMap<String, String>,
+    /// The measure.
+    pub measure: String,
+    /// The number.
+    pub value: f64,
+}
+
+/// An experiment that cannot be read or makes no sense.
+#[derive(Debug, thiserror::Error)]
+pub enum ExperimentError {
+    /// No experiment has this name.
+    #[error("there is no experiment `{name}`; there are: {list}; or give the path of a TOML file", list = names().join(", "))]
+    Unknown {
+        /// What was asked for.
+        name: String,
+    },
+    /// The file cannot be read.
+    #[error("cannot read the experiment {path}: {source}")]
+    Read {
+        /// The file.
+        path: PathBuf,
+        /// Why.
+        source: std::io::Error,
+    },
+    /// A key is unknown, missing or of the wrong type.
+    #[error("experiment {name}: {message}")]
+    Key {
+        /// The experiment.
+        name: String,
+        /// What is wrong.
+        message: String,
+    },
+}
+
+/// Names of the experiments that come with Étude.
+pub fn names() -> Vec<&'static str> {
+    EXPERIMENTS.iter().map(|(name, _)| *name).collect()
+}
+
+impl Experiment {
+    /// The experiment of this name, or in the TOML file at this path.
+    ///
+    /// # Errors
+    /// If there is none, or it makes no sense; the message names the key.
+    pub fn load(name_or_path: &str) -> Result<Self, ExperimentError> {
+        if let Some((name, text)) = EXPERIMENTS.iter().find(|(name, _)| *name == name_or_path) {
+            return Self::parse(name, text);
+        }
+        let path = Path::new(name_or_path);
+        if path.extension().is_none_or(|ending| ending != "toml") {
+            return Err(ExperimentError::Unknown { name: name_or_path.to_string() });
+        }
+        let text = std::fs::read_to_string(path)
+            .map_err(|source| ExperimentError::Read { path: path.to_path_buf(), source })?;
+        Self::parse(
+            &path.file_stem().map_or_else(String::new, |stem| stem.to_string_lossy().into_owned()),
+            &text,
+        )
+    }
+
+    fn parse(name: &str, text: &str) -> Result<Self, ExperimentError> {
+        let wrong = |message: String| ExperimentError::Key { name: name.to_string(), message };
+        let value: toml::Value = text
+            .parse::<toml::Table>()
+            .map(toml::Value::Table)
+            .map_err(|error| wrong(error.message().to_string()))?;
+        let mut experiment: Self = serde_path_to_error::deserialize(value)
+            .map_err(|error| wrong(format!("key `{}`: {}", error.path(), error.inner().message())))?;
+        experiment.name = name.to_string();
+        experiment.check().map_err(wrong)?;
+        Ok(experiment)
+    }
+
+    fn check(&self) -> Result<(), String> {
+        if self.seeds == 0 {
+            return Err("key `seeds`: there must be at least one".to_string());
+        }
+        if self.rehearse.is_some() && self.identify.is_some() {
+            return Err("it cannot be both [rehearse] and [identify]".to_string());
+        }
+        if self.identify.is_none() && self.songs.is_empty() {
+            return Err("key `songs`: name at least one song".to_string());
+        }
+        if self.perform.is_some() && (self.rehearse.is_some() || self.identify.is_some()) {
+            return Err("[perform] goes with trainings alone, not with [rehearse] or [identify]".to_string());
+        }
+        if let Some((path, _)) = self.grid.iter().find(|(_, values)| values.is_empty()) {
+            return Err(format!("key `grid.{path}`: name at least one value"));
+        }
+        for (index, variant) in self.variants.iter().enumerate() {
+            if self.variants[..index].iter().any(|other| other.name == variant.name) {
+                return Err(format!("two variants are called `{}`", variant.name));
+            }
+        }
+        for figure in &self.figures {
+            let plain = |c: char| c.is_ascii_alphanumeric() || c == '-';
+            if figure.name.is_empty() || !figure.name.chars().all(plain) {
+                return Err(format!(
+                    "figure `{}`: its name is a file's: letters, digits and hyphens",
+                    figure.name
+                ));
+            }
+            if figure.y.is_empty() {
+                return Err(format!("figure `{}`: key `y`: name at least one measure", figure.name));
+            }
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_experiment_that_comes_with_us_can_be_read() {
+        for name in names() {
+            let experiment = Experiment::load(name).unwrap();
+            assert!(!experiment.title.is_empty() && !experiment.figures.is_empty(), "{name}");
+        }
+    }
+
+    #[test]
+    fn errors_name_the_experiment_and_the_key() {
+        let said = |text: &str| Experiment::parse("mine", text).unwrap_err().to_string();
+        let least = "title = 'T'\nsource = 'S'\nsongs = ['twinkle']\nseeds = 1\n";
+        assert!(Experiment::parse("mine", least).is_ok());
+        assert!(said("title = 3").contains("`title`"));
+        assert!(said(&least.replace("seeds", "sead")).contains("sead"));
+        assert!(said(&least.replace("seeds = 1", "seeds = 0")).contains("`seeds`"));
+        assert!(said(&format!("{least}[perform]\nmodes = ['loud']\nruns = 1")).contains("perform.modes"));
+        assert!(
+            said(&format!("{least}[[variants]]\nname = 'a'\n[[variants]]\nname = 'a'"))
+                .contains("two variants")
+        );
+        assert!(said(&format!("{least}[grid]\n'task.x' = []")).contains("task.x"));
+        let unknown = Experiment::load("no-such").unwrap_err().to_string();
+        assert!(unknown.contains("no-such") && unknown.contains("songs"), "{unknown}");
+    }
+}

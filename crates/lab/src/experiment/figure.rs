@@ -1,0 +1,388 @@
+//! Drawings of an experiment, as SVG and PNG from the same strokes: readable in print and by colour-blind readers, since series
+//! differ in stroke, marker or hatching as well as in colour.
+
+use std::path::Path;
+use std::sync::Once;
+
+use plotters::coord::Shift;
+use plotters::coord::types::RangedCoordf64;
+use plotters::prelude::*;
+use plotters::style::{FontStyle, register_font};
+
+/// Size of a drawing.
+const SIZE: (u32, u32) = (760, 420);
+/// The PNG has this many dots for each.
+const DOTS: u32 = 2;
+/// Okabe and Ito's colours.
+const COLOURS: [RGBColor; 7] = [
+    RGBColor(0, 114, 178),
+    RGBColor(213, 94, 0),
+    RGBColor(0, 158, 115),
+    RGBColor(204, 121, 167),
+    RGBColor(86, 180, 233),
+    RGBColor(230, 159, 0),
+    RGBColor(90, 90, 90),
+];
+/// Strokes of curves: length and gap of the dashes; none is a whole line.
+const DASHES: [Option<[u32; 2]>; 4] = [None, Some([9, 5]), Some([2, 4]), Some([14, 3])];
+/// Letters of a group's name that are written upwards.
+const LONGEST_NAME: usize = 22;
+
+type Chart<'a, B> = ChartContext<'a, B, Cartesian2d<RangedCoordf64, RangedCoordf64>>;
+
+/// Every other series of bars is light.
+fn shade(index: usize) -> f64 {
+    if index.is_multiple_of(2) { 1.0 } else { 0.35 }
+}
+
+/// What is drawn.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Drawing {
+    /// Its heading.
+    pub title: String,
+    /// What the horizontal axis is.
+    pub x_label: String,
+    /// What the vertical axis is.
+    pub y_label: String,
+    /// Names of the groups of bars; no names for curves and lines.
+    pub groups: Vec<String>,
+    /// Whether each point has a marker.
+    pub markers: bool,
+    /// What is compared.
+    pub series: Vec<Series>,
+}
+
+/// One series.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Series {
+    /// Its name.
+    pub name: String,
+    /// Its points in order.
+    pub points: Vec<Point>,
+}
+
+/// One point: for bars `x` is the number of its group.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Point {
+    /// Place on the horizontal axis.
+    pub x: f64,
+    /// Value.
+    pub y: f64,
+    /// Its interval, if it has one.
+    pub interval: Option<[f64; 2]>,
+}
+
+/// A drawing could not be made.
+#[derive(Debug, thiserror::Error)]
+#[error("cannot draw {path}: {why}")]
+pub struct FigureError {
+    path: std::path::PathBuf,
+    why: String,
+}
+
+impl Drawing {
+    /// As the text of an SVG file.
+    ///
+    /// # Errors
+    /// If it has no points.
+    pub fn svg(&self) -> Result<String, FigureError> {
+        prepare_font();
+        let mut text = String::new();
+        let area = SVGBackend::with_string(&mut text, SIZE).into_drawing_area();
+        let painted = self.paint(&area, 1);
+        drop(area);
+        painted.map_err(|why| FigureError { path: "the figure".into(), why })?;
+        Ok(text)
+    }
+
+    /// Writes it as a PNG file.
+    ///
+    /// # Errors
+    /// If it has no points, or the file cannot be written.
+    pub fn write_png(&self, path: &Path) -> Result<(), FigureError> {
+        prepare_font();
+        let area = BitMapBackend::new(path, (SIZE.0 * DOTS, SIZE.1 * DOTS)).into_drawing_area();
+        self.paint(&area, DOTS).map_err(|why| FigureError { path: path.to_path_buf(), why })
+    }
+
+    fn range(&self) -> Option<([f64; 2], [f64; 2])> {
+        let points = || self.series.iter().flat_map(|series| &series.points);
+        let ends = |points: &mut dyn Iterator<Item = f64>| {
+            points.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], value| {
+                [low.min(value), high.max(value)]
+            })
+        };
+        let mut x = ends(&mut points().map(|point| point.x));
+        if !self.groups.is_empty() {
+            x = [-0.5, self.groups.len() as f64 - 0.5];
+        }
+        let all = |point: &Point| {
+            [point.y, point.interval.map_or(point.y, |i| i[0]), point.interval.map_or(point.y, |i| i[1])]
+        };
+        let [low, high] = ends(&mut points().flat_map(all));
+        if !(x[0].is_finite() && low.is_finite() && high.is_finite()) {
+            return None;
+        }
+        if x[0] == x[1] {
+            x = [x[0] - 0.5, x[1] + 0.5];
+        }
+        // Scores are shown on their whole scale.
+        let top = if high <= 1.0 && high > 0.25 { 1.0 } else { high.max(1e-9) * 1.08 };
+        let bottom = if low < 0.0 { low * 1.08 } else { 0.0 };
+        Some((x, [bottom, top]))
+    }
+
+    fn paint<B: DrawingBackend>(&self, area: &DrawingArea<B, Shift>, dots: u32) -> Result<(), String> {
+        let (x, y) = self.range().ok_or("there is nothing to draw")?;
+        self.paint_in(area, dots, x, y).map_err(|error| error.to_string())
+    }
+
+    fn paint_in<B: DrawingBackend>(
+        &self,
+        area: &DrawingArea<B, Shift>,
+        dots: u32,
+        x: [f64; 2],
+        y: [f64; 2],
+    ) -> Result<(), DrawingAreaErrorKind<B::ErrorType>> {
+        let font = |size: u32| ("sans-serif", size * dots).into_font();
+        area.fill(&WHITE)?;
+        let long = self.groups.iter().any(|name| name.chars().count() * self.groups.len() > 90);
+        let mut chart = ChartBuilder::on(area)
+            .caption(&self.title, font(15))
+            .margin(10 * dots)
+            .x_label_area_size(if long { 120 } else { 44 } * dots)
+            .y_label_area_size(56 * dots)
+            .build_cartesian_2d(x[0]..x[1], y[0]..y[1])?;
+        let group = |at: &f64| {
+            let near = at.round();
+            let name =
+                (near >= 0.0 && (at - near).abs() < 1e-6).then(|| self.groups.get(near as usize)).flatten();
+            name.cloned().unwrap_or_default()
+        };
+        let label = |at: &f64| if self.groups.is_empty() { number(*at) } else { group(at) };
+        let mut mesh = chart.configure_mesh();
+        mesh.light_line_style(TRANSPARENT)
+            .bold_line_style(RGBColor(226, 226, 226))
+            .label_style(font(12))
+            .axis_desc_style(font(12))
+            .x_desc(&self.x_label)
+            .y_desc(&self.y_label)
+            .x_label_formatter(&label)
+            .y_label_formatter(&|at| number(*at));
+        if !self.groups.is_empty() {
+            mesh.disable_x_mesh().x_labels(4 * self.groups.len());
+        }
+        if long {
+            mesh.x_labels(0);
+        }
+        mesh.draw()?;
+        if long {
+            self.names_upwards(area, &chart, y[0], dots)?;
+        }
+        for (index, series) in self.series.iter().enumerate() {
+            if self.groups.is_empty() {
+                self.curve(&mut chart, index, series, dots)?;
+            } else {
+                self.bars(&chart, index, series, dots)?;
+            }
+        }
+        if self.series.len() > 1 {
+            self.legend(area, dots)?;
+        }
+        area.present()
+    }
+
+    /// Names of groups that are too many to stand side by side: each is written upwards below its bars.
+    fn names_upwards<B: DrawingBackend>(
+        &self,
+        area: &DrawingArea<B, Shift>,
+        chart: &Chart<'_, B>,
+        bottom: f64,
+        dots: u32,
+    ) -> Result<(), DrawingAreaErrorKind<B::ErrorType>> {
+        let d = dots as i32;
+        let font = ("sans-serif", 11 * dots).into_font();
+        let style = font.transform(FontTransform::Rotate270).into_text_style(area);
+        for (index, name) in self.groups.iter().enumerate() {
+            let (at_x, at_y) = chart.plotting_area().map_coordinate(&(index as f64, bottom));
+            let short: String = name.chars().take(LONGEST_NAME).collect();
+            let wide = font.box_size(&short).map_or(0, |size| size.0 as i32);
+            area.draw_text(&short, &style, (at_x - 7 * d, at_y + wide + 8 * d))?;
+        }
+        Ok(())
+    }
+
+    fn curve<B: DrawingBackend>(
+        &self,
+        chart: &mut Chart<'_, B>,
+        index: usize,
+        series: &Series,
+        dots: u32,
+    ) -> Result<(), DrawingAreaErrorKind<B::ErrorType>> {
+        let (colour, stroke) = (COLOURS[index % COLOURS.len()], 2 * dots);
+        let band: Vec<(f64, [f64; 2])> =
+            series.points.iter().filter_map(|point| Some((point.x, point.interval?))).collect();
+        if band.len() > 1 {
+            let upper = band.iter().map(|(x, [_, high])| (*x, *high));
+            let lower = band.iter().rev().map(|(x, [low, _])| (*x, *low));
+            let outline: Vec<(f64, f64)> = upper.chain(lower).collect();
+            chart.draw_series([Polygon::new(outline, colour.mix(0.15))])?;
+        }
+        let points: Vec<(f64, f64)> = series.points.iter().map(|point| (point.x, point.y)).collect();
+        let style = colour.stroke_width(stroke);
+        match DASHES[index % DASHES.len()].map(|lengths| lengths.map(|length| (length * dots) as i32)) {
+            None => chart.draw_series(LineSeries::new(points.clone(), style))?,
+            Some([dash, gap]) => {
+                chart.draw_series(DashedLineSeries::new(points.clone(), dash, gap, style))?
+            }
+        };
+        if self.markers {
+            let size = 4 * dots as i32;
+            let full = colour.filled();
+            match index % 3 {
+                0 => chart.draw_series(points.iter().map(|p| Circle::new(*p, size, full)))?,
+                1 => chart.draw_series(points.iter().map(|p| TriangleMarker::new(*p, size, full)))?,
+                _ => chart.draw_series(points.iter().map(|p| Cross::new(*p, size, style)))?,
+            };
+        }
+        Ok(())
+    }
+
+    fn bars<B: DrawingBackend>(
+        &self,
+        chart: &Chart<'_, B>,
+        index: usize,
+        series: &Series,
+        dots: u32,
+    ) -> Result<(), DrawingAreaErrorKind<B::ErrorType>> {
+        let colour = COLOURS[index % COLOURS.len()];
+        let plot = chart.plotting_area();
+        let wide = 0.8 / self.series.len().max(1) as f64;
+        for point in &series.points {
+            let left = point.x - 0.4 + wide * index as f64;
+            let right = left + 0.92 * wide;
+            let bar = [(left, 0.0), (right, point.y)];
+            plot.draw(&Rectangle::new(bar, colour.mix(shade(index)).filled()))?;
+            plot.draw(&Rectangle::new(bar, colour.stroke_width(dots)))?;
+            let Some([low, high]) = point.interval else { continue };
+            let middle = 0.5 * (left + right);
+            let end = |at: f64| vec![(middle - 0.2 * wide, at), (middle + 0.2 * wide, at)];
+            for line in [vec![(middle, low), (middle, high)], end(low), end(high)] {
+                plot.draw(&PathElement::new(line, BLACK.stroke_width(dots)))?;
+            }
+        }
+        Ok(())
+    }
+
+    /// Names of the series in one line under the heading, with their strokes.
+    fn legend<B: DrawingBackend>(
+        &self,
+        area: &DrawingArea<B, Shift>,
+        dots: u32,
+    ) -> Result<(), DrawingAreaErrorKind<B::ErrorType>> {
+        let d = dots as i32;
+        let style = ("sans-serif", 12 * dots).into_font().into_text_style(area);
+        let mut x = 76 * d;
+        let y = 33 * d;
+        let (right, bottom) = (area.dim_in_pixel().0 as i32, y + 7 * d);
+        let mut row = 0;
+        for (index, series) in self.series.iter().enumerate() {
+            let colour = COLOURS[index % COLOURS.len()];
+            let wide = area.estimate_text_size(&series.name, &style)?.0 as i32 + 46 * d;
+            if x + wide > right {
+                (x, row) = (76 * d, row + 1);
+            }
+            let shift = row * 16 * d;
+            let sample = [(x, y + shift), (x + 22 * d, y + shift)];
+            let backdrop = [(x - 4 * d, y - 8 * d + shift), (x + wide - 8 * d, bottom + shift)];
+            area.draw(&Rectangle::new(backdrop, WHITE.mix(0.8).filled()))?;
+            if self.groups.is_empty() {
+                let [dash, gap] = DASHES[index % DASHES.len()].unwrap_or([22, 0]);
+                let mut at = x;
+                while at < sample[1].0 {
+                    let end = (at + dash as i32 * d).min(sample[1].0);
+                    area.draw(&PathElement::new(
+                        vec![(at, y + shift), (end, y + shift)],
+                        colour.stroke_width(2 * dots),
+                    ))?;
+                    at = end + (gap as i32 * d).max(1);
+                }
+            } else {
+                let patch = [(x + 4 * d, y - 5 * d + shift), (x + 18 * d, y + 5 * d + shift)];
+                area.draw(&Rectangle::new(patch, colour.mix(shade(index)).filled()))?;
+                area.draw(&Rectangle::new(patch, colour.stroke_width(dots)))?;
+            }
+            area.draw_text(&series.name, &style, (x + 28 * d, y - 7 * d + shift))?;
+            x += wide;
+        }
+        Ok(())
+    }
+}
+
+/// Drawings have a font of their own, the same on every machine: DejaVu Sans, its Latin part (`assets/LICENSE_DEJAVU`).
+fn prepare_font() {
+    static ONCE: Once = Once::new();
+    ONCE.call_once(|| {
+        // It is our own file: a font that cannot be read would be our bug, and then texts are left out.
+        let _ = register_font("sans-serif", FontStyle::Normal, include_bytes!("../../assets/DejaVuSans.ttf"));
+    });
+}
+
+/// As short as it can be said: `0.5`, `200k`, `3M`.
+fn number(value: f64) -> String {
+    let plain = |value: f64| {
+        let text = format!("{value:.3}");
+        text.trim_end_matches('0').trim_end_matches('.').to_string()
+    };
+    match value.abs() {
+        size if size >= 1e6 => plain(value / 1e6) + "M",
+        size if size >= 1e4 => plain(value / 1e3) + "k",
+        _ => plain(value),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn drawing(groups: &[&str]) -> Drawing {
+        let points = (0..3)
+            .map(|i| Point {
+                x: f64::from(i),
+                y: 0.3 * f64::from(i),
+                interval: Some([0.2 * f64::from(i), 0.4]),
+            })
+            .collect::<Vec<_>>();
+        let series =
+            ["F1, twin", "a <b> & c"].map(|name| Series { name: name.to_string(), points: points.clone() });
+        Drawing {
+            title: "What & why".to_string(),
+            groups: groups.iter().map(ToString::to_string).collect(),
+            markers: true,
+            series: series.to_vec(),
+            ..Drawing::default()
+        }
+    }
+
+    #[test]
+    fn drawings_come_as_svg_and_as_png_of_the_same() {
+        let folder = tempfile::tempdir().unwrap();
+        for groups in [&[][..], &["one", "two", "three"]] {
+            let drawing = drawing(groups);
+            let svg = drawing.svg().unwrap();
+            assert!(svg.contains("<svg") && svg.contains("F1, twin"), "{svg}");
+            assert!(svg.contains("a &lt;b&gt; &amp; c"), "{svg}");
+            assert!(groups.iter().all(|name| svg.contains(name)), "{svg}");
+            assert_eq!(drawing.svg().unwrap(), svg);
+            let path = folder.path().join("a.png");
+            drawing.write_png(&path).unwrap();
+            assert!(std::fs::read(&path).unwrap().starts_with(b"\x89PNG"));
+        }
+        assert!(Drawing::default().svg().is_err());
+    }
+
+    #[test]
+    fn numbers_are_short() {
+        assert_eq!([0.25, 200_000.0, 3e6, 0.0].map(number), ["0.25", "200k", "3M", "0"]);
+    }
+}

@@ -1,0 +1,241 @@
+//! The local launcher: one process a worker, so that a task that crashes takes no other with it.
+//!
+//! A task's process hears of a stop by the end of its standard input. So it saves itself and ends also when the launcher is
+//! killed, and a Ctrl-C, which a terminal sends to every process, is one request and not two.
+
+use std::collections::{BTreeMap, BTreeSet, VecDeque};
+use std::fs::OpenOptions;
+use std::io::{BufRead as _, BufReader};
+use std::os::unix::process::CommandExt as _;
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, Stdio};
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc::{Receiver, Sender, channel};
+use std::time::{Duration, Instant};
+
+use super::plan::Task;
+use super::task::{RESULT, TaskProgress};
+
+/// How long the launcher waits for news before it looks at its workers again.
+const LOOK: Duration = Duration::from_millis(100);
+/// What a task's process said.
+pub const LOG: &str = "log.txt";
+/// Exit code of a process that stopped on request.
+const STOPPED: i32 = 3;
+/// Exit code of a process that found another one at work.
+pub const BUSY: u8 = 4;
+
+/// How tasks are launched here.
+#[derive(Clone, Debug)]
+pub struct LocalConfig {
+    /// The `etude` program.
+    pub program: PathBuf,
+    /// How many tasks go on at once.
+    pub workers: usize,
+    /// Threads of each.
+    pub threads: usize,
+}
+
+/// How a launch goes.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct LaunchProgress {
+    /// Tasks that are done, those from before among them.
+    pub done: usize,
+    /// Tasks of the plan.
+    pub total: usize,
+    /// Tasks that failed.
+    pub failed: usize,
+    /// Those under way.
+    pub running: BTreeMap<String, TaskProgress>,
+    /// Time that is left, s, once anything is known of it.
+    pub left_secs: Option<f64>,
+}
+
+/// What came of a launch.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct LaunchReport {
+    /// Tasks that are done.
+    pub done: usize,
+    /// Tasks that another process is at work on.
+    pub busy: usize,
+    /// Tasks that failed, and the last thing that each said.
+    pub failed: Vec<(String, String)>,
+    /// Whether it was stopped on request.
+    pub stopped: bool,
+}
+
+/// A launch failed.
+#[derive(Debug, thiserror::Error)]
+pub enum LaunchError {
+    /// A process cannot be started, or its folder not be made.
+    #[error("{path}: {source}")]
+    Start {
+        /// The program or the folder.
+        path: PathBuf,
+        /// Why.
+        source: std::io::Error,
+    },
+}
+
+struct Worker {
+    id: String,
+    child: Child,
+    begun: Instant,
+}
+
+/// What a worker's process says on its standard output: the task, and how far it is.
+type News = (String, TaskProgress);
+
+/// Does all tasks of the plan in the file `plan` that are not done yet. `tell` hears of what changes.
+///
+/// # Errors
+/// If a process cannot be started. A task that fails is told in the report, and the others go on.
+pub fn launch_local(
+    tasks: &[Task],
+    plan: &Path,
+    runs: &Path,
+    config: &LocalConfig,
+    tell: &mut dyn FnMut(&LaunchProgress),
+    interrupt: &AtomicBool,
+) -> Result<LaunchReport, LaunchError> {
+    // Different variants may come to the same work.
+    let mut seen = BTreeSet::new();
+    let (done, mut waiting): (VecDeque<_>, VecDeque<_>) = tasks
+        .iter()
+        .enumerate()
+        .filter(|(_, task)| seen.insert(task.id.as_str()))
+        .partition(|(_, task)| runs.join(&task.id).join(RESULT).is_file());
+    let mut progress = LaunchProgress { done: done.len(), total: seen.len(), ..LaunchProgress::default() };
+    let mut report = LaunchReport::default();
+    let mut workers: Vec<Worker> = Vec::new();
+    let (sender, news): (Sender<News>, Receiver<News>) = channel();
+    let mut clock = Clock { workers: config.workers, ..Clock::default() };
+    tell(&progress);
+    loop {
+        let stop = interrupt.load(Ordering::Relaxed);
+        if stop {
+            report.stopped = true;
+            waiting.clear();
+            workers.iter_mut().for_each(|worker| drop(worker.child.stdin.take()));
+        }
+        while workers.len() < config.workers
+            && let Some((index, task)) = waiting.pop_front()
+        {
+            workers.push(start(index, task, plan, runs, config, &sender)?);
+        }
+        if workers.is_empty() {
+            break;
+        }
+        if let Ok((id, at)) = news.recv_timeout(LOOK) {
+            progress.running.insert(id, at);
+        }
+        while let Ok((id, at)) = news.try_recv() {
+            progress.running.insert(id, at);
+        }
+        let mut going = Vec::new();
+        for mut worker in workers {
+            let ended = worker
+                .child
+                .try_wait()
+                .map_err(|source| LaunchError::Start { path: config.program.clone(), source })?;
+            let Some(status) = ended else {
+                going.push(worker);
+                continue;
+            };
+            progress.running.remove(&worker.id);
+            match status.code() {
+                Some(0) => {
+                    progress.done += 1;
+                    clock.took.push(worker.begun.elapsed().as_secs_f64());
+                }
+                Some(STOPPED) if stop => {}
+                Some(code) if code == i32::from(BUSY) => report.busy += 1,
+                _ => {
+                    progress.failed += 1;
+                    let said = last_line(&runs.join(&worker.id).join(LOG));
+                    report.failed.push((worker.id, said.unwrap_or_else(|| status.to_string())));
+                }
+            }
+        }
+        workers = going;
+        progress.left_secs = clock.left(waiting.len(), &workers, &progress.running);
+        tell(&progress);
+    }
+    report.done = progress.done;
+    Ok(report)
+}
+
+fn start(
+    index: usize,
+    task: &Task,
+    plan: &Path,
+    runs: &Path,
+    config: &LocalConfig,
+    sender: &Sender<News>,
+) -> Result<Worker, LaunchError> {
+    let folder = runs.join(&task.id);
+    let fail = |path: &Path, source| LaunchError::Start { path: path.to_path_buf(), source };
+    std::fs::create_dir_all(&folder).map_err(|error| fail(&folder, error))?;
+    let log = folder.join(LOG);
+    let log_file =
+        OpenOptions::new().create(true).append(true).open(&log).map_err(|error| fail(&log, error))?;
+    let mut child = Command::new(&config.program)
+        .args(["experiment", "task"])
+        .arg(plan)
+        .arg(index.to_string())
+        .arg("--runs")
+        .arg(runs)
+        .args(["--threads", &config.threads.to_string(), "--attended"])
+        .stdin(Stdio::piped())
+        .stdout(Stdio::piped())
+        .stderr(log_file)
+        .process_group(0)
+        .spawn()
+        .map_err(|error| fail(&config.program, error))?;
+    if let Some(said) = child.stdout.take() {
+        let (id, sender) = (task.id.clone(), sender.clone());
+        std::thread::spawn(move || {
+            for line in BufReader::new(said).lines().map_while(Result::ok) {
+                if let Ok(at) = serde_json::from_str(&line)
+                    && sender.send((id.clone(), at)).is_err()
+                {
+                    break;
+                }
+            }
+        });
+    }
+    Ok(Worker { id: task.id.clone(), child, begun: Instant::now() })
+}
+
+/// The last line of a text file that is not empty.
+pub(super) fn last_line(path: &Path) -> Option<String> {
+    let text = std::fs::read_to_string(path).ok()?;
+    text.lines().rev().find(|line| !line.trim().is_empty()).map(str::to_string)
+}
+
+/// How long tasks take.
+#[derive(Default)]
+struct Clock {
+    workers: usize,
+    took: Vec<f64>,
+}
+
+impl Clock {
+    /// Time until all tasks are done, from those that are and from how far the others have got.
+    fn left(
+        &self,
+        waiting: usize,
+        workers: &[Worker],
+        running: &BTreeMap<String, TaskProgress>,
+    ) -> Option<f64> {
+        let share = |worker: &Worker| running.get(&worker.id).map_or(0.0, |at| at.share);
+        let guesses = workers
+            .iter()
+            .filter(|worker| share(worker) > 0.02)
+            .map(|worker| worker.begun.elapsed().as_secs_f64() / share(worker));
+        let all: Vec<f64> = self.took.iter().copied().chain(guesses).collect();
+        let mean = (!all.is_empty()).then(|| all.iter().sum::<f64>() / all.len() as f64)?;
+        let rest: f64 = workers.iter().map(|worker| 1.0 - share(worker)).sum();
+        Some(mean * (waiting as f64 + rest) / self.workers.max(1) as f64)
+    }
+}

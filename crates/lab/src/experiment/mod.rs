@@ -1,0 +1,21 @@
+//! Experiments: files that say what is compared, plans of tasks made of them, launchers that do the tasks, and reports.
+
+mod config;
+mod figure;
+mod local;
+mod plan;
+mod record;
+mod report;
+mod slurm;
+mod stats;
+mod task;
+
+pub use config::{
+    Experiment, ExperimentError, FigureConfig, FigureKind, FitConfig, PerformConfig, Published,
+    RehearseConfig, Variant, names,
+};
+pub use local::{BUSY, LOG, LaunchError, LaunchProgress, LaunchReport, LocalConfig, launch_local};
+pub use plan::{Budget, PlanConfig, PlanError, Task, TrainingConfig, Work, plan_text, read_plan, write_plan};
+pub use report::{Missing, ReportError, ReportPage, write_report};
+pub use slurm::{SlurmConfig, SlurmError, open_tasks, slurm_script, submit};
+pub use task::{Row, TaskEnd, TaskFailure, TaskProgress, TaskResult, TaskState, TaskTimes, run_task};

@@ -1,0 +1,249 @@
+//! What is done, as one long table: each row is one performance, round or fit, with all its labels and measures.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::fmt::Write as _;
+use std::path::Path;
+
+use serde::{Deserialize, Serialize};
+
+use super::plan::Task;
+use super::stats::{Summary, mean};
+use super::task::{RESULT, TIMES, TaskResult, TaskTimes};
+
+/// A task that is done, and what came of it: one line of `results.jsonl`.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Entry {
+    /// The task.
+    pub task: Task,
+    /// What came of it.
+    pub result: TaskResult,
+    /// When, where and how long.
+    pub times: TaskTimes,
+}
+
+impl Entry {
+    /// What came of `task` among `runs`; `None` while it is not done.
+    pub fn load(task: &Task, runs: &Path) -> Option<Self> {
+        let folder = runs.join(&task.id);
+        let read = |name: &str| std::fs::read(folder.join(name)).ok();
+        let result = serde_json::from_slice(&read(RESULT)?).ok()?;
+        let times = read(TIMES).and_then(|bytes| serde_json::from_slice(&bytes).ok()).unwrap_or_default();
+        Some(Self { task: task.clone(), result, times })
+    }
+}
+
+/// One row of the table.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Record {
+    /// Labels of the task and of the row.
+    pub labels: BTreeMap<String, String>,
+    /// Measures.
+    pub values: BTreeMap<String, f64>,
+}
+
+impl Record {
+    /// Whether it has all these labels.
+    pub fn has(&self, filter: &BTreeMap<String, String>) -> bool {
+        filter.iter().all(|(key, value)| self.labels.get(key) == Some(value))
+    }
+}
+
+/// The rows of all entries.
+pub fn records(entries: &[Entry]) -> Vec<Record> {
+    let of_entry = |entry: &Entry| {
+        let task = entry.task.labels.clone();
+        let rows = entry.result.rows.clone().into_iter();
+        rows.map(move |row| {
+            let mut labels = task.clone();
+            labels.extend(row.labels);
+            Record { labels, values: row.values }
+        })
+        .collect::<Vec<_>>()
+    };
+    entries.iter().flat_map(of_entry).collect()
+}
+
+/// The points of all courses; `secs` among their values where they are known.
+pub fn courses(entries: &[Entry]) -> Vec<Record> {
+    let of_entry = |entry: &Entry| {
+        let points = entry.result.course.iter().enumerate();
+        points
+            .map(|(index, point)| {
+                let mut values = point.clone();
+                values.extend(entry.times.course_secs.get(index).map(|secs| ("secs".to_string(), *secs)));
+                Record { labels: entry.task.labels.clone(), values }
+            })
+            .collect::<Vec<_>>()
+    };
+    entries.iter().flat_map(of_entry).collect()
+}
+
+/// Labels that tell repetitions of the same thing apart.
+pub const REPETITIONS: [&str; 3] = ["song", "seed", "run"];
+
+/// The labels that tell apart what is compared, in the order of their names.
+pub fn compared(records: &[Record]) -> Vec<String> {
+    let keys: BTreeSet<&String> = records.iter().flat_map(|record| record.labels.keys()).collect();
+    keys.into_iter().filter(|key| !REPETITIONS.contains(&key.as_str())).cloned().collect()
+}
+
+/// The different values of some labels, in the order in which they come.
+pub fn combinations(records: &[Record], keys: &[String]) -> Vec<BTreeMap<String, String>> {
+    let mut seen = BTreeSet::new();
+    let of = |record: &Record| -> BTreeMap<String, String> {
+        keys.iter().filter_map(|key| Some((key.clone(), record.labels.get(key)?.clone()))).collect()
+    };
+    records.iter().map(of).filter(|labels| seen.insert(labels.clone())).collect()
+}
+
+/// Scores of trainings by song: the runs of one training are no independent scores, so their mean is one.
+pub fn strata(records: &[&Record], measure: &str) -> Vec<Vec<f64>> {
+    let mut songs: BTreeMap<&str, BTreeMap<&str, Vec<f64>>> = BTreeMap::new();
+    for record in records {
+        let label = |key: &str| record.labels.get(key).map_or("", String::as_str);
+        if let Some(value) = record.values.get(measure) {
+            songs.entry(label("song")).or_default().entry(label("seed")).or_default().push(*value);
+        }
+    }
+    songs.into_values().map(|seeds| seeds.into_values().map(|runs| mean(&runs)).collect()).collect()
+}
+
+/// A measure of those records that have these labels.
+pub fn summary(records: &[Record], filter: &BTreeMap<String, String>, measure: &str) -> Option<Summary> {
+    let chosen: Vec<&Record> = records.iter().filter(|record| record.has(filter)).collect();
+    Summary::new(&strata(&chosen, measure))
+}
+
+/// How much a measure of one thing is above that of another, training by training: those of the same song and seed.
+pub fn paired(
+    records: &[Record],
+    one: &BTreeMap<String, String>,
+    other: &BTreeMap<String, String>,
+    measure: &str,
+) -> Option<Summary> {
+    let by_song = |filter: &BTreeMap<String, String>| {
+        let mut songs: BTreeMap<(String, String), Vec<f64>> = BTreeMap::new();
+        for record in records.iter().filter(|record| record.has(filter)) {
+            let label = |key: &str| record.labels.get(key).cloned().unwrap_or_default();
+            if let Some(value) = record.values.get(measure) {
+                songs.entry((label("song"), label("seed"))).or_default().push(*value);
+            }
+        }
+        songs
+    };
+    let (ones, others) = (by_song(one), by_song(other));
+    let mut strata: BTreeMap<&str, Vec<f64>> = BTreeMap::new();
+    for ((song, seed), runs) in &ones {
+        if let Some(theirs) = others.get(&(song.clone(), seed.clone())) {
+            strata.entry(song).or_default().push(mean(runs) - mean(theirs));
+        }
+    }
+    Summary::new(&strata.into_values().collect::<Vec<_>>())
+}
+
+/// When each training first had a score: step, and seconds where they are known; and how many trainings there are.
+pub fn time_to(
+    entries: &[Entry],
+    filter: &BTreeMap<String, String>,
+    measure: &str,
+    score: f64,
+) -> (Vec<(f64, f64)>, usize) {
+    let has = |entry: &&Entry| filter.iter().all(|(key, value)| entry.task.labels.get(key) == Some(value));
+    let of_entry = |entry: &Entry| {
+        let first =
+            entry.result.course.iter().position(|point| point.get(measure).is_some_and(|at| *at >= score))?;
+        let step = entry.result.course[first].get("step").copied()?;
+        Some((step, entry.times.course_secs.get(first).copied().unwrap_or(f64::NAN)))
+    };
+    let chosen: Vec<&Entry> = entries.iter().filter(has).collect();
+    (chosen.iter().filter_map(|entry| of_entry(entry)).collect(), chosen.len())
+}
+
+/// A table as CSV: labels, then measures.
+pub fn csv(records: &[Record]) -> String {
+    let labels: BTreeSet<&String> = records.iter().flat_map(|record| record.labels.keys()).collect();
+    let values: BTreeSet<&String> = records.iter().flat_map(|record| record.values.keys()).collect();
+    let head: Vec<&str> = labels.iter().chain(&values).map(|key| key.as_str()).collect();
+    let mut text = head.join(",") + "\n";
+    for record in records {
+        let of_labels =
+            labels.iter().map(|key| record.labels.get(*key).map_or_else(String::new, |text| field(text)));
+        // Six digits tell all that a score of control steps can; the whole number is in `results.jsonl`.
+        let of_values =
+            values.iter().map(|key| record.values.get(*key).map_or_else(String::new, |value| short(*value)));
+        let fields: Vec<String> = of_labels.chain(of_values).collect();
+        // Writing to a string cannot fail.
+        let _ = writeln!(text, "{}", fields.join(","));
+    }
+    text
+}
+
+fn short(value: f64) -> String {
+    let text = format!("{value:.6}");
+    text.trim_end_matches('0').trim_end_matches('.').to_string()
+}
+
+fn field(text: &str) -> String {
+    if text.contains([',', '"', '\n']) {
+        format!("\"{}\"", text.replace('"', "\"\""))
+    } else {
+        text.to_string()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn record(labels: &[(&str, &str)], f1: f64) -> Record {
+        let labels = labels.iter().map(|(key, value)| (key.to_string(), value.to_string())).collect();
+        Record { labels, values: BTreeMap::from([("f1".to_string(), f1)]) }
+    }
+
+    fn table() -> Vec<Record> {
+        let mut all = Vec::new();
+        for (variant, more) in [("a", 0.0), ("b", 0.1)] {
+            for (song, level) in [("x", 0.4), ("y", 0.8)] {
+                for seed in ["0", "1"] {
+                    for run in ["0", "1"] {
+                        let drift: f64 = if seed == "1" { 0.02 } else { 0.0 };
+                        let f1 = level + more + drift + if run == "1" { 0.01 } else { -0.01 };
+                        all.push(record(
+                            &[("variant", variant), ("song", song), ("seed", seed), ("run", run)],
+                            f1,
+                        ));
+                    }
+                }
+            }
+        }
+        all
+    }
+
+    #[test]
+    fn runs_of_one_training_are_one_score() {
+        let all = table();
+        let filter = BTreeMap::from([("variant".to_string(), "a".to_string())]);
+        let found = summary(&all, &filter, "f1").unwrap();
+        assert_eq!(found.count, 4);
+        assert!((found.mean.value - 0.61).abs() < 1e-12);
+        assert_eq!(compared(&all), ["variant"]);
+        assert_eq!(combinations(&all, &compared(&all)).len(), 2);
+    }
+
+    #[test]
+    fn differences_are_taken_training_by_training() {
+        let all = table();
+        let is = |name: &str| BTreeMap::from([("variant".to_string(), name.to_string())]);
+        let found = paired(&all, &is("b"), &is("a"), "f1").unwrap();
+        // The songs differ by 0.4, the variants by 0.1 in each.
+        assert!((found.mean.value - 0.1).abs() < 1e-12);
+        let [low, high] = found.mean.interval.unwrap();
+        assert!(high - low < 1e-9);
+    }
+
+    #[test]
+    fn tables_are_csv_whatever_the_labels() {
+        let text = csv(&[record(&[("variant", "a, \"b\"")], 0.25)]);
+        assert_eq!(text, "variant,f1\n\"a, \"\"b\"\"\",0.25\n");
+    }
+}

@@ -1,0 +1,183 @@
+//! The Slurm launcher: a job array over the lines of a plan. Nothing of any site is written down here: what a site asks for
+//! (partition, account, memory) comes in as options of `sbatch`.
+
+use std::fmt::Write as _;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+use super::plan::Task;
+use super::task::{RESULT, TaskState};
+
+/// How a plan goes through Slurm.
+#[derive(Clone, Debug)]
+pub struct SlurmConfig {
+    /// The `etude` program, as the nodes see it.
+    pub program: PathBuf,
+    /// Tasks that run at once at most.
+    pub throttle: Option<usize>,
+    /// Time limit of a task, as Slurm writes it.
+    pub time: String,
+    /// Cores of a task.
+    pub cpus: usize,
+    /// More options of `sbatch`, as they stand.
+    pub options: Vec<String>,
+}
+
+/// Seconds before the time limit at which a task is told to save itself.
+const GRACE_SECS: u32 = 120;
+
+/// A job could not be handed over.
+#[derive(Debug, thiserror::Error)]
+pub enum SlurmError {
+    /// There is no Slurm.
+    #[error(
+        "cannot run sbatch: {0}; is this a node of a cluster? `--launcher local` runs the tasks here, `--dry-run` shows the script"
+    )]
+    NoSlurm(std::io::Error),
+    /// It refused.
+    #[error("sbatch refused the job: {0}")]
+    Refused(String),
+}
+
+/// The lines of the plan whose tasks are not done, each work once.
+pub fn open_tasks(tasks: &[Task], runs: &Path) -> Vec<usize> {
+    let mut seen = std::collections::BTreeSet::new();
+    let open = |task: &Task| !runs.join(&task.id).join(RESULT).is_file();
+    let waiting = |task: &Task| open(task) && TaskState::of(task, runs) != TaskState::Running;
+    let numbered = tasks.iter().enumerate();
+    numbered
+        .filter(|(_, task)| seen.insert(task.id.as_str()) && waiting(task))
+        .map(|(index, _)| index)
+        .collect()
+}
+
+/// The batch script for these lines of a plan. Paths are absolute; `folder` is where it runs.
+pub fn slurm_script(
+    name: &str,
+    plan: &Path,
+    runs: &Path,
+    folder: &Path,
+    indices: &[usize],
+    config: &SlurmConfig,
+) -> String {
+    let mut array = ranges(indices);
+    if let Some(most) = config.throttle {
+        // Writing to a string cannot fail, here and below.
+        let _ = write!(array, "%{most}");
+    }
+    let logs = plan.with_extension("slurm");
+    let mut text = String::from("#!/bin/bash\n");
+    let mut option = |option: &str| {
+        let _ = writeln!(text, "#SBATCH {option}");
+    };
+    option(&format!("--job-name=etude-{name}"));
+    option(&format!("--array={array}"));
+    option(&format!("--cpus-per-task={}", config.cpus));
+    option(&format!("--time={}", config.time));
+    option(&format!("--signal=B:TERM@{GRACE_SECS}"));
+    option("--requeue");
+    option("--open-mode=append");
+    option(&format!("--output={}", quoted(&logs.join("%A_%a.log"))));
+    option(&format!("--chdir={}", quoted(folder)));
+    config.options.iter().for_each(|text| option(text));
+    let _ = write!(
+        text,
+        r#"
+# On TERM, which comes {GRACE_SECS} s before the time is up, the task saves itself and ends with 3; it goes on when it is requeued.
+{program} experiment task {plan} "$SLURM_ARRAY_TASK_ID" --runs {runs} --threads "$SLURM_CPUS_PER_TASK" &
+task=$!
+trap 'kill -TERM "$task"' TERM
+wait "$task"
+code=$?
+# A signal ends the waiting, not the task.
+while [ "$code" -gt 128 ] && kill -0 "$task" 2>/dev/null; do
+    wait "$task"
+    code=$?
+done
+if [ "$code" -eq 3 ]; then
+    scontrol requeue "${{SLURM_ARRAY_JOB_ID}}_$SLURM_ARRAY_TASK_ID"
+fi
+exit "$code"
+"#,
+        program = quoted(&config.program),
+        plan = quoted(plan),
+        runs = quoted(runs),
+    );
+    text
+}
+
+/// Hands a script over and gives the job's id.
+///
+/// # Errors
+/// If there is no Slurm or it refuses.
+pub fn submit(script: &Path) -> Result<String, SlurmError> {
+    let output =
+        Command::new("sbatch").arg("--parsable").arg(script).output().map_err(SlurmError::NoSlurm)?;
+    if !output.status.success() {
+        return Err(SlurmError::Refused(String::from_utf8_lossy(&output.stderr).trim().to_string()));
+    }
+    Ok(String::from_utf8_lossy(&output.stdout).trim().to_string())
+}
+
+/// `0-3,5` for 0, 1, 2, 3 and 5.
+fn ranges(indices: &[usize]) -> String {
+    let mut text = String::new();
+    for run in indices.chunk_by(|a, b| a + 1 == *b) {
+        let comma = if text.is_empty() { "" } else { "," };
+        let _ = match run {
+            [only] => write!(text, "{comma}{only}"),
+            [first, .., last] => write!(text, "{comma}{first}-{last}"),
+            [] => Ok(()),
+        };
+    }
+    text
+}
+
+/// A path as one word of a shell, and of an `#SBATCH` line.
+fn quoted(path: &Path) -> String {
+    let text = path.display().to_string();
+    let plain = |c: char| c.is_ascii_alphanumeric() || "/._-+%".contains(c);
+    if text.chars().all(plain) { text } else { format!("'{}'", text.replace('\'', r"'\''")) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn lines_are_told_in_ranges() {
+        assert_eq!(ranges(&[0, 1, 2, 3, 5, 7, 8]), "0-3,5,7-8");
+        assert_eq!(ranges(&[4]), "4");
+    }
+
+    #[test]
+    fn a_script_asks_for_what_it_is_told_and_takes_any_path() {
+        let config = SlurmConfig {
+            program: PathBuf::from("/opt/my tools/etude"),
+            throttle: Some(4),
+            time: "02:00:00".to_string(),
+            cpus: 2,
+            options: vec!["--partition=short".to_string()],
+        };
+        let text = slurm_script(
+            "songs",
+            Path::new("/data/runs/songs.plan.jsonl"),
+            Path::new("/data/runs"),
+            Path::new("/data"),
+            &[0, 1, 4],
+            &config,
+        );
+        for line in [
+            "#SBATCH --array=0-1,4%4",
+            "#SBATCH --cpus-per-task=2",
+            "#SBATCH --time=02:00:00",
+            "#SBATCH --signal=B:TERM@120",
+            "#SBATCH --requeue",
+            "#SBATCH --partition=short",
+            "#SBATCH --chdir=/data",
+        ] {
+            assert!(text.lines().any(|other| other == line), "{line} is missing in\n{text}");
+        }
+        assert!(text.contains("'/opt/my tools/etude' experiment task /data/runs/songs.plan.jsonl"), "{text}");
+    }
+}

@@ -1,0 +1,576 @@
+//! One task in its folder: it goes on where it was stopped, ends with one file that appears whole, and is done only once.
+//!
+//! ```text
+//! RUNS/ID/task.json     what is done
+//! RUNS/ID/training/     the run, if something is learned
+//! RUNS/ID/rehearsal/    the rehearsal, if it is one
+//! RUNS/ID/recordings/   excitations of the twin, and RUNS/ID/identified/, if the simulator is fitted
+//! RUNS/ID/log.txt       what the launcher's process said
+//! RUNS/ID/times.json    when, where and how long: what differs between machines
+//! RUNS/ID/result.json   what came of it, the same on every machine; written last
+//! ```
+
+use std::collections::BTreeMap;
+use std::fs::{File, OpenOptions, TryLockError};
+use std::io::{BufRead as _, Write as _};
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Instant;
+
+use etude_identify::{IdentifyError, Progress};
+use etude_learn::{EvaluationRow, LogRow, StopReason, TrainingObserver};
+use etude_music::SongError;
+use etude_perform::{FileError, Mode, write_text};
+use etude_task::{Piece, TaskError};
+use serde::{Deserialize, Serialize};
+
+use super::config::PerformConfig;
+use super::plan::{Task, TrainingConfig, Work};
+use crate::config::ConfigError;
+use crate::identify::{Identification, IdentificationError, IdentifyMethod, identify_robot};
+use crate::play::PlayError;
+use crate::player::load_player;
+use crate::rehearse::{
+    RehearsalConfig, RehearsalError, RehearsalStep, record_excitations, rehearse_on_robot,
+};
+use crate::rig::{StandError, TWIN, rig_choice, unix_secs};
+use crate::robot::{RobotPlay, in_simulation, play_on_robot};
+use crate::run::{Run, RunError, find_song};
+
+/// Names of a task's files.
+pub const TASK: &str = "task.json";
+/// See [`TASK`].
+pub const RESULT: &str = "result.json";
+/// See [`TASK`].
+pub const TIMES: &str = "times.json";
+const LOCK: &str = "task.lock";
+const COURSE: &str = "course.jsonl";
+
+/// Draws of the twin are told apart by this much from one seed to the next.
+const SEEDS_OF_RUNS: u64 = 1000;
+
+/// Measures by name: scores between 0 and 1, errors in rad.
+pub type Values = BTreeMap<String, f64>;
+
+/// Measures of one thing, and what it is.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Row {
+    /// What it is, beside the task's own labels: `mode`, `run`, `round`.
+    pub labels: BTreeMap<String, String>,
+    /// Its measures.
+    pub values: Values,
+}
+
+/// What came of a task. The same bytes wherever and however it was run.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct TaskResult {
+    /// Which task.
+    pub id: String,
+    /// Its measures.
+    pub rows: Vec<Row>,
+    /// How they came about: `step` and scores of each evaluation, or `replays` and `rms` of a fit.
+    pub course: Vec<Values>,
+}
+
+/// When, where and how long.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct TaskTimes {
+    /// Seconds that were worked on it, over all interruptions of the learning.
+    pub secs: f64,
+    /// Seconds of learning until each point of the course.
+    pub course_secs: Vec<f64>,
+    /// Version of Étude.
+    pub etude: String,
+    /// Version of MuJoCo.
+    pub mujoco: String,
+    /// Architecture of the machine.
+    pub machine: String,
+    /// Its cores.
+    pub cores: usize,
+    /// When it was done, s since 1970.
+    pub unix_secs: u64,
+    /// The command.
+    pub command: String,
+}
+
+/// How far a task has got.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct TaskProgress {
+    /// What goes on.
+    pub phase: String,
+    /// How much of the task is done, 0 to 1, about.
+    pub share: f64,
+    /// The best F1 so far.
+    pub f1: Option<f64>,
+}
+
+/// How a task ended that did not fail.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum TaskEnd {
+    /// It is done.
+    Done,
+    /// It was done before.
+    WasDone,
+    /// Another process is at work on it.
+    Busy,
+    /// On request; it goes on from where it was.
+    Stopped,
+}
+
+/// Where a task stands.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum TaskState {
+    /// It is done.
+    Done,
+    /// A process is at work on it, here or where the file system is shared.
+    Running,
+    /// It was begun, and nobody is at work on it.
+    Begun,
+    /// It was not begun.
+    Waiting,
+}
+
+impl TaskState {
+    /// Of a task among `runs`.
+    pub fn of(task: &Task, runs: &Path) -> Self {
+        let folder = runs.join(&task.id);
+        if folder.join(RESULT).is_file() {
+            return Self::Done;
+        }
+        match File::open(folder.join(LOCK)).map(|lock| lock.try_lock()) {
+            Err(_) => Self::Waiting,
+            Ok(Err(TryLockError::WouldBlock)) => Self::Running,
+            Ok(_) => Self::Begun,
+        }
+    }
+}
+
+/// A task failed.
+#[derive(Debug, thiserror::Error)]
+pub enum TaskFailure {
+    /// Settings.
+    #[error(transparent)]
+    Config(#[from] ConfigError),
+    /// A song.
+    #[error(transparent)]
+    Song(#[from] SongError),
+    /// The world.
+    #[error(transparent)]
+    Task(#[from] TaskError),
+    /// Learning.
+    #[error(transparent)]
+    Run(#[from] RunError),
+    /// Playing.
+    #[error(transparent)]
+    Play(#[from] PlayError),
+    /// The twin.
+    #[error(transparent)]
+    Stand(#[from] StandError),
+    /// Rehearsing.
+    #[error(transparent)]
+    Rehearsal(#[from] RehearsalError),
+    /// Fitting.
+    #[error(transparent)]
+    Identification(#[from] IdentificationError),
+    /// A file cannot be written.
+    #[error(transparent)]
+    Write(#[from] FileError),
+    /// A file cannot be made or read.
+    #[error("{path}: {source}")]
+    File {
+        /// The file.
+        path: PathBuf,
+        /// Why.
+        source: std::io::Error,
+    },
+    /// On request; it goes on from where it was.
+    #[error("stopped on request")]
+    Stopped,
+}
+
+/// Does a task in its folder among `runs`, or goes on with it. `threads` as in `trainer.threads`; `command` is written down.
+///
+/// # Errors
+/// If it fails; what was complete is kept, and the same call tries again.
+pub fn run_task(
+    task: &Task,
+    runs: &Path,
+    threads: usize,
+    command: &str,
+    tell: &mut (dyn FnMut(&TaskProgress) + Send),
+    interrupt: &AtomicBool,
+) -> Result<TaskEnd, TaskFailure> {
+    let folder = runs.join(&task.id);
+    if folder.join(RESULT).is_file() {
+        return Ok(TaskEnd::WasDone);
+    }
+    let file_error = |path: &Path, source| TaskFailure::File { path: path.to_path_buf(), source };
+    std::fs::create_dir_all(&folder).map_err(|error| file_error(&folder, error))?;
+    // The system lets go of it at every death. Where the file system has no locks, everyone has it.
+    let path = folder.join(LOCK);
+    let lock = File::create(&path).map_err(|error| file_error(&path, error))?;
+    if matches!(lock.try_lock(), Err(TryLockError::WouldBlock)) {
+        return Ok(TaskEnd::Busy);
+    }
+    // Who had the lock may have finished.
+    if folder.join(RESULT).is_file() {
+        return Ok(TaskEnd::WasDone);
+    }
+    // Plain numbers, strings and maps: writing them as JSON cannot fail, here and below.
+    let text = serde_json::to_string_pretty(task).unwrap_or_default() + "\n";
+    write_text(&folder.join(TASK), &text)?;
+    let mut work = Doing { task, folder: &folder, threads, command, tell, interrupt };
+    let done = match &task.work {
+        Work::Train { training, perform } => work.train_and_perform(training, perform.as_ref()),
+        Work::Rehearse { training, mode, rounds, runs, truth, evaluations } => {
+            work.rehearse(training, *mode, [*rounds, *runs], truth, *evaluations)
+        }
+        Work::Identify { truth, method, evaluations, seed } => {
+            work.identify(truth, *method, *evaluations, *seed)
+        }
+    };
+    let (result, times) = match done {
+        Err(TaskFailure::Stopped) => return Ok(TaskEnd::Stopped),
+        done => done?,
+    };
+    let text = serde_json::to_string_pretty(&times).unwrap_or_default() + "\n";
+    write_text(&folder.join(TIMES), &text)?;
+    let text = serde_json::to_string_pretty(&result).unwrap_or_default() + "\n";
+    write_text(&folder.join(RESULT), &text)?;
+    Ok(TaskEnd::Done)
+}
+
+/// A task under way.
+struct Doing<'a> {
+    task: &'a Task,
+    folder: &'a Path,
+    threads: usize,
+    command: &'a str,
+    tell: &'a mut (dyn FnMut(&TaskProgress) + Send),
+    interrupt: &'a AtomicBool,
+}
+
+/// Share of a task's time that the training takes where a performance follows.
+const TRAINING_SHARE: f64 = 0.9;
+
+impl Doing<'_> {
+    fn tell(&mut self, phase: &str, share: f64, f1: Option<f64>) {
+        (self.tell)(&TaskProgress { phase: phase.to_string(), share, f1 });
+    }
+
+    fn go_on(&self) -> Result<(), TaskFailure> {
+        if self.interrupt.load(Ordering::Relaxed) { Err(TaskFailure::Stopped) } else { Ok(()) }
+    }
+
+    fn result(&self, rows: Vec<Row>, course: Vec<Values>) -> TaskResult {
+        TaskResult { id: self.task.id.clone(), rows, course }
+    }
+
+    fn times(&self, secs: f64, course_secs: Vec<f64>) -> TaskTimes {
+        TaskTimes {
+            secs,
+            course_secs,
+            etude: env!("CARGO_PKG_VERSION").to_string(),
+            mujoco: etude_stage::mujoco_version().to_string(),
+            machine: std::env::consts::ARCH.to_string(),
+            cores: std::thread::available_parallelism().map_or(0, usize::from),
+            unix_secs: unix_secs(),
+            command: self.command.to_string(),
+        }
+    }
+
+    fn train_and_perform(
+        &mut self,
+        training: &TrainingConfig,
+        perform: Option<&PerformConfig>,
+    ) -> Result<(TaskResult, TaskTimes), TaskFailure> {
+        let song = find_song(&training.song)?;
+        let folder = self.folder.join("training");
+        let mut config = training.resolve()?;
+        config.trainer.threads = self.threads;
+        let seed = config.trainer.seed;
+        let mut run = Run::start_or_resume(song.clone(), config, &folder, self.command, None)?;
+        let total = run.config().trainer.total_steps;
+        let share = if perform.is_some() { TRAINING_SHARE } else { 1.0 };
+        let best = run.best_f1();
+        let mut watch = Watch { doing: self, total, share, best };
+        let outcome = run.run(&mut watch)?;
+        drop(run);
+        if outcome.stopped.is_some() {
+            return Err(TaskFailure::Stopped);
+        }
+        let mut player = load_player(&training.song, "", Some(&folder), Path::new("runs"))?;
+        let piece = Piece::new(&song, player.config.task.initial_silence_secs)?;
+        let sim = in_simulation(&mut player, &piece)?;
+        let of_sim = [("sim_f1", sim.f1), ("sim_precision", sim.precision), ("sim_recall", sim.recall)];
+        let mut rows = Vec::new();
+        match perform {
+            None => rows.push(row(&[], &of_sim)),
+            Some(perform) => {
+                let rig = rig_choice(TWIN, &perform.truth)?;
+                for (index, mode) in perform.modes.iter().enumerate() {
+                    let at = share + (1.0 - share) * index as f64 / perform.modes.len() as f64;
+                    self.tell(&format!("playing, {mode}"), at, Some(sim.f1));
+                    let (runs, seed) = (perform.runs, SEEDS_OF_RUNS * seed);
+                    let play = RobotPlay { mode: *mode, runs, home: true, seed };
+                    let report = play_on_robot(
+                        &song,
+                        &mut player,
+                        &rig,
+                        &play,
+                        None,
+                        None,
+                        self.interrupt,
+                        &mut |_, _| {},
+                    )?;
+                    self.go_on()?;
+                    for (run, played) in report.runs.iter().enumerate() {
+                        let frame = &played.frame;
+                        let whole = if played.steps[0] == played.steps[1] { 1.0 } else { 0.0 };
+                        let of_twin = [
+                            ("f1", frame.f1),
+                            ("precision", frame.precision),
+                            ("recall", frame.recall),
+                            ("gap", gap(sim.f1, frame.f1)),
+                            ("complete", whole),
+                        ];
+                        let labels = [("mode", mode.name().to_string()), ("run", run.to_string())];
+                        rows.push(row(&labels, &[of_sim.as_slice(), &of_twin].concat()));
+                    }
+                }
+            }
+        }
+        let (course, secs) = evaluations(&folder.join("metrics.jsonl"))?;
+        Ok((self.result(rows, course), self.times(outcome.elapsed_secs, secs)))
+    }
+
+    fn rehearse(
+        &mut self,
+        training: &TrainingConfig,
+        mode: Mode,
+        [rounds, runs]: [usize; 2],
+        truth: &str,
+        evaluations: Option<u64>,
+    ) -> Result<(TaskResult, TaskTimes), TaskFailure> {
+        let begun = Instant::now();
+        let song = find_song(&training.song)?;
+        let rig = rig_choice(TWIN, truth)?;
+        let config = RehearsalConfig {
+            song: training.song.clone(),
+            rig: rig.name().to_string(),
+            truth: Some(truth.to_string()),
+            rounds,
+            runs,
+            mode,
+            preset: training.preset.clone(),
+            overrides: training.set.clone(),
+            policy: None,
+            method: IdentifyMethod::Lm,
+            evaluations,
+            seed: training.resolve()?.trainer.seed,
+        };
+        let (folder, interrupt) = (self.folder.join("rehearsal"), self.interrupt);
+        let parts = (rounds + 1) as f64;
+        let mut told = |step: &RehearsalStep<'_>| match step {
+            RehearsalStep::Identifying(round, at) => {
+                self.tell(&format!("round {round}: {}", at.stage.name()), *round as f64 / parts, None);
+            }
+            RehearsalStep::Training(round, step, total, f1) => {
+                let share = (*round as f64 + *step as f64 / (*total).max(1) as f64) / parts;
+                self.tell(&format!("round {round}: training"), share, Some(*f1));
+            }
+            _ => {}
+        };
+        let rounds = match rehearse_on_robot(&song, &rig, &config, &folder, &mut told, interrupt) {
+            Err(
+                RehearsalError::Interrupted
+                | RehearsalError::Identify(IdentificationError::Identify(IdentifyError::Interrupted)),
+            ) => return Err(TaskFailure::Stopped),
+            rounds => rounds?,
+        };
+        let rows = rounds.iter().map(|round| {
+            let mut values = vec![
+                ("sim_f1", round.sim_f1),
+                ("f1", round.robot_f1),
+                ("gap", gap(round.sim_f1, round.robot_f1)),
+            ];
+            if let Some([before, after]) = round.held_out_rad {
+                values.extend([("held_out_before", before), ("held_out_after", after)]);
+            }
+            row(&[("round", round.round.to_string())], &values)
+        });
+        Ok((self.result(rows.collect(), Vec::new()), self.times(begun.elapsed().as_secs_f64(), Vec::new())))
+    }
+
+    fn identify(
+        &mut self,
+        truth: &str,
+        method: IdentifyMethod,
+        evaluations: Option<u64>,
+        seed: u64,
+    ) -> Result<(TaskResult, TaskTimes), TaskFailure> {
+        let rig = rig_choice(TWIN, truth)?;
+        let excitations = self.folder.join("recordings");
+        let interrupt = self.interrupt;
+        self.tell("recording", 0.0, None);
+        let recorded = record_excitations(&rig, &excitations, SEEDS_OF_RUNS * seed, interrupt, &mut |_| {});
+        let recordings = match recorded {
+            Err(RehearsalError::Interrupted) => return Err(TaskFailure::Stopped),
+            recorded => recorded?,
+        };
+        let what = Identification {
+            recordings,
+            held_out: Vec::new(),
+            method,
+            evaluations,
+            seed,
+            start: BTreeMap::new(),
+        };
+        let folder = self.folder.join("identified");
+        let mut course = Course::open(&self.folder.join(COURSE))?;
+        let mut failed = None;
+        let mut told = |at: &Progress| {
+            let share = at.ended[0] as f64 / at.ended[1].max(1) as f64;
+            self.tell(at.stage.name(), share, None);
+            let written = course.add(at);
+            failed = failed.take().or(written.err());
+        };
+        let report = match identify_robot(&what, &folder, &mut told, interrupt) {
+            Err(IdentificationError::Identify(IdentifyError::Interrupted)) => {
+                return Err(TaskFailure::Stopped);
+            }
+            report => report?,
+        };
+        if let Some(error) = failed {
+            return Err(error);
+        }
+        let errors = &report.held_out_errors;
+        let replays: u64 = report.identified.stages.iter().map(|end| end.replays).sum();
+        let secs: f64 = report.identified.stages.iter().map(|end| end.secs).sum();
+        let values = [
+            ("held_out_before", errors.fingers[0]),
+            ("held_out_after", errors.fingers[1]),
+            ("noise", errors.fingers_noise),
+            ("times_less", errors.fingers[0] / errors.fingers[1]),
+            ("replays", replays as f64),
+        ];
+        Ok((self.result(vec![row(&[], &values)], course.points), self.times(secs, Vec::new())))
+    }
+}
+
+/// The gap as the paper has it: what of the F1 in simulation is lost on the robot. Of nothing, nothing is lost.
+fn gap(sim_f1: f64, f1: f64) -> f64 {
+    if sim_f1 > 0.0 { 1.0 - f1 / sim_f1 } else { 0.0 }
+}
+
+fn row(labels: &[(&str, String)], values: &[(&str, f64)]) -> Row {
+    Row {
+        labels: labels.iter().map(|(key, value)| (key.to_string(), value.clone())).collect(),
+        // JSON has no infinities: a measure that is none is left out.
+        values: values
+            .iter()
+            .filter(|(_, value)| value.is_finite())
+            .map(|(key, value)| (key.to_string(), *value))
+            .collect(),
+    }
+}
+
+/// The evaluations in a run's metrics: `step` and scores of each, and the seconds until then.
+fn evaluations(path: &Path) -> Result<(Vec<Values>, Vec<f64>), TaskFailure> {
+    let text = std::fs::read_to_string(path)
+        .map_err(|source| TaskFailure::File { path: path.to_path_buf(), source })?;
+    let (mut points, mut secs, mut elapsed) = (Vec::new(), Vec::new(), 0.0);
+    for line in text.lines() {
+        let Ok(row) = serde_json::from_str::<BTreeMap<String, f64>>(line) else { continue };
+        elapsed = row.get("perf/elapsed_secs").copied().unwrap_or(elapsed);
+        let scores =
+            row.iter().filter_map(|(key, value)| Some((key.strip_prefix("eval/")?.to_string(), *value)));
+        let mut point: Values = scores.collect();
+        if point.is_empty() {
+            continue;
+        }
+        point.insert("step".to_string(), row.get("step").copied().unwrap_or(0.0));
+        points.push(point);
+        secs.push(elapsed);
+    }
+    Ok((points, secs))
+}
+
+/// The course of a fit, kept on the way. After an interruption a fit repeats a little, to the digit: a point that is there is
+/// not added again.
+struct Course {
+    file: File,
+    path: PathBuf,
+    seen: Vec<(String, u64, f64)>,
+    /// Replays of the stages that are over.
+    before: u64,
+    points: Vec<Values>,
+}
+
+impl Course {
+    fn open(path: &Path) -> Result<Self, TaskFailure> {
+        let fail = |source| TaskFailure::File { path: path.to_path_buf(), source };
+        let lines: Vec<String> = match File::open(path) {
+            Ok(file) => std::io::BufReader::new(file).lines().collect::<Result<_, _>>().map_err(fail)?,
+            Err(error) if error.kind() == std::io::ErrorKind::NotFound => Vec::new(),
+            Err(error) => return Err(fail(error)),
+        };
+        let file = OpenOptions::new().create(true).append(true).open(path).map_err(fail)?;
+        let path = path.to_path_buf();
+        let mut course = Self { file, path, seen: Vec::new(), before: 0, points: Vec::new() };
+        // The last line may be half a line.
+        for (stage, replays, rms) in lines.iter().filter_map(|line| serde_json::from_str(line).ok()) {
+            course.take((stage, replays, rms));
+        }
+        Ok(course)
+    }
+
+    fn add(&mut self, at: &Progress) -> Result<(), TaskFailure> {
+        let point = (at.stage.name().to_string(), at.replays, at.rms);
+        if !at.rms.is_finite() || self.seen.contains(&point) {
+            return Ok(());
+        }
+        // As above.
+        let text = serde_json::to_string(&point).unwrap_or_default() + "\n";
+        self.take(point);
+        let written = self.file.write_all(text.as_bytes());
+        written.map_err(|source| TaskFailure::File { path: self.path.clone(), source })
+    }
+
+    /// Replays are counted anew in each stage; here they go on.
+    fn take(&mut self, point: (String, u64, f64)) {
+        if let Some((stage, replays, _)) = self.seen.last()
+            && (*stage != point.0 || *replays > point.1)
+        {
+            self.before += replays;
+        }
+        let replays = ("replays".to_string(), (self.before + point.1) as f64);
+        self.points.push(BTreeMap::from([replays, ("rms".to_string(), point.2)]));
+        self.seen.push(point);
+    }
+}
+
+/// Watches a training for a task.
+struct Watch<'a, 'b> {
+    doing: &'a mut Doing<'b>,
+    total: u64,
+    share: f64,
+    best: Option<f64>,
+}
+
+impl TrainingObserver for Watch<'_, '_> {
+    fn on_log(&mut self, row: &LogRow) {
+        let share = self.share * row.step as f64 / self.total.max(1) as f64;
+        self.doing.tell("training", share, self.best);
+    }
+
+    fn on_evaluation(&mut self, row: &EvaluationRow) {
+        let f1 = row.scores.first().map(|score| score.value);
+        self.best = self.best.into_iter().chain(f1).reduce(f64::max);
+    }
+
+    fn should_stop(&mut self) -> Option<StopReason> {
+        self.doing.interrupt.load(Ordering::Relaxed).then_some(StopReason::Requested)
+    }
+}
