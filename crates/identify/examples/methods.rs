@@ -61,10 +61,16 @@ fn course(motions: &[Motion], method: MethodConfig, seed: u64) -> Result<Vec<Poi
     let state = std::env::temp_dir().join(format!("methods-{seed}-{}.json", std::process::id()));
     let (begun, interrupt) = (Instant::now(), AtomicBool::new(false));
     let mut points: Vec<Point> = Vec::new();
+    // Replays are counted anew in each round.
+    let (mut before, mut last) = (0, 0);
     let mut tell = |progress: &Progress| {
         if progress.stage == Stage::Joints {
-            let secs = begun.elapsed().as_secs_f64();
-            points.push(Point { replays: progress.replays, secs, rms: progress.rms });
+            if progress.replays < last {
+                before += last;
+            }
+            last = progress.replays;
+            let (replays, secs) = (before + last, begun.elapsed().as_secs_f64());
+            points.push(Point { replays, secs, rms: progress.rms });
         } else {
             interrupt.store(true, Ordering::Relaxed);
         }

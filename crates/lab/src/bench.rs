@@ -70,11 +70,15 @@ pub fn peak_memory_mib() -> Option<f64> {
     Some(kib.split_whitespace().next()?.parse::<f64>().ok()? / 1024.0)
 }
 
+/// Name of the processor, or its architecture where the system does not tell.
+pub fn processor() -> String {
+    proc_field("/proc/cpuinfo", "model name").unwrap_or_else(|| std::env::consts::ARCH.to_string())
+}
+
 /// This machine in one line, for a table of measurements: its processor, cores, memory and load, as far as the system
 /// tells.
 pub fn machine() -> String {
     let cores = std::thread::available_parallelism().map_or(1, usize::from);
-    let processor = proc_field("/proc/cpuinfo", "model name");
     let memory = proc_field("/proc/meminfo", "MemTotal")
         .and_then(|text| text.split_whitespace().next()?.parse::<f64>().ok())
         .map_or("unknown memory".to_string(), |kib| format!("{:.0} GiB", kib / (1024.0 * 1024.0)));
@@ -84,7 +88,7 @@ pub fn machine() -> String {
         .unwrap_or_else(|| "unknown".to_string());
     format!(
         "{}, {cores} cores, {memory}, load {load} at the start; MuJoCo {}, étude {}",
-        processor.as_deref().unwrap_or(std::env::consts::ARCH),
+        processor(),
         etude_stage::mujoco_version(),
         env!("CARGO_PKG_VERSION")
     )

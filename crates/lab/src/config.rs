@@ -40,6 +40,11 @@ pub const PRESETS: &[(&str, &str, &str)] = &[
         "the paper's appendix: no fences, position actuators, its own reward",
         include_str!("../../../configs/presets/appendix.toml"),
     ),
+    (
+        "appendix-fast",
+        "the appendix's task, learned as `fast` learns",
+        include_str!("../../../configs/presets/appendix-fast.toml"),
+    ),
 ];
 
 /// A configuration that cannot be read or makes no sense.
@@ -312,6 +317,11 @@ mod tests {
         assert!(message("droq.batch=many").contains("droq.batch"));
         assert!(message("nonsense").contains("path=value"));
         assert!(message("trainer.num_envs=1.5").contains("trainer.num_envs"));
-        assert!(resolve("slow", None, &[]).unwrap_err().to_string().contains("fast, quick, paper, appendix"));
+        assert!(
+            resolve("slow", None, &[])
+                .unwrap_err()
+                .to_string()
+                .contains("fast, quick, paper, appendix, appendix-fast")
+        );
     }
 }

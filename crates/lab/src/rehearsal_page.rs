@@ -153,6 +153,7 @@ mod tests {
             method: IdentifyMethod::Lm,
             evaluations: None,
             seed: 0,
+            threads: None,
         };
         let page = rehearsal_page(&config, &[round(0), round(1)], Path::new("there"));
         for part in [

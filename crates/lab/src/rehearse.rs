@@ -63,6 +63,9 @@ pub struct RehearsalConfig {
     pub evaluations: Option<u64>,
     /// Seed of identification and performances.
     pub seed: u64,
+    /// Threads of the trainings, if not as many as the settings say. They shape nothing, so another number may go on.
+    #[serde(skip)]
+    pub threads: Option<usize>,
 }
 
 /// What came of one round.
@@ -193,7 +196,8 @@ impl Rehearsal<'_> {
                 let there: RehearsalConfig = serde_json::from_str(&there)
                     .map_err(|error| fail(format!("rehearsal.json is damaged: {error}")))?;
                 // More rounds may follow.
-                if (RehearsalConfig { rounds: self.config.rounds, ..there }) != *self.config {
+                let (rounds, threads) = (self.config.rounds, self.config.threads);
+                if (RehearsalConfig { rounds, threads, ..there }) != *self.config {
                     return Err(fail("it holds another rehearsal, with other settings".to_string()));
                 }
             }
@@ -323,7 +327,8 @@ impl Rehearsal<'_> {
         tell: &mut (dyn FnMut(&RehearsalStep<'_>) + Send),
     ) -> Result<PathBuf, RehearsalError> {
         let folder = self.round_folder(round).join("training");
-        let config = resolve(&self.config.preset, layer, &self.config.overrides)?;
+        let mut config = resolve(&self.config.preset, layer, &self.config.overrides)?;
+        config.trainer.threads = self.config.threads.unwrap_or(config.trainer.threads);
         let command = format!("etude rehearse, round {round}");
         let mut run = Run::start_or_resume(self.song.clone(), config, &folder, &command, source)?;
         let total = run.config().trainer.total_steps;

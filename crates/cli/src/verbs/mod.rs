@@ -23,8 +23,8 @@ use etude_music::Song;
 /// The layers of configuration that several verbs take.
 #[derive(clap::Args)]
 pub struct ConfigArgs {
-    /// Start from this preset: fast (a song in minutes), quick (the same without a teacher), paper (as published) or
-    /// appendix (the paper's variant)
+    /// Start from this preset: fast (a song in minutes), quick (the same without a teacher), paper (as published),
+    /// appendix (the paper's variant) or appendix-fast (that, learned as fast learns)
     #[arg(long, default_value = "fast", value_name = "NAME")]
     preset: String,
     /// Then take what this TOML file says

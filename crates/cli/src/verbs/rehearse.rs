@@ -96,6 +96,7 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
         method: args.method,
         evaluations: args.evaluations,
         seed: args.seed,
+        threads: None,
     };
     let stop = stop_flag()?;
     let mut status = Status::new(args.json);

@@ -2,11 +2,13 @@
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
 #![allow(clippy::print_stdout, reason = "the test harness shows it on request")]
 
+mod experiments;
 mod mistakes;
 mod playing;
 mod printing;
 mod rehearsing;
 mod robots;
+mod slurm;
 mod songs;
 mod training;
 mod worlds;

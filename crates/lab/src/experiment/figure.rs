@@ -26,7 +26,7 @@ const COLOURS: [RGBColor; 7] = [
 /// Strokes of curves: length and gap of the dashes; none is a whole line.
 const DASHES: [Option<[u32; 2]>; 4] = [None, Some([9, 5]), Some([2, 4]), Some([14, 3])];
 /// Letters of a group's name that are written upwards.
-const LONGEST_NAME: usize = 22;
+const LONGEST_NAME: usize = 28;
 
 type Chart<'a, B> = ChartContext<'a, B, Cartesian2d<RangedCoordf64, RangedCoordf64>>;
 
@@ -150,7 +150,8 @@ impl Drawing {
         let mut chart = ChartBuilder::on(area)
             .caption(&self.title, font(15))
             .margin(10 * dots)
-            .x_label_area_size(if long { 120 } else { 44 } * dots)
+            .top_x_label_area_size(if self.series.len() > 1 { 22 * dots } else { 0 })
+            .x_label_area_size(if long { 160 } else { 44 } * dots)
             .y_label_area_size(56 * dots)
             .build_cartesian_2d(x[0]..x[1], y[0]..y[1])?;
         let group = |at: &f64| {
@@ -312,7 +313,7 @@ impl Drawing {
                 area.draw(&Rectangle::new(patch, colour.mix(shade(index)).filled()))?;
                 area.draw(&Rectangle::new(patch, colour.stroke_width(dots)))?;
             }
-            area.draw_text(&series.name, &style, (x + 28 * d, y - 7 * d + shift))?;
+            area.draw_text(&series.name, &style, (x + 28 * d, y - 5 * d + shift))?;
             x += wide;
         }
         Ok(())

@@ -186,6 +186,8 @@ fn start(
         .arg("--runs")
         .arg(runs)
         .args(["--threads", &config.threads.to_string(), "--attended"])
+        // For fits and whatever else spreads over all cores.
+        .env("RAYON_NUM_THREADS", config.threads.to_string())
         .stdin(Stdio::piped())
         .stdout(Stdio::piped())
         .stderr(log_file)

@@ -478,7 +478,7 @@ fn provenance(body: &mut String, experiment: &Experiment, planned: usize, entrie
     let hours = entries.iter().map(|entry| entry.times.secs).sum::<f64>() / 3600.0;
     let _ = writeln!(
         body,
-        "<p>{} of {planned} tasks, {hours:.1} hours of one worker; Étude {}, MuJoCo {}; {} cores, {}. \
+        "<p>{} of {planned} tasks, {hours:.1} hours of one worker; Étude {}, MuJoCo {}; {} cores of {}. \
          <code>etude experiment run {}</code></p>",
         entries.len(),
         escape(&distinct(&|entry| entry.times.etude.clone())),

@@ -84,6 +84,7 @@ pub fn slurm_script(
         text,
         r#"
 # On TERM, which comes {GRACE_SECS} s before the time is up, the task saves itself and ends with 3; it goes on when it is requeued.
+export RAYON_NUM_THREADS="$SLURM_CPUS_PER_TASK"
 {program} experiment task {plan} "$SLURM_ARRAY_TASK_ID" --runs {runs} --threads "$SLURM_CPUS_PER_TASK" &
 task=$!
 trap 'kill -TERM "$task"' TERM

@@ -26,6 +26,7 @@ use serde::{Deserialize, Serialize};
 
 use super::config::PerformConfig;
 use super::plan::{Task, TrainingConfig, Work};
+use crate::bench::processor;
 use crate::config::ConfigError;
 use crate::identify::{Identification, IdentificationError, IdentifyMethod, identify_robot};
 use crate::play::PlayError;
@@ -83,7 +84,7 @@ pub struct TaskTimes {
     pub etude: String,
     /// Version of MuJoCo.
     pub mujoco: String,
-    /// Architecture of the machine.
+    /// Processor of the machine.
     pub machine: String,
     /// Its cores.
     pub cores: usize,
@@ -273,7 +274,7 @@ impl Doing<'_> {
             course_secs,
             etude: env!("CARGO_PKG_VERSION").to_string(),
             mujoco: etude_stage::mujoco_version().to_string(),
-            machine: std::env::consts::ARCH.to_string(),
+            machine: processor(),
             cores: std::thread::available_parallelism().map_or(0, usize::from),
             unix_secs: unix_secs(),
             command: self.command.to_string(),
@@ -369,6 +370,7 @@ impl Doing<'_> {
             method: IdentifyMethod::Lm,
             evaluations,
             seed: training.resolve()?.trainer.seed,
+            threads: Some(self.threads),
         };
         let (folder, interrupt) = (self.folder.join("rehearsal"), self.interrupt);
         let parts = (rounds + 1) as f64;

@@ -1,0 +1,204 @@
+//! `etude experiment`: plans, the local launcher, reports; the cluster is in `slurm`.
+
+use std::process::{Command, Stdio};
+use std::thread::sleep;
+use std::time::{Duration, Instant};
+
+use crate::{Desk, TINY, errors};
+
+/// An experiment of four short tasks in the scratch folder.
+pub const FOUR: &str = r#"
+title = "Four short tasks"
+source = "a test"
+songs = ["short.mid"]
+seeds = 2
+[[variants]]
+name = "fences"
+[[variants]]
+name = "none"
+set = ["task.stage.fences=false"]
+[perform]
+modes = ["real"]
+runs = 1
+[[figures]]
+name = "scores"
+title = "Scores"
+kind = "bars"
+x = "variant"
+y = ["sim_f1", "f1"]
+"#;
+
+/// Files of the results of all tasks in a folder of runs, by task.
+pub fn results(desk: &Desk, runs: &str) -> Vec<(String, Vec<u8>)> {
+    let entries = std::fs::read_dir(desk.path(runs)).unwrap().map(|entry| entry.unwrap().path());
+    let mut found: Vec<(String, Vec<u8>)> = entries
+        .filter_map(|folder| {
+            let bytes = std::fs::read(folder.join("result.json")).ok()?;
+            Some((folder.file_name()?.to_string_lossy().into_owned(), bytes))
+        })
+        .collect();
+    found.sort();
+    found
+}
+
+/// The command with the settings of tiny trainings.
+pub fn tiny(desk: &Desk, args: &str) -> Command {
+    let mut command = desk.command(args);
+    command.args(TINY.iter().flat_map(|set| ["--set", set]));
+    command
+}
+
+fn done(mut command: Command) -> String {
+    let output = command.output().unwrap();
+    assert!(output.status.success(), "{command:?}: {}", errors(&output));
+    String::from_utf8(output.stdout).unwrap()
+}
+
+#[test]
+fn every_experiment_of_the_paper_runs_by_its_one_command() {
+    let desk = Desk::new();
+    let listed = desk.json("experiment list --json");
+    let names: Vec<&str> =
+        listed.as_array().unwrap().iter().map(|row| row["name"].as_str().unwrap()).collect();
+    for name in ["songs", "fences", "collision", "appendix-songs", "modes", "randomisation", "rounds"] {
+        assert!(names.contains(&name), "{name} is missing among {names:?}");
+    }
+    let all = names.join(" ");
+    let begun = Instant::now();
+    desk.ok(&format!("experiment run {all} --budget smoke"));
+    println!("all experiments in {:.0} s", begun.elapsed().as_secs_f64());
+    let report = format!("experiment report {all} --budget smoke -o report");
+    desk.ok(&report);
+    let page = desk.bytes("report/index.html");
+    let text = String::from_utf8(page.clone()).unwrap();
+    for row in listed.as_array().unwrap() {
+        let name = row["name"].as_str().unwrap();
+        assert!(text.contains(&format!("id=\"{name}\"")), "{name} is not on the page");
+        let plan = desk.ok(&format!("experiment plan {name} --budget smoke"));
+        let kept = desk.bytes(format!("report/{name}/results.jsonl"));
+        assert_eq!(kept.iter().filter(|byte| **byte == b'\n').count(), plan.lines().count(), "{name}");
+        let table = crate::csv(&desk.bytes(format!("report/{name}/results.csv")));
+        assert!(table.len() > 1, "{name}");
+    }
+    assert!(desk.bytes("report/songs/songs.png").starts_with(b"\x89PNG"));
+    assert!(
+        text.contains("The paper’s numbers and ours") && text.contains("stands in") == text.contains("twin")
+    );
+    // What is done is not done again, and the report needs the runs no more.
+    let again = desk.ok(&format!("experiment run {all} --budget smoke"));
+    assert!(again.contains(" 0 failed"), "{again}");
+    std::fs::remove_dir_all(desk.path("runs")).unwrap();
+    desk.ok(&report);
+    assert!(desk.bytes("report/index.html") == page, "the same page, made of what the first one kept");
+}
+
+#[test]
+fn tasks_that_were_stopped_or_whose_launcher_was_killed_end_the_same() {
+    let desk = Desk::new();
+    std::fs::write(desk.path("four.toml"), FOUR).unwrap();
+    done(tiny(&desk, "experiment run four.toml --runs whole"));
+    let whole = results(&desk, "whole");
+    assert_eq!(whole.len(), 4);
+    for signal in ["-INT", "-KILL"] {
+        let runs = format!("stopped{signal}");
+        let run = || tiny(&desk, &format!("experiment run four.toml --workers 1 --runs {runs}"));
+        let mut launcher = run().stdout(Stdio::null()).stderr(Stdio::null()).spawn().unwrap();
+        let first = desk.path(&runs).join(whole_first(&desk)).join("training/metrics.jsonl");
+        let begun = Instant::now();
+        while !first.exists() && begun.elapsed() < Duration::from_secs(120) {
+            sleep(Duration::from_millis(5));
+        }
+        Command::new("kill").args([signal, &launcher.id().to_string()]).status().unwrap();
+        let code = launcher.wait().unwrap().code();
+        assert_eq!(code, (signal == "-INT").then_some(3));
+        // Workers hear that the launcher is gone, save and end; what comes after would find them busy before that.
+        let begun = Instant::now();
+        while desk.ok(&status(&runs)).contains("\"running\"") && begun.elapsed() < Duration::from_secs(60) {
+            sleep(Duration::from_millis(50));
+        }
+        assert!(results(&desk, &runs).len() < 4, "it was stopped on its way");
+        done(run());
+        assert!(results(&desk, &runs) == whole, "{signal}");
+    }
+}
+
+fn status(runs: &str) -> String {
+    let sets: String = TINY.iter().map(|set| format!(" --set {set}")).collect();
+    format!("experiment status four.toml --json --runs {runs}{sets}")
+}
+
+/// The id of the plan's first task.
+fn whole_first(desk: &Desk) -> String {
+    let plan = desk.bytes("whole/four.plan.jsonl");
+    let line = std::str::from_utf8(&plan).unwrap().lines().next().unwrap().to_string();
+    let task: serde_json::Value = serde_json::from_str(&line).unwrap();
+    task["id"].as_str().unwrap().to_string()
+}
+
+#[test]
+fn a_task_that_fails_is_told_with_its_reason_and_the_others_go_on() {
+    let desk = Desk::new();
+    std::fs::write(desk.path("four.toml"), FOUR).unwrap();
+    let plan = done(tiny(&desk, "experiment plan four.toml"));
+    let first: serde_json::Value = serde_json::from_str(plan.lines().next().unwrap()).unwrap();
+    // Where the first task's training would be, there is a file.
+    let folder = desk.path("runs").join(first["id"].as_str().unwrap());
+    std::fs::create_dir_all(&folder).unwrap();
+    std::fs::write(folder.join("training"), "in the way").unwrap();
+    let output = tiny(&desk, "experiment run four.toml").output().unwrap();
+    assert_eq!(output.status.code(), Some(1));
+    let said = errors(&output);
+    assert!(said.contains(first["id"].as_str().unwrap()) && said.contains("training"), "{said}");
+    assert_eq!(results(&desk, "runs").len(), 3);
+    std::fs::remove_file(folder.join("training")).unwrap();
+    done(tiny(&desk, "experiment run four.toml"));
+    assert_eq!(results(&desk, "runs").len(), 4);
+}
+
+#[test]
+fn the_experiment_that_the_documents_add_can_be_planned() {
+    let desk = Desk::new();
+    let text = include_str!("../../../../docs/experiments.md");
+    let file = text.split("```toml\n").nth(1).unwrap().split("```").next().unwrap();
+    std::fs::write(desk.path("rail-speed.toml"), file).unwrap();
+    let plan = desk.ok("experiment plan rail-speed.toml");
+    assert_eq!(plan.lines().count(), 2 * 3 * 3);
+    assert!(plan.contains(r#""acceleration_limit":"3.75""#), "{plan}");
+}
+
+#[test]
+fn mistakes_are_told_before_anything_is_done() {
+    let desk = Desk::new();
+    std::fs::write(desk.path("four.toml"), FOUR).unwrap();
+    std::fs::write(desk.path("bad.toml"), FOUR.replace("kind = \"bars\"", "kind = \"pie\"")).unwrap();
+    std::fs::write(desk.path("other.toml"), FOUR.replace("short.mid", "long.mid")).unwrap();
+    for (args, said) in [
+        ("experiment run sings", "songs"),
+        ("experiment run bad.toml", "figures[0].kind"),
+        ("experiment run other.toml", "long.mid"),
+        ("experiment run four.toml --set trainer.sead=3", "sead"),
+        ("experiment run four.toml --budget huge", "full, smoke"),
+        ("experiment report four.toml", "etude experiment run four"),
+        ("experiment task nowhere.jsonl 0", "nowhere.jsonl"),
+    ] {
+        let output = desk.command(args).output().unwrap();
+        assert!(!output.status.success(), "{args}");
+        assert!(errors(&output).contains(said), "{args}: {}", errors(&output));
+    }
+    assert!(!desk.path("runs").exists());
+    let script = desk
+        .ok("experiment run four.toml --launcher slurm --dry-run --throttle 2 --sbatch=--partition=short");
+    assert!(
+        script.contains("#SBATCH --array=0-3%2") && script.contains("#SBATCH --partition=short"),
+        "{script}"
+    );
+    assert_eq!(
+        desk.command("experiment run four.toml --launcher slurm")
+            .env("PATH", "")
+            .output()
+            .unwrap()
+            .status
+            .code(),
+        Some(1)
+    );
+}
