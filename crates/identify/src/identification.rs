@@ -358,10 +358,11 @@ impl<'a> Work<'a> {
             }
             self.state.replays += batch as u64;
             self.state.secs += begun.elapsed().as_secs_f64();
-            self.save()?;
             let ended = self.state.fits.iter().filter(|(_, fit)| fit.finished().is_some()).count();
             let replays = self.state.replays;
+            // Told first: who is killed in between is told again, and misses nothing.
             tell(&Progress { stage, replays, rms, ended: [ended, self.state.fits.len()] });
+            self.save()?;
         }
         let mut fits = std::mem::take(&mut self.state.fits);
         let samples = fits.iter().map(|(_, fit)| fit.problem().samples()).sum();

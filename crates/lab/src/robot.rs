@@ -207,9 +207,10 @@ pub fn play_on_robot(
     Ok(report)
 }
 
-/// Scores of the player in simulation alone.
+/// Scores of the player in simulation alone, in the nominal world: one drawn world would flatter it or not.
 pub(crate) fn in_simulation(player: &mut Player, piece: &Piece) -> Result<FrameScores, PlayError> {
-    let config = player.config.clone();
+    let mut config = player.config.clone();
+    config.task.randomisation.intensity = 0.0;
     let mut act: Box<Act<'_>> = match &mut player.mind {
         Mind::Policy(policy, _) => Box::new(|_, observation, action| policy.act(observation, action)),
         Mind::Script => {

@@ -5,8 +5,8 @@ use std::path::{Path, PathBuf};
 use clap::{Subcommand, ValueEnum};
 use etude_lab::experiment::{
     Budget, Experiment, LaunchProgress, LocalConfig, PlanConfig, SlurmConfig, Task, TaskEnd, TaskProgress,
-    TaskState, launch_local, names, open_tasks, plan_text, read_plan, run_task, slurm_script, submit,
-    write_plan,
+    TaskState, launch_local, names, open_tasks, plan_file, plan_text, read_plan, run_task, slurm_script,
+    submit, write_plan,
 };
 use etude_perform::write_text;
 use serde_json::json as object;
@@ -72,8 +72,12 @@ struct PlanArgs {
 }
 
 impl PlanArgs {
+    fn config(&self) -> PlanConfig {
+        PlanConfig { seeds: self.seeds, budget: self.budget, set: self.set.clone() }
+    }
+
     fn plans(&self) -> anyhow::Result<Vec<(Experiment, Vec<Task>)>> {
-        let config = PlanConfig { seeds: self.seeds, budget: self.budget, set: self.set.clone() };
+        let config = self.config();
         let plan = |name: &String| {
             let experiment = Experiment::load(name)?;
             let tasks = experiment.plan(&config)?;
@@ -197,32 +201,31 @@ fn list(as_json: bool) -> anyhow::Result<Ending> {
     Ok(Ending::Done)
 }
 
-/// Where the plan of an experiment lies.
-fn plan_file(runs: &Path, experiments: &[(Experiment, Vec<Task>)]) -> (String, PathBuf) {
-    let name =
-        experiments.iter().map(|(experiment, _)| experiment.name.as_str()).collect::<Vec<_>>().join("+");
-    let file = runs.join(format!("{name}.plan.jsonl"));
-    (name, file)
-}
-
 fn launch(args: &RunArgs) -> anyhow::Result<Ending> {
     let plans = args.plan.plans()?;
     let tasks: Vec<Task> = plans.iter().flat_map(|(_, tasks)| tasks.clone()).collect();
-    std::fs::create_dir_all(&args.runs).map_err(|error| {
-        anyhow::anyhow!("cannot create {}: {error}; choose another folder with --runs", args.runs.display())
-    })?;
-    let (name, plan) = plan_file(&args.runs, &plans);
+    let name = plans.iter().map(|(experiment, _)| experiment.name.as_str()).collect::<Vec<_>>().join("-");
+    let plan = plan_file(&args.runs, &name, &tasks);
     let program = std::env::current_exe()?;
     match args.launcher {
-        Launcher::Local => {
-            write_plan(&plan, &tasks)?;
-            local(args, &tasks, &plan, program)
-        }
+        Launcher::Local => local(args, &tasks, &plan, program),
         Launcher::Slurm => slurm(args, &name, &tasks, &plan, program),
     }
 }
 
+fn make_runs(runs: &Path) -> anyhow::Result<()> {
+    let why = |error| {
+        anyhow::anyhow!("cannot create {}: {error}; choose another folder with --runs", runs.display())
+    };
+    std::fs::create_dir_all(runs).map_err(why)
+}
+
 fn local(args: &RunArgs, tasks: &[Task], plan: &Path, program: PathBuf) -> anyhow::Result<Ending> {
+    if args.dry_run || args.throttle.is_some() || !args.sbatch.is_empty() {
+        anyhow::bail!("--dry-run, --throttle and --sbatch are for the cluster: add --launcher slurm");
+    }
+    make_runs(&args.runs)?;
+    write_plan(plan, tasks)?;
     let cores = std::thread::available_parallelism().map_or(1, usize::from);
     let threads = usize::from(args.threads);
     let workers = args.workers.map_or_else(|| (cores / threads).max(1), usize::from);
@@ -238,7 +241,8 @@ fn local(args: &RunArgs, tasks: &[Task], plan: &Path, program: PathBuf) -> anyho
             args.runs.join(id).join(etude_lab::experiment::LOG).display()
         ));
     }
-    let busy = if report.busy > 0 { format!(", {} are done elsewhere", report.busy) } else { String::new() };
+    let busy =
+        if report.busy > 0 { format!(", {} are under way elsewhere", report.busy) } else { String::new() };
     line(format!("{} tasks are done{busy}, {} failed", report.done, report.failed.len()))?;
     if report.stopped {
         note("stopped; the same command goes on");
@@ -292,6 +296,7 @@ fn slurm(
         line(script.trim_end())?;
         return Ok(Ending::Done);
     }
+    make_runs(&args.runs)?;
     write_plan(plan, tasks)?;
     let file = plan.with_extension("sbatch");
     std::fs::create_dir_all(plan.with_extension("slurm"))?;
@@ -343,7 +348,7 @@ fn status(args: &StatusArgs) -> anyhow::Result<Ending> {
 
 fn report(args: &ReportArgs) -> anyhow::Result<Ending> {
     let plans = args.plan.plans()?;
-    let page = etude_lab::experiment::write_report(&plans, &args.runs, &args.out)?;
+    let page = etude_lab::experiment::write_report(&plans, &args.plan.config(), &args.runs, &args.out)?;
     for missing in &page.missing {
         note(format!("{}: {} of {} tasks are not done", missing.experiment, missing.tasks, missing.of));
     }

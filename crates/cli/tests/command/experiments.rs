@@ -66,6 +66,7 @@ fn every_experiment_of_the_paper_runs_by_its_one_command() {
     let all = names.join(" ");
     let begun = Instant::now();
     desk.ok(&format!("experiment run {all} --budget smoke"));
+    // Five minutes are asked for; it is printed and not asserted, since machines are busy.
     println!("all experiments in {:.0} s", begun.elapsed().as_secs_f64());
     let report = format!("experiment report {all} --budget smoke -o report");
     desk.ok(&report);
@@ -81,9 +82,8 @@ fn every_experiment_of_the_paper_runs_by_its_one_command() {
         assert!(table.len() > 1, "{name}");
     }
     assert!(desk.bytes("report/songs/songs.png").starts_with(b"\x89PNG"));
-    assert!(
-        text.contains("The paper’s numbers and ours") && text.contains("stands in") == text.contains("twin")
-    );
+    assert!(text.contains("The paper’s numbers and ours") && text.contains("There is no robot here"));
+    assert!(text.contains("etude experiment run songs --budget smoke"), "the page says how it was made");
     // What is done is not done again, and the report needs the runs no more.
     let again = desk.ok(&format!("experiment run {all} --budget smoke"));
     assert!(again.contains(" 0 failed"), "{again}");
@@ -99,14 +99,20 @@ fn tasks_that_were_stopped_or_whose_launcher_was_killed_end_the_same() {
     done(tiny(&desk, "experiment run four.toml --runs whole"));
     let whole = results(&desk, "whole");
     assert_eq!(whole.len(), 4);
-    for signal in ["-INT", "-KILL"] {
-        let runs = format!("stopped{signal}");
+    // Told to stop; the launcher killed; and launcher and workers killed.
+    for (signal, workers_too) in [("-INT", false), ("-KILL", false), ("-KILL", true)] {
+        let runs = format!("stopped{signal}{workers_too}");
         let run = || tiny(&desk, &format!("experiment run four.toml --workers 1 --runs {runs}"));
         let mut launcher = run().stdout(Stdio::null()).stderr(Stdio::null()).spawn().unwrap();
         let first = desk.path(&runs).join(whole_first(&desk)).join("training/metrics.jsonl");
         let begun = Instant::now();
         while !first.exists() && begun.elapsed() < Duration::from_secs(120) {
             sleep(Duration::from_millis(5));
+        }
+        if workers_too {
+            // The tasks' command lines have the folder's whole path.
+            let pattern = format!("experiment task .*{runs}");
+            Command::new("pkill").args(["-KILL", "-f", &pattern]).status().unwrap();
         }
         Command::new("kill").args([signal, &launcher.id().to_string()]).status().unwrap();
         let code = launcher.wait().unwrap().code();
@@ -129,9 +135,8 @@ fn status(runs: &str) -> String {
 
 /// The id of the plan's first task.
 fn whole_first(desk: &Desk) -> String {
-    let plan = desk.bytes("whole/four.plan.jsonl");
-    let line = std::str::from_utf8(&plan).unwrap().lines().next().unwrap().to_string();
-    let task: serde_json::Value = serde_json::from_str(&line).unwrap();
+    let plan = done(tiny(desk, "experiment plan four.toml"));
+    let task: serde_json::Value = serde_json::from_str(plan.lines().next().unwrap()).unwrap();
     task["id"].as_str().unwrap().to_string()
 }
 
@@ -177,6 +182,9 @@ fn mistakes_are_told_before_anything_is_done() {
         ("experiment run bad.toml", "figures[0].kind"),
         ("experiment run other.toml", "long.mid"),
         ("experiment run four.toml --set trainer.sead=3", "sead"),
+        ("experiment run four.toml --set trainer.seed=3", "--seeds"),
+        ("experiment run four.toml --set task.reward.colision=0", "colision"),
+        ("experiment run four.toml --dry-run", "--launcher slurm"),
         ("experiment run four.toml --budget huge", "full, smoke"),
         ("experiment report four.toml", "etude experiment run four"),
         ("experiment task nowhere.jsonl 0", "nowhere.jsonl"),

@@ -194,6 +194,14 @@ pub enum ExperimentError {
     },
 }
 
+/// Labels that a grid cannot have.
+const RESERVED: [&str; 8] = ["song", "seed", "variant", "mode", "run", "round", "truth", "method"];
+
+/// Whether a setting `path=value` is of the seed, which the plan owns.
+pub(super) fn sets_the_seed(set: &str) -> bool {
+    set.split('=').next().is_some_and(|path| path.trim() == "trainer.seed")
+}
+
 /// Names of the experiments that come with Étude.
 pub fn names() -> Vec<&'static str> {
     EXPERIMENTS.iter().map(|(name, _)| *name).collect()
@@ -254,6 +262,20 @@ impl Experiment {
                 return Err(format!("two variants are called `{}`", variant.name));
             }
         }
+        let sets = self.set.iter().chain(self.variants.iter().flat_map(|variant| &variant.set));
+        if let Some(set) = sets.chain(self.grid.keys()).find(|set| sets_the_seed(set)) {
+            return Err(format!(
+                "`{set}` would make every training the same: `seeds` says how many there are"
+            ));
+        }
+        let mut labels: Vec<&str> = RESERVED.to_vec();
+        for path in self.grid.keys() {
+            let label = path.rsplit('.').next().unwrap_or(path);
+            if labels.contains(&label) {
+                return Err(format!("key `grid.{path}`: its label `{label}` is taken; make variants of it"));
+            }
+            labels.push(label);
+        }
         for figure in &self.figures {
             let plain = |c: char| c.is_ascii_alphanumeric() || c == '-';
             if figure.name.is_empty() || !figure.name.chars().all(plain) {
@@ -296,6 +318,9 @@ mod tests {
                 .contains("two variants")
         );
         assert!(said(&format!("{least}[grid]\n'task.x' = []")).contains("task.x"));
+        assert!(said(&format!("{least}[grid]\n'a.mode' = [1]")).contains("`mode` is taken"));
+        assert!(said(&format!("{least}[grid]\n'a.x' = [1]\n'b.x' = [1]")).contains("`x` is taken"));
+        assert!(said(&format!("{least}set = ['trainer.seed=3']")).contains("`seeds`"));
         let unknown = Experiment::load("no-such").unwrap_err().to_string();
         assert!(unknown.contains("no-such") && unknown.contains("songs"), "{unknown}");
     }

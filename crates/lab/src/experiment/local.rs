@@ -81,6 +81,8 @@ struct Worker {
     id: String,
     child: Child,
     begun: Instant,
+    /// Length of its log before it began.
+    logged: u64,
 }
 
 /// What a worker's process says on its standard output: the task, and how far it is.
@@ -126,11 +128,12 @@ pub fn launch_local(
         if workers.is_empty() {
             break;
         }
-        if let Ok((id, at)) = news.recv_timeout(LOOK) {
-            progress.running.insert(id, at);
-        }
-        while let Ok((id, at)) = news.try_recv() {
-            progress.running.insert(id, at);
+        let first = news.recv_timeout(LOOK).ok();
+        for (id, at) in first.into_iter().chain(news.try_iter()) {
+            // News of a process that has ended meanwhile are old.
+            if workers.iter().any(|worker| worker.id == id) {
+                progress.running.insert(id, at);
+            }
         }
         let mut going = Vec::new();
         for mut worker in workers {
@@ -152,8 +155,11 @@ pub fn launch_local(
                 Some(code) if code == i32::from(BUSY) => report.busy += 1,
                 _ => {
                     progress.failed += 1;
-                    let said = last_line(&runs.join(&worker.id).join(LOG));
-                    report.failed.push((worker.id, said.unwrap_or_else(|| status.to_string())));
+                    let said = last_line(&runs.join(&worker.id).join(LOG), worker.logged);
+                    report.failed.push((
+                        worker.id,
+                        format!("{status}{}", said.map_or_else(String::new, |said| format!(": {said}"))),
+                    ));
                 }
             }
         }
@@ -179,6 +185,7 @@ fn start(
     let log = folder.join(LOG);
     let log_file =
         OpenOptions::new().create(true).append(true).open(&log).map_err(|error| fail(&log, error))?;
+    let logged = log_file.metadata().map_or(0, |data| data.len());
     let mut child = Command::new(&config.program)
         .args(["experiment", "task"])
         .arg(plan)
@@ -206,12 +213,13 @@ fn start(
             }
         });
     }
-    Ok(Worker { id: task.id.clone(), child, begun: Instant::now() })
+    Ok(Worker { id: task.id.clone(), child, begun: Instant::now(), logged })
 }
 
-/// The last line of a text file that is not empty.
-pub(super) fn last_line(path: &Path) -> Option<String> {
-    let text = std::fs::read_to_string(path).ok()?;
+/// The last line of a text file that is not empty, from this byte on.
+fn last_line(path: &Path, from: u64) -> Option<String> {
+    let bytes = std::fs::read(path).ok()?;
+    let text = String::from_utf8_lossy(bytes.get(usize::try_from(from).ok()?..)?).into_owned();
     text.lines().rev().find(|line| !line.trim().is_empty()).map(str::to_string)
 }
 

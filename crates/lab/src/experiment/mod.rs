@@ -15,7 +15,10 @@ pub use config::{
     RehearseConfig, Variant, names,
 };
 pub use local::{BUSY, LOG, LaunchError, LaunchProgress, LaunchReport, LocalConfig, launch_local};
-pub use plan::{Budget, PlanConfig, PlanError, Task, TrainingConfig, Work, plan_text, read_plan, write_plan};
+pub use plan::{
+    Budget, PlanConfig, PlanError, Task, TrainingConfig, TrainingConfigError, Work, plan_file, plan_text,
+    read_plan, write_plan,
+};
 pub use report::{Missing, ReportError, ReportPage, write_report};
 pub use slurm::{SlurmConfig, SlurmError, open_tasks, slurm_script, submit};
 pub use task::{Row, TaskEnd, TaskFailure, TaskProgress, TaskResult, TaskState, TaskTimes, run_task};

@@ -10,6 +10,7 @@ use std::path::{Path, PathBuf};
 use etude_learn::TrainerConfig;
 use etude_music::SongError;
 use etude_perform::{FileError, Mode, write_text};
+use etude_task::TaskError;
 use serde::{Deserialize, Serialize};
 
 use super::config::{Experiment, ExperimentError, FitConfig, PerformConfig, RehearseConfig};
@@ -122,6 +123,17 @@ pub struct TrainingConfig {
     pub set: Vec<String>,
 }
 
+/// The settings of a training cannot work.
+#[derive(Debug, thiserror::Error)]
+pub enum TrainingConfigError {
+    /// A layer.
+    #[error(transparent)]
+    Config(#[from] ConfigError),
+    /// The world or the task.
+    #[error(transparent)]
+    Task(#[from] TaskError),
+}
+
 /// A plan cannot be made or read.
 #[derive(Debug, thiserror::Error)]
 pub enum PlanError {
@@ -137,8 +149,11 @@ pub enum PlanError {
         /// The experiment.
         name: String,
         /// What is wrong.
-        source: ConfigError,
+        source: TrainingConfigError,
     },
+    /// A seed that is set by hand.
+    #[error("`--set {0}` would make every training the same: --seeds says how many there are")]
+    Seed(String),
     /// A truth of the twin.
     #[error("experiment {name}: {message}")]
     Truth {
@@ -164,11 +179,24 @@ impl TrainingConfig {
     /// The configuration that its layers come to.
     ///
     /// # Errors
-    /// As [`resolve`].
-    pub fn resolve(&self) -> Result<RunConfig, ConfigError> {
+    /// As [`resolve`](fn@resolve), and if a setting cannot work.
+    pub fn resolve(&self) -> Result<RunConfig, TrainingConfigError> {
         let config = resolve(&self.preset, None, &self.set)?.complete();
         config.check()?;
+        config.task.check()?;
+        config.task.params().map_err(TaskError::from)?;
+        etude_task::reward::Reward::new(&config.task.reward)?;
         Ok(config)
+    }
+}
+
+impl PlanConfig {
+    /// What it is on the command line.
+    pub fn flags(&self) -> String {
+        let seeds = self.seeds.map(|seeds| format!(" --seeds {seeds}"));
+        let budget = (self.budget == Budget::Smoke).then(|| " --budget smoke".to_string());
+        let set = self.set.iter().map(|set| format!(" --set {set}"));
+        seeds.into_iter().chain(budget).chain(set).collect()
     }
 }
 
@@ -178,6 +206,9 @@ impl Experiment {
     /// # Errors
     /// If a song, setting or truth is not sound.
     pub fn plan(&self, config: &PlanConfig) -> Result<Vec<Task>, PlanError> {
+        if let Some(set) = config.set.iter().find(|set| super::config::sets_the_seed(set)) {
+            return Err(PlanError::Seed(set.clone()));
+        }
         let smoke = config.budget == Budget::Smoke;
         let seeds = if smoke { 1 } else { config.seeds.unwrap_or(self.seeds) };
         let songs = if smoke { &self.songs[..self.songs.len().min(1)] } else { &self.songs };
@@ -202,13 +233,18 @@ impl Experiment {
         let evaluations = if smoke { Some(SMOKE_EVALUATIONS) } else { fit.evaluations };
         let mut tasks = Vec::new();
         for truth in if smoke { &fit.truths[..fit.truths.len().min(1)] } else { &fit.truths } {
-            self.check_truth(truth)?;
+            let all = self.truth(truth)?;
             for method in &fit.methods {
                 let work = Work::Identify { truth: truth.clone(), method: *method, evaluations, seed };
                 let labels = [("truth", truth.clone()), ("method", method.name().to_string())];
                 let labels = labels.into_iter().chain([("seed", seed.to_string())]);
                 tasks.push(Task {
-                    id: id("identify", truth, seed, &serde_json::to_string(&work).unwrap_or_default()),
+                    id: id(
+                        "identify",
+                        truth,
+                        seed,
+                        &(all.clone() + &serde_json::to_string(&work).unwrap_or_default()),
+                    ),
                     labels: labels.map(|(key, value)| (key.to_string(), value)).collect(),
                     work,
                 });
@@ -219,7 +255,8 @@ impl Experiment {
 
     fn trainings(&self, song: &str, seed: u64, config: &PlanConfig) -> Result<Vec<Task>, PlanError> {
         let smoke = config.budget == Budget::Smoke;
-        let notes = format!("{:?}", find_song(song)?.notes());
+        let found = find_song(song)?;
+        let notes = format!("{} {:?}", found.duration_secs(), found.notes());
         let mut tasks = Vec::new();
         let alone = [super::config::Variant { name: String::new(), set: Vec::new(), modes: None }];
         let variants = if self.variants.is_empty() { &alone[..] } else { &self.variants };
@@ -247,12 +284,16 @@ impl Experiment {
                 let what = fingerprint(&notes, &resolved);
                 match &self.rehearse {
                     Some(rehearse) => {
-                        self.check_truth(&rehearse.truth)?;
+                        let what = what + &self.truth(&rehearse.truth)?;
                         tasks.extend(rehearsals(rehearse, &training, &labels, smoke, seed, &what));
                     }
                     None => {
-                        let perform = self.performance(variant.modes.as_deref(), smoke)?;
-                        let all = format!("{what}{}", serde_json::to_string(&perform).unwrap_or_default());
+                        let perform = self.performance(variant.modes.as_deref(), smoke);
+                        let truth = perform
+                            .as_ref()
+                            .map_or(Ok(String::new()), |perform| self.truth(&perform.truth))?;
+                        let all =
+                            format!("{what}{}{truth}", serde_json::to_string(&perform).unwrap_or_default());
                         let id = id("train", song, seed, &all);
                         tasks.push(Task { id, labels, work: Work::Train { training, perform } });
                     }
@@ -262,12 +303,11 @@ impl Experiment {
         Ok(tasks)
     }
 
-    fn performance(&self, modes: Option<&[Mode]>, smoke: bool) -> Result<Option<PerformConfig>, PlanError> {
-        let Some(perform) = &self.perform else { return Ok(None) };
-        self.check_truth(&perform.truth)?;
+    fn performance(&self, modes: Option<&[Mode]>, smoke: bool) -> Option<PerformConfig> {
+        let perform = self.perform.as_ref()?;
         let modes = modes.unwrap_or(&perform.modes).to_vec();
         let runs = if smoke { 1 } else { perform.runs };
-        Ok(Some(PerformConfig { modes, runs, truth: perform.truth.clone() }))
+        Some(PerformConfig { modes, runs, truth: perform.truth.clone() })
     }
 
     /// Every combination of the grid's values; in a smoke test, of the first and the last of each.
@@ -292,9 +332,12 @@ impl Experiment {
         points
     }
 
-    fn check_truth(&self, truth: &str) -> Result<(), PlanError> {
+    /// All that a truth says: another text under the same name is other work.
+    fn truth(&self, truth: &str) -> Result<String, PlanError> {
         let wrong = |message| PlanError::Truth { name: self.name.clone(), message };
-        rig_choice(TWIN, truth).map(|_| ()).map_err(|error| wrong(error.to_string()))
+        rig_choice(TWIN, truth).map_err(|error| wrong(error.to_string()))?;
+        // The shipped ones have no file, and change with Étude alone.
+        Ok(std::fs::read_to_string(truth).unwrap_or_default())
     }
 }
 
@@ -322,11 +365,17 @@ fn rehearsals(
     modes.iter().map(task).collect()
 }
 
-/// What tells one training from another: notes and resolved configuration. How it is spread over threads shapes nothing.
+/// What tells one training from another: notes and resolved configuration. How it is spread over threads, logged and saved
+/// shapes nothing.
 fn fingerprint(notes: &str, config: &RunConfig) -> String {
     let defaults = TrainerConfig::default();
-    let (threads, overlap) = (defaults.threads, defaults.overlap);
-    let trainer = TrainerConfig { threads, overlap, ..config.trainer.clone() };
+    let trainer = TrainerConfig {
+        threads: defaults.threads,
+        overlap: defaults.overlap,
+        log_every_steps: defaults.log_every_steps,
+        checkpoint_every_steps: defaults.checkpoint_every_steps,
+        ..config.trainer.clone()
+    };
     let config = RunConfig { trainer, ..config.clone() };
     // Plain numbers, strings and maps: writing them as JSON cannot fail.
     notes.to_string() + &serde_json::to_string(&config).unwrap_or_default()
@@ -335,8 +384,18 @@ fn fingerprint(notes: &str, config: &RunConfig) -> String {
 fn id(kind: &str, what: &str, seed: u64, all: &str) -> String {
     let stem =
         Path::new(what).file_stem().map_or_else(String::new, |stem| stem.to_string_lossy().into_owned());
-    let plain: String = stem.chars().map(|c| if c.is_ascii_alphanumeric() { c } else { '-' }).collect();
-    format!("{kind}__{plain}__{seed}__{:016x}", fnv(all.as_bytes()))
+    format!("{kind}__{}__{seed}__{:016x}", slug(&stem), fnv(all.as_bytes()))
+}
+
+/// A name as part of a file's.
+pub(super) fn slug(name: &str) -> String {
+    name.chars().map(|c| if c.is_ascii_alphanumeric() { c } else { '-' }).collect()
+}
+
+/// Where a plan lies: its name ends with a fingerprint, so that another plan of the experiment never takes the place of one whose
+/// lines are being worked on.
+pub fn plan_file(runs: &Path, name: &str, tasks: &[Task]) -> PathBuf {
+    runs.join(format!("{}-{:08x}.plan.jsonl", slug(name), fnv(plan_text(tasks).as_bytes()) as u32))
 }
 
 /// FNV-1a: the same on every machine and in every version, which the standard library's hashes do not promise.
@@ -432,6 +491,15 @@ runs = 3
         assert_eq!(ids(&plan(MINE, &threads)), ids(&tasks));
         let steps = PlanConfig { set: vec!["trainer.total_steps=1000".to_string()], ..PlanConfig::default() };
         assert!(ids(&plan(MINE, &steps)).iter().all(|id| !ids(&tasks).contains(id)));
+    }
+
+    #[test]
+    fn another_plan_has_another_file() {
+        let tasks = plan(MINE, &PlanConfig::default());
+        let file = |tasks: &[Task]| plan_file(Path::new("runs"), "my plan", tasks);
+        assert_eq!(file(&tasks), file(&tasks));
+        assert_ne!(file(&tasks), file(&tasks[1..]));
+        assert!(file(&tasks).display().to_string().starts_with("runs/my-plan-"));
     }
 
     #[test]

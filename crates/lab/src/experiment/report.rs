@@ -18,9 +18,9 @@ use etude_perform::{FileError, write_text};
 
 use super::config::{Experiment, FigureConfig, FigureKind};
 use super::figure::{Drawing, FigureError, Point, Series};
-use super::plan::Task;
+use super::plan::{PlanConfig, Task};
 use super::record::{Entry, Record, combinations, compared, courses, csv, paired, records, summary, time_to};
-use super::stats::{Interval, Summary};
+use super::stats::{Interval, Summary, quantile};
 
 /// Name of the page.
 const PAGE: &str = "index.html";
@@ -71,13 +71,14 @@ pub enum ReportError {
     Nothing(String),
 }
 
-/// Writes the report of experiments with their plans into `out`, from what is done among `runs`, and from what an earlier report in
+/// Writes the report of experiments, planned by `config`, into `out`, from what is done among `runs`, and from what an earlier report in
 /// `out` has kept.
 ///
 /// # Errors
 /// If nothing is done, or a file cannot be read or written.
 pub fn write_report(
     plans: &[(Experiment, Vec<Task>)],
+    config: &PlanConfig,
     runs: &Path,
     out: &Path,
 ) -> Result<ReportPage, ReportError> {
@@ -86,7 +87,7 @@ pub fn write_report(
     let mut told = 0;
     for (experiment, tasks) in plans {
         let folder = out.join(&experiment.name);
-        let entries = gather(tasks, runs, &folder.join(RESULTS))?;
+        let (entries, others) = gather(tasks, runs, &folder.join(RESULTS))?;
         if entries.len() < tasks.len() {
             let (tasks, of) = (tasks.len() - entries.len(), tasks.len());
             missing.push(Missing { experiment: experiment.name.clone(), tasks, of });
@@ -99,9 +100,12 @@ pub fn write_report(
             |error: std::io::Error| ReportError::Folder { path: folder.clone(), why: error.to_string() };
         std::fs::create_dir_all(&folder).map_err(fail)?;
         // Plain numbers and strings: writing them as JSON cannot fail.
-        let lines = entries.iter().map(|entry| serde_json::to_string(entry).unwrap_or_default() + "\n");
+        let lines = entries
+            .iter()
+            .chain(&others)
+            .map(|entry| serde_json::to_string(entry).unwrap_or_default() + "\n");
         write_text(&folder.join(RESULTS), &lines.collect::<String>())?;
-        section(&mut body, experiment, tasks.len(), &entries, &folder)?;
+        section(&mut body, experiment, (config, tasks.len()), &entries, &folder)?;
     }
     if told == 0 {
         let names: Vec<&str> = plans.iter().map(|(experiment, _)| experiment.name.as_str()).collect();
@@ -116,8 +120,8 @@ pub fn write_report(
     Ok(ReportPage { file, missing })
 }
 
-/// What is done of a plan, in its order.
-fn gather(tasks: &[Task], runs: &Path, kept: &Path) -> Result<Vec<Entry>, ReportError> {
+/// What is done of a plan, in its order; and what an earlier report has kept of other plans.
+fn gather(tasks: &[Task], runs: &Path, kept: &Path) -> Result<(Vec<Entry>, Vec<Entry>), ReportError> {
     let mut before: BTreeMap<String, Entry> = BTreeMap::new();
     if let Ok(text) = std::fs::read_to_string(kept) {
         for (index, line) in text.lines().enumerate() {
@@ -132,13 +136,15 @@ fn gather(tasks: &[Task], runs: &Path, kept: &Path) -> Result<Vec<Entry>, Report
         let kept = || before.get(&task.id).map(|entry| Entry { task: task.clone(), ..entry.clone() });
         Entry::load(task, runs).or_else(kept)
     };
-    Ok(tasks.iter().filter_map(of_task).collect())
+    let found = tasks.iter().filter_map(of_task).collect();
+    tasks.iter().for_each(|task| drop(before.remove(&task.id)));
+    Ok((found, before.into_values().collect()))
 }
 
 fn section(
     body: &mut String,
     experiment: &Experiment,
-    planned: usize,
+    (config, planned): (&PlanConfig, usize),
     entries: &[Entry],
     folder: &Path,
 ) -> Result<(), ReportError> {
@@ -172,19 +178,29 @@ fn section(
     for figure in &experiment.figures {
         let drawing = drawing(figure, if figure.kind == FigureKind::Curves { &course } else { &all });
         if drawing.series.iter().all(|series| series.points.is_empty()) {
+            let _ = writeln!(
+                body,
+                "<p>{}: nothing done has these labels and measures.</p>",
+                escape(&figure.title)
+            );
             continue;
         }
         let svg = drawing.svg()?;
         write_text(&folder.join(format!("{}.svg", figure.name)), &svg)?;
         drawing.write_png(&folder.join(format!("{}.png", figure.name)))?;
-        let _ = writeln!(body, "<figure>{svg}<figcaption>{}</figcaption></figure>", escape(&caption(figure)));
+        let _ = writeln!(
+            body,
+            "<figure>{svg}<figcaption>{}</figcaption></figure>",
+            escape(&caption(figure, experiment))
+        );
     }
     body.push_str("</div>\n");
     against_the_paper(body, experiment, &all);
     scores(body, experiment, &all);
     differences(body, experiment, &all);
     times(body, experiment, entries);
-    provenance(body, experiment, planned, entries);
+    cut_short(body, &all);
+    provenance(body, experiment, (config, planned), entries);
     body.push_str("</section>\n");
     Ok(())
 }
@@ -205,15 +221,14 @@ fn measure_name(measure: &str, in_course: bool) -> String {
     }
 }
 
-fn caption(figure: &FigureConfig) -> String {
+fn caption(figure: &FigureConfig, experiment: &Experiment) -> String {
     let what = match figure.kind {
         FigureKind::Curves => "Mean over songs and seeds; the band is its 95 % interval",
         FigureKind::Bars => "Mean over songs and seeds, with its 95 % interval",
         FigureKind::Lines => "Mean over songs and seeds; the band is its 95 % interval",
     };
-    let twin = if figure.y.iter().any(|y| y.starts_with("sim_")) && figure.y.len() == 1
-        || figure.kind == FigureKind::Curves
-    {
+    let of_training = figure.kind == FigureKind::Curves && experiment.identify.is_none();
+    let twin = if of_training || figure.y.iter().all(|y| y.starts_with("sim_")) {
         "In simulation."
     } else {
         "On the twin, which stands in for the robot, where not said otherwise."
@@ -320,9 +335,11 @@ fn by_label(all: &[Record], x: &str, measure: &str, groups: &[String]) -> Vec<Po
 }
 
 fn told(interval: &Interval) -> String {
+    // Errors of joints are thousandths of a radian.
+    let digits = if interval.value != 0.0 && interval.value.abs() < 0.02 { 5 } else { 3 };
     match interval.interval {
-        Some([low, high]) => format!("{:.3} [{low:.3}, {high:.3}]", interval.value),
-        None => format!("{:.3}", interval.value),
+        Some([low, high]) => format!("{:.digits$} [{low:.digits$}, {high:.digits$}]", interval.value),
+        None => format!("{:.digits$}", interval.value),
     }
 }
 
@@ -353,19 +370,18 @@ fn strings(texts: &[&str]) -> Vec<String> {
 }
 
 fn against_the_paper(body: &mut String, experiment: &Experiment, all: &[Record]) {
-    let rows = experiment.paper.iter().filter_map(|published| {
-        let found = summary(all, &published.filter, &published.measure)?;
-        Some(vec![
-            words(&published.filter),
-            measure_name(&published.measure, false),
-            format!("{:.3}", published.value),
-            told(&found.mean),
-            format!("{:+.3}", found.mean.value - published.value),
-        ])
+    let rows = experiment.paper.iter().map(|published| {
+        let found = summary(all, &published.filter, &published.measure);
+        let [ours, difference] = match found {
+            Some(found) => [told(&found.mean), format!("{:+.3}", found.mean.value - published.value)],
+            None => ["–", "–"].map(str::to_string),
+        };
+        let measure = measure_name(&published.measure, false);
+        vec![words(&published.filter), measure, format!("{:.3}", published.value), ours, difference]
     });
     let rows: Vec<Vec<String>> = rows.collect();
     if !rows.is_empty() {
-        let columns = strings(&["what", "measure", "paper (robot)", "Étude (twin)", "difference"]);
+        let columns = strings(&["what", "measure", "paper", "Étude", "difference"]);
         table(body, "The paper’s numbers and ours", &columns, rows.into_iter());
     }
 }
@@ -406,29 +422,37 @@ fn scores(body: &mut String, experiment: &Experiment, all: &[Record]) {
     }
 }
 
-/// What is compared, against the first of it, training by training.
+/// What is compared, against the same with the first value of one of its labels, training by training.
 fn differences(body: &mut String, experiment: &Experiment, all: &[Record]) {
-    let pooled = combinations(all, &compared(all));
-    let Some((first, others)) = pooled.split_first() else { return };
+    let keys = compared(all);
+    let pooled = combinations(all, &keys);
     let measures = measures(experiment);
-    let rows: Vec<Vec<String>> = others
-        .iter()
-        .map(|labels| {
-            let found = measures.iter().map(|measure| paired(all, labels, first, measure));
+    let mut rows = Vec::new();
+    for labels in &pooled {
+        for key in &keys {
+            let first = pooled.first().and_then(|labels| labels.get(key));
+            let (Some(mine), Some(first)) = (labels.get(key), first) else { continue };
+            let mut base = labels.clone();
+            base.insert(key.clone(), first.clone());
+            if mine == first || !pooled.contains(&base) {
+                continue;
+            }
+            let found = measures.iter().map(|measure| paired(all, labels, &base, measure));
             let cells = found.map(|found| found.map_or_else(|| "–".to_string(), |found| told(&found.mean)));
-            std::iter::once(words(labels)).chain(cells).collect()
-        })
-        .collect();
+            rows.push([words(labels), words(&base)].into_iter().chain(cells).collect::<Vec<_>>());
+        }
+    }
     if rows.is_empty() {
         return;
     }
-    let mut columns = strings(&["what"]);
+    let mut columns = strings(&["what", "against"]);
     columns.extend(measures.iter().map(|measure| measure_name(measure, false)));
-    let caption = format!(
-        "How much more than with {}, mean of paired differences (same song, same seed)",
-        words(first)
+    table(
+        body,
+        "How much more: mean of paired differences (same song, same seed)",
+        &columns,
+        rows.into_iter(),
     );
-    table(body, &caption, &columns, rows.into_iter());
 }
 
 fn times(body: &mut String, experiment: &Experiment, entries: &[Entry]) {
@@ -442,7 +466,7 @@ fn times(body: &mut String, experiment: &Experiment, entries: &[Entry]) {
     let median = |mut values: Vec<f64>| {
         values.retain(|value| value.is_finite());
         values.sort_by(f64::total_cmp);
-        values.get(values.len() / 2).copied()
+        (!values.is_empty()).then(|| quantile(&values, 0.5))
     };
     let rows = combinations(&tasks, &compared(&tasks)).into_iter().map(|labels| {
         let mut row = vec![words(&labels)];
@@ -470,7 +494,25 @@ fn times(body: &mut String, experiment: &Experiment, entries: &[Entry]) {
     table(body, &caption, &columns, rows.into_iter());
 }
 
-fn provenance(body: &mut String, experiment: &Experiment, planned: usize, entries: &[Entry]) {
+/// Says how many performances a fault has ended, if any: their scores are low for another reason.
+fn cut_short(body: &mut String, all: &[Record]) {
+    let ends: Vec<f64> = all.iter().filter_map(|record| record.values.get("complete")).copied().collect();
+    let short = ends.iter().filter(|complete| **complete < 1.0).count();
+    if short > 0 {
+        let _ = writeln!(
+            body,
+            "<p>{short} of {} performances were ended by a fault of the twin; what was not played counts as silence.</p>",
+            ends.len()
+        );
+    }
+}
+
+fn provenance(
+    body: &mut String,
+    experiment: &Experiment,
+    (config, planned): (&PlanConfig, usize),
+    entries: &[Entry],
+) {
     let distinct = |of: &dyn Fn(&Entry) -> String| {
         let all: BTreeSet<String> = entries.iter().map(of).collect();
         all.into_iter().collect::<Vec<_>>().join(", ")
@@ -478,14 +520,15 @@ fn provenance(body: &mut String, experiment: &Experiment, planned: usize, entrie
     let hours = entries.iter().map(|entry| entry.times.secs).sum::<f64>() / 3600.0;
     let _ = writeln!(
         body,
-        "<p>{} of {planned} tasks, {hours:.1} hours of one worker; Étude {}, MuJoCo {}; {} cores of {}. \
-         <code>etude experiment run {}</code></p>",
+        "<p>{} of {planned} tasks, {hours:.1} hours of learning or fitting; Étude {}, MuJoCo {}; {} cores of {}. \
+         <code>etude experiment run {}{}</code></p>",
         entries.len(),
         escape(&distinct(&|entry| entry.times.etude.clone())),
         escape(&distinct(&|entry| entry.times.mujoco.clone())),
         escape(&distinct(&|entry| entry.times.cores.to_string())),
         escape(&distinct(&|entry| entry.times.machine.clone())),
-        escape(&experiment.name)
+        escape(&experiment.name),
+        escape(&config.flags())
     );
     let mut columns = strings(&["task"]);
     columns.extend(strings(&["what", "seconds"]));
@@ -495,4 +538,51 @@ fn provenance(body: &mut String, experiment: &Experiment, planned: usize, entrie
     });
     table(body, "Tasks", &columns, rows);
     body.push_str("</details>\n");
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn record(labels: &[(&str, &str)], values: &[(&str, f64)]) -> Record {
+        Record {
+            labels: labels.iter().map(|(key, value)| (key.to_string(), value.to_string())).collect(),
+            values: values.iter().map(|(key, value)| (key.to_string(), *value)).collect(),
+        }
+    }
+
+    #[test]
+    fn a_curve_is_a_mean_where_every_training_has_been_and_one_that_is_over_stays() {
+        let point = |seed: &str, step: f64, f1: f64| {
+            record(&[("song", "x"), ("seed", seed)], &[("step", step), ("f1", f1)])
+        };
+        let same =
+            [point("0", 10.0, 0.2), point("0", 20.0, 0.4), point("1", 10.0, 0.4), point("1", 20.0, 0.6)];
+        let found: Vec<(f64, f64)> =
+            curve(&same, "step", "f1").iter().map(|point| (point.x, point.y)).collect();
+        assert_eq!(found.iter().map(|(x, _)| *x).collect::<Vec<_>>(), [10.0, 20.0]);
+        assert!((found[0].1 - 0.3).abs() < 1e-12 && (found[1].1 - 0.5).abs() < 1e-12);
+        // One looks at other times and ends earlier.
+        let other = [point("0", 10.0, 0.2), point("1", 3.0, 0.4), point("1", 100.0, 0.8)];
+        let found = curve(&other, "step", "f1");
+        assert!(found.first().unwrap().x >= 10.0);
+        assert!((found.last().unwrap().y - 0.5).abs() < 1e-12);
+    }
+
+    #[test]
+    fn lines_stand_at_their_numbers_and_bars_at_their_groups() {
+        let all = [
+            record(&[("intensity", "0.5"), ("seed", "0")], &[("f1", 0.5)]),
+            record(&[("intensity", "0"), ("seed", "0")], &[("f1", 0.9)]),
+        ];
+        let xs = |points: Vec<Point>| points.iter().map(|point| point.x).collect::<Vec<_>>();
+        assert_eq!(xs(by_label(&all, "intensity", "f1", &[])), [0.0, 0.5]);
+        assert_eq!(xs(by_label(&all, "intensity", "f1", &strings(&["0.5", "0"]))), [0.0, 1.0]);
+    }
+
+    #[test]
+    fn small_numbers_keep_their_digits() {
+        assert_eq!(told(&Interval { value: 0.001_674, interval: None }), "0.00167");
+        assert_eq!(told(&Interval { value: 0.95, interval: Some([0.9, 1.0]) }), "0.950 [0.900, 1.000]");
+    }
 }

@@ -5,7 +5,7 @@ use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-use super::plan::Task;
+use super::plan::{Task, slug};
 use super::task::{RESULT, TaskState};
 
 /// How a plan goes through Slurm.
@@ -70,32 +70,35 @@ pub fn slurm_script(
     let mut option = |option: &str| {
         let _ = writeln!(text, "#SBATCH {option}");
     };
-    option(&format!("--job-name=etude-{name}"));
+    option(&format!("--job-name=etude-{}", slug(name)));
     option(&format!("--array={array}"));
     option(&format!("--cpus-per-task={}", config.cpus));
     option(&format!("--time={}", config.time));
-    option(&format!("--signal=B:TERM@{GRACE_SECS}"));
+    option(&format!("--signal=B:USR1@{GRACE_SECS}"));
     option("--requeue");
     option("--open-mode=append");
-    option(&format!("--output={}", quoted(&logs.join("%A_%a.log"))));
+    option(&format!("--output={}", quoted(&escaped(&logs).join("%A_%a.log"))));
     option(&format!("--chdir={}", quoted(folder)));
     config.options.iter().for_each(|text| option(text));
     let _ = write!(
         text,
         r#"
-# On TERM, which comes {GRACE_SECS} s before the time is up, the task saves itself and ends with 3; it goes on when it is requeued.
+# {GRACE_SECS} s before the time is up comes USR1: the task saves itself, ends with 3 and is requeued. TERM is for good: it saves itself
+# all the same, and the same command of `etude experiment run` hands it over again.
+again=
+trap 'again=1; kill -TERM "$task"' USR1
+trap 'kill -TERM "$task"' TERM
 export RAYON_NUM_THREADS="$SLURM_CPUS_PER_TASK"
 {program} experiment task {plan} "$SLURM_ARRAY_TASK_ID" --runs {runs} --threads "$SLURM_CPUS_PER_TASK" &
 task=$!
-trap 'kill -TERM "$task"' TERM
 wait "$task"
 code=$?
 # A signal ends the waiting, not the task.
-while [ "$code" -gt 128 ] && kill -0 "$task" 2>/dev/null; do
+while kill -0 "$task" 2>/dev/null; do
     wait "$task"
     code=$?
 done
-if [ "$code" -eq 3 ]; then
+if [ -n "$again" ] && [ "$code" -ne 0 ]; then
     scontrol requeue "${{SLURM_ARRAY_JOB_ID}}_$SLURM_ARRAY_TASK_ID"
 fi
 exit "$code"
@@ -132,6 +135,11 @@ fn ranges(indices: &[usize]) -> String {
         };
     }
     text
+}
+
+/// A path in which Slurm finds no pattern of its own.
+fn escaped(path: &Path) -> PathBuf {
+    PathBuf::from(path.display().to_string().replace('%', "%%"))
 }
 
 /// A path as one word of a shell, and of an `#SBATCH` line.
@@ -172,7 +180,7 @@ mod tests {
             "#SBATCH --array=0-1,4%4",
             "#SBATCH --cpus-per-task=2",
             "#SBATCH --time=02:00:00",
-            "#SBATCH --signal=B:TERM@120",
+            "#SBATCH --signal=B:USR1@120",
             "#SBATCH --requeue",
             "#SBATCH --partition=short",
             "#SBATCH --chdir=/data",

@@ -4,7 +4,6 @@
 
 use rand::{RngExt as _, SeedableRng as _};
 use rand_pcg::Pcg64;
-use serde::Serialize;
 
 /// Resamples of a bootstrap.
 const RESAMPLES: usize = 10_000;
@@ -14,7 +13,7 @@ const TAILS: [f64; 2] = [0.025, 0.975];
 const TRIMMED: f64 = 0.25;
 
 /// A statistic with its 95 % interval.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Interval {
     /// The statistic.
     pub value: f64,
@@ -23,7 +22,7 @@ pub struct Interval {
 }
 
 /// Scores in short.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Summary {
     /// How many scores.
     pub count: usize,
@@ -31,8 +30,6 @@ pub struct Summary {
     pub mean: Interval,
     /// Mean of the middle half: what it is typically, one failed training or not.
     pub interquartile_mean: Interval,
-    /// Standard deviation; none for one.
-    pub deviation: Option<f64>,
 }
 
 impl Summary {
@@ -43,13 +40,10 @@ impl Summary {
             return None;
         }
         let [mean_of, middle_of] = bootstrap(strata, [mean, interquartile_mean]);
-        let centre = mean(&all);
-        let squares: f64 = all.iter().map(|score| (score - centre).powi(2)).sum();
         Some(Self {
             count: all.len(),
-            mean: Interval { value: centre, interval: mean_of },
+            mean: Interval { value: mean(&all), interval: mean_of },
             interquartile_mean: Interval { value: interquartile_mean(&all), interval: middle_of },
-            deviation: (all.len() > 1).then(|| (squares / (all.len() - 1) as f64).sqrt()),
         })
     }
 }
@@ -67,9 +61,10 @@ pub fn interquartile_mean(scores: &[f64]) -> f64 {
     mean(&sorted[cut..sorted.len() - cut])
 }
 
-/// Percentile intervals of two statistics over the same resamples; none where no stratum has two different scores to draw.
+/// Percentile intervals of two statistics over the same resamples; none where a stratum has a single score, which would
+/// look as if it had no spread.
 fn bootstrap(strata: &[Vec<f64>], statistics: [fn(&[f64]) -> f64; 2]) -> [Option<[f64; 2]>; 2] {
-    if strata.iter().all(|scores| scores.len() < 2) {
+    if strata.iter().any(|scores| scores.len() == 1) {
         return [None, None];
     }
     // The same scores have the same interval, whatever else is reported.
@@ -92,7 +87,7 @@ fn bootstrap(strata: &[Vec<f64>], statistics: [fn(&[f64]) -> f64; 2]) -> [Option
 }
 
 /// Quantile of sorted values, between neighbours in proportion (NumPy's `linear`).
-fn quantile(sorted: &[f64], share: f64) -> f64 {
+pub fn quantile(sorted: &[f64], share: f64) -> f64 {
     let place = share * (sorted.len() - 1) as f64;
     let (below, part) = (place as usize, place.fract());
     let above = (below + 1).min(sorted.len() - 1);
@@ -142,6 +137,7 @@ mod tests {
         let one = Summary::new(&[vec![0.5], vec![0.7]]).unwrap();
         assert!((one.mean.value - 0.6).abs() < 1e-12);
         assert_eq!((one.mean.interval, one.count), (None, 2));
+        assert_eq!(Summary::new(&[vec![0.5], vec![0.6, 0.7]]).unwrap().mean.interval, None);
         let two = Summary::new(&[vec![0.5, 0.7]]).unwrap();
         assert_eq!(two.mean.interval, Some([0.5, 0.7]));
     }

@@ -7,15 +7,15 @@
 //! RUNS/ID/recordings/   excitations of the twin, and RUNS/ID/identified/, if the simulator is fitted
 //! RUNS/ID/log.txt       what the launcher's process said
 //! RUNS/ID/times.json    when, where and how long: what differs between machines
-//! RUNS/ID/result.json   what came of it, the same on every machine; written last
+//! RUNS/ID/result.json   what came of it, the same however it was run; written last
 //! ```
 
 use std::collections::BTreeMap;
 use std::fs::{File, OpenOptions, TryLockError};
-use std::io::{BufRead as _, Write as _};
+use std::io::Write as _;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use etude_identify::{IdentifyError, Progress};
 use etude_learn::{EvaluationRow, LogRow, StopReason, TrainingObserver};
@@ -25,9 +25,8 @@ use etude_task::{Piece, TaskError};
 use serde::{Deserialize, Serialize};
 
 use super::config::PerformConfig;
-use super::plan::{Task, TrainingConfig, Work};
+use super::plan::{Task, TrainingConfig, TrainingConfigError, Work};
 use crate::bench::processor;
-use crate::config::ConfigError;
 use crate::identify::{Identification, IdentificationError, IdentifyMethod, identify_robot};
 use crate::play::PlayError;
 use crate::player::load_player;
@@ -47,6 +46,8 @@ pub const TIMES: &str = "times.json";
 const LOCK: &str = "task.lock";
 const COURSE: &str = "course.jsonl";
 
+/// Times that a lock is tried for.
+const LOOKS: u32 = 10;
 /// Draws of the twin are told apart by this much from one seed to the next.
 const SEEDS_OF_RUNS: u64 = 1000;
 
@@ -62,7 +63,7 @@ pub struct Row {
     pub values: Values,
 }
 
-/// What came of a task. The same bytes wherever and however it was run.
+/// What came of a task. The same bytes however it was run, on processors with the same vector instructions.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct TaskResult {
     /// Which task.
@@ -152,7 +153,7 @@ impl TaskState {
 pub enum TaskFailure {
     /// Settings.
     #[error(transparent)]
-    Config(#[from] ConfigError),
+    Config(#[from] TrainingConfigError),
     /// A song.
     #[error(transparent)]
     Song(#[from] SongError),
@@ -202,6 +203,9 @@ pub fn run_task(
     tell: &mut (dyn FnMut(&TaskProgress) + Send),
     interrupt: &AtomicBool,
 ) -> Result<TaskEnd, TaskFailure> {
+    // Unfinished fits know their recordings by path: it is the same from wherever the task is gone on with.
+    let runs =
+        std::path::absolute(runs).map_err(|source| TaskFailure::File { path: runs.to_path_buf(), source })?;
     let folder = runs.join(&task.id);
     if folder.join(RESULT).is_file() {
         return Ok(TaskEnd::WasDone);
@@ -211,14 +215,26 @@ pub fn run_task(
     // The system lets go of it at every death. Where the file system has no locks, everyone has it.
     let path = folder.join(LOCK);
     let lock = File::create(&path).map_err(|error| file_error(&path, error))?;
-    if matches!(lock.try_lock(), Err(TryLockError::WouldBlock)) {
-        return Ok(TaskEnd::Busy);
+    // Whoever asks where the task stands has it for a moment.
+    let taken = || matches!(lock.try_lock(), Err(TryLockError::WouldBlock));
+    for attempt in 1.. {
+        if !taken() {
+            break;
+        }
+        if attempt == LOOKS {
+            return Ok(TaskEnd::Busy);
+        }
+        std::thread::sleep(Duration::from_millis(100));
     }
     // Who had the lock may have finished.
     if folder.join(RESULT).is_file() {
         return Ok(TaskEnd::WasDone);
     }
     // Plain numbers, strings and maps: writing them as JSON cannot fail, here and below.
+    // The same work may be said in other words, and a rehearsal under way knows its words.
+    let begun =
+        std::fs::read(folder.join(TASK)).ok().and_then(|bytes| serde_json::from_slice::<Task>(&bytes).ok());
+    let task = begun.as_ref().filter(|begun| begun.id == task.id).unwrap_or(task);
     let text = serde_json::to_string_pretty(task).unwrap_or_default() + "\n";
     write_text(&folder.join(TASK), &text)?;
     let mut work = Doing { task, folder: &folder, threads, command, tell, interrupt };
@@ -232,7 +248,8 @@ pub fn run_task(
         }
     };
     let (result, times) = match done {
-        Err(TaskFailure::Stopped) => return Ok(TaskEnd::Stopped),
+        // Also where it stopped on its way to something: a twin that is called back while it goes to the keyboard.
+        Err(_) if interrupt.load(Ordering::Relaxed) => return Ok(TaskEnd::Stopped),
         done => done?,
     };
     let text = serde_json::to_string_pretty(&times).unwrap_or_default() + "\n";
@@ -313,7 +330,7 @@ impl Doing<'_> {
                 for (index, mode) in perform.modes.iter().enumerate() {
                     let at = share + (1.0 - share) * index as f64 / perform.modes.len() as f64;
                     self.tell(&format!("playing, {mode}"), at, Some(sim.f1));
-                    let (runs, seed) = (perform.runs, SEEDS_OF_RUNS * seed);
+                    let (runs, seed) = (perform.runs, SEEDS_OF_RUNS.wrapping_mul(seed));
                     let play = RobotPlay { mode: *mode, runs, home: true, seed };
                     let report = play_on_robot(
                         &song,
@@ -416,7 +433,8 @@ impl Doing<'_> {
         let excitations = self.folder.join("recordings");
         let interrupt = self.interrupt;
         self.tell("recording", 0.0, None);
-        let recorded = record_excitations(&rig, &excitations, SEEDS_OF_RUNS * seed, interrupt, &mut |_| {});
+        let recorded =
+            record_excitations(&rig, &excitations, SEEDS_OF_RUNS.wrapping_mul(seed), interrupt, &mut |_| {});
         let recordings = match recorded {
             Err(RehearsalError::Interrupted) => return Err(TaskFailure::Stopped),
             recorded => recorded?,
@@ -461,9 +479,9 @@ impl Doing<'_> {
     }
 }
 
-/// The gap as the paper has it: what of the F1 in simulation is lost on the robot. Of nothing, nothing is lost.
+/// The gap as the paper has it: what of the F1 in simulation is lost on the robot. Not a number where there was none to lose.
 fn gap(sim_f1: f64, f1: f64) -> f64 {
-    if sim_f1 > 0.0 { 1.0 - f1 / sim_f1 } else { 0.0 }
+    1.0 - f1 / sim_f1
 }
 
 fn row(labels: &[(&str, String)], values: &[(&str, f64)]) -> Row {
@@ -484,7 +502,7 @@ fn evaluations(path: &Path) -> Result<(Vec<Values>, Vec<f64>), TaskFailure> {
         .map_err(|source| TaskFailure::File { path: path.to_path_buf(), source })?;
     let (mut points, mut secs, mut elapsed) = (Vec::new(), Vec::new(), 0.0);
     for line in text.lines() {
-        let Ok(row) = serde_json::from_str::<BTreeMap<String, f64>>(line) else { continue };
+        let Ok(row) = serde_json::from_str::<Values>(line) else { continue };
         elapsed = row.get("perf/elapsed_secs").copied().unwrap_or(elapsed);
         let scores =
             row.iter().filter_map(|(key, value)| Some((key.strip_prefix("eval/")?.to_string(), *value)));
@@ -513,18 +531,18 @@ struct Course {
 impl Course {
     fn open(path: &Path) -> Result<Self, TaskFailure> {
         let fail = |source| TaskFailure::File { path: path.to_path_buf(), source };
-        let lines: Vec<String> = match File::open(path) {
-            Ok(file) => std::io::BufReader::new(file).lines().collect::<Result<_, _>>().map_err(fail)?,
-            Err(error) if error.kind() == std::io::ErrorKind::NotFound => Vec::new(),
-            Err(error) => return Err(fail(error)),
+        let text = match std::fs::read_to_string(path) {
+            Err(error) if error.kind() == std::io::ErrorKind::NotFound => String::new(),
+            read => read.map_err(fail)?,
         };
-        let file = OpenOptions::new().create(true).append(true).open(path).map_err(fail)?;
+        // The last line may be half a line: what is whole is written again.
+        let whole: Vec<_> = text.lines().map_while(|line| serde_json::from_str(line).ok()).collect();
+        let lines: String = text.lines().take(whole.len()).map(|line| line.to_string() + "\n").collect();
+        write_text(path, &lines)?;
+        let file = OpenOptions::new().append(true).open(path).map_err(fail)?;
         let path = path.to_path_buf();
         let mut course = Self { file, path, seen: Vec::new(), before: 0, points: Vec::new() };
-        // The last line may be half a line.
-        for (stage, replays, rms) in lines.iter().filter_map(|line| serde_json::from_str(line).ok()) {
-            course.take((stage, replays, rms));
-        }
+        whole.into_iter().for_each(|point| course.take(point));
         Ok(course)
     }
 
