@@ -183,17 +183,23 @@ fn a_sweep_through_slurm_has_the_results_of_the_local_launcher() {
     let evaluated =
         |task: usize| std::fs::read_to_string(metrics(task)).is_ok_and(|text| text.contains("eval/"));
     cluster.wait("the first two tasks are half way", || evaluated(0) && evaluated(1));
-    // One is told that its time is up, saves itself and asks to be requeued; the other is killed, and requeued by hand.
-    cluster.run("scancel", &["--signal=USR1", "--batch", &format!("{job}_0")]);
+    // One is killed; the other is told that its time is up, saves itself and asks to be requeued. `scancel` goes on telling it, so
+    // nobody waits for it.
     let pattern = format!("experiment task .* 1 --runs {}", desk.path("there").display());
     Command::new("pkill").args(["-KILL", "-f", &pattern]).status().unwrap();
+    let mut told = Command::new("scancel");
+    told.args(["--signal=USR1", "--batch", &format!("{job}_0")]).env("SLURM_CONF", cluster.config());
+    let mut told = told.stderr(Stdio::null()).spawn().unwrap();
     let show = || cluster.say("scontrol", &["show", "job", &format!("{job}_1")]);
     cluster.wait("the other has failed", || show().contains("JobState=FAILED"));
+    // The killed one is handed over again by hand.
     cluster.run("scontrol", &["requeue", &format!("{job}_1")]);
     for task in [0, 1] {
         let show = || cluster.say("scontrol", &["show", "job", &format!("{job}_{task}")]);
         cluster.wait("it is requeued", || show().contains("Restarts=1"));
     }
+    let _ = told.kill();
+    let _ = told.wait();
     cluster.wait("all have ended", || {
         cluster.begin_now();
         cluster.say("squeue", &["-h"]).trim().is_empty()
