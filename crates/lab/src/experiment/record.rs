@@ -6,9 +6,9 @@ use std::path::Path;
 
 use serde::{Deserialize, Serialize};
 
+use super::outcome::{RESULT, TIMES, TaskResult, TaskTimes};
 use super::plan::Task;
 use super::stats::{Summary, mean};
-use super::task::{RESULT, TIMES, TaskResult, TaskTimes};
 
 /// A task that is done, and what came of it: one line of `results.jsonl`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]

@@ -11,20 +11,14 @@
 //! ```
 
 use std::collections::BTreeMap;
-use std::fs::{File, OpenOptions, TryLockError};
-use std::io::Write as _;
+use std::fs::{File, TryLockError};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
-use etude_identify::{IdentifyError, Progress};
-use etude_learn::{EvaluationRow, LogRow, StopReason, TrainingObserver};
-use etude_music::SongError;
-use etude_perform::{FileError, Mode, write_text};
-use etude_task::{Piece, TaskError};
-use serde::{Deserialize, Serialize};
-
 use super::config::PerformConfig;
+use super::course::{Course, evaluations};
+use super::outcome::{LOCK, RESULT, Row, TASK, TIMES, TaskEnd, TaskProgress, TaskResult, TaskTimes, Values};
 use super::plan::{Task, TrainingConfig, TrainingConfigError, Work};
 use crate::bench::processor;
 use crate::identify::{Identification, IdentificationError, IdentifyMethod, identify_robot};
@@ -36,117 +30,17 @@ use crate::rehearse::{
 use crate::rig::{StandError, TWIN, rig_choice, unix_secs};
 use crate::robot::{RobotPlay, in_simulation, play_on_robot};
 use crate::run::{Run, RunError, find_song};
+use etude_identify::{IdentifyError, Progress};
+use etude_learn::{EvaluationRow, LogRow, StopReason, TrainingObserver};
+use etude_music::SongError;
+use etude_perform::{FileError, Mode, write_text};
+use etude_task::{Piece, TaskError};
 
-/// Names of a task's files.
-pub const TASK: &str = "task.json";
-/// See [`TASK`].
-pub const RESULT: &str = "result.json";
-/// See [`TASK`].
-pub const TIMES: &str = "times.json";
-const LOCK: &str = "task.lock";
 const COURSE: &str = "course.jsonl";
-
 /// Times that a lock is tried for.
 const LOOKS: u32 = 10;
 /// Draws of the twin are told apart by this much from one seed to the next.
 const SEEDS_OF_RUNS: u64 = 1000;
-
-/// Measures by name: scores between 0 and 1, errors in rad.
-pub type Values = BTreeMap<String, f64>;
-
-/// Measures of one thing, and what it is.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct Row {
-    /// What it is, beside the task's own labels: `mode`, `run`, `round`.
-    pub labels: BTreeMap<String, String>,
-    /// Its measures.
-    pub values: Values,
-}
-
-/// What came of a task. The same bytes however it was run, on processors with the same vector instructions.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct TaskResult {
-    /// Which task.
-    pub id: String,
-    /// Its measures.
-    pub rows: Vec<Row>,
-    /// How they came about: `step` and scores of each evaluation, or `replays` and `rms` of a fit.
-    pub course: Vec<Values>,
-}
-
-/// When, where and how long.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct TaskTimes {
-    /// Seconds that were worked on it, over all interruptions of the learning.
-    pub secs: f64,
-    /// Seconds of learning until each point of the course.
-    pub course_secs: Vec<f64>,
-    /// Version of Étude.
-    pub etude: String,
-    /// Version of MuJoCo.
-    pub mujoco: String,
-    /// Processor of the machine.
-    pub machine: String,
-    /// Its cores.
-    pub cores: usize,
-    /// When it was done, s since 1970.
-    pub unix_secs: u64,
-    /// The command.
-    pub command: String,
-}
-
-/// How far a task has got.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct TaskProgress {
-    /// What goes on.
-    pub phase: String,
-    /// How much of the task is done, 0 to 1, about.
-    pub share: f64,
-    /// The best F1 so far.
-    pub f1: Option<f64>,
-}
-
-/// How a task ended that did not fail.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum TaskEnd {
-    /// It is done.
-    Done,
-    /// It was done before.
-    WasDone,
-    /// Another process is at work on it.
-    Busy,
-    /// On request; it goes on from where it was.
-    Stopped,
-}
-
-/// Where a task stands.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
-#[serde(rename_all = "lowercase")]
-pub enum TaskState {
-    /// It is done.
-    Done,
-    /// A process is at work on it, here or where the file system is shared.
-    Running,
-    /// It was begun, and nobody is at work on it.
-    Begun,
-    /// It was not begun.
-    Waiting,
-}
-
-impl TaskState {
-    /// Of a task among `runs`.
-    pub fn of(task: &Task, runs: &Path) -> Self {
-        let folder = runs.join(&task.id);
-        if folder.join(RESULT).is_file() {
-            return Self::Done;
-        }
-        match File::open(folder.join(LOCK)).map(|lock| lock.try_lock()) {
-            Err(_) => Self::Waiting,
-            Ok(Err(TryLockError::WouldBlock)) => Self::Running,
-            Ok(_) => Self::Begun,
-        }
-    }
-}
 
 /// A task failed.
 #[derive(Debug, thiserror::Error)]
@@ -493,81 +387,6 @@ fn row(labels: &[(&str, String)], values: &[(&str, f64)]) -> Row {
             .filter(|(_, value)| value.is_finite())
             .map(|(key, value)| (key.to_string(), *value))
             .collect(),
-    }
-}
-
-/// The evaluations in a run's metrics: `step` and scores of each, and the seconds until then.
-fn evaluations(path: &Path) -> Result<(Vec<Values>, Vec<f64>), TaskFailure> {
-    let text = std::fs::read_to_string(path)
-        .map_err(|source| TaskFailure::File { path: path.to_path_buf(), source })?;
-    let (mut points, mut secs, mut elapsed) = (Vec::new(), Vec::new(), 0.0);
-    for line in text.lines() {
-        let Ok(row) = serde_json::from_str::<Values>(line) else { continue };
-        elapsed = row.get("perf/elapsed_secs").copied().unwrap_or(elapsed);
-        let scores =
-            row.iter().filter_map(|(key, value)| Some((key.strip_prefix("eval/")?.to_string(), *value)));
-        let mut point: Values = scores.collect();
-        if point.is_empty() {
-            continue;
-        }
-        point.insert("step".to_string(), row.get("step").copied().unwrap_or(0.0));
-        points.push(point);
-        secs.push(elapsed);
-    }
-    Ok((points, secs))
-}
-
-/// The course of a fit, kept on the way. After an interruption a fit repeats a little, to the digit: a point that is there is
-/// not added again.
-struct Course {
-    file: File,
-    path: PathBuf,
-    seen: Vec<(String, u64, f64)>,
-    /// Replays of the stages that are over.
-    before: u64,
-    points: Vec<Values>,
-}
-
-impl Course {
-    fn open(path: &Path) -> Result<Self, TaskFailure> {
-        let fail = |source| TaskFailure::File { path: path.to_path_buf(), source };
-        let text = match std::fs::read_to_string(path) {
-            Err(error) if error.kind() == std::io::ErrorKind::NotFound => String::new(),
-            read => read.map_err(fail)?,
-        };
-        // The last line may be half a line: what is whole is written again.
-        let whole: Vec<_> = text.lines().map_while(|line| serde_json::from_str(line).ok()).collect();
-        let lines: String = text.lines().take(whole.len()).map(|line| line.to_string() + "\n").collect();
-        write_text(path, &lines)?;
-        let file = OpenOptions::new().append(true).open(path).map_err(fail)?;
-        let path = path.to_path_buf();
-        let mut course = Self { file, path, seen: Vec::new(), before: 0, points: Vec::new() };
-        whole.into_iter().for_each(|point| course.take(point));
-        Ok(course)
-    }
-
-    fn add(&mut self, at: &Progress) -> Result<(), TaskFailure> {
-        let point = (at.stage.name().to_string(), at.replays, at.rms);
-        if !at.rms.is_finite() || self.seen.contains(&point) {
-            return Ok(());
-        }
-        // As above.
-        let text = serde_json::to_string(&point).unwrap_or_default() + "\n";
-        self.take(point);
-        let written = self.file.write_all(text.as_bytes());
-        written.map_err(|source| TaskFailure::File { path: self.path.clone(), source })
-    }
-
-    /// Replays are counted anew in each stage; here they go on.
-    fn take(&mut self, point: (String, u64, f64)) {
-        if let Some((stage, replays, _)) = self.seen.last()
-            && (*stage != point.0 || *replays > point.1)
-        {
-            self.before += replays;
-        }
-        let replays = ("replays".to_string(), (self.before + point.1) as f64);
-        self.points.push(BTreeMap::from([replays, ("rms".to_string(), point.2)]));
-        self.seen.push(point);
     }
 }
 

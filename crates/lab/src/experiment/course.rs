@@ -1,0 +1,87 @@
+//! How the measures of a task came about: the evaluations of a training, or the points of a fit.
+
+use std::collections::BTreeMap;
+use std::fs::{File, OpenOptions};
+use std::io::Write as _;
+use std::path::{Path, PathBuf};
+
+use etude_identify::Progress;
+use etude_perform::write_text;
+
+use super::outcome::Values;
+use super::task::TaskFailure;
+
+/// The evaluations in a run's metrics: `step` and scores of each, and the seconds until then.
+pub(super) fn evaluations(path: &Path) -> Result<(Vec<Values>, Vec<f64>), TaskFailure> {
+    let text = std::fs::read_to_string(path)
+        .map_err(|source| TaskFailure::File { path: path.to_path_buf(), source })?;
+    let (mut points, mut secs, mut elapsed) = (Vec::new(), Vec::new(), 0.0);
+    for line in text.lines() {
+        let Ok(row) = serde_json::from_str::<Values>(line) else { continue };
+        elapsed = row.get("perf/elapsed_secs").copied().unwrap_or(elapsed);
+        let scores =
+            row.iter().filter_map(|(key, value)| Some((key.strip_prefix("eval/")?.to_string(), *value)));
+        let mut point: Values = scores.collect();
+        if point.is_empty() {
+            continue;
+        }
+        point.insert("step".to_string(), row.get("step").copied().unwrap_or(0.0));
+        points.push(point);
+        secs.push(elapsed);
+    }
+    Ok((points, secs))
+}
+
+/// The course of a fit, kept on the way. After an interruption a fit repeats a little, to the digit: a point that is there is
+/// not added again.
+pub(super) struct Course {
+    file: File,
+    path: PathBuf,
+    seen: Vec<(String, u64, f64)>,
+    /// Replays of the stages that are over.
+    before: u64,
+    pub points: Vec<Values>,
+}
+
+impl Course {
+    pub fn open(path: &Path) -> Result<Self, TaskFailure> {
+        let fail = |source| TaskFailure::File { path: path.to_path_buf(), source };
+        let text = match std::fs::read_to_string(path) {
+            Err(error) if error.kind() == std::io::ErrorKind::NotFound => String::new(),
+            read => read.map_err(fail)?,
+        };
+        // The last line may be half a line: what is whole is written again.
+        let whole: Vec<_> = text.lines().map_while(|line| serde_json::from_str(line).ok()).collect();
+        let lines: String = text.lines().take(whole.len()).map(|line| line.to_string() + "\n").collect();
+        write_text(path, &lines)?;
+        let file = OpenOptions::new().append(true).open(path).map_err(fail)?;
+        let path = path.to_path_buf();
+        let mut course = Self { file, path, seen: Vec::new(), before: 0, points: Vec::new() };
+        whole.into_iter().for_each(|point| course.take(point));
+        Ok(course)
+    }
+
+    pub fn add(&mut self, at: &Progress) -> Result<(), TaskFailure> {
+        let point = (at.stage.name().to_string(), at.replays, at.rms);
+        if !at.rms.is_finite() || self.seen.contains(&point) {
+            return Ok(());
+        }
+        // As above.
+        let text = serde_json::to_string(&point).unwrap_or_default() + "\n";
+        self.take(point);
+        let written = self.file.write_all(text.as_bytes());
+        written.map_err(|source| TaskFailure::File { path: self.path.clone(), source })
+    }
+
+    /// Replays are counted anew in each stage; here they go on.
+    fn take(&mut self, point: (String, u64, f64)) {
+        if let Some((stage, replays, _)) = self.seen.last()
+            && (*stage != point.0 || *replays > point.1)
+        {
+            self.before += replays;
+        }
+        let replays = ("replays".to_string(), (self.before + point.1) as f64);
+        self.points.push(BTreeMap::from([replays, ("rms".to_string(), point.2)]));
+        self.seen.push(point);
+    }
+}

@@ -1,0 +1,236 @@
+//! The tables of a report, as HTML.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::fmt::Write as _;
+
+use etude_identify::html::escape;
+
+use super::config::{Experiment, FigureKind};
+use super::drawings::measure_name;
+use super::plan::PlanConfig;
+use super::record::{Entry, Record, combinations, compared, paired, summary, time_to};
+use super::stats::{Interval, Summary, quantile};
+
+/// F1 whose times are reported.
+const MARKS: [f64; 3] = [0.80, 0.90, 0.946];
+
+fn told(interval: &Interval) -> String {
+    // Errors of joints are thousandths of a radian.
+    let digits = if interval.value != 0.0 && interval.value.abs() < 0.02 { 5 } else { 3 };
+    match interval.interval {
+        Some([low, high]) => format!("{:.digits$} [{low:.digits$}, {high:.digits$}]", interval.value),
+        None => format!("{:.digits$}", interval.value),
+    }
+}
+
+fn words(labels: &BTreeMap<String, String>) -> String {
+    let words: Vec<String> = labels.iter().map(|(key, value)| format!("{key} {value}")).collect();
+    if words.is_empty() { "all".to_string() } else { words.join(", ") }
+}
+
+fn table(body: &mut String, caption: &str, columns: &[String], rows: impl Iterator<Item = Vec<String>>) {
+    let _ = write!(body, "<div class=\"table\"><table><caption>{}</caption>\n<tr>", escape(caption));
+    for column in columns {
+        let _ = write!(body, "<th>{}</th>", escape(column));
+    }
+    body.push_str("</tr>\n");
+    for row in rows {
+        body.push_str("<tr>");
+        for (index, cell) in row.iter().enumerate() {
+            let class = if index == 0 { "" } else { " class=\"n\"" };
+            let _ = write!(body, "<td{class}>{}</td>", escape(cell));
+        }
+        body.push_str("</tr>\n");
+    }
+    body.push_str("</table></div>\n");
+}
+
+fn strings(texts: &[&str]) -> Vec<String> {
+    texts.iter().map(ToString::to_string).collect()
+}
+
+/// The paper's numbers and ours.
+pub(super) fn against_the_paper(body: &mut String, experiment: &Experiment, all: &[Record]) {
+    let rows = experiment.paper.iter().map(|published| {
+        let found = summary(all, &published.filter, &published.measure);
+        let [ours, difference] = match found {
+            Some(found) => [told(&found.mean), format!("{:+.3}", found.mean.value - published.value)],
+            None => ["–", "–"].map(str::to_string),
+        };
+        let measure = measure_name(&published.measure, false);
+        vec![words(&published.filter), measure, format!("{:.3}", published.value), ours, difference]
+    });
+    let rows: Vec<Vec<String>> = rows.collect();
+    if !rows.is_empty() {
+        let columns = strings(&["what", "measure", "paper", "Étude", "difference"]);
+        table(body, "The paper’s numbers and ours", &columns, rows.into_iter());
+    }
+}
+
+/// Measures that the figures show, each once.
+fn measures(experiment: &Experiment) -> Vec<String> {
+    let shown = experiment.figures.iter().filter(|figure| figure.kind != FigureKind::Curves);
+    let mut seen = BTreeSet::new();
+    shown.flat_map(|figure| figure.y.clone()).filter(|measure| seen.insert(measure.clone())).collect()
+}
+
+/// Means and interquartile means of what is compared, pooled and by song.
+pub(super) fn scores(body: &mut String, experiment: &Experiment, all: &[Record]) {
+    let measures = measures(experiment);
+    let mut columns = strings(&["what", "trainings"]);
+    for measure in &measures {
+        let name = measure_name(measure, false);
+        columns.extend([format!("{name}: mean"), format!("{name}: IQM")]);
+    }
+    let line = |labels: &BTreeMap<String, String>| {
+        let found: Vec<Option<Summary>> =
+            measures.iter().map(|measure| summary(all, labels, measure)).collect();
+        let count = found.iter().flatten().map(|found| found.count).max().unwrap_or(0);
+        let mut row = vec![words(labels), count.to_string()];
+        for found in found {
+            row.extend(match found {
+                Some(found) => [told(&found.mean), told(&found.interquartile_mean)],
+                None => ["–".to_string(), "–".to_string()],
+            });
+        }
+        row
+    };
+    let keys = compared(all);
+    let pooled = combinations(all, &keys);
+    table(body, "Over all songs", &columns, pooled.iter().map(&line));
+    let with_songs = combinations(all, &[keys, vec!["song".to_string()]].concat());
+    if with_songs.len() > pooled.len() {
+        table(body, "By song", &columns, with_songs.iter().map(&line));
+    }
+}
+
+/// What is compared, against the same with the first value of one of its labels, training by training.
+pub(super) fn differences(body: &mut String, experiment: &Experiment, all: &[Record]) {
+    let keys = compared(all);
+    let pooled = combinations(all, &keys);
+    let measures = measures(experiment);
+    let mut rows = Vec::new();
+    for labels in &pooled {
+        for key in &keys {
+            let first = pooled.first().and_then(|labels| labels.get(key));
+            let (Some(mine), Some(first)) = (labels.get(key), first) else { continue };
+            let mut base = labels.clone();
+            base.insert(key.clone(), first.clone());
+            if mine == first || !pooled.contains(&base) {
+                continue;
+            }
+            let found = measures.iter().map(|measure| paired(all, labels, &base, measure));
+            let cells = found.map(|found| found.map_or_else(|| "–".to_string(), |found| told(&found.mean)));
+            rows.push([words(labels), words(&base)].into_iter().chain(cells).collect::<Vec<_>>());
+        }
+    }
+    if rows.is_empty() {
+        return;
+    }
+    let mut columns = strings(&["what", "against"]);
+    columns.extend(measures.iter().map(|measure| measure_name(measure, false)));
+    table(
+        body,
+        "How much more: mean of paired differences (same song, same seed)",
+        &columns,
+        rows.into_iter(),
+    );
+}
+
+/// When the trainings reached an F1.
+pub(super) fn times(body: &mut String, experiment: &Experiment, entries: &[Entry]) {
+    if entries.iter().all(|entry| entry.result.course.iter().all(|point| !point.contains_key("f1"))) {
+        return;
+    }
+    let tasks: Vec<Record> = entries
+        .iter()
+        .map(|entry| Record { labels: entry.task.labels.clone(), values: BTreeMap::new() })
+        .collect();
+    let median = |mut values: Vec<f64>| {
+        values.retain(|value| value.is_finite());
+        values.sort_by(f64::total_cmp);
+        (!values.is_empty()).then(|| quantile(&values, 0.5))
+    };
+    let rows = combinations(&tasks, &compared(&tasks)).into_iter().map(|labels| {
+        let mut row = vec![words(&labels)];
+        for mark in MARKS {
+            let (reached, of) = time_to(entries, &labels, "f1", mark);
+            let steps = median(reached.iter().map(|(step, _)| *step).collect());
+            let secs = median(reached.iter().map(|(_, secs)| *secs).collect());
+            row.push(match (steps, secs) {
+                (Some(steps), Some(secs)) => {
+                    format!("{} of {of}, {steps:.0} steps, {secs:.0} s", reached.len())
+                }
+                (Some(steps), None) => format!("{} of {of}, {steps:.0} steps", reached.len()),
+                _ => format!("0 of {of}"),
+            });
+        }
+        row
+    });
+    let rows: Vec<Vec<String>> = rows.collect();
+    let mut columns = strings(&["what"]);
+    columns.extend(MARKS.map(|mark| format!("F1 {mark}")));
+    let caption = format!(
+        "Trainings that reached an F1 in simulation, and the median step and second at which they did (preset {})",
+        experiment.preset
+    );
+    table(body, &caption, &columns, rows.into_iter());
+}
+
+/// Says how many performances a fault has ended, if any: their scores are low for another reason.
+pub(super) fn cut_short(body: &mut String, all: &[Record]) {
+    let ends: Vec<f64> = all.iter().filter_map(|record| record.values.get("complete")).copied().collect();
+    let short = ends.iter().filter(|complete| **complete < 1.0).count();
+    if short > 0 {
+        let _ = writeln!(
+            body,
+            "<p>{short} of {} performances were ended by a fault of the twin; what was not played counts as silence.</p>",
+            ends.len()
+        );
+    }
+}
+
+/// What it was made of.
+pub(super) fn provenance(
+    body: &mut String,
+    experiment: &Experiment,
+    (config, planned): (&PlanConfig, usize),
+    entries: &[Entry],
+) {
+    let distinct = |of: &dyn Fn(&Entry) -> String| {
+        let all: BTreeSet<String> = entries.iter().map(of).collect();
+        all.into_iter().collect::<Vec<_>>().join(", ")
+    };
+    let hours = entries.iter().map(|entry| entry.times.secs).sum::<f64>() / 3600.0;
+    let _ = writeln!(
+        body,
+        "<p>{} of {planned} tasks, {hours:.1} hours of learning or fitting; Étude {}, MuJoCo {}; {} cores of {}. \
+         <code>etude experiment run {}{}</code></p>",
+        entries.len(),
+        escape(&distinct(&|entry| entry.times.etude.clone())),
+        escape(&distinct(&|entry| entry.times.mujoco.clone())),
+        escape(&distinct(&|entry| entry.times.cores.to_string())),
+        escape(&distinct(&|entry| entry.times.machine.clone())),
+        escape(&experiment.name),
+        escape(&config.flags())
+    );
+    let mut columns = strings(&["task"]);
+    columns.extend(strings(&["what", "seconds"]));
+    body.push_str("<details><summary>The tasks</summary>\n");
+    let rows = entries.iter().map(|entry| {
+        vec![entry.task.id.clone(), words(&entry.task.labels), format!("{:.0}", entry.times.secs)]
+    });
+    table(body, "Tasks", &columns, rows);
+    body.push_str("</details>\n");
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn small_numbers_keep_their_digits() {
+        assert_eq!(told(&Interval { value: 0.001_674, interval: None }), "0.00167");
+        assert_eq!(told(&Interval { value: 0.95, interval: Some([0.9, 1.0]) }), "0.950 [0.900, 1.000]");
+    }
+}
