@@ -43,7 +43,7 @@ pub struct TaskResult {
 /// When, where and how long.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct TaskTimes {
-    /// Seconds that were worked on it, over all interruptions of the learning.
+    /// Seconds of learning or fitting, over all interruptions; of a rehearsal those since its last start.
     pub secs: f64,
     /// Seconds of learning until each point of the course.
     pub course_secs: Vec<f64>,
