@@ -59,7 +59,9 @@ const SMOKE: [&str; 4] = [
     "trainer.warmup_steps=160",
     "trainer.checkpoint_every_steps=240",
 ];
-/// And a fit.
+/// Letters of a plan's name: all experiments at once have a long one.
+const LONGEST_NAME: usize = 64;
+/// Evaluations of a fit in a smoke test.
 const SMOKE_EVALUATIONS: u64 = 2;
 
 /// One piece of work, by itself.
@@ -395,7 +397,8 @@ pub(super) fn slug(name: &str) -> String {
 /// Where a plan lies: its name ends with a fingerprint, so that another plan of the experiment never takes the place of one whose
 /// lines are being worked on.
 pub fn plan_file(runs: &Path, name: &str, tasks: &[Task]) -> PathBuf {
-    runs.join(format!("{}-{:08x}.plan.jsonl", slug(name), fnv(plan_text(tasks).as_bytes()) as u32))
+    let name: String = slug(name).chars().take(LONGEST_NAME).collect();
+    runs.join(format!("{name}-{:08x}.plan.jsonl", fnv(plan_text(tasks).as_bytes()) as u32))
 }
 
 /// FNV-1a: the same on every machine and in every version, which the standard library's hashes do not promise.
