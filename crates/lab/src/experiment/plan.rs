@@ -234,16 +234,16 @@ impl Experiment {
     fn fits(&self, fit: &FitConfig, seed: u64, smoke: bool) -> Result<Vec<Task>, PlanError> {
         let evaluations = if smoke { Some(SMOKE_EVALUATIONS) } else { fit.evaluations };
         let mut tasks = Vec::new();
-        for truth in if smoke { &fit.truths[..fit.truths.len().min(1)] } else { &fit.truths } {
-            let all = self.truth(truth)?;
+        for name in if smoke { &fit.truths[..fit.truths.len().min(1)] } else { &fit.truths } {
+            let all = self.text_of_truth(name)?;
             for method in &fit.methods {
-                let work = Work::Identify { truth: truth.clone(), method: *method, evaluations, seed };
-                let labels = [("truth", truth.clone()), ("method", method.name().to_string())];
+                let work = Work::Identify { truth: name.clone(), method: *method, evaluations, seed };
+                let labels = [("truth", name.clone()), ("method", method.name().to_string())];
                 let labels = labels.into_iter().chain([("seed", seed.to_string())]);
                 tasks.push(Task {
                     id: id(
                         "identify",
-                        truth,
+                        name,
                         seed,
                         &(all.clone() + &serde_json::to_string(&work).unwrap_or_default()),
                     ),
@@ -286,14 +286,14 @@ impl Experiment {
                 let what = fingerprint(&notes, &resolved);
                 match &self.rehearse {
                     Some(rehearse) => {
-                        let what = what + &self.truth(&rehearse.truth)?;
+                        let what = what + &self.text_of_truth(&rehearse.truth)?;
                         tasks.extend(rehearsals(rehearse, &training, &labels, smoke, seed, &what));
                     }
                     None => {
                         let perform = self.performance(variant.modes.as_deref(), smoke);
                         let truth = perform
                             .as_ref()
-                            .map_or(Ok(String::new()), |perform| self.truth(&perform.truth))?;
+                            .map_or(Ok(String::new()), |perform| self.text_of_truth(&perform.truth))?;
                         let all =
                             format!("{what}{}{truth}", serde_json::to_string(&perform).unwrap_or_default());
                         let id = id("train", song, seed, &all);
@@ -306,10 +306,10 @@ impl Experiment {
     }
 
     fn performance(&self, modes: Option<&[Mode]>, smoke: bool) -> Option<PerformConfig> {
-        let perform = self.perform.as_ref()?;
-        let modes = modes.unwrap_or(&perform.modes).to_vec();
+        let perform = self.perform.clone()?;
+        let modes = modes.map_or_else(|| perform.modes.clone(), <[Mode]>::to_vec);
         let runs = if smoke { 1 } else { perform.runs };
-        Some(PerformConfig { modes, runs, truth: perform.truth.clone() })
+        Some(PerformConfig { modes, runs, ..perform })
     }
 
     /// Every combination of the grid's values; in a smoke test, of the first and the last of each.
@@ -335,7 +335,7 @@ impl Experiment {
     }
 
     /// All that a truth says: another text under the same name is other work.
-    fn truth(&self, truth: &str) -> Result<String, PlanError> {
+    fn text_of_truth(&self, truth: &str) -> Result<String, PlanError> {
         let wrong = |message| PlanError::Truth { name: self.name.clone(), message };
         rig_choice(TWIN, truth).map_err(|error| wrong(error.to_string()))?;
         // The shipped ones have no file, and change with Étude alone.
@@ -354,7 +354,7 @@ fn rehearsals(
     let task = |mode: &Mode| {
         let (rounds, runs) = if smoke { (1, 1) } else { (rehearse.rounds, rehearse.runs) };
         let evaluations = if smoke { Some(SMOKE_EVALUATIONS) } else { rehearse.evaluations };
-        let truth = rehearse.truth.clone();
+        let RehearseConfig { truth, .. } = rehearse.clone();
         let all = format!("{what}{mode}{rounds} {runs} {truth} {evaluations:?}");
         let mut labels = labels.clone();
         labels.insert("mode".to_string(), mode.name().to_string());

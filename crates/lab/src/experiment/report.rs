@@ -112,9 +112,9 @@ pub fn write_report(
     }
     let file = out.join(PAGE);
     let opening = "<p>The paper’s experiments, made again by <code>etude experiment run NAME</code>. <strong>There is no robot here: \
-        wherever the paper plays on its robot, the twin plays</strong>, emulated devices moved by a separate world with its own \
-        truth. Intervals are 95 % bootstrap intervals over trainings, drawn anew within each song; IQM is the interquartile mean. \
-        The gap is the paper’s: what of the F1 in simulation is lost, 1 − F1 on the twin / F1 in simulation.</p>\n";
+        wherever the paper plays on its robot, the twin plays</strong>, emulated devices moved by a separate world whose numbers the \
+        simulator does not know. Intervals are 95 % bootstrap intervals over trainings, drawn anew within each song; IQM is the \
+        interquartile mean. The gap is the paper’s: what of the F1 in simulation is lost, 1 − F1 on the twin / F1 in simulation.</p>\n";
     write_text(&file, &page("Étude’s experiments", &(opening.to_string() + &body)))?;
     Ok(ReportPage { file, missing })
 }

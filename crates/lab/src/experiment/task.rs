@@ -262,16 +262,16 @@ impl Doing<'_> {
         training: &TrainingConfig,
         mode: Mode,
         [rounds, runs]: [usize; 2],
-        truth: &str,
+        truth_name: &str,
         evaluations: Option<u64>,
     ) -> Result<(TaskResult, TaskTimes), TaskFailure> {
         let begun = Instant::now();
         let song = find_song(&training.song)?;
-        let rig = rig_choice(TWIN, truth)?;
+        let rig = rig_choice(TWIN, truth_name)?;
         let config = RehearsalConfig {
             song: training.song.clone(),
             rig: rig.name().to_string(),
-            truth: Some(truth.to_string()),
+            truth: Some(truth_name.to_string()),
             rounds,
             runs,
             mode,
