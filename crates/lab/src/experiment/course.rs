@@ -66,7 +66,7 @@ impl Course {
         if !at.rms.is_finite() || self.seen.contains(&point) {
             return Ok(());
         }
-        // As above.
+        // Plain numbers and a string: writing them as JSON cannot fail.
         let text = serde_json::to_string(&point).unwrap_or_default() + "\n";
         self.take(point);
         let written = self.file.write_all(text.as_bytes());

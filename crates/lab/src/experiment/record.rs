@@ -96,22 +96,35 @@ pub fn combinations(records: &[Record], keys: &[String]) -> Vec<BTreeMap<String,
     records.iter().map(of).filter(|labels| seen.insert(labels.clone())).collect()
 }
 
-/// Scores of trainings by song: the runs of one training are no independent scores, so their mean is one.
-pub fn strata(records: &[&Record], measure: &str) -> Vec<Vec<f64>> {
-    let mut songs: BTreeMap<&str, BTreeMap<&str, Vec<f64>>> = BTreeMap::new();
-    for record in records {
+/// A measure of each training that has these labels, by song and seed. The runs of one training are no independent scores, so
+/// their mean is one.
+fn trainings<'a>(
+    records: &'a [Record],
+    filter: &BTreeMap<String, String>,
+    measure: &str,
+) -> BTreeMap<(&'a str, &'a str), f64> {
+    let mut runs: BTreeMap<(&str, &str), Vec<f64>> = BTreeMap::new();
+    for record in records.iter().filter(|record| record.has(filter)) {
         let label = |key: &str| record.labels.get(key).map_or("", String::as_str);
         if let Some(value) = record.values.get(measure) {
-            songs.entry(label("song")).or_default().entry(label("seed")).or_default().push(*value);
+            runs.entry((label("song"), label("seed"))).or_default().push(*value);
         }
     }
-    songs.into_values().map(|seeds| seeds.into_values().map(|runs| mean(&runs)).collect()).collect()
+    runs.into_iter().map(|(training, runs)| (training, mean(&runs))).collect()
+}
+
+/// Scores of trainings in short, a stratum a song.
+fn by_song<'a>(scores: impl Iterator<Item = (&'a str, f64)>) -> Option<Summary> {
+    let mut songs: BTreeMap<&str, Vec<f64>> = BTreeMap::new();
+    for (song, score) in scores {
+        songs.entry(song).or_default().push(score);
+    }
+    Summary::new(&songs.into_values().collect::<Vec<_>>())
 }
 
 /// A measure of those records that have these labels.
 pub fn summary(records: &[Record], filter: &BTreeMap<String, String>, measure: &str) -> Option<Summary> {
-    let chosen: Vec<&Record> = records.iter().filter(|record| record.has(filter)).collect();
-    Summary::new(&strata(&chosen, measure))
+    by_song(trainings(records, filter, measure).into_iter().map(|((song, _), score)| (song, score)))
 }
 
 /// How much a measure of one thing is above that of another, training by training: those of the same song and seed.
@@ -121,24 +134,9 @@ pub fn paired(
     other: &BTreeMap<String, String>,
     measure: &str,
 ) -> Option<Summary> {
-    let by_song = |filter: &BTreeMap<String, String>| {
-        let mut songs: BTreeMap<(String, String), Vec<f64>> = BTreeMap::new();
-        for record in records.iter().filter(|record| record.has(filter)) {
-            let label = |key: &str| record.labels.get(key).cloned().unwrap_or_default();
-            if let Some(value) = record.values.get(measure) {
-                songs.entry((label("song"), label("seed"))).or_default().push(*value);
-            }
-        }
-        songs
-    };
-    let (ones, others) = (by_song(one), by_song(other));
-    let mut strata: BTreeMap<&str, Vec<f64>> = BTreeMap::new();
-    for ((song, seed), runs) in &ones {
-        if let Some(theirs) = others.get(&(song.clone(), seed.clone())) {
-            strata.entry(song).or_default().push(mean(runs) - mean(theirs));
-        }
-    }
-    Summary::new(&strata.into_values().collect::<Vec<_>>())
+    let others = trainings(records, other, measure);
+    let ones = trainings(records, one, measure).into_iter();
+    by_song(ones.filter_map(|(training, score)| Some((training.0, score - others.get(&training)?))))
 }
 
 /// When each training first had a score: step, and seconds where they are known; and how many trainings there are.

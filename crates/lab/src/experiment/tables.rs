@@ -29,6 +29,7 @@ fn words(labels: &BTreeMap<String, String>) -> String {
 }
 
 fn table(body: &mut String, caption: &str, columns: &[String], rows: impl Iterator<Item = Vec<String>>) {
+    // Writing to a string cannot fail, here and below.
     let _ = write!(body, "<div class=\"table\"><table><caption>{}</caption>\n<tr>", escape(caption));
     for column in columns {
         let _ = write!(body, "<th>{}</th>", escape(column));
