@@ -16,9 +16,9 @@ use crate::jacobian::Linearisation;
 use crate::problem::Problem;
 
 /// Half a 95 % interval, in standard errors.
-const HALF_INTERVAL: f64 = 1.959_963_984_540_054;
+pub(crate) const HALF_INTERVAL: f64 = 1.959_963_984_540_054;
 /// A direction is weak when half its 95 % interval is longer than this share of the parameters' ranges, ...
-const WEAK_HALF_INTERVAL: f64 = 0.5;
+pub(crate) const WEAK_HALF_INTERVAL: f64 = 0.5;
 /// ... or when its singular value is a smaller share of the largest (MuJoCo's toolbox warns there, fact sheet
 /// §5).
 const WEAK_SHARE: f64 = 1e-6;

@@ -14,7 +14,7 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use crate::config::{ConfigError, Differences, LmConfig, MethodConfig};
-use crate::estimate::{Estimate, EstimateError};
+use crate::estimate::{Estimate, EstimateError, HALF_INTERVAL, WEAK_HALF_INTERVAL};
 use crate::fit::{Candidate, Fit, TellError};
 use crate::group::{Group, GroupError, fingers, joints, keyboard};
 use crate::jacobian::JacobianError;
@@ -29,8 +29,8 @@ mod order;
 
 /// Step of the differences that the last slopes and the estimate's intervals come from, as a share of each range.
 const ESTIMATE_STEP: f64 = 1e-3;
-/// Curvature of the cost along a number whose 95 % interval is its whole range.
-const LEAST_CURVATURE: f64 = (2.0 * 1.96) * (2.0 * 1.96);
+/// Curvature of the cost along a number that is just told by itself, as the estimate has it.
+const LEAST_CURVATURE: f64 = (HALF_INTERVAL / WEAK_HALF_INTERVAL) * (HALF_INTERVAL / WEAK_HALF_INTERVAL);
 
 /// Parts of an identification, in order.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
