@@ -22,7 +22,7 @@ pub struct RunConfig {
 pub const PRESETS: &[(&str, &str, &str)] = &[
     (
         "fast",
-        "a song in minutes: eight environments, little replay, demonstrations by the scripted player",
+        "a song in minutes: eight environments, few updates a step, demonstrations by the scripted player",
         include_str!("../../../configs/presets/fast.toml"),
     ),
     (

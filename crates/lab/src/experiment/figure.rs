@@ -147,10 +147,12 @@ impl Drawing {
         let font = |size: u32| ("sans-serif", size * dots).into_font();
         area.fill(&WHITE)?;
         let long = self.groups.iter().any(|name| name.chars().count() * self.groups.len() > 90);
-        let mut chart = ChartBuilder::on(area)
-            .caption(&self.title, font(15))
+        // The legend goes between the title and the axes.
+        let legend = if self.series.len() > 1 { 14 * dots } else { 0 };
+        let titled = area.margin(8 * dots, 0, 0, 0).titled(&self.title, font(15))?;
+        let below = titled.margin(legend, 0, 0, 0);
+        let mut chart = ChartBuilder::on(&below)
             .margin(10 * dots)
-            .top_x_label_area_size(if self.series.len() > 1 { 22 * dots } else { 0 })
             .x_label_area_size(if long { 160 } else { 44 } * dots)
             .y_label_area_size(56 * dots)
             .build_cartesian_2d(x[0]..x[1], y[0]..y[1])?;
