@@ -1,0 +1,43 @@
+"""Checks that relative links in Markdown lead to files and, where they name a heading, to that heading: check_links.py FILE|FOLDER…"""
+
+import re
+import sys
+from pathlib import Path
+
+LINK = re.compile(r"\]\(([^)\s]+)\)")
+FENCE = re.compile(r"^```.*?^```", re.MULTILINE | re.DOTALL)
+
+
+def anchors(page: Path) -> set[str]:
+    """Names that Markdown readers give to the headings of a page."""
+    heads = re.findall(r"^#+ (.+)$", FENCE.sub("", page.read_text()), re.MULTILINE)
+    plain = (re.sub(r"[^\w\- ]", "", head.lower()).strip() for head in heads)
+    return {head.replace(" ", "-") for head in plain}
+
+
+def broken(page: Path) -> list[str]:
+    found = []
+    for link in LINK.findall(FENCE.sub("", page.read_text())):
+        if re.match(r"[a-z]+:", link):
+            continue
+        path, _, anchor = link.partition("#")
+        target = (page.parent / path).resolve() if path else page
+        if not target.exists():
+            found.append(f"{page}: {link} leads nowhere")
+        elif anchor and target.suffix == ".md" and anchor not in anchors(target):
+            found.append(f"{page}: {target.name} has no heading for #{anchor}")
+    return found
+
+
+def main() -> int:
+    pages: list[Path] = []
+    for name in sys.argv[1:]:
+        path = Path(name)
+        pages += sorted(path.rglob("*.md")) if path.is_dir() else [path]
+    found = [line for page in pages for line in broken(page)]
+    print("\n".join(found) if found else f"{len(pages)} pages, every link leads somewhere")
+    return 1 if found else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
