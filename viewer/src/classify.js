@@ -1,0 +1,42 @@
+/** What was due against what was played, step by step: exactly what F1 counts, so picture and number agree. */
+
+/** @typedef {{pitch: number, from: number, to: number, kind: 'hit'|'missed'|'wrong'}} Stripe steps `from` up to `to` */
+
+/**
+ * Runs of steps in which a pitch was hit, missed or wrong.
+ * @param {number[][]} due pitches due in each step
+ * @param {number[][]} pressed pitches sounding at the end of each step
+ * @returns {Stripe[]} sorted by their first step, then pitch
+ */
+export function stripes(due, pressed) {
+  const steps = Math.max(due.length, pressed.length);
+  /** @type {Map<number, Stripe>} the stripe of each pitch that the previous step has left open */
+  let open = new Map();
+  const all = [];
+  for (let step = 0; step < steps; step += 1) {
+    const still = new Map();
+    for (const [pitch, kind] of kinds(due[step] ?? [], pressed[step] ?? [])) {
+      let stripe = open.get(pitch);
+      if (stripe?.kind === kind) {
+        stripe.to = step + 1;
+      } else {
+        stripe = { pitch, from: step, to: step + 1, kind };
+        all.push(stripe);
+      }
+      still.set(pitch, stripe);
+    }
+    open = still;
+  }
+  return all.sort((a, b) => a.from - b.from || a.pitch - b.pitch);
+}
+
+/**
+ * The kind of every pitch that is due or pressed in one step.
+ * @returns {Map<number, Stripe['kind']>}
+ */
+export function kinds(due, pressed) {
+  const kinds = new Map();
+  for (const pitch of due) kinds.set(pitch, pressed.includes(pitch) ? 'hit' : 'missed');
+  for (const pitch of pressed) if (!due.includes(pitch)) kinds.set(pitch, 'wrong');
+  return kinds;
+}

@@ -1,0 +1,113 @@
+/** Time: one that follows the sound card where there is sound, and the place in the song on top of it. */
+
+/** Follows the sound card this gently from frame to frame: its clock advances in blocks, the picture should not. */
+const FOLLOW = 0.1;
+/** Further off than this, jump: the sound was interrupted. */
+const JUMP_SECS = 0.05;
+
+/** Seconds that run with the sound card while it runs, else with the machine's clock, and never jump between the two. */
+export class Timebase {
+  constructor() {
+    this.offset = 0;
+    /** @type {AudioContext | null} */
+    this.context = null;
+    /** What to add for the sound card's time; null while it does not run. */
+    this.toSound = null;
+  }
+
+  now() {
+    const machine = performance.now() / 1000;
+    if (this.context?.state !== 'running') {
+      this.toSound = null;
+      return machine + this.offset;
+    }
+    // What is heard now was computed a latency ago.
+    const heard = this.context.currentTime - (this.context.outputLatency || 0);
+    this.toSound ??= heard - (machine + this.offset);
+    const behind = heard - this.toSound - (machine + this.offset);
+    this.offset += Math.abs(behind) > JUMP_SECS ? behind : FOLLOW * behind;
+    return machine + this.offset;
+  }
+}
+
+/** The place in the song. Calls `changed` whenever it moves other than by playing on. */
+export class Player {
+  constructor(timebase, duration) {
+    this.timebase = timebase;
+    this.duration = duration;
+    this.speed = 1;
+    this.playing = false;
+    /** @type {{from: number, to: number} | null} */
+    this.loop = null;
+    this.changed = () => {};
+    this.anchor = { song: 0, base: 0 };
+  }
+
+  /** Song time now, s; goes round the loop and stops at the end. */
+  time() {
+    if (!this.playing) return this.anchor.song;
+    const base = this.timebase.now();
+    const song = this.anchor.song + (base - this.anchor.base) * this.speed;
+    if (this.loop && song >= this.loop.to) {
+      const { from, to } = this.loop;
+      this.#move(from + ((song - to) % (to - from)), base);
+    } else if (song >= this.duration) {
+      this.playing = false;
+      this.#move(this.duration, base);
+    } else {
+      return song;
+    }
+    return this.anchor.song;
+  }
+
+  play() {
+    if (this.duration === 0) return;
+    const song = this.time() >= this.duration ? (this.loop?.from ?? 0) : this.time();
+    this.playing = true;
+    this.#move(song);
+  }
+
+  pause() {
+    const song = this.time();
+    this.playing = false;
+    this.#move(song);
+  }
+
+  seek(secs) {
+    const song = Math.min(Math.max(Number(secs) || 0, 0), this.duration);
+    // Someone who goes elsewhere does not want to be taken back.
+    if (this.loop && (song < this.loop.from || song >= this.loop.to)) this.loop = null;
+    this.#move(song);
+  }
+
+  setSpeed(speed) {
+    const song = this.time();
+    this.speed = speed;
+    this.#move(song);
+  }
+
+  setLoop(loop) {
+    const song = this.time();
+    this.loop = loop;
+    this.#move(song);
+  }
+
+  #move(song, base = this.timebase.now()) {
+    this.anchor = { song, base };
+    this.changed();
+  }
+}
+
+/** The bar around a place, or two seconds around it where the song has no bar lines. */
+export function barAround(bars, secs, duration) {
+  const next = bars.findIndex((bar) => bar > secs + 1e-6);
+  if (bars.length < 2 || next === 0) return around(secs, duration);
+  const from = bars[next < 0 ? bars.length - 1 : next - 1];
+  const to = Math.min(next < 0 ? duration : bars[next], duration);
+  return to - from > 0.1 ? { from, to } : around(secs, duration);
+}
+
+function around(secs, duration) {
+  const from = Math.max(0, Math.min(secs - 1, duration - 2));
+  return { from, to: Math.min(from + 2, duration) };
+}

@@ -1,0 +1,160 @@
+/** The piano roll: what was due and what was played, over the whole song; it scrolls where the song is too long. */
+
+import { drawingOn, hatching, moveCursor } from './canvas.js';
+import { stripes } from './classify.js';
+import { clockText, element, isBlack, pitchName } from './dom.js';
+import { HIT, MISSED, WRONG, theme } from './theme.js';
+
+/** A second is at least this wide; more where the whole song then still fits. */
+const LEAST_PIXELS_PER_SEC = 30;
+/** Height of the roll, spread over the pitches in use within these limits, in pixels. */
+const HEIGHT = 168;
+const ROW = { least: 5, most: 12 };
+/** An octave is the least that is shown: fewer rows look like no keyboard. */
+const LEAST_ROWS = 13;
+
+const SAYS = { hit: 'hit', missed: 'missed', wrong: 'wrong: not due' };
+
+export class Roll {
+  /** @param {(secs: number) => void} seek */
+  constructor(take, seek) {
+    this.take = take;
+    this.stripes = stripes(take.due, take.pressed);
+    this.rows = rowsOf(this.stripes);
+    this.rowHeight = Math.min(ROW.most, Math.max(ROW.least, HEIGHT / (this.rows.high - this.rows.low + 1)));
+    this.height = Math.round(this.rowHeight * (this.rows.high - this.rows.low + 1));
+    this.canvas = element('canvas', {});
+    this.cursor = element('div', { class: 'cursor' });
+    this.song = element('div', { class: 'song' }, this.canvas, this.cursor);
+    this.root = element('div', { class: 'roll', role: 'img', tabindex: '-1', 'aria-label': this.#summary() }, this.song);
+    this.root.addEventListener('scroll', () => this.draw(), { passive: true });
+    this.root.addEventListener('click', (event) => seek(this.#secsAt(event)));
+    this.root.addEventListener('pointermove', (event) => this.#hint(event));
+  }
+
+  /** Lays the song out over its width; `duration` may be longer than the take, so that two takes line up. */
+  resize(duration) {
+    this.width = this.root.clientWidth;
+    this.scale = Math.max(this.width / Math.max(duration, 1e-3), LEAST_PIXELS_PER_SEC);
+    this.song.style.width = `${Math.max(this.width, Math.floor(this.scale * duration))}px`;
+    this.song.style.height = `${this.height}px`;
+    this.cursor.style.height = `${this.height}px`;
+    this.draw();
+  }
+
+  /** Moves the cursor, and turns the page when it runs off. */
+  moveTo(secs, playing) {
+    const x = secs * this.scale;
+    moveCursor(this.cursor, x);
+    const { scrollLeft } = this.root;
+    const seen = x >= scrollLeft && x <= scrollLeft + this.width;
+    // Only the moment it leaves: whoever has scrolled elsewhere while it plays is not pulled back.
+    if (!seen && (this.seen || !playing)) this.root.scrollLeft = x - 0.1 * this.width;
+    this.seen = seen || !playing;
+  }
+
+  draw() {
+    if (!this.width) return;
+    const pen = drawingOn(this.canvas, this.width, this.height);
+    const colours = theme();
+    pen.translate(-this.root.scrollLeft, 0);
+    this.visible = { from: this.root.scrollLeft / this.scale, to: (this.root.scrollLeft + this.width) / this.scale };
+    this.#keyboard(pen, colours);
+    this.#lines(pen, this.take.bars, colours.line);
+    const hatch = hatching(pen, MISSED);
+    for (const stripe of this.stripes) this.#stripe(pen, stripe, hatch);
+    pen.fillStyle = colours.paper;
+    for (const note of this.take.notes) {
+      pen.fillRect(note.start * this.scale, this.#top(note.pitch) + 1, 1.5, this.rowHeight - 2);
+    }
+    this.#names(pen, colours);
+  }
+
+  #keyboard(pen, colours) {
+    const left = this.visible.from * this.scale;
+    pen.fillStyle = colours.paper;
+    pen.fillRect(left, 0, this.width, this.height);
+    pen.fillStyle = colours.shade;
+    for (let pitch = this.rows.low; pitch <= this.rows.high; pitch += 1) {
+      if (isBlack(pitch)) pen.fillRect(left, this.#top(pitch), this.width, this.rowHeight);
+    }
+  }
+
+  #lines(pen, times, colour) {
+    pen.fillStyle = colour;
+    for (const secs of times) {
+      if (this.#shows(secs, secs)) pen.fillRect(Math.round(secs * this.scale), 0, 1, this.height);
+    }
+  }
+
+  #stripe(pen, { pitch, from, to, kind }, hatch) {
+    const { hz } = this.take;
+    if (!this.#shows(from / hz, to / hz)) return;
+    const [x, y] = [(from / hz) * this.scale, this.#top(pitch)];
+    const [width, height] = [((to - from) / hz) * this.scale, this.rowHeight];
+    if (kind === 'hit') {
+      pen.fillStyle = HIT;
+      pen.fillRect(x, y + 0.5, width, height - 1);
+    } else if (kind === 'wrong') {
+      // Thinner than what was due: told from it by shape, too.
+      pen.fillStyle = WRONG;
+      pen.fillRect(x, y + height * 0.28, width, height * 0.44);
+    } else {
+      pen.fillStyle = hatch;
+      pen.fillRect(x, y + 0.5, width, height - 1);
+      pen.strokeStyle = MISSED;
+      pen.lineWidth = 1;
+      if (width > 1) pen.strokeRect(x + 0.5, y + 1, width - 1, height - 2);
+    }
+  }
+
+  #names(pen, colours) {
+    pen.font = '10px system-ui, sans-serif';
+    pen.textBaseline = 'middle';
+    pen.fillStyle = colours.ink;
+    const left = this.visible.from * this.scale + 4;
+    for (let pitch = this.rows.low; pitch <= this.rows.high; pitch += 1) {
+      if (pitch % 12 === 0) pen.fillText(pitchName(pitch), left, this.#top(pitch) + this.rowHeight / 2 + 0.5);
+    }
+  }
+
+  #top(pitch) {
+    return (this.rows.high - pitch) * this.rowHeight;
+  }
+
+  #shows(from, to) {
+    return to >= this.visible.from && from <= this.visible.to;
+  }
+
+  #secsAt(event) {
+    return (event.clientX - this.root.getBoundingClientRect().left + this.root.scrollLeft) / this.scale;
+  }
+
+  /** Says what lies under the pointer. */
+  #hint(event) {
+    const step = Math.floor(this.#secsAt(event) * this.take.hz);
+    const row = Math.floor((event.clientY - this.root.getBoundingClientRect().top) / this.rowHeight);
+    const pitch = this.rows.high - row;
+    const found = this.stripes.find((s) => s.pitch === pitch && s.from <= step && step < s.to);
+    const secs = (steps) => clockText(steps / this.take.hz);
+    const says = found ? `${pitchName(pitch)} ${SAYS[found.kind]}, ${secs(found.from)} to ${secs(found.to)}` : '';
+    if (this.root.title !== says) this.root.title = says;
+  }
+
+  #summary() {
+    const count = (kind) => this.stripes.filter((stripe) => stripe.kind === kind).length;
+    return `Piano roll: ${count('hit')} stretches hit, ${count('missed')} missed, ${count('wrong')} wrong`;
+  }
+}
+
+function rowsOf(stripes) {
+  const pitches = stripes.map((stripe) => stripe.pitch);
+  let low = Math.min(60, ...pitches) - (pitches.length ? 1 : 0);
+  let high = Math.max(...(pitches.length ? pitches : [72])) + 1;
+  if (pitches.length) low = Math.min(...pitches) - 1;
+  while (high - low + 1 < LEAST_ROWS) {
+    high += 1;
+    if (high - low + 1 < LEAST_ROWS) low -= 1;
+  }
+  return { low, high };
+}

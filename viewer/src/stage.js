@@ -1,0 +1,99 @@
+/** The keyboard and the hand of one take as three.js objects, and how they stand at a time. */
+
+import { Color, DirectionalLight, Group, HemisphereLight, Scene } from 'three';
+
+import { bodyTree } from './bodies.js';
+import { kinds } from './classify.js';
+import { Shadows } from './shadows.js';
+import { Shape, Solids } from './shapes.js';
+import { DUE, HIT, WRONG } from './theme.js';
+
+const LOWEST_PITCH = 36;
+const PAINT = { hit: new Color(HIT), wrong: new Color(WRONG) };
+
+export class Stage {
+  constructor(take) {
+    this.take = take;
+    this.scene = new Scene();
+    this.world = new Group();
+    this.scene.add(this.world, ...lights());
+    this.bodies = bodyTree(take.scene.bodies, this.world);
+    const shapes = take.scene.geoms.map((geom) => {
+      const shape = new Shape(geom);
+      (this.bodies[geom.body] ?? this.world).add(shape);
+      return shape;
+    });
+    this.driven = this.bodies.filter((body) => body.joint?.drive !== undefined);
+    this.keys = this.bodies.filter((body) => body.joint?.key !== undefined).map(keyOf);
+    shapes.push(...this.keys.map((key) => key.strip).filter((strip) => strip !== null));
+    this.solids = shapes.length > 0 ? new Solids(shapes) : null;
+    if (this.solids) this.scene.add(this.solids);
+    this.hand = this.driven.find((body) => body.joint.type === 'slide') ?? null;
+    this.shadows = new Shadows(this.hand, shapes.filter((shape) => shape.name.endsWith('_tip')));
+    this.scene.add(this.shadows);
+    this.positions = new Array(take.joints.length).fill(0);
+  }
+
+  /** How far the hand is off the keyboard's middle, m. */
+  get lateral() {
+    return this.hand?.position.y ?? 0;
+  }
+
+  /** Sets everything as it stands at a time. */
+  pose(secs) {
+    const { take, positions } = this;
+    take.positionsAt(secs, positions);
+    for (const body of this.driven) body.move(positions[body.joint.drive] ?? 0);
+    const due = take.due[take.stepAt(secs)] ?? [];
+    for (const key of this.keys) {
+      const depth = take.keyDepth(key.pitch, secs);
+      key.body.move(depth * key.down);
+      const played = depth > 0.5 ? kinds(due, [key.pitch]).get(key.pitch) : null;
+      // A strip of no size is not seen.
+      key.strip?.scale.setScalar(played === null && due.includes(key.pitch) ? 1 : 0);
+      if (key.shape && key.played !== played) {
+        key.played = played;
+        this.solids.paint(key.shape, PAINT[played] ?? key.shape.colour);
+      }
+    }
+    this.world.updateMatrixWorld();
+    this.solids?.follow();
+    this.shadows.update();
+  }
+
+  /** Pitches whose key stands more than half down, from the bodies as they are drawn. */
+  keysDown() {
+    const down = this.keys.filter((key) => key.body.angle() / key.down > 0.5);
+    return down.map((key) => key.pitch).sort((a, b) => a - b);
+  }
+
+  dispose() {
+    this.solids?.dispose();
+    this.shadows.dispose();
+  }
+}
+
+/** A key: its body and shape, and a strip along its playing half that says it is due. */
+function keyOf(body) {
+  const { key, down } = body.joint;
+  const shape = body.children.find((child) => child instanceof Shape) ?? null;
+  const made = { body, shape, pitch: LOWEST_PITCH + key, down, played: null, strip: null };
+  if (!shape) return made;
+  const [x, y, z] = shape.size;
+  made.strip = new Shape({ type: 'box', size: [0.44 * x, 0.62 * y, 0.0003], rgba: [0, 0, 0, 1] });
+  made.strip.colour.set(DUE);
+  made.strip.position.copy(shape.position);
+  made.strip.position.x += 0.5 * x;
+  made.strip.position.z += z;
+  body.add(made.strip);
+  return made;
+}
+
+/** A lamp from the player's left, and the room's own light from above and below. */
+function lights() {
+  const room = new HemisphereLight(0xffffff, 0x9a958c, 2.25);
+  room.position.set(0, 0, 1);
+  const lamp = new DirectionalLight(0xfff4e6, 1.05);
+  lamp.position.set(0.45, -0.5, 1);
+  return [room, lamp];
+}

@@ -1,0 +1,103 @@
+/** One recording as the page uses it: the contract's data, made safe where a recording broke off, and looked up by time. */
+
+/** A key's way down or up as drawn, s. Its middle is the moment of the key event, where the contact closes. */
+const KEY_RAMP_SECS = 0.03;
+
+const list = (value) => (Array.isArray(value) ? value : []);
+
+export class Take {
+  constructor(raw) {
+    const take = raw ?? {};
+    this.name = String(take.name ?? '');
+    this.song = String(take.song ?? '');
+    this.player = String(take.player ?? '');
+    this.rig = String(take.rig ?? '');
+    this.mode = String(take.mode ?? '');
+    this.hz = take.control_hz > 0 ? take.control_hz : 20;
+    this.bars = list(take.bar_secs);
+    this.joints = list(take.joints);
+    this.scene = { bodies: list(take.scene?.bodies), geoms: list(take.scene?.geoms) };
+    this.due = list(take.due).map(list);
+    this.pressed = list(take.pressed).map(list);
+    this.start = Array.isArray(take.start) ? take.start : null;
+    this.positions = filled(list(take.positions), this.start, this.joints.length);
+    this.running = take.running ?? {};
+    this.final = take.final ?? null;
+    this.rewards = list(take.rewards);
+    this.rewardsNote = take.rewards_note ? String(take.rewards_note) : null;
+    this.marks = list(take.marks);
+    this.steps = Math.max(this.positions.length, this.due.length, this.pressed.length);
+    const notes = list(take.notes);
+    this.duration = Math.max(this.steps / this.hz, ...notes.map((note) => note.end ?? note.start));
+    this.notes = notes.map((note) => ({ ...note, end: note.end ?? this.duration }));
+    /** @type {Map<number, any[]>} */
+    this.notesOf = new Map();
+    for (const note of this.notes) this.notesOf.set(note.pitch, [...(this.notesOf.get(note.pitch) ?? []), note]);
+    this.remarks = remarks(take, this);
+  }
+
+  /** The control step that runs at a time; −1 where there is none. */
+  stepAt(secs) {
+    // A hair more than the quotient: the start of a step belongs to it, whatever the rounding.
+    return Math.min(Math.floor(secs * this.hz + 1e-6), this.steps - 1);
+  }
+
+  /** The last control step that is over at a time: the one whose numbers are known. −1 before the first. */
+  stepBefore(secs) {
+    return Math.min(Math.floor(secs * this.hz + 1e-6) - 1, this.steps - 1);
+  }
+
+  /** Joint positions at a time into `out`: a smooth curve through the recorded rows (Catmull–Rom). */
+  positionsAt(secs, out) {
+    const last = this.positions.length - 1;
+    if (last < 0) return out.fill(0);
+    const place = Math.min(Math.max(secs * this.hz - 1, this.start ? -1 : 0), last);
+    const index = Math.floor(place);
+    const u = place - index;
+    const row = (i) => this.positions[Math.min(Math.max(i, 0), last)];
+    const at = (i) => (i < 0 && this.start ? this.start : row(i));
+    const [a, b, c, d] = [at(index - 1), at(index), at(index + 1), at(index + 2)];
+    for (let joint = 0; joint < out.length; joint += 1) {
+      const [p, q, r, s] = [a[joint], b[joint], c[joint], d[joint]];
+      out[joint] = q + 0.5 * u * (r - p + u * (2 * p - 5 * q + 4 * r - s + u * (3 * (q - r) + s - p)));
+    }
+    return out;
+  }
+
+  /** How far down a key is drawn at a time, from 0 to 1. */
+  keyDepth(pitch, secs) {
+    let depth = 0;
+    for (const note of this.notesOf.get(pitch) ?? []) {
+      const inside = Math.min(secs - note.start, note.end - secs) / KEY_RAMP_SECS + 0.5;
+      depth = Math.max(depth, Math.min(inside, 1));
+    }
+    return depth;
+  }
+
+  /** What plays, in a few words. */
+  caption() {
+    return [this.rig, this.mode, this.player].filter((part) => part !== '').join(' · ');
+  }
+}
+
+/** Rows without holes: what a recording does not say (JSON has no NaN) stays as it was. */
+function filled(rows, start, width) {
+  let previous = start ?? new Array(width).fill(0);
+  return rows.map((row) => {
+    previous = previous.map((value, joint) => (Number.isFinite(row?.[joint]) ? row[joint] : value));
+    return previous;
+  });
+}
+
+/** What a viewer should know before trusting the picture. */
+function remarks(raw, take) {
+  const found = [];
+  if (raw.incomplete) found.push(String(raw.incomplete));
+  if (take.steps === 0) found.push('This recording holds no control step: there is nothing to move.');
+  else if (take.positions.length === 0) found.push('This recording holds no joint positions: the hand stands still.');
+  if (take.steps > 0 && take.due.length === 0) found.push('This recording has no song: nothing was due, and there are no scores.');
+  else if (take.steps > 0 && take.due.every((pitches) => pitches.length === 0)) {
+    found.push('Nothing was due in this recording: every key that sounds counts as wrong.');
+  }
+  return found;
+}

@@ -1,0 +1,50 @@
+/** Colours that canvases need from the style sheet, so that light and dark are said in one place. */
+
+import { CanvasTexture, ColorManagement, LinearFilter } from 'three';
+
+// Light is added up in screen colours: converting every pixel from linear ones is dear where the processor draws. Here,
+// because it must be said before the first colour is made.
+ColorManagement.enabled = false;
+
+/** Okabe and Ito's colours, told apart by every kind of colour vision; the same in light and dark. */
+export const HIT = '#0072B2';
+export const MISSED = '#E69F00';
+export const WRONG = '#D55E00';
+export const DUE = '#56B4E9';
+
+const scheme = matchMedia('(prefers-color-scheme: dark)');
+
+/** The style sheet's colours as they are now. */
+export function theme() {
+  const style = getComputedStyle(document.documentElement);
+  const colour = (name) => style.getPropertyValue(`--${name}`).trim();
+  return {
+    paper: colour('paper'),
+    shade: colour('shade'),
+    line: colour('line'),
+    faint: colour('faint'),
+    ink: colour('ink'),
+    takes: [colour('take-a'), colour('take-b')],
+  };
+}
+
+/** The scene's background: the light above, the floor below. */
+export function backdrop() {
+  const canvas = document.createElement('canvas');
+  [canvas.width, canvas.height] = [1, 64];
+  const pen = canvas.getContext('2d');
+  const style = getComputedStyle(document.documentElement);
+  const fade = pen.createLinearGradient(0, 0, 0, 64);
+  fade.addColorStop(0, style.getPropertyValue('--sky').trim());
+  fade.addColorStop(1, style.getPropertyValue('--floor').trim());
+  pen.fillStyle = fade;
+  pen.fillRect(0, 0, 1, 64);
+  const texture = new CanvasTexture(canvas);
+  texture.generateMipmaps = false;
+  texture.minFilter = LinearFilter;
+  return texture;
+}
+
+export function onThemeChange(call) {
+  scheme.addEventListener('change', call);
+}

@@ -1,0 +1,141 @@
+/** The time line: the slider, and above it what happened when: faults, warnings, clamps, and where two takes part. */
+
+import { drawingOn, hatching } from './canvas.js';
+import { clockText, element } from './dom.js';
+import { MISSED, WRONG, theme } from './theme.js';
+
+/** How each kind of mark looks and is called. Shapes differ, not only colours. */
+const KINDS = {
+  fault: { colour: WRONG, shape: 'triangle', one: 'fault', many: 'faults' },
+  warning: { colour: MISSED, shape: 'diamond', one: 'warning', many: 'warnings' },
+  clamp: { colour: '#CC79A7', shape: 'tick', one: 'clamp', many: 'clamps' },
+  phase: { colour: '#009E73', shape: 'flag', one: 'phase', many: 'phases' },
+  parting: { colour: '#CC79A7', shape: 'band', one: 'parting', many: 'partings' },
+};
+const LANE = 14;
+/** The list stops here; a recording that clamps at every step would make a list of thousands. */
+const MOST_LISTED = 200;
+/** How near the pointer must be to a mark to name it, pixels. */
+const NEAR = 6;
+
+export class Timeline {
+  constructor(player) {
+    this.player = player;
+    this.strip = element('canvas', { class: 'strip', 'aria-hidden': 'true' });
+    this.slider = element('input', { type: 'range', min: '0', step: 'any', class: 'place', 'aria-label': 'Place in the song' });
+    this.slider.addEventListener('input', () => player.seek(Number(this.slider.value)));
+    this.strip.addEventListener('click', (event) => player.seek(this.#near(event)?.secs ?? event.offsetX / this.scale));
+    this.strip.addEventListener('pointermove', (event) => {
+      this.strip.title = this.#near(event)?.text ?? '';
+    });
+    this.summary = element('summary', {});
+    this.list = element('ol', {});
+    this.details = element('details', { class: 'marks' }, this.summary, this.list);
+    this.root = element('div', { class: 'timeline' }, this.strip, this.slider);
+  }
+
+  /**
+   * @param {{take: any, letter: string}[]} shown
+   * @param {[number, number][]} partings
+   */
+  show(shown, partings) {
+    const label = (letter) => (letter ? `${letter}: ` : '');
+    this.lanes = shown.map(({ take }) => take.marks);
+    this.partings = partings;
+    this.bars = shown[0].take.bars;
+    this.marks = [
+      ...shown.flatMap(({ take, letter }, lane) =>
+        take.marks.map((mark) => ({ ...mark, lane, text: `${label(letter)}${mark.kind}: ${mark.text}` }))),
+      ...partings.map(([from, to]) => ({ secs: from, kind: 'parting', lane: -1, text: partingText(from, to) })),
+    ].sort((a, b) => a.secs - b.secs);
+    this.slider.max = String(this.player.duration);
+    this.#listMarks();
+  }
+
+  #listMarks() {
+    const counts = Object.entries(KINDS).map(([kind, { one, many }]) => {
+      const count = this.marks.filter((mark) => mark.kind === kind).length;
+      return count === 0 ? null : `${count} ${count === 1 ? one : many}`;
+    });
+    this.summary.textContent = `On the time line: ${counts.filter(Boolean).join(', ')}`;
+    this.details.hidden = this.marks.length === 0;
+    const rows = this.marks.slice(0, MOST_LISTED).map((mark) => {
+      const go = element('button', { type: 'button', on: { click: () => this.player.seek(mark.secs) } },
+        element('span', { class: 'when', text: clockText(mark.secs) }), ` ${mark.text}`);
+      return element('li', { class: `mark ${mark.kind in KINDS ? mark.kind : ''}` }, go);
+    });
+    const left = this.marks.length - MOST_LISTED;
+    if (left > 0) rows.push(element('li', { text: `and ${left} more, on the time line above` }));
+    this.list.replaceChildren(...rows);
+  }
+
+  resize() {
+    const width = this.strip.parentElement.clientWidth;
+    if (!width) return;
+    this.scale = width / Math.max(this.player.duration, 1e-3);
+    const height = LANE * this.lanes.length;
+    const pen = drawingOn(this.strip, width, height);
+    const colours = theme();
+    pen.fillStyle = colours.shade;
+    pen.fillRect(0, 0, width, height);
+    pen.fillStyle = colours.line;
+    for (const secs of this.bars) pen.fillRect(Math.round(secs * this.scale), 0, 1, height);
+    const { loop } = this.player;
+    if (loop) {
+      pen.fillStyle = colours.faint;
+      pen.fillRect(loop.from * this.scale, 0, (loop.to - loop.from) * this.scale, height);
+      pen.fillStyle = colours.ink;
+      for (const secs of [loop.from, loop.to]) pen.fillRect(Math.round(secs * this.scale) - 1, 0, 2, height);
+    }
+    const { colour } = KINDS.parting;
+    const hatch = hatching(pen, colour, 4);
+    for (const [from, to] of this.partings) {
+      const [x, span] = [from * this.scale, Math.max((to - from) * this.scale, 2)];
+      pen.fillStyle = hatch;
+      pen.fillRect(x, 0, span, height);
+      pen.fillStyle = colour;
+      pen.fillRect(x, 0, 1, height);
+      pen.fillRect(x + span - 1, 0, 1, height);
+    }
+    this.lanes.forEach((marks, lane) => {
+      for (const mark of marks) drawMark(pen, KINDS[mark.kind] ?? KINDS.warning, mark.secs * this.scale, lane * LANE, colours.paper);
+    });
+  }
+
+  moveTo(secs) {
+    this.slider.value = String(secs);
+    const bar = this.bars.findLastIndex((start) => start <= secs + 1e-6) + 1;
+    const says = `${clockText(secs)}${bar > 0 ? `, bar ${bar}` : ''}`;
+    if (this.slider.getAttribute('aria-valuetext') !== says) this.slider.setAttribute('aria-valuetext', says);
+  }
+
+  #near(event) {
+    const lane = Math.floor(event.offsetY / LANE);
+    const off = (mark) => Math.abs(mark.secs * this.scale - event.offsetX);
+    const near = this.marks.filter((mark) => (mark.lane === lane || mark.lane < 0) && off(mark) <= NEAR);
+    return near.sort((a, b) => off(a) - off(b))[0];
+  }
+}
+
+function partingText(from, to) {
+  return `parting: different keys sound for ${(to - from).toFixed(2)} s`;
+}
+
+function drawMark(pen, { colour, shape }, x, top, paper) {
+  const middle = top + LANE / 2;
+  const outlines = {
+    triangle: [[0, -6], [6, 5], [-6, 5]],
+    diamond: [[0, -6], [5, 0], [0, 6], [-5, 0]],
+    flag: [[-1, -6], [7, -3], [1, 0], [1, 6], [-1, 6]],
+    tick: [[-1, -4], [1, -4], [1, 4], [-1, 4]],
+  };
+  pen.beginPath();
+  for (const [dx, dy] of outlines[shape]) pen.lineTo(x + dx, middle + dy);
+  pen.closePath();
+  pen.fillStyle = colour;
+  pen.fill();
+  if (shape === 'tick') return;
+  pen.strokeStyle = paper;
+  pen.lineWidth = 1;
+  pen.stroke();
+}

@@ -1,0 +1,248 @@
+/**
+ * The page in Chromium. `ETUDE_REPLAY_PAGE` names a page that `etude replay` wrote; without it a made-up take stands in.
+ * `ETUDE_REPLAY_BOTH` names one with two takes of which parts differ. `ETUDE_SCREENSHOTS` names the folder for screenshots.
+ */
+
+import assert from 'node:assert/strict';
+import { mkdir, readFile, stat } from 'node:fs/promises';
+import os from 'node:os';
+import path from 'node:path';
+import { after, before, test } from 'node:test';
+
+import { launch, ready } from './browser.mjs';
+import { HZ, oneTake, sampleTake, twoTakes } from './sample.mjs';
+
+const LARGEST_BYTES = 4 * 1024 * 1024;
+const PHONE = { width: 390, height: 844, touch: true };
+const screenshots = process.env.ETUDE_SCREENSHOTS ?? os.tmpdir();
+
+let browser;
+let given;
+let data;
+
+before(async () => {
+  await mkdir(screenshots, { recursive: true });
+  browser = await launch();
+  given = process.env.ETUDE_REPLAY_PAGE ?? (await browser.write(oneTake()));
+  data = await dataOf(given);
+});
+
+after(() => browser?.close());
+
+/** The data of a page. */
+async function dataOf(file) {
+  const html = await readFile(file, 'utf8');
+  return JSON.parse(html.match(/<script type="application\/json" id="data">([^<]*)<\/script>/)[1]);
+}
+
+/** Opens a page, does something with it, and holds that nothing went wrong and nothing was fetched. */
+async function withPage(file, options, act) {
+  const page = await browser.open(file, options);
+  try {
+    await ready(page);
+    await act(page);
+    assert.deepEqual(page.troubles, []);
+    assert.deepEqual(page.requests, []);
+  } finally {
+    await page.context().close();
+  }
+}
+
+const overflow = (page) => page.evaluate(() => document.scrollingElement.scrollWidth - window.innerWidth);
+
+test('one file of a bearable size', async () => {
+  assert.ok((await stat(given)).size < LARGEST_BYTES);
+});
+
+test('opens, plays, scrubs, turns and closes without a complaint', async () => {
+  await withPage(given, {}, async (page) => {
+    const etude = (call) => page.evaluate(`window.etude.${call}`);
+    const [take] = data.takes;
+    assert.ok(Math.abs((await etude('duration()')) - take.due.length / take.control_hz) < 1);
+
+    await page.keyboard.press('Space');
+    assert.equal(await etude('playing()'), true);
+    await page.waitForFunction(() => window.etude.time() > 0.5);
+    await page.keyboard.press('Space');
+    assert.equal(await etude('playing()'), false);
+
+    await page.locator('input.place').fill('2.5');
+    assert.ok(Math.abs((await etude('time()')) - 2.5) < 1e-6);
+    await page.keyboard.press('ArrowRight');
+    assert.ok(Math.abs((await etude('time()')) - (2.5 + 1 / take.control_hz)) < 1e-6);
+    await page.keyboard.press('Shift+ArrowLeft');
+    assert.ok(Math.abs((await etude('time()')) - (1.5 + 1 / take.control_hz)) < 1e-6);
+    await page.keyboard.press('End');
+    assert.equal(await etude('time()'), await etude('duration()'));
+    await page.keyboard.press('Home');
+    assert.equal(await etude('time()'), 0);
+
+    for (const [key, name] of [['2', 'side'], ['3', 'top'], ['4', 'fingers'], ['1', 'player']]) {
+      await page.keyboard.press(key);
+      assert.equal(await etude('camera()'), name);
+    }
+    await page.getByRole('button', { name: 'Side', exact: true }).click();
+    assert.equal(await etude('camera()'), 'side');
+
+    await etude('seek(2)');
+    await page.keyboard.press('l');
+    const loop = await etude('loop()');
+    assert.ok(loop.from <= 2 && loop.to > 2);
+    await page.keyboard.press('l');
+    assert.equal(await etude('loop()'), null);
+
+    await page.keyboard.press('?');
+    assert.ok(await page.getByRole('dialog').isVisible());
+    await page.keyboard.press('Escape');
+  });
+});
+
+test('keys drawn down are the keys that were pressed', async () => {
+  await withPage(given, {}, async (page) => {
+    for (const [pane, take] of data.takes.slice(0, 2).entries()) {
+      const moments = steadyMoments(take);
+      assert.equal(moments.length, 3, 'a recording with three notes');
+      for (const step of moments) {
+        await page.evaluate((secs) => window.etude.seek(secs), (step + 1) / take.control_hz);
+        const down = await page.evaluate((index) => window.etude.keysDown(index), pane);
+        assert.deepEqual(down, [...take.pressed[step]].sort((a, b) => a - b), `pane ${pane}, step ${step}`);
+      }
+    }
+  });
+});
+
+/** Three steps, early, in the middle and late, in which keys are held that also were before and will be after. */
+function steadyMoments({ pressed }) {
+  const steady = [];
+  for (let step = 1; step + 1 < pressed.length; step += 1) {
+    const same = (other) => String(pressed[other]) === String(pressed[step]);
+    if (pressed[step].length > 0 && same(step - 1) && same(step + 1)) steady.push(step);
+  }
+  return [0.1, 0.5, 0.9].map((share) => steady[Math.floor(share * steady.length)]).filter((step) => step !== undefined);
+}
+
+test('every note played in a stretch is heard, and in its time', async () => {
+  await withPage(given, {}, async (page) => {
+    const take = data.takes.slice(0, 2).at(-1);
+    const from = Math.max(0, take.notes[2].start - 0.3);
+    await page.evaluate((secs) => window.etude.seek(secs), from);
+    await page.evaluate(() => window.etude.play());
+    await page.waitForFunction((secs) => window.etude.time() > secs, from + 3);
+    const to = await page.evaluate(() => {
+      window.etude.pause();
+      return window.etude.time();
+    });
+    const heard = await page.evaluate(() => window.etude.scheduled());
+    const played = take.notes.filter((note) => note.start >= from && note.start < to);
+    assert.ok(played.length > 1);
+    const first = heard.find((note) => note.pitch === played[0].pitch);
+    played.forEach((note) => {
+      const found = heard.find(({ pitch, velocity, when }) =>
+        pitch === note.pitch && velocity === note.velocity && Math.abs(when - first.when - (note.start - played[0].start)) < 0.06);
+      assert.ok(found, `${note.pitch} at ${note.start} s among ${JSON.stringify(heard)}`);
+    });
+  });
+});
+
+test('half speed takes twice as long', async () => {
+  await withPage(given, {}, async (page) => {
+    await page.keyboard.press('h');
+    const speed = await page.evaluate(async () => {
+      window.etude.play();
+      await new Promise((resolve) => setTimeout(resolve, 700));
+      const [song, clock] = [window.etude.time(), performance.now()];
+      await new Promise((resolve) => setTimeout(resolve, 1500));
+      return ((window.etude.time() - song) * 1000) / (performance.now() - clock);
+    });
+    // Far from full speed, and with room for a machine that has other things to do.
+    assert.ok(speed > 0.3 && speed < 0.7, `${speed}`);
+  });
+});
+
+for (const dark of [false, true]) {
+  for (const [width, options] of [['wide', {}], ['phone', PHONE]]) {
+    test(`looks right ${dark ? 'dark' : 'light'} and ${width}`, async () => {
+      await withPage(given, { ...options, dark }, async (page) => {
+        await page.evaluate(() => window.etude.seek(0.4 * window.etude.duration()));
+        assert.ok((await overflow(page)) <= 0, 'no sideways scrolling');
+        await page.waitForTimeout(500);
+        await page.screenshot({ path: path.join(screenshots, `replay-${width}-${dark ? 'dark' : 'light'}.png`), fullPage: true });
+      });
+    });
+  }
+}
+
+test('two takes stand side by side, with the places where they part', async () => {
+  const file = process.env.ETUDE_REPLAY_BOTH ?? (await browser.write(twoTakes()));
+  const two = await dataOf(file);
+  for (const [name, options] of [['wide', {}], ['phone', PHONE]]) {
+    await withPage(file, options, async (page) => {
+      assert.equal(await page.locator('canvas.scene').count(), 2);
+      const [from] = two.partings[0];
+      await page.getByText('On the time line').click();
+      await page.getByRole('button', { name: 'parting' }).first().click();
+      assert.ok(Math.abs((await page.evaluate(() => window.etude.time())) - from) < 1e-6);
+      assert.ok((await overflow(page)) <= 0);
+      await page.getByRole('button', { name: 'Hear take A' }).click();
+      await page.screenshot({ path: path.join(screenshots, `replay-two-${name}.png`), fullPage: true });
+    });
+  }
+});
+
+test('more than two takes are chosen from', async () => {
+  const takes = [1, 2, 3].map((seed) => ({ ...sampleTake({ seed, steps: 60 }), name: `take ${seed}` }));
+  await withPage(await browser.write({ version: 1, takes, partings: [] }), {}, async (page) => {
+    await page.getByRole('combobox', { name: 'Take B' }).selectOption('take 3');
+    await page.evaluate(() => window.etude.seek(1.5));
+    const step = 1.5 * HZ - 1;
+    assert.deepEqual(await page.evaluate(() => window.etude.keysDown(1)), takes[2].pressed[step]);
+  });
+});
+
+test('hostile names stay text', async () => {
+  const evil = '</script><script>window.broken=1</script>"><img src=x onerror="window.broken=1"><!--<script>';
+  const hostile = sampleTake({ steps: 60, rig: evil, mode: evil, marks: [{ secs: 1, kind: evil, text: evil }, { secs: 2, kind: 'fault', text: evil }] });
+  Object.assign(hostile, { name: evil, song: evil, player: evil, incomplete: evil, rewards_note: evil });
+  hostile.rewards[0].name = evil;
+  hostile.scene.bodies[0].name = evil;
+  hostile.scene.geoms[0].name = evil;
+  await withPage(await browser.write({ version: 1, takes: [hostile], partings: [] }), PHONE, async (page) => {
+    await page.evaluate(() => window.etude.seek(1));
+    assert.equal(await page.evaluate(() => window.broken), undefined);
+    assert.equal(await page.locator('img').count(), 0);
+    assert.equal(await page.locator('h1').textContent(), evil);
+    assert.ok((await overflow(page)) <= 0);
+  });
+});
+
+const BROKEN = {
+  'no step': { take: sampleTake({ steps: 0 }), says: 'no control step' },
+  'one step': { take: sampleTake({ steps: 1 }), says: 'Nothing was due' },
+  'nothing due': { take: { ...sampleTake({ steps: 100 }), due: Array.from({ length: 100 }, () => []) }, says: 'Nothing was due' },
+  'half a recording': { take: { ...sampleTake({ steps: 100 }), incomplete: 'The file ends in the middle of a record.' }, says: 'ends in the middle' },
+  'an empty object': { take: {}, says: 'no control step' },
+  'keys and no hand': { take: { ...sampleTake({ steps: 100 }), positions: [], start: null, rewards: [], final: null, bar_secs: [] }, says: 'hand stands still' },
+};
+
+for (const [name, { take, says }] of Object.entries(BROKEN)) {
+  test(`${name} is shown as far as it goes`, async () => {
+    await withPage(await browser.write({ version: 1, takes: [take], partings: [] }), {}, async (page) => {
+      await page.getByText(says).first().waitFor({ timeout: 20_000 });
+      await page.evaluate(() => {
+        window.etude.play();
+        window.etude.seek(0.5 * window.etude.duration());
+      });
+      for (const key of ['l', 'ArrowRight', 'End', 'Home']) await page.keyboard.press(key);
+      assert.ok((await page.evaluate(() => window.etude.time())) <= (await page.evaluate(() => window.etude.duration())));
+    });
+  });
+}
+
+test('a page that holds no recording says so', async () => {
+  for (const nothing of [{ version: 1, takes: [], partings: [] }, { version: 2 }, null]) {
+    const page = await browser.open(await browser.write(nothing));
+    await page.getByRole('alert').waitFor({ timeout: 5000 });
+    assert.deepEqual(page.troubles, []);
+    await page.context().close();
+  }
+});

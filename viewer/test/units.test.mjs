@@ -1,0 +1,130 @@
+/** What needs no browser: kinematics, hit or missed or wrong, interpolation, loops, and when notes are struck. */
+
+import assert from 'node:assert/strict';
+import { test } from 'node:test';
+
+import { Group, Vector3 } from 'three';
+
+import { bodyTree } from '../src/bodies.js';
+import { kinds, stripes } from '../src/classify.js';
+import { barAround } from '../src/clock.js';
+import { SAMPLE_RATE_HZ, pitchHz, tone } from '../src/piano.js';
+import { firstUnfinished, strikeOf } from '../src/schedule.js';
+import { Take } from '../src/take.js';
+import { LINKS, fingertip, sampleTake, scene } from './sample.mjs';
+
+const near = (actual, expected, within = 1e-9) => assert.ok(Math.abs(actual - expected) <= within, `${actual} is not ${expected}`);
+
+test('fingertips are where the closed form has them', () => {
+  const world = new Group();
+  const { bodies: descriptions } = scene();
+  const bodies = bodyTree(descriptions, world);
+  const angles = [0.21, 0.9, 0.7, 0.4];
+  const rail = -0.113;
+  descriptions.forEach(({ joint }, index) => {
+    if (joint?.drive === 12) bodies[index].move(rail);
+    else if (joint?.drive !== undefined) bodies[index].move(angles[joint.drive % 4]);
+  });
+  world.updateMatrixWorld();
+  ['index', 'middle', 'ring'].forEach((name, finger) => {
+    const distal = bodies[descriptions.findIndex((body) => body.name === `${name}_distal`)];
+    const tip = distal.localToWorld(new Vector3(0, 0, LINKS[3]));
+    const expected = fingertip(finger, angles, rail);
+    tip.toArray().forEach((value, axis) => near(value, expected[axis]));
+  });
+});
+
+test('a key turns about its rear edge, and says by how much', () => {
+  const world = new Group();
+  const joint = { type: 'hinge', axis: [0, 1, 0], anchor: [-0.075, 0, 0], key: 24, down: 0.06 };
+  const [key] = bodyTree([{ name: 'key_24', parent: -1, pos: [0, 0, 0.01], quat: [1, 0, 0, 0], joint }], world);
+  key.move(0.06);
+  world.updateMatrixWorld();
+  near(key.angle(), 0.06);
+  const [rear, front] = [-0.075, 0.075].map((x) => key.localToWorld(new Vector3(x, 0, 0)));
+  near(rear.x, -0.075);
+  near(rear.z, 0.01);
+  near(front.x, -0.075 + 0.15 * Math.cos(0.06));
+  near(front.z, 0.01 - 0.15 * Math.sin(0.06));
+});
+
+test('a slide moves along its axis in a turned body', () => {
+  const world = new Group();
+  const half = Math.SQRT1_2;
+  const joint = { type: 'slide', axis: [1, 0, 0], anchor: [0, 0, 0], drive: 0 };
+  const [body] = bodyTree([{ name: 'a', parent: -1, pos: [1, 2, 3], quat: [half, 0, 0, half], joint }], world);
+  body.move(0.5);
+  [1, 2.5, 3].forEach((value, axis) => near(body.position.getComponent(axis), value));
+});
+
+test('what was due and what was played make hit, missed and wrong', () => {
+  assert.deepEqual([...kinds([60, 64], [64, 66])], [[60, 'missed'], [64, 'hit'], [66, 'wrong']]);
+  assert.deepEqual(stripes([[60], [60], [60], []], [[], [60], [60, 61], [61]]), [
+    { pitch: 60, from: 0, to: 1, kind: 'missed' },
+    { pitch: 60, from: 1, to: 3, kind: 'hit' },
+    { pitch: 61, from: 2, to: 4, kind: 'wrong' },
+  ]);
+  assert.deepEqual(stripes([[60], [], [60]], []).map(({ from, to }) => [from, to]), [[0, 1], [2, 3]], 'a rest ends a stripe');
+  assert.deepEqual(stripes([], []), []);
+});
+
+test('notes are struck at their time, whatever the speed', () => {
+  const note = { start: 10, end: 11 };
+  assert.deepEqual(strikeOf(note, { song: 9, sound: 100, speed: 1 }, 100), { when: 101, into: 0, stop: 102 });
+  assert.deepEqual(strikeOf(note, { song: 9, sound: 100, speed: 0.5 }, 100), { when: 102, into: 0, stop: 104 });
+  assert.deepEqual(strikeOf(note, { song: 10.5, sound: 100, speed: 1 }, 100), { when: 100, into: 0.5, stop: 100.5 }, 'in its middle');
+  assert.deepEqual(strikeOf(note, { song: 9, sound: 100, speed: 1 }, 100, 10.25), { when: 101, into: 0, stop: 101.25 }, 'cut by a loop');
+  assert.equal(strikeOf(note, { song: 11, sound: 100, speed: 1 }, 100), null, 'over');
+  assert.equal(firstUnfinished([{ start: 0, end: 5 }, { start: 1, end: 2 }], 3), 0);
+  assert.equal(firstUnfinished([{ start: 0, end: 1 }], 3), 1);
+});
+
+test('the curve through positions meets every recorded row', () => {
+  const take = new Take(sampleTake({ steps: 60 }));
+  const out = new Array(13).fill(0);
+  for (const step of [0, 17, 59]) {
+    take.positionsAt((step + 1) / take.hz, out);
+    out.forEach((value, joint) => near(value, take.positions[step][joint], 1e-9));
+  }
+  take.positionsAt(0, out);
+  out.forEach((value, joint) => near(value, take.start[joint]));
+});
+
+test('a key is half down at the moment of its event', () => {
+  const take = new Take({ control_hz: 20, due: [[]], notes: [{ pitch: 60, start: 1, end: 2, velocity: 80 }] });
+  near(take.keyDepth(60, 1), 0.5);
+  near(take.keyDepth(60, 1.5), 1);
+  near(take.keyDepth(60, 0.9), 0);
+  near(take.keyDepth(61, 1.5), 0);
+});
+
+test('holes in a recording keep what was there before', () => {
+  const take = new Take({ control_hz: 20, joints: ['a', 'b'], positions: [[1, 2], [null, 3], null] });
+  assert.deepEqual(take.positions, [[1, 2], [1, 3], [1, 3]]);
+});
+
+test('a bar is looped, or two seconds without bars', () => {
+  assert.deepEqual(barAround([1, 3, 5], 3, 8), { from: 3, to: 5 });
+  assert.deepEqual(barAround([1, 3, 5], 7, 8), { from: 5, to: 8 });
+  assert.deepEqual(barAround([], 4, 8), { from: 3, to: 5 });
+  assert.deepEqual(barAround([], 0, 1), { from: 0, to: 1 });
+  assert.deepEqual(barAround([1, 3], 0.5, 8), { from: 0, to: 2 });
+});
+
+test('a tone has its pitch, and a harder stroke is louder and brighter', () => {
+  const power = (samples, hz) => {
+    let [re, im] = [0, 0];
+    samples.forEach((sample, i) => {
+      re += sample * Math.cos((2 * Math.PI * hz * i) / SAMPLE_RATE_HZ);
+      im += sample * Math.sin((2 * Math.PI * hz * i) / SAMPLE_RATE_HZ);
+    });
+    return re * re + im * im;
+  };
+  near(pitchHz(69), 440);
+  const [soft, hard] = [30, 110].map((velocity) => tone(69, velocity, 0.4));
+  assert.ok(power(hard, 440) > 50 * power(hard, 466), 'A and not A sharp');
+  const loud = (samples) => samples.reduce((most, sample) => Math.max(most, Math.abs(sample)), 0);
+  assert.ok(loud(hard) > 2 * loud(soft) && loud(hard) <= 1);
+  const brightness = (samples) => power(samples, 1765) / power(samples, 440);
+  assert.ok(brightness(hard) > 2 * brightness(soft));
+});
