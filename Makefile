@@ -8,7 +8,7 @@ MINUTES ?= 10
 SONG ?= twinkle
 
 .DEFAULT_GOAL := help
-.PHONY: help setup build demo test test-kernel fuzz bench clean-runs
+.PHONY: help setup build demo test test-kernel fuzz bench book clean-runs
 
 help:
 	@echo "make demo    set up, learn $(SONG) (at most $(MINUTES) minutes), play it, say where the sound is"
@@ -17,6 +17,7 @@ help:
 	@echo "make build   the etude command, optimised, at $(ETUDE)"
 	@echo "make bench   speed of simulation, learner and both, in turns with JAX, PyTorch, RoboPianist and others"
 	@echo "make test-kernel  the robot's drivers on a real kernel's CAN and MIDI, in QEMU (skips with a reason without it)"
+	@echo "make book    the documentation as a book in target/book (installs mdBook into .mdbook on first use)"
 	@echo "make fuzz    ten minutes of hostile MIDI files"
 
 setup:
@@ -42,8 +43,12 @@ test: setup
 	$(CARGO) clippy --workspace --all-targets --locked -- -D warnings
 	@if pkg-config --exists alsa 2>/dev/null; then set -x; $(CARGO) clippy --package etude --features hardware --locked -- -D warnings; \
 	else echo "not checked: --features hardware (Debian, Ubuntu: apt-get install -y pkg-config libasound2-dev)"; fi
+	$(CARGO) clippy --package etude --features viewer --locked -- -D warnings
 	RUSTDOCFLAGS="-D warnings" $(CARGO) doc --workspace --no-deps --locked --quiet
+	$(PYTHON) scripts/check_links.py docs README.md ARCHITECTURE.md
 	$(PYTHON) scripts/python_packages.py
+	@if command -v npm >/dev/null; then set -x; cd viewer && npm ci --no-audit --no-fund --loglevel=error; \
+	else echo "not checked: the replay page in a browser (Debian, Ubuntu: apt-get install -y nodejs npm chromium)"; fi
 	ETUDE_PYTHON=$(PYTHON) PYTHONPATH=$(CURDIR)/.python $(CARGO) test --workspace --locked
 
 # Debian, Ubuntu: apt-get install -y qemu-system-x86 busybox-static; with libasound2-dev and pkg-config through ALSA too.
@@ -52,6 +57,14 @@ test-kernel:
 
 bench: build
 	$(ETUDE) bench --peers
+
+# Compiled once, some minutes; links within the book that lead nowhere are an error.
+.mdbook/bin/mdbook:
+	$(CARGO) install mdbook --version 0.5.4 --locked --no-default-features --root .mdbook
+
+book: .mdbook/bin/mdbook
+	.mdbook/bin/mdbook build docs
+	$(PYTHON) scripts/check_links.py docs README.md ARCHITECTURE.md
 
 fuzz:
 	cd fuzz && $(CARGO) build --release --target $$(rustc -vV | sed -n 's/host: //p') && mkdir -p corpus/midi artifacts && \

@@ -62,7 +62,7 @@ def main(folder: pathlib.Path) -> int:
             messages.setdefault(channel.topic, []).append(json.loads(message.data))
         counted = reader.get_summary().statistics.message_count
     same("messages in the statistics", counted, sum(map(len, messages.values())))
-    same("unknown topics", sorted(set(messages) - {"/header", "/step", "/key"}), [])
+    same("unknown topics", sorted(set(messages) - {"/header", "/step", "/key", "/reward"}), [])
     same("headers", len(messages["/header"]), 1)
     header, steps = messages["/header"][0], messages["/step"]
     same("keys due", header["due"], [row["due"] for row in rows])
@@ -70,6 +70,10 @@ def main(folder: pathlib.Path) -> int:
     same("step numbers", [step["step"] for step in steps], list(range(len(rows))))
     for name in ("targets", "positions", "velocities", "torques"):
         same(f"length of {name}", {len(step[name]) for step in steps}, {len(header["joints"])})
+
+    earned = [sum(reward["terms"].values()) for reward in messages["/reward"]]
+    same("rewards", len(earned), len(rows))
+    same("reward", report["reward"], sum(earned), 1e-3)
 
     for line in wrong:
         print(line)

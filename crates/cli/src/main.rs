@@ -4,6 +4,7 @@
 mod progress;
 mod status;
 mod verbs;
+mod watch;
 
 use std::io::Write as _;
 use std::process::ExitCode;
@@ -38,8 +39,18 @@ enum Verb {
     Songs(verbs::songs::Args),
     /// Learn to play a song
     Train(verbs::train::Args),
+    /// Show trainings as they go
+    Watch(verbs::watch::Args),
     /// Play a song with a trained policy and keep the MIDI, sound, frames and recording
     Play(verbs::play::Args),
+    /// A page on which one sees and hears a recording
+    Replay(verbs::replay::Args),
+    /// An index page of recordings, each with its replay
+    Gallery(verbs::gallery::Args),
+    /// Stills and videos of a recording
+    Render(verbs::render::Args),
+    /// The world in a window, with a policy playing (a build with --features viewer)
+    View(verbs::view::Args),
     /// Play a song in many simulated worlds: how robust a policy is
     Evaluate(verbs::evaluate::Args),
     /// Play a song on a robot or its twin, in one of three modes
@@ -77,7 +88,12 @@ fn main() -> ExitCode {
     let ended = match cli.verb {
         Verb::Songs(args) => verbs::songs::run(args),
         Verb::Train(args) => verbs::train::run(args),
+        Verb::Watch(args) => verbs::watch::run(args),
         Verb::Play(args) => verbs::play::run(args),
+        Verb::Replay(args) => verbs::replay::run(args),
+        Verb::Gallery(args) => verbs::gallery::run(args),
+        Verb::Render(args) => verbs::render::run(args),
+        Verb::View(args) => verbs::view::run(args),
         Verb::Evaluate(args) => verbs::evaluate::run(args),
         Verb::Perform(args) => verbs::perform::run(args),
         Verb::Robot(args) => verbs::robot::run(args),

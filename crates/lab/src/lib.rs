@@ -7,18 +7,23 @@
 pub mod bench;
 mod config;
 pub mod experiment;
+pub mod gallery;
 mod grid;
 mod guard;
 mod identify;
+mod live;
 mod play;
 mod player;
 mod record;
 mod rehearsal_page;
 mod rehearse;
+pub mod render;
+pub mod replay;
 mod rig;
 mod robot;
 mod run;
 mod stand;
+pub mod watch;
 
 pub use config::{ConfigError, PRESETS, RunConfig, resolve};
 pub use grid::{GridConfig, GridReport, Marginal, WorldScores, evaluate_grid};
@@ -26,6 +31,7 @@ pub use guard::{READY, stand_guard};
 pub use identify::{
     IDENTIFIED, Identification, IdentificationError, IdentifyMethod, IdentifyReport, identify_robot,
 };
+pub use live::play_live;
 pub use play::{Files, PlayError, Report, perform};
 pub use player::{Player, load_player, shipped_policies};
 pub use record::{Activity, Recorded, record_robot};

@@ -7,17 +7,16 @@ use etude_music::metrics::{FrameScores, NoteScores};
 use etude_music::sound::{self, SoundError, SoundFont};
 use etude_music::{CONTROL_HZ, Note, Song, SongError};
 use etude_perform::{
-    FileError, Header, KeyMessage, PerformError, RecordingError, RecordingWriter, StepMessage,
+    FileError, Header, KeyMessage, PerformError, RecordingError, RecordingWriter, RewardMessage, StepMessage,
     write_frames_csv, write_text,
 };
 use etude_stage::{FINGERS, JOINT_NAMES};
-use etude_task::scripted::ScriptedPlayer;
-use etude_task::{Act, Performance, Piece, TaskError, rehearse};
+use etude_task::{Performance, Piece, TaskError, rehearse};
 use serde::Serialize;
 use serde_json::json;
 
 use crate::config::{ConfigError, RunConfig};
-use crate::player::{Mind, Player};
+use crate::player::Player;
 use crate::rig::StandError;
 
 /// A song could not be played.
@@ -148,20 +147,12 @@ pub fn perform(
     let name = player.name();
     let recorder = folder.map(|folder| recorder(folder, &piece, &name, &config)).transpose()?;
     let recorder = RefCell::new((recorder, Ok(())));
-    let mut limits = None;
-    let mut act: Box<Act<'_>> = match &mut player.mind {
-        Mind::Policy(policy, _) => Box::new(|_, observation, action| policy.act(observation, action)),
-        Mind::Script => {
-            let script = ScriptedPlayer::new(&config.task, &piece)?;
-            limits = Some(script.limits().to_string());
-            Box::new(move |environment, _, action| *action = script.action(environment.position()))
-        }
-    };
+    let (mut act, limits) = player.mind.act(&config.task, &piece)?;
     let performance =
-        rehearse(&config.task, &piece, config.trainer.seed, &mut *act, &mut |environment, action| {
+        rehearse(&config.task, &piece, config.trainer.seed, &mut *act, &mut |environment, action, parts| {
             let (writer, outcome) = &mut *recorder.borrow_mut();
             if let (Some(writer), Ok(())) = (writer, &outcome) {
-                *outcome = record(writer, environment, action);
+                *outcome = record(writer, environment, action, parts);
             }
         })?;
     let (writer, outcome) = recorder.into_inner();
@@ -204,6 +195,7 @@ fn recorder(
         control_hz: CONTROL_HZ,
         joints: JOINT_NAMES.map(str::to_string).to_vec(),
         due: piece.frames().iter().map(|keys| keys.pitches().collect()).collect(),
+        bar_secs: piece.bars().to_vec(),
         config: json!(config),
         ..Header::default()
     };
@@ -214,6 +206,7 @@ fn record(
     writer: &mut RecordingWriter,
     environment: &etude_task::Environment,
     action: &[f32; etude_task::ACTION_LEN],
+    parts: &[f32],
 ) -> Result<(), RecordingError> {
     let world = environment.world();
     for event in world.events() {
@@ -229,7 +222,10 @@ fn record(
         fingertips: (0..FINGERS).map(|finger| world.fingertip(finger)).collect(),
         pressed: world.pressed().pitches().collect(),
     };
-    writer.step(world.time_secs(), &message)
+    writer.step(world.time_secs(), &message)?;
+    let terms = environment.reward().names().zip(parts);
+    let terms = terms.map(|(name, part)| (name.to_string(), f64::from(*part))).collect();
+    writer.reward(world.time_secs(), &RewardMessage { step: message.step, terms })
 }
 
 fn keep(

@@ -3,11 +3,12 @@
 use std::path::{Path, PathBuf};
 
 use etude_learn::Policy;
-use etude_task::layout;
+use etude_music::Song;
+use etude_task::{ACTION_LEN, Act, Environment, Piece, ScriptedPlayer, TaskConfig, TaskError, layout};
 
 use crate::config::{RunConfig, change};
 use crate::play::PlayError;
-use crate::run::policy_in;
+use crate::run::{other_notes, policy_in};
 
 /// What decides the actions.
 pub(crate) enum Mind {
@@ -15,6 +16,29 @@ pub(crate) enum Mind {
     Policy(Box<Policy>, PathBuf),
     /// Inverse kinematics and timing, without learning.
     Script,
+}
+
+impl Mind {
+    /// What decides the actions in a simulation of `piece`, and what limits it there, if that is known.
+    pub(crate) fn act(
+        &mut self,
+        task: &TaskConfig,
+        piece: &Piece,
+    ) -> Result<(Box<Act<'_>>, Option<String>), TaskError> {
+        match self {
+            Self::Policy(policy, _) => {
+                Ok((Box::new(|_, observation, action| policy.act(observation, action)), None))
+            }
+            Self::Script => {
+                let script = ScriptedPlayer::new(task, piece)?;
+                let limits = script.limits().to_string();
+                let act = move |environment: &Environment, _: &[f32], action: &mut [f32; ACTION_LEN]| {
+                    *action = script.action(environment.position());
+                };
+                Ok((Box::new(act), Some(limits)))
+            }
+        }
+    }
 }
 
 /// Who plays, and the task that it plays in.
@@ -36,7 +60,8 @@ fn policy_folders() -> Vec<PathBuf> {
     {
         folders.push(prefix.join("share/etude/policies"));
     }
-    folders.push(Path::new(env!("CARGO_MANIFEST_DIR")).join("../../policies"));
+    let source = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../policies");
+    folders.push(source.canonicalize().unwrap_or(source));
     folders
 }
 
@@ -117,6 +142,14 @@ impl Player {
         match &self.mind {
             Mind::Policy(_, path) => path.display().to_string(),
             Mind::Script => "scripted".to_string(),
+        }
+    }
+
+    /// How many notes the song had that the policy learned in a run, if they were not those of `song`, whatever it is called.
+    pub fn learned_other_notes(&self, song: &Song) -> Option<usize> {
+        match &self.mind {
+            Mind::Policy(_, path) => other_notes(path.parent()?, song),
+            Mind::Script => None,
         }
     }
 

@@ -11,7 +11,7 @@ use etude_perform::{
     write_text,
 };
 use etude_stage::JOINT_NAMES;
-use etude_task::{Act, Piece, ScriptedPlayer, rehearse};
+use etude_task::{Piece, ScriptedPlayer, rehearse};
 use serde::Serialize;
 use serde_json::json;
 
@@ -141,6 +141,7 @@ pub fn play_on_robot(
         control_hz: CONTROL_HZ,
         joints: JOINT_NAMES.map(str::to_string).to_vec(),
         due: piece.frames().iter().map(|keys| keys.pitches().collect()).collect(),
+        bar_secs: piece.bars().to_vec(),
         mode: play.mode.name().to_string(),
         config: json!({ "run": player.config, "rig": rig.config() }),
         ..Header::default()
@@ -211,14 +212,8 @@ pub fn play_on_robot(
 pub(crate) fn in_simulation(player: &mut Player, piece: &Piece) -> Result<FrameScores, PlayError> {
     let mut config = player.config.clone();
     config.task.randomisation.intensity = 0.0;
-    let mut act: Box<Act<'_>> = match &mut player.mind {
-        Mind::Policy(policy, _) => Box::new(|_, observation, action| policy.act(observation, action)),
-        Mind::Script => {
-            let script = ScriptedPlayer::new(&config.task, piece)?;
-            Box::new(move |environment, _, action| *action = script.action(environment.position()))
-        }
-    };
-    let performance = rehearse(&config.task, piece, config.trainer.seed, &mut *act, &mut |_, _| {})?;
+    let (mut act, _) = player.mind.act(&config.task, piece)?;
+    let performance = rehearse(&config.task, piece, config.trainer.seed, &mut *act, &mut |_, _, _| {})?;
     Ok(performance.frame_scores())
 }
 

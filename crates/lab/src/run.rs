@@ -34,6 +34,21 @@ pub enum RunError {
         "{0} holds a training already: `etude train --resume {0}` continues it, or choose another folder with -o"
     )]
     AlreadyStarted(PathBuf),
+    /// The folder holds a training of other notes under the same name.
+    #[error(
+        "{folder} holds a training of another `{title}` ({theirs} notes, yours has {ours}, or they stand elsewhere): choose another \
+         folder with -o, or delete that one"
+    )]
+    OtherNotes {
+        /// The folder.
+        folder: PathBuf,
+        /// Title of the song.
+        title: String,
+        /// How many notes it has there.
+        theirs: usize,
+        /// How many notes it has here.
+        ours: usize,
+    },
     /// A warm start from something else.
     #[error(
         "a training cannot begin with what {path} has learned: that is {theirs}, this one {ours}; make this one alike, \
@@ -77,13 +92,26 @@ pub enum RunError {
 }
 
 /// Name of the resolved configuration in a run's folder.
-const CONFIG: &str = "config.toml";
+pub(crate) const CONFIG: &str = "config.toml";
 /// Name of the song in a run's folder: the run needs nothing else to be continued or played.
-const SONG: &str = "song.mid";
+pub(crate) const SONG: &str = "song.mid";
 /// Name of the description of who made the run and how.
-const META: &str = "meta.json";
+pub(crate) const META: &str = "meta.json";
 /// Name of the file that a process locks while it works in a run's folder. The system lets go of it at every death.
 const LOCK: &str = "run.lock";
+
+/// How far the same note may stand in two MIDI files of a song, s: files count time in ticks.
+const SAME_SECS: f64 = 0.01;
+
+/// How many notes the song has that the run in `folder` learned, if they are not those of `song`.
+pub(crate) fn other_notes(folder: &Path, song: &Song) -> Option<usize> {
+    let theirs = Song::load(folder.join(SONG)).ok()?;
+    let same = theirs.notes().len() == song.notes().len()
+        && theirs.notes().iter().zip(song.notes()).all(|(one, other)| {
+            one.pitch == other.pitch && (one.start_secs - other.start_secs).abs() < SAME_SECS
+        });
+    (!same).then(|| theirs.notes().len())
+}
 
 /// A training in its folder, which no other process can work in meanwhile.
 pub struct Run {
@@ -128,6 +156,10 @@ impl Run {
         source: Option<&Path>,
     ) -> Result<Self, RunError> {
         if Trainer::exists(folder) {
+            if let Some(theirs) = other_notes(folder, &song) {
+                let (title, ours) = (song.title().to_string(), song.notes().len());
+                return Err(RunError::OtherNotes { folder: folder.to_path_buf(), title, theirs, ours });
+            }
             return Err(RunError::AlreadyStarted(folder.to_path_buf()));
         }
         let config = config.complete();

@@ -57,6 +57,8 @@ impl Stretch {
 const TINY_BEATS: f64 = 1e-6;
 /// The same for the borders of stretches, in seconds.
 const TINY_SECS: f64 = 1e-6;
+/// More bar lines than an hour of music has: a damaged tempo must not ask for more.
+const MOST_BAR_LINES: usize = 20_000;
 
 /// The beats of a song: which bar and beat a second falls on.
 #[derive(Clone, Debug, PartialEq)]
@@ -101,6 +103,21 @@ impl BeatGrid {
                 Position { bar, beat: gone + 1.0 }
             }
         }
+    }
+
+    /// Times of the bar lines from the beginning of the first full bar on, before `until_secs`, s.
+    pub fn bar_lines(&self, until_secs: f64) -> Vec<f64> {
+        let mut lines = Vec::new();
+        for (index, stretch) in self.stretches.iter().enumerate() {
+            let next = self.stretches.get(index + 1).map_or(until_secs, |next| next.start_secs);
+            let end = next.min(until_secs) - TINY_SECS;
+            let per_bar = f64::from(stretch.beats_per_bar.max(1));
+            // A stretch that begins in the middle of a bar meets its first line later.
+            let first = (per_bar - stretch.beats_gone) % per_bar;
+            let line = |bar: u32| stretch.start_secs + (first + f64::from(bar) * per_bar) * stretch.beat_secs;
+            lines.extend((0..).map(line).take_while(|secs| *secs < end).take(MOST_BAR_LINES - lines.len()));
+        }
+        lines
     }
 
     /// The same grid, later by this many seconds (earlier if negative).
@@ -148,6 +165,17 @@ mod tests {
         assert_eq!(at(&grid, 0.0), "bar 0, beat 3");
         assert_eq!(at(&grid, 1.0), "bar 1, beat 1");
         assert_eq!(at(&grid, 4.0), "bar 2, beat 1");
+    }
+
+    #[test]
+    fn bar_lines_are_where_bars_begin() {
+        let pickup = BeatGrid::regular(1.0, 3, 1.0).delayed(1.0);
+        assert_eq!(pickup.bar_lines(8.5), [2.0, 5.0, 8.0]);
+        for secs in pickup.bar_lines(100.0) {
+            assert!((pickup.position(secs).beat - 1.0).abs() < 1e-6);
+        }
+        assert_eq!(BeatGrid::regular(0.5, 4, 0.0).bar_lines(4.0), [0.0, 2.0]);
+        assert_eq!(BeatGrid::regular(1e-9, 1, 0.0).bar_lines(10.0).len(), MOST_BAR_LINES);
     }
 
     #[test]

@@ -20,8 +20,8 @@ pub use excitation::Excitation;
 pub use excite::excite;
 pub use files::{FileError, write_frames_csv, write_text};
 pub use messages::{
-    ArmMessage, HandMessage, Header, KeyMessage, NoteMessage, PolicyMessage, SetPointMessage, StepMessage,
-    TargetMessage,
+    ArmMessage, HandMessage, Header, KeyMessage, NoteMessage, PolicyMessage, RewardMessage, SetPointMessage,
+    StepMessage, TargetMessage,
 };
 pub use mode::Mode;
 pub use performer::{Choose, Ending, PerformError, Performer, Played, keys, prepare};

@@ -1,5 +1,7 @@
 //! The messages of a recording, as JSON. Rad, N·m and s; the rail in m and N.
 
+use std::collections::BTreeMap;
+
 use serde::{Deserialize, Serialize};
 
 /// What was played, by whom, on what.
@@ -22,6 +24,9 @@ pub struct Header {
     pub joints: Vec<String>,
     /// MIDI numbers of the keys due at each control step.
     pub due: Vec<Vec<u8>>,
+    /// Times of the score's bar lines, s; absent in older recordings.
+    #[serde(default)]
+    pub bar_secs: Vec<f64>,
     /// The resolved configuration.
     pub config: serde_json::Value,
 }
@@ -54,6 +59,15 @@ pub struct KeyMessage {
     pub pitch: u8,
     /// MIDI velocity; 0 is a release.
     pub velocity: u8,
+}
+
+/// What a control step in simulation earned.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct RewardMessage {
+    /// Index of the step.
+    pub step: u64,
+    /// Weighted reward terms by name.
+    pub terms: BTreeMap<String, f64>,
 }
 
 /// The joint targets that were chosen for a control step, as they were before anything shaped them: what a simulated joint's

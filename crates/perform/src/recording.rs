@@ -5,6 +5,7 @@
 //! | `/header` | [`Header`] | once, first |
 //! | `/step` | [`StepMessage`] | at the end of every control step |
 //! | `/key` | [`KeyMessage`] | when a key is struck or released (in simulation at the physics step) |
+//! | `/reward` | [`RewardMessage`] | at the end of every control step, in simulation |
 //!
 //! and of a robot also
 //!
@@ -24,8 +25,8 @@
 use std::path::{Path, PathBuf};
 
 use crate::messages::{
-    ArmMessage, HandMessage, Header, KeyMessage, NoteMessage, PolicyMessage, SetPointMessage, StepMessage,
-    TargetMessage,
+    ArmMessage, HandMessage, Header, KeyMessage, NoteMessage, PolicyMessage, RewardMessage, SetPointMessage,
+    StepMessage, TargetMessage,
 };
 
 /// Version of the messages below.
@@ -69,6 +70,8 @@ pub struct Recording {
     pub steps: Vec<StepMessage>,
     /// Every key event.
     pub keys: Vec<KeyMessage>,
+    /// What each control step in simulation earned.
+    pub rewards: Vec<RewardMessage>,
     /// Joint targets of a robot's control steps, before they were shaped.
     pub targets: Vec<TargetMessage>,
     /// What a robot's policy saw and chose.
@@ -132,6 +135,7 @@ impl Recording {
                 "/header" => serde_json::from_slice(data).map(|header| self.header = header),
                 "/step" => serde_json::from_slice(data).map(|step| self.steps.push(step)),
                 "/key" => serde_json::from_slice(data).map(|key| self.keys.push(key)),
+                "/reward" => serde_json::from_slice(data).map(|reward| self.rewards.push(reward)),
                 "/target" => serde_json::from_slice(data).map(|target| self.targets.push(target)),
                 "/policy" => serde_json::from_slice(data).map(|policy| self.policy.push(policy)),
                 "/setpoint" => serde_json::from_slice(data).map(|point| self.setpoints.push((secs, point))),

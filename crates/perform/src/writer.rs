@@ -13,13 +13,13 @@ use mcap::records::MessageHeader;
 use serde::Serialize;
 
 use crate::messages::{
-    ArmMessage, HandMessage, Header, KeyMessage, NoteMessage, PolicyMessage, SetPointMessage, StepMessage,
-    TargetMessage,
+    ArmMessage, HandMessage, Header, KeyMessage, NoteMessage, PolicyMessage, RewardMessage, SetPointMessage,
+    StepMessage, TargetMessage,
 };
 use crate::recording::{RecordingError, SCHEMA};
 
 /// Topics and the names of their schemas, in the order of [`Topic`].
-const TOPICS: [(&str, &str); 9] = [
+const TOPICS: [(&str, &str); 10] = [
     ("/header", "etude.Header"),
     ("/step", "etude.Step"),
     ("/key", "etude.Key"),
@@ -29,6 +29,7 @@ const TOPICS: [(&str, &str); 9] = [
     ("/hand", "etude.Hand"),
     ("/arm", "etude.Arm"),
     ("/note", "etude.Note"),
+    ("/reward", "etude.Reward"),
 ];
 
 #[derive(Clone, Copy)]
@@ -42,6 +43,7 @@ enum Topic {
     Hand,
     Arm,
     Note,
+    Reward,
 }
 
 /// Time after which what was written is handed to the system, s.
@@ -133,6 +135,14 @@ impl RecordingWriter {
     /// If writing fails.
     pub fn key(&mut self, message: &KeyMessage) -> Result<(), RecordingError> {
         self.write(Topic::Key, message.secs, message)
+    }
+
+    /// Adds what the control step that ended at `secs` earned.
+    ///
+    /// # Errors
+    /// If writing fails.
+    pub fn reward(&mut self, secs: f64, message: &RewardMessage) -> Result<(), RecordingError> {
+        self.write(Topic::Reward, secs, message)
     }
 
     /// Adds the targets of the control step that begins at `secs`.

@@ -21,7 +21,11 @@ pub mod hand;
 pub mod kinematics;
 mod mjcf;
 pub mod params;
+mod picture;
+mod scene;
 mod snapshot;
+#[cfg(feature = "viewer")]
+mod window;
 mod world;
 
 pub use config::{Cone, Integrator, KeyFactors, ModelOptions, PHYSICS_STEPS, StageConfig};
@@ -29,5 +33,9 @@ pub use controller::Actuation;
 pub use hand::{FINGERS, JOINT_NAMES, JOINTS, RAIL, Side};
 pub use mjcf::mjcf;
 pub use params::{ParamError, PhysicalParams};
+pub use picture::{LARGEST_PICTURE, Painter, PictureError, View};
+pub use scene::{Scene, SceneBody, SceneGeom, SceneJoint};
 pub use snapshot::{Snapshot, SnapshotError};
+#[cfg(feature = "viewer")]
+pub use window::{Window, WindowError};
 pub use world::{StageError, StepOutcome, World, joint_range, mujoco_version};

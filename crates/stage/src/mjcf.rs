@@ -23,6 +23,7 @@ use crate::hand::{
     TIP_HALF_LENGTH, TIP_RADIUS, root_side,
 };
 use crate::params::{Joint, PhysicalParams, World};
+use crate::picture::LARGEST_PICTURE;
 
 /// How far above rest a key may spring before its upper stop, rad.
 const KEY_REBOUND: f64 = 0.01;
@@ -72,7 +73,12 @@ fn document(
     writeln!(out, r#"  </option>"#)?;
     writeln!(
         out,
-        r#"  <visual><global offwidth="1280" offheight="960"/><quality shadowsize="2048"/></visual>"#
+        r#"  <visual><global offwidth="{}" offheight="{}"/><quality shadowsize="2048"/><headlight ambient="0.3 0.3 0.3" diffuse="0.25 0.25 0.25" specular="0 0 0"/></visual>"#,
+        LARGEST_PICTURE[0], LARGEST_PICTURE[1],
+    )?;
+    writeln!(
+        out,
+        r#"  <asset><texture type="skybox" builtin="gradient" rgb1="0.93 0.94 0.96" rgb2="0.62 0.66 0.72" width="64" height="384"/></asset>"#
     )?;
     writeln!(out, r#"  <statistic center="0 0 0.05" extent="0.5"/>"#)?;
     writeln!(out, r#"  <default>"#)?;
@@ -87,7 +93,10 @@ fn document(
     writeln!(out, r#"    <default class="visual"><geom contype="0" conaffinity="0"/></default>"#)?;
     writeln!(out, r#"  </default>"#)?;
     writeln!(out, r#"  <worldbody>"#)?;
-    writeln!(out, r#"    <light pos="0.3 -0.2 1.2" dir="-0.2 0.1 -1" diffuse="0.8 0.8 0.8"/>"#)?;
+    writeln!(
+        out,
+        r#"    <light pos="0.3 -0.2 1.2" dir="-0.2 0.1 -1" diffuse="0.55 0.55 0.55" specular="0.1 0.1 0.1"/>"#
+    )?;
     writeln!(out, r#"    <camera name="player" pos="0.62 0 0.48" xyaxes="0 1 0 -0.58 0 0.81"/>"#)?;
     writeln!(out, r#"    <camera name="side" pos="0.05 -0.75 0.18" xyaxes="1 0 0 0 0.15 0.99"/>"#)?;
     keyboard(out, config, params, options)?;

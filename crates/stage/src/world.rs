@@ -230,6 +230,18 @@ impl World {
         self.events.clear();
     }
 
+    /// Puts the world into a pose in which nothing moves: joints at these encoder readings, the keys of `down` at their
+    /// lower stops and sounding, the others at rest. For whoever shows or judges a moment of a recording.
+    pub fn pose(&mut self, readings: &[f64; JOINTS], down: KeySet) {
+        let bias = |joint: usize| self.gains[joint].measured(0.0);
+        let pose: [f64; JOINTS] = std::array::from_fn(|joint| readings[joint] - bias(joint));
+        self.reset_to(&pose);
+        let angles = std::array::from_fn(|key| if down.contains(key) { self.lower_stop(key) } else { 0.0 });
+        self.put_keys(&angles);
+        self.pressed = down;
+        self.data.forward();
+    }
+
     /// Moves the keys to these angles.
     pub(crate) fn put_keys(&mut self, angles: &[f64; KEYS]) {
         let positions = self.data.qpos_mut();

@@ -33,7 +33,7 @@ fn perform(config: &TaskConfig, id: &str) -> Result<(ScriptedPlayer, Performance
     let mut act = |environment: &Environment, _: &[f32], action: &mut [f32; ACTION_LEN]| {
         *action = player.action(environment.position());
     };
-    let performance = rehearse(config, &piece, 0, &mut act, &mut |_, _| {})?;
+    let performance = rehearse(config, &piece, 0, &mut act, &mut |_, _, _| {})?;
     Ok((player, performance))
 }
 

@@ -39,7 +39,7 @@ pub fn rehearse_in(
     let config = still(config);
     let mut environment = Environment::new(&config, piece, 0)?;
     environment.reset_in(params);
-    Ok(play(&mut environment, piece, layout(&config).len(), act, &mut |_, _| {}))
+    Ok(play(&mut environment, piece, layout(&config).len(), act, &mut |_, _, _| {}))
 }
 
 /// The task without anything random in it.
@@ -56,7 +56,7 @@ impl Evaluator for SongEvaluator {
             act(observation, action);
         };
         let performance =
-            play(&mut self.environment, &self.piece, self.observation_len, &mut act_on, &mut |_, _| {});
+            play(&mut self.environment, &self.piece, self.observation_len, &mut act_on, &mut |_, _, _| {});
         let frame = performance.frame_scores();
         let note = performance.note_scores();
         let scores = [

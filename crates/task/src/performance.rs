@@ -42,8 +42,8 @@ impl Performance {
 
 /// Chooses an action from the environment and its observation.
 pub type Act<'a> = dyn FnMut(&Environment, &[f32], &mut [f32; ACTION_LEN]) + 'a;
-/// Sees the environment after each step, and the action that led there.
-pub type Watch<'a> = dyn FnMut(&Environment, &[f32; ACTION_LEN]) + 'a;
+/// Sees the environment after each step, the action that led there, and the weighted reward terms it earned.
+pub type Watch<'a> = dyn FnMut(&Environment, &[f32; ACTION_LEN], &[f32]) + 'a;
 
 /// Plays the whole song once from the beginning in the nominal world (or, with `randomisation`, in the world that
 /// `seed` draws), calling `act` for each action and `watch` after each step.
@@ -93,7 +93,7 @@ pub(crate) fn play(
         if !step.collided {
             performance.collision_free += 1.0 / piece.steps() as f64;
         }
-        watch(environment, &action);
+        watch(environment, &action, &parts);
         if step.song_over {
             return performance;
         }

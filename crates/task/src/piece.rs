@@ -10,6 +10,7 @@ pub struct Piece {
     title: String,
     due: Arc<[KeySet]>,
     notes: Arc<[Note]>,
+    bars: Arc<[f64]>,
 }
 
 impl Piece {
@@ -23,6 +24,7 @@ impl Piece {
             title: song.title().to_string(),
             due: song.episode_frames(CONTROL_HZ, initial_silence_secs)?.into(),
             notes: silent_start.notes().into(),
+            bars: silent_start.beats().bar_lines(silent_start.duration_secs()).into(),
         })
     }
 
@@ -44,6 +46,11 @@ impl Piece {
     /// Keys due at every control step.
     pub fn frames(&self) -> &[KeySet] {
         &self.due
+    }
+
+    /// Times of the bar lines, with the initial silence, s.
+    pub fn bars(&self) -> &[f64] {
+        &self.bars
     }
 
     /// The notes, with times that include the initial silence.

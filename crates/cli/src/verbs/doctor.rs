@@ -55,8 +55,8 @@ fn examine() -> Vec<Finding> {
         always("cores", format!("{cores}, using {}", cpu_features())),
         optional(
             "gl",
-            library(&["libEGL.so.1", "libOSMesa.so.8"]),
-            "no libEGL or libOSMesa",
+            library(&["libEGL.so.1"]),
+            "no libEGL",
             "no pictures or video of the simulation; training, playing and sound need none \
              (Debian, Ubuntu: apt-get install -y libegl1 libgl1-mesa-dri)",
         ),
@@ -86,11 +86,18 @@ fn examine() -> Vec<Finding> {
         ),
         optional(
             "policies",
-            exists("policies"),
-            "no folder `policies` here",
-            "`etude play` finds the policies that come with Étude only from the repository's folder or an installation",
+            policies(),
+            "not here, not beside the program, not in the source tree",
+            "`etude play` needs a run of the song under runs/, or --policy",
         ),
     ]
+}
+
+/// Where the policies are that come with Étude, as `etude play` looks for them.
+fn policies() -> Option<String> {
+    let id = etude_music::repertoire::ids().next()?;
+    let found = etude_lab::shipped_policies(id, Path::new("no runs")).into_iter().next()?;
+    found.parent().map(|folder| folder.display().to_string())
 }
 
 /// Where the MuJoCo library in this process was loaded from, by the kernel's own account.

@@ -4,19 +4,25 @@ pub mod bench;
 pub mod doctor;
 pub mod evaluate;
 pub mod experiment;
+pub mod gallery;
 pub mod identify;
 pub mod model;
 pub mod perform;
 pub mod play;
 pub mod record;
 pub mod rehearse;
+pub mod render;
+pub mod replay;
 pub mod robot;
 pub mod songs;
 pub mod train;
 pub mod twin;
+pub mod view;
+pub mod watch;
 
 use std::path::{Path, PathBuf};
 
+use anyhow::Context as _;
 use etude_lab::{Player, RunConfig, load_player};
 use etude_music::Song;
 
@@ -72,6 +78,11 @@ impl PlayerArgs {
                 "warning: this policy learned `{learned}`; it plays `{}` from the sheet alone",
                 song.title()
             ));
+        } else if let Some(notes) = player.learned_other_notes(song) {
+            note(format!(
+                "warning: this policy learned another `{}` ({notes} notes, or they stood elsewhere); it plays this one from the sheet alone",
+                song.title()
+            ));
         }
         Ok(player)
     }
@@ -99,6 +110,19 @@ fn slug(song: &str) -> String {
     let plain: String =
         stem.chars().map(|c| if c.is_ascii_alphanumeric() { c.to_ascii_lowercase() } else { '-' }).collect();
     plain.split('-').filter(|part| !part.is_empty()).collect::<Vec<_>>().join("-")
+}
+
+/// The file `out`, whose folder is made; refused if it has not the `ending` of what is written.
+fn file_to_write(out: PathBuf, ending: &str, hint: &str) -> anyhow::Result<PathBuf> {
+    if out.extension().is_none_or(|given| given != ending) {
+        anyhow::bail!("cannot write {}: {hint}", out.display());
+    }
+    if let Some(folder) = out.parent() {
+        std::fs::create_dir_all(folder).with_context(|| {
+            format!("cannot make the folder {}; choose another with -o", folder.display())
+        })?;
+    }
+    Ok(out)
 }
 
 /// Prints one line on standard output; a closed pipe is an error that ends the verb quietly.

@@ -7,10 +7,13 @@ mod mistakes;
 mod playing;
 mod printing;
 mod rehearsing;
+mod replaying;
 mod robots;
 mod slurm;
 mod songs;
+mod tour;
 mod training;
+mod watch;
 mod worlds;
 
 use std::path::{Path, PathBuf};

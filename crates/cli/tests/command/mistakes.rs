@@ -166,3 +166,25 @@ fn places_that_cannot_be_written() {
     refused(&desk, "model export -o /proc/world.xml", &["/proc/world.xml"]);
     refused(&desk, "model export -o no/such/world.xml", &["no/such/world.xml"]);
 }
+
+/// Somebody corrects a note in the file and goes on as if nothing had happened.
+#[test]
+fn a_song_that_has_changed_under_its_name_is_told_from_the_one_that_was_learned() {
+    let desk = Desk::new();
+    succeed(desk.tiny("short.mid -o runs/short__fast__0"));
+    let same = desk.command("play short.mid -o before").output().unwrap();
+    assert!(same.status.success() && !errors(&same).contains("warning"), "{}", errors(&same));
+    desk.write_song("short.mid", [60, 62, 65]);
+    let other = desk.command("play short.mid -o after").output().unwrap();
+    assert!(
+        other.status.success() && errors(&other).contains("learned another `short`"),
+        "{}",
+        errors(&other)
+    );
+    let refused = desk.tiny("short.mid -o runs/short__fast__0").output().unwrap();
+    let said = errors(&refused);
+    assert!(
+        refused.status.code() == Some(1) && said.contains("holds a training of another `short`"),
+        "{said}"
+    );
+}

@@ -32,7 +32,7 @@ fn f1(config: &TaskConfig, piece: &Piece) -> f64 {
     let mut act = |environment: &crate::Environment, _: &[f32], out: &mut [f32; ACTION_LEN]| {
         *out = player.action(environment.position())
     };
-    rehearse(config, piece, 0, &mut act, &mut |_, _| {}).unwrap().frame_scores().f1
+    rehearse(config, piece, 0, &mut act, &mut |_, _, _| {}).unwrap().frame_scores().f1
 }
 
 #[test]

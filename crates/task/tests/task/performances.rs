@@ -72,7 +72,7 @@ fn a_rehearsal_records_every_step_and_event() {
             targets[4..8].copy_from_slice(&angles.expect("in reach"));
             *act = environment.range().action(&targets);
         },
-        &mut |_, _| watched += 1,
+        &mut |_, _, _| watched += 1,
     )
     .unwrap();
     assert_eq!((watched, performance.pressed.len(), performance.due.len()), (31, 31, 31));
@@ -102,7 +102,7 @@ fn collisions_are_counted_without_the_collision_term_too() {
             &piece,
             0,
             &mut |environment, _, act| *act = environment.range().action(&environment.world().start_pose()),
-            &mut |_, _| {},
+            &mut |_, _, _| {},
         )
         .unwrap();
         assert!(

@@ -158,7 +158,7 @@ fn the_curriculum_counts_the_steps_of_the_training() {
     }
     // What has no training has no curriculum: a rehearsal is in the world that its seed draws.
     let mut seen = None;
-    rehearse(&config, &piece, 5, &mut |_, _, _| {}, &mut |environment, _| {
+    rehearse(&config, &piece, 5, &mut |_, _, _| {}, &mut |environment, _, _| {
         seen.get_or_insert_with(|| environment.world().params().clone());
     })
     .unwrap();
@@ -191,7 +191,7 @@ fn a_rehearsal_in_a_world_is_one_where_it_is_nominal() {
         *action = [0.0, 0.3, 0.2, 0.1, 0.0, 0.4, 0.2, 0.1, 0.0, 0.3, 0.2, 0.1, 0.05];
     };
     let chosen = rehearse_in(&restless(), &piece, &params, &mut press).unwrap();
-    let built = rehearse(&fixed, &piece, 0, &mut press, &mut |_, _| {}).unwrap();
+    let built = rehearse(&fixed, &piece, 0, &mut press, &mut |_, _, _| {}).unwrap();
     assert_eq!((chosen.pressed, chosen.events, chosen.reward), (built.pressed, built.events, built.reward));
 }
 

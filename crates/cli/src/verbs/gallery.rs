@@ -1,0 +1,98 @@
+//! `etude gallery`: an index page of recordings.
+
+use std::collections::BTreeSet;
+use std::path::{Path, PathBuf};
+use std::sync::atomic::Ordering;
+
+use etude_lab::gallery::{GalleryError, gallery};
+use etude_lab::replay::recordings;
+use etude_lab::{find_song, load_player, perform};
+use etude_music::repertoire;
+
+use super::{json, line, note};
+use crate::Ending;
+use crate::progress::stop_flag;
+use crate::status::Status;
+
+/// Where the songs lie that the gallery itself has had played.
+const RECORDINGS: &str = "recordings";
+
+/// What hangs in the gallery and where it is made.
+#[derive(clap::Args)]
+#[command(after_help = "\
+Without recordings every built-in song is played in simulation by the best policy that there is for it.
+
+Examples:
+  etude gallery                               every built-in song
+  etude gallery out runs/rehearse -o gallery  every recording in these folders")]
+pub struct Args {
+    /// Recordings (*.mcap), or folders that hold some, at any depth
+    #[arg(value_name = "RUN")]
+    runs: Vec<PathBuf>,
+    /// Where the pages go
+    #[arg(short = 'o', long = "out", default_value = "out/gallery", value_name = "DIR")]
+    out: PathBuf,
+    /// Print JSON: index, exhibits (song, player, rig, mode, f1, secs, replay, picture, sound, incomplete), left_out, without_pictures
+    #[arg(long)]
+    json: bool,
+}
+
+/// Runs the verb.
+pub fn run(args: Args) -> anyhow::Result<Ending> {
+    let stop = stop_flag()?;
+    let mut status = Status::new(args.json);
+    let mut paths = Vec::new();
+    for path in &args.runs {
+        paths.extend(recordings(path)?);
+    }
+    // What the gallery itself has recorded, and what was named twice, is not shown again.
+    let own = args.out.join(RECORDINGS);
+    let mut seen = BTreeSet::new();
+    paths.retain(|path| !path.starts_with(&own) && seen.insert(path.clone()));
+    if args.runs.is_empty() {
+        for id in repertoire::ids() {
+            if stop.load(Ordering::Relaxed) {
+                status.finish();
+                note("stopped on request; no page is written yet");
+                return Ok(Ending::Stopped);
+            }
+            status.now("playing ", id);
+            let folder = own.join(id);
+            let mut player = load_player(id, id, None, Path::new("runs"))?;
+            perform(&find_song(id)?, &mut player, Some(&folder), None)?;
+            paths.push(folder.join("recording.mcap"));
+        }
+    }
+    let made = gallery(&paths, &args.out, &stop, &mut |number, path| {
+        status.now("showing ", &format!("{} ({} of {})", path.display(), number + 1, paths.len()));
+    });
+    status.finish();
+    let gallery = match made {
+        Err(error @ GalleryError::Stopped(_)) => {
+            note(error);
+            return Ok(Ending::Stopped);
+        }
+        made => made?,
+    };
+    if args.json {
+        json(&gallery)?;
+        return Ok(Ending::Done);
+    }
+    for exhibit in &gallery.exhibits {
+        let f1 = exhibit.f1.map_or_else(|| "    -".to_string(), |f1| format!("{f1:.3}"));
+        line(format!("{f1}  {:<28} {} {}", exhibit.song, exhibit.rig, exhibit.mode))?;
+    }
+    for exhibit in &gallery.exhibits {
+        if let Some(text) = &exhibit.incomplete {
+            note(format!("{}: {text}", exhibit.replay));
+        }
+    }
+    for why in &gallery.left_out {
+        note(format!("left out: {why}"));
+    }
+    if let Some(why) = &gallery.without_pictures {
+        note(format!("pictures are piano rolls: {why}"));
+    }
+    line(format!("Open in a browser: {}", gallery.index.display()))?;
+    Ok(Ending::Done)
+}

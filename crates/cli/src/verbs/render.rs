@@ -1,0 +1,109 @@
+//! `etude render`: stills and videos of a recording.
+
+use std::path::{Path, PathBuf};
+
+use clap::builder::{PossibleValuesParser, TypedValueParser};
+use etude_lab::render::{RenderError, Studio, Video};
+use etude_lab::replay::{read_take, recordings};
+use etude_stage::View;
+
+use super::{file_to_write, json, line, note};
+use crate::Ending;
+use crate::progress::stop_flag;
+use crate::status::Status;
+
+/// What to draw, from where, and where it goes.
+#[derive(clap::Args)]
+#[command(after_help = "\
+Drawing needs no screen: a GPU is used if there is one, otherwise Mesa on the processor. Videos are made by ffmpeg, with the sound;
+without ffmpeg the pictures and the sound go into a folder, with the command that makes a video of them.
+
+Examples:
+  etude render out/twinkle -o twinkle.mp4
+  etude render out/twinkle --at 4.5 --view fingers -o still.png")]
+pub struct Args {
+    /// A recording (*.mcap), or a folder that holds one
+    #[arg(value_name = "RECORDING")]
+    recording: PathBuf,
+    /// The file: .mp4 for a video, .png for a still; recording.mp4 (with --at recording.png) beside it if not given
+    #[arg(short = 'o', long = "out", value_name = "FILE")]
+    out: Option<PathBuf>,
+    /// Draw this moment only, s
+    #[arg(long, value_name = "SECS")]
+    at: Option<f64>,
+    /// Where the camera stands
+    #[arg(long, default_value = "player", value_parser = view())]
+    view: View,
+    /// Width and height, pixels
+    #[arg(long, default_value = "1280x720", value_name = "WxH", value_parser = size)]
+    size: [u32; 2],
+    /// Print JSON: picture, video or frames (a folder), and command
+    #[arg(long)]
+    json: bool,
+}
+
+/// The names of the views, for clap, which lists them.
+fn view() -> impl TypedValueParser<Value = View> {
+    PossibleValuesParser::new(View::ALL.map(View::name)).map(|name| View::of(&name).unwrap_or_default())
+}
+
+fn size(text: &str) -> Result<[u32; 2], String> {
+    let (width, height) =
+        text.split_once('x').ok_or("two numbers with an x between them, for example 1280x720")?;
+    let number = |text: &str| text.parse::<u32>().map_err(|_| format!("`{text}` is not a number of pixels"));
+    Ok([number(width)?, number(height)?])
+}
+
+/// Runs the verb.
+pub fn run(args: Args) -> anyhow::Result<Ending> {
+    let found = recordings(&args.recording)?;
+    let [recording] = found.as_slice() else {
+        anyhow::bail!("{} holds {} recordings: name one", args.recording.display(), found.len());
+    };
+    let is_still = args.at.is_some();
+    let wanted = if is_still { "png" } else { "mp4" };
+    let out = args.out.unwrap_or_else(|| recording.with_extension(wanted));
+    let hint = if is_still {
+        "a still is written as .png"
+    } else {
+        "a video is written as .mp4; --at SECS makes a still"
+    };
+    let out = file_to_write(out, wanted, hint)?;
+    let take = read_take(recording)?;
+    if let Some(text) = &take.incomplete {
+        note(format!("{}: {text}", take.name));
+    }
+    let mut studio = Studio::new(&take, args.size, args.view)?;
+    if let Some(secs) = args.at {
+        studio.still(secs, &out)?;
+        return told(args.json, "picture", &out, None);
+    }
+    let stop = stop_flag()?;
+    let mut status = Status::new(args.json);
+    let made =
+        studio.video(&out, &stop, &mut |done| status.now("drawing", &format!(", {:.0} %", 100.0 * done)));
+    status.finish();
+    match made {
+        Ok(Video::File(path)) => told(args.json, "video", &path, None),
+        Ok(Video::Frames { folder, command }) => told(args.json, "frames", &folder, Some(&command)),
+        Err(RenderError::Stopped) => {
+            note(RenderError::Stopped);
+            Ok(Ending::Stopped)
+        }
+        Err(error) => Err(error.into()),
+    }
+}
+
+fn told(is_json: bool, what: &str, path: &Path, command: Option<&str>) -> anyhow::Result<Ending> {
+    if is_json {
+        json(&serde_json::json!({ what: path.display().to_string(), "command": command }))?;
+    } else {
+        line(format!("{what}: {}", path.display()))?;
+        if let Some(command) = command {
+            line(format!(
+                "ffmpeg is not installed here (Debian, Ubuntu: apt-get install -y ffmpeg); a video by: {command}"
+            ))?;
+        }
+    }
+    Ok(Ending::Done)
+}

@@ -1,0 +1,96 @@
+//! `etude replay`: a page on which one sees and hears a recording.
+
+use std::path::PathBuf;
+
+use etude_lab::replay::{Take, read_take, recordings, replay_page};
+
+use super::{file_to_write, json, line, note};
+use crate::Ending;
+
+/// Name of the page where none is given.
+const PAGE: &str = "replay.html";
+
+/// What to show and where the page goes.
+#[derive(clap::Args)]
+#[command(after_help = "\
+The page is one file that needs no network: open it in a browser, send it to a colleague. With two recordings, say of the
+simulation and of the twin, they are shown side by side, with the moments marked where they part.
+
+Examples:
+  etude replay out/twinkle/recording.mcap
+  etude replay out/twinkle out/twinkle-hybrid/run-1.mcap -o both.html")]
+pub struct Args {
+    /// Recordings (*.mcap), or folders that hold some
+    #[arg(required = true, value_name = "RECORDING")]
+    recordings: Vec<PathBuf>,
+    /// The page; replay.html beside the first recording if not given
+    #[arg(short = 'o', long = "out", value_name = "FILE")]
+    out: Option<PathBuf>,
+    /// Print JSON: page, bytes, and of each recording name, song, rig, mode, steps, f1, notes, marks, incomplete
+    #[arg(long)]
+    json: bool,
+}
+
+#[derive(serde::Serialize)]
+struct Summary<'a> {
+    page: &'a PathBuf,
+    bytes: u64,
+    takes: Vec<TakeSummary<'a>>,
+}
+
+#[derive(serde::Serialize)]
+struct TakeSummary<'a> {
+    name: &'a str,
+    song: &'a str,
+    rig: &'a str,
+    mode: &'a str,
+    steps: usize,
+    f1: Option<f64>,
+    notes: usize,
+    marks: usize,
+    incomplete: Option<&'a str>,
+}
+
+impl<'a> TakeSummary<'a> {
+    fn of(take: &'a Take) -> Self {
+        Self {
+            name: &take.name,
+            song: &take.song,
+            rig: &take.rig,
+            mode: &take.mode,
+            steps: take.positions.len(),
+            f1: take.last.map(|scores| scores.f1),
+            notes: take.notes.len(),
+            marks: take.marks.len(),
+            incomplete: take.incomplete.as_deref(),
+        }
+    }
+}
+
+/// Runs the verb.
+pub fn run(args: Args) -> anyhow::Result<Ending> {
+    let mut paths = Vec::new();
+    for path in &args.recordings {
+        paths.extend(recordings(path)?);
+    }
+    let takes = paths.iter().map(|path| read_take(path)).collect::<Result<Vec<_>, _>>()?;
+    let page = match args.out {
+        Some(folder) if folder.is_dir() => folder.join(PAGE),
+        Some(page) => page,
+        None => paths[0].with_file_name(PAGE),
+    };
+    let page = file_to_write(page, "html", "a replay is written as .html")?;
+    replay_page(&takes, &page)?;
+    let bytes = std::fs::metadata(&page)?.len();
+    if args.json {
+        json(&Summary { page: &page, bytes, takes: takes.iter().map(TakeSummary::of).collect() })?;
+        return Ok(Ending::Done);
+    }
+    for take in &takes {
+        if let Some(text) = &take.incomplete {
+            note(format!("{}: {text}", take.name));
+        }
+    }
+    line(format!("Open in a browser: {} ({:.1} MB)", page.display(), bytes as f64 * 1e-6))?;
+    Ok(Ending::Done)
+}

@@ -1,0 +1,74 @@
+//! `etude watch`: trainings that go on, in the terminal.
+
+use std::io::IsTerminal as _;
+use std::path::PathBuf;
+use std::time::SystemTime;
+
+use etude_lab::watch::{RunFigures, WatchedRun, find_runs};
+
+use super::{json, line};
+use crate::Ending;
+use crate::watch::{View, show, text};
+
+/// What to watch, and how it is shown.
+#[derive(clap::Args)]
+#[command(after_help = "\
+Reads nothing but the runs' metrics.jsonl and descriptions: it works for trainings of other processes, over ssh, and on
+shared file systems, and leaving it (q) ends no training. Of a folder that holds several runs those are shown that were written
+to in the last day, on the screen the eight last ones. Set NO_COLOR=1 for a screen without colours.
+
+Examples:
+  etude watch                                         # what goes on in runs/
+  etude watch runs/twinkle__fast__0 runs/twinkle__fast__1
+  ssh -t host 'cd etude && etude watch'
+  etude watch --once --json")]
+pub struct Args {
+    /// Folders of runs or of an experiment's tasks, or folders that hold such
+    #[arg(default_value = "runs", value_name = "RUN")]
+    folders: Vec<PathBuf>,
+    /// Print one table and end, as happens anyway where standard output is no terminal
+    #[arg(long)]
+    once: bool,
+    /// Print JSON and end; of each run: run, name, song, state (waiting, running, silent, finished), secs_since_written, step,
+    /// total_steps, secs, steps_per_sec, secs_left, best_f1, best_step, last_f1, reward_per_step, reward (its terms)
+    #[arg(long)]
+    json: bool,
+}
+
+/// Runs the verb.
+pub fn run(args: Args) -> anyhow::Result<Ending> {
+    if args.once || args.json || !std::io::stdout().is_terminal() {
+        let now = SystemTime::now();
+        let figures = find_runs(&args.folders, usize::MAX, now)?
+            .iter()
+            .map(|folder| {
+                let mut run = WatchedRun::open(folder);
+                while run.read()? {}
+                Ok(run.figures(now))
+            })
+            .collect::<anyhow::Result<Vec<_>>>()?;
+        if args.json { json(&figures)? } else { print(&figures)? }
+    } else {
+        let colours = std::env::var_os("NO_COLOR").is_none_or(|value| value.is_empty());
+        show(&mut View::new(args.folders, colours)?)?;
+    }
+    Ok(Ending::Done)
+}
+
+fn print(runs: &[RunFigures]) -> anyhow::Result<()> {
+    let name_width = runs.iter().map(|run| run.name.chars().count()).fold(3, usize::max);
+    let song = |run: &RunFigures| run.song.clone().unwrap_or_else(|| "-".to_string());
+    let song_width = runs.iter().map(|run| song(run).chars().count()).fold(4, usize::max);
+    let row = |name: &str, song: &str, figures: [&str; 5], state: &str| {
+        let [step, rate, left, best, last] = figures;
+        let (name, song) = (format!("{name:name_width$}"), format!("{song:song_width$}"));
+        line(format!("{name}  {song}  {step:>12} {rate:>8} {left:>11} {best:>8} {last:>8}  {state}"))
+    };
+    row("run", "song", ["step", "steps/s", "left", "best F1", "last F1"], "state")?;
+    for run in runs {
+        let [best, last] = [run.best_f1, run.last_f1].map(text::score);
+        let figures = [&text::steps(run), &text::rate(run), &text::left(run), &best, &last];
+        row(&run.name, &song(run), figures.map(String::as_str), &text::long_state(run))?;
+    }
+    Ok(())
+}

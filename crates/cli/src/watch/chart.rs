@@ -1,0 +1,123 @@
+//! F1 of all runs over steps or time.
+
+use etude_lab::watch::Point;
+use ratatui::Frame;
+use ratatui::layout::{Alignment, Constraint, Layout, Margin, Rect};
+use ratatui::style::{Style, Stylize as _};
+use ratatui::symbols::Marker;
+use ratatui::text::Line;
+use ratatui::widgets::canvas::{self, Canvas, Context, Points};
+use ratatui::widgets::{Block, Borders, Paragraph};
+
+use super::draw::heading;
+use super::{View, text};
+use crate::progress::clock;
+
+/// Columns left of the axis.
+const LABELS: u16 = 5;
+/// Columns between two letters on a curve.
+const BETWEEN_MARKS: u16 = 16;
+
+impl View {
+    pub(super) fn draw_chart(&self, frame: &mut Frame, area: Rect) {
+        let what = if self.by_time { " F1 over training time " } else { " F1 over steps " };
+        let block = heading().title(what.not_dim().bold());
+        let inner = block.inner(area);
+        frame.render_widget(block, area);
+        let [above, bottom] = Layout::vertical([Constraint::Fill(1), Constraint::Length(1)]).areas(inner);
+        let [labels, plot] =
+            Layout::horizontal([Constraint::Length(LABELS), Constraint::Fill(1)]).areas(above);
+        let values = || self.runs.iter().flat_map(|run| &run.history().f1);
+        if values().next().is_none() {
+            frame.render_widget(
+                Paragraph::new(self.nothing_yet()).centered().dim(),
+                inner.inner(Margin::new(1, 2)),
+            );
+            return;
+        }
+        // Whole tenths, so that the axis moves seldom.
+        let lowest = values().map(|point| point.value).fold(1.0, f64::min);
+        let highest = values().map(|point| point.value).fold(0.0, f64::max);
+        let low = (lowest * 10.0).floor() / 10.0;
+        let high = ((highest * 10.0).ceil() / 10.0).max(low + 0.1);
+        let reached = self
+            .runs
+            .iter()
+            .map(|run| if self.by_time { run.history().secs() } else { run.history().step() });
+        let end = reached.fold(1.0, f64::max);
+
+        let axes = Block::new().borders(Borders::LEFT | Borders::BOTTOM).border_style(Style::new().dim());
+        let field = axes.inner(plot);
+        frame.render_widget(axes, plot);
+        self.draw_curves(frame, field, [0.0, end], [low, high]);
+        draw_labels(frame, Rect { height: field.height, ..labels }, [low, high]);
+        let label = |at: f64| if self.by_time { clock(at) } else { text::count(at) };
+        let foot = Rect { x: field.x, width: field.width, ..bottom };
+        for (at, alignment) in
+            [(0.0, Alignment::Left), (end / 2.0, Alignment::Center), (end, Alignment::Right)]
+        {
+            frame.render_widget(Line::from(label(at)).alignment(alignment).dim(), foot);
+        }
+    }
+
+    fn at(&self, point: &Point) -> f64 {
+        if self.by_time { point.secs } else { point.step }
+    }
+
+    fn draw_curves(&self, frame: &mut Frame, field: Rect, x_bounds: [f64; 2], y_bounds: [f64; 2]) {
+        // The chosen run comes last, so that no other curve hides it.
+        let others = (0..self.runs.len()).filter(|&run| run != self.selected);
+        let order: Vec<usize> = others.chain([self.selected]).collect();
+        let curves = |context: &mut Context| {
+            for &run in &order {
+                let points = &self.runs[run].history().f1;
+                let coords: Vec<_> = points.iter().map(|point| (self.at(point), point.value)).collect();
+                context.draw(&Points::new(&coords, self.colour(run)));
+                for pair in coords.windows(2) {
+                    let [(x1, y1), (x2, y2)] = [pair[0], pair[1]];
+                    context.draw(&canvas::Line::new(x1, y1, x2, y2, self.colour(run)));
+                }
+                context.layer();
+            }
+        };
+        let canvas = Canvas::default().marker(Marker::Braille).x_bounds(x_bounds).y_bounds(y_bounds);
+        frame.render_widget(canvas.paint(curves), field);
+        order.iter().for_each(|&run| self.draw_marks(frame, field, run, x_bounds, y_bounds));
+    }
+
+    /// Letters tell the curves apart where colours do not. Where two curves go together, those of different runs stand beside
+    /// each other.
+    fn draw_marks(&self, frame: &mut Frame, field: Rect, run: usize, x_bounds: [f64; 2], y_bounds: [f64; 2]) {
+        // The cell in which the canvas has its dot.
+        let cell =
+            |share: f64, cells: u16, dots: u16| (share * f64::from(cells * dots - 1)).round() as u16 / dots;
+        let share = |value: f64, [low, high]: [f64; 2]| ((value - low) / (high - low)).clamp(0.0, 1.0);
+        let mut last = (field.width + BETWEEN_MARKS).saturating_sub(2 * run as u16 % BETWEEN_MARKS + 1);
+        for point in self.runs[run].history().f1.iter().rev() {
+            let column = cell(share(self.at(point), x_bounds), field.width, 2);
+            if column + BETWEEN_MARKS <= last {
+                last = column;
+                let row = cell(1.0 - share(point.value, y_bounds), field.height, 4);
+                let mark = Line::styled(Self::mark(run).to_string(), self.style(run).bold());
+                frame.render_widget(mark, Rect::new(field.x + column, field.y + row, 1, 1));
+            }
+        }
+    }
+
+    fn nothing_yet(&self) -> String {
+        let run = self.runs.get(self.selected).filter(|run| !run.history().is_empty());
+        match run.map(|run| run.evaluate_every_steps()) {
+            None => "waiting for the first log line".to_string(),
+            Some(None) => "no evaluation yet".to_string(),
+            Some(Some(every)) => format!("no evaluation yet; the first comes at step {}", text::count(every)),
+        }
+    }
+}
+
+fn draw_labels(frame: &mut Frame, area: Rect, [low, high]: [f64; 2]) {
+    let last = area.height.saturating_sub(1);
+    for (row, value) in [(0, high), (last / 2, (low + high) / 2.0), (last, low)] {
+        let line = Line::from(format!("{value:.2} ")).alignment(Alignment::Right).dim();
+        frame.render_widget(line, Rect { y: area.y + row, height: 1, ..area });
+    }
+}

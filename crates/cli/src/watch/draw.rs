@@ -1,0 +1,141 @@
+//! What stands where on the screen.
+
+use ratatui::Frame;
+use ratatui::layout::{Alignment, Constraint, Layout, Rect};
+use ratatui::style::{Modifier, Style, Stylize as _};
+use ratatui::text::{Line, Span};
+use ratatui::widgets::{Block, Borders, Cell, Clear, Padding, Paragraph, Row, Table, TableState, Wrap};
+
+use super::{View, rows, text};
+
+/// The smallest terminal that has room for all parts.
+const LEAST: (u16, u16) = (72, 16);
+/// Rows of the chart, its heading and axis among them: at least, and before the rows below it grow.
+const CHART: u16 = 8;
+const COMFORTABLE_CHART: u16 = 16;
+/// The list of runs shrinks to so many when room is short; it scrolls.
+const RUNS: u16 = 3;
+/// From this width on the song has a column.
+const WIDE: u16 = 110;
+
+const HELP: &[(&str, &str)] = &[
+    ("q, Esc, Ctrl-C", "leave; the trainings go on"),
+    ("↑ ↓, Tab", "choose a run"),
+    ("s", "steps or training time on the x axis"),
+    ("?", "this help"),
+    ("", ""),
+    ("a, b, …", "mark the same run in the list and on its curve"),
+    ("F1 best, last", "of the evaluations so far, and of the last one"),
+    ("steps/s, left", "at the speed of the last ten log lines"),
+    ("silent 12 min", "has logged nothing for so long: stopped, or slow"),
+    ("lowest … highest", "the scale of the small curve beside it"),
+];
+
+/// The line that parts of the screen begin with.
+pub(super) fn heading() -> Block<'static> {
+    Block::new().borders(Borders::TOP).border_style(Style::new().dim())
+}
+
+impl View {
+    /// Draws everything.
+    pub(super) fn draw(&self, frame: &mut Frame) {
+        let area = frame.area();
+        if area.width < LEAST.0 || area.height < LEAST.1 {
+            let text = format!(
+                "The view needs {} × {} characters, this terminal has {} × {}. Make it larger, or leave with q and \
+                 use `etude watch --once`.",
+                LEAST.0, LEAST.1, area.width, area.height
+            );
+            frame.render_widget(Paragraph::new(text).wrap(Wrap { trim: true }), area);
+            return;
+        }
+        let [list, chart, small, foot] = self.areas(area);
+        self.draw_list(frame, list);
+        self.draw_chart(frame, chart);
+        self.draw_rows(frame, small);
+        let keys = " q leave   ↑↓ choose a run   s steps/time   ? help";
+        frame.render_widget(Paragraph::new(keys).dim(), foot);
+        if self.help {
+            draw_help(frame, area);
+        }
+    }
+
+    fn areas(&self, area: Rect) -> [Rect; 4] {
+        let curves = rows::count(self.runs.get(self.selected));
+        let room = area.height - 1 - CHART;
+        let runs = self.runs.len() as u16;
+        let list = 1 + runs.min(room.saturating_sub(2 + curves).max(RUNS));
+        let room = room - list;
+        // They grow when the chart has enough.
+        let spare = (room + CHART).saturating_sub(COMFORTABLE_CHART + 1);
+        let each = (spare / curves.max(1)).clamp(1, 3);
+        let small = (1 + each * curves).min(room);
+        let heights =
+            [Constraint::Length(list), Constraint::Fill(1), Constraint::Length(small), Constraint::Length(1)];
+        Layout::vertical(heights).areas(area)
+    }
+
+    fn draw_list(&self, frame: &mut Frame, area: Rect) {
+        let wide = area.width >= WIDE;
+        // The other columns take 63 characters, and the song's 31 if there is room.
+        let name_width = area.width.saturating_sub(if wide { 94 } else { 63 });
+        let mut widths = vec![Constraint::Length(2), Constraint::Length(name_width)];
+        let mut head = vec![Line::default(), Line::from("run")];
+        if wide {
+            widths.push(Constraint::Length(30));
+            head.push(Line::from("song"));
+        }
+        widths.extend([11, 7, 11, 7, 5, 13].map(Constraint::Length));
+        head.extend(["step", "steps/s", "left", "F1 best", "last"].map(right));
+        head.push(Line::from("state"));
+        let rows = self.figures.iter().enumerate().map(|(at, run)| {
+            let mut cells = vec![
+                Line::styled(format!(" {}", Self::mark(at)), self.style(at).bold()),
+                Line::from(text::shortened(&run.name, usize::from(name_width))),
+            ];
+            if wide {
+                cells.push(Line::from(text::shortened(run.song.as_deref().unwrap_or("-"), 30)));
+            }
+            cells.extend([text::steps(run), text::rate(run), text::left(run)].map(right));
+            cells.extend([run.best_f1, run.last_f1].map(text::score).map(right));
+            cells.push(Line::from(text::state(run)));
+            Row::new(cells.into_iter().map(Cell::from))
+        });
+        let table = Table::new(rows, widths)
+            .header(Row::new(head.into_iter().map(Cell::from)).dim())
+            .column_spacing(1)
+            .row_highlight_style(Style::new().add_modifier(Modifier::REVERSED));
+        let mut state = TableState::new().with_selected(Some(self.selected));
+        frame.render_stateful_widget(table, area, &mut state);
+    }
+
+    /// Heading of what is shown of the chosen run alone.
+    pub(super) fn chosen(&self) -> Option<Line<'_>> {
+        let run = self.figures.get(self.selected)?;
+        let mark = Span::styled(Self::mark(self.selected).to_string(), self.style(self.selected).bold());
+        let song = run.song.as_deref().unwrap_or(&run.name);
+        let state = text::long_state(run);
+        Some(Line::from(vec![" ".into(), mark, format!(" {song} · {state} ").into()]).not_dim())
+    }
+}
+
+fn right(text: impl Into<String>) -> Line<'static> {
+    Line::from(text.into()).alignment(Alignment::Right)
+}
+
+fn draw_help(frame: &mut Frame, area: Rect) {
+    let lines: Vec<Line> = HELP
+        .iter()
+        .map(|(key, meaning)| Line::from(vec![format!("{key:18}").bold(), (*meaning).into()]))
+        .collect();
+    let width = lines.iter().map(Line::width).max().unwrap_or(0) as u16 + 4;
+    let block = Block::bordered().title(" etude watch ").padding(Padding::horizontal(1));
+    let [box_area] = Layout::vertical([Constraint::Length(lines.len() as u16 + 2)])
+        .flex(ratatui::layout::Flex::Center)
+        .areas(area);
+    let [box_area] = Layout::horizontal([Constraint::Length(width.min(area.width))])
+        .flex(ratatui::layout::Flex::Center)
+        .areas(box_area);
+    frame.render_widget(Clear, box_area);
+    frame.render_widget(Paragraph::new(lines).block(block), box_area);
+}

@@ -1,0 +1,66 @@
+//! The terminal: when it is read, when it is drawn on, and that it is left as it was found.
+
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::{Duration, Instant};
+
+use anyhow::Context as _;
+use ratatui::DefaultTerminal;
+use ratatui::crossterm::event::{self, Event};
+
+use super::View;
+use crate::progress::patient_stop_flag;
+
+/// The screen is drawn no oftener, however many keys are pressed: over a slow line more would pile up.
+const REDRAW: Duration = Duration::from_millis(250);
+/// How often the runs' files are looked at.
+const READ: Duration = Duration::from_secs(1);
+/// How often runs that have begun since are looked for.
+const SEARCH: Duration = Duration::from_secs(10);
+
+/// Shows `view` until the user, SIGTERM or the end of the terminal ends it.
+pub fn show(view: &mut View) -> anyhow::Result<()> {
+    // A first look before the screen changes: what cannot be read is said where it stays to be read.
+    view.read()?;
+    let stop = patient_stop_flag()?;
+    signal_hook::flag::register(signal_hook::consts::SIGHUP, stop.clone())?;
+    // Also has a panic put the terminal back.
+    let shown = ratatui::try_init().and_then(|mut terminal| watch(&mut terminal, view, &stop));
+    ratatui::restore();
+    match shown {
+        // A terminal that is gone cannot be drawn on, and nobody is left to be told.
+        Err(_) if stop.load(Ordering::Relaxed) => Ok(()),
+        shown => shown.context("cannot use this terminal; `etude watch --once` needs none"),
+    }
+}
+
+fn watch(terminal: &mut DefaultTerminal, view: &mut View, stop: &AtomicBool) -> std::io::Result<()> {
+    let started = Instant::now();
+    let (mut read_at, mut search_at, mut draw_at) = (started, started + SEARCH, started);
+    let mut changed = true;
+    while !stop.load(Ordering::Relaxed) {
+        let now = Instant::now();
+        if now >= search_at {
+            view.search();
+            search_at = now + SEARCH;
+        }
+        if now >= read_at {
+            // A file that could be read and cannot now is tried again: file systems of networks have such moments.
+            let more = view.read().unwrap_or(false);
+            read_at = if more { now } else { now + READ };
+            changed = true;
+        }
+        if changed && now >= draw_at {
+            terminal.draw(|frame| view.draw(frame))?;
+            (changed, draw_at) = (false, Instant::now() + REDRAW);
+        }
+        let next = if changed { read_at.min(draw_at) } else { read_at };
+        // Not longer than a redraw, as signals do not end the wait.
+        if event::poll(next.saturating_duration_since(Instant::now()).min(REDRAW))? {
+            match event::read()? {
+                Event::Key(key) if !view.key(key) => return Ok(()),
+                _ => changed = true,
+            }
+        }
+    }
+    Ok(())
+}

@@ -1,0 +1,308 @@
+//! Stills and videos of a recording, drawn off-screen.
+
+use std::io::{BufWriter, Write};
+use std::os::unix::process::CommandExt as _;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use etude_music::KeySet;
+use etude_music::sound::{self, SoundError};
+use etude_stage::{JOINTS, Painter, PictureError, View, World};
+
+use crate::replay::{ReplayError, Take};
+
+/// Pictures a second of a video.
+pub const FRAMES_PER_SEC: u32 = 30;
+/// Players and browsers want even sizes: ffmpeg's filter for that.
+const EVEN: &str = "pad=ceil(iw/2)*2:ceil(ih/2)*2";
+
+/// A picture or video could not be made.
+#[derive(Debug, thiserror::Error)]
+pub enum RenderError {
+    /// The recording cannot be shown.
+    #[error(transparent)]
+    Replay(#[from] ReplayError),
+    /// It cannot be drawn.
+    #[error(transparent)]
+    Picture(#[from] PictureError),
+    /// There is no sound of it.
+    #[error(transparent)]
+    Sound(#[from] SoundError),
+    /// A file cannot be written.
+    #[error("cannot write {path}: {source}; free some space or choose another place with -o")]
+    Write {
+        /// The file.
+        path: PathBuf,
+        /// Why.
+        source: std::io::Error,
+    },
+    /// There is nothing to draw.
+    #[error("{0} holds no control step, so there is nothing to draw")]
+    Empty(String),
+    /// The moment is not in the recording.
+    #[error("{name} lasts {secs:.2} s: there is no picture at {at:.2} s")]
+    NoMoment {
+        /// The recording.
+        name: String,
+        /// Its length, s.
+        secs: f64,
+        /// What was asked for, s.
+        at: f64,
+    },
+    /// The encoder has failed.
+    #[error("ffmpeg has failed: {0}")]
+    Encoder(String),
+    /// It was asked to stop.
+    #[error("stopped on request; nothing was kept")]
+    Stopped,
+}
+
+/// What a video came to.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Video {
+    /// A file with sound.
+    File(PathBuf),
+    /// Pictures in a folder with the sound beside them, since ffmpeg is not there; the command that makes a video of them.
+    Frames {
+        /// The folder.
+        folder: PathBuf,
+        /// What to run where ffmpeg is.
+        command: String,
+    },
+}
+
+/// A recording on its way to pictures.
+pub struct Studio<'a> {
+    take: &'a Take,
+    world: World,
+    painter: Painter,
+    size: [u32; 2],
+}
+
+impl<'a> Studio<'a> {
+    /// Sets up pictures of `size` pixels from `view`.
+    ///
+    /// # Errors
+    /// If there is no OpenGL, or nothing to draw.
+    pub fn new(take: &'a Take, size: [u32; 2], view: View) -> Result<Self, RenderError> {
+        if take.positions.is_empty() {
+            return Err(RenderError::Empty(take.name.clone()));
+        }
+        let world = take.world()?;
+        let painter = Painter::new(&world, size[0], size[1], view)?;
+        Ok(Self { take, world, painter, size })
+    }
+
+    fn paint(&mut self, secs: f64) -> Result<&[u8], RenderError> {
+        let sounding = self.take.notes.iter().filter(|note| (note.start..note.end).contains(&secs));
+        let down = KeySet::from_pitches(sounding.map(|note| note.pitch));
+        self.world.pose(&joints_at(self.take, secs), down);
+        Ok(self.painter.paint(&mut self.world)?)
+    }
+
+    /// Writes the picture at `secs` as PNG.
+    ///
+    /// # Errors
+    /// If drawing or writing fails, or the recording is shorter.
+    pub fn still(&mut self, secs: f64, path: &Path) -> Result<(), RenderError> {
+        if !(0.0..=self.take.secs()).contains(&secs) {
+            let (name, whole) = (self.take.name.clone(), self.take.secs());
+            return Err(RenderError::NoMoment { name, secs: whole, at: secs });
+        }
+        let size = self.size;
+        let pixels = self.paint(secs)?;
+        write_png(path, size, pixels)
+            .map_err(|source| RenderError::Write { path: path.to_path_buf(), source })
+    }
+
+    /// Writes the whole recording as a video with its sound; without ffmpeg as pictures in a folder. `tell` hears the part
+    /// that is done, 0 to 1.
+    ///
+    /// # Errors
+    /// If drawing, encoding or writing fails, or `interrupt` is set: then nothing is kept.
+    pub fn video(
+        &mut self,
+        path: &Path,
+        interrupt: &AtomicBool,
+        tell: &mut dyn FnMut(f64),
+    ) -> Result<Video, RenderError> {
+        let mut samples = self.take.sound()?;
+        // Silence to the end of the picture, or ffmpeg ends with the last note.
+        let whole = (self.take.secs() * f64::from(sound::SAMPLE_RATE_HZ)).ceil() as usize;
+        samples.resize(samples.len().max(whole), 0.0);
+        let frames = (self.take.secs() * f64::from(FRAMES_PER_SEC)).ceil().max(1.0) as u32;
+        let fail = |path: &Path| {
+            let path = path.to_path_buf();
+            move |source| RenderError::Write { path, source }
+        };
+        if !has_ffmpeg() {
+            let folder = path.with_extension("frames");
+            let partial = path.with_extension("frames.partial");
+            // What an earlier, longer video has left there would be taken for the end of this one.
+            let _ = std::fs::remove_dir_all(&partial);
+            let drawn = self.pictures(frames, &samples, &partial, interrupt, tell).and_then(|()| {
+                let _ = std::fs::remove_dir_all(&folder);
+                std::fs::rename(&partial, &folder).map_err(fail(&folder))
+            });
+            drawn.inspect_err(|_| {
+                let _ = std::fs::remove_dir_all(&partial);
+            })?;
+            let command = format!(
+                "ffmpeg -r {FRAMES_PER_SEC} -i '{folder}/%06d.png' -i '{folder}/sound.wav' -vf '{EVEN}' -pix_fmt yuv420p '{}'",
+                path.display(),
+                folder = folder.display(),
+            );
+            return Ok(Video::Frames { folder, command });
+        }
+        let (wav, partial) = (path.with_extension("partial.wav"), path.with_extension("partial.mp4"));
+        sound::write_wav(&wav, &samples)?;
+        let encoded = self.encode(frames, &wav, &partial, interrupt, tell);
+        let _ = std::fs::remove_file(&wav);
+        match encoded {
+            Ok(()) => {
+                std::fs::rename(&partial, path).map_err(fail(path))?;
+                Ok(Video::File(path.to_path_buf()))
+            }
+            Err(error) => {
+                let _ = std::fs::remove_file(&partial);
+                Err(error)
+            }
+        }
+    }
+
+    /// Draws every picture into `folder`, with the sound beside them.
+    fn pictures(
+        &mut self,
+        frames: u32,
+        samples: &[f32],
+        folder: &Path,
+        interrupt: &AtomicBool,
+        tell: &mut dyn FnMut(f64),
+    ) -> Result<(), RenderError> {
+        let fail = |path: &Path, source| RenderError::Write { path: path.to_path_buf(), source };
+        std::fs::create_dir_all(folder).map_err(|error| fail(folder, error))?;
+        sound::write_wav(folder.join("sound.wav"), samples)?;
+        for frame in 0..frames {
+            if interrupt.load(Ordering::Relaxed) {
+                return Err(RenderError::Stopped);
+            }
+            let picture = folder.join(format!("{frame:06}.png"));
+            let size = self.size;
+            let pixels = self.paint(f64::from(frame) / f64::from(FRAMES_PER_SEC))?;
+            write_png(&picture, size, pixels).map_err(|error| fail(&picture, error))?;
+            tell(f64::from(frame + 1) / f64::from(frames));
+        }
+        Ok(())
+    }
+
+    fn encode(
+        &mut self,
+        frames: u32,
+        wav: &Path,
+        out: &Path,
+        interrupt: &AtomicBool,
+        tell: &mut dyn FnMut(f64),
+    ) -> Result<(), RenderError> {
+        let failed = |error: std::io::Error| RenderError::Encoder(error.to_string());
+        let [width, height] = self.size;
+        let mut encoder = Command::new("ffmpeg")
+            .args(["-hide_banner", "-loglevel", "error", "-y", "-f", "rawvideo", "-pix_fmt", "rgb24"])
+            .args(["-s", &format!("{width}x{height}"), "-r", &FRAMES_PER_SEC.to_string(), "-i", "-", "-i"])
+            .arg(wav)
+            .args(["-vf", EVEN, "-c:v", "libx264", "-pix_fmt", "yuv420p"])
+            .args(["-c:a", "aac", "-shortest", "-movflags", "+faststart"])
+            .arg(out)
+            .stdin(Stdio::piped())
+            .stdout(Stdio::null())
+            .stderr(Stdio::piped())
+            // A Ctrl-C in the terminal is for us: it is told by the end of the pictures.
+            .process_group(0)
+            .spawn()
+            .map_err(failed)?;
+        let mut pictures = encoder.stdin.take().map(BufWriter::new);
+        let mut drawn = Ok(());
+        for frame in 0..frames {
+            if interrupt.load(Ordering::Relaxed) {
+                drawn = Err(RenderError::Stopped);
+                break;
+            }
+            match self.paint(f64::from(frame) / f64::from(FRAMES_PER_SEC)) {
+                Ok(pixels) => {
+                    // An encoder that has gone away says why below.
+                    if pictures.as_mut().is_some_and(|pictures| pictures.write_all(pixels).is_err()) {
+                        break;
+                    }
+                }
+                Err(error) => {
+                    drawn = Err(error);
+                    break;
+                }
+            }
+            tell(f64::from(frame + 1) / f64::from(frames));
+        }
+        drop(pictures);
+        let ended = encoder.wait_with_output().map_err(failed)?;
+        drawn?;
+        if ended.status.success() {
+            return Ok(());
+        }
+        let said = String::from_utf8_lossy(&ended.stderr);
+        Err(RenderError::Encoder(said.trim().lines().last().unwrap_or("it did not say why").to_string()))
+    }
+}
+
+/// Whether there is an ffmpeg to call.
+pub fn has_ffmpeg() -> bool {
+    let quiet = Command::new("ffmpeg").arg("-version").stdout(Stdio::null()).stderr(Stdio::null()).status();
+    quiet.is_ok_and(|status| status.success())
+}
+
+/// Joint positions at `secs`, between the control steps on a straight line.
+fn joints_at(take: &Take, secs: f64) -> [f64; JOINTS] {
+    let last = take.positions.len() - 1;
+    // Row `i` is the end of step `i`; before the first there is the start, if it is known.
+    let place = (secs * take.control_hz - 1.0).clamp(-1.0, last as f64);
+    let row = |place: f64| match &take.start {
+        Some(start) if place < 0.0 => start,
+        _ => &take.positions[place.max(0.0) as usize],
+    };
+    let (from, to) = (row(place.floor()), row(place.ceil()));
+    let share = place - place.floor();
+    std::array::from_fn(|joint| from[joint] + share * (to[joint] - from[joint]))
+}
+
+/// Writes rows of red, green, blue as a PNG file, which appears whole or not at all.
+fn write_png(path: &Path, [width, height]: [u32; 2], pixels: &[u8]) -> std::io::Result<()> {
+    let partial = path.with_extension("png.partial");
+    let write = || -> std::io::Result<()> {
+        let mut encoder = png::Encoder::new(BufWriter::new(std::fs::File::create(&partial)?), width, height);
+        encoder.set_color(png::ColorType::Rgb);
+        encoder.set_depth(png::BitDepth::Eight);
+        let mut writer = encoder.write_header()?;
+        writer.write_image_data(pixels)?;
+        writer.finish()?;
+        std::fs::rename(&partial, path)
+    };
+    write().inspect_err(|_| {
+        let _ = std::fs::remove_file(&partial);
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use etude_perform::{Header, Recording, StepMessage};
+
+    #[test]
+    fn joints_move_on_straight_lines_between_the_ends_of_steps() {
+        let step = |value: f64| StepMessage { positions: vec![value; JOINTS], ..StepMessage::default() };
+        let header = Header { control_hz: 20.0, ..Header::default() };
+        let recording =
+            Recording { header, steps: vec![step(0.1), step(0.3)], complete: true, ..Recording::default() };
+        let take = Take::new(&recording, "r".to_string()).unwrap();
+        for (secs, value) in [(0.0, 0.1), (0.05, 0.1), (0.075, 0.2), (0.1, 0.3), (9.0, 0.3)] {
+            assert!((joints_at(&take, secs)[0] - value).abs() < 1e-9, "{secs}");
+        }
+    }
+}

@@ -1,0 +1,73 @@
+//! The page: the viewer's program and looks, and beside them the takes as data.
+
+use std::path::Path;
+
+use etude_identify::html::escape;
+use etude_perform::write_text;
+use serde::Serialize;
+
+use super::{ReplayError, Take};
+
+/// The viewer, as `npm run build` in `viewer/` makes it.
+const SCRIPT: &str = include_str!("../../../../viewer/dist/replay.js");
+const STYLE: &str = include_str!("../../../../viewer/dist/replay.css");
+/// What the page may do: run this script with these looks, and nothing else, whatever stands in its data.
+const POLICY: &str = include_str!("../../../../viewer/dist/csp.txt");
+
+/// Version of the data.
+const VERSION: u32 = 1;
+/// Steps in which two takes may agree for a moment and still be apart all the while.
+const TOGETHER_STEPS: usize = 2;
+
+#[derive(Serialize)]
+struct Data<'a> {
+    version: u32,
+    takes: &'a [Take],
+    /// Times in which the first two takes sound different keys, s.
+    partings: Vec<[f64; 2]>,
+}
+
+/// Writes a page that shows `takes`, the first two side by side.
+///
+/// # Errors
+/// If the file cannot be written.
+pub fn replay_page(takes: &[Take], path: &Path) -> Result<(), ReplayError> {
+    Ok(write_text(path, &page(takes))?)
+}
+
+fn page(takes: &[Take]) -> String {
+    let title = takes.first().map_or("Replay", |take| &take.song);
+    let title = if title.is_empty() { "Replay" } else { title };
+    let data = Data { version: VERSION, takes, partings: partings(takes) };
+    // Plain numbers and strings: writing them as JSON cannot fail. No text in it can end the element that holds it.
+    let data = serde_json::to_string(&data).unwrap_or_default().replace('<', "\\u003c");
+    format!(
+        "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\"/>\n\
+         <meta http-equiv=\"Content-Security-Policy\" content=\"{}\"/>\n\
+         <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\"/>\n\
+         <title>{}</title>\n<style>{STYLE}</style>\n</head>\n<body>\n\
+         <noscript>This replay needs JavaScript, which is part of the page; it loads nothing.</noscript>\n\
+         <div id=\"replay\"></div>\n<script type=\"application/json\" id=\"data\">{data}</script>\n\
+         <script>{SCRIPT}</script>\n</body>\n</html>\n",
+        escape(POLICY.trim()),
+        escape(title),
+    )
+}
+
+/// Where the first two takes of the same song sound different keys.
+fn partings(takes: &[Take]) -> Vec<[f64; 2]> {
+    let [one, other, ..] = takes else { return Vec::new() };
+    let mut partings: Vec<[usize; 2]> = Vec::new();
+    for (step, (ours, theirs)) in one.pressed.iter().zip(&other.pressed).enumerate() {
+        if one.due.get(step) != other.due.get(step) {
+            break;
+        }
+        if ours != theirs {
+            match partings.last_mut() {
+                Some(last) if step <= last[1] + TOGETHER_STEPS => last[1] = step + 1,
+                _ => partings.push([step, step + 1]),
+            }
+        }
+    }
+    partings.iter().map(|steps| steps.map(|step| step as f64 / one.control_hz)).collect()
+}

@@ -1,0 +1,85 @@
+//! The reward's terms in the course of a recording.
+
+use std::collections::BTreeMap;
+
+use etude_music::KeySet;
+use etude_perform::Recording;
+use etude_stage::{JOINTS, StepOutcome, World};
+use etude_task::reward::{Moment, Reward};
+use etude_task::{ACTION_LEN, TaskConfig};
+
+use super::take::{RewardCurve, rounded};
+
+/// Terms that need what no robot measures: power, contacts, the rail's speed within a step.
+const NOT_MEASURED: [&str; 3] = ["energy", "collision", "sliding"];
+
+/// The terms and a note about them: as a simulation has recorded them, or as the measured joints and keys of a robot would
+/// have earned them.
+pub(super) fn rewards(
+    recording: &Recording,
+    task: &TaskConfig,
+    world: &mut World,
+    due: &[KeySet],
+    pressed: &[KeySet],
+    positions: &[[f64; JOINTS]],
+) -> (Vec<RewardCurve>, Option<String>) {
+    if !recording.rewards.is_empty() {
+        return (recorded(recording, positions.len()), None);
+    }
+    if recording.policy.is_empty() || due.is_empty() {
+        return (Vec::new(), None);
+    }
+    let Ok(reward) = Reward::new(&task.reward) else { return (Vec::new(), None) };
+    let note = format!(
+        "What the measured joints and keys would have earned in simulation. A robot does not measure {}.",
+        NOT_MEASURED.join(", ")
+    );
+    (measured(recording, &reward, world, due, pressed, positions), Some(note))
+}
+
+fn recorded(recording: &Recording, steps: usize) -> Vec<RewardCurve> {
+    let mut curves: BTreeMap<&str, Vec<f64>> = BTreeMap::new();
+    for (step, message) in recording.rewards.iter().take(steps).enumerate() {
+        for (name, value) in &message.terms {
+            let values = curves.entry(name).or_default();
+            values.resize(step, 0.0);
+            values.push(rounded(*value));
+        }
+    }
+    let curve = |(name, values): (&str, Vec<f64>)| RewardCurve { name: name.to_string(), values };
+    curves.into_iter().map(curve).collect()
+}
+
+fn measured(
+    recording: &Recording,
+    reward: &Reward,
+    world: &mut World,
+    due: &[KeySet],
+    pressed: &[KeySet],
+    positions: &[[f64; JOINTS]],
+) -> Vec<RewardCurve> {
+    let names: Vec<&str> = reward.names().collect();
+    let mut curves: Vec<RewardCurve> =
+        names.iter().map(|name| RewardCurve { name: (*name).to_string(), values: Vec::new() }).collect();
+    let mut parts = vec![0.0; names.len()];
+    let mut previous: Option<[f32; ACTION_LEN]> = None;
+    for (step, (pressed, joints)) in pressed.iter().zip(positions).enumerate() {
+        let action = recording.policy.get(step).and_then(|message| message.action.as_slice().try_into().ok());
+        let action = action.or(previous).unwrap_or([0.0; ACTION_LEN]);
+        world.pose(joints, *pressed);
+        let moment = Moment {
+            world,
+            due: due.get(step).copied().unwrap_or_default(),
+            outcome: StepOutcome::default(),
+            action: &action,
+            previous_action: &previous.unwrap_or(action),
+        };
+        reward.evaluate(&moment, &mut parts);
+        for (curve, part) in curves.iter_mut().zip(&parts) {
+            curve.values.push(rounded(f64::from(*part)));
+        }
+        previous = Some(action);
+    }
+    curves.retain(|curve| !NOT_MEASURED.contains(&curve.name.as_str()));
+    curves
+}

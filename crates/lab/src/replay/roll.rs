@@ -1,0 +1,51 @@
+//! The piano roll of a take as a drawing: what was due and what was played.
+
+use std::fmt::Write as _;
+
+use super::Take;
+
+/// Width of a control step and height of a key, in the drawing's units.
+const STEP: usize = 4;
+const KEY: usize = 8;
+
+/// Right is filled, missed an outline, wrong hatched, so that the three can be told apart without colours.
+pub(crate) fn roll_svg(take: &Take) -> String {
+    let steps = take.due.len().max(take.pressed.len()).max(1);
+    let sounding = || take.due.iter().chain(&take.pressed).flatten().copied();
+    let (low, high) = (sounding().min().unwrap_or(60), sounding().max().unwrap_or(60));
+    let (width, height) = (STEP * steps, KEY * (usize::from(high - low) + 3));
+    let mut svg = format!(
+        "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {width} {height}\">\n<defs><pattern id=\"wrong\" width=\"3\" \
+         height=\"3\" patternUnits=\"userSpaceOnUse\" patternTransform=\"rotate(45)\"><rect width=\"1.4\" height=\"3\" \
+         fill=\"#d55e00\"/></pattern></defs>\n<rect width=\"{width}\" height=\"{height}\" fill=\"#fff\"/>\n"
+    );
+    let none = Vec::new();
+    for pitch in low..=high {
+        let y = KEY * (usize::from(high - pitch) + 1);
+        let mut from = 0;
+        let state = |step: usize| {
+            let has = |rows: &[Vec<u8>]| rows.get(step).unwrap_or(&none).contains(&pitch);
+            (has(&take.due), has(&take.pressed))
+        };
+        while from < steps {
+            let now = state(from);
+            let to = (from..steps).find(|step| state(*step) != now).unwrap_or(steps);
+            let style = match now {
+                (true, true) => "fill=\"#0072b2\"",
+                (true, false) => "fill=\"none\" stroke=\"#0072b2\"",
+                (false, true) => "fill=\"url(#wrong)\" stroke=\"#d55e00\" stroke-width=\"0.5\"",
+                (false, false) => "",
+            };
+            if !style.is_empty() {
+                let (x, length, thick) = (STEP * from, STEP * (to - from), KEY - 1);
+                // Writing to a string cannot fail.
+                let _ = writeln!(
+                    svg,
+                    "<rect x=\"{x}\" y=\"{y}\" width=\"{length}\" height=\"{thick}\" {style}/>"
+                );
+            }
+            from = to;
+        }
+    }
+    svg + "</svg>\n"
+}

@@ -1,0 +1,325 @@
+//! One recording as the page is told of it.
+
+use std::collections::BTreeMap;
+
+use etude_music::metrics::{FrameScores, FrameTally, frame_scores};
+use etude_music::sound::{self, SoundError};
+use etude_music::{CONTROL_HZ, HIGHEST_PITCH, KeyEvent, KeySet, LOWEST_PITCH, Note, notes_from_key_events};
+use etude_perform::Recording;
+use etude_stage::{JOINTS, Scene, StageConfig, World};
+use etude_task::TaskConfig;
+use serde::Serialize;
+
+use super::ReplayError;
+use super::rewards::rewards;
+
+/// Clamps of one joint by one limit that are no further apart than this are one mark, s.
+const CLAMPS_APART_SECS: f64 = 0.25;
+/// Longest text of a mark, characters.
+const LONGEST_TEXT: usize = 400;
+
+/// One recording. Lengths in m, angles in rad, times in s; lists with a value a control step have the end of step `i` at
+/// `(i + 1) / control_hz`.
+#[derive(Clone, Debug, Serialize)]
+pub struct Take {
+    /// What it is called: its path.
+    pub name: String,
+    /// Title of the song.
+    pub song: String,
+    /// Who played.
+    pub player: String,
+    /// On what.
+    pub rig: String,
+    /// The execution mode; empty in simulation.
+    pub mode: String,
+    /// Control steps per second.
+    pub control_hz: f64,
+    /// Times of the bar lines.
+    pub bar_secs: Vec<f64>,
+    /// What is missing in the recording, for the reader.
+    pub incomplete: Option<String>,
+    /// The world in which it was recorded, as the simulator believes it to be.
+    pub scene: Scene,
+    /// Names of the joints.
+    pub joints: Vec<String>,
+    /// Joint positions, a row a control step.
+    pub positions: Vec<Vec<f64>>,
+    /// Joint positions at the beginning, where they are known.
+    pub start: Option<Vec<f64>>,
+    /// Pitches due in each control step.
+    pub due: Vec<Vec<u8>>,
+    /// Pitches that sounded at the end of each control step.
+    pub pressed: Vec<Vec<u8>>,
+    /// The notes that were played.
+    pub notes: Vec<PlayedNote>,
+    /// Scores of the steps so far, after each step; empty without a song.
+    pub running: Running,
+    /// Scores of the whole song, in which steps that were not played count as silent; none without a song.
+    #[serde(rename = "final")]
+    pub last: Option<FrameScores>,
+    /// The reward's terms.
+    pub rewards: Vec<RewardCurve>,
+    /// What a reader should know about them.
+    pub rewards_note: Option<String>,
+    /// Phases, warnings, faults, clamps.
+    pub marks: Vec<Mark>,
+    /// What kind of world it is, for whoever draws it by MuJoCo.
+    #[serde(skip)]
+    task: TaskConfig,
+}
+
+/// A note as it was played.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct PlayedNote {
+    /// MIDI number.
+    pub pitch: u8,
+    /// When its key was struck.
+    pub start: f64,
+    /// When its key was released.
+    pub end: f64,
+    /// MIDI velocity.
+    pub velocity: u8,
+}
+
+/// Scores of the control steps so far.
+#[derive(Clone, Debug, Default, Serialize)]
+pub struct Running {
+    /// Mean F1.
+    pub f1: Vec<f64>,
+    /// Mean precision.
+    pub precision: Vec<f64>,
+    /// Mean recall.
+    pub recall: Vec<f64>,
+}
+
+/// One term of the reward in the course of the song, weighted.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct RewardCurve {
+    /// Its name.
+    pub name: String,
+    /// A value a control step.
+    pub values: Vec<f64>,
+}
+
+/// What a mark on the time line is about.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum MarkKind {
+    /// The robot stopped itself.
+    Fault,
+    /// Something that an operator should read.
+    Warning,
+    /// The robot went on to something else.
+    Phase,
+    /// The limiter changed set-points.
+    Clamp,
+}
+
+/// Something to be seen on the time line.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Mark {
+    /// When.
+    pub secs: f64,
+    /// What it is about.
+    pub kind: MarkKind,
+    /// What happened.
+    pub text: String,
+}
+
+impl Take {
+    /// What the page is told of `recording`, which is called `name`.
+    ///
+    /// # Errors
+    /// If its world cannot be built.
+    pub fn new(recording: &Recording, name: String) -> Result<Self, ReplayError> {
+        let header = &recording.header;
+        let task = task_of(&header.config);
+        let mut world = world_of(&task)?;
+        let scene = world.scene();
+        let in_simulation = header.rig == "simulation";
+        let start = in_simulation.then(|| world.start_pose().map(rounded).to_vec());
+
+        let whole = |step: &&etude_perform::StepMessage| step.positions.len() == JOINTS;
+        let steps: Vec<_> = recording.steps.iter().take_while(whole).collect();
+        let keys = |pitches: &[u8]| KeySet::from_pitches(pitches.iter().copied());
+        let due: Vec<KeySet> = header.due.iter().map(|pitches| keys(pitches)).collect();
+        let pressed: Vec<KeySet> = steps.iter().map(|step| keys(&step.pressed)).collect();
+        let hz = if (1.0..=1000.0).contains(&header.control_hz) { header.control_hz } else { CONTROL_HZ };
+        let end_secs = steps.len() as f64 / hz;
+
+        let mut running = Running::default();
+        if !due.is_empty() {
+            let mut tally = FrameTally::default();
+            for (step, pressed) in pressed.iter().enumerate() {
+                tally.push(due.get(step).copied().unwrap_or_default(), *pressed);
+                let scores = tally.scores();
+                running.f1.push(rounded(scores.f1));
+                running.precision.push(rounded(scores.precision));
+                running.recall.push(rounded(scores.recall));
+            }
+        }
+        let positions: Vec<[f64; JOINTS]> =
+            steps.iter().map(|step| std::array::from_fn(|joint| step.positions[joint])).collect();
+        let (rewards, rewards_note) = rewards(recording, &task, &mut world, &due, &pressed, &positions);
+        Ok(Self {
+            name,
+            song: header.song.clone(),
+            player: header.player.clone(),
+            rig: header.rig.clone(),
+            mode: header.mode.clone(),
+            control_hz: hz,
+            bar_secs: header.bar_secs.iter().copied().filter(|secs| secs.is_finite()).collect(),
+            incomplete: incomplete(recording, steps.len(), due.len()),
+            scene,
+            joints: header.joints.clone(),
+            positions: positions.iter().map(|row| row.map(rounded).to_vec()).collect(),
+            start,
+            notes: played(recording, end_secs),
+            running,
+            last: (!due.is_empty()).then(|| frame_scores(&due, &pressed)),
+            due: due.iter().map(|keys| keys.pitches().collect()).collect(),
+            pressed: pressed.iter().map(|keys| keys.pitches().collect()).collect(),
+            rewards,
+            rewards_note,
+            marks: marks(recording),
+            task,
+        })
+    }
+
+    /// The world in which it was recorded, as the simulator believes it to be, in its starting pose.
+    ///
+    /// # Errors
+    /// If MuJoCo refuses it.
+    pub fn world(&self) -> Result<World, ReplayError> {
+        world_of(&self.task)
+    }
+
+    /// What was played, as sound.
+    ///
+    /// # Errors
+    /// If it cannot be rendered.
+    pub fn sound(&self) -> Result<Vec<f32>, SoundError> {
+        let note = |note: &PlayedNote| Note {
+            pitch: note.pitch,
+            velocity: note.velocity,
+            start_secs: note.start,
+            end_secs: note.end,
+        };
+        sound::render(&self.notes.iter().map(note).collect::<Vec<_>>(), None)
+    }
+
+    /// Length of what was recorded, s.
+    pub fn secs(&self) -> f64 {
+        self.positions.len() as f64 / self.control_hz
+    }
+}
+
+/// A configuration that makes no sense is drawn as the usual world: there is still something to see.
+fn world_of(task: &TaskConfig) -> Result<World, ReplayError> {
+    let params = task.check().ok().and_then(|()| task.params().ok()).unwrap_or_default();
+    Ok(World::new(&task.stage, &params)?)
+}
+
+/// The task of a recording's configuration; of one that says nothing about a task, the usual one with the rig's hand.
+fn task_of(config: &serde_json::Value) -> TaskConfig {
+    let run = config.get("run").unwrap_or(config);
+    let task = run.get("task").and_then(|task| serde_json::from_value(task.clone()).ok());
+    task.unwrap_or_else(|| {
+        let side =
+            config.pointer("/rig/hand/side").and_then(|side| serde_json::from_value(side.clone()).ok());
+        let stage = StageConfig { side: side.unwrap_or_default(), ..StageConfig::default() };
+        TaskConfig { stage, ..TaskConfig::default() }
+    })
+}
+
+/// A hundredth of a milliradian and of a millimetre are less than a pixel, and make a third of the text.
+pub(super) fn rounded(value: f64) -> f64 {
+    (value * 1e5).round() / 1e5
+}
+
+fn played(recording: &Recording, end_secs: f64) -> Vec<PlayedNote> {
+    let on_keyboard = |pitch: u8| (LOWEST_PITCH..=HIGHEST_PITCH).contains(&pitch);
+    let events: Vec<KeyEvent> = recording
+        .keys
+        .iter()
+        // A recording that broke off may have strokes after its last whole step.
+        .filter(|key| on_keyboard(key.pitch) && (0.0..=end_secs).contains(&key.secs))
+        .map(|key| KeyEvent {
+            secs: key.secs,
+            key: usize::from(key.pitch - LOWEST_PITCH),
+            velocity: key.velocity,
+        })
+        .collect();
+    let notes = notes_from_key_events(&events, end_secs).into_iter();
+    notes
+        .map(|note| PlayedNote {
+            pitch: note.pitch,
+            start: rounded(note.start_secs),
+            end: rounded(note.end_secs),
+            velocity: note.velocity,
+        })
+        .collect()
+}
+
+fn incomplete(recording: &Recording, steps: usize, due: usize) -> Option<String> {
+    let of = if due > 0 { format!("{steps} of {due}") } else { steps.to_string() };
+    if steps == 0 {
+        return Some("The recording holds no control step, so there is nothing to move.".to_string());
+    }
+    if steps < recording.steps.len() {
+        return Some(format!("The recording is damaged after control step {of}; it is shown until there."));
+    }
+    if !recording.complete {
+        return Some(format!(
+            "The recording was cut short or is damaged; it is shown as far as it goes, {of} control steps."
+        ));
+    }
+    (steps < due).then(|| format!("The performance ended early, after {of} control steps."))
+}
+
+fn marks(recording: &Recording) -> Vec<Mark> {
+    let mut marks: Vec<Mark> = recording
+        .notes
+        .iter()
+        .filter_map(|(secs, note)| {
+            let kind = match note.kind.as_str() {
+                "fault" => MarkKind::Fault,
+                "warning" => MarkKind::Warning,
+                "phase" => MarkKind::Phase,
+                _ => return None,
+            };
+            let text = note.text.chars().take(LONGEST_TEXT).collect();
+            Some(Mark { secs: rounded(*secs), kind, text })
+        })
+        .collect();
+    marks.extend(clamps(recording));
+    marks.sort_by(|one, other| one.secs.total_cmp(&other.secs));
+    marks
+}
+
+/// Clamps of the same joint by the same limit in a row are one mark.
+fn clamps(recording: &Recording) -> Vec<Mark> {
+    let mut open: BTreeMap<(usize, &str), [f64; 2]> = BTreeMap::new();
+    let mut marks = Vec::new();
+    let mark = |(joint, limit): (usize, &str), [from, to]: [f64; 2]| {
+        let name = recording.header.joints.get(joint).map_or("a joint", String::as_str);
+        let limit: String = limit.chars().take(LONGEST_TEXT).collect();
+        Mark {
+            secs: rounded(from),
+            kind: MarkKind::Clamp,
+            text: format!("{name}: set-points changed by the limit of {limit} for {:.2} s", to - from),
+        }
+    };
+    for (secs, point) in &recording.setpoints {
+        for (joint, limit) in &point.clamps {
+            let row = open.entry((*joint, limit.as_str())).or_insert([*secs; 2]);
+            if *secs > row[1] + CLAMPS_APART_SECS {
+                marks.push(mark((*joint, limit), *row));
+                row[0] = *secs;
+            }
+            row[1] = *secs;
+        }
+    }
+    marks.extend(open.into_iter().map(|(which, row)| mark(which, row)));
+    marks
+}
