@@ -8,13 +8,14 @@ MINUTES ?= 10
 SONG ?= twinkle
 
 .DEFAULT_GOAL := help
-.PHONY: help setup build demo test test-kernel fuzz bench book clean-runs
+.PHONY: help setup build demo wheel test test-kernel fuzz bench book clean-runs
 
 help:
 	@echo "make demo    set up, learn $(SONG) (at most $(MINUTES) minutes), play it, say where the sound is"
 	@echo "make test    set up and run every check: format, lints, docs, tests, checks against other libraries"
 	@echo "make setup   fetch MuJoCo into .mujoco/ and say what is missing"
 	@echo "make build   the etude command, optimised, at $(ETUDE)"
+	@echo "make wheel   the Python package as a wheel in target/wheels"
 	@echo "make bench   speed of simulation, learner and both, in turns with JAX, PyTorch, RoboPianist and others"
 	@echo "make test-kernel  the robot's drivers on a real kernel's CAN and MIDI, in QEMU (skips with a reason without it)"
 	@echo "make book    the documentation as a book in target/book (installs mdBook into .mdbook on first use)"
@@ -28,6 +29,9 @@ setup:
 
 build: setup
 	$(CARGO) build --release --locked --package etude
+
+wheel: setup
+	$(PYTHON) scripts/python_package.py wheel
 
 # A second `make demo` goes on where the first one stopped.
 demo: build
@@ -50,6 +54,7 @@ test: setup
 	@if command -v npm >/dev/null; then set -x; cd viewer && npm ci --no-audit --no-fund --loglevel=error; \
 	else echo "not checked: the replay page in a browser (Debian, Ubuntu: apt-get install -y nodejs npm chromium)"; fi
 	ETUDE_PYTHON=$(PYTHON) PYTHONPATH=$(CURDIR)/.python $(CARGO) test --workspace --locked
+	$(PYTHON) scripts/python_package.py test
 
 # Debian, Ubuntu: apt-get install -y qemu-system-x86 busybox-static; with libasound2-dev and pkg-config through ALSA too.
 test-kernel:

@@ -49,6 +49,8 @@ enum Verb {
     Gallery(verbs::gallery::Args),
     /// Stills and videos of a recording
     Render(verbs::render::Args),
+    /// A policy for programs other than Étude
+    Export(verbs::export::Args),
     /// The world in a window, with a policy playing (a build with --features viewer)
     View(verbs::view::Args),
     /// Play a song in many simulated worlds: how robust a policy is
@@ -93,6 +95,7 @@ fn main() -> ExitCode {
         Verb::Replay(args) => verbs::replay::run(args),
         Verb::Gallery(args) => verbs::gallery::run(args),
         Verb::Render(args) => verbs::render::run(args),
+        Verb::Export(args) => verbs::export::run(args),
         Verb::View(args) => verbs::view::run(args),
         Verb::Evaluate(args) => verbs::evaluate::run(args),
         Verb::Perform(args) => verbs::perform::run(args),

@@ -8,7 +8,7 @@ use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
 
-use etude_perform::{FileError, shaping_params, write_text};
+use etude_perform::{FileError, shaping_params, write_file};
 use etude_stage::{JOINTS, PhysicalParams, StageConfig, StageError};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
@@ -429,7 +429,7 @@ impl<'a> Work<'a> {
     fn save(&self) -> Result<(), IdentifyError> {
         // Numbers, strings and paths: writing them as JSON cannot fail.
         let text = serde_json::to_string(&self.state).unwrap_or_default();
-        Ok(write_text(self.file, &text)?)
+        Ok(write_file(self.file, &text)?)
     }
 }
 

@@ -6,7 +6,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use etude_identify::html::{escape, page};
 use etude_music::sound;
-use etude_perform::{FileError, write_text};
+use etude_perform::{FileError, write_file};
 use etude_stage::View;
 use serde::Serialize;
 
@@ -133,7 +133,7 @@ pub fn gallery(
         };
         if !is_drawn {
             picture = file("svg");
-            write_text(&folder.join(&picture), &roll_svg(&take))?;
+            write_file(&folder.join(&picture), &roll_svg(&take))?;
         }
         gallery.exhibits.push(Exhibit {
             replay: file("html"),
@@ -148,7 +148,7 @@ pub fn gallery(
             incomplete: take.incomplete,
         });
         // The index is there from the first one on: a gallery that is stopped can be looked at.
-        write_text(&gallery.index, &index(&gallery.exhibits))?;
+        write_file(&gallery.index, &index(&gallery.exhibits))?;
     }
     if gallery.exhibits.is_empty() {
         return Err(GalleryError::Nothing(gallery.left_out.into_iter().next().unwrap_or_default()));

@@ -10,7 +10,7 @@ use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 
 use etude_learn::Policy;
 use etude_music::Song;
-use etude_perform::write_text;
+use etude_perform::write_file;
 use etude_stage::PhysicalParams;
 use etude_task::scripted::ScriptedPlayer;
 use etude_task::{Performance, Piece, Randomisation, TaskConfig, TaskError, rehearse_in};
@@ -251,7 +251,7 @@ impl GridReport {
             std::fs::create_dir_all(folder)
                 .map_err(|source| PlayError::Folder { path: folder.to_path_buf(), source })?;
         }
-        write_text(path, &(text + "\n"))?;
+        write_file(path, &(text + "\n"))?;
         self.csv = Some(path.to_path_buf());
         Ok(())
     }

@@ -7,7 +7,7 @@ use etude_identify::{
     Assessment, BoConfig, CmaConfig, Identified, IdentifyConfig, IdentifyError, LmConfig, MethodConfig,
     Motion, MotionError, Progress, Report, ReportInput, identify,
 };
-use etude_perform::{Excitation, FileError, write_text};
+use etude_perform::{Excitation, FileError, write_file};
 use etude_stage::{ParamError, PhysicalParams, StageError};
 use serde::{Deserialize, Serialize};
 
@@ -186,10 +186,10 @@ pub fn identify_robot(
         file: folder.join(IDENTIFIED),
         identified,
     };
-    write_text(&report.file, &layer(&report))?;
+    write_file(&report.file, &layer(&report))?;
     // Plain numbers and strings: writing them as JSON cannot fail.
     let text = serde_json::to_string_pretty(&report).unwrap_or_default();
-    write_text(&folder.join(RESULT), &(text + "\n"))?;
+    write_file(&folder.join(RESULT), &(text + "\n"))?;
     let told = Report::new(&ReportInput {
         fitted: &fitted,
         held_out: &held_out,
@@ -200,8 +200,8 @@ pub fn identify_robot(
         fit_errors: &report.fit_errors,
         held_out_errors: &report.held_out_errors,
     })?;
-    write_text(&folder.join(PAGE), &told.html())?;
-    write_text(&folder.join(TEXT), &told.text())?;
+    write_file(&folder.join(PAGE), &told.html())?;
+    write_file(&folder.join(TEXT), &told.text())?;
     Ok(report)
 }
 

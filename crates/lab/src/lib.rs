@@ -12,6 +12,7 @@ mod grid;
 mod guard;
 mod identify;
 mod live;
+pub mod onnx;
 mod play;
 mod player;
 mod record;

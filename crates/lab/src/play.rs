@@ -8,7 +8,7 @@ use etude_music::sound::{self, SoundError, SoundFont};
 use etude_music::{CONTROL_HZ, Note, Song, SongError};
 use etude_perform::{
     FileError, Header, KeyMessage, PerformError, RecordingError, RecordingWriter, RewardMessage, StepMessage,
-    write_frames_csv, write_text,
+    write_file, write_frames_csv,
 };
 use etude_stage::{FINGERS, JOINT_NAMES};
 use etude_task::{Performance, Piece, TaskError, rehearse};
@@ -175,7 +175,7 @@ pub fn perform(
         report.files = Some(keep(folder, song, &performance, font)?);
         // A report is plain numbers and strings: writing it as JSON cannot fail.
         let text = serde_json::to_string_pretty(&report).unwrap_or_default();
-        write_text(&folder.join(REPORT), &(text + "\n"))?;
+        write_file(&folder.join(REPORT), &(text + "\n"))?;
     }
     Ok(report)
 }

@@ -20,7 +20,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use etude_identify::{Motion, MotionError, Progress};
 use etude_learn::{EvaluationRow, LogRow, StopReason, TrainingObserver};
 use etude_music::Song;
-use etude_perform::{Ending, Excitation, FileError, Mode, write_text};
+use etude_perform::{Ending, Excitation, FileError, Mode, write_file};
 use serde::{Deserialize, Serialize};
 
 use crate::config::{ConfigError, resolve};
@@ -171,7 +171,7 @@ pub fn rehearse_on_robot(
         };
         tell(&RehearsalStep::Round(&done));
         rounds.push(done);
-        write_text(&folder.join(REHEARSAL_PAGE), &rehearsal_page(config, &rounds, folder))?;
+        write_file(&folder.join(REHEARSAL_PAGE), &rehearsal_page(config, &rounds, folder))?;
     }
     Ok(rounds)
 }
@@ -205,7 +205,7 @@ impl Rehearsal<'_> {
             Err(error) => return Err(fail(error.to_string())),
         }
         std::fs::create_dir_all(self.folder).map_err(|error| fail(error.to_string()))?;
-        Ok(write_text(&file, &text)?)
+        Ok(write_file(&file, &text)?)
     }
 
     fn round_folder(&self, round: usize) -> PathBuf {
@@ -314,7 +314,7 @@ impl Rehearsal<'_> {
         };
         // As above.
         let text = serde_json::to_string_pretty(&done).unwrap_or_default() + "\n";
-        write_text(&folder.join("round.json"), &text)?;
+        write_file(&folder.join("round.json"), &text)?;
         Ok(done)
     }
 

@@ -7,8 +7,8 @@ use etude_music::metrics::{FrameScores, NoteScores, frame_scores, note_scores};
 use etude_music::sound::SoundFont;
 use etude_music::{CONTROL_HZ, KeySet, Song, notes_from_key_events};
 use etude_perform::{
-    Ending, Header, Mode, Performer, Played, RecordingWriter, TimingReport, prepare, write_frames_csv,
-    write_text,
+    Ending, Header, Mode, Performer, Played, RecordingWriter, TimingReport, prepare, write_file,
+    write_frames_csv,
 };
 use etude_stage::JOINT_NAMES;
 use etude_task::{Piece, ScriptedPlayer, rehearse};
@@ -203,7 +203,7 @@ pub fn play_on_robot(
     if let Some(folder) = folder {
         // A report is plain numbers and strings: writing it as JSON cannot fail.
         let text = serde_json::to_string_pretty(&report).unwrap_or_default();
-        write_text(&folder.join("report.json"), &(text + "\n"))?;
+        write_file(&folder.join("report.json"), &(text + "\n"))?;
     }
     Ok(report)
 }

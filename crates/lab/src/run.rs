@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use etude_learn::{Outcome, Parts, TrainError, Trainer, TrainerConfig, TrainingObserver, WarmStart, seed};
 use etude_music::{Song, SongError};
-use etude_perform::{FileError, write_text};
+use etude_perform::{FileError, write_file};
 use etude_task::{Piece, ScriptedPlayer, SongEvaluator, TaskError, VectorPiano};
 use serde_json::json;
 
@@ -180,7 +180,7 @@ impl Run {
             "cores": std::thread::available_parallelism().map_or(0, usize::from),
             "machine": std::env::consts::ARCH,
         });
-        write_text(&folder.join(META), &format!("{meta:#}\n"))?;
+        write_file(&folder.join(META), &format!("{meta:#}\n"))?;
         let (droq, trainer) = (&config.droq, &config.trainer);
         let trainer = match &warm {
             Some(warm) => Trainer::start_from(folder, droq, trainer, parts, warm)?,
@@ -326,7 +326,7 @@ fn write_config(folder: &Path, config: &RunConfig) -> Result<(), RunError> {
         origin: "the resolved configuration".to_string(),
         message: e.to_string(),
     })?;
-    Ok(write_text(&folder.join(CONFIG), &text)?)
+    Ok(write_file(&folder.join(CONFIG), &text)?)
 }
 
 /// Takes the lock of `folder`. Where the file system has no locks, everyone has it.

@@ -57,6 +57,19 @@ impl std::fmt::Debug for Policy {
     }
 }
 
+/// One layer of a policy: `outputs = inputs · weight + bias`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PolicyLayer<'a> {
+    /// Rows of the weight.
+    pub inputs: usize,
+    /// Columns of the weight.
+    pub outputs: usize,
+    /// `[inputs, outputs]`.
+    pub weight: &'a [f32],
+    /// `[outputs]`.
+    pub bias: &'a [f32],
+}
+
 impl Policy {
     pub(crate) fn new(network: &Network, parameters: &[f32], notes: serde_json::Value) -> Self {
         let mut copy = network.parameters();
@@ -78,6 +91,18 @@ impl Policy {
 
     pub(crate) fn parameters(&self) -> &Buffer {
         &self.parameters
+    }
+
+    /// The layers in the order in which they act: hidden ones, each followed by GELU in its tanh form, then the head with
+    /// means (whose `tanh` is the action) and logarithms of deviations.
+    pub fn layers(&self) -> impl Iterator<Item = PolicyLayer<'_>> {
+        let plan = &self.network.plan;
+        plan.layers.iter().chain([&plan.head]).map(|layer| PolicyLayer {
+            inputs: layer.inputs,
+            outputs: layer.outputs,
+            weight: &self.parameters[layer.weight.clone()],
+            bias: &self.parameters[layer.bias.clone()],
+        })
     }
 
     /// Replaces the caller's notes.

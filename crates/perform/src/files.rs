@@ -14,16 +14,16 @@ pub struct FileError {
     source: std::io::Error,
 }
 
-/// Writes `text` to `path`.
+/// Writes `content` to `path`.
 ///
 /// # Errors
 /// If the folder is missing or not writable, or the disk is full.
-pub fn write_text(path: &Path, text: &str) -> Result<(), FileError> {
+pub fn write_file(path: &Path, content: &(impl AsRef<[u8]> + ?Sized)) -> Result<(), FileError> {
     let fail = |source| FileError { path: path.to_path_buf(), source };
     let mut scratch = path.as_os_str().to_owned();
     scratch.push(".partial");
     let scratch = PathBuf::from(scratch);
-    std::fs::write(&scratch, text).and_then(|()| std::fs::rename(&scratch, path)).map_err(|error| {
+    std::fs::write(&scratch, content).and_then(|()| std::fs::rename(&scratch, path)).map_err(|error| {
         let _ = std::fs::remove_file(&scratch);
         fail(error)
     })
@@ -33,7 +33,7 @@ pub fn write_text(path: &Path, text: &str) -> Result<(), FileError> {
 /// separated by spaces, so that anyone can compute the scores again.
 ///
 /// # Errors
-/// As [`write_text`].
+/// As [`write_file`].
 pub fn write_frames_csv(path: &Path, due: &[KeySet], pressed: Option<&[KeySet]>) -> Result<(), FileError> {
     let mut text = String::from(if pressed.is_some() { "step,due,pressed\n" } else { "step,due\n" });
     for (step, keys) in due.iter().enumerate() {
@@ -43,5 +43,5 @@ pub fn write_frames_csv(path: &Path, due: &[KeySet], pressed: Option<&[KeySet]>)
             None => writeln!(text, "{step},{keys}"),
         };
     }
-    write_text(path, &text)
+    write_file(path, &text)
 }

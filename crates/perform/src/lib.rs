@@ -18,7 +18,7 @@ mod writer;
 
 pub use excitation::Excitation;
 pub use excite::excite;
-pub use files::{FileError, write_frames_csv, write_text};
+pub use files::{FileError, write_file, write_frames_csv};
 pub use messages::{
     ArmMessage, HandMessage, Header, KeyMessage, NoteMessage, PolicyMessage, RewardMessage, SetPointMessage,
     StepMessage, TargetMessage,

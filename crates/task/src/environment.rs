@@ -98,6 +98,13 @@ impl Environment {
         self.reset();
     }
 
+    /// Starts over as a new environment with this seed would begin, its curriculum included.
+    pub fn restart(&mut self, seed: u64) {
+        self.random = Pcg64::seed_from_u64(seed);
+        self.steps_made = 0;
+        self.reset();
+    }
+
     /// Starts the next episode: a new draw of the randomised numbers, the hand in its starting pose, the beginning of
     /// the song (or, with `random_start`, any place in it with a finger over the key that is due next).
     pub fn reset(&mut self) {

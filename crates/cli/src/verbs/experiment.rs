@@ -8,7 +8,7 @@ use etude_lab::experiment::{
     TaskState, launch_local, names, open_tasks, plan_file, plan_text, read_plan, run_task, slurm_script,
     submit, write_plan,
 };
-use etude_perform::write_text;
+use etude_perform::write_file;
 use serde_json::json as object;
 
 use super::{json, line, note};
@@ -300,7 +300,7 @@ fn slurm(
     write_plan(plan, tasks)?;
     let file = plan.with_extension("sbatch");
     std::fs::create_dir_all(plan.with_extension("slurm"))?;
-    write_text(&file, &script)?;
+    write_file(&file, &script)?;
     let job = submit(&file)?;
     line(format!(
         "job {job}: {} tasks; squeue --job {job} shows them, scancel {job} ends them",

@@ -4,6 +4,7 @@ pub mod bench;
 pub mod doctor;
 pub mod evaluate;
 pub mod experiment;
+pub mod export;
 pub mod gallery;
 pub mod identify;
 pub mod model;

@@ -47,7 +47,7 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
             let task = config.resolve(&[])?.task;
             let text = mjcf(&task.stage, &task.params()?);
             match out {
-                Some(path) => etude_perform::write_text(&path, &text)?,
+                Some(path) => etude_perform::write_file(&path, &text)?,
                 None => line(text)?,
             }
         }

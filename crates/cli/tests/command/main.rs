@@ -3,6 +3,7 @@
 #![allow(clippy::print_stdout, reason = "the test harness shows it on request")]
 
 mod experiments;
+mod exporting;
 mod mistakes;
 mod playing;
 mod printing;

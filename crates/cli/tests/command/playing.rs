@@ -1,7 +1,7 @@
 //! `etude play`: every file that it leaves, read back.
 
 use std::io::Write as _;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use etude_music::Song;
@@ -64,8 +64,8 @@ fn a_performance_is_kept_whole() {
     assert_eq!(desk.bytes("out/frames.csv"), desk.bytes("copy/frames.csv"));
     let output = desk.command("play run/song.mid --policy run -o copy").output().unwrap();
     assert_eq!(errors(&output), "");
-    check_elsewhere("check_performance.py", &desk.path("out"));
-    check_elsewhere("check_tfevents.py", &desk.path("run"));
+    check_elsewhere("check_performance.py", &[desk.path("out")]);
+    check_elsewhere("check_tfevents.py", &[desk.path("run")]);
 }
 
 #[test]
@@ -79,8 +79,8 @@ fn a_run_is_found_by_its_song_and_a_damaged_one_does_not_hide_it() {
     assert!(desk.path("out/short/performance.wav").is_file());
 }
 
-/// A script of `scripts` on `folder`, by the Python that has the readers we did not write.
-pub(crate) fn check_elsewhere(script: &str, folder: &Path) {
+/// A script of `scripts` on `files`, by the Python that has the readers we did not write.
+pub(crate) fn check_elsewhere(script: &str, files: &[PathBuf]) {
     let Some(python) = std::env::var_os(PYTHON) else {
         // Not through a macro: the test harness would swallow it.
         let _ = writeln!(
@@ -90,7 +90,7 @@ pub(crate) fn check_elsewhere(script: &str, folder: &Path) {
         return;
     };
     let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../scripts").join(script);
-    let output = Command::new(&python).arg(script).arg(folder).output();
+    let output = Command::new(&python).arg(script).args(files).output();
     let output = output.unwrap_or_else(|error| panic!("{PYTHON}={python:?} does not run: {error}"));
     let said = String::from_utf8_lossy(&output.stdout);
     assert!(output.status.success(), "{said}{}", errors(&output));

@@ -34,7 +34,7 @@ fn every_mode_plays_on_the_twin() {
         assert!(recording.complete && recording.steps.len() == steps && recording.policy.len() == steps);
         assert!(recording.setpoints.len() > 10 * steps && recording.hand.len() > 16 * steps);
         assert!(recording.notes.iter().any(|(_, note)| note.text == "following"));
-        check_elsewhere("check_robot_recording.py", &desk.path(mode));
+        check_elsewhere("check_robot_recording.py", &[desk.path(mode)]);
     }
 }
 

@@ -6,7 +6,7 @@ use std::io::Write as _;
 use std::path::{Path, PathBuf};
 
 use etude_identify::Progress;
-use etude_perform::write_text;
+use etude_perform::write_file;
 
 use super::outcome::Values;
 use super::task::TaskFailure;
@@ -53,7 +53,7 @@ impl Course {
         // The last line may be half a line: what is whole is written again.
         let whole: Vec<_> = text.lines().map_while(|line| serde_json::from_str(line).ok()).collect();
         let lines: String = text.lines().take(whole.len()).map(|line| line.to_string() + "\n").collect();
-        write_text(path, &lines)?;
+        write_file(path, &lines)?;
         let file = OpenOptions::new().append(true).open(path).map_err(fail)?;
         let path = path.to_path_buf();
         let mut course = Self { file, path, seen: Vec::new(), before: 0, points: Vec::new() };

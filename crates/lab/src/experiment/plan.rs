@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 
 use etude_learn::TrainerConfig;
 use etude_music::SongError;
-use etude_perform::{FileError, Mode, write_text};
+use etude_perform::{FileError, Mode, write_file};
 use etude_task::TaskError;
 use serde::{Deserialize, Serialize};
 
@@ -419,7 +419,7 @@ pub fn plan_text(tasks: &[Task]) -> String {
 /// # Errors
 /// If the file cannot be written.
 pub fn write_plan(path: &Path, tasks: &[Task]) -> Result<(), PlanError> {
-    Ok(write_text(path, &plan_text(tasks))?)
+    Ok(write_file(path, &plan_text(tasks))?)
 }
 
 /// Reads a plan.

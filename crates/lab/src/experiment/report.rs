@@ -14,7 +14,7 @@ use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
 use etude_identify::html::{escape, page};
-use etude_perform::{FileError, write_text};
+use etude_perform::{FileError, write_file};
 
 use super::config::{Experiment, FigureKind};
 use super::drawings::{caption, drawing};
@@ -103,7 +103,7 @@ pub fn write_report(
             .iter()
             .chain(&others)
             .map(|entry| serde_json::to_string(entry).unwrap_or_default() + "\n");
-        write_text(&folder.join(RESULTS), &lines.collect::<String>())?;
+        write_file(&folder.join(RESULTS), &lines.collect::<String>())?;
         section(&mut body, experiment, (config, tasks.len()), &entries, &folder)?;
     }
     if told == 0 {
@@ -115,7 +115,7 @@ pub fn write_report(
         wherever the paper plays on its robot, the twin plays</strong>, emulated devices moved by a separate world whose numbers the \
         simulator does not know. Intervals are 95 % bootstrap intervals over trainings, drawn anew within each song; IQM is the \
         interquartile mean. The gap is the paper’s: what of the F1 in simulation is lost, 1 − F1 on the twin / F1 in simulation.</p>\n";
-    write_text(&file, &page("Étude’s experiments", &(opening.to_string() + &body)))?;
+    write_file(&file, &page("Étude’s experiments", &(opening.to_string() + &body)))?;
     Ok(ReportPage { file, missing })
 }
 
@@ -148,9 +148,9 @@ fn section(
     folder: &Path,
 ) -> Result<(), ReportError> {
     let (all, course) = (records(entries), courses(entries));
-    write_text(&folder.join("results.csv"), &csv(&all))?;
+    write_file(&folder.join("results.csv"), &csv(&all))?;
     if !course.is_empty() {
-        write_text(&folder.join("course.csv"), &csv(&course))?;
+        write_file(&folder.join("course.csv"), &csv(&course))?;
     }
     // Writing to a string cannot fail, here and below.
     let _ = writeln!(
@@ -185,7 +185,7 @@ fn section(
             continue;
         }
         let svg = drawing.svg()?;
-        write_text(&folder.join(format!("{}.svg", figure.name)), &svg)?;
+        write_file(&folder.join(format!("{}.svg", figure.name)), &svg)?;
         drawing.write_png(&folder.join(format!("{}.png", figure.name)))?;
         let _ = writeln!(
             body,

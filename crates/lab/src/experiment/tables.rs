@@ -72,7 +72,10 @@ pub(super) fn against_the_paper(body: &mut String, experiment: &Experiment, all:
 fn measures(experiment: &Experiment) -> Vec<String> {
     let shown = experiment.figures.iter().filter(|figure| figure.kind != FigureKind::Curves);
     let mut seen = BTreeSet::new();
-    shown.flat_map(|figure| figure.y.clone()).filter(|measure| seen.insert(measure.clone())).collect()
+    let measures: Vec<String> =
+        shown.flat_map(|figure| figure.y.clone()).filter(|measure| seen.insert(measure.clone())).collect();
+    // Where curves alone are shown, what they come to is compared.
+    if measures.is_empty() { strings(&["sim_f1"]) } else { measures }
 }
 
 /// Means and interquartile means of what is compared, pooled and by song.

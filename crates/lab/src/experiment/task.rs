@@ -33,7 +33,7 @@ use crate::run::{Run, RunError, find_song};
 use etude_identify::{IdentifyError, Progress};
 use etude_learn::{EvaluationRow, LogRow, StopReason, TrainingObserver};
 use etude_music::SongError;
-use etude_perform::{FileError, Mode, write_text};
+use etude_perform::{FileError, Mode, write_file};
 use etude_task::{Piece, TaskError};
 
 const COURSE: &str = "course.jsonl";
@@ -130,7 +130,7 @@ pub fn run_task(
         std::fs::read(folder.join(TASK)).ok().and_then(|bytes| serde_json::from_slice::<Task>(&bytes).ok());
     let task = begun.as_ref().filter(|begun| begun.id == task.id).unwrap_or(task);
     let text = serde_json::to_string_pretty(task).unwrap_or_default() + "\n";
-    write_text(&folder.join(TASK), &text)?;
+    write_file(&folder.join(TASK), &text)?;
     let mut work = Doing { task, folder: &folder, threads, command, tell, interrupt };
     let done = match &task.work {
         Work::Train { training, perform } => work.train_and_perform(training, perform.as_ref()),
@@ -147,9 +147,9 @@ pub fn run_task(
         done => done?,
     };
     let text = serde_json::to_string_pretty(&times).unwrap_or_default() + "\n";
-    write_text(&folder.join(TIMES), &text)?;
+    write_file(&folder.join(TIMES), &text)?;
     let text = serde_json::to_string_pretty(&result).unwrap_or_default() + "\n";
-    write_text(&folder.join(RESULT), &text)?;
+    write_file(&folder.join(RESULT), &text)?;
     Ok(TaskEnd::Done)
 }
 

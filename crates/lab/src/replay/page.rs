@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use etude_identify::html::escape;
-use etude_perform::write_text;
+use etude_perform::write_file;
 use serde::Serialize;
 
 use super::{ReplayError, Take};
@@ -32,7 +32,7 @@ struct Data<'a> {
 /// # Errors
 /// If the file cannot be written.
 pub fn replay_page(takes: &[Take], path: &Path) -> Result<(), ReplayError> {
-    Ok(write_text(path, &page(takes))?)
+    Ok(write_file(path, &page(takes))?)
 }
 
 fn page(takes: &[Take]) -> String {

@@ -48,7 +48,7 @@ pub fn step_scores(due: KeySet, pressed: KeySet) -> StepScores {
 }
 
 /// Scores a performance as it goes, without keeping it.
-#[derive(Copy, Clone, Debug, Default, PartialEq)]
+#[derive(Copy, Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct FrameTally {
     steps: usize,
     precision: f64,

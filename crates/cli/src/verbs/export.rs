@@ -1,0 +1,57 @@
+//! `etude export`: a policy for programs other than Étude.
+
+use std::path::PathBuf;
+
+use etude_lab::find_song;
+use etude_lab::onnx::export_onnx;
+
+use super::{PlayerArgs, file_to_write, json, line, slug};
+use crate::Ending;
+
+/// What to export.
+#[derive(clap::Args)]
+#[command(after_help = "\
+Examples:
+  etude export onnx twinkle -o twinkle.onnx
+  etude export onnx songs/mine.mid --policy runs/mine")]
+pub struct Args {
+    #[command(subcommand)]
+    what: What,
+}
+
+#[derive(clap::Subcommand)]
+enum What {
+    /// The actor as an ONNX model (opset 20): `observation` [batch, o] to `action` [batch, 13], without exploration
+    ///
+    /// The entry `etude` of the model's metadata says in JSON what each column of the observation and of the action means,
+    /// with the joints' ranges for this song.
+    Onnx {
+        /// A built-in song or a MIDI file: the policy's range of the rail goes by it
+        #[arg(value_name = "SONG")]
+        song: String,
+        /// The file; SONG.onnx if not given
+        #[arg(short = 'o', long = "out", value_name = "FILE.onnx")]
+        out: Option<PathBuf>,
+        #[command(flatten)]
+        player: PlayerArgs,
+        /// Print JSON: model and policy
+        #[arg(long)]
+        json: bool,
+    },
+}
+
+/// Runs the verb.
+pub fn run(args: Args) -> anyhow::Result<Ending> {
+    let What::Onnx { song: asked, out, player, json: as_json } = args.what;
+    let song = find_song(&asked)?;
+    let player = player.load(&asked, &song)?;
+    let out = out.unwrap_or_else(|| PathBuf::from(format!("{}.onnx", slug(&asked))));
+    let out = file_to_write(out, "onnx", "a model is written as .onnx")?;
+    export_onnx(&player, &song, &out)?;
+    if as_json {
+        json(&serde_json::json!({ "model": out.display().to_string(), "policy": player.name() }))?;
+    } else {
+        line(format!("model: {} (of {})", out.display(), player.name()))?;
+    }
+    Ok(Ending::Done)
+}

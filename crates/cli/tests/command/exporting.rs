@@ -1,0 +1,50 @@
+//! `etude export`: models that other programs run.
+
+use etude_learn::Policy;
+
+use crate::playing::check_elsewhere;
+use crate::{Desk, errors, succeed};
+
+#[test]
+fn onnx_runtime_acts_as_the_policy_does() {
+    let desk = Desk::new();
+    let shipped = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../policies/twinkle.safetensors");
+    let mut policy = Policy::load(&shipped).unwrap();
+    let layout = policy.header().layout;
+    // Joints far beyond their ranges too, and a tenth of the keys.
+    let value = |index: usize| match index % layout.len() {
+        column if column < layout.real => 3.0 * (0.7 * index as f32).sin(),
+        _ => f32::from(u8::from(index.wrapping_mul(2_654_435_761) % 10 == 0)),
+    };
+    let observations: Vec<f32> = (0..100 * layout.len()).map(value).collect();
+    let mut actions = vec![0.0; 100 * policy.header().action_len];
+    policy.act(&observations, &mut actions);
+    let write = |name: &str, values: &[f32]| {
+        std::fs::write(desk.path(name), values.iter().flat_map(|v| v.to_le_bytes()).collect::<Vec<u8>>())
+            .unwrap();
+    };
+    write("observations", &observations);
+    write("actions", &actions);
+
+    let said = desk.json("export onnx twinkle -o new/twinkle.onnx --json");
+    assert_eq!(said["model"], "new/twinkle.onnx");
+    let files = ["new/twinkle.onnx", "observations", "actions"].map(|name| desk.path(name));
+    check_elsewhere("check_onnx.py", &files);
+}
+
+#[test]
+fn what_cannot_be_exported_is_refused() {
+    let desk = Desk::new();
+    for (args, message) in [
+        ("export onnx twinkle --scripted", "no network"),
+        ("export onnx twinkle -o twinkle.pb", "written as .onnx"),
+        ("export onnx twinckle", "did you mean twinkle"),
+        ("export onnx short.mid", "etude train short.mid"),
+    ] {
+        let output = desk.command(args).output().unwrap();
+        assert!(!output.status.success() && errors(&output).contains(message), "{args}: {}", errors(&output));
+    }
+    assert_eq!(desk.left_behind(), [""; 0]);
+    succeed(desk.tiny("short.mid -o run --json"));
+    assert!(desk.ok("export onnx short.mid --policy run").contains("short.onnx"));
+}

@@ -1,0 +1,128 @@
+//! A policy's actor as an ONNX model, with what it reads and gives written into it.
+
+mod proto;
+
+use std::path::Path;
+
+use etude_learn::PolicyLayer;
+use etude_music::{CONTROL_HZ, KEYS, LOWEST_PITCH, Song};
+use etude_perform::{FileError, write_file};
+use etude_stage::{JOINT_NAMES, JOINTS, RAIL};
+use etude_task::{ACTION_LEN, Piece, TargetRange, TaskError};
+use prost::Message as _;
+use serde_json::json;
+
+use crate::player::{Mind, Player};
+use proto::{Attribute, Graph, Model, Node, OpsetId, StringEntry, Tensor, ValueInfo};
+
+/// The first set of operators with GELU.
+const OPSET: i64 = 20;
+/// The version of the format that goes with it.
+const IR_VERSION: i64 = 9;
+/// Name of the input.
+const OBSERVATION: &str = "observation";
+/// Name of the output.
+const ACTION: &str = "action";
+
+/// A policy could not be exported.
+#[derive(Debug, thiserror::Error)]
+pub enum OnnxError {
+    /// There is no network.
+    #[error(
+        "the scripted player has no network that could be exported; train a policy, or name one with --policy"
+    )]
+    Scripted,
+    /// The song does not fit the task.
+    #[error(transparent)]
+    Task(#[from] TaskError),
+    /// The file cannot be written.
+    #[error(transparent)]
+    File(#[from] FileError),
+}
+
+/// Writes the actor of `player`, who plays `song`, as an ONNX model: `observation` `[batch, o]` to `action` `[batch, 13]` in [-1, 1],
+/// without exploration. The entry `etude` of the model's metadata holds JSON that says what each column means.
+///
+/// # Errors
+/// If it is the scripted player, or the file cannot be written.
+pub fn export_onnx(player: &Player, song: &Song, path: &Path) -> Result<(), OnnxError> {
+    let Mind::Policy(policy, _) = &player.mind else { return Err(OnnxError::Scripted) };
+    let contract = contract(player, song)?;
+    let mut graph = Graph {
+        name: "actor".to_string(),
+        doc_string: "the action's mean through tanh, without exploration".to_string(),
+        input: vec![ValueInfo::rows(OBSERVATION, policy.header().layout.len())],
+        output: vec![ValueInfo::rows(ACTION, ACTION_LEN)],
+        ..Graph::default()
+    };
+    let layers: Vec<PolicyLayer<'_>> = policy.layers().collect();
+    let mut from = OBSERVATION.to_string();
+    for (index, layer) in layers.iter().enumerate() {
+        let is_head = index + 1 == layers.len();
+        let (name, after) =
+            if is_head { ("head".to_string(), ACTION) } else { (format!("layer{index}"), "") };
+        // Of the head's columns the first half are means.
+        let columns = if is_head { ACTION_LEN } else { layer.outputs };
+        let weight = layer.weight.chunks_exact(layer.outputs).flat_map(|row| &row[..columns]).copied();
+        let [weights, biases] = ["weight", "bias"].map(|part| format!("actor.{name}.{part}"));
+        graph.initializer.push(Tensor::new(&weights, &[layer.inputs, columns], weight));
+        graph.initializer.push(Tensor::new(&biases, &[columns], layer.bias[..columns].iter().copied()));
+        let linear = format!("{name}.linear");
+        graph.node.push(Node::new("Gemm", &[&from, &weights, &biases], &linear, Vec::new()));
+        let (activation, attributes) = if is_head {
+            ("Tanh", Vec::new())
+        } else {
+            ("Gelu", vec![Attribute::text("approximate", "tanh")])
+        };
+        let to = if after.is_empty() { format!("{name}.out") } else { after.to_string() };
+        graph.node.push(Node::new(activation, &[&linear], &to, attributes));
+        from = to;
+    }
+    let model = Model {
+        ir_version: IR_VERSION,
+        producer_name: "etude".to_string(),
+        producer_version: env!("CARGO_PKG_VERSION").to_string(),
+        graph: Some(graph),
+        opset_import: vec![OpsetId { domain: String::new(), version: OPSET }],
+        metadata_props: vec![StringEntry { key: "etude".to_string(), value: contract.to_string() }],
+    };
+    Ok(write_file(path, &model.encode_to_vec())?)
+}
+
+/// What the columns of the observation and of the action mean.
+fn contract(player: &Player, song: &Song) -> Result<serde_json::Value, TaskError> {
+    let task = &player.config.task;
+    let piece = Piece::new(song, task.initial_silence_secs)?;
+    let range = TargetRange::new(&piece);
+    let [low, high] = [-1.0, 1.0].map(|end| range.targets(&[end; ACTION_LEN]));
+    let mut columns = vec![json!({"name": "joints", "columns": JOINTS, "scale": task.scale})];
+    if task.previous_joints {
+        columns.push(json!({"name": "joints one control step ago", "columns": JOINTS, "scale": task.scale}));
+    }
+    columns.push(json!({"name": "keys that sound, 0 or 1", "columns": KEYS}));
+    for ahead in 0..=task.lookahead {
+        columns.push(json!({"name": format!("keys due in {ahead} control steps, 0 or 1"), "columns": KEYS}));
+    }
+    let unit = |joint: usize| if joint == RAIL { "m" } else { "rad" };
+    let joints: Vec<_> = (0..JOINTS)
+        .map(|joint| {
+            json!({"name": JOINT_NAMES[joint], "low": low[joint], "high": high[joint], "unit": unit(joint)})
+        })
+        .collect();
+    Ok(json!({
+        "schema": 1,
+        "song": song.title(),
+        "policy": player.name(),
+        "control_hz": CONTROL_HZ,
+        "observation": {
+            "columns": columns,
+            "lowest_pitch": LOWEST_PITCH,
+            "scales": {
+                "si": "rad, the rail in m",
+                "normalised": "each joint by its range to -1 … 1, the rail in white keys from the middle",
+            },
+        },
+        "action": {"meaning": "targets, -1 at `low` and 1 at `high`", "joints": joints},
+        "task": task,
+    }))
+}

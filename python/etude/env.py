@@ -1,0 +1,134 @@
+"""One environment, in Gymnasium's idiom."""
+
+from __future__ import annotations
+
+import json
+import os
+from typing import Any, Literal
+
+import gymnasium
+import numpy as np
+from numpy.typing import NDArray
+
+from ._native import Pianos
+from .task import SCORES, Buffers, single_spaces, task_config
+from .window import Window
+
+Observation = NDArray[np.float32]
+
+
+class PianoEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
+    """A song, played once an episode, at 20 control steps a second.
+
+    The action has a target for each of the twelve finger joints that move and for the rail, −1 to 1 of its range. The
+    observation has the joints, those of one step ago, the 49 keys that sound, and the 49 keys that are due now and in each of
+    the next five steps. The episode ends with the song, which is a truncation: nothing ends for good. `info` has
+    `reward_terms` (the weighted parts of the reward), `collided`, and the paper's `precision`, `recall` and `f1` of the song
+    so far; with the last step they are the song's.
+
+    Args:
+        song: A built-in song (`etude.SONGS`) or the path of a MIDI file.
+        render_mode: `rgb_array` draws off-screen (EGL), `human` opens MuJoCo's window.
+        width: Pixels of a picture.
+        height: Pixels of a picture.
+        view: Where the camera stands: `player`, `side`, `top` or `fingers`.
+        task: The keywords of `etude.task.task_config`: variant, observation, reward, fences, actuation, randomisation.
+
+    Raises:
+        EtudeError: If the song or a keyword cannot be used.
+    """
+
+    metadata = {"render_modes": ["human", "rgb_array"], "render_fps": 20}
+
+    def __init__(
+        self,
+        song: str | os.PathLike[str] = "twinkle",
+        *,
+        render_mode: Literal["human", "rgb_array"] | None = None,
+        width: int = 640,
+        height: int = 480,
+        view: str = "player",
+        **task: Any,
+    ):
+        if render_mode is not None and render_mode not in self.metadata["render_modes"]:
+            raise ValueError(f"render_mode must be one of {self.metadata['render_modes']}, not {render_mode!r}")
+        self.render_mode = render_mode
+        self._task = task_config(**task)
+        self._native = Pianos(os.fspath(song), self._task, 1, 1)
+        self._picture = (width, height, view)
+        self._window: Window | None = None
+        self._buffers = Buffers(self._native, 1, autoreset=False)
+        self._everywhere = np.ones(1, np.bool_)
+        self._begun = False
+        self.reward_terms: list[str] = self._native.reward_terms
+        self.title: str = self._native.title
+        self.steps: int = self._native.steps
+        self.observation_space, self.action_space = single_spaces(self._native)
+
+    @property
+    def task(self) -> dict[str, Any]:
+        """The complete configuration of the task."""
+        return json.loads(self._task.json())
+
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[Observation, dict[str, Any]]:
+        """Starts the song over; a seed decides whatever is drawn from here on (randomisation, random starts)."""
+        super().reset(seed=seed)
+        if seed is None and not self._begun:
+            seed = int(self.np_random.integers(2**63))
+        self._begun = True
+        self._native.reset([seed], self._everywhere, self._buffers.observations)
+        if self.render_mode == "human":
+            self.render()
+        return self._buffers.observations[0].copy(), {}
+
+    def step(
+        self, action: NDArray[np.float32]
+    ) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
+        """Plays one control step."""
+        buffers = self._buffers
+        buffers.step(self._native, np.asarray(action)[np.newaxis])
+        info: dict[str, Any] = dict(zip(SCORES, buffers.scores[0].tolist()))
+        info["collided"] = bool(buffers.collided[0])
+        info["reward_terms"] = dict(zip(self.reward_terms, buffers.terms[0].tolist()))
+        if self.render_mode == "human":
+            self.render()
+        return buffers.observations[0].copy(), float(buffers.rewards[0]), False, bool(buffers.over[0]), info
+
+    def get_state(self) -> bytes:
+        """Everything that the episode needs to go on bit for bit."""
+        return self._native.state(0)
+
+    def set_state(self, state: bytes) -> Observation:
+        """Goes on from `get_state`, of this environment or one like it.
+
+        Returns:
+            The observation there.
+
+        Raises:
+            EtudeError: If it is not such a state.
+        """
+        self._native.set_state(0, state, self._buffers.observations)
+        self._begun = True
+        return self._buffers.observations[0].copy()
+
+    def render(self) -> NDArray[np.uint8] | None:
+        """A picture, `[height, width, 3]`; in the mode `human` it goes to the window."""
+        if self.render_mode is None:
+            gymnasium.logger.warn("give a render_mode to see something: human or rgb_array")
+            return None
+        if self.render_mode == "human":
+            if self._window is None:
+                self._window = Window(self._native.mjcf(), self.metadata["render_fps"])
+            self._window.show(self._native.qpos(0))
+            return None
+        width, height, view = self._picture
+        pixels = self._native.render(0, width, height, view)
+        return np.frombuffer(pixels, np.uint8).reshape(height, width, 3).copy()
+
+    def close(self) -> None:
+        """Closes the window, if there is one."""
+        if self._window is not None:
+            self._window.close()
+            self._window = None

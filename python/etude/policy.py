@@ -1,0 +1,115 @@
+"""Policies that Étude has trained, acting in NumPy."""
+
+from __future__ import annotations
+
+import json
+import os
+import pathlib
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from safetensors import SafetensorError, safe_open
+
+from ._native import EtudeError
+
+SCHEMA = "etude-policy-1"
+SHIPPED = pathlib.Path(__file__).parent / "policies"
+# Of the folder of a run, the better first.
+IN_A_RUN = ("policy-best.safetensors", "policy-last.safetensors")
+
+
+def _gelu(x: NDArray[np.float32]) -> NDArray[np.float32]:
+    """The tanh form, as the learner has it."""
+    return np.float32(0.5) * x * (1 + np.tanh(np.float32(np.sqrt(2 / np.pi)) * (x + np.float32(0.044715) * x**3)))
+
+
+@dataclass(frozen=True)
+class Policy:
+    """An actor: hidden layers with GELU, and a head of means and logarithms of deviations.
+
+    Attributes:
+        weights: `[inputs, outputs]` of each layer, the head last.
+        biases: `[outputs]` of each layer.
+        header: What the file says about itself.
+        path: The file.
+    """
+
+    weights: tuple[NDArray[np.float32], ...]
+    biases: tuple[NDArray[np.float32], ...]
+    header: dict[str, Any]
+    path: pathlib.Path
+
+    def act(self, observation: NDArray[np.float32]) -> NDArray[np.float32]:
+        """The best action, without exploration: `[…, observation]` to `[…, action]` in [−1, 1]."""
+        mean, _ = self.distribution(observation)
+        return np.tanh(mean)
+
+    def distribution(
+        self, observation: NDArray[np.float32]
+    ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+        """Mean and logarithm of the deviation of the action before `tanh`, `[…, action]` each."""
+        x = np.asarray(observation, np.float32)
+        if x.shape[-1:] != self.weights[0].shape[:1]:
+            raise EtudeError(
+                f"{self.path} reads observations of {self.weights[0].shape[0]} columns, and this one has the shape {x.shape}"
+            )
+        for weight, bias in zip(self.weights[:-1], self.biases[:-1]):
+            x = _gelu(x @ weight + bias)
+        mean, log_std = np.split(x @ self.weights[-1] + self.biases[-1], 2, axis=-1)
+        return mean, log_std
+
+    @property
+    def task(self) -> dict[str, Any]:
+        """The task that it was trained in, for `PianoEnv(song, config=policy.task)`."""
+        return self.header["notes"]["training"]["config"]["task"]
+
+    @property
+    def song(self) -> str | None:
+        """Title of the song that it learned."""
+        return self.header["notes"]["training"].get("song")
+
+    @property
+    def scores(self) -> dict[str, float]:
+        """What it came to when it was evaluated last."""
+        return self.header["notes"].get("scores", {})
+
+
+def _find(song_or_path: str | os.PathLike[str]) -> pathlib.Path:
+    path = pathlib.Path(song_or_path)
+    shipped = SHIPPED / f"{path.name}.safetensors"
+    if str(song_or_path) == path.name and shipped.is_file():
+        return shipped
+    if path.is_dir():
+        found = next((path / name for name in IN_A_RUN if (path / name).is_file()), None)
+        if found is None:
+            raise EtudeError(f"there is no policy in {path}: train first, `etude train`")
+        return found
+    if not path.is_file():
+        songs = ", ".join(sorted(file.stem for file in SHIPPED.glob("*.safetensors")))
+        raise EtudeError(f"there is no policy {path}; give a file, the folder of a run, or one of {songs}")
+    return path
+
+
+def load_policy(song_or_path: str | os.PathLike[str]) -> Policy:
+    """The shipped policy of a built-in song, or that of a file or of a run's folder.
+
+    Raises:
+        EtudeError: If there is none, or the file is not a policy.
+    """
+    path = _find(song_or_path)
+    try:
+        with safe_open(path, framework="numpy") as file:
+            header = json.loads((file.metadata() or {})["etude"])
+            if header["schema"] != SCHEMA:
+                raise EtudeError(f"{path}: its schema is `{header['schema']}`, and this version of Étude reads `{SCHEMA}`")
+            layers = [f"actor.layer{index}" for index in range(len(header["hidden"]))] + ["actor.head"]
+            weights = tuple(file.get_tensor(f"{layer}.weight") for layer in layers)
+            biases = tuple(file.get_tensor(f"{layer}.bias") for layer in layers)
+    except (SafetensorError, OSError, KeyError, TypeError, json.JSONDecodeError) as error:
+        raise EtudeError(f"{path} is not a policy of Étude: {error}") from error
+    widths = [sum(header["layout"].values()), *header["hidden"], 2 * header["action_len"]]
+    if [weight.shape for weight in weights] != list(zip(widths, widths[1:])):
+        raise EtudeError(f"{path} is damaged: its tensors do not have the shapes that its header claims")
+    return Policy(weights, biases, header, path)

@@ -1,0 +1,138 @@
+"""Recordings (MCAP) of `etude play`, `perform`, `record` and `rehearse` as arrays: `pip install etude-piano[recordings]`."""
+
+from __future__ import annotations
+
+import json
+import os
+import pathlib
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from mcap.exceptions import McapError
+from mcap.records import Channel, Message
+from mcap.stream_reader import StreamReader
+from numpy.typing import NDArray
+
+from ._native import EtudeError
+
+if TYPE_CHECKING:
+    import pandas
+
+LOWEST_PITCH, KEYS = 36, 49
+
+
+@dataclass(frozen=True)
+class Recording:
+    """What was played.
+
+    Attributes:
+        header: Song, player, rig, mode, joints, the keys due at each control step, the configuration.
+        topics: The messages of each topic, a column a field. Numbers come as arrays, `[messages, …]`; what differs in length from
+            message to message as an array of objects. `log_secs` is the time of each message, s. Units are those of the
+            recording: rad, N·m and s, the rail in m and N.
+        incomplete: What is wrong at its end, if it was broken off.
+    """
+
+    header: dict[str, Any]
+    topics: dict[str, dict[str, NDArray[Any]]]
+    incomplete: str | None
+
+    def __len__(self) -> int:
+        return len(self.topics.get("/step", {}).get("step", ()))
+
+    def __getitem__(self, field: str) -> NDArray[Any]:
+        """A field of the control steps: `targets`, `positions`, `velocities`, `torques`, `fingertips`, …"""
+        steps = self.topics.get("/step", {})
+        if field not in steps:
+            raise KeyError(f"{field}: a control step has {', '.join(steps) or 'nothing here'}")
+        return steps[field]
+
+    @property
+    def due(self) -> NDArray[np.bool_]:
+        """Keys due at each control step, `[steps, 49]`, the first column being C2 (MIDI 36)."""
+        return _keys(self.header["due"])
+
+    @property
+    def pressed(self) -> NDArray[np.bool_]:
+        """Keys that sounded at the end of each control step, `[steps, 49]`."""
+        return _keys(self["pressed"])
+
+    @property
+    def rewards(self) -> dict[str, NDArray[np.float64]]:
+        """The weighted reward terms of each control step; of simulations only."""
+        terms = self.topics.get("/reward", {}).get("terms", ())
+        names = terms[0] if len(terms) else {}
+        return {name: np.array([term[name] for term in terms]) for name in names}
+
+    def frame(self, topic: str = "/step") -> pandas.DataFrame:
+        """A topic as a pandas frame, a row a message, a column a number: `positions_0`, … of lists."""
+        import pandas
+
+        columns: dict[str, Any] = {}
+        for field, values in self.topics.get(topic, {}).items():
+            if values.ndim == 1:
+                columns[field] = values
+                continue
+            names = self.header["joints"] if values.shape[1:] == (len(self.header["joints"]),) else None
+            for index in np.ndindex(values.shape[1:]):
+                name = names[index[0]] if names else "_".join(map(str, index))
+                columns[f"{field}_{name}"] = values[(slice(None), *index)]
+        if topic not in self.topics:
+            raise KeyError(f"{topic}: this recording has {', '.join(sorted(self.topics))}")
+        return pandas.DataFrame(columns)
+
+
+def _keys(rows: Any) -> NDArray[np.bool_]:
+    keys = np.zeros((len(rows), KEYS), np.bool_)
+    for step, pitches in enumerate(rows):
+        keys[step, np.asarray(pitches, int) - LOWEST_PITCH] = True
+    return keys
+
+
+def _column(values: list[Any]) -> NDArray[Any]:
+    """Numbers as an array where all rows have the same shape, anything else as objects."""
+    try:
+        array = np.array(values)
+    except ValueError:
+        array = np.array(None)
+    if array.dtype.kind in "biuf" and array.ndim > 0 and array.size > 0:
+        return array
+    objects = np.empty(len(values), object)
+    objects[:] = values
+    return objects
+
+
+def read_recording(path: str | os.PathLike[str]) -> Recording:
+    """Reads a recording; of one that was broken off, as much as is there.
+
+    Raises:
+        EtudeError: If it is not a recording of Étude.
+    """
+    path = pathlib.Path(path)
+    messages: dict[str, list[dict[str, Any]]] = {}
+    times: dict[str, list[float]] = {}
+    channels: dict[int, str] = {}
+    incomplete = None
+    try:
+        with open(path, "rb") as file:
+            for record in StreamReader(file).records:
+                if isinstance(record, Channel):
+                    channels[record.id] = record.topic
+                elif isinstance(record, Message):
+                    topic = channels[record.channel_id]
+                    messages.setdefault(topic, []).append(json.loads(record.data))
+                    times.setdefault(topic, []).append(record.log_time * 1e-9)
+    except (McapError, ValueError, KeyError, EOFError) as error:
+        incomplete = f"it ends in the middle: {error or type(error).__name__}"
+    except OSError as error:
+        raise EtudeError(f"cannot read {path}: {error}") from error
+    header = messages.pop("/header", [])
+    if not header or not isinstance(header[0], dict) or "joints" not in header[0]:
+        raise EtudeError(f"{path} is not a recording of Étude" + (f" ({incomplete})" if incomplete else ""))
+    topics = {}
+    for topic, rows in messages.items():
+        fields = dict.fromkeys(field for row in rows for field in row)
+        topics[topic] = {"log_secs": np.array(times[topic])}
+        topics[topic] |= {field: _column([row.get(field) for row in rows]) for field in fields}
+    return Recording(header[0], topics, incomplete)

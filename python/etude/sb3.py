@@ -1,0 +1,96 @@
+"""The environments as Stable-Baselines3 and SBX take them: `pip install etude-piano[sb3]`."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterable, Sequence
+from typing import Any
+
+import numpy as np
+from stable_baselines3.common.vec_env.base_vec_env import VecEnv
+
+from .vector import PianoVectorEnv
+
+
+class PianoVecEnv(VecEnv):
+    """A `PianoVectorEnv` in Stable-Baselines3's idiom.
+
+    The infos of an episode's last step have `terminal_observation`, `TimeLimit.truncated` (always true: the song is over, and
+    the learner bootstraps on) and `episode` with return `r`, length `l` and the song's `f1`, which the algorithms log.
+
+    Args:
+        num_envs: How many environments.
+        song: A built-in song or the path of a MIDI file.
+        keywords: As of `PianoVectorEnv`.
+    """
+
+    def __init__(self, num_envs: int, song: str | os.PathLike[str] = "twinkle", **keywords: Any):
+        self.envs = PianoVectorEnv(num_envs, song, **keywords)
+        self.render_mode = self.envs.render_mode
+        self._actions = np.zeros(self.envs.action_space.shape, np.float32)
+        self._seeded = False
+        self._returns = np.zeros(num_envs)
+        self._lengths = np.zeros(num_envs, int)
+        super().__init__(num_envs, self.envs.single_observation_space, self.envs.single_action_space)
+
+    def reset(self) -> np.ndarray:
+        """Starts the song over in all environments."""
+        seeds = None if all(seed is None for seed in self._seeds) else self._seeds
+        observations, _ = self.envs.reset(seed=seeds)
+        self._reset_seeds()
+        self._reset_options()
+        self._returns[:], self._lengths[:] = 0.0, 0
+        return observations
+
+    def step_async(self, actions: np.ndarray) -> None:
+        """Keeps the actions until `step_wait`."""
+        self._actions = actions
+
+    def step_wait(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, list[dict[str, Any]]]:
+        """Plays one control step."""
+        observations, rewards, _, over, info = self.envs.step(self._actions)
+        self._returns += rewards
+        self._lengths += 1
+        infos: list[dict[str, Any]] = [{} for _ in range(self.num_envs)]
+        for index in np.flatnonzero(over):
+            last = info["final_info"]
+            infos[index] = {
+                "terminal_observation": info["final_obs"][index],
+                "TimeLimit.truncated": True,
+                "episode": {
+                    "r": float(self._returns[index]),
+                    "l": int(self._lengths[index]),
+                    **{name: float(last[name][index]) for name in ("precision", "recall", "f1")},
+                },
+            }
+            self._returns[index], self._lengths[index] = 0.0, 0
+        return observations, rewards.astype(np.float32), over, infos
+
+    def get_images(self) -> Sequence[np.ndarray | None]:
+        """A picture of each environment."""
+        return self.envs.render() or [None] * self.num_envs
+
+    def close(self) -> None:
+        """Nothing is to be done."""
+
+    def get_attr(self, attr_name: str, indices: Any = None) -> list[Any]:
+        """An attribute, which all environments share."""
+        return [getattr(self.envs, attr_name) for _ in self._get_indices(indices)]
+
+    def set_attr(self, attr_name: str, value: Any, indices: Any = None) -> None:
+        """Environments that step together share their attributes: none can be set."""
+        raise AttributeError(f"{attr_name} cannot be set: the environments are built with their keywords")
+
+    def env_method(self, method_name: str, *args: Any, indices: Any = None, **keywords: Any) -> list[Any]:
+        """Calls a method that takes the index of an environment first, `get_state` or `set_state`."""
+        method = getattr(self.envs, method_name)
+        return [method(index, *args, **keywords) for index in self._get_indices(indices)]
+
+    def env_is_wrapped(self, wrapper_class: Any, indices: Any = None) -> list[bool]:
+        """None is."""
+        return [False for _ in self._get_indices(indices)]
+
+    def _get_indices(self, indices: Any) -> Iterable[int]:
+        if indices is None:
+            return range(self.num_envs)
+        return [indices] if isinstance(indices, int) else indices

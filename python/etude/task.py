@@ -1,0 +1,135 @@
+"""What is played and how: the keywords of the environments, as the configuration that Étude's own trainer reads."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from typing import Any, Literal
+
+from gymnasium import spaces
+
+import numpy as np
+
+from ._native import Pianos, Task
+
+PRESETS = {"main": "paper", "appendix": "appendix"}
+SCORES = ("precision", "recall", "f1")
+
+
+def _toml(value: object) -> str:
+    """A value as TOML."""
+    if isinstance(value, (bool, np.bool_)):
+        return "true" if value else "false"
+    if isinstance(value, (int, np.integer)):
+        return str(int(value))
+    if isinstance(value, (float, np.floating)):
+        return repr(float(value))
+    if isinstance(value, str):
+        return json.dumps(value, ensure_ascii=False)
+    raise TypeError(f"expected a number, a truth value or a string, not {type(value).__name__}")
+
+
+def task_config(
+    *,
+    variant: Literal["main", "appendix"] = "main",
+    observation_scale: Literal["normalised", "si"] | None = None,
+    previous_joints: bool | None = None,
+    lookahead: int | None = None,
+    initial_silence_secs: float | None = None,
+    random_start: bool | None = None,
+    side: Literal["left", "right"] | None = None,
+    fences: bool | None = None,
+    actuation: str | None = None,
+    reward: Mapping[str, float] | None = None,
+    physics: Mapping[str, float] | None = None,
+    randomisation: float | Mapping[str, Any] | None = None,
+    config: Mapping[str, Any] | None = None,
+) -> Task:
+    """The complete task.
+
+    Args:
+        variant: The decision process of the paper's main text or of its appendix; the rest changes single things of it.
+        observation_scale: Joint readings by their ranges, or in rad and m.
+        previous_joints: Whether the observation holds the joints of one step ago.
+        lookahead: Control steps of the sheet shown beyond the current one, 0 to 40.
+        initial_silence_secs: Silence before the first note, s.
+        random_start: Whether episodes start anywhere in the song.
+        side: Which hand plays.
+        fences: Whether fences stand between the white keys.
+        actuation: How the joints are driven, `controlled` (as identified: torque by our controller) or `position`.
+        reward: Weights of reward terms by name; the others keep the variant's.
+        physics: Physical numbers by path (`etude model params` lists them).
+        randomisation: Intensity of the domain randomisation, 0 to 1, or its table (`intensity`, `widths`, `curriculum_steps`).
+        config: A complete task instead, as a policy carries it; goes with no other keyword.
+
+    Raises:
+        EtudeError: If a name is unknown or a value cannot be used.
+    """
+    single = {
+        "scale": observation_scale,
+        "previous_joints": previous_joints,
+        "lookahead": lookahead,
+        "initial_silence_secs": initial_silence_secs,
+        "random_start": random_start,
+        "stage.side": side,
+        "stage.fences": fences,
+        "stage.actuation": actuation,
+    }
+    changes = {path: value for path, value in single.items() if value is not None}
+    changes |= {f"reward.{name}": value for name, value in (reward or {}).items()}
+    changes |= {f"physics.{path}": value for path, value in (physics or {}).items()}
+    if isinstance(randomisation, Mapping):
+        changes |= _flat("randomisation", randomisation)
+    elif randomisation is not None:
+        changes["randomisation.intensity"] = randomisation
+    if config is not None:
+        if changes or variant != "main":
+            raise TypeError("config is a complete task: it goes with no other keyword of the task")
+        return Task.of_json(json.dumps(dict(config)))
+    if variant not in PRESETS:
+        raise ValueError(f"variant must be one of {', '.join(PRESETS)}, not {variant!r}")
+    return Task.of_preset(PRESETS[variant], [f"task.{path}={_toml(value)}" for path, value in changes.items()])
+
+
+def _flat(prefix: str, table: Mapping[str, Any]) -> dict[str, Any]:
+    flat: dict[str, Any] = {}
+    for key, value in table.items():
+        path = f"{prefix}.{key}"
+        flat |= _flat(path, value) if isinstance(value, Mapping) else {path: value}
+    return flat
+
+
+def single_spaces(native: Pianos) -> tuple[spaces.Box, spaces.Box]:
+    """Spaces of an observation (joint readings, then what is 0 or 1) and of an action."""
+    real, binary = native.layout
+    low = np.concatenate([np.full(real, -np.inf), np.zeros(binary)]).astype(np.float32)
+    high = np.concatenate([np.full(real, np.inf), np.ones(binary)]).astype(np.float32)
+    return spaces.Box(low, high), spaces.Box(-1.0, 1.0, (native.action_len,))
+
+
+class Buffers:
+    """The arrays that the native part fills: a row an environment."""
+
+    def __init__(self, native: Pianos, num_envs: int, autoreset: bool):
+        width, terms = sum(native.layout), len(native.reward_terms)
+        self.observations = np.zeros((num_envs, width), np.float32)
+        self.last_observations = np.zeros((num_envs, width), np.float32) if autoreset else None
+        self.rewards = np.zeros(num_envs, np.float64)
+        self.over = np.zeros(num_envs, np.bool_)
+        self.collided = np.zeros(num_envs, np.bool_)
+        self.terms = np.zeros((num_envs, terms), np.float32)
+        self.scores = np.ones((num_envs, len(SCORES)), np.float64)
+
+    def step(self, native: Pianos, actions: np.ndarray) -> None:
+        """One control step."""
+        actions = np.ascontiguousarray(actions, np.float32)
+        native.step(
+            actions,
+            self.observations,
+            self.last_observations,
+            self.rewards,
+            self.over,
+            self.collided,
+            self.terms,
+            self.scores,
+        )

@@ -1,0 +1,154 @@
+"""Many environments over threads, in Gymnasium's idiom."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Sequence
+from typing import Any, Literal
+
+import gymnasium
+import numpy as np
+from gymnasium.vector import AutoresetMode
+from gymnasium.vector.utils import batch_space
+from numpy.typing import NDArray
+
+from ._native import Pianos
+from .task import SCORES, Buffers, single_spaces, task_config
+
+Array = NDArray[Any]
+
+
+def _cores() -> int:
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+class PianoVectorEnv(gymnasium.vector.VectorEnv[Array, Array, Array]):
+    """`num_envs` environments of one song that step together, over threads and without the interpreter's lock.
+
+    An episode that ends begins anew in the same step (`AutoresetMode.SAME_STEP`): `info["final_obs"]` and
+    `info["final_info"]` have what it ended with. Environment `i` of `reset(seed=s)` sees what a `PianoEnv` sees that is reset
+    with the seed `s + i`, byte for byte, however many threads there are.
+
+    Args:
+        num_envs: How many.
+        song: A built-in song (`etude.SONGS`) or the path of a MIDI file.
+        threads: How many to use; one a core if not given, and never more than environments.
+        copy: Whether arrays that are returned are the caller's to keep; otherwise the next step overwrites them.
+        render_mode: `rgb_array`, for `render()`.
+        width: Pixels of a picture.
+        height: Pixels of a picture.
+        view: Where the camera stands: `player`, `side`, `top` or `fingers`.
+        task: The keywords of `etude.task.task_config`.
+
+    Raises:
+        EtudeError: If the song or a keyword cannot be used.
+    """
+
+    metadata = {"autoreset_mode": AutoresetMode.SAME_STEP, "render_modes": ["rgb_array"], "render_fps": 20}
+
+    def __init__(
+        self,
+        num_envs: int = 1,
+        song: str | os.PathLike[str] = "twinkle",
+        *,
+        threads: int | None = None,
+        copy: bool = True,
+        render_mode: Literal["rgb_array"] | None = None,
+        width: int = 320,
+        height: int = 240,
+        view: str = "player",
+        **task: Any,
+    ):
+        if render_mode is not None and render_mode not in self.metadata["render_modes"]:
+            raise ValueError(f"render_mode must be one of {self.metadata['render_modes']}, not {render_mode!r}")
+        threads = min(num_envs, _cores()) if threads is None else threads
+        self._task = task_config(**task)
+        self._native = Pianos(os.fspath(song), self._task, num_envs, threads)
+        self.num_envs = num_envs
+        self.render_mode = render_mode
+        self._picture = (width, height, view)
+        self._copy = copy
+        self._buffers = Buffers(self._native, num_envs, autoreset=True)
+        self._begun = False
+        self.reward_terms: list[str] = self._native.reward_terms
+        self.title: str = self._native.title
+        self.steps: int = self._native.steps
+        self.single_observation_space, self.single_action_space = single_spaces(self._native)
+        self.observation_space = batch_space(self.single_observation_space, num_envs)
+        self.action_space = batch_space(self.single_action_space, num_envs)
+
+    @property
+    def task(self) -> dict[str, Any]:
+        """The complete configuration of the task."""
+        return json.loads(self._task.json())
+
+    def _own(self, array: Array) -> Array:
+        return array.copy() if self._copy else array
+
+    def reset(
+        self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[Array, dict[str, Any]]:
+        """Starts the song over, in all environments or in those of `options["reset_mask"]`."""
+        super().reset(seed=seed if isinstance(seed, int) else None)
+        if seed is None and not self._begun:
+            seed = int(self.np_random.integers(2**62))
+        self._begun = True
+        seeds = [seed + i for i in range(self.num_envs)] if isinstance(seed, int) else seed
+        seeds = [None] * self.num_envs if seeds is None else list(seeds)
+        mask = (options or {}).get("reset_mask")
+        mask = np.ones(self.num_envs, np.bool_) if mask is None else np.ascontiguousarray(mask)
+        if mask.dtype != np.bool_:
+            raise TypeError(f"options['reset_mask'] must have the dtype bool, not {mask.dtype}")
+        self._native.reset(seeds, mask, self._buffers.observations)
+        return self._own(self._buffers.observations), {}
+
+    def step(self, actions: Array) -> tuple[Array, Array, Array, Array, dict[str, Any]]:
+        """Plays one control step in every environment."""
+        buffers = self._buffers
+        buffers.step(self._native, actions)
+        over = buffers.over.copy()
+        info = self._info(~over)
+        if over.any():
+            assert buffers.last_observations is not None
+            last = np.full(self.num_envs, None, object)
+            for index in np.flatnonzero(over):
+                last[index] = buffers.last_observations[index].copy()
+            info |= {"final_obs": last, "_final_obs": over, "final_info": self._info(over), "_final_info": over}
+        observations, rewards = self._own(buffers.observations), self._own(buffers.rewards)
+        return observations, rewards, np.zeros(self.num_envs, np.bool_), over, info
+
+    def _info(self, of: Array) -> dict[str, Any]:
+        """What there is to know of the environments `of`."""
+        buffers = self._buffers
+        info: dict[str, Any] = {}
+        if not of.any():
+            return info
+        for column, name in enumerate(SCORES):
+            info[name] = np.where(of, buffers.scores[:, column], 0.0)
+        info["collided"] = buffers.collided & of
+        terms = np.where(of[:, np.newaxis], buffers.terms, np.float32(0.0))
+        info["reward_terms"] = {name: terms[:, column] for column, name in enumerate(self.reward_terms)}
+        info["reward_terms"] |= {f"_{name}": of for name in self.reward_terms}
+        return info | {f"_{name}": of for name in info}
+
+    def get_state(self, index: int) -> bytes:
+        """Everything that environment `index` needs to go on bit for bit."""
+        return self._native.state(index)
+
+    def set_state(self, index: int, state: bytes) -> NDArray[np.float32]:
+        """Lets environment `index` go on from a state; returns the observation there."""
+        row = self._buffers.observations[index : index + 1]
+        self._native.set_state(index, state, row)
+        self._begun = True
+        return row[0].copy()
+
+    def render(self) -> tuple[NDArray[np.uint8], ...] | None:
+        """A picture of each environment, `[height, width, 3]`."""
+        if self.render_mode is None:
+            gymnasium.logger.warn("give the render_mode rgb_array to see something")
+            return None
+        width, height, view = self._picture
+        shape = (height, width, 3)
+        pictures = (self._native.render(index, width, height, view) for index in range(self.num_envs))
+        return tuple(np.frombuffer(pixels, np.uint8).reshape(shape).copy() for pixels in pictures)

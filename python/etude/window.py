@@ -1,0 +1,35 @@
+"""MuJoCo's own window, in step with an environment."""
+
+from __future__ import annotations
+
+import time
+
+import mujoco
+
+
+class Window:
+    """Shows joint positions of one world, no faster than they are played."""
+
+    def __init__(self, mjcf: str, fps: float):
+        import mujoco.viewer
+
+        self._model = mujoco.MjModel.from_xml_string(mjcf)
+        self._data = mujoco.MjData(self._model)
+        self._viewer = mujoco.viewer.launch_passive(self._model, self._data, show_left_ui=False, show_right_ui=False)
+        self._frame_secs = 1.0 / fps
+        self._next = time.monotonic()
+
+    def show(self, qpos: list[float]) -> None:
+        """Shows the world so; a window that was closed stays closed."""
+        if not self._viewer.is_running():
+            return
+        time.sleep(max(0.0, self._next - time.monotonic()))
+        self._next = max(self._next, time.monotonic() - self._frame_secs) + self._frame_secs
+        with self._viewer.lock():
+            self._data.qpos[:] = qpos
+            mujoco.mj_kinematics(self._model, self._data)
+        self._viewer.sync()
+
+    def close(self) -> None:
+        """Closes it."""
+        self._viewer.close()

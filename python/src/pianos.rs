@@ -1,0 +1,330 @@
+//! Environments of one song that step together into arrays of the caller's.
+
+use etude_lab::find_song;
+use etude_music::metrics::FrameTally;
+use etude_stage::mjcf;
+use etude_task::{ACTION_LEN, Environment, Piece, TaskConfig, layout};
+use numpy::{PyReadonlyArray1, PyReadonlyArray2, PyReadwriteArray1, PyReadwriteArray2};
+use pyo3::prelude::*;
+use pyo3::types::PyBytes;
+use rayon::prelude::*;
+use rayon::{ThreadPool, ThreadPoolBuilder};
+use serde::{Deserialize, Serialize};
+
+use crate::{Task, error, pictures};
+
+/// As many as a training may have.
+const MOST_ENVS: usize = 4096;
+const MOST_THREADS: usize = 1024;
+/// Columns of the scores: precision, recall and F1 of the song so far.
+const SCORES: usize = 3;
+
+/// An environment, and what its episode has come to.
+struct Slot {
+    environment: Environment,
+    tally: FrameTally,
+    over: bool,
+}
+
+/// What a state holds.
+#[derive(Serialize, Deserialize)]
+struct Saved {
+    tally: FrameTally,
+    over: bool,
+    environment: String,
+}
+
+impl Slot {
+    fn begin(&mut self, seed: Option<u64>) {
+        match seed {
+            Some(seed) => self.environment.restart(seed),
+            None => self.environment.reset(),
+        }
+        (self.tally, self.over) = (FrameTally::default(), false);
+    }
+}
+
+/// One environment with its rows of the caller's arrays.
+struct Row<'a> {
+    slot: &'a mut Slot,
+    action: &'a [f32],
+    observation: &'a mut [f32],
+    last_observation: Option<&'a mut [f32]>,
+    reward: &'a mut f64,
+    over: &'a mut bool,
+    collided: &'a mut bool,
+    terms: &'a mut [f32],
+    scores: &'a mut [f64],
+}
+
+impl Row<'_> {
+    fn step(self, piece: &Piece) {
+        let Slot { environment, tally, over } = self.slot;
+        let action: &[f32; ACTION_LEN] = self.action.first_chunk().expect("rows have an action's length");
+        let due = piece.due(environment.position());
+        let step = environment.step(action, self.terms);
+        tally.push(due, environment.pressed());
+        let scores = tally.scores();
+        self.scores.copy_from_slice(&[scores.precision, scores.recall, scores.f1]);
+        (*self.reward, *self.over, *self.collided) = (step.reward, step.song_over, step.collided);
+        *over = step.song_over;
+        match self.last_observation {
+            Some(last) if step.song_over => {
+                environment.observe(last);
+                self.slot.begin(None);
+                self.slot.environment.observe(self.observation);
+            }
+            _ => environment.observe(self.observation),
+        }
+    }
+}
+
+/// Environments of one song.
+#[pyclass(module = "etude._native")]
+pub struct Pianos {
+    slots: Vec<Slot>,
+    piece: Piece,
+    config: TaskConfig,
+    /// `None`: the calling thread alone.
+    pool: Option<ThreadPool>,
+}
+
+/// A mutable view of `[n, width]`, or what is wrong with the array.
+fn rows<'a, T: numpy::Element>(
+    array: &'a mut PyReadwriteArray2<'_, T>,
+    name: &str,
+    [n, width]: [usize; 2],
+) -> PyResult<&'a mut [T]> {
+    let shape = array.as_array().dim();
+    let wrong =
+        || error(format!("{name} must be a C-contiguous array of shape ({n}, {width}), not {shape:?}"));
+    if shape != (n, width) {
+        return Err(wrong());
+    }
+    array.as_slice_mut().map_err(|_| wrong())
+}
+
+fn column<'a, T: numpy::Element>(
+    array: &'a mut PyReadwriteArray1<'_, T>,
+    name: &str,
+    n: usize,
+) -> PyResult<&'a mut [T]> {
+    let shape = array.as_array().dim();
+    let wrong = || error(format!("{name} must be a contiguous array of shape ({n},), not ({shape},)"));
+    if shape != n {
+        return Err(wrong());
+    }
+    array.as_slice_mut().map_err(|_| wrong())
+}
+
+impl Pianos {
+    fn slot(&self, index: usize) -> PyResult<&Slot> {
+        let n = self.slots.len();
+        self.slots.get(index).ok_or_else(|| error(format!("there is no environment {index}, there are {n}")))
+    }
+}
+
+#[pymethods]
+impl Pianos {
+    #[new]
+    fn new(py: Python<'_>, song: &str, task: &Task, num_envs: usize, threads: usize) -> PyResult<Self> {
+        let config = task.0.clone();
+        if !(1..=MOST_ENVS).contains(&num_envs) {
+            return Err(error(format!("num_envs = {num_envs} must lie in 1 … {MOST_ENVS}")));
+        }
+        if !(1..=MOST_THREADS).contains(&threads) {
+            return Err(error(format!("threads = {threads} must lie in 1 … {MOST_THREADS}")));
+        }
+        py.detach(|| {
+            let song = find_song(song).map_err(error)?;
+            config.check().map_err(error)?;
+            let piece = Piece::new(&song, config.initial_silence_secs).map_err(error)?;
+            let slot = |seed: usize| {
+                let environment = Environment::new(&config, &piece, seed as u64).map_err(error)?;
+                Ok(Slot { environment, tally: FrameTally::default(), over: false })
+            };
+            let slots = (0..num_envs).map(slot).collect::<PyResult<_>>()?;
+            let pool = match threads.min(num_envs) {
+                1 => None,
+                threads => Some(ThreadPoolBuilder::new().num_threads(threads).build().map_err(error)?),
+            };
+            Ok(Self { slots, piece, config: config.clone(), pool })
+        })
+    }
+
+    /// Columns of an observation: real ones, then those that are 0 or 1.
+    #[getter]
+    fn layout(&self) -> (usize, usize) {
+        let layout = layout(&self.config);
+        (layout.real, layout.binary)
+    }
+
+    #[getter]
+    fn action_len(&self) -> usize {
+        ACTION_LEN
+    }
+
+    /// Control steps of an episode.
+    #[getter]
+    fn steps(&self) -> usize {
+        self.piece.steps()
+    }
+
+    #[getter]
+    fn title(&self) -> &str {
+        self.piece.title()
+    }
+
+    #[getter]
+    fn reward_terms(&self) -> Vec<&str> {
+        self.slots[0].environment.reward().names().collect()
+    }
+
+    /// Begins episodes where `mask` says so, with a seed or going on with the random numbers that there are.
+    fn reset(
+        &mut self,
+        py: Python<'_>,
+        seeds: Vec<Option<u64>>,
+        mask: PyReadonlyArray1<'_, bool>,
+        mut observations: PyReadwriteArray2<'_, f32>,
+    ) -> PyResult<()> {
+        let (n, width) = (self.slots.len(), layout(&self.config).len());
+        let mask = mask.as_slice().map_err(error)?;
+        if mask.len() != n || seeds.len() != n {
+            return Err(error(format!("there must be a seed and a mask for each of {n} environments")));
+        }
+        let observations = rows(&mut observations, "observations", [n, width])?;
+        py.detach(|| {
+            let rows = self.slots.iter_mut().zip(observations.chunks_exact_mut(width));
+            for ((slot, row), (seed, _)) in
+                rows.zip(seeds.iter().zip(mask)).filter(|(_, (_, wanted))| **wanted)
+            {
+                slot.begin(*seed);
+                slot.environment.observe(row);
+            }
+        });
+        Ok(())
+    }
+
+    /// One control step of all. With `last_observations` an episode that has ended begins anew at once; its last observation
+    /// goes there.
+    #[allow(clippy::too_many_arguments)] // One an array.
+    fn step(
+        &mut self,
+        py: Python<'_>,
+        actions: PyReadonlyArray2<'_, f32>,
+        mut observations: PyReadwriteArray2<'_, f32>,
+        mut last_observations: Option<PyReadwriteArray2<'_, f32>>,
+        mut rewards: PyReadwriteArray1<'_, f64>,
+        mut over: PyReadwriteArray1<'_, bool>,
+        mut collided: PyReadwriteArray1<'_, bool>,
+        mut terms: PyReadwriteArray2<'_, f32>,
+        mut scores: PyReadwriteArray2<'_, f64>,
+    ) -> PyResult<()> {
+        let (n, width) = (self.slots.len(), layout(&self.config).len());
+        let term_count = self.slots[0].environment.reward().names().len();
+        let shape = actions.as_array().dim();
+        let actions = match actions.as_slice() {
+            Ok(actions) if shape == (n, ACTION_LEN) => actions,
+            _ => {
+                return Err(error(format!(
+                    "the actions must have the shape ({n}, {ACTION_LEN}), not {shape:?}"
+                )));
+            }
+        };
+        if !actions.iter().all(|value| value.is_finite()) {
+            return Err(error("an action is not a finite number"));
+        }
+        if self.slots.iter().any(|slot| slot.over) {
+            return Err(error("the song is over: call reset() before the next step"));
+        }
+        let observations = rows(&mut observations, "observations", [n, width])?;
+        let last: Vec<Option<&mut [f32]>> = match &mut last_observations {
+            Some(array) => {
+                rows(array, "last_observations", [n, width])?.chunks_exact_mut(width).map(Some).collect()
+            }
+            None => (0..n).map(|_| None).collect(),
+        };
+        let rewards = column(&mut rewards, "rewards", n)?;
+        let over = column(&mut over, "over", n)?;
+        let collided = column(&mut collided, "collided", n)?;
+        let terms = rows(&mut terms, "terms", [n, term_count])?;
+        let scores = rows(&mut scores, "scores", [n, SCORES])?;
+
+        let rows = self.slots.iter_mut().zip(actions.chunks_exact(ACTION_LEN));
+        let rows =
+            rows.zip(observations.chunks_exact_mut(width)).zip(last).zip(rewards).zip(over).zip(collided);
+        let rows = rows.zip(terms.chunks_exact_mut(term_count)).zip(scores.chunks_exact_mut(SCORES));
+        let rows: Vec<Row<'_>> = rows
+            .map(
+                |(
+                    (((((((slot, action), observation), last_observation), reward), over), collided), terms),
+                    scores,
+                )| {
+                    Row { slot, action, observation, last_observation, reward, over, collided, terms, scores }
+                },
+            )
+            .collect();
+        let piece = &self.piece;
+        match &self.pool {
+            None => py.detach(|| rows.into_iter().for_each(|row| row.step(piece))),
+            Some(pool) => py.detach(|| {
+                pool.install(|| rows.into_par_iter().with_max_len(1).for_each(|row| row.step(piece)));
+            }),
+        }
+        Ok(())
+    }
+
+    /// Everything that environment `index` needs to go on bit for bit.
+    fn state<'py>(&self, py: Python<'py>, index: usize) -> PyResult<Bound<'py, PyBytes>> {
+        let Slot { environment, tally, over } = self.slot(index)?;
+        let environment = String::from_utf8(environment.save()).map_err(error)?;
+        let saved = Saved { tally: *tally, over: *over, environment };
+        Ok(PyBytes::new(py, &serde_json::to_vec(&saved).map_err(error)?))
+    }
+
+    /// Lets environment `index` go on from a state, and writes its observation.
+    fn set_state(
+        &mut self,
+        index: usize,
+        state: &[u8],
+        mut observation: PyReadwriteArray2<'_, f32>,
+    ) -> PyResult<()> {
+        self.slot(index)?;
+        let width = layout(&self.config).len();
+        let row = rows(&mut observation, "observation", [1, width])?;
+        let saved: Saved = serde_json::from_slice(state)
+            .map_err(|why| error(format!("the environment cannot continue from this saved state: {why}")))?;
+        let slot = &mut self.slots[index];
+        if let Err(why) = slot.environment.load(saved.environment.as_bytes()) {
+            slot.begin(None);
+            return Err(error(why));
+        }
+        (slot.tally, slot.over) = (saved.tally, saved.over);
+        slot.environment.observe(row);
+        Ok(())
+    }
+
+    /// The world as MJCF, which stock MuJoCo loads.
+    fn mjcf(&self) -> PyResult<String> {
+        Ok(mjcf(&self.config.stage, &self.config.params().map_err(error)?))
+    }
+
+    /// Positions of all joints, keys included, in MuJoCo's order.
+    fn qpos(&self, index: usize) -> PyResult<Vec<f64>> {
+        Ok(self.slot(index)?.environment.world().data().qpos().to_vec())
+    }
+
+    /// A picture of environment `index`: rows from top to bottom, three bytes a pixel.
+    fn render<'py>(
+        &self,
+        py: Python<'py>,
+        index: usize,
+        width: u32,
+        height: u32,
+        view: &str,
+    ) -> PyResult<Bound<'py, PyBytes>> {
+        let pixels = pictures::paint(self.slot(index)?.environment.world(), [width, height], view)?;
+        Ok(PyBytes::new(py, &pixels))
+    }
+}

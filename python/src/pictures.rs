@@ -1,0 +1,55 @@
+//! Pictures of environments. A painter belongs to the thread that made it, and serves all worlds built alike.
+
+use std::cell::RefCell;
+
+use etude_stage::{Painter, StageConfig, View, World};
+use pyo3::PyResult;
+
+use crate::error;
+
+/// Painters that a thread keeps: each has its buffers.
+const MOST_STUDIOS: usize = 4;
+
+/// A world to draw, and who draws it.
+struct Studio {
+    stage: StageConfig,
+    size: [u32; 2],
+    view: View,
+    world: World,
+    painter: Painter,
+}
+
+thread_local! {
+    static STUDIOS: RefCell<Vec<Studio>> = const { RefCell::new(Vec::new()) };
+}
+
+impl Studio {
+    fn new(like: &World, size: [u32; 2], view: View) -> PyResult<Self> {
+        let world = World::new(like.config(), like.params()).map_err(error)?;
+        let painter = Painter::new(&world, size[0], size[1], view).map_err(error)?;
+        Ok(Self { stage: like.config().clone(), size, view, world, painter })
+    }
+}
+
+/// A picture of `world` of `size` pixels: rows from top to bottom, three bytes a pixel.
+pub(crate) fn paint(world: &World, size: [u32; 2], view: &str) -> PyResult<Vec<u8>> {
+    let names = View::ALL.map(View::name).join(", ");
+    let view =
+        View::of(view).ok_or_else(|| error(format!("there is no view `{view}`; there are: {names}")))?;
+    STUDIOS.with_borrow_mut(|studios| {
+        let fits =
+            |studio: &Studio| studio.stage == *world.config() && studio.size == size && studio.view == view;
+        let index = match studios.iter().position(fits) {
+            Some(index) => index,
+            None => {
+                studios.truncate(MOST_STUDIOS - 1);
+                studios.insert(0, Studio::new(world, size, view)?);
+                0
+            }
+        };
+        let studio = &mut studios[index];
+        studio.world.set_params(world.params());
+        studio.world.restore(&world.snapshot()).map_err(error)?;
+        Ok(studio.painter.paint(&mut studio.world).map_err(error)?.to_vec())
+    })
+}

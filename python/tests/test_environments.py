@@ -1,0 +1,209 @@
+"""The environments against Gymnasium's own checks, its own vector environment, and Rust."""
+
+import os
+import pathlib
+import subprocess
+import warnings
+
+import gymnasium
+import numpy as np
+import pytest
+from conftest import needed
+from gymnasium.utils.env_checker import check_env
+from gymnasium.utils.performance import benchmark_step
+from gymnasium.vector import AutoresetMode, SyncVectorEnv
+from sklearn.metrics import precision_recall_fscore_support
+
+import etude
+
+RESTLESS = {"randomisation": 0.5, "random_start": True}
+
+
+def random_actions(count, num_envs=None, seed=0):
+    shape = (count, 13) if num_envs is None else (count, num_envs, 13)
+    return np.random.default_rng(seed).uniform(-1, 1, shape).astype(np.float32)
+
+
+@pytest.mark.parametrize("song", etude.SONGS)
+def test_every_song_is_registered(song):
+    env = gymnasium.make(etude.env_id(song))
+    observation, info = env.reset(seed=1)
+    assert env.observation_space.contains(observation) and info == {}
+    assert env.get_wrapper_attr("title") == etude.SONGS[song]
+
+
+@pytest.mark.parametrize(
+    "keywords", [{}, {"variant": "appendix"}, {"observation_scale": "si", "fences": False}, RESTLESS]
+)
+def test_gymnasium_finds_nothing_wrong(keywords, short_song):
+    with warnings.catch_warnings():
+        # Joint readings have no bounds; everything else would be a finding.
+        warnings.filterwarnings("ignore", message=".*observation space m.*imum value is.*infinity.*")
+        warnings.filterwarnings("ignore", message=".*not within the observation space.*")
+        warnings.filterwarnings("ignore", message=".*render.*", category=UserWarning)
+        check_env(etude.PianoEnv(short_song, **keywords), skip_render_check=True)
+
+
+def test_the_variants_differ_as_in_the_paper():
+    main, appendix = etude.PianoEnv(), etude.PianoEnv(variant="appendix")
+    assert main.observation_space.shape == (369,) and appendix.observation_space.shape == (356,)
+    assert main.task["stage"]["fences"] and not appendix.task["stage"]["fences"]
+    assert main.reward_terms != appendix.reward_terms
+    heavier = etude.PianoEnv(reward={"collision": 4.0}, physics={"key.threshold": 0.7}, actuation="position").task
+    assert heavier["reward"]["collision"] == 4.0 and heavier["physics"] == {"key.threshold": 0.7}
+    assert heavier["stage"]["actuation"] == "position"
+
+
+def test_the_song_is_a_truncation_and_ends_with_its_scores(short_song):
+    env = etude.PianoEnv(short_song)
+    observation, _ = env.reset(seed=0)
+    rewards, due, pressed = [], [], []
+    for step in range(env.steps):
+        due.append(observation[26 + 49 : 26 + 98])
+        observation, reward, terminated, truncated, info = env.step(np.zeros(13, np.float32))
+        pressed.append(observation[26 : 26 + 49])
+        assert not terminated and truncated == (step == env.steps - 1)
+        assert reward == pytest.approx(sum(info["reward_terms"].values()), abs=1e-5)
+        rewards.append(reward)
+    # scikit-learn's scores of each control step, averaged: the paper's.
+    steps = [
+        precision_recall_fscore_support(*keys, average="binary", zero_division=1)[:3] for keys in zip(due, pressed)
+    ]
+    assert np.sum(pressed) > 0
+    np.testing.assert_allclose([info[name] for name in ("precision", "recall", "f1")], np.mean(steps, axis=0))
+    with pytest.raises(etude.EtudeError, match="call reset"):
+        env.step(np.zeros(13, np.float32))
+    env.reset()
+    assert env.step(np.zeros(13, np.float32))[1] == rewards[0]
+
+
+@pytest.mark.parametrize("threads", [1, 2, 5])
+def test_together_they_do_what_gymnasium_makes_of_single_ones(short_song, threads):
+    """Observations, rewards and infos byte for byte, over the ends of songs, in worlds drawn anew."""
+    count = 3
+    ours = gymnasium.make_vec(
+        "etude/Piano-v0",
+        num_envs=count,
+        vectorization_mode="vector_entry_point",
+        song=short_song,
+        threads=threads,
+        **RESTLESS,
+    )
+    theirs = SyncVectorEnv(
+        [lambda: etude.PianoEnv(short_song, **RESTLESS)] * count, autoreset_mode=AutoresetMode.SAME_STEP
+    )
+    assert ours.metadata["autoreset_mode"] == AutoresetMode.SAME_STEP
+    assert ours.observation_space == theirs.observation_space and ours.action_space == theirs.action_space
+    same(ours.reset(seed=7), theirs.reset(seed=7))
+    ends = 0
+    for actions in random_actions(150, count):
+        one, other = ours.step(actions), theirs.step(actions)
+        same(one, other)
+        ends += int(one[3].sum())
+    assert ends > 3
+    mask = np.array([True, False, True])
+    same(ours.reset(seed=9, options={"reset_mask": mask}), theirs.reset(seed=9, options={"reset_mask": mask}))
+
+
+def same(one, other):
+    """The same arrays, dictionaries and tuples, to the byte."""
+    assert type(one) is type(other)
+    if isinstance(one, dict):
+        assert one.keys() == other.keys()
+        for key in one:
+            same(one[key], other[key])
+    elif isinstance(one, tuple):
+        assert len(one) == len(other)
+        for ours, theirs in zip(one, other):
+            same(ours, theirs)
+    elif isinstance(one, np.ndarray) and one.dtype == object:
+        for ours, theirs in zip(one, other):
+            same(ours, theirs)
+    elif isinstance(one, np.ndarray):
+        assert one.shape == other.shape
+        np.testing.assert_array_equal(one, other)
+    else:
+        assert one == other
+
+
+def test_rust_sees_the_same():
+    """Byte for byte: crates/task/examples/episode.rs plays the same actions."""
+    program = pathlib.Path(os.environ.get("ETUDE_EPISODE", "target/debug/examples/episode"))
+    if not program.is_file():
+        needed(f"{program} is not built: cargo build -p etude-task --example episode")
+    steps, seed = 120, 11
+    printed = subprocess.run([program, "c-major-scale", str(seed), str(steps)], capture_output=True, check=True)
+    rust = np.frombuffer(printed.stdout, "<f4").reshape(steps + 1, 369)
+    env = etude.PianoEnv("c-major-scale", **RESTLESS)
+    envs = etude.PianoVectorEnv(2, "c-major-scale", **RESTLESS)
+    seen, together = [env.reset(seed=seed)[0]], [envs.reset(seed=[5, seed])[0][1]]
+    for step in range(steps):
+        index = np.arange(13)
+        action = ((step * 7919 + index * 104729) % 2001).astype(np.float32) / np.float32(1000) - np.float32(1)
+        observation, _, _, over, _ = env.step(action)
+        seen.append(env.reset()[0] if over else observation)
+        together.append(envs.step(np.stack([action, action]))[0][1])
+    assert rust.tobytes() == np.stack(seen).tobytes() == np.stack(together).tobytes()
+
+
+def test_arrays_are_the_callers_to_keep_unless_asked_otherwise(short_song):
+    kept = etude.PianoVectorEnv(2, short_song)
+    first, _ = kept.reset(seed=0)
+    copy = first.copy()
+    kept.step(random_actions(1, 2)[0])
+    np.testing.assert_array_equal(first, copy)
+    shared = etude.PianoVectorEnv(2, short_song, copy=False)
+    first, _ = shared.reset(seed=0)
+    again = shared.step(random_actions(1, 2)[0])[0]
+    assert np.shares_memory(first, again)
+
+
+def test_states_go_on_bit_for_bit(short_song):
+    env = etude.PianoEnv(short_song, **RESTLESS)
+    env.reset(seed=3)
+    actions = random_actions(24)
+    for action in actions[:4]:
+        env.step(action)
+    state = env.get_state()
+    went_on = [env.step(action) for action in actions[4:14]]
+    # Another environment, elsewhere in another song's time.
+    other = etude.PianoEnv(short_song, **RESTLESS)
+    other.reset(seed=8)
+    other.set_state(state)
+    for before, action in zip(went_on, actions[4:14]):
+        same(before, other.step(action))
+    envs = etude.PianoVectorEnv(3, short_song, **RESTLESS)
+    envs.reset(seed=0)
+    envs.set_state(1, state)
+    np.testing.assert_array_equal(envs.step(np.stack([actions[4]] * 3))[0][1], went_on[0][0])
+    for nonsense in [b"", b"{}", state[:-9], state.replace(b"over", b"ovrr"), b"\xff" * 40]:
+        with pytest.raises(etude.EtudeError):
+            env.set_state(nonsense)
+    env.reset(seed=3)
+    same(env.step(actions[0])[0], _first_step(short_song, actions[0]))
+
+
+def _first_step(song, action):
+    env = etude.PianoEnv(song, **RESTLESS)
+    env.reset(seed=3)
+    return env.step(action)[0]
+
+
+def test_pictures():
+    env = gymnasium.make("etude/Twinkle-v0", render_mode="rgb_array", width=160, height=120, view="top")
+    env.reset(seed=0)
+    try:
+        first = env.render()
+    except etude.EtudeError as error:
+        needed(str(error))
+    assert first.shape == (120, 160, 3) and first.dtype == np.uint8 and first.std() > 10
+    for _ in range(20):
+        env.step(np.full(13, 0.9, np.float32))
+    assert np.any(env.render() != first)
+    envs = etude.PianoVectorEnv(2, render_mode="rgb_array")
+    envs.reset(seed=0)
+    assert [picture.shape for picture in envs.render()] == [(240, 320, 3)] * 2
+
+
+def test_it_steps_at_a_rate_that_can_be_measured():
+    assert benchmark_step(etude.PianoEnv("c-major-scale"), target_duration=0.5, seed=0) > 0

@@ -1,0 +1,140 @@
+"""Whatever is given, what comes back is an exception with a message: never a panic, never a crash."""
+
+import math
+
+import gymnasium
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+import etude
+
+# What a wrong argument may raise. pyo3's PanicException is not among them: it derives from BaseException.
+REFUSED = (ValueError, TypeError, OverflowError)
+
+
+@pytest.mark.parametrize(
+    "keywords, message",
+    [
+        ({"song": "twinckle"}, "did you mean twinkle"),
+        ({"song": "nowhere/at-all.mid"}, "nowhere/at-all.mid"),
+        ({"song": __file__}, "MIDI"),
+        ({"reward": {"colision": 1.0}}, "no reward term is called `colision`"),
+        ({"reward": {"collision": math.nan}}, "finite number"),
+        ({"physics": {"key.treshold": 0.5}}, "key.treshold"),
+        ({"physics": {"key.threshold": 77.0}}, "key.threshold"),
+        ({"randomisation": 3.0}, "randomisation.intensity"),
+        ({"randomisation": {"widths": {"nothing": 1.0}}}, "nothing"),
+        ({"side": "middle"}, "task.stage.side"),
+        ({"lookahead": 1000}, "lookahead"),
+        ({"lookahead": -1}, "task.lookahead"),
+        ({"variant": "other"}, "main, appendix"),
+        ({"config": {"lookahed": 3}}, "lookahed"),
+        ({"render_mode": "ansi"}, "rgb_array"),
+    ],
+)
+def test_messages_say_what_is_wrong(keywords, message):
+    with pytest.raises(ValueError, match=message):
+        etude.PianoEnv(**keywords)
+    with pytest.raises(ValueError, match=message):
+        etude.PianoVectorEnv(2, **keywords)
+
+
+def test_wrong_types_are_type_errors():
+    for keywords in [{"reward": {"collision": "much"}}, {"no_such_keyword": 1}, {"physics": {"key.threshold": []}}]:
+        with pytest.raises((TypeError, etude.EtudeError)):
+            etude.PianoEnv(**keywords)
+    with pytest.raises(TypeError, match="config"):
+        etude.PianoEnv(config={}, fences=False)
+
+
+@pytest.mark.parametrize("num_envs, threads", [(0, 1), (5000, 1), (2, -1), (2, 100_000), (2**70, 1)])
+def test_numbers_of_environments(num_envs, threads):
+    with pytest.raises(REFUSED):
+        etude.PianoVectorEnv(num_envs, "c-major-scale", threads=threads)
+
+
+@pytest.mark.parametrize(
+    "action", [np.zeros(12), np.zeros((1, 13)), np.full(13, np.nan), np.full(13, np.inf), None, "up", 3.0, [[]]]
+)
+def test_actions(action, short_song):
+    env = etude.PianoEnv(short_song)
+    env.reset(seed=0)
+    with pytest.raises(REFUSED):
+        env.step(action)
+    assert env.step(np.zeros(13))[0].shape == (369,)
+
+
+def test_vectors_of_the_wrong_shape(short_song):
+    envs = etude.PianoVectorEnv(2, short_song)
+    for seed in ([1], [1, 2, 3], [-1, 2], ["a", "b"], [2**80, 1]):
+        with pytest.raises(REFUSED):
+            envs.reset(seed=seed)
+    for mask in (np.ones(3, bool), np.ones((2, 2), bool), np.ones(2), [True]):
+        with pytest.raises(REFUSED):
+            envs.reset(seed=0, options={"reset_mask": mask})
+    with pytest.raises(REFUSED):
+        envs.step(np.zeros((3, 13), np.float32))
+    with pytest.raises(etude.EtudeError, match="no environment 2"):
+        envs.get_state(2)
+
+
+ANYTHING = st.one_of(
+    st.none(),
+    st.booleans(),
+    st.integers(),
+    st.floats(),
+    st.text(max_size=20),
+    st.binary(max_size=8),
+    st.lists(st.integers(), max_size=3),
+)
+NAMES = st.one_of(st.text(max_size=20), st.sampled_from(["key.threshold", "joint.rail.damping", "collision", "energy"]))
+TABLES = st.dictionaries(NAMES, ANYTHING, max_size=3)
+KEYWORDS = st.fixed_dictionaries(
+    {},
+    optional={
+        "song": st.one_of(st.sampled_from(["twinkle", "c-major-scale"]), ANYTHING),
+        "variant": ANYTHING,
+        "observation_scale": ANYTHING,
+        "previous_joints": ANYTHING,
+        "lookahead": ANYTHING,
+        "initial_silence_secs": ANYTHING,
+        "random_start": ANYTHING,
+        "side": ANYTHING,
+        "fences": ANYTHING,
+        "actuation": ANYTHING,
+        "reward": st.one_of(ANYTHING, TABLES),
+        "physics": st.one_of(ANYTHING, TABLES),
+        "randomisation": st.one_of(ANYTHING, TABLES, st.dictionaries(NAMES, TABLES, max_size=2)),
+        "config": st.one_of(ANYTHING, TABLES),
+    },
+)
+
+
+@settings(max_examples=300, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+@given(KEYWORDS)
+def test_no_keyword_makes_it_panic(keywords):
+    try:
+        env = etude.PianoEnv(**keywords)
+    except (*REFUSED, AttributeError, KeyError):
+        return
+    observation, _ = env.reset(seed=0)
+    assert env.observation_space.contains(observation)
+    assert math.isfinite(env.step(env.action_space.sample())[1])
+
+
+@settings(max_examples=200, deadline=None)
+@given(st.binary(max_size=400))
+def test_no_file_makes_it_panic(tmp_path_factory, content):
+    path = tmp_path_factory.mktemp("files") / "hostile.mid"
+    path.write_bytes(content)
+    with pytest.raises(etude.EtudeError):
+        etude.PianoEnv(path)
+    with pytest.raises(etude.EtudeError):
+        etude.load_policy(path)
+
+
+def test_make_passes_the_message_on():
+    with pytest.raises(etude.EtudeError, match="did you mean"):
+        gymnasium.make("etude/Piano-v0", song="ode-to-joi")

@@ -1,0 +1,44 @@
+"""Shipped policies, acting in NumPy."""
+
+import numpy as np
+import pytest
+
+import etude
+
+
+def play(policy, song, **keywords):
+    """Scores of the song as the policy plays it."""
+    env = etude.PianoEnv(song, config=policy.task, **keywords)
+    observation, _ = env.reset(seed=0)
+    over = False
+    while not over:
+        observation, _, _, over, info = env.step(policy.act(observation))
+    return info
+
+
+@pytest.mark.parametrize("song", ["twinkle", "c-major-scale"])
+def test_a_shipped_policy_plays_as_well_as_its_file_says(song):
+    policy = etude.load_policy(song)
+    assert policy.song == etude.SONGS[song]
+    # The last bits of an action differ from the trainer's, and a stroke may fall a control step earlier or later.
+    assert play(policy, song)["f1"] == pytest.approx(policy.scores["f1"], abs=0.02)
+
+
+def test_many_observations_at_once():
+    policy = etude.load_policy("twinkle")
+    observations = np.random.default_rng(0).normal(size=(2, 5, 369)).astype(np.float32)
+    actions = policy.act(observations)
+    assert actions.shape == (2, 5, 13) and np.all(np.abs(actions) <= 1)
+    np.testing.assert_allclose(actions[1, 3], policy.act(observations[1, 3]), atol=1e-5)
+    with pytest.raises(etude.EtudeError, match="369 columns"):
+        policy.act(np.zeros(356, np.float32))
+
+
+def test_what_is_not_a_policy_is_refused(tmp_path):
+    with pytest.raises(etude.EtudeError, match="twinkle"):
+        etude.load_policy("no-such-song")
+    with pytest.raises(etude.EtudeError, match="etude train"):
+        etude.load_policy(tmp_path)
+    (tmp_path / "p.safetensors").write_bytes(b"\x08\0\0\0\0\0\0\0{}      ")
+    with pytest.raises(etude.EtudeError, match="not a policy"):
+        etude.load_policy(tmp_path / "p.safetensors")

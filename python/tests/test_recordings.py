@@ -1,0 +1,58 @@
+"""Recordings of the command, read as arrays."""
+
+import json
+
+import numpy as np
+import pytest
+from sklearn.metrics import f1_score
+
+import etude
+from etude.recordings import read_recording
+
+
+def test_it_is_what_the_command_says(played):
+    recording = read_recording(played / "recording.mcap")
+    report = json.loads((played / "report.json").read_text())
+    assert recording.incomplete is None and len(recording) == report["steps"] == len(recording.due)
+    for field in ("targets", "positions", "velocities", "torques"):
+        assert recording[field].shape == (len(recording), 13)
+    assert recording["fingertips"].shape == (len(recording), 3, 3)
+    f1 = [f1_score(due, pressed, zero_division=1) for due, pressed in zip(recording.due, recording.pressed)]
+    assert np.mean(f1) == pytest.approx(report["f1"])
+    assert sum(map(np.sum, recording.rewards.values())) == pytest.approx(report["reward"], rel=1e-4)
+    np.testing.assert_allclose(np.diff(recording["log_secs"]), 0.05, atol=1e-6)
+
+
+def test_a_topic_is_a_frame(played):
+    recording = read_recording(played / "recording.mcap")
+    frame = recording.frame()
+    assert len(frame) == len(recording)
+    name = recording.header["joints"][0]
+    np.testing.assert_array_equal(frame[f"positions_{name}"], recording["positions"][:, 0])
+    assert set(recording.frame("/key").columns) == {"log_secs", "secs", "pitch", "velocity"}
+    with pytest.raises(KeyError, match="/step"):
+        recording.frame("/nothing")
+    with pytest.raises(KeyError, match="targets"):
+        recording["nothing"]
+
+
+def test_half_a_recording_is_read_as_far_as_it_goes(played, tmp_path):
+    whole = (played / "recording.mcap").read_bytes()
+    lengths = set()
+    for share in (0.3, 0.6, 0.9):
+        half = tmp_path / "half.mcap"
+        half.write_bytes(whole[: int(share * len(whole))])
+        try:
+            recording = read_recording(half)
+        except etude.EtudeError:
+            lengths.add(0)
+            continue
+        assert recording.incomplete
+        lengths.add(len(recording))
+    assert max(lengths) > 0
+    for content in (b"", b"nonsense", whole[:8]):
+        half.write_bytes(content)
+        with pytest.raises(etude.EtudeError, match="not a recording"):
+            read_recording(half)
+    with pytest.raises(etude.EtudeError, match="cannot read"):
+        read_recording(tmp_path / "nothing.mcap")
