@@ -1,4 +1,4 @@
-"""The examples run; what they come to in full is in docs/results/python.md."""
+"""The examples run."""
 
 import pathlib
 import re

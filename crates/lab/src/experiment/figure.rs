@@ -153,6 +153,8 @@ impl Drawing {
         let below = titled.margin(legend, 0, 0, 0);
         let mut chart = ChartBuilder::on(&below)
             .margin(10 * dots)
+            // The last label is as wide on both sides of its tick.
+            .margin_right(22 * dots)
             .x_label_area_size(if long { 160 } else { 44 } * dots)
             .y_label_area_size(56 * dots)
             .build_cartesian_2d(x[0]..x[1], y[0]..y[1])?;
