@@ -14,7 +14,7 @@ fn onnx_runtime_acts_as_the_policy_does() {
     // Joints far beyond their ranges too, and a tenth of the keys.
     let value = |index: usize| match index % layout.len() {
         column if column < layout.real => 3.0 * (0.7 * index as f32).sin(),
-        _ => f32::from(u8::from(index.wrapping_mul(2_654_435_761) % 10 == 0)),
+        _ => f32::from(u8::from(index.wrapping_mul(2_654_435_761).is_multiple_of(10))),
     };
     let observations: Vec<f32> = (0..100 * layout.len()).map(value).collect();
     let mut actions = vec![0.0; 100 * policy.header().action_len];
