@@ -49,8 +49,32 @@ def build(out, *options):
     return next(out.glob("*.whl"))
 
 
+SMOKE = """
+import gymnasium, etude
+from gymnasium.utils.env_checker import check_env
+env = gymnasium.make("etude/Twinkle-v0")
+check_env(env.unwrapped, skip_render_check=True)
+envs = gymnasium.make_vec("etude/Twinkle-v0", num_envs=2, vectorization_mode="vector_entry_point")
+envs.reset(seed=0)
+envs.step(envs.action_space.sample())
+policy = etude.load_policy("twinkle")
+print("fresh environment:", policy.song, policy.act(env.reset(seed=0)[0]).shape)
+"""
+
+
+def try_fresh(wheel):
+    """Installs the wheel into an environment that has nothing, where only what it says it needs comes along."""
+    fresh = ROOT / "target" / "venv-fresh"
+    run(sys.executable, "-m", "venv", "--clear", fresh)
+    python = fresh / "bin" / "python"
+    run(python, "-m", "pip", "--quiet", "--disable-pip-version-check", "install", wheel)
+    run(python, "-W", "ignore", "-c", SMOKE, cwd=ROOT / "target")
+    shutil.rmtree(fresh)
+
+
 def test():
     wheel = build(ROOT / "target" / "wheels-test", "--profile", "dev")
+    try_fresh(wheel)
     pip("install", "--force-reinstall", "--no-deps", wheel)
     pip("install", wheel)
     debug = ROOT / "target" / "debug"

@@ -8,6 +8,7 @@ Every built-in song is registered under its name (`etude.SONGS`), any MIDI file 
 """
 
 import gymnasium
+import mujoco  # noqa: F401  Loads the library that the extension needs, wherever it is installed.
 
 from ._native import CONTROL_HZ, EtudeError, __version__
 from ._native import songs as _songs
@@ -37,10 +38,14 @@ def env_id(song: str) -> str:
 
 
 def _register() -> None:
-    entry_points = {"entry_point": "etude.env:PianoEnv", "vector_entry_point": "etude.vector:PianoVectorEnv"}
-    gymnasium.register(id="etude/Piano-v0", **entry_points)
-    for song in SONGS:
-        gymnasium.register(id=env_id(song), kwargs={"song": song}, **entry_points)
+    ids: dict[str, dict[str, str]] = {"etude/Piano-v0": {}} | {env_id(song): {"song": song} for song in SONGS}
+    for name, keywords in ids.items():
+        gymnasium.register(
+            id=name,
+            entry_point="etude.env:PianoEnv",
+            vector_entry_point="etude.vector:PianoVectorEnv",
+            kwargs=keywords,
+        )
 
 
 _register()

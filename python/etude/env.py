@@ -10,7 +10,7 @@ import gymnasium
 import numpy as np
 from numpy.typing import NDArray
 
-from ._native import Pianos
+from ._native import EtudeError, Pianos
 from .task import SCORES, Buffers, single_spaces, task_config
 from .window import Window
 
@@ -68,7 +68,8 @@ class PianoEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
     @property
     def task(self) -> dict[str, Any]:
         """The complete configuration of the task."""
-        return json.loads(self._task.json())
+        task: dict[str, Any] = json.loads(self._task.json())
+        return task
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
@@ -77,8 +78,8 @@ class PianoEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
         super().reset(seed=seed)
         if seed is None and not self._begun:
             seed = int(self.np_random.integers(2**63))
-        self._begun = True
         self._native.reset([seed], self._everywhere, self._buffers.observations)
+        self._begun = True
         if self.render_mode == "human":
             self.render()
         return self._buffers.observations[0].copy(), {}
@@ -87,8 +88,13 @@ class PianoEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
         self, action: NDArray[np.float32]
     ) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
         """Plays one control step."""
+        if not self._begun:
+            raise EtudeError("call reset() before the first step")
+        action = np.asarray(action)
+        if action.shape != self.action_space.shape:
+            raise EtudeError(f"an action must have the shape {self.action_space.shape}, not {action.shape}")
         buffers = self._buffers
-        buffers.step(self._native, np.asarray(action)[np.newaxis])
+        buffers.step(self._native, action[np.newaxis])
         info: dict[str, Any] = dict(zip(SCORES, buffers.scores[0].tolist()))
         info["collided"] = bool(buffers.collided[0])
         info["reward_terms"] = dict(zip(self.reward_terms, buffers.terms[0].tolist()))
@@ -101,13 +107,13 @@ class PianoEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
         return self._native.state(0)
 
     def set_state(self, state: bytes) -> Observation:
-        """Goes on from `get_state`, of this environment or one like it.
+        """Goes on from `get_state`, of this environment or another of the same song and task.
 
         Returns:
             The observation there.
 
         Raises:
-            EtudeError: If it is not such a state.
+            EtudeError: If it is not such a state; the episode goes on as it was.
         """
         self._native.set_state(0, state, self._buffers.observations)
         self._begun = True

@@ -1,4 +1,4 @@
-"""Recordings as a LeRobot dataset (layout v3.0): `pip install etude-piano[lerobot]`.
+"""Recordings as a LeRobot dataset (layout v3.0); needs `mcap`, `pandas` and `pyarrow`.
 
     python -m etude.lerobot out/twinkle/recording.mcap … -o dataset
 
@@ -30,6 +30,7 @@ VERSION = "v3.0"
 FILES_A_CHUNK = 1000
 DATA_FILE_MB = 100
 PATH = "chunk-{chunk_index:03d}/file-{file_index:03d}"
+PERCENTILES = (1, 10, 50, 90, 99)
 # Columns that every dataset of this layout has.
 COUNTERS = {"timestamp": "float32", "frame_index": "int64", "episode_index": "int64", "index": "int64", "task_index": "int64"}
 
@@ -38,19 +39,22 @@ Columns = dict[str, np.ndarray]
 
 def _frames(recording: Recording) -> Columns:
     """The frames of an episode, `[frames]` or `[frames, width]` each."""
-    actions = recording.topics.get("/target", {}).get("targets")
-    actions = recording["targets"] if actions is None or len(actions) != len(recording) else actions
+    # Of a robot the targets of its steps are the last waypoints; what was chosen is a topic of its own.
+    chosen = recording.topics.get("/target", {"targets": recording["targets"]})["targets"]
+    rewards = recording.rewards
+    # One that was broken off may end between the messages of a step.
+    steps = min([len(recording), len(chosen), len(recording.due), *map(len, rewards.values())])
     columns = {
-        "observation.state": recording["positions"][:-1].astype(np.float32),
-        "observation.keys": recording.pressed[:-1].astype(np.float32),
-        "observation.due": recording.due[1 : len(recording)].astype(np.float32),
-        "action": actions[1:].astype(np.float32),
-        "next.done": np.arange(1, len(recording)) == len(recording.due) - 1,
+        "observation.state": recording["positions"][: steps - 1].astype(np.float32),
+        "observation.keys": recording.pressed[: steps - 1].astype(np.float32),
+        "observation.due": recording.due[1:steps].astype(np.float32),
+        "action": chosen[1:steps].astype(np.float32),
+        "next.done": np.arange(1, steps) == len(recording.due) - 1,
     }
-    if recording.rewards:
-        columns["next.reward"] = sum(recording.rewards.values())[1:].astype(np.float32)
-    columns["timestamp"] = (np.arange(len(recording) - 1) / recording.header["control_hz"]).astype(np.float32)
-    columns["frame_index"] = np.arange(len(recording) - 1)
+    if rewards:
+        columns["next.reward"] = np.sum([terms[1:steps] for terms in rewards.values()], axis=0).astype(np.float32)
+    columns["timestamp"] = (np.arange(steps - 1) / recording.header["control_hz"]).astype(np.float32)
+    columns["frame_index"] = np.arange(steps - 1)
     return columns
 
 
@@ -67,11 +71,13 @@ def _features(columns: Columns, joints: list[str]) -> dict[str, dict[str, Any]]:
 
 
 def _statistics(columns: Columns) -> dict[str, dict[str, list[float]]]:
-    statistics = {}
+    statistics: dict[str, dict[str, list[float]]] = {}
     for name, values in columns.items():
         rows = values.reshape(len(values), -1).astype(np.float64)
         parts = {"min": rows.min(0), "max": rows.max(0), "mean": rows.mean(0), "std": rows.std(0)}
-        statistics[name] = {part: value.tolist() for part, value in parts.items()} | {"count": [len(rows)]}
+        parts |= {f"q{percent:02}": np.percentile(rows, percent, axis=0) for percent in PERCENTILES}
+        statistics[name] = {part: value.tolist() for part, value in parts.items()}
+        statistics[name]["count"] = [len(rows)]
     return statistics
 
 
@@ -111,8 +117,10 @@ def export_dataset(
     if not episodes:
         raise EtudeError("no recording was given")
     for path, recording in episodes:
-        if len(recording) < 2:
-            raise EtudeError(f"{path} has {len(recording)} control steps: an episode needs two")
+        if not recording.header["due"]:
+            raise EtudeError(f"{path} has no song: it is no episode")
+        if len(recording) < 3:
+            raise EtudeError(f"{path} has {len(recording)} control steps: an episode needs three")
         if (recording.header["joints"], recording.header["control_hz"]) != (
             episodes[0][1].header["joints"], episodes[0][1].header["control_hz"],
         ):

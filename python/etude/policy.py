@@ -25,7 +25,7 @@ def _gelu(x: NDArray[np.float32]) -> NDArray[np.float32]:
     return np.float32(0.5) * x * (1 + np.tanh(np.float32(np.sqrt(2 / np.pi)) * (x + np.float32(0.044715) * x**3)))
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Policy:
     """An actor: hidden layers with GELU, and a head of means and logarithms of deviations.
 
@@ -63,17 +63,20 @@ class Policy:
     @property
     def task(self) -> dict[str, Any]:
         """The task that it was trained in, for `PianoEnv(song, config=policy.task)`."""
-        return self.header["notes"]["training"]["config"]["task"]
+        try:
+            return self.header["notes"]["training"]["config"]["task"]
+        except (KeyError, TypeError) as error:
+            raise EtudeError(f"{self.path} does not say in which task it was trained") from error
 
     @property
     def song(self) -> str | None:
         """Title of the song that it learned."""
-        return self.header["notes"]["training"].get("song")
+        return ((self.header["notes"] or {}).get("training") or {}).get("song")
 
     @property
     def scores(self) -> dict[str, float]:
         """What it came to when it was evaluated last."""
-        return self.header["notes"].get("scores", {})
+        return (self.header["notes"] or {}).get("scores", {})
 
 
 def _find(song_or_path: str | os.PathLike[str]) -> pathlib.Path:
@@ -105,11 +108,17 @@ def load_policy(song_or_path: str | os.PathLike[str]) -> Policy:
             if header["schema"] != SCHEMA:
                 raise EtudeError(f"{path}: its schema is `{header['schema']}`, and this version of Étude reads `{SCHEMA}`")
             layers = [f"actor.layer{index}" for index in range(len(header["hidden"]))] + ["actor.head"]
+            names = {f"{layer}.{part}" for layer in layers for part in ("weight", "bias")}
+            if set(file.keys()) != names:
+                raise EtudeError(f"{path} is damaged: its tensors are not those of its header's layers")
             weights = tuple(file.get_tensor(f"{layer}.weight") for layer in layers)
             biases = tuple(file.get_tensor(f"{layer}.bias") for layer in layers)
-    except (SafetensorError, OSError, KeyError, TypeError, json.JSONDecodeError) as error:
+        widths = [sum(header["layout"].values()), *header["hidden"], 2 * header["action_len"]]
+    except (SafetensorError, OSError, KeyError, TypeError, AttributeError, json.JSONDecodeError) as error:
         raise EtudeError(f"{path} is not a policy of Étude: {error}") from error
-    widths = [sum(header["layout"].values()), *header["hidden"], 2 * header["action_len"]]
-    if [weight.shape for weight in weights] != list(zip(widths, widths[1:])):
+    shapes = [(weight.shape, bias.shape) for weight, bias in zip(weights, biases)]
+    if shapes != [((inputs, outputs), (outputs,)) for inputs, outputs in zip(widths, widths[1:])]:
         raise EtudeError(f"{path} is damaged: its tensors do not have the shapes that its header claims")
+    if not all(tensor.dtype == np.float32 and np.isfinite(tensor).all() for tensor in (*weights, *biases)):
+        raise EtudeError(f"{path} is damaged: a tensor holds something else than finite numbers of 32 bits")
     return Policy(weights, biases, header, path)

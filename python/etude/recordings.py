@@ -1,4 +1,4 @@
-"""Recordings (MCAP) of `etude play`, `perform`, `record` and `rehearse` as arrays: `pip install etude-piano[recordings]`."""
+"""Recordings (MCAP) of `etude play`, `perform`, `record` and `rehearse` as arrays; needs `mcap`, frames need `pandas`."""
 
 from __future__ import annotations
 

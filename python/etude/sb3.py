@@ -1,4 +1,4 @@
-"""The environments as Stable-Baselines3 and SBX take them: `pip install etude-piano[sb3]`."""
+"""The environments as Stable-Baselines3 and SBX take them; needs `stable-baselines3`."""
 
 from __future__ import annotations
 
@@ -15,8 +15,9 @@ from .vector import PianoVectorEnv
 class PianoVecEnv(VecEnv):
     """A `PianoVectorEnv` in Stable-Baselines3's idiom.
 
-    The infos of an episode's last step have `terminal_observation`, `TimeLimit.truncated` (always true: the song is over, and
-    the learner bootstraps on) and `episode` with return `r`, length `l` and the song's `f1`, which the algorithms log.
+    The infos have `collided` and `reward_terms`; those of an episode's last step also `terminal_observation`, `TimeLimit.truncated`
+    (always true: the song is over, and the learner bootstraps on) and `episode` with return `r` and length `l`, which the
+    algorithms log, and the song's `precision`, `recall` and `f1`. Options of a reset are not known here.
 
     Args:
         num_envs: How many environments.
@@ -25,10 +26,11 @@ class PianoVecEnv(VecEnv):
     """
 
     def __init__(self, num_envs: int, song: str | os.PathLike[str] = "twinkle", **keywords: Any):
+        if "copy" in keywords:
+            raise TypeError("PianoVecEnv has no copy: Stable-Baselines3 keeps what it is given, so it always gets copies")
         self.envs = PianoVectorEnv(num_envs, song, **keywords)
         self.render_mode = self.envs.render_mode
         self._actions = np.zeros(self.envs.action_space.shape, np.float32)
-        self._seeded = False
         self._returns = np.zeros(num_envs)
         self._lengths = np.zeros(num_envs, int)
         super().__init__(num_envs, self.envs.single_observation_space, self.envs.single_action_space)
@@ -51,10 +53,14 @@ class PianoVecEnv(VecEnv):
         observations, rewards, _, over, info = self.envs.step(self._actions)
         self._returns += rewards
         self._lengths += 1
-        infos: list[dict[str, Any]] = [{} for _ in range(self.num_envs)]
+        infos: list[dict[str, Any]] = []
+        for index in range(self.num_envs):
+            of = info["final_info"] if over[index] else info
+            terms = {name: float(of["reward_terms"][name][index]) for name in self.envs.reward_terms}
+            infos.append({"collided": bool(of["collided"][index]), "reward_terms": terms})
         for index in np.flatnonzero(over):
             last = info["final_info"]
-            infos[index] = {
+            infos[index] |= {
                 "terminal_observation": info["final_obs"][index],
                 "TimeLimit.truncated": True,
                 "episode": {

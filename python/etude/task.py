@@ -10,7 +10,7 @@ from gymnasium import spaces
 
 import numpy as np
 
-from ._native import Pianos, Task
+from ._native import EtudeError, Pianos, Task
 
 PRESETS = {"main": "paper", "appendix": "appendix"}
 SCORES = ("precision", "recall", "f1")
@@ -59,7 +59,8 @@ def task_config(
         actuation: How the joints are driven, `controlled` (as identified: torque by our controller) or `position`.
         reward: Weights of reward terms by name; the others keep the variant's.
         physics: Physical numbers by path (`etude model params` lists them).
-        randomisation: Intensity of the domain randomisation, 0 to 1, or its table (`intensity`, `widths`, `curriculum_steps`).
+        randomisation: Intensity of the domain randomisation, 0 to 1, or its table (`intensity`, `widths`, `curriculum_steps`, which
+            here counts the steps of each environment and begins anew with each seeded reset).
         config: A complete task instead, as a policy carries it; goes with no other keyword.
 
     Raises:
@@ -76,8 +77,10 @@ def task_config(
         "stage.actuation": actuation,
     }
     changes = {path: value for path, value in single.items() if value is not None}
-    changes |= {f"reward.{name}": value for name, value in (reward or {}).items()}
-    changes |= {f"physics.{path}": value for path, value in (physics or {}).items()}
+    if reward is not None:
+        changes |= _flat("reward", reward)
+    if physics is not None:
+        changes |= _flat("physics", physics)
     if isinstance(randomisation, Mapping):
         changes |= _flat("randomisation", randomisation)
     elif randomisation is not None:
@@ -85,6 +88,8 @@ def task_config(
     if config is not None:
         if changes or variant != "main":
             raise TypeError("config is a complete task: it goes with no other keyword of the task")
+        if not isinstance(config, Mapping):
+            raise TypeError(f"config must be a mapping, not {type(config).__name__}")
         return Task.of_json(json.dumps(dict(config)))
     if variant not in PRESETS:
         raise ValueError(f"variant must be one of {', '.join(PRESETS)}, not {variant!r}")
@@ -92,8 +97,13 @@ def task_config(
 
 
 def _flat(prefix: str, table: Mapping[str, Any]) -> dict[str, Any]:
+    """The values of a table by their paths."""
+    if not isinstance(table, Mapping):
+        raise TypeError(f"{prefix} must be a mapping of names to values, not {type(table).__name__}")
     flat: dict[str, Any] = {}
     for key, value in table.items():
+        if not isinstance(key, str) or "=" in key:
+            raise EtudeError(f"{prefix} has no {key!r}")
         path = f"{prefix}.{key}"
         flat |= _flat(path, value) if isinstance(value, Mapping) else {path: value}
     return flat
@@ -112,6 +122,7 @@ class Buffers:
 
     def __init__(self, native: Pianos, num_envs: int, autoreset: bool):
         width, terms = sum(native.layout), len(native.reward_terms)
+        self.actions = np.zeros((num_envs, native.action_len), np.float32)
         self.observations = np.zeros((num_envs, width), np.float32)
         self.last_observations = np.zeros((num_envs, width), np.float32) if autoreset else None
         self.rewards = np.zeros(num_envs, np.float64)
@@ -120,11 +131,14 @@ class Buffers:
         self.terms = np.zeros((num_envs, terms), np.float32)
         self.scores = np.ones((num_envs, len(SCORES)), np.float64)
 
-    def step(self, native: Pianos, actions: np.ndarray) -> None:
-        """One control step."""
-        actions = np.ascontiguousarray(actions, np.float32)
+    def step(self, native: Pianos, actions: Any) -> None:
+        """One control step. The actions are copied: nobody may change them while the interpreter's lock is released."""
+        actions = np.asarray(actions)
+        if actions.shape != self.actions.shape:
+            raise EtudeError(f"the actions must have the shape {self.actions.shape}, not {actions.shape}")
+        np.copyto(self.actions, actions, casting="same_kind")
         native.step(
-            actions,
+            self.actions,
             self.observations,
             self.last_observations,
             self.rewards,

@@ -13,7 +13,7 @@ from gymnasium.vector import AutoresetMode
 from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
-from ._native import Pianos
+from ._native import EtudeError, Pianos
 from .task import SCORES, Buffers, single_spaces, task_config
 
 Array = NDArray[Any]
@@ -34,7 +34,8 @@ class PianoVectorEnv(gymnasium.vector.VectorEnv[Array, Array, Array]):
         num_envs: How many.
         song: A built-in song (`etude.SONGS`) or the path of a MIDI file.
         threads: How many to use; one a core if not given, and never more than environments.
-        copy: Whether arrays that are returned are the caller's to keep; otherwise the next step overwrites them.
+        copy: Whether arrays that are returned are the caller's to keep; otherwise the next step overwrites them, and no other thread may
+            touch them meanwhile.
         render_mode: `rgb_array`, for `render()`.
         width: Pixels of a picture.
         height: Pixels of a picture.
@@ -70,7 +71,7 @@ class PianoVectorEnv(gymnasium.vector.VectorEnv[Array, Array, Array]):
         self._picture = (width, height, view)
         self._copy = copy
         self._buffers = Buffers(self._native, num_envs, autoreset=True)
-        self._begun = False
+        self._begun = np.zeros(num_envs, np.bool_)
         self.reward_terms: list[str] = self._native.reward_terms
         self.title: str = self._native.title
         self.steps: int = self._native.steps
@@ -81,7 +82,8 @@ class PianoVectorEnv(gymnasium.vector.VectorEnv[Array, Array, Array]):
     @property
     def task(self) -> dict[str, Any]:
         """The complete configuration of the task."""
-        return json.loads(self._task.json())
+        task: dict[str, Any] = json.loads(self._task.json())
+        return task
 
     def _own(self, array: Array) -> Array:
         return array.copy() if self._copy else array
@@ -91,20 +93,25 @@ class PianoVectorEnv(gymnasium.vector.VectorEnv[Array, Array, Array]):
     ) -> tuple[Array, dict[str, Any]]:
         """Starts the song over, in all environments or in those of `options["reset_mask"]`."""
         super().reset(seed=seed if isinstance(seed, int) else None)
-        if seed is None and not self._begun:
-            seed = int(self.np_random.integers(2**62))
-        self._begun = True
-        seeds = [seed + i for i in range(self.num_envs)] if isinstance(seed, int) else seed
-        seeds = [None] * self.num_envs if seeds is None else list(seeds)
         mask = (options or {}).get("reset_mask")
         mask = np.ones(self.num_envs, np.bool_) if mask is None else np.ascontiguousarray(mask)
-        if mask.dtype != np.bool_:
-            raise TypeError(f"options['reset_mask'] must have the dtype bool, not {mask.dtype}")
+        if mask.dtype != np.bool_ or not mask.any():
+            raise ValueError("options['reset_mask'] must be an array of truth values, one of them true")
+        seeds = [seed + i for i in range(self.num_envs)] if isinstance(seed, int) else seed
+        seeds = [None] * self.num_envs if seeds is None else list(seeds)
+        # What has never been reset begins anywhere.
+        fresh = [one is None and not begun for one, begun in zip(seeds, self._begun)]
+        drawn = self.np_random.integers(2**62, size=len(fresh)).tolist() if any(fresh) else seeds
+        if len(seeds) == self.num_envs:
+            seeds = [new if is_fresh else old for old, new, is_fresh in zip(seeds, drawn, fresh)]
         self._native.reset(seeds, mask, self._buffers.observations)
+        self._begun |= mask
         return self._own(self._buffers.observations), {}
 
     def step(self, actions: Array) -> tuple[Array, Array, Array, Array, dict[str, Any]]:
         """Plays one control step in every environment."""
+        if not self._begun.all():
+            raise EtudeError("call reset() before the first step")
         buffers = self._buffers
         buffers.step(self._native, actions)
         over = buffers.over.copy()
@@ -127,7 +134,7 @@ class PianoVectorEnv(gymnasium.vector.VectorEnv[Array, Array, Array]):
         for column, name in enumerate(SCORES):
             info[name] = np.where(of, buffers.scores[:, column], 0.0)
         info["collided"] = buffers.collided & of
-        terms = np.where(of[:, np.newaxis], buffers.terms, np.float32(0.0))
+        terms = np.where(of[:, np.newaxis], buffers.terms, np.float32(0.0)).astype(np.float64)
         info["reward_terms"] = {name: terms[:, column] for column, name in enumerate(self.reward_terms)}
         info["reward_terms"] |= {f"_{name}": of for name in self.reward_terms}
         return info | {f"_{name}": of for name in info}
@@ -140,7 +147,7 @@ class PianoVectorEnv(gymnasium.vector.VectorEnv[Array, Array, Array]):
         """Lets environment `index` go on from a state; returns the observation there."""
         row = self._buffers.observations[index : index + 1]
         self._native.set_state(index, state, row)
-        self._begun = True
+        self._begun[index] = True
         return row[0].copy()
 
     def render(self) -> tuple[NDArray[np.uint8], ...] | None:

@@ -1,6 +1,10 @@
 //! Environments of one song that step together into arrays of the caller's.
 
+use std::fmt::Display;
+use std::hash::{DefaultHasher, Hash as _, Hasher as _};
+
 use etude_lab::find_song;
+use etude_music::KEYS;
 use etude_music::metrics::FrameTally;
 use etude_stage::mjcf;
 use etude_task::{ACTION_LEN, Environment, Piece, TaskConfig, layout};
@@ -29,6 +33,8 @@ struct Slot {
 /// What a state holds.
 #[derive(Serialize, Deserialize)]
 struct Saved {
+    /// Of which song and task it is.
+    fingerprint: u64,
     tally: FrameTally,
     over: bool,
     environment: String,
@@ -85,6 +91,8 @@ pub struct Pianos {
     slots: Vec<Slot>,
     piece: Piece,
     config: TaskConfig,
+    /// Of song and task.
+    fingerprint: u64,
     /// `None`: the calling thread alone.
     pool: Option<ThreadPool>,
 }
@@ -115,6 +123,14 @@ fn column<'a, T: numpy::Element>(
         return Err(wrong());
     }
     array.as_slice_mut().map_err(|_| wrong())
+}
+
+/// A number that another song, or another task, has not.
+fn fingerprint(config: &TaskConfig, piece: &Piece) -> PyResult<u64> {
+    let mut hasher = DefaultHasher::new();
+    serde_json::to_string(config).map_err(error)?.hash(&mut hasher);
+    piece.frames().iter().flat_map(|due| due.iter().chain([KEYS])).for_each(|key| key.hash(&mut hasher));
+    Ok(hasher.finish())
 }
 
 impl Pianos {
@@ -148,7 +164,8 @@ impl Pianos {
                 1 => None,
                 threads => Some(ThreadPoolBuilder::new().num_threads(threads).build().map_err(error)?),
             };
-            Ok(Self { slots, piece, config: config.clone(), pool })
+            let fingerprint = fingerprint(&config, &piece)?;
+            Ok(Self { slots, piece, config: config.clone(), fingerprint, pool })
         })
     }
 
@@ -279,7 +296,7 @@ impl Pianos {
     fn state<'py>(&self, py: Python<'py>, index: usize) -> PyResult<Bound<'py, PyBytes>> {
         let Slot { environment, tally, over } = self.slot(index)?;
         let environment = String::from_utf8(environment.save()).map_err(error)?;
-        let saved = Saved { tally: *tally, over: *over, environment };
+        let saved = Saved { fingerprint: self.fingerprint, tally: *tally, over: *over, environment };
         Ok(PyBytes::new(py, &serde_json::to_vec(&saved).map_err(error)?))
     }
 
@@ -293,11 +310,17 @@ impl Pianos {
         self.slot(index)?;
         let width = layout(&self.config).len();
         let row = rows(&mut observation, "observation", [1, width])?;
-        let saved: Saved = serde_json::from_slice(state)
-            .map_err(|why| error(format!("the environment cannot continue from this saved state: {why}")))?;
+        let refuse = |why: &dyn Display| {
+            error(format!("the environment cannot continue from this saved state: {why}"))
+        };
+        let saved: Saved = serde_json::from_slice(state).map_err(|why| refuse(&why))?;
+        if saved.fingerprint != self.fingerprint {
+            return Err(refuse(&"it is of another song or another task"));
+        }
         let slot = &mut self.slots[index];
+        let before = slot.environment.save();
         if let Err(why) = slot.environment.load(saved.environment.as_bytes()) {
-            slot.begin(None);
+            slot.environment.load(&before).map_err(error)?;
             return Err(error(why));
         }
         (slot.tally, slot.over) = (saved.tally, saved.over);

@@ -12,6 +12,7 @@ from conftest import needed
 from gymnasium.utils.env_checker import check_env
 from gymnasium.utils.performance import benchmark_step
 from gymnasium.vector import AutoresetMode, SyncVectorEnv
+from gymnasium.wrappers.vector import RecordEpisodeStatistics
 from sklearn.metrics import precision_recall_fscore_support
 
 import etude
@@ -37,10 +38,9 @@ def test_every_song_is_registered(song):
 )
 def test_gymnasium_finds_nothing_wrong(keywords, short_song):
     with warnings.catch_warnings():
-        # Joint readings have no bounds; everything else would be a finding.
+        warnings.simplefilter("error")
+        # Joint readings have no bounds.
         warnings.filterwarnings("ignore", message=".*observation space m.*imum value is.*infinity.*")
-        warnings.filterwarnings("ignore", message=".*not within the observation space.*")
-        warnings.filterwarnings("ignore", message=".*render.*", category=UserWarning)
         check_env(etude.PianoEnv(short_song, **keywords), skip_render_check=True)
 
 
@@ -112,16 +112,12 @@ def same(one, other):
         assert one.keys() == other.keys()
         for key in one:
             same(one[key], other[key])
-    elif isinstance(one, tuple):
+    elif isinstance(one, tuple) or isinstance(one, np.ndarray) and one.dtype == object:
         assert len(one) == len(other)
         for ours, theirs in zip(one, other):
             same(ours, theirs)
-    elif isinstance(one, np.ndarray) and one.dtype == object:
-        for ours, theirs in zip(one, other):
-            same(ours, theirs)
     elif isinstance(one, np.ndarray):
-        assert one.shape == other.shape
-        np.testing.assert_array_equal(one, other)
+        assert (one.dtype, one.shape, one.tobytes()) == (other.dtype, other.shape, other.tobytes())
     else:
         assert one == other
 
@@ -144,6 +140,36 @@ def test_rust_sees_the_same():
         seen.append(env.reset()[0] if over else observation)
         together.append(envs.step(np.stack([action, action]))[0][1])
     assert rust.tobytes() == np.stack(seen).tobytes() == np.stack(together).tobytes()
+
+
+def test_without_a_seed_every_environment_begins_somewhere_else():
+    def starts(**reset):
+        envs = etude.PianoVectorEnv(2, "twinkle", random_start=True, randomisation=1.0)
+        observations = envs.reset(**reset)[0]
+        return [row.tobytes() for row in observations]
+
+    for reset in ({}, {"seed": [None, None]}):
+        assert len({*starts(**reset), *starts(**reset)}) == 4
+    single = [etude.PianoEnv("twinkle", random_start=True, randomisation=1.0) for _ in range(3)]
+    assert len({env.reset()[0].tobytes() for env in single}) == 3
+    # Seeds go by environment, and a refused reset has not begun anything.
+    envs = etude.PianoVectorEnv(2, "twinkle")
+    with pytest.raises(etude.EtudeError):
+        envs.reset(seed=[1])
+    envs.reset(seed=0, options={"reset_mask": np.array([True, False])})
+    for env, action in [(envs, np.zeros((2, 13))), (etude.PianoEnv(), np.zeros(13))]:
+        with pytest.raises(etude.EtudeError, match="reset"):
+            env.step(action)
+
+
+def test_gymnasiums_wrappers_take_them(short_song):
+    """As loops in the manner of CleanRL use them."""
+    envs = RecordEpisodeStatistics(etude.PianoVectorEnv(3, short_song))
+    envs.reset(seed=0)
+    for step in range(envs.unwrapped.steps):
+        _, _, _, over, info = envs.step(envs.action_space.sample())
+    assert over.all() and info["episode"]["l"].tolist() == [envs.unwrapped.steps] * 3
+    assert info["final_obs"][2].shape == (369,) and 0 < info["final_info"]["f1"][0] < 1
 
 
 def test_arrays_are_the_callers_to_keep_unless_asked_otherwise(short_song):
@@ -176,17 +202,22 @@ def test_states_go_on_bit_for_bit(short_song):
     envs.reset(seed=0)
     envs.set_state(1, state)
     np.testing.assert_array_equal(envs.step(np.stack([actions[4]] * 3))[0][1], went_on[0][0])
-    for nonsense in [b"", b"{}", state[:-9], state.replace(b"over", b"ovrr"), b"\xff" * 40]:
-        with pytest.raises(etude.EtudeError):
-            env.set_state(nonsense)
-    env.reset(seed=3)
-    same(env.step(actions[0])[0], _first_step(short_song, actions[0]))
 
 
-def _first_step(song, action):
-    env = etude.PianoEnv(song, **RESTLESS)
-    env.reset(seed=3)
-    return env.step(action)[0]
+def test_a_state_that_does_not_fit_leaves_the_episode_alone(short_song):
+    env, twin = (etude.PianoEnv(short_song, **RESTLESS) for _ in range(2))
+    for one in (env, twin):
+        one.reset(seed=3)
+    actions = random_actions(6)
+    state = env.get_state()
+    others = [etude.PianoEnv("twinkle", **RESTLESS), etude.PianoEnv(short_song, fences=False), etude.PianoEnv(short_song)]
+    foreign = [other.get_state() for other in others]
+    damaged = [state[:-9], state.replace(b"over", b"ovrr"), state.replace(b"physics", b"fysics")]
+    damaged.append(state.replace(b"asleep", b"aslept"))
+    for wrong, action in zip([*foreign, b"", b"{}", b"\xff" * 40, *damaged], np.resize(actions, (10, 13))):
+        with pytest.raises(etude.EtudeError, match="cannot continue from this saved state"):
+            env.set_state(wrong)
+        same(env.step(action), twin.step(action))
 
 
 def test_pictures():

@@ -13,12 +13,18 @@ import etude
 from etude.lerobot import _files, export_dataset
 from etude.recordings import read_recording
 
-KINDS = {"observation.state": 13, "observation.keys": 49, "observation.due": 49, "action": 13}
 
-
-def load(folder, split):
+def load(folder, split, features=None):
     files = sorted(map(str, (folder / split).glob("*/*.parquet")))
-    return datasets.Dataset.from_parquet(files, cache_dir=str(folder / "cache"))
+    return datasets.Dataset.from_parquet(files, features=features, cache_dir=str(folder / "cache"))
+
+
+def promised(info):
+    """The types that `info.json` promises, which the files must have."""
+    values = {name: (datasets.Value(feature["dtype"]), feature["shape"]) for name, feature in info["features"].items()}
+    return datasets.Features(
+        {name: value if shape == [1] else datasets.Sequence(value, length=shape[0]) for name, (value, shape) in values.items()}
+    )
 
 
 def test_a_dataset_holds_what_was_played(played, tmp_path):
@@ -31,7 +37,7 @@ def test_a_dataset_holds_what_was_played(played, tmp_path):
     assert info["total_frames"] == 2 * frames and info["splits"] == {"train": "0:2"}
     assert info["features"]["action"]["names"] == recording.header["joints"]
 
-    data = load(folder, "data").with_format("numpy")
+    data = load(folder, "data", promised(info)).with_format("numpy")
     assert len(data) == 2 * frames and set(data.column_names) == set(info["features"])
     for name, feature in info["features"].items():
         value = data[0][name]
@@ -57,7 +63,21 @@ def test_a_dataset_holds_what_was_played(played, tmp_path):
     assert tasks.loc[task].task_index == 0 and episodes[0]["tasks"] == [task]
     stats = json.loads((folder / "meta/stats.json").read_text())
     np.testing.assert_allclose(stats["action"]["mean"], np.mean(data["action"], axis=0), atol=1e-5)
+    np.testing.assert_allclose(stats["action"]["q50"], np.median(data["action"], axis=0), atol=1e-5)
     np.testing.assert_allclose(stats["action"]["std"], np.std(data["action"], axis=0), atol=1e-5)
+
+
+def test_of_half_a_recording_what_is_whole_is_written(played, tmp_path):
+    whole = (played / "recording.mcap").read_bytes()
+    frames = set()
+    for share in (0.5, 0.7, 0.9):
+        (tmp_path / "half.mcap").write_bytes(whole[: int(share * len(whole))])
+        recording = read_recording(tmp_path / "half.mcap")
+        folder = export_dataset([tmp_path / "half.mcap"], tmp_path / f"set-{share}")
+        data = load(folder, "data").with_format("numpy")
+        assert 0 < len(data) < len(recording) and not data["next.done"][-1]
+        frames.add(len(data))
+    assert len(frames) > 1
 
 
 def test_files_are_full_before_they_are_too_large():

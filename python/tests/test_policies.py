@@ -1,9 +1,14 @@
 """Shipped policies, acting in NumPy."""
 
+import json
+
 import numpy as np
 import pytest
+from safetensors import safe_open
+from safetensors.numpy import load_file, save_file
 
 import etude
+from etude.policy import SHIPPED
 
 
 def play(policy, song, **keywords):
@@ -42,3 +47,22 @@ def test_what_is_not_a_policy_is_refused(tmp_path):
     (tmp_path / "p.safetensors").write_bytes(b"\x08\0\0\0\0\0\0\0{}      ")
     with pytest.raises(etude.EtudeError, match="not a policy"):
         etude.load_policy(tmp_path / "p.safetensors")
+    whole = load_file(SHIPPED / "twinkle.safetensors")
+    with safe_open(SHIPPED / "twinkle.safetensors", framework="numpy") as file:
+        header = json.loads(file.metadata()["etude"])
+    bias = whole["actor.layer0.bias"]
+    for changed, told in [
+        ({"actor.layer0.bias": bias[:-1]}, header),
+        ({"actor.layer0.bias": bias + np.nan}, header),
+        ({"actor.layer0.bias": bias.astype(np.float64)}, header),
+        ({}, {key: value for key, value in header.items() if key != "layout"}),
+        ({}, header | {"hidden": [128, 128]}),
+        ({}, header | {"schema": "etude-policy-9"}),
+        ({}, []),
+    ]:
+        save_file(whole | changed, tmp_path / "p.safetensors", {"etude": json.dumps(told)})
+        with pytest.raises(etude.EtudeError, match="damaged|not a policy|schema"):
+            etude.load_policy(tmp_path / "p.safetensors")
+    save_file(whole, tmp_path / "p.safetensors", {"etude": json.dumps(header | {"notes": None})})
+    with pytest.raises(etude.EtudeError, match="which task"):
+        etude.load_policy(tmp_path / "p.safetensors").task  # noqa: B018
