@@ -99,11 +99,11 @@ class PianoVectorEnv(gymnasium.vector.VectorEnv[Array, Array, Array]):
             raise ValueError("options['reset_mask'] must be an array of truth values, one of them true")
         seeds = [seed + i for i in range(self.num_envs)] if isinstance(seed, int) else seed
         seeds = [None] * self.num_envs if seeds is None else list(seeds)
+        if len(seeds) != self.num_envs:
+            raise EtudeError(f"there must be a seed for each of {self.num_envs} environments, not {len(seeds)}")
         # What has never been reset begins anywhere.
         fresh = [one is None and not begun for one, begun in zip(seeds, self._begun)]
-        drawn = self.np_random.integers(2**62, size=len(fresh)).tolist() if any(fresh) else seeds
-        if len(seeds) == self.num_envs:
-            seeds = [new if is_fresh else old for old, new, is_fresh in zip(seeds, drawn, fresh)]
+        seeds = [int(self.np_random.integers(2**62)) if new else one for one, new in zip(seeds, fresh)]
         self._native.reset(seeds, mask, self._buffers.observations)
         self._begun |= mask
         return self._own(self._buffers.observations), {}
