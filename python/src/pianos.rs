@@ -271,13 +271,17 @@ impl Pianos {
         let rows = self.slots.iter_mut().zip(actions.chunks_exact(ACTION_LEN));
         let rows =
             rows.zip(observations.chunks_exact_mut(width)).zip(last).zip(rewards).zip(over).zip(collided);
-        let rows = rows.zip(terms.chunks_exact_mut(term_count)).zip(scores.chunks_exact_mut(SCORES));
+        let rows = rows.zip(scores.chunks_exact_mut(SCORES));
+        // A reward may have no terms, and chunks of nothing are none.
+        let mut terms_left = terms;
         let rows: Vec<Row<'_>> = rows
             .map(
                 |(
-                    (((((((slot, action), observation), last_observation), reward), over), collided), terms),
+                    ((((((slot, action), observation), last_observation), reward), over), collided),
                     scores,
                 )| {
+                    let (terms, rest) = std::mem::take(&mut terms_left).split_at_mut(term_count);
+                    terms_left = rest;
                     Row { slot, action, observation, last_observation, reward, over, collided, terms, scores }
                 },
             )

@@ -77,6 +77,17 @@ def test_the_song_is_a_truncation_and_ends_with_its_scores(short_song):
     assert env.step(np.zeros(13, np.float32))[1] == rewards[0]
 
 
+def test_a_reward_may_have_no_terms(short_song):
+    nothing = dict.fromkeys(etude.PianoEnv(short_song).reward_terms, 0.0)
+    env = etude.PianoEnv(short_song, reward=nothing)
+    env.reset(seed=0)
+    *_, info = env.step(np.zeros(13))
+    assert env.reward_terms == [] and info["reward_terms"] == {}
+    envs = etude.PianoVectorEnv(2, short_song, reward=nothing)
+    envs.reset(seed=0)
+    assert envs.step(np.zeros((2, 13)))[1].tolist() == [0.0, 0.0]
+
+
 @pytest.mark.parametrize("threads", [1, 2, 5])
 def test_together_they_do_what_gymnasium_makes_of_single_ones(short_song, threads):
     """Observations, rewards and infos byte for byte, over the ends of songs, in worlds drawn anew."""
