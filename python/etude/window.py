@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 import time
 
 import mujoco
@@ -15,7 +16,13 @@ class Window:
 
         self._model = mujoco.MjModel.from_xml_string(mjcf)
         self._data = mujoco.MjData(self._model)
+        others = set(threading.enumerate())
         self._viewer = mujoco.viewer.launch_passive(self._model, self._data, show_left_ui=False, show_right_ui=False)
+        self._threads = set(threading.enumerate()) - others
+        with self._viewer.lock():
+            # As the view `player` of the pictures.
+            camera = self._viewer.cam
+            camera.lookat[:], camera.distance, camera.azimuth, camera.elevation = (0.0, 0.0, 0.04), 0.62, 180.0, -50.0
         self._frame_secs = 1.0 / fps
         self._next = time.monotonic()
 
@@ -31,5 +38,7 @@ class Window:
         self._viewer.sync()
 
     def close(self) -> None:
-        """Closes it."""
+        """Closes it, and waits for its threads, which draw until then."""
         self._viewer.close()
+        for thread in self._threads:
+            thread.join(timeout=2.0)
