@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ._native import EtudeError, Pianos
+from .pictures import check_mode, picture
 from .task import SCORES, Buffers, single_spaces, task_config
 from .window import Window
 
@@ -50,8 +51,7 @@ class PianoEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
         view: str = "player",
         **task: Any,
     ):
-        if render_mode is not None and render_mode not in self.metadata["render_modes"]:
-            raise ValueError(f"render_mode must be one of {self.metadata['render_modes']}, not {render_mode!r}")
+        check_mode(render_mode, self.metadata)
         self.render_mode = render_mode
         self._task = task_config(**task)
         self._native = Pianos(os.fspath(song), self._task, 1, 1)
@@ -129,9 +129,7 @@ class PianoEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
                 self._window = Window(self._native.mjcf(), self.metadata["render_fps"])
             self._window.show(self._native.qpos(0))
             return None
-        width, height, view = self._picture
-        pixels = self._native.render(0, width, height, view)
-        return np.frombuffer(pixels, np.uint8).reshape(height, width, 3).copy()
+        return picture(self._native, 0, *self._picture)
 
     def close(self) -> None:
         """Closes the window, if there is one."""

@@ -14,6 +14,7 @@ from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
 from ._native import EtudeError, Pianos
+from .pictures import check_mode, picture
 from .task import SCORES, Buffers, single_spaces, task_config
 
 Array = NDArray[Any]
@@ -61,8 +62,7 @@ class PianoVectorEnv(gymnasium.vector.VectorEnv[Array, Array, Array]):
         view: str = "player",
         **task: Any,
     ):
-        if render_mode is not None and render_mode not in self.metadata["render_modes"]:
-            raise ValueError(f"render_mode must be one of {self.metadata['render_modes']}, not {render_mode!r}")
+        check_mode(render_mode, self.metadata)
         threads = min(num_envs, _cores()) if threads is None else threads
         self._task = task_config(**task)
         self._native = Pianos(os.fspath(song), self._task, num_envs, threads)
@@ -155,7 +155,4 @@ class PianoVectorEnv(gymnasium.vector.VectorEnv[Array, Array, Array]):
         if self.render_mode is None:
             gymnasium.logger.warn("give the render_mode rgb_array to see something")
             return None
-        width, height, view = self._picture
-        shape = (height, width, 3)
-        pictures = (self._native.render(index, width, height, view) for index in range(self.num_envs))
-        return tuple(np.frombuffer(pixels, np.uint8).reshape(shape).copy() for pixels in pictures)
+        return tuple(picture(self._native, index, *self._picture) for index in range(self.num_envs))

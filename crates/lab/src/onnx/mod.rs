@@ -59,8 +59,7 @@ pub fn export_onnx(player: &Player, song: &Song, path: &Path) -> Result<(), Onnx
     let mut from = OBSERVATION.to_string();
     for (index, layer) in layers.iter().enumerate() {
         let is_head = index + 1 == layers.len();
-        let (name, after) =
-            if is_head { ("head".to_string(), ACTION) } else { (format!("layer{index}"), "") };
+        let name = if is_head { "head".to_string() } else { format!("layer{index}") };
         // Of the head's columns the first half are means.
         let columns = if is_head { ACTION_LEN } else { layer.outputs };
         let weight = layer.weight.chunks_exact(layer.outputs).flat_map(|row| &row[..columns]).copied();
@@ -69,12 +68,11 @@ pub fn export_onnx(player: &Player, song: &Song, path: &Path) -> Result<(), Onnx
         graph.initializer.push(Tensor::new(&biases, &[columns], layer.bias[..columns].iter().copied()));
         let linear = format!("{name}.linear");
         graph.node.push(Node::new("Gemm", &[&from, &weights, &biases], &linear, Vec::new()));
-        let (activation, attributes) = if is_head {
-            ("Tanh", Vec::new())
+        let (activation, attributes, to) = if is_head {
+            ("Tanh", Vec::new(), ACTION.to_string())
         } else {
-            ("Gelu", vec![Attribute::text("approximate", "tanh")])
+            ("Gelu", vec![Attribute::text("approximate", "tanh")], format!("{name}.out"))
         };
-        let to = if after.is_empty() { format!("{name}.out") } else { after.to_string() };
         graph.node.push(Node::new(activation, &[&linear], &to, attributes));
         from = to;
     }
