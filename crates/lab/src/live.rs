@@ -2,7 +2,7 @@
 
 use etude_music::Song;
 use etude_stage::World;
-use etude_task::{ACTION_LEN, Environment, Piece, layout};
+use etude_task::{ACTION_LEN, Environment, Piece, layout, still};
 
 use crate::play::PlayError;
 use crate::player::Player;
@@ -17,14 +17,12 @@ pub fn play_live(
     player: &mut Player,
     show: &mut dyn FnMut(&World) -> bool,
 ) -> Result<(), PlayError> {
-    let mut config = player.config.clone();
-    // From the beginning, and in the world that the window shows.
-    config.task.random_start = false;
-    config.task.randomisation.intensity = 0.0;
-    let piece = Piece::new(song, config.task.initial_silence_secs)?;
-    let mut environment = Environment::new(&config.task, &piece, config.trainer.seed)?;
-    let (mut act, _) = player.mind.act(&config.task, &piece)?;
-    let mut observation = vec![0.0; layout(&config.task).len()];
+    // The world that the window shows.
+    let task = still(&player.config.task);
+    let piece = Piece::new(song, task.initial_silence_secs)?;
+    let mut environment = Environment::new(&task, &piece, player.config.trainer.seed)?;
+    let (mut act, _) = player.mind.act(&task, &piece)?;
+    let mut observation = vec![0.0; layout(&task).len()];
     let mut parts = vec![0.0; environment.reward().names().len()];
     let mut action = [0.0; ACTION_LEN];
     while show(environment.world()) {

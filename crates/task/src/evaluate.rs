@@ -42,8 +42,8 @@ pub fn rehearse_in(
     Ok(play(&mut environment, piece, layout(&config).len(), act, &mut |_, _, _| {}))
 }
 
-/// The task without anything random in it.
-fn still(config: &TaskConfig) -> TaskConfig {
+/// The task without anything random in it: from the beginning, in the nominal world.
+pub fn still(config: &TaskConfig) -> TaskConfig {
     let mut config = TaskConfig { random_start: false, ..config.clone() };
     config.randomisation.intensity = 0.0;
     config

@@ -21,7 +21,7 @@ mod vector;
 pub use assignment::assign;
 pub use config::{TaskConfig, TaskError};
 pub use environment::{Environment, Step};
-pub use evaluate::{SongEvaluator, rehearse_in};
+pub use evaluate::{SongEvaluator, rehearse_in, still};
 pub use observation::{ObservationScale, layout, observe};
 pub use performance::{Act, Performance, Watch, rehearse};
 pub use piece::Piece;
