@@ -1,7 +1,7 @@
 """Builds the Python package as a wheel, installs it into a virtual environment of its own, and runs its tests there.
 
     python_package.py wheel     an optimised wheel in target/wheels
-    python_package.py test      a wheel in target/wheels-test, installed into .venv, and python/tests
+    python_package.py test      a wheel in target/wheels-test, installed into .venv; its types, and python/tests
 
 Safe to repeat; `.venv` is made anew when the packages that it should hold have changed.
 """
@@ -77,6 +77,9 @@ def test():
     try_fresh(wheel)
     pip("install", "--force-reinstall", "--no-deps", wheel)
     pip("install", wheel)
+    config = ROOT / "python" / "pyproject.toml"
+    run(PYTHON, "-m", "mypy", cwd=config.parent)
+    run(PYTHON, "-m", "mypy.stubtest", "etude._native", "--mypy-config-file", config, cwd=ROOT / "target")
     debug = ROOT / "target" / "debug"
     os.environ.setdefault("ETUDE_COMMAND", str(debug / "etude"))
     os.environ.setdefault("ETUDE_EPISODE", str(debug / "examples" / "episode"))

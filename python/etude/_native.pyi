@@ -1,7 +1,11 @@
 """The native part; `n` environments, `o` columns of an observation, `a` of an action, `t` reward terms."""
 
+from typing import final
+
 import numpy as np
 from numpy.typing import NDArray
+
+__all__ = ["CONTROL_HZ", "EtudeError", "Pianos", "Task", "__version__", "songs"]
 
 __version__: str
 CONTROL_HZ: float
@@ -10,6 +14,7 @@ class EtudeError(ValueError): ...
 
 def songs() -> list[tuple[str, str]]: ...
 
+@final
 class Task:
     @staticmethod
     def of_preset(preset: str, changes: list[str]) -> Task: ...
@@ -17,8 +22,9 @@ class Task:
     def of_json(text: str) -> Task: ...
     def json(self) -> str: ...
 
+@final
 class Pianos:
-    def __init__(self, song: str, task: Task, num_envs: int, threads: int) -> None: ...
+    def __new__(cls, song: str, task: Task, num_envs: int, threads: int) -> Pianos: ...
     @property
     def layout(self) -> tuple[int, int]: ...
     @property

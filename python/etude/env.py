@@ -117,7 +117,8 @@ class PianoEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
         """
         self._native.set_state(0, state, self._buffers.observations)
         self._begun = True
-        return self._buffers.observations[0].copy()
+        observation: Observation = self._buffers.observations[0].copy()
+        return observation
 
     def render(self) -> NDArray[np.uint8] | None:
         """A picture, `[height, width, 3]`; in the mode `human` it goes to the window."""

@@ -163,8 +163,8 @@ def _write(folder: pathlib.Path, recordings: list[Recording], robot_type: str) -
         row |= {"data/chunk_index": place[0], "data/file_index": place[1]}
         row |= {"dataset_from_index": int(columns["index"][0]), "dataset_to_index": int(columns["index"][-1]) + 1}
         row |= {"meta/episodes/chunk_index": 0, "meta/episodes/file_index": 0}
-        for name, parts in _statistics(columns).items():
-            row |= {f"stats/{name}/{part}": value for part, value in parts.items()}
+        for name, statistics in _statistics(columns).items():
+            row |= {f"stats/{name}/{part}": value for part, value in statistics.items()}
         rows.append(row)
     for (chunk, file), parts in files.items():
         path = folder / "data" / (PATH.format(chunk_index=chunk, file_index=file) + ".parquet")

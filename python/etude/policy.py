@@ -22,7 +22,8 @@ IN_A_RUN = ("policy-best.safetensors", "policy-last.safetensors")
 
 def _gelu(x: NDArray[np.float32]) -> NDArray[np.float32]:
     """The tanh form, as the learner has it."""
-    return np.float32(0.5) * x * (1 + np.tanh(np.float32(np.sqrt(2 / np.pi)) * (x + np.float32(0.044715) * x**3)))
+    share: NDArray[np.float32] = 1 + np.tanh(np.float32(np.sqrt(2 / np.pi)) * (x + np.float32(0.044715) * x**3))
+    return np.float32(0.5) * x * share
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,9 +65,10 @@ class Policy:
     def task(self) -> dict[str, Any]:
         """The task that it was trained in, for `PianoEnv(song, config=policy.task)`."""
         try:
-            return self.header["notes"]["training"]["config"]["task"]
+            task: dict[str, Any] = self.header["notes"]["training"]["config"]["task"]
         except (KeyError, TypeError) as error:
             raise EtudeError(f"{self.path} does not say in which task it was trained") from error
+        return task
 
     @property
     def song(self) -> str | None:
@@ -76,7 +78,8 @@ class Policy:
     @property
     def scores(self) -> dict[str, float]:
         """What it came to when it was evaluated last."""
-        return (self.header["notes"] or {}).get("scores", {})
+        scores: dict[str, float] = (self.header["notes"] or {}).get("scores", {})
+        return scores
 
 
 def _find(song_or_path: str | os.PathLike[str]) -> pathlib.Path:

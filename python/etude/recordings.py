@@ -61,8 +61,8 @@ class Recording:
     @property
     def rewards(self) -> dict[str, NDArray[np.float64]]:
         """The weighted reward terms of each control step; of simulations only."""
-        terms = self.topics.get("/reward", {}).get("terms", ())
-        names = terms[0] if len(terms) else {}
+        terms = list(self.topics.get("/reward", {}).get("terms", []))
+        names = terms[0] if terms else {}
         return {name: np.array([term[name] for term in terms]) for name in names}
 
     def frame(self, topic: str = "/step") -> pandas.DataFrame:

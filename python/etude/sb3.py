@@ -7,6 +7,7 @@ from collections.abc import Iterable, Sequence
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from stable_baselines3.common.vec_env.base_vec_env import VecEnv
 
 from .vector import PianoVectorEnv
@@ -25,12 +26,13 @@ class PianoVecEnv(VecEnv):
         keywords: As of `PianoVectorEnv`.
     """
 
+    _actions: NDArray[np.float32]
+
     def __init__(self, num_envs: int, song: str | os.PathLike[str] = "twinkle", **keywords: Any):
         if "copy" in keywords:
             raise TypeError("PianoVecEnv has no copy: Stable-Baselines3 keeps what it is given, so it always gets copies")
         self.envs = PianoVectorEnv(num_envs, song, **keywords)
         self.render_mode = self.envs.render_mode
-        self._actions = np.zeros(self.envs.action_space.shape, np.float32)
         self._returns = np.zeros(num_envs)
         self._lengths = np.zeros(num_envs, int)
         super().__init__(num_envs, self.envs.single_observation_space, self.envs.single_action_space)
@@ -58,7 +60,7 @@ class PianoVecEnv(VecEnv):
             of = info["final_info"] if over[index] else info
             terms = {name: float(of["reward_terms"][name][index]) for name in self.envs.reward_terms}
             infos.append({"collided": bool(of["collided"][index]), "reward_terms": terms})
-        for index in np.flatnonzero(over):
+        for index in map(int, np.flatnonzero(over)):
             last = info["final_info"]
             infos[index] |= {
                 "terminal_observation": info["final_obs"][index],

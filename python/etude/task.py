@@ -109,12 +109,12 @@ def _flat(prefix: str, table: Mapping[str, Any]) -> dict[str, Any]:
     return flat
 
 
-def single_spaces(native: Pianos) -> tuple[spaces.Box, spaces.Box]:
+def single_spaces(native: Pianos) -> tuple[spaces.Box[np.float32], spaces.Box[np.float32]]:
     """Spaces of an observation (joint readings, then what is 0 or 1) and of an action."""
     real, binary = native.layout
     low = np.concatenate([np.full(real, -np.inf), np.zeros(binary)]).astype(np.float32)
     high = np.concatenate([np.full(real, np.inf), np.ones(binary)]).astype(np.float32)
-    return spaces.Box(low, high), spaces.Box(-1.0, 1.0, (native.action_len,))
+    return spaces.Box(low, high, dtype=np.float32), spaces.Box(-1.0, 1.0, (native.action_len,), dtype=np.float32)
 
 
 class Buffers:

@@ -148,7 +148,8 @@ class PianoVectorEnv(gymnasium.vector.VectorEnv[Array, Array, Array]):
         row = self._buffers.observations[index : index + 1]
         self._native.set_state(index, state, row)
         self._begun[index] = True
-        return row[0].copy()
+        observation: NDArray[np.float32] = row[0].copy()
+        return observation
 
     def render(self) -> tuple[NDArray[np.uint8], ...] | None:
         """A picture of each environment, `[height, width, 3]`."""
