@@ -60,7 +60,8 @@ test: setup
 test-kernel:
 	CARGO=$(CARGO) $(PYTHON) scripts/kernel/test_kernel.py
 
-bench: build
+# The wheel is for SBX in Étude's world.
+bench: build wheel
 	$(ETUDE) bench --peers
 
 # Compiled once, some minutes; links within the book that lead nowhere are an error.

@@ -18,10 +18,10 @@ use crate::Ending;
 /// What to measure and for how long.
 #[derive(clap::Args)]
 #[command(after_help = "\
-Prints a table that is Markdown too. A ratio above 1 says how many times faster, or smaller, Étude is. Rates on a shared
+Prints a table that is Markdown too. A ratio above 1 says how many times faster, or smaller, Étude is. Rates on a shared \
 machine swing: compare ratios of one run, in which each measurement takes turns with its peers.
 
-With --peers, each script in benches/peers makes itself a throw-away virtual environment in /tmp, which needs the network
+With --peers, each script in benches/peers makes itself a throw-away virtual environment in /tmp, which needs the network \
 and some minutes once, and for all of them 15 GB of disk. A peer that does not run becomes a line with the reason.
 
 Examples:
@@ -168,7 +168,8 @@ impl Bench {
 
     /// Environment, acting, updates and replay together.
     fn training(&mut self, threads: usize, key: &str) -> anyhow::Result<Vec<Peer>> {
-        let mut peers = vec![Peer::new("sbx_droq.sh", threads)];
+        let mut peers =
+            ["sbx_droq.sh", "sbx_etude.sh", "sbx_robopianist.sh"].map(|script| Peer::new(script, threads));
         let [single, half] = self.turns(&mut peers, |bench| {
             let mut rate = |arithmetic| {
                 let folder = bench.scratch.folder();
@@ -180,7 +181,7 @@ impl Bench {
         let theirs = medians(&peers, "steps_per_sec");
         self.row(format!("training, `paper` preset, {on}"), key, "steps/s", Some(single), theirs.clone());
         self.bf16_row(&on, key, "steps/s", half, theirs);
-        Ok(peers)
+        Ok(peers.into())
     }
 
     /// Environments alone, under random actions. Returns the peers that are environments too.
