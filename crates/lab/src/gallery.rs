@@ -62,6 +62,8 @@ pub struct Gallery {
 /// One recording in a gallery. Files are named as the index page links them.
 #[derive(Clone, Debug, Serialize)]
 pub struct Exhibit {
+    /// Path of the recording.
+    pub recording: String,
     /// Title of the song.
     pub song: String,
     /// Who played.
@@ -141,6 +143,7 @@ pub fn gallery(
             sound: file("wav"),
             f1: take.last.map(|scores| scores.f1),
             secs: take.secs(),
+            recording: take.name,
             song: take.song,
             player: take.player,
             rig: take.rig,
@@ -196,10 +199,11 @@ fn index(exhibits: &[Exhibit]) -> String {
         let _ = writeln!(
             body,
             "<figure><h2>{song}</h2><a href=\"{}\"><img src=\"{}\" alt=\"{song}\" width=\"100%\" loading=\"lazy\"/></a>\n\
-             <figcaption>{}</figcaption>\n<audio controls=\"\" preload=\"none\" src=\"{}\"></audio></figure>",
+             <figcaption>{}<br/><code>{}</code></figcaption>\n<audio controls=\"\" preload=\"none\" src=\"{}\"></audio></figure>",
             exhibit.replay,
             exhibit.picture,
             escape(&caption),
+            escape(&exhibit.recording),
             exhibit.sound,
             song = escape(&exhibit.song),
         );

@@ -32,7 +32,7 @@ pub struct Args {
     /// Where the pages go
     #[arg(short = 'o', long = "out", default_value = "out/gallery", value_name = "DIR")]
     out: PathBuf,
-    /// Print JSON: index, exhibits (song, player, rig, mode, f1, secs, replay, picture, sound, incomplete), left_out, without_pictures
+    /// Print JSON: index, exhibits (recording, song, player, rig, mode, f1, secs, replay, picture, sound, incomplete), left_out, without_pictures
     #[arg(long)]
     json: bool,
 }

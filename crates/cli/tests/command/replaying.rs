@@ -169,6 +169,11 @@ fn a_gallery_leads_to_every_replay() {
     assert_eq!(exhibits.len(), 2);
     let index = String::from_utf8(desk.bytes("gallery/index.html")).unwrap();
     for exhibit in exhibits {
+        // What tells two recordings of one song apart.
+        let recording = exhibit["recording"].as_str().unwrap();
+        assert!(
+            recording.ends_with("recording.mcap") && index.contains(&format!("<code>{recording}</code>"))
+        );
         for part in ["replay", "picture", "sound"] {
             let name = exhibit[part].as_str().unwrap();
             assert!(index.contains(&format!("\"{name}\"")), "{name} is not linked");
