@@ -17,8 +17,8 @@ const SHOWN: usize = 8;
 /// What to play, with what, and in which worlds.
 #[derive(clap::Args)]
 #[command(after_help = "\
-The worlds are a fixed, evenly spread set over what the policy's own configuration randomises (the paper's seven
-quantities, or task.randomisation.widths), the same for the same --worlds, --intensity and --seed. The CSV has one line a
+The worlds are a fixed, evenly spread set over what the policy's own configuration randomises (the paper's seven \
+quantities, or task.randomisation.widths), the same for the same --worlds, --intensity and --seed. The CSV has one line a \
 world: world, f1, precision, recall, pooled_f1, onset_f1, collision_free, then every number that varies.
 
 Examples:

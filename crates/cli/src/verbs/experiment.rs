@@ -19,8 +19,8 @@ use crate::status::Status;
 /// What to do with experiments.
 #[derive(clap::Args)]
 #[command(after_help = "\
-An experiment is a TOML file (configs/experiments; a path works too). Its plan is a list of tasks with ids that say what is done:
-experiments share what they have in common, a task that is done is not done again, and one that was stopped goes on.
+An experiment is a TOML file (configs/experiments; a path works too). Its plan is a list of tasks with ids that say what is done: \
+experiments share what they have in common, a task that is done is not done again, and one that was stopped goes on. \
 Results of several machines are merged by copying the folders of tasks.
 
 Examples:

@@ -14,8 +14,8 @@ use crate::status::Status;
 /// Which recordings, and how.
 #[derive(clap::Args)]
 #[command(after_help = "\
-Fits joint by joint, then finger by finger, to recordings that touch no key; then the keyboard to those that do.
-Recordings of the excitation `held-out` are not fitted to: the fit is tried on them. The folder receives identified.toml
+Fits joint by joint, then finger by finger, to recordings that touch no key; then the keyboard to those that do. \
+Recordings of the excitation `held-out` are not fitted to: the fit is tried on them. The folder receives identified.toml \
 (a layer for `etude train --config`), a report, and what is needed to go on after Ctrl-C or a kill with the same command.
 
 Examples:

@@ -14,7 +14,7 @@ use crate::Ending;
 #[command(after_help = "\
 Without --policy the best policy is taken that comes with Étude or lies in a run of this song under runs/.
 
-Files: performance.mid and performance.wav (what was played), frames.csv (step,due,pressed: MIDI numbers of the keys
+Files: performance.mid and performance.wav (what was played), frames.csv (step,due,pressed: MIDI numbers of the keys \
 due and pressed at each control step, so that anyone can compute the scores again), recording.mcap, report.json.
 
 Examples:

@@ -13,7 +13,7 @@ use crate::progress::stop_flag;
 /// What to record, and where to.
 #[derive(clap::Args)]
 #[command(after_help = "\
-The robot is brought up and holds still, or moves through an excitation clear of the keyboard; everything that it measures
+The robot is brought up and holds still, or moves through an excitation clear of the keyboard; everything that it measures \
 and sends, and every key that is played, is recorded. `etude identify` fits the simulator to recordings of excitations.
 
 Examples:

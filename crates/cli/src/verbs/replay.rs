@@ -13,7 +13,7 @@ const PAGE: &str = "replay.html";
 /// What to show and where the page goes.
 #[derive(clap::Args)]
 #[command(after_help = "\
-The page is one file that needs no network: open it in a browser, send it to a colleague. With two recordings, say of the
+The page is one file that needs no network: open it in a browser, send it to a colleague. With two recordings, say of the \
 simulation and of the twin, they are shown side by side, with the moments marked where they part.
 
 Examples:

@@ -63,8 +63,8 @@ struct Rig {
 
 #[derive(clap::Args)]
 #[command(after_help = "\
-Guide the hand until its middle finger stands over the middle of the key, as high as it is to play, and press Enter. Do so
-for all three keys; the arm may be led by hand meanwhile with --by-hand. The place is kept in the file that the rig's file
+Guide the hand until its middle finger stands over the middle of the key, as high as it is to play, and press Enter. Do so \
+for all three keys; the arm may be led by hand meanwhile with --by-hand. The place is kept in the file that the rig's file \
 names, or beside it.
 
 Examples:

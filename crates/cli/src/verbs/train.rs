@@ -14,13 +14,13 @@ use crate::progress::{Progress, stop_flag};
 /// What to learn, how and for how long.
 #[derive(clap::Args)]
 #[command(after_help = "\
-A run's folder holds config.toml, song.mid, metrics.jsonl, TensorBoard events, the best and the last policy, and
+A run's folder holds config.toml, song.mid, metrics.jsonl, TensorBoard events, the best and the last policy, and \
 checkpoints. Ctrl-C and SIGTERM save before they stop; after a kill -9 at most one checkpoint interval is lost.
 
 Examples:
   etude train twinkle --minutes 10
   etude train my-song.mid --set trainer.seed=3 --set trainer.total_steps=2e6
-  etude train twinkle --from runs/twinkle__fast__0 -o runs/other --set task.physics.joint.rail.acceleration_limit=7.5
+  etude train twinkle --from runs/twinkle__fast__0 --config identified.toml -o runs/second
   etude train --resume runs/twinkle__fast__0
   etude train --resume runs/twinkle__fast__0 --set trainer.total_steps=3e6")]
 pub struct Args {

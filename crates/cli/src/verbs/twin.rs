@@ -14,11 +14,11 @@ use crate::progress::stop_flag;
 /// Which twin, and where it is found.
 #[derive(clap::Args)]
 #[command(after_help = "\
-The folder holds twin.toml, the rig's file for --robot, its calibration, and the sockets of the hand's bus and of the
-keyboard. The arm listens on this machine only; with --arm-ports on the robot's own ports, so that the official SDK finds
+The folder holds twin.toml, the rig's file for --robot, its calibration, and the sockets of the hand's bus and of the \
+keyboard. The arm listens on this machine only; with --arm-ports on the robot's own ports, so that the official SDK finds \
 it at 127.0.0.1 (port 502 needs root). The twin runs until Ctrl-C.
 
-Faults happen at SECS after the twin was switched on, for good or for the seconds after the +. A truth's file orders the
+Faults happen at SECS after the twin was switched on, for good or for the seconds after the +. A truth's file orders the \
 same by [[faults]], with kind, at_secs and for_secs.
 
 Examples:

@@ -6,7 +6,7 @@ use crate::Ending;
 /// What to play and with what.
 #[derive(clap::Args)]
 #[command(after_help = "\
-The window is MuJoCo's: turn with the left mouse button, move with the right one, zoom with the wheel. The song begins again when
+The window is MuJoCo's: turn with the left mouse button, move with the right one, zoom with the wheel. The song begins again when \
 it is over; closing the window or Ctrl-C ends. Not part of the usual build: cargo build --release --package etude --features viewer")]
 pub struct Args {
     /// A built-in id (see `etude songs`) or a MIDI file

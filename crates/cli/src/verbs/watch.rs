@@ -13,8 +13,8 @@ use crate::watch::{View, show, text};
 /// What to watch, and how it is shown.
 #[derive(clap::Args)]
 #[command(after_help = "\
-Reads nothing but the runs' metrics.jsonl and descriptions: it works for trainings of other processes, over ssh, and on
-shared file systems, and leaving it (q) ends no training. Of a folder that holds several runs those are shown that were written
+Reads nothing but the runs' metrics.jsonl and descriptions: it works for trainings of other processes, over ssh, and on \
+shared file systems, and leaving it (q) ends no training. Of a folder that holds several runs those are shown that were written \
 to in the last day, on the screen the eight last ones. Set NO_COLOR=1 for a screen without colours.
 
 Examples:
