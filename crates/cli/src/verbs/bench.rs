@@ -147,10 +147,11 @@ fn median(mut values: Vec<f64>) -> f64 {
 
 impl Bench {
     fn measure(&mut self) -> anyhow::Result<()> {
+        // The peak of this process after its first training: what later ones leave behind is not one training's.
+        training_rate(self.song.clone(), Arithmetic::F32, self.cores, &self.scratch.folder(), self.secs)?;
+        let memory = peak_memory_mib();
         let mut training = self.training(1, "train_steps_per_sec_1_core")?;
         self.training(self.cores, "train_steps_per_sec")?;
-        // The peak of this process so far: nothing but trainings.
-        let memory = peak_memory_mib();
         let environments = self.environments()?;
         self.updates(1, "updates_per_sec")?;
         if self.cores > 1 {
