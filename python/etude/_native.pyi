@@ -5,7 +5,7 @@ from typing import final
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["CONTROL_HZ", "EtudeError", "Pianos", "Task", "__version__", "songs"]
+__all__ = ["CONTROL_HZ", "EtudeError", "Pianos", "Task", "__version__", "check_picture", "songs"]
 
 __version__: str
 CONTROL_HZ: float
@@ -13,6 +13,7 @@ CONTROL_HZ: float
 class EtudeError(ValueError): ...
 
 def songs() -> list[tuple[str, str]]: ...
+def check_picture(width: int, height: int, view: str) -> None: ...
 
 @final
 class Task:
@@ -29,6 +30,8 @@ class Pianos:
     def layout(self) -> tuple[int, int]: ...
     @property
     def action_len(self) -> int: ...
+    @property
+    def action_range(self) -> tuple[list[float], list[float]]: ...
     @property
     def steps(self) -> int: ...
     @property

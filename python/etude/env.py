@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ._native import EtudeError, Pianos
-from .pictures import check_mode, picture
+from .pictures import check_rendering, picture
 from .task import SCORES, Buffers, single_spaces, task_config
 from .window import Window
 
@@ -21,7 +21,8 @@ Observation = NDArray[np.float32]
 class PianoEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
     """A song, played once an episode, at 20 control steps a second.
 
-    The action has a target for each of the twelve finger joints that move and for the rail, −1 to 1 of its range. The
+    The action has a target for each of the twelve finger joints that move and for the rail, −1 to 1 of the range from `action_low` to
+    `action_high` (rad, the rail in m); the rail's is the part of the keyboard that the song needs, so it differs between songs. The
     observation has the joints, those of one step ago, the 49 keys that sound, and the 49 keys that are due now and in each of
     the next five steps. The episode ends with the song, which is a truncation: nothing ends for good. `info` has
     `reward_terms` (the weighted parts of the reward), `collided`, and the paper's `precision`, `recall` and `f1` of the song
@@ -51,7 +52,7 @@ class PianoEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
         view: str = "player",
         **task: Any,
     ):
-        check_mode(render_mode, self.metadata)
+        check_rendering(render_mode, self.metadata, width, height, view)
         self.render_mode = render_mode
         self._task = task_config(**task)
         self._native = Pianos(os.fspath(song), self._task, 1, 1)
@@ -63,6 +64,7 @@ class PianoEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
         self.reward_terms: list[str] = self._native.reward_terms
         self.title: str = self._native.title
         self.steps: int = self._native.steps
+        self.action_low, self.action_high = map(np.array, self._native.action_range)
         self.observation_space, self.action_space = single_spaces(self._native)
 
     @property

@@ -7,13 +7,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ._native import Pianos
+from ._native import EtudeError, Pianos, check_picture
 
 
-def check_mode(mode: str | None, metadata: dict[str, Any]) -> None:
-    """Refuses a render mode that the environment has not."""
+def check_rendering(mode: str | None, metadata: dict[str, Any], width: int, height: int, view: str) -> None:
+    """Refuses a render mode that the environment has not, and pictures that could not be drawn."""
     if mode is not None and mode not in metadata["render_modes"]:
-        raise ValueError(f"render_mode must be one of {metadata['render_modes']}, not {mode!r}")
+        raise EtudeError(f"render_mode must be one of {metadata['render_modes']}, not {mode!r}")
+    check_picture(width, height, view)
 
 
 def picture(native: Pianos, index: int, width: int, height: int, view: str) -> NDArray[np.uint8]:

@@ -50,7 +50,10 @@ class Policy:
     def distribution(
         self, observation: NDArray[np.float32]
     ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-        """Mean and logarithm of the deviation of the action before `tanh`, `[…, action]` each."""
+        """Mean and logarithm of the deviation of the action before `tanh`, `[…, action]` each.
+
+        The learner explores with the logarithm clipped to `droq.log_std_bounds` of its configuration, by default −20 to 2.
+        """
         x = np.asarray(observation, np.float32)
         if x.shape[-1:] != self.weights[0].shape[:1]:
             raise EtudeError(
@@ -63,12 +66,13 @@ class Policy:
 
     @property
     def task(self) -> dict[str, Any]:
-        """The task that it was trained in, for `PianoEnv(song, config=policy.task)`."""
+        """The task that its scores are of, for `PianoEnv(song, config=policy.task)`: what it was trained in, with nothing random."""
         try:
             task: dict[str, Any] = self.header["notes"]["training"]["config"]["task"]
         except (KeyError, TypeError) as error:
             raise EtudeError(f"{self.path} does not say in which task it was trained") from error
-        return task
+        nominal = {**task.get("randomisation", {}), "intensity": 0.0}
+        return {**task, "random_start": False, "randomisation": nominal}
 
     @property
     def song(self) -> str | None:

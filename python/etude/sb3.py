@@ -36,6 +36,7 @@ class PianoVecEnv(VecEnv):
         self._returns = np.zeros(num_envs)
         self._lengths = np.zeros(num_envs, int)
         super().__init__(num_envs, self.envs.single_observation_space, self.envs.single_action_space)
+        self.metadata: dict[str, Any] = dict(self.envs.metadata)
 
     def reset(self) -> np.ndarray:
         """Starts the song over in all environments."""
@@ -76,7 +77,7 @@ class PianoVecEnv(VecEnv):
 
     def get_images(self) -> Sequence[np.ndarray | None]:
         """A picture of each environment."""
-        return self.envs.render() or [None] * self.num_envs
+        return [None] * self.num_envs if self.render_mode is None else self.envs.render() or []
 
     def close(self) -> None:
         """Nothing is to be done."""

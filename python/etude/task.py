@@ -92,7 +92,7 @@ def task_config(
             raise TypeError(f"config must be a mapping, not {type(config).__name__}")
         return Task.of_json(json.dumps(dict(config)))
     if variant not in PRESETS:
-        raise ValueError(f"variant must be one of {', '.join(PRESETS)}, not {variant!r}")
+        raise EtudeError(f"variant must be one of {', '.join(PRESETS)}, not {variant!r}")
     return Task.of_preset(PRESETS[variant], [f"task.{path}={_toml(value)}" for path, value in changes.items()])
 
 

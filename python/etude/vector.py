@@ -14,7 +14,7 @@ from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
 from ._native import EtudeError, Pianos
-from .pictures import check_mode, picture
+from .pictures import check_rendering, picture
 from .task import SCORES, Buffers, single_spaces, task_config
 
 Array = NDArray[Any]
@@ -29,7 +29,7 @@ class PianoVectorEnv(gymnasium.vector.VectorEnv[Array, Array, Array]):
 
     An episode that ends begins anew in the same step (`AutoresetMode.SAME_STEP`): `info["final_obs"]` and
     `info["final_info"]` have what it ended with. Environment `i` of `reset(seed=s)` sees what a `PianoEnv` sees that is reset
-    with the seed `s + i`, byte for byte, however many threads there are.
+    with the seed `s + i`, byte for byte, however many threads there are. Actions and observations are those of `PianoEnv`.
 
     Args:
         num_envs: How many.
@@ -62,7 +62,7 @@ class PianoVectorEnv(gymnasium.vector.VectorEnv[Array, Array, Array]):
         view: str = "player",
         **task: Any,
     ):
-        check_mode(render_mode, self.metadata)
+        check_rendering(render_mode, self.metadata, width, height, view)
         threads = min(num_envs, _cores()) if threads is None else threads
         self._task = task_config(**task)
         self._native = Pianos(os.fspath(song), self._task, num_envs, threads)
@@ -75,6 +75,7 @@ class PianoVectorEnv(gymnasium.vector.VectorEnv[Array, Array, Array]):
         self.reward_terms: list[str] = self._native.reward_terms
         self.title: str = self._native.title
         self.steps: int = self._native.steps
+        self.action_low, self.action_high = map(np.array, self._native.action_range)
         self.single_observation_space, self.single_action_space = single_spaces(self._native)
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)
@@ -96,7 +97,7 @@ class PianoVectorEnv(gymnasium.vector.VectorEnv[Array, Array, Array]):
         mask = (options or {}).get("reset_mask")
         mask = np.ones(self.num_envs, np.bool_) if mask is None else np.ascontiguousarray(mask)
         if mask.dtype != np.bool_ or not mask.any():
-            raise ValueError("options['reset_mask'] must be an array of truth values, one of them true")
+            raise EtudeError("options['reset_mask'] must be an array of truth values, one of them true")
         seeds = [seed + i for i in range(self.num_envs)] if isinstance(seed, int) else seed
         seeds = [None] * self.num_envs if seeds is None else list(seeds)
         if len(seeds) != self.num_envs:

@@ -4,16 +4,26 @@ from __future__ import annotations
 
 import threading
 import time
+import warnings
 
 import mujoco
+
+from ._native import EtudeError
 
 
 class Window:
     """Shows joint positions of one world, no faster than they are played."""
 
     def __init__(self, mjcf: str, fps: float):
+        import glfw
         import mujoco.viewer
 
+        # Without a screen MuJoCo's viewer ends in its own thread, and whoever opened it waits for ever.
+        with warnings.catch_warnings(action="ignore"):
+            if not glfw.init():
+                raise EtudeError(
+                    "no window: it needs a screen with OpenGL (DISPLAY or WAYLAND_DISPLAY); the mode rgb_array needs none"
+                )
         self._model = mujoco.MjModel.from_xml_string(mjcf)
         self._data = mujoco.MjData(self._model)
         others = set(threading.enumerate())

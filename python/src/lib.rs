@@ -32,6 +32,12 @@ fn songs() -> Vec<(&'static str, &'static str)> {
     repertoire::PIECES.iter().map(|piece| (piece.id, piece.title)).collect()
 }
 
+/// Raises what drawing such a picture would, but for what the machine lacks.
+#[pyfunction]
+fn check_picture(width: i64, height: i64, view: &str) -> PyResult<()> {
+    pictures::asked(width, height, view).map(|_| ())
+}
+
 /// A complete task.
 #[pyclass(module = "etude._native", frozen)]
 pub(crate) struct Task(TaskConfig);
@@ -63,6 +69,7 @@ fn _native(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add("EtudeError", module.py().get_type::<EtudeError>())?;
     module.add("CONTROL_HZ", etude_music::CONTROL_HZ)?;
     module.add_function(wrap_pyfunction!(songs, module)?)?;
+    module.add_function(wrap_pyfunction!(check_picture, module)?)?;
     module.add_class::<Task>()?;
     module.add_class::<pianos::Pianos>()
 }

@@ -7,7 +7,7 @@ use etude_lab::find_song;
 use etude_music::KEYS;
 use etude_music::metrics::FrameTally;
 use etude_stage::mjcf;
-use etude_task::{ACTION_LEN, Environment, Piece, TaskConfig, layout};
+use etude_task::{ACTION_LEN, Environment, Piece, TargetRange, TaskConfig, layout};
 use numpy::{PyReadonlyArray1, PyReadonlyArray2, PyReadwriteArray1, PyReadwriteArray2};
 use pyo3::prelude::*;
 use pyo3::types::PyBytes;
@@ -125,6 +125,12 @@ fn column<'a, T: numpy::Element>(
     array.as_slice_mut().map_err(|_| wrong())
 }
 
+/// How many of `name`, of which there may be `most`.
+fn count(name: &str, given: i64, most: usize) -> PyResult<usize> {
+    let fits = usize::try_from(given).ok().filter(|count| (1..=most).contains(count));
+    fits.ok_or_else(|| error(format!("{name} = {given} must lie in 1 … {most}")))
+}
+
 /// A number that another song, or another task, has not.
 fn fingerprint(config: &TaskConfig, piece: &Piece) -> PyResult<u64> {
     let mut hasher = DefaultHasher::new();
@@ -143,14 +149,10 @@ impl Pianos {
 #[pymethods]
 impl Pianos {
     #[new]
-    fn new(py: Python<'_>, song: &str, task: &Task, num_envs: usize, threads: usize) -> PyResult<Self> {
+    fn new(py: Python<'_>, song: &str, task: &Task, num_envs: i64, threads: i64) -> PyResult<Self> {
         let config = task.0.clone();
-        if !(1..=MOST_ENVS).contains(&num_envs) {
-            return Err(error(format!("num_envs = {num_envs} must lie in 1 … {MOST_ENVS}")));
-        }
-        if !(1..=MOST_THREADS).contains(&threads) {
-            return Err(error(format!("threads = {threads} must lie in 1 … {MOST_THREADS}")));
-        }
+        let num_envs = count("num_envs", num_envs, MOST_ENVS)?;
+        let threads = count("threads", threads, MOST_THREADS)?;
         py.detach(|| {
             let song = find_song(song).map_err(error)?;
             config.check().map_err(error)?;
@@ -179,6 +181,13 @@ impl Pianos {
     #[getter]
     fn action_len(&self) -> usize {
         ACTION_LEN
+    }
+
+    /// The joint targets that -1 and 1 stand for, rad, the rail's in m: a song moves the rail no further than it must.
+    #[getter]
+    fn action_range(&self) -> ([f64; ACTION_LEN], [f64; ACTION_LEN]) {
+        let range = TargetRange::new(&self.piece);
+        (range.targets(&[-1.0; ACTION_LEN]), range.targets(&[1.0; ACTION_LEN]))
     }
 
     /// Control steps of an episode.
@@ -347,11 +356,12 @@ impl Pianos {
         &self,
         py: Python<'py>,
         index: usize,
-        width: u32,
-        height: u32,
+        width: i64,
+        height: i64,
         view: &str,
     ) -> PyResult<Bound<'py, PyBytes>> {
-        let pixels = pictures::paint(self.slot(index)?.environment.world(), [width, height], view)?;
+        let (size, view) = pictures::asked(width, height, view)?;
+        let pixels = pictures::paint(self.slot(index)?.environment.world(), size, view)?;
         Ok(PyBytes::new(py, &pixels))
     }
 }

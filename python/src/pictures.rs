@@ -2,7 +2,7 @@
 
 use std::cell::RefCell;
 
-use etude_stage::{Painter, StageConfig, View, World};
+use etude_stage::{Painter, StageConfig, View, World, picture_size};
 use pyo3::PyResult;
 
 use crate::error;
@@ -31,11 +31,16 @@ impl Studio {
     }
 }
 
-/// A picture of `world` of `size` pixels: rows from top to bottom, three bytes a pixel.
-pub(crate) fn paint(world: &World, size: [u32; 2], view: &str) -> PyResult<Vec<u8>> {
+/// Size in pixels and view of a picture, as Python asks for them.
+pub(crate) fn asked(width: i64, height: i64, view: &str) -> PyResult<([u32; 2], View)> {
     let names = View::ALL.map(View::name).join(", ");
     let view =
         View::of(view).ok_or_else(|| error(format!("there is no view `{view}`; there are: {names}")))?;
+    Ok((picture_size(width, height).map_err(error)?, view))
+}
+
+/// A picture of `world` of `size` pixels: rows from top to bottom, three bytes a pixel.
+pub(crate) fn paint(world: &World, size: [u32; 2], view: View) -> PyResult<Vec<u8>> {
     STUDIOS.with_borrow_mut(|studios| {
         let fits =
             |studio: &Studio| studio.stage == *world.config() && studio.size == size && studio.view == view;

@@ -77,6 +77,16 @@ def test_the_song_is_a_truncation_and_ends_with_its_scores(short_song):
     assert env.step(np.zeros(13, np.float32))[1] == rewards[0]
 
 
+def test_actions_reach_over_what_the_song_needs(short_song):
+    env, scale = etude.PianoEnv(short_song), etude.PianoEnv("c-major-scale")
+    assert env.action_low.shape == env.action_high.shape == (13,)
+    np.testing.assert_array_equal(env.action_low[:12], scale.action_low[:12])
+    # docs/results/learning.md: 297 mm.
+    assert scale.action_high[12] - scale.action_low[12] == pytest.approx(0.297, abs=1e-3)
+    assert env.action_high[12] - env.action_low[12] < 0.297
+    np.testing.assert_array_equal(etude.PianoVectorEnv(1, short_song).action_low, env.action_low)
+
+
 def test_a_reward_may_have_no_terms(short_song):
     nothing = dict.fromkeys(etude.PianoEnv(short_song).reward_terms, 0.0)
     env = etude.PianoEnv(short_song, reward=nothing)

@@ -1,6 +1,9 @@
 """Whatever is given, what comes back is an exception with a message: never a panic, never a crash."""
 
 import math
+import os
+import subprocess
+import sys
 
 import gymnasium
 import numpy as np
@@ -32,13 +35,16 @@ REFUSED = (ValueError, TypeError, OverflowError)
         ({"variant": "other"}, "main, appendix"),
         ({"config": {"lookahed": 3}}, "lookahed"),
         ({"render_mode": "ansi"}, "rgb_array"),
+        ({"view": "above"}, "player, side, top, fingers"),
+        ({"width": -1}, "-1 × "),
+        ({"height": 100_000}, "at most 1920 × 1080"),
         ({"reward": {"collision=5 #": 0}}, "collision=5"),
     ],
 )
 def test_messages_say_what_is_wrong(keywords, message):
-    with pytest.raises(ValueError, match=message):
+    with pytest.raises(etude.EtudeError, match=message):
         etude.PianoEnv(**keywords)
-    with pytest.raises(ValueError, match=message):
+    with pytest.raises(etude.EtudeError, match=message):
         etude.PianoVectorEnv(2, **keywords)
 
 
@@ -57,10 +63,19 @@ def test_wrong_types_are_type_errors():
         etude.PianoEnv(config={}, fences=False)
 
 
-@pytest.mark.parametrize("num_envs, threads", [(0, 1), (5000, 1), (2, -1), (2, 100_000), (2**70, 1)])
+@pytest.mark.parametrize("num_envs, threads", [(0, 1), (-1, 1), (5000, 1), (2, -1), (2, 100_000)])
 def test_numbers_of_environments(num_envs, threads):
-    with pytest.raises(REFUSED):
+    with pytest.raises(etude.EtudeError, match="must lie in 1"):
         etude.PianoVectorEnv(num_envs, "c-major-scale", threads=threads)
+    with pytest.raises(OverflowError):
+        etude.PianoVectorEnv(2**70, "c-major-scale")
+
+
+def test_without_a_screen_there_is_no_window_but_a_message(short_song):
+    code = f"import etude; etude.PianoEnv({str(short_song)!r}, render_mode='human').reset(seed=0)"
+    bare = {name: value for name, value in os.environ.items() if name not in ("DISPLAY", "WAYLAND_DISPLAY")}
+    ended = subprocess.run([sys.executable, "-c", code], env=bare, capture_output=True, text=True, timeout=120)
+    assert ended.returncode == 1 and "EtudeError: no window" in ended.stderr, ended.stderr
 
 
 @pytest.mark.parametrize(
@@ -118,6 +133,10 @@ KEYWORDS = st.fixed_dictionaries(
         "physics": st.one_of(ANYTHING, TABLES),
         "randomisation": st.one_of(ANYTHING, TABLES, st.dictionaries(NAMES, TABLES, max_size=2)),
         "config": st.one_of(ANYTHING, TABLES),
+        "render_mode": ANYTHING,
+        "width": ANYTHING,
+        "height": ANYTHING,
+        "view": ANYTHING,
     },
 )
 

@@ -1,5 +1,6 @@
 """Shipped policies, acting in NumPy."""
 
+import dataclasses
 import json
 
 import numpy as np
@@ -27,6 +28,16 @@ def test_a_shipped_policy_plays_as_well_as_its_file_says(song):
     assert policy.song == etude.SONGS[song]
     # The last bits of an action differ from the trainer's, and a stroke may fall a control step earlier or later.
     assert play(policy, song)["f1"] == pytest.approx(policy.scores["f1"], abs=0.02)
+
+
+def test_its_task_is_the_one_that_its_scores_are_of():
+    policy = etude.load_policy("twinkle")
+    training = policy.header["notes"]["training"]
+    trained_in = {**policy.task, "random_start": True, "randomisation": {**policy.task["randomisation"], "intensity": 0.6}}
+    notes = {"training": {**training, "config": {**training["config"], "task": trained_in}}}
+    randomised = dataclasses.replace(policy, header={**policy.header, "notes": notes})
+    assert randomised.task == policy.task
+    assert etude.PianoEnv("twinkle", config=randomised.task).task["randomisation"]["intensity"] == 0.0
 
 
 def test_many_observations_at_once():

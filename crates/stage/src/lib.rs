@@ -33,7 +33,7 @@ pub use controller::Actuation;
 pub use hand::{FINGERS, JOINT_NAMES, JOINTS, RAIL, Side};
 pub use mjcf::mjcf;
 pub use params::{ParamError, PhysicalParams};
-pub use picture::{LARGEST_PICTURE, Painter, PictureError, View};
+pub use picture::{LARGEST_PICTURE, Painter, PictureError, View, picture_size};
 pub use scene::{Scene, SceneBody, SceneGeom, SceneJoint};
 pub use snapshot::{Snapshot, SnapshotError};
 #[cfg(feature = "viewer")]

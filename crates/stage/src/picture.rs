@@ -17,7 +17,7 @@ pub enum PictureError {
     /// The size is not one that the model's buffer has room for.
     #[error("a picture of {0} × {1} pixels is not possible: at most {max_w} × {max_h}, at least 1 × 1",
         max_w = LARGEST_PICTURE[0], max_h = LARGEST_PICTURE[1])]
-    Size(u32, u32),
+    Size(i64, i64),
     /// There is no OpenGL without a screen.
     #[error(
         "no off-screen OpenGL here ({0}): install EGL and Mesa's software renderer (Debian, Ubuntu: apt-get install -y \
@@ -79,16 +79,25 @@ pub struct Painter {
     view: View,
 }
 
+/// Width and height of a picture, pixels, if one of that size can be drawn.
+///
+/// # Errors
+/// [`PictureError::Size`] if not.
+pub fn picture_size(width: i64, height: i64) -> Result<[u32; 2], PictureError> {
+    let fit = |size: i64, most: u32| u32::try_from(size).ok().filter(|size| (1..=most).contains(size));
+    match (fit(width, LARGEST_PICTURE[0]), fit(height, LARGEST_PICTURE[1])) {
+        (Some(width), Some(height)) => Ok([width, height]),
+        _ => Err(PictureError::Size(width, height)),
+    }
+}
+
 impl Painter {
     /// A painter of pictures with `width` × `height` pixels.
     ///
     /// # Errors
     /// If the size is out of range or there is no OpenGL.
     pub fn new(world: &World, width: u32, height: u32, view: View) -> Result<Self, PictureError> {
-        let fits = |size: u32, most: u32| (1..=most).contains(&size);
-        if !fits(width, LARGEST_PICTURE[0]) || !fits(height, LARGEST_PICTURE[1]) {
-            return Err(PictureError::Size(width, height));
-        }
+        picture_size(width.into(), height.into())?;
         let model = world.data().model();
         let camera = MjvCamera::new_free(model);
         let renderer = MjRenderer::builder().width(width).height(height).camera(camera).build(model);

@@ -7,6 +7,7 @@ use std::path::Path;
 use etude_learn::PolicyLayer;
 use etude_music::{CONTROL_HZ, KEYS, LOWEST_PITCH, Song};
 use etude_perform::{FileError, write_file};
+use etude_stage::geometry::WHITE_PITCH;
 use etude_stage::{JOINT_NAMES, JOINTS, RAIL};
 use etude_task::{ACTION_LEN, Piece, TargetRange, TaskError};
 use prost::Message as _;
@@ -115,9 +116,10 @@ fn contract(player: &Player, song: &Song) -> Result<serde_json::Value, TaskError
         "observation": {
             "columns": columns,
             "lowest_pitch": LOWEST_PITCH,
+            "white_key_m": WHITE_PITCH,
             "scales": {
                 "si": "rad, the rail in m",
-                "normalised": "each joint by its range to -1 … 1, the rail in white keys from the middle",
+                "normalised": "finger joints from the action's `low` … `high` to -1 … 1, the rail in white keys from the middle",
             },
         },
         "action": {"meaning": "targets, -1 at `low` and 1 at `high`", "joints": joints},
