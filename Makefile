@@ -8,7 +8,7 @@ MINUTES ?= 10
 SONG ?= twinkle
 
 .DEFAULT_GOAL := help
-.PHONY: help setup build demo wheel test test-kernel fuzz bench book clean-runs
+.PHONY: help setup build demo wheel test test-sb3 test-kernel fuzz bench book clean-runs
 
 help:
 	@echo "make demo    set up, learn $(SONG) (at most $(MINUTES) minutes), play it, say where the sound is"
@@ -17,6 +17,7 @@ help:
 	@echo "make build   the etude command, optimised, at $(ETUDE)"
 	@echo "make wheel   the Python package as a wheel in target/wheels"
 	@echo "make bench   speed of simulation, learner and both, in turns with JAX, PyTorch, RoboPianist and others"
+	@echo "make test-sb3  the adapter for Stable-Baselines3, and SBX's DroQ through it (six gigabytes, for a while)"
 	@echo "make test-kernel  the robot's drivers on a real kernel's CAN and MIDI, in QEMU (skips with a reason without it)"
 	@echo "make book    the documentation as a book in target/book (installs mdBook into .mdbook on first use)"
 	@echo "make fuzz    ten minutes of hostile MIDI files"
@@ -55,6 +56,10 @@ test: setup
 	else echo "not checked: the replay page in a browser (Debian, Ubuntu: apt-get install -y nodejs npm chromium)"; fi
 	ETUDE_PYTHON=$(PYTHON) PYTHONPATH=$(CURDIR)/.python $(CARGO) test --workspace --locked
 	$(PYTHON) scripts/python_package.py test
+
+# Beside the rest of the tests, since PyTorch and JAX take six gigabytes for a while.
+test-sb3: setup
+	$(PYTHON) scripts/python_package.py sb3
 
 # Debian, Ubuntu: apt-get install -y qemu-system-x86 busybox-static; with libasound2-dev and pkg-config through ALSA too.
 test-kernel:

@@ -2,6 +2,7 @@
 
     python_package.py wheel     an optimised wheel in target/wheels
     python_package.py test      a wheel in target/wheels-test, installed into .venv; its types, and python/tests
+    python_package.py sb3       the tests that need Stable-Baselines3 and SBX: six gigabytes in target/venv-sb3, which is removed
 
 Safe to repeat; `.venv` is made anew when the packages that it should hold have changed.
 """
@@ -14,6 +15,7 @@ import sys
 
 ROOT = pathlib.Path(__file__).resolve().parent.parent
 REQUIREMENTS = ROOT / "scripts" / "package-requirements.txt"
+SB3 = ROOT / "scripts" / "sb3-requirements.txt"
 VENV = ROOT / ".venv"
 STAMP = VENV / ".installed"
 PYTHON = VENV / "bin" / "python"
@@ -28,23 +30,28 @@ def pip(*arguments):
     run(PYTHON, "-m", "pip", "--quiet", "--disable-pip-version-check", *arguments)
 
 
+def fresh_venv(folder, *packages):
+    """An environment with nothing but these; returns its Python."""
+    if subprocess.run([sys.executable, "-m", "venv", "--clear", str(folder)]).returncode != 0:
+        sys.exit("python package: Python cannot make virtual environments (Debian, Ubuntu: apt-get install -y python3-venv)")
+    python = folder / "bin" / "python"
+    run(python, "-m", "pip", "--quiet", "--disable-pip-version-check", "install", *packages)
+    return python
+
+
 def make_venv():
     wanted = REQUIREMENTS.read_text() + sys.version
-    if STAMP.is_file() and STAMP.read_text() == wanted:
-        return
-    shutil.rmtree(VENV, ignore_errors=True)
-    if subprocess.run([sys.executable, "-m", "venv", str(VENV)]).returncode != 0:
-        sys.exit("python package: Python cannot make virtual environments (Debian, Ubuntu: apt-get install -y python3-venv)")
-    pip("install", "--requirement", REQUIREMENTS)
-    STAMP.write_text(wanted)
+    if not STAMP.is_file() or STAMP.read_text() != wanted:
+        fresh_venv(VENV, "--requirement", REQUIREMENTS)
+        STAMP.write_text(wanted)
 
 
-def build(out, *options):
+def build(out, *options, python=PYTHON):
     shutil.rmtree(out, ignore_errors=True)
     # Not a manylinux wheel: the library that it needs is in the package `mujoco`, which auditwheel does not know.
     run(
-        PYTHON, "-m", "maturin", "build", "--manifest-path", ROOT / "python" / "Cargo.toml", "--locked", "--out", out,
-        "--compatibility", "linux", "--auditwheel", "skip", "--interpreter", PYTHON, *options, cwd=ROOT,
+        python, "-m", "maturin", "build", "--manifest-path", ROOT / "python" / "Cargo.toml", "--locked", "--out", out,
+        "--compatibility", "linux", "--auditwheel", "skip", "--interpreter", python, *options, cwd=ROOT,
     )
     return next(out.glob("*.whl"))
 
@@ -65,9 +72,7 @@ print("fresh environment:", policy.song, policy.act(env.reset(seed=0)[0]).shape)
 def try_fresh(wheel):
     """Installs the wheel into an environment that has nothing, where only what it says it needs comes along."""
     fresh = ROOT / "target" / "venv-fresh"
-    run(sys.executable, "-m", "venv", "--clear", fresh)
-    python = fresh / "bin" / "python"
-    run(python, "-m", "pip", "--quiet", "--disable-pip-version-check", "install", wheel)
+    python = fresh_venv(fresh, wheel)
     run(python, "-W", "ignore", "-c", SMOKE, cwd=ROOT / "target")
     shutil.rmtree(fresh)
 
@@ -87,15 +92,33 @@ def test():
     run(PYTHON, "-m", "pytest", "-q", "-p", "no:cacheprovider", "--import-mode=append", ROOT / "python" / "tests", cwd=ROOT / "target")
 
 
+def test_sb3():
+    wheel = build(ROOT / "target" / "wheels-test", "--profile", "dev")
+    venv = ROOT / "target" / "venv-sb3"
+    python = fresh_venv(venv, "--no-cache-dir", "--constraint", REQUIREMENTS, "--requirement", SB3, "pytest", "hypothesis", "mypy", wheel)
+    run(python, "-m", "mypy", cwd=ROOT / "python")
+    tests = [ROOT / "python" / "tests" / name for name in ("test_sb3.py", "test_examples.py")]
+    run(python, "-m", "pytest", "-q", "-p", "no:cacheprovider", "--import-mode=append", *tests, cwd=ROOT / "target")
+    shutil.rmtree(venv)
+
+
+def wheel():
+    """Needs nothing but maturin, which runs on every Python that the wheel is for."""
+    venv = ROOT / "target" / "venv-wheel"
+    maturin = next(line for line in REQUIREMENTS.read_text().splitlines() if line.startswith("maturin=="))
+    python = fresh_venv(venv, maturin)
+    print(f"wheel: {build(ROOT / 'target' / 'wheels', '--release', python=python)}")
+
+
 def main():
     what = sys.argv[1:]
-    if what not in (["wheel"], ["test"]):
-        sys.exit(__doc__)
-    make_venv()
-    if what == ["test"]:
-        test()
+    if what == ["wheel"]:
+        wheel()
+    elif what in (["test"], ["sb3"]):
+        make_venv()
+        test() if what == ["test"] else test_sb3()
     else:
-        print(f"wheel: {build(ROOT / 'target' / 'wheels', '--release')}")
+        sys.exit(__doc__)
 
 
 if __name__ == "__main__":

@@ -21,7 +21,7 @@ def test_random_shooting_plans_with_states():
 
 
 def test_sbx_trains_through_the_adapter(short_song, tmp_path):
-    # Not installed for the tests: PyTorch and JAX take six gigabytes. docs/python.md has the command.
+    # `make test-sb3` has it.
     pytest.importorskip("sbx")
     said = run("sbx_droq.py", short_song, "--steps", 6000, "--envs", 4, "--every", 2000, "--curve", tmp_path / "curve.csv")
     assert "best F1" in said
