@@ -6,7 +6,8 @@ Twinkle.
 
 Run it by a Python that has the wheel (`make wheel`), beside `target/release/examples/steps`
 (`cargo build --release -p etude-task --example steps`), which does the same in Rust: the same
-actions, environments and threads, episodes that begin anew at once. The medians of the rounds, and their ratio, are printed as JSON.
+actions, environments and threads, episodes that begin anew at once. The medians of the rounds, and the median of the
+rounds' ratios, are printed as JSON.
 """
 
 import argparse

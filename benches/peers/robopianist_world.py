@@ -10,6 +10,7 @@ os.environ["MUJOCO_GL"] = "off"
 for name in ["fluidsynth", "pyaudio"]:
     sys.modules[name] = types.ModuleType(name)
 
+import mujoco
 import robopianist
 from mujoco_utils import composer_utils
 from robopianist import music
@@ -18,6 +19,8 @@ from robopianist.suite.tasks.piano_with_one_shadow_hand import PianoWithOneShado
 from robopianist.suite.tasks.piano_with_shadow_hands import PianoWithShadowHands
 
 VERSION = robopianist.__version__
+# With SBX beside it another MuJoCo is installed too.
+assert mujoco.__version__ == "3.3.7", mujoco.__version__
 
 
 def environment(hands):

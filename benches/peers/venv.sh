@@ -1,20 +1,19 @@
 # Sourced by the peers' scripts: `peer_venv NAME PACKAGE...` sets $venv to a throw-away virtual environment with these
-# packages, made once. PEERS_VENV names another folder for it. An installation that was broken off is begun again.
+# packages, made once for each list of them, in /tmp or the folder PEERS_VENV. One that was broken off is begun again.
 peer_venv() {
-    venv=${PEERS_VENV:-/tmp/venv-peers-$1}
+    venv=${PEERS_VENV:-/tmp}/venv-peers-$1
     shift
-    if [ ! -x "$venv/bin/python" ] || [ -e "$venv/unfinished" ]; then
+    if [ ! -x "$venv/bin/python" ] || [ "$(cat "$venv/packages" 2>&1)" != "$*" ]; then
         python3 -m venv --clear "$venv"
-        touch "$venv/unfinished"
         "$venv/bin/python" -m pip install --quiet --disable-pip-version-check "$@"
-        rm "$venv/unfinished"
+        echo "$*" > "$venv/packages"
     fi
 }
 
-# Stable-Baselines3 in JAX, and what the worlds need that it learns in.
+# Stable-Baselines3 in JAX, and what Étude's wheel needs.
 sbx_venv() {
-    peer_venv sbx sbx-rl==0.28.0 stable_baselines3==2.9.2 jax==0.10.2 jaxlib==0.10.2 flax==0.12.8 torch==2.15.0 \
-        gymnasium==1.4.0 numpy==2.4.6 mujoco==3.17.0
+    # shellcheck disable=SC2046  # A word a package.
+    peer_venv sbx $(grep -v '^#' "$here/../../scripts/sb3-requirements.txt") mujoco==3.17.0 safetensors==0.8.0
 }
 
 # RoboPianist, without its dependencies: two of them only make sound and need system libraries (portaudio, fluidsynth).
