@@ -1,22 +1,10 @@
-//! What the tests share: poses over keys, random but shrinkable ways to move, and a replica of the world that is built
-//! only from public parts.
-//!
-//! The replica matters: it is the exported model in plain MuJoCo, driven by the public controllers. Where it and
-//! [`World`] agree bit for bit, nothing hidden happens in `World::step`, and what holds for its torques and positions
-//! at each *physics* step (which `World` does not show) holds for the world.
+//! What the tests share: poses over keys, and random but shrinkable ways to move.
 
-use etude_stage::controller::{Controller, Gains};
 use etude_stage::geometry::{HALF_WIDTH, KeyShape};
 use etude_stage::hand::{FINGER_JOINTS, TIP_RADIUS, root_lateral};
 use etude_stage::params::{Joint, World as Quantity};
-use etude_stage::{
-    FINGERS, JOINTS, PHYSICS_STEPS, PhysicalParams, RAIL, StageConfig, World, joint_range, kinematics, mjcf,
-};
-use mujoco_rs::prelude::{MjData, MjModel, MjtObjBase};
+use etude_stage::{FINGERS, JOINTS, PhysicalParams, RAIL, StageConfig, World, joint_range, kinematics};
 use proptest::prelude::*;
-
-/// Physics step, s (design: 200 Hz).
-pub const STEP_SECS: f64 = 0.005;
 
 /// A nominal world of the default kind.
 pub fn nominal() -> World {
@@ -126,88 +114,4 @@ pub fn config() -> impl Strategy<Value = StageConfig> {
         fences,
         actuation,
     })
-}
-
-/// The exported model in plain MuJoCo, driven by the public controllers.
-pub struct Replica {
-    /// The data of the model.
-    pub data: MjData<Box<MjModel>>,
-    dofs: [usize; JOINTS],
-    gains: [Gains; JOINTS],
-    controllers: [Controller; JOINTS],
-}
-
-impl Replica {
-    /// A replica of `world` in its starting pose; `edit` may change the text of the model.
-    pub fn of(world: &World, edit: impl FnOnce(String) -> String) -> Self {
-        let model = MjModel::from_xml_string(&edit(mjcf(world.config(), world.params()))).unwrap();
-        let dofs = std::array::from_fn(|joint| {
-            model.name_to_id(MjtObjBase::mjOBJ_JOINT, etude_stage::JOINT_NAMES[joint]).unwrap()
-        });
-        let mut data = MjData::try_new(Box::new(model)).unwrap();
-        let actuation = world.config().actuation;
-        let gains = std::array::from_fn(|joint| Gains::new(world.params(), joint, actuation, STEP_SECS));
-        let readings = world.start_pose();
-        for (joint, dof) in dofs.into_iter().enumerate() {
-            let bias = world.params().joint(Joint::EncoderBias, joint);
-            data.qpos_mut()[dof] = readings[joint] - bias;
-        }
-        data.forward();
-        Self { data, dofs, gains, controllers: readings.map(Controller::at_rest) }
-    }
-
-    /// The torques that the controllers ask for now. Advances the controllers.
-    pub fn torques(&mut self, targets: &[f64; JOINTS]) -> [f64; JOINTS] {
-        std::array::from_fn(|joint| {
-            let dof = self.dofs[joint];
-            let [low, high] = joint_range(joint);
-            let (position, velocity) = (self.data.qpos()[dof], self.data.qvel()[dof]);
-            let gains = &self.gains[joint];
-            self.controllers[joint].torque(
-                gains,
-                targets[joint].clamp(low, high),
-                gains.measured(position),
-                velocity,
-            )
-        })
-    }
-
-    /// One physics step under these torques.
-    pub fn physics_step(&mut self, torques: &[f64; JOINTS]) {
-        self.data.ctrl_mut().copy_from_slice(torques);
-        self.data.step();
-    }
-
-    /// Plays all targets and keeps torques and positions of each physics step.
-    pub fn record(&mut self, targets: &[[f64; JOINTS]]) -> Vec<Moment> {
-        let mut moments = Vec::with_capacity(targets.len() * PHYSICS_STEPS);
-        for targets in targets {
-            for _ in 0..PHYSICS_STEPS {
-                let torques = self.torques(targets);
-                self.physics_step(&torques);
-                moments.push(Moment { torques, positions: self.data.qpos().to_vec() });
-            }
-        }
-        moments
-    }
-
-    /// Degree of freedom of the joint called `name`.
-    pub fn dof(&self, name: &str) -> usize {
-        self.data.model().name_to_id(MjtObjBase::mjOBJ_JOINT, name).unwrap()
-    }
-
-    /// Kinetic energy and the energy of the springs, J.
-    pub fn energy(&mut self) -> f64 {
-        self.data.energy_pos();
-        self.data.energy_vel();
-        self.data.energy().iter().sum()
-    }
-}
-
-/// One physics step of a recording.
-pub struct Moment {
-    /// Torques in joint order.
-    pub torques: [f64; JOINTS],
-    /// All positions of the model after the step.
-    pub positions: Vec<f64>,
 }

@@ -3,7 +3,8 @@
 use etude_stage::{JOINT_NAMES, JOINTS};
 use proptest::prelude::*;
 
-use crate::bench::{self, Replica, STEP_SECS};
+use crate::bench;
+use crate::replica::{Replica, STEP_SECS};
 
 /// Energy after each physics step of a second without torque.
 fn fade(replica: &mut Replica, secs: f64) -> Vec<f64> {

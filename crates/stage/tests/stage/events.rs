@@ -5,7 +5,8 @@ use etude_stage::geometry::KeyShape;
 use etude_stage::{JOINTS, PHYSICS_STEPS, PhysicalParams, RAIL, StageConfig, World};
 use proptest::prelude::*;
 
-use crate::bench::{self, Replica, STEP_SECS, all_targets, over};
+use crate::bench::{self, all_targets, over};
+use crate::replica::{Replica, STEP_SECS};
 
 /// Keys past the threshold in a replica.
 fn down(replica: &Replica, dofs: &[usize], threshold: f64) -> KeySet {

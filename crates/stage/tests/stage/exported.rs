@@ -8,7 +8,8 @@ use std::path::Path;
 use etude_stage::{Actuation, JOINTS, PhysicalParams, Side, StageConfig, World, mjcf};
 use proptest::prelude::*;
 
-use crate::bench::{self, Gesture, Moment, Replica, all_targets, over};
+use crate::bench::{self, Gesture, all_targets, over};
+use crate::replica::{Moment, Replica};
 
 /// Environment variable that names a Python with the stock `mujoco` package; `make test` sets it.
 const PYTHON: &str = "ETUDE_PYTHON";

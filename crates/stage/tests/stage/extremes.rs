@@ -19,7 +19,8 @@ use etude_stage::params::{Joint, World as Quantity};
 use etude_stage::{Actuation, JOINTS, PhysicalParams, RAIL, StageConfig, World, joint_range};
 use proptest::prelude::*;
 
-use crate::bench::{self, STEP_SECS};
+use crate::bench;
+use crate::replica::STEP_SECS;
 
 /// Share of the stiffness at which the lightest key would lose stability. Half, since fingers touch keys.
 const KEY_SHARE: f64 = 0.5;

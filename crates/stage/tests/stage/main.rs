@@ -10,6 +10,7 @@ mod extremes;
 mod moving;
 mod parameters;
 mod playing;
+mod replica;
 mod resting;
 mod slipping;
 mod snapshots;

@@ -6,7 +6,8 @@ use etude_stage::geometry::KeyShape;
 use etude_stage::{Actuation, PhysicalParams, StageConfig, World};
 use proptest::prelude::*;
 
-use crate::bench::{self, Replica, all_targets, over};
+use crate::bench::{self, all_targets, over};
+use crate::replica::{Moment, Replica};
 
 fn asleep(world: &World) -> usize {
     world.data().tree_asleep().iter().filter(|tree| **tree >= 0).count()
@@ -51,10 +52,10 @@ fn a_key_wakes_for_a_touch_and_sleeps_again() {
 }
 
 /// Frames of a recording: which keys are past half their travel after each control step.
-fn frames(world: &World, replica: &Replica, moments: &[bench::Moment]) -> Vec<u64> {
+fn frames(world: &World, replica: &Replica, moments: &[Moment]) -> Vec<u64> {
     let dofs: Vec<usize> = (0..KEYS).map(|key| replica.dof(&format!("key_{key}"))).collect();
     let threshold = world.params().get("key.threshold").unwrap();
-    let pressed = |moment: &bench::Moment| {
+    let pressed = |moment: &Moment| {
         (0..KEYS)
             .filter(|key| moment.positions[dofs[*key]] >= threshold * KeyShape::of(*key).max_angle())
             .fold(0, |keys, key| keys | 1 << key)
@@ -84,7 +85,7 @@ proptest! {
             let positions = awake.data.qpos().to_vec();
             let apart = positions.iter().zip(&moment.positions).map(|(a, b)| (a - b).abs());
             worst = worst.max(apart.fold(0.0, f64::max));
-            others.push(bench::Moment { torques: moment.torques, positions });
+            others.push(Moment { torques: moment.torques, positions });
         }
         println!("largest difference of a position with and without sleep: {worst:.3e}");
         prop_assert_eq!(frames(&world, &sleepy, &moments), frames(&world, &awake, &others));

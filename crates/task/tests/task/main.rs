@@ -3,7 +3,10 @@
 
 mod assignment;
 mod bench;
+mod model_choices;
 mod performances;
 mod randomisation;
+#[path = "../../../stage/tests/stage/replica.rs"]
+mod replica;
 mod saved;
 mod vectors;

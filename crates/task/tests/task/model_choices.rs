@@ -1,0 +1,212 @@
+//! What the choices that make the engine fast do to the music, and what some that were not made would: the shipped policies
+//! play in plain MuJoCo on the exported model, once as it is and once without each choice. `--nocapture` prints the table of
+//! `docs/physics.md`.
+
+use std::path::Path;
+use std::time::Instant;
+
+use etude_learn::Policy;
+use etude_music::metrics::frame_scores;
+use etude_music::{KEYS, KeySet, repertoire};
+use etude_stage::geometry::KeyShape;
+use etude_stage::{JOINTS, World};
+use etude_task::{ACTION_LEN, Piece, TargetRange, TaskConfig, layout, observe, rehearse};
+
+use crate::replica::{Moment, Replica};
+
+/// Another model than ours.
+struct Change {
+    name: &'static str,
+    /// Whether it undoes a choice of ours; else it is one that was not made.
+    undoes: bool,
+    edit: fn(String) -> String,
+}
+
+const fn change(name: &'static str, undoes: bool, edit: fn(String) -> String) -> Change {
+    Change { name, undoes, edit }
+}
+
+const CHANGES: [Change; 8] = [
+    change("keys never sleep", true, |xml| swap(xml, r#"<flag sleep="enable"/>"#, "")),
+    change("gravity, compensated in the hand", true, gravity),
+    change("keys rest on their upper stop", true, |xml| swap(xml, r#"range="-0.01 "#, r#"range="0 "#)),
+    change("all of the hand may touch itself and the keys", true, open_masks),
+    change("solver to 1e-14 in 1,000 iterations", true, |xml| {
+        option(xml, r#"iterations="1000" ls_iterations="1000" ls_tolerance="1e-6" tolerance="1e-14""#)
+    }),
+    change("solver to 1e-6", false, |xml| option(xml, r#"tolerance="1e-6""#)),
+    change("impratio 1", false, |xml| swap(xml, r#"impratio="10""#, r#"impratio="1""#)),
+    change("pyramidal cone", false, |xml| swap(xml, r#"cone="elliptic""#, r#"cone="pyramidal""#)),
+];
+
+fn swap(xml: String, from: &str, to: &str) -> String {
+    assert!(xml.contains(from), "{from}");
+    xml.replace(from, to)
+}
+
+fn option(xml: String, attributes: &str) -> String {
+    swap(xml, "<option ", &format!("<option {attributes} "))
+}
+
+/// The model's text up to the hand, and from there.
+fn at_hand(xml: &str) -> (String, String) {
+    let (rest, hand) = xml.split_at(xml.find(r#"<body name="palm""#).unwrap());
+    (rest.to_owned(), hand.to_owned())
+}
+
+/// Gravity; the hand's bodies float, and the springs of the keys hold them where they rest without it.
+fn gravity(xml: String) -> String {
+    let (mut keys, hand) = at_hand(&swap(xml, r#"gravity="0 0 0""#, r#"gravity="0 0 -9.81""#));
+    for key in 0..KEYS {
+        let shape = KeyShape::of(key);
+        let stiffness = 1.0;
+        let rest = -shape.mass * 9.81 * shape.size[0] / 2.0 / stiffness;
+        let joint = format!(r#"<joint name="key_{key}" "#);
+        keys = swap(keys, &joint, &format!(r#"{joint}springref="{rest}" "#));
+    }
+    keys + &swap(hand, "<body name=", r#"<body gravcomp="1" name="#)
+}
+
+/// Every part of the hand tests contacts with every other and with the keyboard.
+fn open_masks(xml: String) -> String {
+    let (keys, mut hand) = at_hand(&xml);
+    for closed in [
+        r#"class="visual""#,
+        r#"contype="2" conaffinity="0""#,
+        r#"contype="0" conaffinity="2""#,
+        r#"contype="3" conaffinity="0""#,
+        r#"contype="1" conaffinity="2""#,
+    ] {
+        hand = swap(hand, closed, r#"contype="3" conaffinity="2""#);
+    }
+    keys + &hand
+}
+
+/// A shipped policy and what it plays.
+struct Player {
+    policy: Policy,
+    config: TaskConfig,
+    piece: Piece,
+}
+
+impl Player {
+    fn shipped(song: &str) -> Self {
+        let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../policies");
+        let policy = Policy::load(&folder.join(format!("{song}.safetensors"))).unwrap();
+        let config = &policy.header().notes["training"]["config"]["task"];
+        let config: TaskConfig = serde_json::from_value(config.clone()).unwrap();
+        let piece = Piece::new(&repertoire::get(song).unwrap(), config.initial_silence_secs).unwrap();
+        Self { policy, config, piece }
+    }
+
+    fn act(&mut self, observation: &[f32]) -> [f32; ACTION_LEN] {
+        let mut action = [0.0; ACTION_LEN];
+        self.policy.act(observation, &mut action);
+        action
+    }
+
+    /// Keys pressed at the end of each control step in the environment.
+    fn play(&mut self) -> Vec<KeySet> {
+        let (config, piece) = (self.config.clone(), self.piece.clone());
+        let mut act = |_: &_, observation: &[f32], action: &mut _| *action = self.act(observation);
+        rehearse(&config, &piece, 0, &mut act, &mut |_, _, _| ()).unwrap().pressed
+    }
+
+    /// The same in a replica, and what moved on the way.
+    fn play_on(&mut self, replica: &mut Replica) -> (Vec<KeySet>, Vec<Moment>) {
+        let range = TargetRange::new(&self.piece);
+        let dofs: [usize; JOINTS] = std::array::from_fn(|joint| replica.dof(etude_stage::JOINT_NAMES[joint]));
+        let readings = |replica: &Replica| dofs.map(|dof| replica.data.qpos()[dof]);
+        let keys: [usize; KEYS] = std::array::from_fn(|key| replica.dof(&format!("key_{key}")));
+        let mut observation = vec![0.0; layout(&self.config).len()];
+        let (mut pressed, mut moments) = (Vec::new(), Vec::new());
+        let (mut now, mut previous) = (KeySet::EMPTY, readings(replica));
+        for step in 0..self.piece.steps() {
+            let joints = readings(replica);
+            observe(&self.config, &joints, &previous, now, &self.piece, step, &mut observation);
+            previous = joints;
+            let targets = range.targets(&self.act(&observation));
+            moments.extend(replica.record(&[targets]));
+            let angles = replica.data.qpos();
+            now = KeySet::EMPTY;
+            (0..KEYS).filter(|key| angles[keys[*key]] >= 0.5 * KeyShape::of(*key).max_angle()).for_each(
+                |key| {
+                    now.insert(key);
+                },
+            );
+            pressed.push(now);
+        }
+        (pressed, moments)
+    }
+}
+
+/// Root mean squares of the differences of finger joints (rad) and of the rail (m) between two performances.
+fn apart(replica: &Replica, a: &[Moment], b: &[Moment]) -> [f64; 2] {
+    let (rail, fingers) = etude_stage::JOINT_NAMES.split_last().unwrap();
+    [fingers, std::slice::from_ref(rail)].map(|names| {
+        let dofs: Vec<usize> = names.iter().map(|name| replica.dof(name)).collect();
+        let squares = a
+            .iter()
+            .zip(b)
+            .flat_map(|(a, b)| dofs.iter().map(|&dof| (a.positions[dof] - b.positions[dof]).powi(2)));
+        (squares.sum::<f64>() / (a.len() * dofs.len()) as f64).sqrt()
+    })
+}
+
+/// What became of one song in one changed model.
+struct Row {
+    change: usize,
+    /// F1 less that in the model as it is.
+    f1: f64,
+    /// Share of the control steps in which the same keys sound.
+    alike: f64,
+    /// As [`apart`] has them.
+    apart: [f64; 2],
+    /// Time that it took, as a multiple of that in the model as it is.
+    time: f64,
+}
+
+#[test]
+fn what_makes_the_engine_fast_does_not_change_what_policies_play() {
+    let mut rows = Vec::new();
+    for song in repertoire::ids() {
+        let mut player = Player::shipped(song);
+        let world = World::new(&player.config.stage, &player.config.params().unwrap()).unwrap();
+        let mut timed = |edit: fn(String) -> String| {
+            let mut replica = Replica::of(&world, edit);
+            let begin = Instant::now();
+            let (frames, moments) = player.play_on(&mut replica);
+            (frames, moments, replica, begin.elapsed().as_secs_f64())
+        };
+        let (frames, moments, _, secs) = timed(|xml| xml);
+        let played: Vec<_> = (0..CHANGES.len()).map(|change| timed(CHANGES[change].edit)).collect();
+        assert_eq!(frames, player.play(), "{song}: plain MuJoCo and the environment play alike");
+        let score = |pressed: &[KeySet]| frame_scores(player.piece.frames(), pressed).f1;
+        for (change, (others, other_moments, replica, other_secs)) in played.iter().enumerate() {
+            let alike = frames.iter().zip(others).filter(|(a, b)| a == b).count();
+            rows.push(Row {
+                change,
+                f1: score(others) - score(&frames),
+                alike: alike as f64 / frames.len() as f64,
+                apart: apart(replica, &moments, other_moments),
+                time: other_secs / secs,
+            });
+        }
+    }
+    for (change, Change { name, undoes, .. }) in CHANGES.into_iter().enumerate() {
+        let of_change = || rows.iter().filter(|row| row.change == change);
+        let mean = |value: fn(&Row) -> f64| of_change().map(value).sum::<f64>() / of_change().count() as f64;
+        let most = |value: fn(&Row) -> f64| of_change().map(value).fold(0.0, f64::max);
+        println!(
+            "| {name} | {:+.4} | {:.4} | {:.1} % | {:.1e} | {:.1e} | {:.2} |",
+            mean(|row| row.f1),
+            most(|row| row.f1.abs()),
+            100.0 * mean(|row| row.alike),
+            most(|row| row.apart[0]),
+            most(|row| row.apart[1]),
+            mean(|row| row.time),
+        );
+        // On another processor a contact may fall the other way: hence not as close as it is on one.
+        assert!(!undoes || most(|row| row.f1.abs()) < 0.02, "{name}");
+    }
+}
