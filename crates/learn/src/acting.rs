@@ -76,7 +76,7 @@ impl Acting {
     ) {
         let (len, n) = (self.layout().len(), self.action_len);
         assert!(
-            observations.len() * n == actions.len() * len,
+            observations.len().is_multiple_of(len) && observations.len() * n == actions.len() * len,
             "observations and actions must have equally many rows"
         );
         let capacity = self.inputs.capacity();

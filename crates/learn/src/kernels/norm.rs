@@ -51,11 +51,44 @@ pub(crate) struct NormBackward<'a> {
     pub shift_gradient: &'a mut [f32],
 }
 
+/// `gelu(scale * normalise(dropout(values + bias)) + shift)`.
+pub(crate) fn norm_forward(arguments: NormForward<'_>) {
+    let NormForward { values, bias, scale, shift, drops, keep_scale, normalised, slope, inverse_deviation } =
+        arguments;
+    forward(values, bias, scale, shift, drops, keep_scale, normalised, slope, inverse_deviation);
+}
+
+/// The gradient of [`norm_forward`].
+pub(crate) fn norm_backward(arguments: NormBackward<'_>) {
+    let NormBackward {
+        error,
+        scale,
+        drops,
+        keep_scale,
+        normalised,
+        slope,
+        inverse_deviation,
+        bias_gradient,
+        scale_gradient,
+        shift_gradient,
+    } = arguments;
+    let [bias, scales, shifts] = [bias_gradient, scale_gradient, shift_gradient];
+    backward(error, scale, drops, keep_scale, normalised, slope, inverse_deviation, bias, scales, shifts);
+}
+
+// The kernels take slices and not the structs: only of arguments does the compiler know that they do not overlap.
 kernel! {
-    /// `gelu(scale * normalise(dropout(values + bias)) + shift)`.
-    fn norm_forward(arguments: NormForward<'_>) {
-        let NormForward { values, bias, scale, shift, drops, keep_scale, normalised, slope, inverse_deviation } =
-            arguments;
+    fn forward(
+        values: &mut [f32],
+        bias: &[f32],
+        scale: &[f32],
+        shift: &[f32],
+        drops: &[u32],
+        keep_scale: f32,
+        normalised: &mut [f32],
+        slope: &mut [f32],
+        inverse_deviation: &mut [f32],
+    ) {
         let width = bias.len();
         let (scale, shift) = (&scale[..width], &shift[..width]);
         let per_width = 1.0 / width as f32;
@@ -92,20 +125,18 @@ kernel! {
 }
 
 kernel! {
-    /// The gradient of [`norm_forward`].
-    fn norm_backward(arguments: NormBackward<'_>) {
-        let NormBackward {
-            error,
-            scale,
-            drops,
-            keep_scale,
-            normalised,
-            slope,
-            inverse_deviation,
-            bias_gradient,
-            scale_gradient,
-            shift_gradient,
-        } = arguments;
+    fn backward(
+        error: &mut [f32],
+        scale: &[f32],
+        drops: &[u32],
+        keep_scale: f32,
+        normalised: &[f32],
+        slope: &[f32],
+        inverse_deviation: &[f32],
+        bias_gradient: &mut [f32],
+        scale_gradient: &mut [f32],
+        shift_gradient: &mut [f32],
+    ) {
         let width = scale.len();
         let per_width = 1.0 / width as f32;
         let with_parameters = !bias_gradient.is_empty();

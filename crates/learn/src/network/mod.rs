@@ -1,7 +1,7 @@
 //! Multi-layer networks: actor (GELU) and critics (dropout, LayerNorm, GELU), forward and backward.
 //!
-//! A network is a [`Shape`], a flat parameter buffer and a [`Workspace`]; nothing is allocated once the
-//! workspace exists.
+//! A network is a [`Shape`], a flat parameter buffer and a [`Workspace`], which has room for everything but what the `gemm`
+//! crate packs.
 
 mod backward;
 mod forward;

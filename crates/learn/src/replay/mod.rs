@@ -109,6 +109,13 @@ impl Replay {
         }
     }
 
+    /// Whether the system would give the memory of such a replay. It is asked for in three pieces, of which none may fail.
+    pub(crate) fn fits(layout: ObservationLayout, action_len: usize, capacity: usize) -> bool {
+        let transition = 4 * (2 * layout.real + action_len + 1) + 8 * 2 * layout.words() + 1;
+        let bytes = capacity.checked_mul(transition);
+        bytes.is_some_and(|bytes| Vec::<u8>::new().try_reserve_exact(bytes).is_ok())
+    }
+
     /// Number of transitions held.
     pub(crate) fn len(&self) -> usize {
         self.total.min(self.capacity as u64) as usize

@@ -152,13 +152,17 @@ impl Store {
         self.remove_all_but(&header.segments)
     }
 
+    /// Removes the other segments, and what interrupted saves left of them. What cannot be removed now can after the next
+    /// checkpoint; it belongs to none.
     fn remove_all_but(&self, segments: &[Segment]) -> Result<(), FileError> {
         let folder = self.replay_folder();
         let kept: Vec<String> = segments.iter().map(Segment::file_name).collect();
         for entry in fs::read_dir(&folder).map_err(FileError::io("read", &folder))? {
             let entry = entry.map_err(FileError::io("read", &folder))?;
-            if !kept.iter().any(|name| entry.file_name() == name.as_str()) {
-                fs::remove_file(entry.path()).map_err(FileError::io("remove", &entry.path()))?;
+            let name = entry.file_name().to_string_lossy().into_owned();
+            let ours = name.ends_with(".replay") || name.ends_with(".replay.tmp");
+            if ours && !kept.contains(&name) {
+                let _ = fs::remove_file(entry.path());
             }
         }
         sync_folder(&folder)

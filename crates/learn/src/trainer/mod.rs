@@ -218,6 +218,11 @@ impl Trainer {
             let rule = "this environment has no demonstrator";
             return Err(ConfigError { field: "trainer.demonstration_share", value, rule }.into());
         }
+        if !Replay::fits(layout, action_len, droq_config.replay_capacity) {
+            let value = droq_config.replay_capacity.to_string();
+            let rule = "the memory of this machine does not hold as many transitions";
+            return Err(ConfigError { field: "droq.replay_capacity", value, rule }.into());
+        }
         let term_names = environment.reward_term_names();
         let pool = thread_pool(config.threads)?;
         let (metrics, before) = Metrics::open(folder, mark)?;

@@ -96,6 +96,25 @@ fn threads_and_overlap_change_nothing() {
 }
 
 #[test]
+fn what_lies_among_the_replay_segments_does_no_harm_and_comes_to_none() {
+    let folder = tempfile::tempdir().unwrap();
+    let replay = folder.path().join("checkpoints/replay");
+    fs::create_dir_all(replay.join("cannot-be-removed.replay/as-a-file")).unwrap();
+    fs::write(replay.join("notes.txt"), "mine").unwrap();
+    let small = DroqConfig { replay_capacity: 300, ..droq() };
+    Trainer::start(folder.path(), &small, &config(1_200), parts()).unwrap().run(&mut ()).unwrap();
+    assert_eq!(fs::read(replay.join("notes.txt")).unwrap(), b"mine");
+    assert!(Trainer::resume(folder.path(), &small, &config(1_600), parts()).is_ok());
+}
+
+#[test]
+fn a_replay_larger_than_any_memory_is_refused_by_name() {
+    let layout = parts().environment.layout();
+    assert!(crate::replay::Replay::fits(layout, 1, 1_000));
+    assert!(!crate::replay::Replay::fits(layout, 1, usize::MAX / 64));
+}
+
+#[test]
 fn a_kill_at_any_write_leaves_a_checkpoint_that_resumes() {
     // Rebuilds every state that the folder can be in between two checkpoints, from copies of both.
     let small = DroqConfig { replay_capacity: 300, ..droq() };
