@@ -240,6 +240,53 @@ mod tests {
         assert_eq!(resolve("paper", None, &[]).unwrap(), RunConfig::default());
     }
 
+    /// All values of the learner in the preset `paper`, word for word: the paper's where it prints one, else those of the code
+    /// in whose line it stands (fact sheet "simulation and learning" §1.10). Whoever changes a default must mean it.
+    #[test]
+    fn the_preset_paper_is_the_published_algorithm() {
+        let published: toml::Table = toml::from_str(
+            r#"
+            [droq]
+            hidden = [128, 128, 128] # paper
+            arithmetic = "f32"
+            dropout = 0.01
+            batch = 256
+            replay_capacity = 1_000_000
+            discount = 0.8
+            n_step = 1
+            polyak = 0.005
+            policy_polyak = 1.0
+            actor_learning_rate = 3e-4
+            critic_learning_rate = 3e-4
+            temperature_learning_rate = 3e-4
+            initial_temperature = 1.0
+            target_entropy_per_action = -0.5
+            log_std_bounds = [-20.0, 2.0]
+
+            [trainer]
+            seed = 0
+            total_steps = 3_000_000 # paper
+            num_envs = 1
+            updates_per_round = 1
+            warmup_steps = 5_000
+            demonstration_share = 0.0
+            demonstration_noise = 0.03
+            log_every_steps = 2_000
+            evaluate_every_steps = 10_000
+            checkpoint_every_steps = 50_000
+            threads = 0
+            overlap = true
+            "#,
+        )
+        .unwrap();
+        let config = toml::Table::try_from(resolve("paper", None, &[]).unwrap()).unwrap();
+        assert_eq!(config["droq"], published["droq"]);
+        assert_eq!(config["trainer"], published["trainer"]);
+        let task = &config["task"];
+        assert_eq!(task["lookahead"].as_integer(), Some(5), "paper");
+        assert_eq!(task["previous_joints"].as_bool(), Some(true), "paper");
+    }
+
     #[test]
     fn later_layers_win_and_the_result_is_a_valid_file() {
         let folder = tempfile::tempdir().unwrap();

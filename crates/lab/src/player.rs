@@ -65,11 +65,10 @@ fn policy_folders() -> Vec<PathBuf> {
     folders
 }
 
-/// The policies that come with Étude for `slug`, and those of the runs in `runs` that learned it.
+/// The policies of the runs in `runs` that learned `slug`, and the one that comes with Étude.
 pub fn shipped_policies(slug: &str, runs: &Path) -> Vec<PathBuf> {
     let shipped = policy_folders().into_iter().map(|folder| folder.join(format!("{slug}.safetensors")));
-    let mut found: Vec<PathBuf> = shipped.filter(|path| path.is_file()).take(1).collect();
-    let mut own: Vec<PathBuf> = std::fs::read_dir(runs)
+    let mut found: Vec<PathBuf> = std::fs::read_dir(runs)
         .into_iter()
         .flatten()
         .flatten()
@@ -81,13 +80,13 @@ pub fn shipped_policies(slug: &str, runs: &Path) -> Vec<PathBuf> {
         })
         .filter_map(|entry| policy_in(&entry.path()))
         .collect();
-    own.sort();
-    found.extend(own);
+    found.sort();
+    found.extend(shipped.filter(|path| path.is_file()).take(1));
     found
 }
 
 /// Loads the policy at `path` (a policy file or a run's folder), or else the best usable one that there is for `slug`,
-/// the short form of the song that was `asked` for.
+/// the short form of the song that was `asked` for. Of equally good ones a run's is better than the one that was shipped.
 ///
 /// # Errors
 /// If there is none, or it cannot be used.
