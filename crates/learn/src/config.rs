@@ -76,15 +76,6 @@ pub struct DroqConfig {
     pub target_entropy_per_action: f64,
     /// Bounds of the logarithm of the policy's standard deviation, before squashing.
     pub log_std_bounds: [f64; 2],
-    /// Updates of the critics for each of the actor and the temperature. 1 is the paper's.
-    pub policy_delay: u64,
-    /// Whether the weights into every hidden unit of a critic are brought back to the length that they had at the start on
-    /// average, after each update.
-    pub weight_norm: bool,
-    /// Bins of a categorical critic; 0 for critics that say one value (the paper's).
-    pub bins: usize,
-    /// Centres of the first and the last bin.
-    pub bin_range: [f64; 2],
 }
 
 impl Default for DroqConfig {
@@ -105,10 +96,6 @@ impl Default for DroqConfig {
             initial_temperature: 1.0,
             target_entropy_per_action: -0.5,
             log_std_bounds: [-20.0, 2.0],
-            policy_delay: 1,
-            weight_norm: false,
-            bins: 0,
-            bin_range: [-3.0, 25.0],
         }
     }
 }
@@ -151,12 +138,6 @@ impl DroqConfig {
         require(temperature, "droq.initial_temperature", self.initial_temperature, rule)?;
         let entropy = self.target_entropy_per_action;
         require(entropy.is_finite(), "droq.target_entropy_per_action", entropy, "it must be finite")?;
-        require(self.policy_delay >= 1, "droq.policy_delay", self.policy_delay, "it must be at least 1")?;
-        let bins = self.bins == 0 || (3..=1001).contains(&self.bins);
-        require(bins, "droq.bins", self.bins, "it must be 0, or from 3 to 1001")?;
-        let [low, high] = self.bin_range;
-        let text = format!("{:?}", self.bin_range);
-        require(low < high, "droq.bin_range", text, "the two must ascend")?;
         let [low, high] = self.log_std_bounds;
         let bounds = low >= -40.0 && low < high && high <= 20.0;
         let rule = "the two bounds must ascend and lie within -40 and 20";

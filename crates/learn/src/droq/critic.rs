@@ -1,6 +1,6 @@
 //! One critic with its target, and the three passes that an update sends through it.
 
-use super::{categorical::Bins, draws::CriticDrops, learned::Learned};
+use super::{draws::CriticDrops, learned::Learned};
 use crate::{
     buffer::Buffer,
     config::DroqConfig,
@@ -23,7 +23,6 @@ impl Critic {
     /// Follows the sum of the shards' gradients, and lets the target follow.
     pub(crate) fn step<'a>(
         &mut self,
-        network: &Network,
         config: &DroqConfig,
         update: u64,
         gradients: impl Iterator<Item = &'a [f32]> + Clone,
@@ -32,9 +31,6 @@ impl Critic {
         let step = AdamStep::new(config.critic_learning_rate, update);
         let Learned { parameters, gradient, mean, square } = &mut self.learned;
         adam_polyak(step, config.polyak as f32, parameters, gradient, mean, square, &mut self.target);
-        if config.weight_norm {
-            network.normalise_weights(parameters);
-        }
     }
 }
 
@@ -46,12 +42,7 @@ pub(crate) struct CriticPasses {
     /// Rows of the whole batch, over which the losses are means.
     batch: usize,
     workspace: Workspace,
-    /// Of categorical critics.
-    bins: Option<Bins>,
-    /// `[rows, bins]` and `[rows]`: a pass's probabilities and their means.
-    probabilities: Vec<f32>,
-    values: Vec<f32>,
-    /// `[rows, bins]` or `[rows]`: gradient of the loss with respect to the values.
+    /// `[rows]`: gradient of the loss with respect to the values.
     value_error: Buffer,
     /// `[rows, action]`: gradient of the actor's loss with respect to the action.
     pub action_error: Buffer,
@@ -64,10 +55,7 @@ impl CriticPasses {
             dropout: config.dropout,
             batch: config.batch,
             workspace: network.workspace(rows, true, config.arithmetic),
-            bins: (config.bins > 0).then(|| Bins::new(config.bins, config.bin_range)),
-            probabilities: vec![0.0; rows * config.bins],
-            values: vec![0.0; rows],
-            value_error: Buffer::new(rows * config.bins.max(1)),
+            value_error: Buffer::new(rows),
             action_error: Buffer::new(rows * network.shape.extra),
         }
     }
@@ -76,48 +64,6 @@ impl CriticPasses {
     pub(crate) fn target_values(&mut self, critic: &Critic, inputs: &Inputs, drops: &CriticDrops) -> &[f32] {
         let Self { network, dropout, workspace, .. } = self;
         network.forward(&critic.target, inputs, &drops.target, *dropout, false, workspace)
-    }
-
-    /// A target critic's probabilities (`[rows, bins]`) and values (`[rows]`).
-    pub(crate) fn target_distribution(
-        &mut self,
-        critic: &Critic,
-        inputs: &Inputs,
-        drops: &CriticDrops,
-        bins: Bins,
-    ) -> (&[f32], &[f32]) {
-        let Self { network, dropout, workspace, probabilities, values, .. } = self;
-        let logits = network.forward(&critic.target, inputs, &drops.target, *dropout, false, workspace);
-        probabilities.copy_from_slice(logits);
-        bins.softmax(probabilities, values);
-        (probabilities, values)
-    }
-
-    /// As [`regress`](Self::regress), with the cross-entropy to `wanted` (`[rows, bins]`) for a loss; the first sum is its.
-    pub(crate) fn classify(
-        &mut self,
-        critic: &Critic,
-        inputs: &Inputs,
-        wanted: &[f32],
-        drops: &CriticDrops,
-        bins: Bins,
-        gradient: &mut [f32],
-    ) -> (f64, f64) {
-        let Self { network, dropout, batch, workspace, probabilities, values, value_error, .. } = self;
-        let parameters = &critic.learned.parameters;
-        let logits = network.forward(parameters, inputs, &drops.online, *dropout, true, workspace);
-        probabilities.copy_from_slice(logits);
-        bins.softmax(probabilities, values);
-        let per_value = 1.0 / (super::CRITICS * *batch) as f32;
-        let mut loss = 0.0;
-        for ((error, &probability), &wanted) in value_error.iter_mut().zip(&*probabilities).zip(wanted) {
-            *error = (probability - wanted) * per_value;
-            loss -= f64::from(wanted * probability.max(1e-30).ln());
-        }
-        let sum = values.iter().map(|&value| f64::from(value)).sum();
-        let wanted = Wanted::Parameters(gradient);
-        network.backward(parameters, inputs, &drops.online, *dropout, value_error, wanted, workspace);
-        (loss, sum)
     }
 
     /// Writes the gradient of the critic loss, the mean over the batch and both critics of `(Q - wanted)²`. Returns this
@@ -150,32 +96,11 @@ impl CriticPasses {
     /// Leaves the gradient of `-mean over the batch and critics of Q` with respect to the policy's actions in
     /// `action_error`. Returns the sum of Q over rows.
     pub(crate) fn judge(&mut self, critic: &Critic, inputs: &Inputs, drops: &CriticDrops) -> f64 {
-        let Self {
-            network,
-            dropout,
-            batch,
-            workspace,
-            bins,
-            probabilities,
-            values: means,
-            value_error,
-            action_error,
-        } = self;
+        let Self { network, dropout, batch, workspace, value_error, action_error } = self;
         let parameters = &critic.learned.parameters;
         let values = network.forward(parameters, inputs, &drops.actor, *dropout, true, workspace);
-        let weight = -1.0 / (super::CRITICS * *batch) as f32;
-        let sum = if let &mut Some(bins) = bins {
-            probabilities.copy_from_slice(values);
-            bins.softmax(probabilities, means);
-            let rows = value_error.chunks_exact_mut(bins.len).zip(probabilities.chunks_exact(bins.len));
-            for ((error, probabilities), &value) in rows.zip(&*means) {
-                bins.mean_gradient(probabilities, value, weight, error);
-            }
-            means.iter().map(|&value| f64::from(value)).sum()
-        } else {
-            value_error.fill(weight);
-            values.iter().map(|&value| f64::from(value)).sum()
-        };
+        let sum = values.iter().map(|&value| f64::from(value)).sum();
+        value_error.fill(-1.0 / (super::CRITICS * *batch) as f32);
         let wanted = Wanted::Extra(action_error);
         network.backward(parameters, inputs, &drops.actor, *dropout, value_error, wanted, workspace);
         sum

@@ -45,7 +45,7 @@ impl Knowledge {
             find_tensors(&network.plan, prefix, lookup, &mut buffer).map(|()| buffer)
         };
         let actor = Network::new(actor_shape(layout, action_len, hidden));
-        let critic = Network::new(critic_shape(layout, action_len, hidden, 0));
+        let critic = Network::new(critic_shape(layout, action_len, hidden));
         let judgement = Judgement {
             critics: [values(&critic, "critic0.parameters")?, values(&critic, "critic1.parameters")?],
             targets: [values(&critic, "critic0.target")?, values(&critic, "critic1.target")?],

@@ -6,7 +6,6 @@
 //! entropy. Dropout is active in all critic passes, the target's included. With `n_step` above 1 the reward is the discounted sum
 //! of several and the target that of the last of them; the entropy of the steps between is left out.
 
-mod categorical;
 mod critic;
 mod draws;
 mod gaussian;
@@ -82,9 +81,9 @@ pub(crate) fn actor_shape(layout: ObservationLayout, action_len: usize, hidden: 
     Shape { layout, extra: 0, hidden: hidden.to_vec(), outputs: 2 * action_len, normalised: false }
 }
 
-/// The form of a critic; `bins` is 0 for one that says one value.
-fn critic_shape(layout: ObservationLayout, action_len: usize, hidden: &[usize], bins: usize) -> Shape {
-    Shape { layout, extra: action_len, hidden: hidden.to_vec(), outputs: bins.max(1), normalised: true }
+/// The form of a critic.
+fn critic_shape(layout: ObservationLayout, action_len: usize, hidden: &[usize]) -> Shape {
+    Shape { layout, extra: action_len, hidden: hidden.to_vec(), outputs: 1, normalised: true }
 }
 
 impl Droq {
@@ -103,7 +102,7 @@ impl Droq {
         seed: u64,
     ) -> Self {
         let actor_network = Network::new(actor_shape(layout, action_len, &config.hidden));
-        let critic_network = Network::new(critic_shape(layout, action_len, &config.hidden, config.bins));
+        let critic_network = Network::new(critic_shape(layout, action_len, &config.hidden));
         let actor = actor_network.initialise(&mut Stream::new(seed, "init/actor"));
         let critics = ["init/critic-0", "init/critic-1"].map(|purpose| {
             Critic::new(&critic_network, critic_network.initialise(&mut Stream::new(seed, purpose)))

@@ -4,7 +4,6 @@
 //! in the order of the shards, so the bytes do not depend on who worked on which.
 
 use super::{
-    categorical::Bins,
     critic::{Critic, CriticPasses},
     draws::{CRITICS, Draws, ShardStreams},
     gaussian::Gaussian,
@@ -56,8 +55,6 @@ pub(super) struct Shard {
     policy: Gaussian,
     /// `[rows]`: what the critics shall say.
     wanted: Vec<f32>,
-    /// `[rows, bins]`: likewise, for categorical critics.
-    distributions: Vec<f32>,
     /// `[rows, 2 · action]`
     output_error: Vec<f32>,
     /// `[rows, action]`
@@ -84,7 +81,6 @@ impl Shard {
             critic: CriticPasses::new(critic_network, config, rows),
             policy: Gaussian::new(action_len, rows),
             wanted: vec![0.0; rows],
-            distributions: vec![0.0; rows * config.bins],
             output_error: vec![0.0; rows * 2 * action_len],
             action_error: vec![0.0; rows * action_len],
         }
@@ -104,9 +100,6 @@ impl Shard {
         let output = view.actor_network.forward(view.actor, &batch.next_observation, &[], 0.0, false, actor);
         policy.sample(output, &draws.next_noise, view.config.log_std_bounds);
         batch.next_observation.set_extra(policy.actions(wanted.len()));
-        if view.config.bins > 0 {
-            return self.fit_categorical(view);
-        }
         wanted.fill(f32::INFINITY);
         for (critic, drops) in view.critics.iter().zip(&draws.drops) {
             let values = passes.target_values(critic, &batch.next_observation, drops);
@@ -124,35 +117,6 @@ impl Shard {
         {
             let (squares, sum) = passes.regress(critic, &batch.observation, wanted, drops, gradient);
             self.sums.squares += squares;
-            self.sums.q += sum;
-        }
-    }
-
-    /// The rest of `fit_critics` for categorical critics: the target is that critic which says less.
-    fn fit_categorical(&mut self, view: &View<'_>) {
-        let Self { batch, draws, critic: passes, policy, wanted, distributions, .. } = self;
-        let bins = Bins::new(view.config.bins, view.config.bin_range);
-        wanted.fill(f32::INFINITY);
-        for (critic, drops) in view.critics.iter().zip(&draws.drops) {
-            let (probabilities, values) =
-                passes.target_distribution(critic, &batch.next_observation, drops, bins);
-            for (row, out) in distributions.chunks_exact_mut(bins.len).enumerate() {
-                if values[row] < wanted[row] {
-                    wanted[row] = values[row];
-                    let discount = batch.discount[row];
-                    let shift = batch.reward[row] - discount * view.temperature * policy.log_prob[row];
-                    bins.project(&probabilities[row * bins.len..][..bins.len], discount, shift, out);
-                }
-            }
-        }
-        batch.observation.set_extra(&batch.action);
-        (self.sums.squares, self.sums.q) = (0.0, 0.0);
-        for ((critic, drops), gradient) in
-            view.critics.iter().zip(&draws.drops).zip(&mut self.critic_gradients)
-        {
-            let (loss, sum) =
-                passes.classify(critic, &batch.observation, distributions, drops, bins, gradient);
-            self.sums.squares += loss;
             self.sums.q += sum;
         }
     }

@@ -22,17 +22,14 @@ impl Droq {
             shard.fit_critics(view);
         });
         self.step_critics(parallel);
-        let delayed = !self.updates.is_multiple_of(self.config.policy_delay);
-        if !delayed {
-            self.each_shard(parallel, |shard, view| shard.fit_actor(view));
-            self.step_actor();
-        }
+        self.each_shard(parallel, |shard, view| shard.fit_actor(view));
+        self.step_actor();
         let mean =
             |sum: fn(&Shard) -> f64| self.shards.iter().map(sum).sum::<f64>() / self.config.batch as f64;
         let (critic, q_mean) = (mean(|s| s.sums.squares), mean(|s| s.sums.q));
         let (actor, entropy) = (mean(|s| s.sums.actor), mean(|s| s.sums.entropy));
         let critics = CRITICS as f64;
-        let temperature = if delayed { 0.0 } else { self.update_temperature(entropy) };
+        let temperature = self.update_temperature(entropy);
         Losses { critic: critic / critics, actor, temperature, entropy, q_mean: q_mean / critics }
     }
 
@@ -53,10 +50,10 @@ impl Droq {
     }
 
     fn step_critics(&mut self, parallel: bool) {
-        let Self { critics: [first, second], critic_network, shards, config, updates, .. } = self;
+        let Self { critics: [first, second], shards, config, updates, .. } = self;
         let gradients = |index: usize| shards.iter().map(move |shard| &shard.critic_gradients[index][..]);
-        let mut first = || first.step(critic_network, config, *updates, gradients(0));
-        let mut second = || second.step(critic_network, config, *updates, gradients(1));
+        let mut first = || first.step(config, *updates, gradients(0));
+        let mut second = || second.step(config, *updates, gradients(1));
         if parallel {
             rayon::join(first, second);
         } else {
@@ -81,7 +78,7 @@ impl Droq {
     /// The optimiser's step of the actor or the temperature. While they are held its rate is zero, and their moments
     /// go on being counted.
     fn actor_step(&self, rate: f64) -> AdamStep {
-        AdamStep::new(if self.actor_held { 0.0 } else { rate }, self.updates / self.config.policy_delay)
+        AdamStep::new(if self.actor_held { 0.0 } else { rate }, self.updates)
     }
 
     /// Returns the temperature loss.

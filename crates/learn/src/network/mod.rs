@@ -77,22 +77,6 @@ impl Network {
         Self { shape, plan }
     }
 
-    /// Brings the weights into every hidden unit back to the length that fresh ones have on average.
-    pub(crate) fn normalise_weights(&self, parameters: &mut [f32]) {
-        for layer in &self.plan.layers {
-            let wanted = 2.0 * layer.inputs as f32 / (layer.inputs + layer.outputs) as f32;
-            let weight = &mut parameters[layer.weight.clone()];
-            let mut squares = vec![0.0f32; layer.outputs];
-            for row in weight.chunks_exact(layer.outputs) {
-                squares.iter_mut().zip(row).for_each(|(sum, value)| *sum += value * value);
-            }
-            squares.iter_mut().for_each(|sum| *sum = (wanted / sum.max(1e-12)).sqrt());
-            for row in weight.chunks_exact_mut(layer.outputs) {
-                row.iter_mut().zip(&squares).for_each(|(value, scale)| *value *= scale);
-            }
-        }
-    }
-
     pub(crate) fn parameters(&self) -> Buffer {
         Buffer::new(self.plan.len)
     }
