@@ -1,5 +1,6 @@
-"""Prints a Markdown table from the curves of a folder, whose files are called SONG-SEED.csv: learning_table.py FOLDER
+"""Prints a Markdown table of how well and how fast something was learned: learning_table.py FOLDER | COURSE.csv
 
+FOLDER holds curves called SONG-SEED.csv; COURSE.csv is that of `etude experiment report`, and its variants are told apart.
 Times are of the training that made the curve, start and evaluations included."""
 
 import collections
@@ -23,20 +24,30 @@ def seconds(times):
     return f"{statistics.mean(reached):.0f} s{missing}" if reached else "never"
 
 
+source = pathlib.Path(sys.argv[1])
 curves = collections.defaultdict(list)
-for path in sorted(pathlib.Path(sys.argv[1]).glob("*-*.csv")):
-    curves[path.stem.rsplit("-", 1)[0]].append(list(csv.DictReader(path.open())))
+if source.is_dir():
+    name = "song"
+    for path in sorted(source.glob("*-*.csv")):
+        curves[path.stem.rsplit("-", 1)[0]].append(list(csv.DictReader(path.open())))
+else:
+    name = "variant"
+    trainings = collections.defaultdict(list)
+    for row in csv.DictReader(source.open()):
+        trainings[row["variant"], row["song"], row["seed"]].append(row)
+    for (variant, _, _), rows in trainings.items():
+        curves[variant].append(sorted(rows, key=lambda row: int(row["step"])))
 
 goals = " | ".join(f"F1 {goal} after" for goal in GOALS)
-print(f"| song | seeds | best F1: mean (each) | last F1 | {goals} | steps | time |")
+print(f"| {name} | seeds | best F1: mean (each) | last F1 | {goals} | steps | time |")
 print("|---|---|---|---|" + "---|" * len(GOALS) + "---|---|")
 means = []
-for song, runs in curves.items():
+for what, runs in curves.items():
     best = [max(float(row["f1"]) for row in rows) for rows in runs]
     last = statistics.mean(float(rows[-1]["f1"]) for rows in runs)
     means.append(statistics.mean(best))
     cells = [
-        song,
+        what,
         len(runs),
         f"{means[-1]:.3f} ({', '.join(f'{f1:.3f}' for f1 in best)})",
         f"{last:.3f}",
@@ -45,4 +56,5 @@ for song, runs in curves.items():
         f"{statistics.mean(float(rows[-1]['secs']) for rows in runs):.0f} s",
     ]
     print("| " + " | ".join(map(str, cells)) + " |")
-print(f"\nMean over these {len(means)} songs of the mean best F1: {statistics.mean(means):.3f}")
+if name == "song":
+    print(f"\nMean over these {len(means)} songs of the mean best F1: {statistics.mean(means):.3f}")
