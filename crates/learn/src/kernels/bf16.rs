@@ -50,11 +50,9 @@ fn available() -> bool {
 #[cfg(target_arch = "x86_64")]
 mod wide {
     use std::arch::x86_64::{
-        __m256bh, __m256i, __m512, __m512bh, __m512i, _mm512_castpd_ps, _mm512_castps_pd,
-        _mm512_castsi512_ps, _mm512_cvtepu16_epi32, _mm512_cvtne2ps_pbh, _mm512_cvtneps_pbh,
-        _mm512_dpbf16_ps, _mm512_loadu_ps, _mm512_or_si512, _mm512_set1_ps, _mm512_setzero_ps,
-        _mm512_shuffle_f32x4, _mm512_slli_epi32, _mm512_storeu_ps, _mm512_unpackhi_pd, _mm512_unpackhi_ps,
-        _mm512_unpacklo_pd, _mm512_unpacklo_ps,
+        __m256bh, __m256i, __m512, __m512bh, __m512i, _mm512_castsi512_ps, _mm512_cvtepu16_epi32,
+        _mm512_cvtne2ps_pbh, _mm512_cvtneps_pbh, _mm512_dpbf16_ps, _mm512_loadu_ps, _mm512_or_si512,
+        _mm512_set1_ps, _mm512_setzero_ps, _mm512_slli_epi32, _mm512_storeu_ps,
     };
 
     use super::{super::LANES, Bf16Products, Matrix};
@@ -236,63 +234,16 @@ mod wide {
         _mm512_cvtepu16_epi32(unsafe { std::mem::transmute::<__m256bh, __m256i>(short) })
     }
 
-    /// `turned[p, j] = values[j, p]`, for rows of `pairs`; the number of rows is a multiple of 16.
-    #[target_feature(enable = "avx512f,avx512vl,avx512dq,avx512bw,avx2,fma,avx512bf16")]
+    /// `turned[p, j] = values[j, p]`, for rows of `pairs`.
     fn turn(values: &[f32], pairs: usize, turned: &mut [f32]) {
         let n = values.len() / pairs;
-        let whole = pairs - pairs % LANES;
         for start in (0..n).step_by(LANES) {
-            for p in (0..whole).step_by(LANES) {
-                let mut rows = [_mm512_setzero_ps(); LANES];
-                for (j, row) in rows.iter_mut().enumerate() {
-                    let from = &values[(start + j) * pairs + p..][..LANES];
-                    // SAFETY: the slice is as long as the register.
-                    *row = unsafe { _mm512_loadu_ps(from.as_ptr()) };
-                }
-                for (i, column) in turned_square(rows).into_iter().enumerate() {
-                    let to = &mut turned[(p + i) * n + start..][..LANES];
-                    // SAFETY: as above.
-                    unsafe { _mm512_storeu_ps(to.as_mut_ptr(), column) };
-                }
-            }
-            for p in whole..pairs {
+            for p in 0..pairs {
                 for (j, turned) in turned[p * n + start..][..LANES].iter_mut().enumerate() {
                     *turned = values[(start + j) * pairs + p];
                 }
             }
         }
-    }
-
-    /// Sixteen rows of sixteen values, transposed: pairs of values are exchanged between rows 1 apart, then pairs of pairs
-    /// between rows 2 apart, then quarters of a register between rows 4 and 8 apart.
-    #[inline]
-    #[target_feature(enable = "avx512f,avx512vl,avx512dq,avx512bw,avx2,fma,avx512bf16")]
-    fn turned_square(rows: [__m512; LANES]) -> [__m512; LANES] {
-        let mut twos = rows;
-        for i in (0..LANES).step_by(2) {
-            twos[i] = _mm512_unpacklo_ps(rows[i], rows[i + 1]);
-            twos[i + 1] = _mm512_unpackhi_ps(rows[i], rows[i + 1]);
-        }
-        let mut fours = twos;
-        for i in (0..LANES).step_by(4) {
-            for half in 0..2 {
-                let [a, b] = [_mm512_castps_pd(twos[i + half]), _mm512_castps_pd(twos[i + half + 2])];
-                fours[i + 2 * half] = _mm512_castpd_ps(_mm512_unpacklo_pd(a, b));
-                fours[i + 2 * half + 1] = _mm512_castpd_ps(_mm512_unpackhi_pd(a, b));
-            }
-        }
-        // Quarter q of fours[4 r + c] holds column 4 q + c of rows 4 r to 4 r + 3.
-        let mut columns = fours;
-        for c in 0..4 {
-            let [a, b, d, e] = [fours[c], fours[4 + c], fours[8 + c], fours[12 + c]];
-            let [ab_even, ab_odd] = [_mm512_shuffle_f32x4::<0x88>(a, b), _mm512_shuffle_f32x4::<0xdd>(a, b)];
-            let [de_even, de_odd] = [_mm512_shuffle_f32x4::<0x88>(d, e), _mm512_shuffle_f32x4::<0xdd>(d, e)];
-            columns[c] = _mm512_shuffle_f32x4::<0x88>(ab_even, de_even);
-            columns[8 + c] = _mm512_shuffle_f32x4::<0xdd>(ab_even, de_even);
-            columns[4 + c] = _mm512_shuffle_f32x4::<0x88>(ab_odd, de_odd);
-            columns[12 + c] = _mm512_shuffle_f32x4::<0xdd>(ab_odd, de_odd);
-        }
-        columns
     }
 }
 
