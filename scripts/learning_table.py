@@ -38,9 +38,10 @@ else:
     for (variant, _, _), rows in trainings.items():
         curves[variant].append(sorted(rows, key=lambda row: int(row["step"])))
 
+early = "" if name == "song" else " F1 at 40,000 |"
 goals = " | ".join(f"F1 {goal} after" for goal in GOALS)
-print(f"| {name} | seeds | best F1: mean (each) | last F1 | {goals} | steps | time |")
-print("|---|---|---|---|" + "---|" * len(GOALS) + "---|---|")
+print(f"| {name} | seeds | best F1: mean (each) |{early} last F1 | {goals} | steps | time |")
+print("|---|---|---|---|" + "---|" * bool(early) + "---|" * len(GOALS) + "---|---|")
 means = []
 for what, runs in curves.items():
     best = [max(float(row["f1"]) for row in rows) for rows in runs]
@@ -50,6 +51,7 @@ for what, runs in curves.items():
         what,
         len(runs),
         f"{means[-1]:.3f} ({', '.join(f'{f1:.3f}' for f1 in best)})",
+        *([f"{statistics.mean(float(row['f1']) for rows in runs for row in rows if row['step'] == '40000'):.3f}"] if early else []),
         f"{last:.3f}",
         *(seconds([first(rows, goal) for rows in runs]) for goal in GOALS),
         f"{int(runs[0][-1]['step']):,}",

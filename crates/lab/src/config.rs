@@ -241,7 +241,8 @@ mod tests {
     }
 
     /// All values of the learner in the preset `paper`, word for word: the paper's where it prints one, else those of the code
-    /// in whose line it stands (fact sheet "simulation and learning" §1.10). Whoever changes a default must mean it.
+    /// in whose line it stands (fact sheet "simulation and learning" §1.10), and at last ours, which do not touch the
+    /// algorithm. Whoever changes a default must mean it.
     #[test]
     fn the_preset_paper_is_the_published_algorithm() {
         let published: toml::Table = toml::from_str(
@@ -270,7 +271,7 @@ mod tests {
             updates_per_round = 1
             warmup_steps = 5_000
             demonstration_share = 0.0
-            demonstration_noise = 0.03
+            demonstration_noise = 0.03 # ours, from here on but for the evaluations
             log_every_steps = 2_000
             evaluate_every_steps = 10_000
             checkpoint_every_steps = 50_000

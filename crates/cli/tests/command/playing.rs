@@ -98,6 +98,20 @@ pub(crate) fn check_elsewhere(script: &str, files: &[PathBuf]) {
 }
 
 #[test]
+fn of_equally_good_policies_that_of_a_run_plays() {
+    let desk = Desk::new();
+    let shipped = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../policies/twinkle.safetensors");
+    assert_eq!(
+        desk.json("play twinkle -o out --json")["f1"],
+        desk.json(&format!("play twinkle --policy {} -o out --json", shipped.display()))["f1"]
+    );
+    std::fs::create_dir_all(desk.path("runs/twinkle__mine")).unwrap();
+    std::fs::copy(shipped, desk.path("runs/twinkle__mine/policy-best.safetensors")).unwrap();
+    let player = desk.json("play twinkle -o out --json")["player"].as_str().unwrap().to_owned();
+    assert!(player.contains("twinkle__mine"), "{player}");
+}
+
+#[test]
 fn the_scripted_player_needs_no_training() {
     let desk = Desk::new();
     let report = desk.json("play c-major-scale --scripted -o out --json");

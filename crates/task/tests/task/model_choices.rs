@@ -9,7 +9,8 @@ use etude_learn::Policy;
 use etude_music::metrics::frame_scores;
 use etude_music::{KEYS, KeySet, repertoire};
 use etude_stage::geometry::KeyShape;
-use etude_stage::{JOINTS, World};
+use etude_stage::params::World as Quantity;
+use etude_stage::{JOINTS, PhysicalParams, RAIL, StageConfig, World, joint_range};
 use etude_task::{ACTION_LEN, Piece, TargetRange, TaskConfig, layout, observe, rehearse};
 
 use crate::replica::{Moment, Replica};
@@ -29,7 +30,7 @@ const fn change(name: &'static str, undoes: bool, edit: fn(String) -> String) ->
 const CHANGES: [Change; 8] = [
     change("keys never sleep", true, |xml| swap(xml, r#"<flag sleep="enable"/>"#, "")),
     change("gravity, compensated in the hand", true, gravity),
-    change("keys rest on their upper stop", true, |xml| swap(xml, r#"range="-0.01 "#, r#"range="0 "#)),
+    change("no room above the keys' rest", true, |xml| swap(xml, r#"range="-0.01 "#, r#"range="0 "#)),
     change("all of the hand may touch itself and the keys", true, open_masks),
     change("solver to 1e-14 in 1,000 iterations", true, |xml| {
         option(xml, r#"iterations="1000" ls_iterations="1000" ls_tolerance="1e-6" tolerance="1e-14""#)
@@ -59,7 +60,7 @@ fn gravity(xml: String) -> String {
     let (mut keys, hand) = at_hand(&swap(xml, r#"gravity="0 0 0""#, r#"gravity="0 0 -9.81""#));
     for key in 0..KEYS {
         let shape = KeyShape::of(key);
-        let stiffness = 1.0;
+        let stiffness = PhysicalParams::default().world(Quantity::KeyStiffness);
         let rest = -shape.mass * 9.81 * shape.size[0] / 2.0 / stiffness;
         let joint = format!(r#"<joint name="key_{key}" "#);
         keys = swap(keys, &joint, &format!(r#"{joint}springref="{rest}" "#));
@@ -67,7 +68,7 @@ fn gravity(xml: String) -> String {
     keys + &swap(hand, "<body name=", r#"<body gravcomp="1" name="#)
 }
 
-/// Every part of the hand tests contacts with every other and with the keyboard.
+/// Every part of the hand tests contacts with every other (but the one it hangs on) and with keys and fences.
 fn open_masks(xml: String) -> String {
     let (keys, mut hand) = at_hand(&xml);
     for closed in [
@@ -153,6 +154,23 @@ fn apart(replica: &Replica, a: &[Moment], b: &[Moment]) -> [f64; 2] {
     })
 }
 
+/// A row of zeros could also come of an edit that does nothing.
+#[test]
+fn a_fist_touches_itself_only_without_masks() {
+    let world = World::new(&StageConfig::default(), &PhysicalParams::default()).unwrap();
+    let fist = std::array::from_fn(|joint| match joint {
+        RAIL => 0.0,
+        joint if joint % 4 == 0 => 0.0,
+        joint => joint_range(joint)[1],
+    });
+    let [closed, open] = [|xml| xml, open_masks].map(|edit: fn(String) -> String| {
+        let mut replica = Replica::of(&world, edit);
+        replica.record(&[fist; 40]);
+        replica.data.ncon()
+    });
+    assert!(open > closed, "{open} contacts without masks, {closed} with");
+}
+
 /// What became of one song in one changed model.
 struct Row {
     change: usize,
@@ -181,6 +199,7 @@ fn what_makes_the_engine_fast_does_not_change_what_policies_play() {
         let (frames, moments, _, secs) = timed(|xml| xml);
         let played: Vec<_> = (0..CHANGES.len()).map(|change| timed(CHANGES[change].edit)).collect();
         assert_eq!(frames, player.play(), "{song}: plain MuJoCo and the environment play alike");
+        assert!(moments.len() > 1_000);
         let score = |pressed: &[KeySet]| frame_scores(player.piece.frames(), pressed).f1;
         for (change, (others, other_moments, replica, other_secs)) in played.iter().enumerate() {
             let alike = frames.iter().zip(others).filter(|(a, b)| a == b).count();
@@ -207,6 +226,7 @@ fn what_makes_the_engine_fast_does_not_change_what_policies_play() {
             mean(|row| row.time),
         );
         // On another processor a contact may fall the other way: hence not as close as it is on one.
-        assert!(!undoes || most(|row| row.f1.abs()) < 0.02, "{name}");
+        let close = most(|row| row.f1.abs()) < 0.02 && of_change().all(|row| row.alike > 0.97);
+        assert!(close || !undoes, "{name}");
     }
 }
