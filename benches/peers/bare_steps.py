@@ -42,16 +42,28 @@ def ours(path):
 
     import mujoco
 
-    text = open(path).read()
-    root = tree.fromstring(text)
-    world = root.find("worldbody")
-    for body in list(world):
-        if body.get("name", "").startswith("key"):
+    def changed(change):
+        root = tree.parse(path).getroot()
+        world = root.find("worldbody")
+        for body in list(world):
+            change(world, body, body.get("name", ""))
+        return tree.tostring(root, encoding="unicode")
+
+    def lift(world, body, name):
+        if name == "palm":
+            x, y, z = body.get("pos").split()
+            body.set("pos", f"{x} {y} {float(z) + 0.3}")
+
+    def clear(world, body, name):
+        if name.startswith("key"):
             world.remove(body)
-    for name, model in [
-        ("Étude", mujoco.MjModel.from_xml_string(text)),
-        ("Étude, the hand alone", mujoco.MjModel.from_xml_string(tree.tostring(root, encoding="unicode"))),
+
+    for name, change in [
+        ("Étude", lambda *_: None),
+        ("Étude, the hand 0.3 m above its keys", lift),
+        ("Étude, the hand alone", clear),
     ]:
+        model = mujoco.MjModel.from_xml_string(changed(change))
         data = mujoco.MjData(model)
         joints = [model.actuator(i).name for i in range(model.nu)]
         dofs = np.array([model.joint(joint).qposadr[0] for joint in joints])
