@@ -78,6 +78,7 @@ pub struct Parts {
 /// metrics.jsonl                     one flat JSON object per log interval or evaluation
 /// events.out.tfevents.etude         the same for TensorBoard
 /// policy-best.safetensors           the policy with the best first score so far
+/// policy-best-STEP.safetensors      a better one, of a step that a kill undid and that did not come again
 /// policy-last.safetensors           the policy of the last checkpoint
 /// checkpoints/last.safetensors      everything needed to continue bit for bit, replaced in one rename
 /// checkpoints/replay/A-B.replay     transitions A to B (exclusive), never changed once written

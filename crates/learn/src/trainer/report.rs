@@ -1,10 +1,11 @@
 //! What a training tells about itself at intervals: rows of metrics and evaluations.
 
-use std::time::Instant;
+use std::{fs, path::Path, time::Instant};
 
 use super::{
     BEST_POLICY, Best, EvaluationRow, LogRow, TrainError, Trainer, TrainingObserver, metrics::ELAPSED,
 };
+use crate::{env::Score, files::FileError, policy::Policy};
 
 impl Trainer {
     pub(super) fn log(&mut self, observer: &mut dyn TrainingObserver) -> Result<(), TrainError> {
@@ -43,12 +44,30 @@ impl Trainer {
             .map_or(f64::NEG_INFINITY, |best| best.value);
         let best = first > record;
         if best {
-            self.policy_with(&scores).save(&self.folder.join(BEST_POLICY))?;
+            let path = self.folder.join(BEST_POLICY);
+            set_aside(&path, scores.first())?;
+            self.policy_with(&scores).save(&path)?;
             // JSON, and so the checkpoint, has no word for a score that is not finite.
             let finite = scores.iter().filter(|score| score.value.is_finite()).cloned().collect();
             self.best = Some(Best { step: self.step, scores: finite });
         }
         observer.on_evaluation(&EvaluationRow { step: self.step, scores, best });
         Ok(())
+    }
+}
+
+/// Before `score` takes the place of the policy at `path`: renames that policy after its step if it was better. So it is only when a
+/// training was killed after an evaluation, and goes on from the checkpoint before it with other intervals or on another
+/// processor; else it comes to the same evaluation once more.
+fn set_aside(path: &Path, score: Option<&Score>) -> Result<(), FileError> {
+    let (Ok(policy), Some(score)) = (Policy::load(path), score) else { return Ok(()) };
+    let notes = &policy.header().notes;
+    let (was, step) = (notes["scores"][&score.name].as_f64(), notes["step"].as_u64());
+    match (was, step) {
+        (Some(was), Some(step)) if was > score.value => {
+            let aside = path.with_file_name(format!("policy-best-{step}.safetensors"));
+            fs::rename(path, &aside).map_err(FileError::io("rename", path))
+        }
+        _ => Ok(()),
     }
 }

@@ -108,6 +108,25 @@ fn what_lies_among_the_replay_segments_does_no_harm_and_comes_to_none() {
 }
 
 #[test]
+fn a_better_policy_from_after_the_checkpoint_is_not_lost() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut watch = Watch { stop_at: Some(100), ..Watch::default() };
+    let mut trainer = Trainer::start(folder.path(), &droq(), &config(1_200), parts()).unwrap();
+    trainer.run(&mut watch).unwrap();
+    // As an evaluation leaves it that is killed before the next checkpoint.
+    let mut policy = trainer.policy_with(&[]);
+    drop(trainer);
+    policy.set_notes(
+        serde_json::json!({ "step": 444, "scores": { Grid.evaluate(&mut |_, _| ())[0].name.clone(): 9.0 } }),
+    );
+    policy.save(&folder.path().join(BEST_POLICY)).unwrap();
+    let better = fs::read(folder.path().join(BEST_POLICY)).unwrap();
+    Trainer::resume(folder.path(), &droq(), &config(1_200), parts()).unwrap().run(&mut ()).unwrap();
+    assert!(fs::read(folder.path().join("policy-best-444.safetensors")).unwrap() == better);
+    assert!(Policy::load(&folder.path().join(BEST_POLICY)).is_ok());
+}
+
+#[test]
 fn a_replay_beyond_the_address_space_does_not_fit() {
     let layout = parts().environment.layout();
     assert!(crate::replay::Replay::fits(layout, 1, 1_000));
