@@ -77,7 +77,7 @@ impl OutOfRange {
         if !octaves.is_empty() {
             let _ = write!(text, "; {} keeps its key", octaves.join(" or "));
         }
-        text + "."
+        text + ": `etude songs arrange`."
     }
 }
 
@@ -132,7 +132,7 @@ mod tests {
         let error = song(&[60, 96]).check_range().unwrap_err().to_string();
         assert!(
             error.ends_with(
-                "Transpose it by any of -24 to -12 semitones to make it fit; -24 or -12 keeps its key."
+                "Transpose it by any of -24 to -12 semitones to make it fit; -24 or -12 keeps its key: `etude songs arrange`."
             ),
             "{error}"
         );

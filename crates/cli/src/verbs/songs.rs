@@ -1,6 +1,6 @@
 //! `etude songs`: what can be played, and what a song asks for.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use etude_lab::{find_song, shipped_policies};
 use etude_music::{CONTROL_HZ, pitch_name, repertoire};
@@ -15,7 +15,8 @@ use crate::Ending;
 Examples:
   etude songs
   etude songs show happy-birthday
-  etude songs show my-song.mid --frames due.csv")]
+  etude songs show my-song.mid --frames due.csv
+  etude songs arrange my-song.mid --transpose -12 -o my-song-lower.mid")]
 pub struct Args {
     #[command(subcommand)]
     what: Option<What>,
@@ -39,6 +40,20 @@ enum What {
         /// Print JSON: title, notes, secs, frames, lowest, highest, warnings
         #[arg(long)]
         json: bool,
+    },
+    /// Write a song in another key or tempo as a MIDI file that the keyboard has all notes for
+    Arrange {
+        /// A built-in id or a MIDI file
+        song: String,
+        /// Semitones up, or down if negative
+        #[arg(long, default_value_t = 0, value_name = "SEMITONES", allow_hyphen_values = true)]
+        transpose: i32,
+        /// How many times as long it shall last: 2 is half the tempo
+        #[arg(long, default_value_t = 1.0, value_name = "FACTOR", allow_hyphen_values = true)]
+        stretch: f64,
+        /// The new file
+        #[arg(short, long, value_name = "OUT.mid")]
+        out: PathBuf,
     },
 }
 
@@ -70,6 +85,7 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
         Some(What::Show { song, frames, initial_silence, json }) => {
             show(&song, frames, initial_silence, json || args.json)?;
         }
+        Some(What::Arrange { song, transpose, stretch, out }) => arrange(&song, transpose, stretch, &out)?,
     }
     Ok(Ending::Done)
 }
@@ -144,4 +160,16 @@ fn show(name: &str, frames_csv: Option<PathBuf>, silence: f64, as_json: bool) ->
         etude_perform::write_frames_csv(&path, &frames, None)?;
     }
     Ok(())
+}
+
+fn arrange(name: &str, semitones: i32, factor: f64, out: &Path) -> anyhow::Result<()> {
+    let song = find_song(name)?.transpose(semitones)?.stretch(factor)?;
+    song.check_range()?;
+    let same = |path: &Path| std::fs::canonicalize(path).ok();
+    if same(out).is_some_and(|out| same(Path::new(name)) == Some(out)) {
+        anyhow::bail!("{} is the song itself; give the new one another name with -o", out.display());
+    }
+    song.save(out)?;
+    let (notes, secs) = (song.notes().len(), song.duration_secs());
+    line(format!("{notes} notes, {secs:.1} s: learn it with `etude train {}`", out.display()))
 }

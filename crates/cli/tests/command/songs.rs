@@ -1,6 +1,6 @@
 //! `etude songs`.
 
-use crate::{Desk, csv};
+use crate::{Desk, csv, errors};
 
 #[test]
 fn all_seven_are_listed_with_the_papers_lengths() {
@@ -52,4 +52,36 @@ fn a_song_is_shown_and_its_frames_are_written() {
     assert!(
         shown["frames"].as_u64().unwrap() > 30 && shown["warnings"].is_array() && shown["secs"].is_number()
     );
+}
+
+#[test]
+fn a_song_that_does_not_fit_is_arranged() {
+    let desk = Desk::new();
+    desk.write_song("high.mid", [84, 86, 91]);
+    let refused = |args: &str| {
+        let output = desk.command(args).output().unwrap();
+        assert_eq!(output.status.code(), Some(1), "{args}");
+        errors(&output)
+    };
+    let advice = refused("songs show high.mid");
+    assert!(advice.contains("-12 keeps its key: `etude songs arrange`"), "{advice}");
+    let said = desk.ok("songs arrange high.mid --transpose -12 --stretch 2 -o low.mid");
+    assert!(said.contains("etude train low.mid"), "{said}");
+    let (high, low) = (desk.json("songs show short.mid --json"), desk.json("songs show low.mid --json"));
+    assert_eq!((&low["notes"], &low["lowest"], &low["highest"]), (&3.into(), &72.into(), &79.into()));
+    let ratio = low["secs"].as_f64().unwrap() / high["secs"].as_f64().unwrap();
+    assert!((ratio - 2.0).abs() < 0.02, "{ratio}");
+
+    for (arguments, said) in [
+        ("songs arrange high.mid -o new.mid", "outside the keyboard"),
+        ("songs arrange high.mid --transpose -200 -o new.mid", "transpose by less"),
+        ("songs arrange low.mid --stretch 0 -o new.mid", "stretch"),
+        ("songs arrange low.mid --transpose 1 -o ./low.mid", "another name with -o"),
+        ("songs arrange low.mid --transpose 1 -o nowhere/new.mid", "nowhere"),
+    ] {
+        let error = refused(arguments);
+        assert!(error.contains(said), "{arguments}: {error}");
+        assert!(!desk.path("new.mid").exists());
+    }
+    assert_eq!(desk.json("songs show low.mid --json"), low, "refused, and left as it was");
 }
