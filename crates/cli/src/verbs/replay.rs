@@ -82,6 +82,11 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
     let page = file_to_write(page, "html", "a replay is written as .html")?;
     replay_page(&takes, &page)?;
     let bytes = std::fs::metadata(&page)?.len();
+    if takes.iter().any(|take| take.due != takes[0].due) {
+        note(
+            "not all of these recordings are of the same notes: what the page says of where they part is of no use",
+        );
+    }
     if args.json {
         json(&Summary { page: &page, bytes, takes: takes.iter().map(TakeSummary::of).collect() })?;
         return Ok(Ending::Done);

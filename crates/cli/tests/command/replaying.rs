@@ -68,7 +68,11 @@ fn a_page_holds_what_was_recorded() {
 fn simulation_and_twin_stand_side_by_side_with_the_moments_where_they_part() {
     let desk = played();
     desk.ok("perform --song short.mid --scripted --robot twin --mode real -o twin");
-    desk.ok("replay out twin -o both.html");
+    let notes = |args: &str| errors(&desk.command(args).output().unwrap());
+    assert_eq!(notes("replay out twin -o both.html"), "");
+    desk.write_song("other.mid", [64, 62, 60]);
+    desk.ok("play other.mid --scripted -o other");
+    assert!(notes("replay out other -o others.html").contains("of the same notes"));
     let data = data(&desk.bytes("both.html"));
     let [simulation, twin] = [&data["takes"][0], &data["takes"][1]];
     assert_eq!(
