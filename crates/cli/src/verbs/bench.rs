@@ -231,7 +231,8 @@ impl Bench {
         Ok(())
     }
 
-    /// The medians of what `ours` measures, while the peers measure the same in between. One that fails is not run again.
+    /// The medians of what `ours` measures, while the peers measure the same in between. One that fails is not run again and has
+    /// no figures.
     fn turns<const N: usize>(
         &mut self,
         peers: &mut [Peer],
@@ -245,6 +246,7 @@ impl Bench {
                     && let Err(error) = peer.turn(folder, self.secs)
                 {
                     self.failed.insert(peer.script.to_string(), format!("{error:#}").into());
+                    peer.lines.clear();
                 }
             }
         }
