@@ -1,18 +1,11 @@
 //! Strikes and releases: when they happened, in which order, how fast, and that they agree with the keys.
 
-use etude_music::{KEYS, KeyEvent, KeySet};
-use etude_stage::geometry::KeyShape;
+use etude_music::{KeyEvent, KeySet};
 use etude_stage::{JOINTS, PHYSICS_STEPS, PhysicalParams, RAIL, StageConfig, World};
 use proptest::prelude::*;
 
 use crate::bench::{self, all_targets, over};
 use crate::replica::{Replica, STEP_SECS};
-
-/// Keys past the threshold in a replica.
-fn down(replica: &Replica, dofs: &[usize], threshold: f64) -> KeySet {
-    let angles = replica.data.qpos();
-    (0..KEYS).filter(|key| angles[dofs[*key]] >= threshold * KeyShape::of(*key).max_angle()).collect()
-}
 
 proptest! {
     #![proptest_config(bench::cases(16))]
@@ -25,7 +18,6 @@ proptest! {
         params.set("key.threshold", threshold).unwrap();
         let mut world = World::new(&StageConfig::default(), &params).unwrap();
         let mut replica = Replica::of(&world, |xml| xml);
-        let dofs: Vec<usize> = (0..KEYS).map(|key| replica.dof(&format!("key_{key}"))).collect();
         let mut before = KeySet::EMPTY;
         let mut physics_steps = 0;
         for targets in all_targets(&world, &gestures) {
@@ -34,7 +26,7 @@ proptest! {
             for _ in 0..PHYSICS_STEPS {
                 replica_step(&mut replica, &targets);
                 physics_steps += 1;
-                let now = down(&replica, &dofs, threshold);
+                let now = replica.down(replica.data.qpos());
                 let secs = f64::from(physics_steps) * STEP_SECS;
                 expected.extend(now.difference(before).iter().map(|key| (secs, key, true)));
                 expected.extend(before.difference(now).iter().map(|key| (secs, key, false)));

@@ -5,8 +5,10 @@
 //! positions at each *physics* step (which `World` does not show) holds for the world.
 #![allow(dead_code)] // Not every test needs all of it.
 
+use etude_music::{KEYS, KeySet};
 use etude_stage::controller::{Controller, Gains};
-use etude_stage::params::Joint;
+use etude_stage::geometry::KeyShape;
+use etude_stage::params::{Joint, World as Quantity};
 use etude_stage::{JOINTS, PHYSICS_STEPS, World, joint_range, mjcf};
 use mujoco_rs::prelude::{MjData, MjModel, MjtObjBase};
 
@@ -17,7 +19,10 @@ pub const STEP_SECS: f64 = 0.005;
 pub struct Replica {
     /// The data of the model.
     pub data: MjData<Box<MjModel>>,
-    dofs: [usize; JOINTS],
+    /// Degrees of freedom of the joints, and of the keys.
+    pub dofs: [usize; JOINTS],
+    keys: [usize; KEYS],
+    threshold: f64,
     gains: [Gains; JOINTS],
     controllers: [Controller; JOINTS],
 }
@@ -26,9 +31,10 @@ impl Replica {
     /// A replica of `world` in its starting pose; `edit` may change the text of the model.
     pub fn of(world: &World, edit: impl FnOnce(String) -> String) -> Self {
         let model = MjModel::from_xml_string(&edit(mjcf(world.config(), world.params()))).unwrap();
-        let dofs = std::array::from_fn(|joint| {
-            model.name_to_id(MjtObjBase::mjOBJ_JOINT, etude_stage::JOINT_NAMES[joint]).unwrap()
-        });
+        let dof = |name: &str| model.name_to_id(MjtObjBase::mjOBJ_JOINT, name).unwrap();
+        let dofs = etude_stage::JOINT_NAMES.map(dof);
+        let keys = std::array::from_fn(|key| dof(&format!("key_{key}")));
+        let threshold = world.params().world(Quantity::KeyThreshold);
         let mut data = MjData::try_new(Box::new(model)).unwrap();
         let actuation = world.config().actuation;
         let gains = std::array::from_fn(|joint| Gains::new(world.params(), joint, actuation, STEP_SECS));
@@ -38,7 +44,7 @@ impl Replica {
             data.qpos_mut()[dof] = readings[joint] - bias;
         }
         data.forward();
-        Self { data, dofs, gains, controllers: readings.map(Controller::at_rest) }
+        Self { data, dofs, keys, threshold, gains, controllers: readings.map(Controller::at_rest) }
     }
 
     /// The torques that the controllers ask for now. Advances the controllers.
@@ -76,6 +82,18 @@ impl Replica {
         moments
     }
 
+    /// Where the joints are.
+    pub fn joints(&self) -> [f64; JOINTS] {
+        self.dofs.map(|dof| self.data.qpos()[dof])
+    }
+
+    /// Keys past the threshold at these positions of the model.
+    pub fn down(&self, positions: &[f64]) -> KeySet {
+        let past =
+            |key: &usize| positions[self.keys[*key]] >= self.threshold * KeyShape::of(*key).max_angle();
+        (0..KEYS).filter(past).collect()
+    }
+
     /// Degree of freedom of the joint called `name`.
     pub fn dof(&self, name: &str) -> usize {
         self.data.model().name_to_id(MjtObjBase::mjOBJ_JOINT, name).unwrap()
@@ -95,4 +113,10 @@ pub struct Moment {
     pub torques: [f64; JOINTS],
     /// All positions of the model after the step.
     pub positions: Vec<f64>,
+}
+
+/// `xml` with `to` for every `from`, of which there must be one.
+pub fn swap(xml: String, from: &str, to: &str) -> String {
+    assert!(xml.contains(from), "{from}");
+    xml.replace(from, to)
 }

@@ -1,13 +1,12 @@
 //! Keys at rest cost nothing: no constraint, no contact, and they sleep. It is what makes the engine fast enough, and
 //! it must not change what is played.
 
-use etude_music::KEYS;
-use etude_stage::geometry::KeyShape;
+use etude_music::{KEYS, KeySet};
 use etude_stage::{Actuation, PhysicalParams, StageConfig, World};
 use proptest::prelude::*;
 
 use crate::bench::{self, all_targets, over};
-use crate::replica::{Moment, Replica};
+use crate::replica::{Moment, Replica, swap};
 
 fn asleep(world: &World) -> usize {
     world.data().tree_asleep().iter().filter(|tree| **tree >= 0).count()
@@ -52,15 +51,8 @@ fn a_key_wakes_for_a_touch_and_sleeps_again() {
 }
 
 /// Frames of a recording: which keys are past half their travel after each control step.
-fn frames(world: &World, replica: &Replica, moments: &[Moment]) -> Vec<u64> {
-    let dofs: Vec<usize> = (0..KEYS).map(|key| replica.dof(&format!("key_{key}"))).collect();
-    let threshold = world.params().get("key.threshold").unwrap();
-    let pressed = |moment: &Moment| {
-        (0..KEYS)
-            .filter(|key| moment.positions[dofs[*key]] >= threshold * KeyShape::of(*key).max_angle())
-            .fold(0, |keys, key| keys | 1 << key)
-    };
-    moments.iter().skip(9).step_by(10).map(pressed).collect()
+fn frames(replica: &Replica, moments: &[Moment]) -> Vec<KeySet> {
+    moments.iter().skip(9).step_by(10).map(|moment| replica.down(&moment.positions)).collect()
 }
 
 proptest! {
@@ -69,11 +61,7 @@ proptest! {
     fn sleeping_changes_no_note(config in bench::config(), gestures in bench::gestures()) {
         let world = World::new(&config, &PhysicalParams::default()).unwrap();
         let mut sleepy = Replica::of(&world, |xml| xml);
-        let flag = r#"<flag sleep="enable"/>"#;
-        let mut awake = Replica::of(&world, |xml| {
-            assert!(xml.contains(flag));
-            xml.replace(flag, "")
-        });
+        let mut awake = Replica::of(&world, |xml| swap(xml, r#"<flag sleep="enable"/>"#, ""));
         // The same torques for both, for one second of stillness (so that all keys sleep) and then the gestures.
         let mut targets = vec![world.start_pose(); 20];
         targets.extend(all_targets(&world, &gestures));
@@ -88,7 +76,7 @@ proptest! {
             others.push(Moment { torques: moment.torques, positions });
         }
         println!("largest difference of a position with and without sleep: {worst:.3e}");
-        prop_assert_eq!(frames(&world, &sleepy, &moments), frames(&world, &awake, &others));
+        prop_assert_eq!(frames(&sleepy, &moments), frames(&awake, &others));
         prop_assert!(worst < 1e-6, "{}", worst);
     }
 }

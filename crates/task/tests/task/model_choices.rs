@@ -10,10 +10,10 @@ use etude_music::metrics::frame_scores;
 use etude_music::{KEYS, KeySet, repertoire};
 use etude_stage::geometry::KeyShape;
 use etude_stage::params::World as Quantity;
-use etude_stage::{JOINTS, PhysicalParams, RAIL, StageConfig, World, joint_range};
+use etude_stage::{PhysicalParams, RAIL, StageConfig, World, joint_range};
 use etude_task::{ACTION_LEN, Piece, TargetRange, TaskConfig, layout, observe, rehearse};
 
-use crate::replica::{Moment, Replica};
+use crate::replica::{Moment, Replica, swap};
 
 /// Another model than ours.
 struct Change {
@@ -40,11 +40,6 @@ const CHANGES: [Change; 8] = [
     change("pyramidal cone", false, |xml| swap(xml, r#"cone="elliptic""#, r#"cone="pyramidal""#)),
 ];
 
-fn swap(xml: String, from: &str, to: &str) -> String {
-    assert!(xml.contains(from), "{from}");
-    xml.replace(from, to)
-}
-
 fn option(xml: String, attributes: &str) -> String {
     swap(xml, "<option ", &format!("<option {attributes} "))
 }
@@ -58,9 +53,9 @@ fn at_hand(xml: &str) -> (String, String) {
 /// Gravity; the hand's bodies float, and the springs of the keys hold them where they rest without it.
 fn gravity(xml: String) -> String {
     let (mut keys, hand) = at_hand(&swap(xml, r#"gravity="0 0 0""#, r#"gravity="0 0 -9.81""#));
+    let stiffness = PhysicalParams::default().world(Quantity::KeyStiffness);
     for key in 0..KEYS {
         let shape = KeyShape::of(key);
-        let stiffness = PhysicalParams::default().world(Quantity::KeyStiffness);
         let rest = -shape.mass * 9.81 * shape.size[0] / 2.0 / stiffness;
         let joint = format!(r#"<joint name="key_{key}" "#);
         keys = swap(keys, &joint, &format!(r#"{joint}springref="{rest}" "#));
@@ -116,25 +111,16 @@ impl Player {
     /// The same in a replica, and what moved on the way.
     fn play_on(&mut self, replica: &mut Replica) -> (Vec<KeySet>, Vec<Moment>) {
         let range = TargetRange::new(&self.piece);
-        let dofs: [usize; JOINTS] = std::array::from_fn(|joint| replica.dof(etude_stage::JOINT_NAMES[joint]));
-        let readings = |replica: &Replica| dofs.map(|dof| replica.data.qpos()[dof]);
-        let keys: [usize; KEYS] = std::array::from_fn(|key| replica.dof(&format!("key_{key}")));
         let mut observation = vec![0.0; layout(&self.config).len()];
         let (mut pressed, mut moments) = (Vec::new(), Vec::new());
-        let (mut now, mut previous) = (KeySet::EMPTY, readings(replica));
+        let (mut now, mut previous) = (KeySet::EMPTY, replica.joints());
         for step in 0..self.piece.steps() {
-            let joints = readings(replica);
+            let joints = replica.joints();
             observe(&self.config, &joints, &previous, now, &self.piece, step, &mut observation);
             previous = joints;
             let targets = range.targets(&self.act(&observation));
             moments.extend(replica.record(&[targets]));
-            let angles = replica.data.qpos();
-            now = KeySet::EMPTY;
-            (0..KEYS).filter(|key| angles[keys[*key]] >= 0.5 * KeyShape::of(*key).max_angle()).for_each(
-                |key| {
-                    now.insert(key);
-                },
-            );
+            now = replica.down(replica.data.qpos());
             pressed.push(now);
         }
         (pressed, moments)
@@ -143,9 +129,7 @@ impl Player {
 
 /// Root mean squares of the differences of finger joints (rad) and of the rail (m) between two performances.
 fn apart(replica: &Replica, a: &[Moment], b: &[Moment]) -> [f64; 2] {
-    let (rail, fingers) = etude_stage::JOINT_NAMES.split_last().unwrap();
-    [fingers, std::slice::from_ref(rail)].map(|names| {
-        let dofs: Vec<usize> = names.iter().map(|name| replica.dof(name)).collect();
+    [&replica.dofs[..RAIL], &replica.dofs[RAIL..]].map(|dofs| {
         let squares = a
             .iter()
             .zip(b)
