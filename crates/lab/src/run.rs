@@ -3,10 +3,12 @@
 use std::fs::{File, TryLockError};
 use std::path::{Path, PathBuf};
 
-use etude_learn::{Outcome, Parts, TrainError, Trainer, TrainerConfig, TrainingObserver, WarmStart, seed};
+use etude_learn::{
+    Outcome, Parts, Policy, TrainError, Trainer, TrainerConfig, TrainingObserver, WarmStart, seed,
+};
 use etude_music::{Song, SongError};
 use etude_perform::{FileError, write_file};
-use etude_task::{Piece, ScriptedPlayer, SongEvaluator, TaskError, VectorPiano};
+use etude_task::{Piece, ScriptedPlayer, SongEvaluator, TaskConfig, TaskError, VectorPiano};
 use serde_json::json;
 
 use crate::config::{ConfigError, RunConfig, change_free, resolve as resolve_config};
@@ -29,6 +31,12 @@ pub enum RunError {
     /// The folder holds no run.
     #[error("{0} holds no run to continue; `etude train SONG -o {0}` starts one")]
     NoRun(PathBuf),
+    /// The configuration of the run was edited.
+    #[error(
+        "the `task` of {0}/config.toml is not what this training has learned so far: put it back, or begin another training with \
+         `--config {0}/config.toml --from {0} -o DIR`"
+    )]
+    TaskChanged(PathBuf),
     /// The folder holds one already.
     #[error(
         "{0} holds a training already: `etude train --resume {0}` continues it, or choose another folder with -o"
@@ -162,6 +170,7 @@ impl Run {
             }
             return Err(RunError::AlreadyStarted(folder.to_path_buf()));
         }
+        Trainer::check_vacant(folder)?;
         let config = config.complete();
         config.check()?;
         let parts = parts(&song, &config)?;
@@ -203,6 +212,9 @@ impl Run {
         config.check()?;
         let song = titled(Song::load(folder.join(SONG))?, folder)?;
         let lock = lock(folder)?;
+        if learned_task(folder).is_some_and(|task| task != config.task) {
+            return Err(RunError::TaskChanged(folder.to_path_buf()));
+        }
         let trainer = Trainer::resume(folder, &config.droq, &config.trainer, parts(&song, &config)?)?;
         if !overrides.is_empty() {
             write_config(folder, &config)?;
@@ -288,6 +300,14 @@ fn warm_start(path: &Path, song: &Song, config: &RunConfig, parts: &Parts) -> Re
     }
     warm.check(&config.droq, &*parts.environment)?;
     Ok(warm)
+}
+
+/// The task that the run in `folder` has learned so far, if its last policy tells.
+fn learned_task(folder: &Path) -> Option<TaskConfig> {
+    let policy = Policy::load(&folder.join("policy-last.safetensors")).ok()?;
+    let config: RunConfig =
+        serde_json::from_value(policy.header().notes["training"]["config"].clone()).ok()?;
+    Some(config.task)
 }
 
 /// The policy file of the run in `folder` that should be played: the best, or the last while none has been evaluated.

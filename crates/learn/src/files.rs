@@ -38,7 +38,7 @@ pub enum FileError {
 fn hint(source: &io::Error) -> &'static str {
     match source.kind() {
         io::ErrorKind::StorageFull | io::ErrorKind::QuotaExceeded => {
-            " (the last checkpoint is intact: make room on the disk and resume)"
+            " (make room on the disk; a checkpoint that was there is intact and can be resumed)"
         }
         _ => "",
     }
@@ -170,7 +170,7 @@ mod tests {
         {
             std::os::unix::fs::symlink("/dev/full", folder.path().join(".file.tmp")).unwrap();
             let error = write_atomically(&path, b"new").unwrap_err();
-            assert!(error.to_string().contains("make room on the disk and resume"), "{error}");
+            assert!(error.to_string().contains("make room on the disk; a checkpoint"), "{error}");
             assert_eq!(fs::read(&path).unwrap(), b"old");
         }
         write_atomically(&path, b"new").unwrap();

@@ -17,21 +17,27 @@ pub(crate) struct EventFile {
 }
 
 impl EventFile {
-    /// Keeps the first `keep` bytes of the file (what a checkpoint knows of) and appends after them; a new or emptied
-    /// file gets its version record, stamped `wall_time` (seconds since 1970).
-    pub(crate) fn open(path: &Path, keep: u64, wall_time: f64) -> Result<Self, FileError> {
+    /// Opens the file, whose first `keep` bytes shall stay (what a checkpoint knows of). Changes nothing in it before
+    /// [`cut_back`](Self::cut_back).
+    pub(crate) fn open(path: &Path, keep: u64) -> Result<Self, FileError> {
         let io = |error| FileError::io("write", path)(error);
-        let mut file = OpenOptions::new().create(true).truncate(false).write(true).open(path).map_err(io)?;
+        let file = OpenOptions::new().create(true).truncate(false).write(true).open(path).map_err(io)?;
         let len = file.metadata().map_err(io)?.len().min(keep);
-        file.set_len(len).map_err(io)?;
-        file.seek(SeekFrom::Start(len)).map_err(io)?;
-        let mut this = Self { path: path.to_owned(), file, len };
-        if len == 0 {
+        Ok(Self { path: path.to_owned(), file, len })
+    }
+
+    /// Drops what shall not stay, to append after the rest; a new or emptied file gets its version record, stamped
+    /// `wall_time` (seconds since 1970).
+    pub(crate) fn cut_back(&mut self, wall_time: f64) -> Result<(), FileError> {
+        let io = |error| FileError::io("write", &self.path)(error);
+        self.file.set_len(self.len).map_err(io)?;
+        self.file.seek(SeekFrom::Start(self.len)).map_err(io)?;
+        if self.len == 0 {
             let mut event = event(wall_time, 0);
             bytes_field(&mut event, 3, b"brain.Event:2");
-            this.append(&event)?;
+            self.append(&event)?;
         }
-        Ok(this)
+        Ok(())
     }
 
     /// Appends one event with any number of named values.
@@ -145,13 +151,16 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("events.out.tfevents.test");
         let values = vec![("eval/f1".to_owned(), 0.5), ("losses/critic".to_owned(), 2.0)];
-        let mut events = EventFile::open(&path, 0, 1.0).unwrap();
+        let mut events = EventFile::open(&path, 0).unwrap();
+        events.cut_back(1.0).unwrap();
         events.scalars(2.0, 300, &values).unwrap();
         let keep = events.len();
         events.scalars(3.0, 600, &values).unwrap();
         drop(events);
         assert_eq!(messages(&std::fs::read(&path).unwrap()).len(), 3);
-        let mut events = EventFile::open(&path, keep, 9.0).unwrap();
+        let mut events = EventFile::open(&path, keep).unwrap();
+        assert_eq!(messages(&std::fs::read(&path).unwrap()).len(), 3);
+        events.cut_back(9.0).unwrap();
         events.scalars(4.0, 601, &values[..1]).unwrap();
         events.sync().unwrap();
         let bytes = std::fs::read(&path).unwrap();

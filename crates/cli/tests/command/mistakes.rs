@@ -102,10 +102,17 @@ fn runs_that_are_none_or_are_one_already() {
     refused(&desk, "train --resume run --from run", &["--from"]);
     assert_eq!(desk.bytes("run/checkpoints/last.safetensors"), before);
 
+    let config = String::from_utf8(desk.bytes("run/config.toml")).unwrap();
+    assert!(config.contains("lookahead = 5"));
+    std::fs::write(desk.path("run/config.toml"), config.replace("lookahead = 5", "lookahead = 6")).unwrap();
+    refused(&desk, "train --resume run", &["the `task` of run/config.toml", "put it back"]);
+    std::fs::write(desk.path("run/config.toml"), config).unwrap();
+
     std::fs::write(desk.path("run/checkpoints/last.safetensors"), &before[..before.len() / 2]).unwrap();
     refused(&desk, "train --resume run", &["last.safetensors", "damaged"]);
     std::fs::remove_file(desk.path("run/checkpoints/last.safetensors")).unwrap();
     refused(&desk, "train --resume run", &["no checkpoint"]);
+    refused(&desk, "train short.mid -o run", &["run holds a training without its checkpoint"]);
 }
 
 /// The source differs in its song, its observation, its networks: each is told apart, and no folder is made.

@@ -22,6 +22,15 @@ pub enum TrainError {
         /// The run folder.
         folder: PathBuf,
     },
+    /// The folder holds the results of a training that cannot be continued.
+    #[error(
+        "{} holds a training without its checkpoint, which can be played but not continued: choose another folder, or delete it",
+        folder.display()
+    )]
+    CheckpointGone {
+        /// The run folder.
+        folder: PathBuf,
+    },
     /// The folder holds no training.
     #[error("{} holds no checkpoint to resume from: start a training there first", folder.display())]
     NothingToResume {
@@ -55,7 +64,8 @@ pub enum TrainError {
     },
     /// Arithmetic or the environment went wrong.
     #[error(
-        "{what} is not a finite number at environment step {step}: lower the learning rates, or look for what the environment does there; the last checkpoint is from before"
+        "{what} is not a finite number at environment step {step}: begin another training with lower learning rates, or look for what the environment does there; \
+         the last checkpoint is from before, and resuming it comes to the same"
     )]
     NotFinite {
         /// What was found.

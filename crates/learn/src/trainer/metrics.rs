@@ -27,13 +27,15 @@ pub(crate) struct Mark {
 pub(crate) struct Metrics {
     path: PathBuf,
     file: File,
+    /// Bytes of the rows that stay when the file is cut back.
+    kept: u64,
     rows: u64,
     events: EventFile,
 }
 
 impl Metrics {
-    /// Cuts the files in `folder` back to `mark` and appends after it. Also gives the seconds that the last kept row
-    /// says have passed, or 0.
+    /// Opens the files in `folder` to append after `mark`. Changes nothing in them before [`cut_back`](Self::cut_back). Also
+    /// gives the seconds that the last kept row says have passed, or 0.
     pub(crate) fn open(folder: &Path, mark: Mark) -> Result<(Self, f64), FileError> {
         let path = folder.join(METRICS);
         let io = |error| FileError::io("write", &path)(error);
@@ -46,16 +48,21 @@ impl Metrics {
             .filter(|line| line.ends_with(b"\n"))
             .take(usize::try_from(mark.rows).unwrap_or(usize::MAX))
             .collect();
-        let len: usize = kept.iter().map(|line| line.len()).sum();
         let elapsed = (kept.iter().rev())
             .filter_map(|line| serde_json::from_slice::<serde_json::Value>(line).ok()?.get(ELAPSED)?.as_f64())
             .next();
-        let mut file = OpenOptions::new().create(true).truncate(false).write(true).open(&path).map_err(io)?;
-        file.set_len(len as u64).map_err(io)?;
-        file.seek(SeekFrom::Start(len as u64)).map_err(io)?;
-        let events = EventFile::open(&folder.join(EVENTS), mark.event_bytes, wall_time())?;
-        let rows = kept.len() as u64;
-        Ok((Self { path, file, rows, events }, elapsed.unwrap_or(0.0)))
+        let file = OpenOptions::new().create(true).truncate(false).write(true).open(&path).map_err(io)?;
+        let events = EventFile::open(&folder.join(EVENTS), mark.event_bytes)?;
+        let (rows, kept) = (kept.len() as u64, kept.iter().map(|line| line.len() as u64).sum());
+        Ok((Self { path, file, kept, rows, events }, elapsed.unwrap_or(0.0)))
+    }
+
+    /// Drops the rows after the mark. For when it is known that they will be written again.
+    pub(crate) fn cut_back(&mut self) -> Result<(), FileError> {
+        let io = |error| FileError::io("write", &self.path)(error);
+        self.file.set_len(self.kept).map_err(io)?;
+        self.file.seek(SeekFrom::Start(self.kept)).map_err(io)?;
+        self.events.cut_back(wall_time())
     }
 
     /// Appends one row to both files.
@@ -95,6 +102,7 @@ mod tests {
         let row = |value| vec![("losses/critic".to_owned(), value), (ELAPSED.to_owned(), value * 10.0)];
         let (mut metrics, elapsed) = Metrics::open(folder.path(), Mark::default()).unwrap();
         assert_eq!(elapsed, 0.0);
+        metrics.cut_back().unwrap();
         metrics.write(100, &row(1.0)).unwrap();
         let mark = metrics.mark().unwrap();
         metrics.write(200, &row(f64::NAN)).unwrap();
@@ -102,6 +110,8 @@ mod tests {
         drop(metrics);
         let (mut metrics, elapsed) = Metrics::open(folder.path(), mark).unwrap();
         assert_eq!(elapsed, 10.0);
+        assert!(fs::read_to_string(folder.path().join(METRICS)).unwrap().ends_with("{\"half"));
+        metrics.cut_back().unwrap();
         assert_eq!(metrics.mark().unwrap(), mark);
         metrics.write(300, &row(3.5)).unwrap();
         let text = fs::read_to_string(folder.path().join(METRICS)).unwrap();

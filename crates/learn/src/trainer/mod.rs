@@ -58,7 +58,7 @@ pub struct Outcome {
     pub updates: u64,
     /// The best evaluation.
     pub best: Option<Best>,
-    /// Wall-clock seconds, over all resumptions.
+    /// Wall-clock seconds, over all resumptions; before each of them they count up to the last log row that was kept.
     pub elapsed_secs: f64,
 }
 
@@ -169,9 +169,7 @@ impl Trainer {
         parts: Parts,
         source: Option<&WarmStart>,
     ) -> Result<Self, TrainError> {
-        if Store::new(folder).exists() {
-            return Err(TrainError::AlreadyStarted { folder: folder.to_owned() });
-        }
+        Self::check_vacant(folder)?;
         droq.validate()?;
         config.validate()?;
         let mut learner = Self::learner(droq, config, &parts);
@@ -183,8 +181,22 @@ impl Trainer {
         let mut trainer = Self::build(folder, droq, config, parts, learner, metrics::Mark::default())?;
         trainer.beginning = source.map_or(Beginning::Fresh, WarmStart::beginning);
         trainer.parts.environment.reset(&mut trainer.buffers.observation);
+        trainer.metrics.cut_back()?;
         trainer.save()?;
         Ok(trainer)
+    }
+
+    /// An error if `folder` holds a training, or the results of one whose checkpoint is gone: none may begin there.
+    pub fn check_vacant(folder: &Path) -> Result<(), TrainError> {
+        let folder = folder.to_owned();
+        if Self::exists(&folder) {
+            return Err(TrainError::AlreadyStarted { folder });
+        }
+        // Written after a first checkpoint only: what was killed before it may begin once more.
+        if folder.join(LAST_POLICY).exists() {
+            return Err(TrainError::CheckpointGone { folder });
+        }
+        Ok(())
     }
 
     /// Whether `folder` holds a training that [`resume`](Self::resume) can continue.

@@ -36,8 +36,6 @@ pub enum StopReason {
     Requested,
     /// The time that was given is up.
     OutOfTime,
-    /// Nothing more is to be gained, for example the score that was wanted is reached.
-    GoodEnough,
 }
 
 /// Watches a training. Every method has an empty default; none may block for long, since the training waits.

@@ -20,7 +20,8 @@ impl Trainer {
     /// Continues the training in `folder` from its last checkpoint, bit for bit as if it had never stopped.
     ///
     /// All that decides the result must be as it was. What may differ: total steps, intervals, threads and overlap.
-    /// Rows of metrics after the checkpoint are cut off, since they will be written again.
+    /// Rows of metrics after the checkpoint are cut off, since they will be written again; nothing in the folder changes
+    /// when the checkpoint is refused.
     pub fn resume(
         folder: &Path,
         droq: &DroqConfig,
@@ -88,6 +89,7 @@ impl Trainer {
             trainer.beginning = header.beginning;
             trainer.best = header.best;
             trainer.last_evaluation = header.last_evaluation;
+            trainer.metrics.cut_back()?;
             resumed = Some(trainer);
             Ok(())
         })?;

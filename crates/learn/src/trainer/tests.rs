@@ -300,6 +300,32 @@ fn wrong_beginnings_are_refused() {
     assert!(resume(&droq(), &config(800)).contains("its schema is `etude-checkpoint-1`"));
     fs::write(folder.path().join("checkpoints/last.safetensors"), b"not a checkpoint").unwrap();
     assert!(resume(&droq(), &config(800)).contains("not a safetensors file"));
+    // Its results are not overwritten because the checkpoint is gone.
+    fs::remove_dir_all(folder.path().join("checkpoints")).unwrap();
+    let before = files(folder.path());
+    assert!(start(&config(8)).unwrap().contains("without its checkpoint"));
+    assert!(files(folder.path()) == before);
+}
+
+#[test]
+fn a_checkpoint_that_is_refused_leaves_the_rows_after_it() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut watch = Watch { stop_at: Some(100), ..Watch::default() };
+    Trainer::start(folder.path(), &droq(), &config(1_200), parts()).unwrap().run(&mut watch).unwrap();
+    let last = folder.path().join("checkpoints/last.safetensors");
+    let checkpoint = fs::read(&last).unwrap();
+    let segment =
+        fs::read_dir(folder.path().join("checkpoints/replay")).unwrap().next().unwrap().unwrap().path();
+    let mut watch = Watch { stop_at: Some(100), ..Watch::default() };
+    Trainer::resume(folder.path(), &droq(), &config(1_200), parts()).unwrap().run(&mut watch).unwrap();
+    // As after a kill before the second checkpoint, on a disk that has lost some of the replay.
+    fs::write(&last, checkpoint).unwrap();
+    let whole = fs::read(&segment).unwrap();
+    fs::write(&segment, &whole[..whole.len() / 2]).unwrap();
+    let before = raw(folder.path());
+    let error = Trainer::resume(folder.path(), &droq(), &config(1_200), parts()).err().unwrap();
+    assert!(error.to_string().contains(".replay"), "{error}");
+    assert!(raw(folder.path()) == before);
 }
 
 proptest::proptest! {
