@@ -8,8 +8,8 @@ use etude_learn::{Outcome, StopReason};
 use serde_json::json;
 
 use super::{ConfigArgs, line, note, slug};
-use crate::Ending;
 use crate::progress::{Progress, stop_flag};
+use crate::{Ending, broken_pipe};
 
 /// What to learn, how and for how long.
 #[derive(clap::Args)]
@@ -42,7 +42,8 @@ pub struct Args {
     /// Stop after this much time, counted from this start, saving everything
     #[arg(long, value_name = "MINUTES", value_parser = super::positive, allow_hyphen_values = true)]
     minutes: Option<f64>,
-    /// Print nothing but one JSON object at the end: run, policy, song, f1, step, updates, secs, stopped
+    /// Print nothing but one JSON object at the end: run, policy, song, f1, best_step, step, updates, secs,
+    /// stopped
     #[arg(long)]
     json: bool,
 }
@@ -69,14 +70,20 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
         }
     };
     if !args.json {
-        announce(&run, &args, &folder)?;
+        heard_or_not(announce(&run, &args, &folder))?;
     }
     let mut progress = Progress::new(&run, limit, args.json, stop);
     let outcome = run.run(&mut progress);
     progress.finish();
     let outcome = outcome?;
-    report(&args, &folder, &run, &outcome)?;
+    heard_or_not(report(&args, &folder, &run, &outcome))?;
     Ok(if outcome.stopped == Some(StopReason::Requested) { Ending::Stopped } else { Ending::Done })
+}
+
+/// A training goes on, and ends as it ends, when whoever read standard output is gone: Ctrl-C in `etude train … | tee log` stops
+/// both.
+fn heard_or_not(said: anyhow::Result<()>) -> anyhow::Result<()> {
+    said.or_else(|error| if broken_pipe(&error) { Ok(()) } else { Err(error) })
 }
 
 fn announce(run: &Run, args: &Args, folder: &Path) -> anyhow::Result<()> {
@@ -117,7 +124,6 @@ fn report(args: &Args, folder: &Path, run: &Run, outcome: &Outcome) -> anyhow::R
             "stopped": outcome.stopped.map(|reason| match reason {
                 StopReason::Requested => "requested",
                 StopReason::OutOfTime => "out-of-time",
-                StopReason::GoodEnough => "good-enough",
             }),
         }));
     }

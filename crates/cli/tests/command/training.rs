@@ -22,10 +22,11 @@ fn assert_same_results(desk: &Desk, a: &str, b: &str) {
     }
 }
 
-/// Starts a training and waits until it has saved a checkpoint after its first update.
+/// Starts a training, whose standard output nobody reads, and waits until it has saved a checkpoint after its first update.
 fn start_and_wait(desk: &Desk, args: &str, folder: &str) -> Child {
     let mut command = desk.tiny(args);
-    let mut child = command.stdout(Stdio::null()).stderr(Stdio::piped()).spawn().unwrap();
+    let mut child = command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
+    drop(child.stdout.take());
     let rows = desk.path(folder).join("metrics.jsonl");
     while std::fs::read_to_string(&rows).map_or(0, |text| text.lines().count()) < 3 {
         assert!(child.try_wait().unwrap().is_none(), "it ended before it could be stopped");
