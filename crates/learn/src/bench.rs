@@ -49,8 +49,9 @@ pub fn update_rate(config: &DroqConfig, seconds: f64, threads: usize) -> Result<
     }
     let mut droq = Droq::new(config, LAYOUT, ACTION, 0);
     Ok(pool.install(|| {
-        run(&mut droq, &replay, threads > 1, 0.1 * seconds);
-        run(&mut droq, &replay, threads > 1, seconds)
+        let parallel = rayon::current_num_threads() > 1;
+        run(&mut droq, &replay, parallel, 0.1 * seconds);
+        run(&mut droq, &replay, parallel, seconds)
     }))
 }
 

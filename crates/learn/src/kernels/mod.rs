@@ -3,7 +3,8 @@
 //!
 //! Each elementwise kernel is written once as a plain loop and compiled three times (AVX-512, AVX2 with FMA, and the
 //! target's baseline, which on aarch64 is NEON); the widest one that the processor has is chosen at run time. On one
-//! machine a kernel always gives the same bytes. Between machines of different vector width the last bit may differ.
+//! machine a kernel always gives the same bytes. Between machines of different vector width the last bit may differ, and
+//! products in bfloat16 are those of f32 where the processor has none.
 
 mod adam;
 mod bf16;

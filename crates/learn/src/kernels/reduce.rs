@@ -1,8 +1,8 @@
 //! Sums along a row.
 //!
 //! The order of a floating-point sum is part of its result, so the compiler may not vectorise one by itself, and what it
-//! makes of hand-interleaved sums is twice as slow as the rest of LayerNorm together. Hence the one place with
-//! intrinsics, for AVX-512; elsewhere sixteen interleaved sums.
+//! makes of hand-interleaved sums is twice as slow as the rest of LayerNorm together. Hence intrinsics for AVX-512;
+//! elsewhere sixteen interleaved sums.
 #![allow(unsafe_code)] // Vector loads inside slices of known length.
 
 use super::{LANES, fma};
