@@ -127,7 +127,8 @@ rows! {
         /// Acceleration limit.
         AccelerationLimit = joint("acceleration_limit", "rad/s²", 300.0, 14.0, [0.1, 5_000.0],
             "largest acceleration of the reference trajectory; fingers: our choice, well inside what the torque allows; \
-             rail: what the arm's joint limit of 1145 °/s² gives 0.7 m from the axis (sheet \"hardware\")"),
+             rail: what the arm's joint limit of 1145 °/s² gives 0.7 m from the axis (sheet \"hardware\"); along the \
+             keyboard it gives about half (docs/results/robot.md)"),
         /// Jerk limit.
         JerkLimit = joint("jerk_limit", "rad/s³", 60_000.0, 2000.0, [1.0, 1e6],
             "largest jerk of the reference trajectory; our choice until identified (the arm's servo mode has no limit of \

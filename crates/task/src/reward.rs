@@ -123,7 +123,7 @@ fn key_press(moment: &Moment) -> f64 {
 /// Within this distance of its key a finger earns everything, m (§3.1).
 const OT_BOUND: f64 = 0.01;
 /// This much further away it earns a tenth, m. The papers print no number; RoboPianist's 0.1 pays 0.96 to a finger that
-/// stands on the wrong white key next to the right one, this pays 0.86 (docs/results/learning.md has the curves).
+/// stands on the wrong white key next to the right one, this pays 0.85 (docs/results/learning.md has the curves).
 const OT_MARGIN: f64 = 0.05;
 
 fn optimal_transport(moment: &Moment) -> f64 {
