@@ -50,6 +50,9 @@ pub struct StepOutcome {
     pub rail_power: f64,
     /// Whether anything but fingertips on the keyboard touched at any physics step.
     pub collided: bool,
+    /// Whether these physical numbers ask for motion that the physics steps cannot follow: MuJoCo has met a position, velocity or
+    /// acceleration beyond its bounds and started over with every joint at 0. What came of the step means nothing.
+    pub unstable: bool,
 }
 
 /// Ids and addresses in the MuJoCo model.
@@ -82,6 +85,8 @@ pub struct World {
     pub(crate) derived_at: [f64; KEYS],
     torques: [f64; JOINTS],
     events: Vec<KeyEvent>,
+    /// Whether MuJoCo has started over since the last control step began.
+    unstable: bool,
 }
 
 /// What a joint's controller makes of a target, a measured position and a velocity: a torque.
@@ -163,6 +168,7 @@ impl World {
             derived_at: [0.0; KEYS],
             torques: [0.0; JOINTS],
             events: Vec::with_capacity(EVENTS),
+            unstable: false,
         };
         world.set_params(params);
         world.reset();
@@ -298,10 +304,12 @@ impl World {
     ) -> StepOutcome {
         let mut outcome = StepOutcome::default();
         self.events.clear();
+        self.unstable = false;
         for step in 0..PHYSICS_STEPS {
             self.physics_step(wanted(step), law, &mut outcome);
             watch(self);
         }
+        outcome.unstable = self.unstable;
         outcome.finger_power /= PHYSICS_STEPS as f64;
         outcome.rail_power /= PHYSICS_STEPS as f64;
         outcome
@@ -353,7 +361,10 @@ impl World {
                 self.derived_at[key] = self.data.qpos()[self.layout.key_dof[key]];
             }
         }
+        let before = self.data.ffi().time;
         self.data.step();
+        // Where MuJoCo starts over, its clock does too.
+        self.unstable |= self.data.ffi().time <= before;
         self.physics_steps += 1;
         self.watch_keys();
         self.collision()
@@ -426,12 +437,13 @@ impl World {
         &self.events
     }
 
-    /// Centre of a finger's rounded tip in the world, m.
+    /// Centre of a finger's rounded tip in the world, m. After a step it is where the tip was before the last physics step: MuJoCo
+    /// places sites before it integrates.
     pub fn fingertip(&self, finger: usize) -> [f64; 3] {
         self.data.site_xpos()[self.layout.tip_site[finger]]
     }
 
-    /// A finger's pad in the world, m: what the rewards measure from.
+    /// A finger's pad in the world, m: what the rewards measure from. As old as [`fingertip`](Self::fingertip).
     pub fn finger_pad(&self, finger: usize) -> [f64; 3] {
         self.data.site_xpos()[self.layout.pad_site[finger]]
     }

@@ -18,7 +18,8 @@ use crate::{ACTION_LEN, Piece, TargetRange, TaskConfig, TaskError};
 /// Result of one control step.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Step {
-    /// Sum of the weighted reward terms.
+    /// Sum of the weighted reward terms; not a number if the physics has become unstable ([`unstable`](etude_stage::StepOutcome::unstable)), which no
+    /// learner takes.
     pub reward: f64,
     /// Whether the song is over. Not a terminal state: the learner bootstraps on.
     pub song_over: bool,
@@ -149,6 +150,7 @@ impl Environment {
         let moment =
             Moment { world: &self.world, due, outcome, action, previous_action: &self.previous_action };
         let reward = self.reward.evaluate(&moment, parts);
+        let reward = if outcome.unstable { f64::NAN } else { reward };
         self.previous_action = *action;
         self.step += 1;
         self.steps_made = self.steps_made.saturating_add(1);

@@ -46,7 +46,7 @@ impl Trainer {
             .chain(&batch.reward)
             .chain(&batch.reward_terms);
         if !given.copied().all(f32::is_finite) {
-            let what = "an observation or a reward of the environment".to_owned();
+            let what = "an observation or a reward of the environment (unstable physics?)".to_owned();
             return Err(TrainError::NotFinite { what, step: self.step });
         }
         for index in 0..self.config.num_envs {

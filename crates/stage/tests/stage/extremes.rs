@@ -101,6 +101,7 @@ fn calm(
         let numbers = world.data().qpos().iter().chain(world.data().qvel()).chain(world.torques());
         prop_assert!(numbers.copied().all(f64::is_finite));
         prop_assert!(outcome.finger_power.is_finite() && outcome.rail_power.is_finite());
+        prop_assert!(!outcome.unstable);
         for event in world.events() {
             prop_assert!(
                 (1.0..128.0).contains(&(f64::from(event.velocity.max(1)))) && event.secs.is_finite()
@@ -118,6 +119,28 @@ fn the_defaults_keep_to_the_rules() {
         keep_to_the_rules(&mut params, actuation);
         assert_eq!(params, defaults, "{actuation:?}");
     }
+}
+
+/// Beyond the first rule: keys that swing up without end once they are touched.
+#[test]
+fn an_engine_that_starts_over_says_so() {
+    let mut params = PhysicalParams::default();
+    params.set_world(Quantity::KeyArmature, 1e-5);
+    params.set_world(Quantity::KeyDamping, 0.001);
+    params.set_world(Quantity::KeyStiffness, 5.0);
+    let mut world = World::new(&StageConfig::default(), &params).unwrap();
+    let mut outcomes = (0..400).map(|step| {
+        let shares = std::array::from_fn(|joint| 0.5 + 0.5 * (0.7 * (step * (joint + 1)) as f64).sin());
+        let unstable = world.step(&bench::at_shares(&shares)).unstable;
+        (unstable, world.data().warning().iter().any(|warning| warning.number > 0))
+    });
+    let (_, warned) = outcomes.find(|(unstable, _)| *unstable).expect("these keys swing up");
+    assert!(warned, "MuJoCo has not started over");
+    // The clock of a new episode begins at 0 as well, and that is none.
+    world.set_params(&PhysicalParams::default());
+    world.reset();
+    let targets = world.start_pose();
+    assert!((0..20).all(|_| !world.step(&targets).unstable));
 }
 
 proptest! {

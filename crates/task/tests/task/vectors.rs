@@ -108,9 +108,26 @@ fn environments_step_without_any_reward_term() {
     for term in etude_task::reward::TERMS {
         config.reward.insert(term.name.to_string(), 0.0);
     }
-    let Ok(mut piano) = VectorPiano::new(&config, &short_piece(), 2, 0) else { return };
+    let mut piano = VectorPiano::new(&config, &short_piece(), 2, 0).unwrap();
     let batches = play(&mut piano, &mut Actions::new(2, 1), 3);
     assert_ne!(batches[0].observation, batches[2].observation);
+}
+
+#[test]
+fn a_world_that_bursts_earns_what_no_learner_takes() {
+    let mut config = nominal();
+    for (path, value) in [("key.stiffness", 5.0), ("key.armature", 1e-5), ("key.damping", 0.001)] {
+        config.physics.insert(path.to_string(), value);
+    }
+    let earned = |config: &TaskConfig| {
+        let mut piano = VectorPiano::new(config, &short_piece(), 2, 0).unwrap();
+        play(&mut piano, &mut Actions::new(2, 1), 200)
+            .iter()
+            .flat_map(|batch| batch.reward.clone())
+            .collect::<Vec<f32>>()
+    };
+    assert!(earned(&nominal()).iter().all(|reward| reward.is_finite()));
+    assert!(earned(&config).iter().any(|reward| reward.is_nan()));
 }
 
 #[test]
