@@ -7,6 +7,7 @@
 use std::collections::BTreeMap;
 
 use etude_music::{KEYS, KeySet};
+use etude_stage::params::Joint;
 use etude_stage::{FINGERS, RAIL, StepOutcome, World};
 
 use crate::{ACTION_LEN, TaskError, assign};
@@ -21,7 +22,7 @@ pub struct Moment<'a> {
     pub outcome: StepOutcome,
     /// The action of the step.
     pub action: &'a [f32; ACTION_LEN],
-    /// The action of the step before; the action itself in the first step.
+    /// The action of the step before; in the first step the one that means the starting pose.
     pub previous_action: &'a [f32; ACTION_LEN],
 }
 
@@ -158,7 +159,9 @@ fn hand_position(moment: &Moment) -> f64 {
     }
     let sum: f64 = moment.due.iter().map(|key| moment.world.key_target(key)[1]).sum();
     let middle = sum / moment.due.len() as f64;
-    tolerance((moment.world.joints()[RAIL] - middle).abs(), 0.03, 0.3)
+    // The place, not what the encoder makes of it.
+    let rail = moment.world.joints()[RAIL] - moment.world.params().joint(Joint::EncoderBias, RAIL);
+    tolerance((rail - middle).abs(), 0.03, 0.3)
 }
 
 fn graded_key_press(moment: &Moment) -> f64 {

@@ -62,6 +62,7 @@ fn measured(
     let mut curves: Vec<RewardCurve> =
         names.iter().map(|name| RewardCurve { name: (*name).to_string(), values: Vec::new() }).collect();
     let mut parts = vec![0.0; names.len()];
+    // Nothing is recorded of the pose before the first step, so its change of action counts as none.
     let mut previous: Option<[f32; ACTION_LEN]> = None;
     for (step, (pressed, joints)) in pressed.iter().zip(positions).enumerate() {
         let action = recording.policy.get(step).and_then(|message| message.action.as_slice().try_into().ok());

@@ -8,5 +8,6 @@ mod performances;
 mod randomisation;
 #[path = "../../../stage/tests/stage/replica.rs"]
 mod replica;
+mod rewards;
 mod saved;
 mod vectors;

@@ -1,0 +1,168 @@
+//! The reward's terms against numbers worked out by hand from docs/algorithm.md.
+
+use etude_music::KeySet;
+use etude_stage::params::Joint;
+use etude_stage::{FINGERS, PhysicalParams, RAIL, StageConfig, StepOutcome, World};
+use etude_task::ACTION_LEN;
+use etude_task::reward::{Moment, TERMS, tolerance};
+
+const STILL: [f32; ACTION_LEN] = [0.0; ACTION_LEN];
+
+fn world() -> World {
+    World::new(&StageConfig::default(), &PhysicalParams::default()).unwrap()
+}
+
+/// The keys of these numbers, 0 the lowest.
+fn keys(numbers: &[usize]) -> KeySet {
+    let mut set = KeySet::EMPTY;
+    for key in numbers {
+        set.insert(*key);
+    }
+    set
+}
+
+fn term(name: &str, moment: &Moment) -> f64 {
+    let term = TERMS.iter().find(|term| term.name == name).unwrap();
+    (term.value)(moment)
+}
+
+fn moment<'a>(world: &'a World, due: &[usize]) -> Moment<'a> {
+    let outcome = StepOutcome::default();
+    Moment { world, due: keys(due), outcome, action: &STILL, previous_action: &STILL }
+}
+
+fn assert_near(value: f64, expected: f64, what: &str) {
+    assert!((value - expected).abs() < 1e-9, "{what}: {value}, not {expected}");
+}
+
+#[test]
+fn keys_earn_for_being_down_where_they_are_due_and_up_where_they_are_not() {
+    // What a due key at rest still earns: a tenth to the power of ((1 − 0.05) / 0.5)².
+    let up = 0.1f64.powf(1.9 * 1.9);
+    let table: [(&[usize], &[usize], f64, f64); 9] = [
+        (&[], &[], 0.5, 1.5),
+        (&[], &[24], 0.0, 0.0),
+        (&[24], &[], 0.5 * up + 0.5, 0.0),
+        (&[24], &[24], 1.0, 1.5),
+        (&[24], &[26], 0.5 * up, 0.5),
+        (&[24], &[24, 26], 0.5, 1.0),
+        (&[24, 28], &[24, 28], 1.0, 1.5),
+        (&[24, 28], &[24], 0.25 * (1.0 + up) + 0.5, 1.25),
+        (&[24, 28], &[24, 26], 0.25 * (1.0 + up), 0.75),
+    ];
+    let mut world = world();
+    let pose = world.start_pose();
+    for (due, down, key_press, graded) in table {
+        world.pose(&pose, keys(down));
+        let moment = moment(&world, due);
+        let what = format!("due {due:?}, down {down:?}");
+        assert_near(term("key_press", &moment), key_press, &what);
+        assert_near(term("graded_key_press", &moment), graded, &format!("graded: {what}"));
+    }
+}
+
+#[test]
+fn fingers_earn_for_the_keys_that_the_cheapest_lateral_assignment_gives_them() {
+    let mut world = world();
+    let mut pose = world.start_pose();
+    pose[RAIL] = 0.05;
+    world.pose(&pose, KeySet::EMPTY);
+    let pads: [[f64; 3]; FINGERS] = std::array::from_fn(|finger| world.finger_pad(finger));
+    let closeness = |finger: usize, key: usize| {
+        let target = world.key_target(key);
+        let squares: f64 = (0..3).map(|axis| (pads[finger][axis] - target[axis]).powi(2)).sum();
+        tolerance(squares.sqrt(), 0.01, 0.05)
+    };
+    let aside = |finger: usize, key: usize| (pads[finger][1] - world.key_target(key)[1]).abs();
+    let earned = |due: &[usize]| term("optimal_transport", &moment(&world, due));
+
+    assert_near(earned(&[]), 1.0, "nothing due");
+    let mut told_apart = 0;
+    for one in 20..34 {
+        let nearest = (0..FINGERS).min_by(|a, b| aside(*a, one).total_cmp(&aside(*b, one))).unwrap();
+        assert_near(earned(&[one]), closeness(nearest, one), &format!("key {one}"));
+        for other in one + 1..34 {
+            let pairs = (0..FINGERS).flat_map(|a| (0..FINGERS).map(move |b| (a, b))).filter(|(a, b)| a != b);
+            let cost = |(a, b): &(usize, usize)| aside(*a, one) + aside(*b, other);
+            let (a, b) = pairs.min_by(|x, y| cost(x).total_cmp(&cost(y))).unwrap();
+            // Two assignments may cost the same from side to side; both fingers' order along the keyboard decides then.
+            let mean = |a, b| 0.5 * (closeness(a, one) + closeness(b, other));
+            let (value, swapped) = (earned(&[one, other]), (cost(&(a, b)) - cost(&(b, a))).abs() < 1e-12);
+            assert!(
+                (value - mean(a, b)).abs() < 1e-9 || swapped && (value - mean(b, a)).abs() < 1e-9,
+                "keys {one} and {other}: {value}"
+            );
+            told_apart += usize::from((mean(a, b) - mean(b, a)).abs() > 1e-3);
+        }
+    }
+    assert!(told_apart > 10, "a wrong assignment would hardly show: {told_apart}");
+    // More keys than fingers: the mean is over the fingers, and the most is 1.
+    let chord = earned(&[22, 24, 26, 28, 29]);
+    assert!(chord > 0.0 && chord <= 1.0, "{chord}");
+}
+
+#[test]
+fn power_and_changes_of_action_and_collisions_cost() {
+    let world = world();
+    let quiet = moment(&world, &[]);
+    let busy = StepOutcome { finger_power: 2.0, rail_power: 100.0, collided: true, ..StepOutcome::default() };
+    let loud = Moment { outcome: busy, ..moment(&world, &[]) };
+    assert_near(term("energy", &quiet), 0.0, "no power");
+    assert_near(term("energy", &loud), -2.3, "power");
+    assert_near(term("collision", &quiet), 0.5, "no collision");
+    assert_near(term("collision", &loud), 0.0, "a collision");
+
+    let mut action = STILL;
+    action[RAIL] = 1.0;
+    action[0] = -0.5;
+    let changed = Moment { action: &action, ..moment(&world, &[]) };
+    assert_near(term("action_change", &quiet), 0.0, "the same action");
+    assert_near(term("action_change", &changed), -1.25 / ACTION_LEN as f64, "another action");
+}
+
+#[test]
+fn the_palm_earns_for_the_place_where_it_is_and_not_for_what_its_encoder_reads() {
+    let place = world();
+    let middle = (place.key_target(24)[1] + place.key_target(28)[1]) / 2.0;
+    for bias in [0.0, 0.1] {
+        let mut params = PhysicalParams::default();
+        params.set_joint(Joint::EncoderBias, RAIL, bias);
+        let mut world = World::new(&StageConfig::default(), &params).unwrap();
+        for (beside, expected) in [(0.0, 1.0), (0.03, 1.0), (-0.18, tolerance(0.18, 0.03, 0.3))] {
+            let mut pose = world.start_pose();
+            pose[RAIL] = middle + beside + bias;
+            world.pose(&pose, KeySet::EMPTY);
+            let value = term("hand_position", &moment(&world, &[24, 28]));
+            assert!(
+                (value - expected).abs() < 1e-6,
+                "bias {bias}, {beside} m beside: {value}, not {expected}"
+            );
+        }
+        assert_near(term("hand_position", &moment(&world, &[])), 1.0, "nothing due");
+    }
+}
+
+#[test]
+fn sliding_costs_while_keys_are_down_and_twice_as_much_on_neighbours() {
+    let mut params = PhysicalParams::default();
+    // Keys that rise so slowly that they are down after a control step without a finger on them.
+    params
+        .set("key.damping", PhysicalParams::rows().find(|row| row.0 == "key.damping").unwrap().1.range[1])
+        .unwrap();
+    let mut world = World::new(&StageConfig::default(), &params).unwrap();
+    for (down, factor) in
+        [(&[][..], 0.0), (&[24], 3.0), (&[24, 26], 3.0), (&[24, 25], 6.0), (&[30, 35, 36], 6.0)]
+    {
+        let pose = world.start_pose();
+        world.pose(&pose, keys(down));
+        let mut targets = pose;
+        targets[RAIL] += 0.2;
+        world.step(&targets);
+        world.step(&targets);
+        assert_eq!(world.pressed(), keys(down), "a key has risen");
+        let velocity = world.joint_velocities()[RAIL];
+        assert!(velocity > 0.05, "{velocity}");
+        let value = term("sliding", &moment(&world, &[]));
+        assert_near(value, 1.0 - factor * velocity * velocity, &format!("down {down:?}"));
+    }
+}
