@@ -14,15 +14,16 @@ pub struct Piece {
 }
 
 impl Piece {
-    /// The song after `initial_silence_secs` of silence.
+    /// The song after `initial_silence_secs` of silence, rounded to whole control steps.
     ///
     /// # Errors
     /// If a note lies outside the keyboard, or the song is longer than the frames may be.
     pub fn new(song: &Song, initial_silence_secs: f64) -> Result<Self, SongError> {
-        let silent_start = song.with_initial_silence(initial_silence_secs)?;
+        let silence_secs = (initial_silence_secs * CONTROL_HZ).round() / CONTROL_HZ;
+        let silent_start = song.with_initial_silence(silence_secs)?;
         Ok(Self {
             title: song.title().to_string(),
-            due: song.episode_frames(CONTROL_HZ, initial_silence_secs)?.into(),
+            due: song.episode_frames(CONTROL_HZ, silence_secs)?.into(),
             notes: silent_start.notes().into(),
             bars: silent_start.beats().bar_lines(silent_start.duration_secs()).into(),
         })

@@ -5,7 +5,8 @@
 //! milliseconds of computing. In the nominal world a strike takes 85 ms (black: 95), a release 65 ms (60); a turn lags by 90 ms.
 
 use etude_stage::hand::FINGER_JOINTS;
-use etude_stage::{PhysicalParams, RAIL, StageConfig, World};
+use etude_stage::params::Joint;
+use etude_stage::{JOINTS, PhysicalParams, RAIL, StageConfig, World};
 
 use super::comb::Comb;
 use super::rail::CONTROL_SECS;
@@ -41,7 +42,10 @@ impl Lags {
         params: &PhysicalParams,
         comb: &Comb,
     ) -> Result<Self, TaskError> {
-        let mut world = World::new(stage, params)?;
+        // Places are true ones here: lags are the same whatever the encoders read.
+        let mut params = params.clone();
+        (0..JOINTS).for_each(|joint| params.set_joint(Joint::EncoderBias, joint, 0.0));
+        let mut world = World::new(stage, &params)?;
         let mut lags = Self { strike: [1; 2], release: [1; 2], follow_secs: 0.0 };
         for (kind, key) in KEYS.into_iter().enumerate() {
             let ([x, y], rail) = (comb.over(key), middle(comb.tube(FINGER, key)));
@@ -121,5 +125,19 @@ mod tests {
         let (quick, slow) = (measured(0.005), measured(0.15));
         assert!(quick.follow_secs + 0.1 < slow.follow_secs);
         assert!((0..2).all(|kind| quick.strike[kind] < slow.strike[kind]));
+    }
+
+    #[test]
+    fn lags_do_not_depend_on_what_encoders_read() {
+        let stage = StageConfig::default();
+        let comb = Comb::new(stage.side, &PhysicalParams::default(), &ScriptedConfig::default());
+        let measured = |params: &PhysicalParams| Lags::measure(&stage, params, &comb).unwrap();
+        let mut params = PhysicalParams::default();
+        let straight = measured(&params);
+        params.set("joint.fingers.encoder_bias", 0.05).unwrap();
+        params.set("joint.rail.encoder_bias", 0.02).unwrap();
+        let biased = measured(&params);
+        assert_eq!((straight.strike, straight.release), (biased.strike, biased.release));
+        assert_eq!(straight.follow_secs, biased.follow_secs);
     }
 }
