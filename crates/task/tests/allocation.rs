@@ -1,6 +1,7 @@
 //! The step loop does not allocate on Rust's heap (what MuJoCo does with its own is not seen), asserted by an allocator that
 //! counts.
 #![allow(unsafe_code)] // A global allocator is unsafe by its nature; this one hands everything on.
+#![allow(clippy::unwrap_used)] // Helpers of tests are tests too, which clippy.toml does not see.
 
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -32,12 +33,20 @@ static COUNTING: Counting = Counting;
 
 #[test]
 fn steps_and_restarts_do_not_allocate() {
+    let mut drawn = TaskConfig { random_start: true, ..TaskConfig::default() };
+    drawn.randomisation.intensity = 0.5;
+    for config in [TaskConfig::default(), drawn] {
+        do_not_allocate(&config);
+    }
+    assert!(CALLS.load(Ordering::Relaxed) > 0, "the counter does not count");
+}
+
+fn do_not_allocate(config: &TaskConfig) {
     let song = repertoire::get("twinkle").expect("built in");
-    let config = TaskConfig::default();
     let piece = Piece::new(&song, config.initial_silence_secs).unwrap();
     let num_envs = 3;
-    let mut vector = VectorPiano::new(&config, &piece, num_envs, 0).unwrap();
-    vector = vector.with_demonstrator(ScriptedPlayer::new(&config, &piece).unwrap());
+    let mut vector = VectorPiano::new(config, &piece, num_envs, 0).unwrap();
+    vector = vector.with_demonstrator(ScriptedPlayer::new(config, &piece).unwrap());
     let mut batch = StepBatch::new(num_envs, vector.layout(), vector.reward_term_names().len());
     let mut random = Pcg64::seed_from_u64(0);
     let mut actions = vec![0.0; num_envs * ACTION_LEN];
@@ -56,8 +65,7 @@ fn steps_and_restarts_do_not_allocate() {
             vector.step(&actions, &mut batch);
             restarts += usize::from(batch.truncated[0]);
         }
-        assert_eq!(restarts, 4);
+        assert!(restarts >= 4);
         assert_eq!(CALLS.load(Ordering::Relaxed) - before, 0, "allocations in three episodes");
     });
-    assert!(CALLS.load(Ordering::Relaxed) > 0, "the counter does not count");
 }
