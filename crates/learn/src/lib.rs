@@ -31,6 +31,7 @@ mod trainer;
 pub use config::{Arithmetic, ConfigError, DroqConfig, TrainerConfig};
 pub use env::{EnvironmentError, Evaluator, ObservationLayout, Score, StepBatch, VectorEnvironment};
 pub use files::FileError;
+pub use kernels::bf16_available;
 pub use policy::{Policy, PolicyHeader, PolicyLayer};
 pub use trainer::{
     Best, EvaluationRow, LogRow, Outcome, Parts, StopReason, TrainError, Trainer, TrainingObserver, WarmStart,

@@ -122,7 +122,9 @@ impl Peer {
         let reason = said.lines().rev().find(|line| !line.trim().is_empty()).unwrap_or("it does not say why");
         anyhow::ensure!(output.status.success(), "{}", reason.trim());
         let text = String::from_utf8_lossy(&output.stdout);
+        let before = self.lines.len();
         self.lines.extend(text.lines().filter_map(|line| serde_json::from_str::<Value>(line).ok()));
+        anyhow::ensure!(self.lines.len() > before, "it has printed no figures");
         Ok(())
     }
 }
@@ -269,9 +271,14 @@ impl Bench {
         self.rows.push(Row { what: what.into(), unit, ours, theirs });
     }
 
-    /// The row after one in f32: the same work of ours in bfloat16, beside the same figures of the peers.
+    /// The row after one in f32: the same work of ours in bfloat16, beside the same figures of the peers. A processor without such
+    /// arithmetic computes in f32, and the row says so.
     fn bf16_row(&mut self, on: &str, key: &str, unit: &'static str, ours: f64, theirs: Vec<(String, f64)>) {
-        let what = format!("the same in bf16 (peers: f32), {on}");
+        let what = if etude_learn::bf16_available() {
+            format!("the same in bf16 (peers: f32), {on}")
+        } else {
+            format!("the same in bf16 (this processor: f32), {on}")
+        };
         self.row(what, &format!("bf16_{key}"), unit, Some(ours), theirs);
     }
 
@@ -324,6 +331,11 @@ impl Bench {
             "\nThe environment takes {:.1} % more time than its mj_step calls.",
             self.figures["env_overhead"].as_f64().unwrap_or(f64::NAN) * 100.0
         ))?;
+        if self.peers.is_some() {
+            line(
+                "Peers are kept to the first N processors, since not all of them count threads; Étude has N threads.",
+            )?;
+        }
         for (script, reason) in &self.failed {
             line(format!("{script} did not run: {}", reason.as_str().unwrap_or_default()))?;
         }
