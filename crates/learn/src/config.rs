@@ -147,8 +147,8 @@ impl DroqConfig {
 
 /// A training: how long, how much learning per step of experience, and how often it is looked at and saved.
 ///
-/// A *round* is one vectorised step: `num_envs` environment steps and `updates_per_round` updates from the replay before them. All lengths are
-/// counted in environment steps and take effect at the end of the round that reaches them.
+/// A *round* is one vectorised step: `num_envs` environment steps and `updates_per_round` updates from the replay before
+/// them. All lengths are counted in environment steps and take effect at the end of the round that reaches them.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct TrainerConfig {

@@ -18,8 +18,8 @@ use crate::{ACTION_LEN, Piece, TargetRange, TaskConfig, TaskError};
 /// Result of one control step.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Step {
-    /// Sum of the weighted reward terms; not a number if the physics has become unstable ([`unstable`](etude_stage::StepOutcome::unstable)), which no
-    /// learner takes.
+    /// Sum of the weighted reward terms. Not a number, which no learner takes, if the physics has become
+    /// [unstable](etude_stage::StepOutcome::unstable).
     pub reward: f64,
     /// Whether the song is over. Not a terminal state: the learner bootstraps on.
     pub song_over: bool,
