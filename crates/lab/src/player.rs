@@ -113,7 +113,8 @@ pub fn load_player(asked: &str, slug: &str, path: Option<&Path>, runs: &Path) ->
     players.into_iter().next().ok_or_else(|| errors.into_iter().next().unwrap_or_else(none))
 }
 
-fn open(path: &Path) -> Result<Player, PlayError> {
+/// The player that the policy file at `path` is.
+pub(crate) fn open(path: &Path) -> Result<Player, PlayError> {
     let fail = |message: String| PlayError::Policy { path: path.to_path_buf(), message };
     let policy = Policy::load(path)?;
     let notes = &policy.header().notes;

@@ -3,15 +3,14 @@
 use std::fs::{File, TryLockError};
 use std::path::{Path, PathBuf};
 
-use etude_learn::{
-    Outcome, Parts, Policy, TrainError, Trainer, TrainerConfig, TrainingObserver, WarmStart, seed,
-};
+use etude_learn::{Outcome, Parts, TrainError, Trainer, TrainerConfig, TrainingObserver, WarmStart, seed};
 use etude_music::{Song, SongError};
 use etude_perform::{FileError, write_file};
 use etude_task::{Piece, ScriptedPlayer, SongEvaluator, TaskConfig, TaskError, VectorPiano};
 use serde_json::json;
 
 use crate::config::{ConfigError, RunConfig, change_free, resolve as resolve_config};
+use crate::player::open;
 
 /// A run could not be started, continued or read.
 #[derive(Debug, thiserror::Error)]
@@ -304,10 +303,7 @@ fn warm_start(path: &Path, song: &Song, config: &RunConfig, parts: &Parts) -> Re
 
 /// The task that the run in `folder` has learned so far, if its last policy tells.
 fn learned_task(folder: &Path) -> Option<TaskConfig> {
-    let policy = Policy::load(&folder.join("policy-last.safetensors")).ok()?;
-    let config: RunConfig =
-        serde_json::from_value(policy.header().notes["training"]["config"].clone()).ok()?;
-    Some(config.task)
+    open(&folder.join("policy-last.safetensors")).ok().map(|player| player.config.task)
 }
 
 /// The policy file of the run in `folder` that should be played: the best, or the last while none has been evaluated.

@@ -85,8 +85,6 @@ pub struct World {
     pub(crate) derived_at: [f64; KEYS],
     torques: [f64; JOINTS],
     events: Vec<KeyEvent>,
-    /// Whether MuJoCo has started over since the last control step began.
-    unstable: bool,
 }
 
 /// What a joint's controller makes of a target, a measured position and a velocity: a torque.
@@ -168,7 +166,6 @@ impl World {
             derived_at: [0.0; KEYS],
             torques: [0.0; JOINTS],
             events: Vec::with_capacity(EVENTS),
-            unstable: false,
         };
         world.set_params(params);
         world.reset();
@@ -304,12 +301,14 @@ impl World {
     ) -> StepOutcome {
         let mut outcome = StepOutcome::default();
         self.events.clear();
-        self.unstable = false;
+        let begun = self.data.ffi().time;
         for step in 0..PHYSICS_STEPS {
             self.physics_step(wanted(step), law, &mut outcome);
             watch(self);
         }
-        outcome.unstable = self.unstable;
+        // Where MuJoCo starts over, its clock does too.
+        let due = begun + (PHYSICS_STEPS as f64 - 0.5) * self.options.step_secs;
+        outcome.unstable = self.data.ffi().time < due;
         outcome.finger_power /= PHYSICS_STEPS as f64;
         outcome.rail_power /= PHYSICS_STEPS as f64;
         outcome
@@ -361,10 +360,7 @@ impl World {
                 self.derived_at[key] = self.data.qpos()[self.layout.key_dof[key]];
             }
         }
-        let before = self.data.ffi().time;
         self.data.step();
-        // Where MuJoCo starts over, its clock does too.
-        self.unstable |= self.data.ffi().time <= before;
         self.physics_steps += 1;
         self.watch_keys();
         self.collision()
@@ -404,7 +400,13 @@ impl World {
 
     /// Joint positions as the encoders read them: rad, the rail in m.
     pub fn joints(&self) -> [f64; JOINTS] {
-        std::array::from_fn(|j| self.gains[j].measured(self.data.qpos()[self.layout.joint_dof[j]]))
+        let places = self.joints_true();
+        std::array::from_fn(|joint| self.gains[joint].measured(places[joint]))
+    }
+
+    /// Joint positions as they are, whatever the encoders read: rad, the rail in m.
+    pub fn joints_true(&self) -> [f64; JOINTS] {
+        self.layout.joint_dof.map(|dof| self.data.qpos()[dof])
     }
 
     /// Joint velocities, rad/s, the rail in m/s.

@@ -7,7 +7,6 @@
 use std::collections::BTreeMap;
 
 use etude_music::{KEYS, KeySet};
-use etude_stage::params::Joint;
 use etude_stage::{FINGERS, RAIL, StepOutcome, World};
 
 use crate::{ACTION_LEN, TaskError, assign};
@@ -159,9 +158,7 @@ fn hand_position(moment: &Moment) -> f64 {
     }
     let sum: f64 = moment.due.iter().map(|key| moment.world.key_target(key)[1]).sum();
     let middle = sum / moment.due.len() as f64;
-    // The place, not what the encoder makes of it.
-    let rail = moment.world.joints()[RAIL] - moment.world.params().joint(Joint::EncoderBias, RAIL);
-    tolerance((rail - middle).abs(), 0.03, 0.3)
+    tolerance((moment.world.joints_true()[RAIL] - middle).abs(), 0.03, 0.3)
 }
 
 fn graded_key_press(moment: &Moment) -> f64 {

@@ -274,11 +274,8 @@ impl Bench {
     /// The row after one in f32: the same work of ours in bfloat16, beside the same figures of the peers. A processor without such
     /// arithmetic computes in f32, and the row says so.
     fn bf16_row(&mut self, on: &str, key: &str, unit: &'static str, ours: f64, theirs: Vec<(String, f64)>) {
-        let what = if etude_learn::bf16_available() {
-            format!("the same in bf16 (peers: f32), {on}")
-        } else {
-            format!("the same in bf16 (this processor: f32), {on}")
-        };
+        let in_f32 = if etude_learn::bf16_available() { "peers" } else { "this processor" };
+        let what = format!("the same in bf16 ({in_f32}: f32), {on}");
         self.row(what, &format!("bf16_{key}"), unit, Some(ours), theirs);
     }
 

@@ -38,15 +38,12 @@ impl Bf16Products {
 }
 
 /// Whether this processor has such products; without them all is computed in f32.
-#[cfg(target_arch = "x86_64")]
 pub fn available() -> bool {
-    super::level() == super::Level::Avx512 && std::arch::is_x86_feature_detected!("avx512bf16")
-}
-
-/// Whether this processor has such products; without them all is computed in f32.
-#[cfg(not(target_arch = "x86_64"))]
-pub fn available() -> bool {
-    false
+    #[cfg(target_arch = "x86_64")]
+    let found = super::level() == super::Level::Avx512 && std::arch::is_x86_feature_detected!("avx512bf16");
+    #[cfg(not(target_arch = "x86_64"))]
+    let found = false;
+    found
 }
 
 #[cfg(target_arch = "x86_64")]
