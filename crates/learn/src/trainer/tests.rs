@@ -35,6 +35,13 @@ fn two_shards() -> DroqConfig {
     DroqConfig { batch: 200, ..droq() }
 }
 
+/// Goes on with a training for a hundred rounds, which end in a checkpoint.
+fn hundred_rounds(trainer: Result<Trainer, TrainError>) -> Trainer {
+    let mut trainer = trainer.unwrap();
+    trainer.run(&mut Watch { stop_at: Some(100), ..Watch::default() }).unwrap();
+    trainer
+}
+
 #[test]
 fn stopping_and_resuming_changes_nothing() {
     let (whole, halves) = (tempfile::tempdir().unwrap(), tempfile::tempdir().unwrap());
@@ -110,9 +117,7 @@ fn what_lies_among_the_replay_segments_does_no_harm_and_comes_to_none() {
 #[test]
 fn a_better_policy_from_after_the_checkpoint_is_not_lost() {
     let folder = tempfile::tempdir().unwrap();
-    let mut watch = Watch { stop_at: Some(100), ..Watch::default() };
-    let mut trainer = Trainer::start(folder.path(), &droq(), &config(1_200), parts()).unwrap();
-    trainer.run(&mut watch).unwrap();
+    let trainer = hundred_rounds(Trainer::start(folder.path(), &droq(), &config(1_200), parts()));
     // As an evaluation leaves it that is killed before the next checkpoint.
     let mut policy = trainer.policy_with(&[]);
     drop(trainer);
@@ -138,11 +143,9 @@ fn a_kill_at_any_write_leaves_a_checkpoint_that_resumes() {
     // Rebuilds every state that the folder can be in between two checkpoints, from copies of both.
     let small = DroqConfig { replay_capacity: 300, ..droq() };
     let folder = tempfile::tempdir().unwrap();
-    let mut watch = Watch { stop_at: Some(100), ..Watch::default() };
-    Trainer::start(folder.path(), &small, &config(1_200), parts()).unwrap().run(&mut watch).unwrap();
+    hundred_rounds(Trainer::start(folder.path(), &small, &config(1_200), parts()));
     let before = raw(folder.path());
-    let mut watch = Watch { stop_at: Some(100), ..Watch::default() };
-    Trainer::resume(folder.path(), &small, &config(1_200), parts()).unwrap().run(&mut watch).unwrap();
+    hundred_rounds(Trainer::resume(folder.path(), &small, &config(1_200), parts()));
     let after = raw(folder.path());
     let finished = tempfile::tempdir().unwrap();
     Trainer::start(finished.path(), &small, &config(1_200), parts()).unwrap().run(&mut ()).unwrap();
@@ -256,8 +259,7 @@ fn numbers_that_are_not_finite_stop_the_training_and_spare_the_checkpoint() {
 #[cfg(target_os = "linux")]
 fn a_full_disk_stops_the_training_and_spares_the_checkpoint() {
     let folder = tempfile::tempdir().unwrap();
-    let mut watch = Watch { stop_at: Some(100), ..Watch::default() };
-    Trainer::start(folder.path(), &droq(), &config(1_200), parts()).unwrap().run(&mut watch).unwrap();
+    hundred_rounds(Trainer::start(folder.path(), &droq(), &config(1_200), parts()));
     let path = folder.path().join("checkpoints/last.safetensors");
     let before = fs::read(&path).unwrap();
     std::os::unix::fs::symlink("/dev/full", folder.path().join("checkpoints/.last.safetensors.tmp")).unwrap();
@@ -310,14 +312,12 @@ fn wrong_beginnings_are_refused() {
 #[test]
 fn a_checkpoint_that_is_refused_leaves_the_rows_after_it() {
     let folder = tempfile::tempdir().unwrap();
-    let mut watch = Watch { stop_at: Some(100), ..Watch::default() };
-    Trainer::start(folder.path(), &droq(), &config(1_200), parts()).unwrap().run(&mut watch).unwrap();
+    hundred_rounds(Trainer::start(folder.path(), &droq(), &config(1_200), parts()));
     let last = folder.path().join("checkpoints/last.safetensors");
     let checkpoint = fs::read(&last).unwrap();
     let segment =
         fs::read_dir(folder.path().join("checkpoints/replay")).unwrap().next().unwrap().unwrap().path();
-    let mut watch = Watch { stop_at: Some(100), ..Watch::default() };
-    Trainer::resume(folder.path(), &droq(), &config(1_200), parts()).unwrap().run(&mut watch).unwrap();
+    hundred_rounds(Trainer::resume(folder.path(), &droq(), &config(1_200), parts()));
     // As after a kill before the second checkpoint, on a disk that has lost some of the replay.
     fs::write(&last, checkpoint).unwrap();
     let whole = fs::read(&segment).unwrap();
