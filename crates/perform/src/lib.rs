@@ -7,6 +7,7 @@
 mod excitation;
 mod excite;
 mod files;
+mod job;
 mod messages;
 mod mode;
 mod performer;
@@ -19,6 +20,7 @@ mod writer;
 pub use excitation::Excitation;
 pub use excite::excite;
 pub use files::{FileError, write_file, write_frames_csv};
+pub use job::Job;
 pub use messages::{
     ArmMessage, HandMessage, Header, KeyMessage, NoteMessage, PolicyMessage, RewardMessage, SetPointMessage,
     StepMessage, TargetMessage,
