@@ -20,17 +20,17 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use etude_identify::{Motion, MotionError, Progress};
 use etude_learn::{EvaluationRow, LogRow, StopReason, TrainingObserver};
 use etude_music::Song;
-use etude_perform::{Ending, Excitation, FileError, Mode, write_file};
+use etude_perform::{Ending, Excitation, FileError, Job, Mode, write_file};
 use serde::{Deserialize, Serialize};
 
 use crate::config::{ConfigError, resolve};
 use crate::identify::{IDENTIFIED, Identification, IdentificationError, IdentifyMethod, identify_robot};
 use crate::play::PlayError;
 use crate::player::load_player;
-use crate::record::{Activity, record_robot};
+use crate::record::{Motion as RecordedMotion, record_robot};
 use crate::rehearsal_page::rehearsal_page;
 use crate::rig::RigChoice;
-use crate::robot::{RobotPlay, RobotRun, play_on_robot};
+use crate::robot::{RobotPlay, RobotRun, RunEnded, play_on_robot};
 use crate::run::{Run, RunError};
 
 /// Name of the page for readers.
@@ -79,7 +79,7 @@ pub struct Round {
     pub robot_f1: f64,
     /// Its standard deviation.
     pub robot_f1_std: f64,
-    /// `sim_f1` − `robot_f1`.
+    /// The share of `sim_f1` that is lost on the robot.
     pub gap: f64,
     /// Errors of the simulator in the held-out excitation, finger joints, rad: before the fit and after.
     pub held_out_rad: Option<[f64; 2]>,
@@ -274,30 +274,29 @@ impl Rehearsal<'_> {
             (Some(policy), None) => policy.clone(),
             _ => self.train(round, layer.as_deref(), before.map(|before| before.policy.as_path()), tell)?,
         };
-        let mut player = load_player(&self.config.song, "", Some(&policy), Path::new("runs"))?;
+        let player = load_player(&self.config.song, "", Some(&policy), Path::new("runs"))?;
         let play = RobotPlay {
             mode: self.config.mode,
             runs: self.config.runs,
             home: true,
             seed: self.config.seed.wrapping_add(1000 * round as u64),
         };
-        let mut told = |index: usize, run: &RobotRun| tell(&RehearsalStep::Performed(round, index, run));
+        let mut told = |ended: &RunEnded| tell(&RehearsalStep::Performed(round, ended.index, &ended.run));
         let stage = folder.join("performance");
         let report = play_on_robot(
             self.song,
-            &mut player,
+            &player,
             self.rig,
             &play,
             Some(&stage),
             None,
-            self.interrupt,
-            &mut told,
+            &mut Job::new(&mut told, self.interrupt),
         )?;
         if self.interrupt.load(Ordering::Relaxed) {
             return Err(RehearsalError::Interrupted);
         }
         if let Some(run) = report.runs.iter().find(|run| run.steps[0] < run.steps[1]) {
-            return Err(RehearsalError::Fault { round, fault: run.ending.clone() });
+            return Err(RehearsalError::Fault { round, fault: run.ending.to_string() });
         }
         let recordings =
             report.runs.iter().filter_map(|run| run.files.as_ref()).map(|files| files.recording.clone());
@@ -363,9 +362,9 @@ pub(crate) fn record_excitations(
         let path = folder.join(excitation_file(excitation));
         if !path.is_file() {
             let partial = path.with_extension("partial");
-            let activity = Activity::Excitation(excitation);
+            let motion = RecordedMotion::Excitation(excitation);
             let seed = seed.wrapping_add(index as u64);
-            let recorded = record_robot(rig, activity, true, seed, &partial, interrupt)?;
+            let recorded = record_robot(rig, motion, true, seed, &partial, interrupt)?;
             match recorded.ending {
                 Ending::Complete => {}
                 Ending::Interrupted => return Err(RehearsalError::Interrupted),

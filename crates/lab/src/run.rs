@@ -5,8 +5,8 @@ use std::path::{Path, PathBuf};
 
 use etude_learn::{Outcome, Parts, TrainError, Trainer, TrainerConfig, TrainingObserver, WarmStart, seed};
 use etude_music::{Song, SongError};
-use etude_perform::{FileError, write_file};
-use etude_task::{Piece, ScriptedPlayer, SongEvaluator, TaskConfig, TaskError, VectorPiano};
+use etude_perform::{FileError, SongEvaluator, write_file};
+use etude_task::{Piece, ScriptedPlayer, TaskConfig, TaskError, VectorPiano};
 use serde_json::json;
 
 use crate::config::{ConfigError, RunConfig, change_free, resolve as resolve_config};

@@ -94,7 +94,7 @@ impl Environment {
 
     /// Starts an episode in the world `params`. For environments without randomisation: the next reset of another would
     /// draw a world again.
-    pub(crate) fn reset_in(&mut self, params: &PhysicalParams) {
+    pub fn reset_in(&mut self, params: &PhysicalParams) {
         self.world.set_params(params);
         self.reset();
     }
@@ -162,6 +162,26 @@ impl Environment {
         let joints = self.world.joints();
         let pressed = self.world.pressed();
         observe(&self.config, &joints, &self.previous_joints, pressed, &self.piece, self.step, out);
+    }
+
+    /// Plays one control step and writes the observation after it into `last`. When the song is over the next episode begins.
+    /// `observation` receives what the next action is chosen from.
+    pub fn advance(
+        &mut self,
+        action: &[f32; ACTION_LEN],
+        parts: &mut [f32],
+        observation: &mut [f32],
+        last: &mut [f32],
+    ) -> Step {
+        let step = self.step(action, parts);
+        self.observe(last);
+        if step.song_over {
+            self.reset();
+            self.observe(observation);
+        } else {
+            observation.copy_from_slice(last);
+        }
+        step
     }
 
     /// Keys that sound now.

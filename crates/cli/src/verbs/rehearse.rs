@@ -137,11 +137,15 @@ fn show(status: &mut Status, step: &RehearsalStep<'_>) {
             &format!(", step {step} of {total}, best F1 {best:.3}"),
         ),
         RehearsalStep::Performed(round, index, run) => {
-            status.now(&format!("round {round}: run {} played, F1 {:.3}", index + 1, run.frame.f1), "");
+            status
+                .now(&format!("round {round}: run {} played, F1 {:.3}", index + 1, run.scores.frame.f1), "");
         }
         RehearsalStep::Round(round) => status.done(&format!(
-            "round {}: F1 {:.3} in simulation, {:.3} on the robot: a gap of {:.3}",
-            round.round, round.sim_f1, round.robot_f1, round.gap
+            "round {}: F1 {:.3} in simulation, {:.3} on the robot: a gap of {:.1} %",
+            round.round,
+            round.sim_f1,
+            round.robot_f1,
+            100.0 * round.gap
         )),
     }
 }
@@ -159,11 +163,11 @@ fn print(rounds: &[Round], mode: Mode) -> anyhow::Result<()> {
             .held_out_rad
             .map_or_else(String::new, |[before, after]| format!("{:.2} → {:.2}", before * 1e3, after * 1e3));
         line(format!(
-            "{:<8}{:>12.3}{:>16}{:>8.3}   {held_out}",
+            "{:<8}{:>12.3}{:>16}{:>8}   {held_out}",
             round.round,
             round.sim_f1,
             format!("{:.3} ± {:.3}", round.robot_f1, round.robot_f1_std),
-            round.gap
+            format!("{:.1} %", 100.0 * round.gap)
         ))?;
     }
     Ok(())

@@ -37,13 +37,13 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
 
     let song = etude_lab::find_song(&args.song)?;
     song.check_range()?;
-    let mut player = args.player.load(&args.song, &song)?;
+    let player = args.player.load(&args.song, &song)?;
     let stop = crate::progress::stop_flag()?;
     let step = Duration::from_secs_f64(1.0 / etude_music::CONTROL_HZ);
     let mut shown: Option<(Window, World)> = None;
     let mut next = Instant::now();
     let mut failed = None;
-    etude_lab::play_live(&song, &mut player, &mut |world| {
+    etude_lab::play_live(&song, &player, &mut |world| {
         let mut show = || -> anyhow::Result<bool> {
             if shown.is_none() {
                 let own = World::new(world.config(), world.params())?;

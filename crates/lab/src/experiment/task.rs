@@ -23,17 +23,18 @@ use super::plan::{Task, TrainingConfig, TrainingConfigError, Work};
 use crate::bench::processor;
 use crate::identify::{Identification, IdentificationError, IdentifyMethod, identify_robot};
 use crate::play::PlayError;
+use crate::play::scores_in_simulation;
 use crate::player::load_player;
 use crate::rehearse::{
     RehearsalConfig, RehearsalError, RehearsalStep, record_excitations, rehearse_on_robot,
 };
 use crate::rig::{StandError, TWIN, rig_choice, unix_secs};
-use crate::robot::{RobotPlay, in_simulation, play_on_robot};
+use crate::robot::{RobotPlay, play_on_robot};
 use crate::run::{Run, RunError, find_song};
 use etude_identify::{IdentifyError, Progress};
 use etude_learn::{EvaluationRow, LogRow, StopReason, TrainingObserver};
 use etude_music::SongError;
-use etude_perform::{FileError, Mode, write_file};
+use etude_perform::{FileError, Job, Mode, gap, write_file};
 use etude_task::{Piece, TaskError};
 
 const COURSE: &str = "course.jsonl";
@@ -212,9 +213,9 @@ impl Doing<'_> {
         if outcome.stopped.is_some() {
             return Err(TaskFailure::Stopped);
         }
-        let mut player = load_player(&training.song, "", Some(&folder), Path::new("runs"))?;
+        let player = load_player(&training.song, "", Some(&folder), Path::new("runs"))?;
         let piece = Piece::new(&song, player.config.task.initial_silence_secs)?;
-        let sim = in_simulation(&mut player, &piece)?;
+        let sim = scores_in_simulation(&player, &piece)?.frame;
         let of_sim = [("sim_f1", sim.f1), ("sim_precision", sim.precision), ("sim_recall", sim.recall)];
         let mut rows = Vec::new();
         match perform {
@@ -228,17 +229,16 @@ impl Doing<'_> {
                     let play = RobotPlay { mode: *mode, runs, home: true, seed };
                     let report = play_on_robot(
                         &song,
-                        &mut player,
+                        &player,
                         &rig,
                         &play,
                         None,
                         None,
-                        self.interrupt,
-                        &mut |_, _| {},
+                        &mut Job::new(&mut |_| {}, self.interrupt),
                     )?;
                     self.go_on()?;
                     for (run, played) in report.runs.iter().enumerate() {
-                        let frame = &played.frame;
+                        let frame = &played.scores.frame;
                         let whole = if played.steps[0] == played.steps[1] { 1.0 } else { 0.0 };
                         let of_twin = [
                             ("f1", frame.f1),
@@ -371,11 +371,6 @@ impl Doing<'_> {
         ];
         Ok((self.result(vec![row(&[], &values)], course.points), self.times(secs, Vec::new())))
     }
-}
-
-/// The gap as the paper has it: what of the F1 in simulation is lost on the robot. Not a number where there was none to lose.
-fn gap(sim_f1: f64, f1: f64) -> f64 {
-    1.0 - f1 / sim_f1
 }
 
 fn row(labels: &[(&str, String)], values: &[(&str, f64)]) -> Row {
