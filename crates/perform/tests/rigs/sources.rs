@@ -4,15 +4,12 @@ use std::path::Path;
 use std::sync::atomic::AtomicBool;
 
 use etude_music::{KEYS, LOWEST_PITCH, repertoire};
-use etude_perform::{Header, Mode, Performer, Recording, RecordingWriter, prepare};
-use etude_robot::Robot;
-use etude_robot::allegro::HandSide;
-use etude_robot::calibration::RailPath;
-use etude_robot::rig::RigConfig;
-use etude_robot::xarm::kinematics::PAPER_HOME_DEG;
+use etude_perform::{Header, Mode, Recording, RecordingWriter};
 use etude_stage::JOINTS;
-use etude_task::{ObservationScale, Piece, ScriptedPlayer, TaskConfig};
-use etude_twin::{Lockstep, Truth, Twin, calibration};
+use etude_task::{ACTION_LEN, ObservationScale, Piece, ScriptedPlayer, TaskConfig};
+use etude_twin::Truth;
+
+use crate::bench::{Kind, play};
 
 /// Columns of the observation that show joints, now and one control step ago.
 const JOINT_COLUMNS: usize = 2 * JOINTS;
@@ -37,34 +34,19 @@ fn observed(mode: Mode, folder: &Path) -> (Vec<Vec<f32>>, Vec<Seen>, Vec<Seen>, 
     let task = TaskConfig { scale: ObservationScale::Si, ..TaskConfig::default() };
     let song = repertoire::get("twinkle").expect("built in");
     let piece = Piece::new(&song, task.initial_silence_secs).unwrap();
-    let rig = RigConfig { name: "twin".to_string(), ..RigConfig::default() };
     // A truth whose joints and keys differ from the simulation's.
     let truth = Truth::load("worn").unwrap();
-    let mut lockstep = Lockstep::new(Twin::new(&truth, HandSide::Left).unwrap()).unwrap();
-    let path =
-        RailPath::new(&calibration("twin"), rig.limits.rail_range_m, &PAPER_HOME_DEG.map(f64::to_radians));
-    let mut robot = Robot::new(&rig, path.unwrap()).unwrap();
-
     let file = folder.join(format!("{mode}.mcap"));
     let mut writer = RecordingWriter::create(&file, &Header::default()).unwrap();
-    let mut performer = Performer::new(&task, &piece, mode).unwrap();
-    let interrupt = AtomicBool::new(false);
-    let pose = performer.start_pose();
-    prepare(&mut robot, &mut lockstep, Some(&pose), None, &interrupt).unwrap();
     let script = ScriptedPlayer::new(&task, &piece).unwrap();
     let mut observations = Vec::new();
-    let played = performer
-        .play(
-            &mut robot,
-            &mut lockstep,
-            &mut |step, observation, action| {
-                observations.push(observation.to_vec());
-                *action = script.action(step);
-            },
-            Some(&mut writer),
-            &interrupt,
-        )
-        .unwrap();
+    let mut probe = |step: usize, observation: &[f32], action: &mut [f32; ACTION_LEN]| {
+        observations.push(observation.to_vec());
+        *action = script.action(step);
+    };
+    let never = AtomicBool::new(false);
+    let played =
+        play(Kind::Twin(mode), &truth, &task, &piece, &mut probe, Some(&mut writer), &never).unwrap();
     writer.finish().unwrap();
 
     let recording = Recording::read(&file).unwrap();
@@ -73,7 +55,7 @@ fn observed(mode: Mode, folder: &Path) -> (Vec<Vec<f32>>, Vec<Seen>, Vec<Seen>, 
     let simulated = recording
         .steps
         .iter()
-        .zip(&played.simulated)
+        .zip(&played.alongside)
         .map(|(step, keys)| Seen::new(&step.targets, keys.pitches()));
     (observations, simulated.collect(), robot.collect(), piece)
 }
