@@ -17,7 +17,7 @@ use serde_json::json;
 
 use crate::config::{ConfigError, RunConfig};
 use crate::player::Player;
-use crate::rig::StandError;
+use etude_perform::stand::StandError;
 
 /// A song could not be played.
 #[derive(Debug, thiserror::Error)]

@@ -14,8 +14,8 @@ use etude_stage::{JOINT_NAMES, JOINTS};
 use serde_json::json;
 
 use crate::play::PlayError;
-use crate::rig::{RigChoice, start_pose};
-use crate::stand::Stand;
+use etude_perform::stand::Stand;
+use etude_perform::stand::{RigChoice, start_pose};
 
 /// Time between two looks at the records.
 const SLICE: Duration = Duration::from_millis(50);

@@ -17,8 +17,8 @@ use serde_json::json;
 
 use crate::play::{PlayError, keep_music};
 use crate::player::{Mind, Player};
-use crate::rig::RigChoice;
-use crate::stand::Stand;
+use etude_perform::stand::RigChoice;
+use etude_perform::stand::Stand;
 
 /// How to play.
 #[derive(Clone, Debug)]
@@ -209,7 +209,10 @@ pub fn play_on_robot(
 }
 
 /// Scores of the player in simulation alone, in the nominal world: one drawn world would flatter it or not.
-pub(crate) fn in_simulation(player: &mut Player, piece: &Piece) -> Result<FrameScores, PlayError> {
+///
+/// # Errors
+/// If the world cannot be built.
+pub fn in_simulation(player: &mut Player, piece: &Piece) -> Result<FrameScores, PlayError> {
     let mut config = player.config.clone();
     config.task.randomisation.intensity = 0.0;
     let (mut act, _) = player.mind.act(&config.task, piece)?;

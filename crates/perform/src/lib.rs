@@ -14,6 +14,7 @@ mod performer;
 mod recording;
 mod robot_records;
 mod shaping;
+pub mod stand;
 mod timing;
 mod writer;
 

@@ -2,9 +2,10 @@
 
 use std::path::PathBuf;
 
-use etude_lab::{RigChoice, RobotPlay, RobotReport, RobotRun, find_song, play_on_robot, rig_choice};
+use etude_lab::{RobotPlay, RobotReport, RobotRun, find_song, play_on_robot};
 use etude_music::sound::SoundFont;
 use etude_perform::Mode;
+use etude_perform::stand::{RigChoice, rig_choice};
 use etude_twin::OrderedFault;
 
 use super::{PlayerArgs, json, line, note, slug};
