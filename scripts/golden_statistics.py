@@ -1,7 +1,7 @@
 """Statistics of scores by other packages: rliable's stratified bootstrap for whole matrices, SciPy for one stratum.
 
     pip install rliable==1.2.0 "pandas<3" scipy numpy
-    python scripts/golden_statistics.py > crates/lab/tests/golden/statistics.json
+    python scripts/golden_statistics.py > crates/experiment/tests/golden/statistics.json
 """
 
 import json

@@ -112,7 +112,7 @@ fn main() -> ExitCode {
     match ended {
         Ok(Ending::Done) => ExitCode::SUCCESS,
         Ok(Ending::Stopped) => ExitCode::from(3),
-        Ok(Ending::Busy) => ExitCode::from(etude_lab::experiment::BUSY),
+        Ok(Ending::Busy) => ExitCode::from(etude_experiment::BUSY),
         Err(error) if broken_pipe(&error) => ExitCode::SUCCESS,
         Err(error) => {
             let _ = writeln!(std::io::stderr(), "etude: {}", message(&error));

@@ -106,15 +106,18 @@ const FREE: &[&str] = &[
 
 impl RunConfig {
     /// With the weight of every reward term, so that it means the same laid over any preset.
-    pub(crate) fn complete(mut self) -> Self {
+    pub fn complete(mut self) -> Self {
         for term in etude_task::reward::TERMS {
             self.task.reward.entry(term.name.to_string()).or_insert(term.main);
         }
         self
     }
 
-    /// Refuses what cannot work, before anything is built or written.
-    pub(crate) fn check(&self) -> Result<(), ConfigError> {
+    /// Checks the settings of learner and trainer before anything is built or written.
+    ///
+    /// # Errors
+    /// If a setting cannot work.
+    pub fn check(&self) -> Result<(), ConfigError> {
         self.droq.validate()?;
         self.trainer.validate()?;
         Ok(())

@@ -16,7 +16,7 @@ use serde::Serialize;
 
 use crate::config::ConfigError;
 use crate::player::Player;
-use crate::rig::StandError;
+use etude_perform::stand::StandError;
 
 /// A song could not be played.
 #[derive(Debug, thiserror::Error)]

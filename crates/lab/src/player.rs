@@ -140,6 +140,14 @@ impl Player {
         Self { mind: Mind::Script, config: RunConfig::default(), song: None, claimed_f1: None }
     }
 
+    /// The network that decides the actions; the scripted player has none.
+    pub fn policy(&self) -> Option<&Policy> {
+        match &self.mind {
+            Mind::Policy(policy, _) => Some(policy),
+            Mind::Script => None,
+        }
+    }
+
     /// The policy's file, or `scripted`.
     pub fn name(&self) -> String {
         match &self.mind {

@@ -13,8 +13,8 @@ use etude_stage::{JOINT_NAMES, JOINTS};
 use etude_task::{TaskConfig, TaskError};
 
 use crate::play::PlayError;
-use crate::rig::{RigChoice, start_pose};
-use crate::stand::Stand;
+use etude_perform::stand::Stand;
+use etude_perform::stand::{RigChoice, start_pose};
 
 /// What a robot does while it is recorded.
 #[derive(Clone, Copy, Debug)]

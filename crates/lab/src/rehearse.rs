@@ -2,7 +2,6 @@
 //!
 //! ```text
 //! DIR/rehearsal.json          what was asked for
-//! DIR/rehearsal.html          what came of it so far, to read and to listen to
 //! DIR/excitation/*.mcap       the robot moving clear of the keyboard
 //! DIR/round-0/                played with what was learned in the simulator as it comes
 //! DIR/round-N/identified/     the simulator fitted to the excitation (once) and to the performances of the round before
@@ -28,13 +27,9 @@ use crate::identify::{IDENTIFIED, Identification, IdentificationError, IdentifyM
 use crate::play::PlayError;
 use crate::player::load_player;
 use crate::record::{Motion as RecordedMotion, record_robot};
-use crate::rehearsal_page::rehearsal_page;
-use crate::rig::RigChoice;
 use crate::robot::{RobotPlay, RobotRun, RunEnded, play_on_robot};
 use crate::run::{Run, RunError};
-
-/// Name of the page for readers.
-pub const REHEARSAL_PAGE: &str = "rehearsal.html";
+use etude_perform::stand::RigChoice;
 
 /// What is rehearsed, and how.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -171,7 +166,6 @@ pub fn rehearse_on_robot(
         };
         tell(&RehearsalStep::Round(&done));
         rounds.push(done);
-        write_file(&folder.join(REHEARSAL_PAGE), &rehearsal_page(config, &rounds, folder))?;
     }
     Ok(rounds)
 }
@@ -345,7 +339,7 @@ impl Rehearsal<'_> {
 ///
 /// # Errors
 /// If the robot does not get ready or stops itself, a recording cannot be written, or it is interrupted.
-pub(crate) fn record_excitations(
+pub fn record_excitations(
     rig: &RigChoice,
     folder: &Path,
     seed: u64,

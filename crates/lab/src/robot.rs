@@ -15,8 +15,7 @@ use serde::Serialize;
 
 use crate::play::{Files, PlayError, header, keep, make_folder, scores_in_simulation, write_report};
 use crate::player::Player;
-use crate::rig::RigChoice;
-use crate::stand::Stand;
+use etude_perform::stand::{RigChoice, Stand};
 
 /// How to play.
 #[derive(Clone, Debug)]

@@ -99,11 +99,11 @@ pub enum RunError {
 }
 
 /// Name of the resolved configuration in a run's folder.
-pub(crate) const CONFIG: &str = "config.toml";
+pub const CONFIG: &str = "config.toml";
 /// Name of the song in a run's folder: the run needs nothing else to be continued or played.
-pub(crate) const SONG: &str = "song.mid";
+pub const SONG: &str = "song.mid";
 /// Name of the description of who made the run and how.
-pub(crate) const META: &str = "meta.json";
+pub const META: &str = "meta.json";
 /// Name of the file that a process locks while it works in a run's folder. The system lets go of it at every death.
 const LOCK: &str = "run.lock";
 

@@ -21,6 +21,7 @@ mod rig;
 mod robot_rig;
 mod shaping;
 mod sim_rig;
+pub mod stand;
 mod timing;
 mod writer;
 

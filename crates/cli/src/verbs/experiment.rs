@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use clap::{Subcommand, ValueEnum};
-use etude_lab::experiment::{
+use etude_experiment::{
     Budget, Experiment, LaunchProgress, LocalConfig, PlanConfig, SlurmConfig, Task, TaskEnd, TaskProgress,
     TaskState, launch_local, names, open_tasks, plan_file, plan_text, read_plan, run_task, slurm_script,
     submit, write_plan,
@@ -236,10 +236,7 @@ fn local(args: &RunArgs, tasks: &[Task], plan: &Path, program: PathBuf) -> anyho
         launch_local(tasks, plan, &args.runs, &LocalConfig { program, workers, threads }, &mut tell, &stop)?;
     status.finish();
     for (id, why) in &report.failed {
-        note(format!(
-            "{id} failed: {why} ({})",
-            args.runs.join(id).join(etude_lab::experiment::LOG).display()
-        ));
+        note(format!("{id} failed: {why} ({})", args.runs.join(id).join(etude_experiment::LOG).display()));
     }
     let busy =
         if report.busy > 0 { format!(", {} are under way elsewhere", report.busy) } else { String::new() };
@@ -348,7 +345,7 @@ fn status(args: &StatusArgs) -> anyhow::Result<Ending> {
 
 fn report(args: &ReportArgs) -> anyhow::Result<Ending> {
     let plans = args.plan.plans()?;
-    let page = etude_lab::experiment::write_report(&plans, &args.plan.config(), &args.runs, &args.out)?;
+    let page = etude_experiment::write_report(&plans, &args.plan.config(), &args.runs, &args.out)?;
     for missing in &page.missing {
         note(format!("{}: {} of {} tasks are not done", missing.experiment, missing.tasks, missing.of));
     }

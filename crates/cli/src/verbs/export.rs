@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use etude_lab::find_song;
-use etude_lab::onnx::export_onnx;
+use etude_show::export::export_onnx;
 
 use super::{PlayerArgs, file_to_write, json, line, slug};
 use crate::Ending;

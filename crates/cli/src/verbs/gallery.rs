@@ -4,10 +4,10 @@ use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::Ordering;
 
-use etude_lab::gallery::{GalleryError, gallery};
-use etude_lab::replay::recordings;
 use etude_lab::{find_song, load_player, play};
 use etude_music::repertoire;
+use etude_show::gallery::{GalleryError, gallery};
+use etude_show::replay::recordings;
 
 use super::{json, line, note};
 use crate::Ending;

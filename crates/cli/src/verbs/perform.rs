@@ -2,8 +2,9 @@
 
 use std::path::PathBuf;
 
-use etude_lab::{RigChoice, RobotPlay, RobotReport, RunEnded, find_song, play_on_robot, rig_choice};
+use etude_lab::{RobotPlay, RobotReport, RunEnded, find_song, play_on_robot};
 use etude_music::sound::SoundFont;
+use etude_perform::stand::{RigChoice, rig_choice};
 use etude_perform::{Ending as Played, Job, Mode};
 use etude_twin::OrderedFault;
 

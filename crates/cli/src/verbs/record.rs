@@ -3,8 +3,9 @@
 use std::path::PathBuf;
 use std::time::Duration;
 
-use etude_lab::{Motion, record_robot, rig_choice};
+use etude_lab::{Motion, record_robot};
 use etude_perform::Excitation;
+use etude_perform::stand::rig_choice;
 
 use super::line;
 use crate::Ending;

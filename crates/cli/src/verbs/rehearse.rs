@@ -4,10 +4,12 @@ use std::path::PathBuf;
 
 use etude_identify::IdentifyError;
 use etude_lab::{
-    IdentificationError, IdentifyMethod, REHEARSAL_PAGE, RehearsalConfig, RehearsalError, RehearsalStep,
-    RigChoice, Round, find_song, rehearse_on_robot, rig_choice, shipped_policies,
+    IdentificationError, IdentifyMethod, RehearsalConfig, RehearsalError, RehearsalStep, Round, find_song,
+    rehearse_on_robot, shipped_policies,
 };
 use etude_perform::Mode;
+use etude_perform::stand::{RigChoice, rig_choice};
+use etude_show::{REHEARSAL_PAGE, RehearsalPage};
 
 use super::{json, line, note, slug};
 use crate::Ending;
@@ -100,7 +102,13 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
     };
     let stop = stop_flag()?;
     let mut status = Status::new(args.json);
-    let mut tell = |step: &RehearsalStep<'_>| show(&mut status, step);
+    let mut page = RehearsalPage::new(&config, &folder);
+    let mut tell = |step: &RehearsalStep<'_>| {
+        show(&mut status, step);
+        if let RehearsalStep::Round(round) = step {
+            page.add(round);
+        }
+    };
     let rounds = match rehearse_on_robot(&song, &rig, &config, &folder, &mut tell, &stop) {
         Err(
             error @ (RehearsalError::Interrupted
@@ -113,6 +121,7 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
         rounds => rounds?,
     };
     status.finish();
+    page.finish()?;
     if args.json {
         json(&rounds)?;
         return Ok(Ending::Done);

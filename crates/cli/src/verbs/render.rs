@@ -3,8 +3,8 @@
 use std::path::{Path, PathBuf};
 
 use clap::builder::{PossibleValuesParser, TypedValueParser};
-use etude_lab::render::{RenderError, Studio, Video};
-use etude_lab::replay::{read_take, recordings};
+use etude_show::render::{RenderError, Studio, Video};
+use etude_show::replay::{read_take, recordings};
 use etude_stage::View;
 
 use super::{file_to_write, json, line, note};

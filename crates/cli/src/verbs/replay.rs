@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use etude_lab::replay::{Take, read_take, recordings, replay_page};
+use etude_show::replay::{Take, read_take, recordings, replay_page};
 
 use super::{file_to_write, json, line, note};
 use crate::Ending;

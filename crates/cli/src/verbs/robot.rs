@@ -8,10 +8,10 @@ use std::sync::mpsc::{TryRecvError, channel};
 use std::time::{Duration, Instant};
 
 use anyhow::Context as _;
-use etude_lab::{
+use etude_perform::prepare;
+use etude_perform::stand::{
     READY, RigChoice, Stand, claim, rig_choice, stand_guard, start_pose, tell_to_stop, unix_secs,
 };
-use etude_perform::prepare;
 use etude_robot::Pace as _;
 use etude_robot::calibration::{Calibration, CalibrationError, Point};
 use etude_robot::lead::show;
@@ -120,7 +120,7 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
 
 /// The rig's file of a verb that is of no use on a twin in lockstep, which lives and dies with one command.
 fn file(robot: &str) -> anyhow::Result<RigConfig> {
-    if robot == etude_lab::TWIN {
+    if robot == etude_perform::stand::TWIN {
         anyhow::bail!(
             "the twin of `--robot twin` lives only while a song is played; start one with `etude twin`"
         );
@@ -251,7 +251,7 @@ fn calibrate(args: &Calibrate) -> anyhow::Result<Ending> {
         .collect();
     line(format!("Key {pitch} is kept in {}", rig.calibration.display()))?;
     if left.is_empty() {
-        etude_lab::try_path(&rig, &calibration, &shown.joints_rad)?;
+        etude_perform::stand::try_path(&rig, &calibration, &shown.joints_rad)?;
         line("All three keys are known, and the arm reaches the whole keyboard")?;
     } else {
         line(format!("Still to be shown: {}", left.join(", ")))?;

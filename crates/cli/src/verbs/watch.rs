@@ -4,7 +4,7 @@ use std::io::IsTerminal as _;
 use std::path::PathBuf;
 use std::time::SystemTime;
 
-use etude_lab::watch::{RunFigures, WatchedRun, find_runs};
+use etude_show::watch::{RunFigures, WatchedRun, find_runs};
 
 use super::{json, line};
 use crate::Ending;

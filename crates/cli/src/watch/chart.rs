@@ -1,6 +1,6 @@
 //! F1 of all runs over steps or time.
 
-use etude_lab::watch::Point;
+use etude_show::watch::Point;
 use ratatui::Frame;
 use ratatui::layout::{Alignment, Constraint, Layout, Margin, Rect};
 use ratatui::style::{Style, Stylize as _};

@@ -11,7 +11,7 @@ pub mod text;
 use std::path::PathBuf;
 use std::time::SystemTime;
 
-use etude_lab::watch::{RunFigures, WatchError, WatchedRun, find_runs};
+use etude_show::watch::{RunFigures, WatchError, WatchedRun, find_runs};
 use ratatui::crossterm::event::{KeyCode, KeyEvent, KeyEventKind, KeyModifiers};
 use ratatui::style::{Color, Style};
 

@@ -1,6 +1,6 @@
 //! The chosen run's reward, its terms and its speed: a small curve each, with the value now and the scale.
 
-use etude_lab::watch::{Point, WatchedRun};
+use etude_show::watch::{Point, WatchedRun};
 use ratatui::Frame;
 use ratatui::layout::{Alignment, Constraint, Layout, Rect};
 use ratatui::style::Stylize as _;

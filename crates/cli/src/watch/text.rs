@@ -1,6 +1,6 @@
 //! The figures of a run in words, for the full-screen view and for the plain table.
 
-use etude_lab::watch::{RunFigures, RunState};
+use etude_show::watch::{RunFigures, RunState};
 
 use crate::progress::clock;
 

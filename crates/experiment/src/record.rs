@@ -6,9 +6,9 @@ use std::path::Path;
 
 use serde::{Deserialize, Serialize};
 
-use super::outcome::{RESULT, TIMES, TaskResult, TaskTimes};
-use super::plan::Task;
-use super::stats::{Summary, mean};
+use crate::outcome::{RESULT, TIMES, TaskResult, TaskTimes};
+use crate::plan::Task;
+use crate::stats::{Summary, mean};
 
 /// A task that is done, and what came of it: one line of `results.jsonl`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]

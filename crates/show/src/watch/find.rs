@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 use std::time::{Duration, SystemTime};
 
 use super::{METRICS, WatchError};
-use crate::run::{CONFIG, SONG};
+use etude_lab::{CONFIG, SONG};
 
 /// A run that was not written to for longer is not meant by the folder that it lies in.
 const RECENT: Duration = Duration::from_secs(24 * 3600);

@@ -5,11 +5,11 @@ use std::fmt::Write as _;
 
 use etude_identify::html::escape;
 
-use super::config::{Experiment, FigureKind};
-use super::drawings::measure_name;
-use super::plan::PlanConfig;
-use super::record::{Entry, Record, combinations, compared, paired, summary, time_to};
-use super::stats::{Interval, Summary, quantile};
+use crate::config::{Experiment, FigureKind};
+use crate::drawings::measure_name;
+use crate::plan::PlanConfig;
+use crate::record::{Entry, Record, combinations, compared, paired, summary, time_to};
+use crate::stats::{Interval, Summary, quantile};
 
 /// F1 whose times are reported.
 const MARKS: [f64; 3] = [0.80, 0.90, 0.946];
@@ -51,7 +51,7 @@ fn strings(texts: &[&str]) -> Vec<String> {
 }
 
 /// The paper's numbers and ours.
-pub(super) fn against_the_paper(body: &mut String, experiment: &Experiment, all: &[Record]) {
+pub(crate) fn against_the_paper(body: &mut String, experiment: &Experiment, all: &[Record]) {
     let rows = experiment.paper.iter().map(|published| {
         let found = summary(all, &published.filter, &published.measure);
         let [ours, difference] = match found {
@@ -79,7 +79,7 @@ fn measures(experiment: &Experiment) -> Vec<String> {
 }
 
 /// Means and interquartile means of what is compared, pooled and by song.
-pub(super) fn scores(body: &mut String, experiment: &Experiment, all: &[Record]) {
+pub(crate) fn scores(body: &mut String, experiment: &Experiment, all: &[Record]) {
     let measures = measures(experiment);
     let mut columns = strings(&["what", "trainings"]);
     for measure in &measures {
@@ -109,7 +109,7 @@ pub(super) fn scores(body: &mut String, experiment: &Experiment, all: &[Record])
 }
 
 /// What is compared, against the same with the first value of one of its labels, training by training.
-pub(super) fn differences(body: &mut String, experiment: &Experiment, all: &[Record]) {
+pub(crate) fn differences(body: &mut String, experiment: &Experiment, all: &[Record]) {
     let keys = compared(all);
     let pooled = combinations(all, &keys);
     let measures = measures(experiment);
@@ -142,7 +142,7 @@ pub(super) fn differences(body: &mut String, experiment: &Experiment, all: &[Rec
 }
 
 /// When the trainings reached an F1.
-pub(super) fn times(body: &mut String, experiment: &Experiment, entries: &[Entry]) {
+pub(crate) fn times(body: &mut String, experiment: &Experiment, entries: &[Entry]) {
     if entries.iter().all(|entry| entry.result.course.iter().all(|point| !point.contains_key("f1"))) {
         return;
     }
@@ -182,7 +182,7 @@ pub(super) fn times(body: &mut String, experiment: &Experiment, entries: &[Entry
 }
 
 /// Says how many performances a fault has ended, if any: their scores are low for another reason.
-pub(super) fn cut_short(body: &mut String, all: &[Record]) {
+pub(crate) fn cut_short(body: &mut String, all: &[Record]) {
     let ends: Vec<f64> = all.iter().filter_map(|record| record.values.get("complete")).copied().collect();
     let short = ends.iter().filter(|complete| **complete < 1.0).count();
     if short > 0 {
@@ -195,7 +195,7 @@ pub(super) fn cut_short(body: &mut String, all: &[Record]) {
 }
 
 /// What it was made of.
-pub(super) fn provenance(
+pub(crate) fn provenance(
     body: &mut String,
     experiment: &Experiment,
     (config, planned): (&PlanConfig, usize),

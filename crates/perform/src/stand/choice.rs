@@ -3,8 +3,9 @@
 use std::path::{Path, PathBuf};
 use std::time::{SystemTime, UNIX_EPOCH};
 
-use crate::guard::Guard;
-use crate::stand::{Claim, Live, Stand, StandPace};
+use super::claim::Claim;
+use super::guard::Guard;
+use super::session::{Live, Stand, StandPace};
 use etude_robot::allegro::HandSide;
 use etude_robot::calibration::{Calibration, CalibrationError, RailPath};
 use etude_robot::rig::{RigConfig, RigError};

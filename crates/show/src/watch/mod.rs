@@ -13,7 +13,7 @@ use serde::Serialize;
 pub use find::find_runs;
 pub use history::{History, Point};
 
-use crate::run::{CONFIG, META};
+use etude_lab::{CONFIG, META};
 use follow::Follower;
 
 const METRICS: &str = "metrics.jsonl";

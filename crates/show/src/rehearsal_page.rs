@@ -4,12 +4,47 @@ use std::fmt::Write as _;
 use std::path::Path;
 
 use etude_identify::html::{escape, page};
+use etude_lab::{RehearsalConfig, Round};
+use etude_perform::{FileError, write_file};
 use etude_stage::PhysicalParams;
 
-use crate::rehearse::{RehearsalConfig, Round};
+/// Name of the page in the folder of its rehearsal.
+pub const REHEARSAL_PAGE: &str = "rehearsal.html";
+
+/// The page of a rehearsal, written anew after each round.
+pub struct RehearsalPage<'a> {
+    config: &'a RehearsalConfig,
+    folder: &'a Path,
+    rounds: Vec<Round>,
+    written: Result<(), FileError>,
+}
+
+impl<'a> RehearsalPage<'a> {
+    /// The page of a rehearsal in `folder`, not yet written.
+    pub fn new(config: &'a RehearsalConfig, folder: &'a Path) -> Self {
+        Self { config, folder, rounds: Vec::new(), written: Ok(()) }
+    }
+
+    /// Adds a round and writes the page.
+    pub fn add(&mut self, round: &Round) {
+        self.rounds.push(round.clone());
+        if self.written.is_ok() {
+            let page = rehearsal_page(self.config, &self.rounds, self.folder);
+            self.written = write_file(&self.folder.join(REHEARSAL_PAGE), &page);
+        }
+    }
+
+    /// Whether the page has been written after every round.
+    ///
+    /// # Errors
+    /// If a page could not be written.
+    pub fn finish(self) -> Result<(), FileError> {
+        self.written
+    }
+}
 
 /// The page of the rounds so far, in `folder`: recordings are linked from there.
-pub(crate) fn rehearsal_page(config: &RehearsalConfig, rounds: &[Round], folder: &Path) -> String {
+fn rehearsal_page(config: &RehearsalConfig, rounds: &[Round], folder: &Path) -> String {
     let mut body = String::new();
     let truth = match &config.truth {
         Some(name) => format!(" (truth {name})"),
@@ -126,7 +161,7 @@ fn table(body: &mut String, caption: &str, columns: &[&str], rows: impl Iterator
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::identify::IdentifyMethod;
+    use etude_lab::IdentifyMethod;
 
     fn round(round: usize) -> Round {
         Round {

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use etude_perform::Mode;
 use serde::{Deserialize, Serialize};
 
-use crate::identify::IdentifyMethod;
+use etude_lab::IdentifyMethod;
 
 // `build.rs` lists the files of `configs/experiments`: name and text of each.
 include!(concat!(env!("OUT_DIR"), "/experiments.rs"));
@@ -198,7 +198,7 @@ pub enum ExperimentError {
 const RESERVED: [&str; 8] = ["song", "seed", "variant", "mode", "run", "round", "truth", "method"];
 
 /// Whether a setting `path=value` is of the seed, which the plan owns.
-pub(super) fn sets_the_seed(set: &str) -> bool {
+pub(crate) fn sets_the_seed(set: &str) -> bool {
     set.split('=').next().is_some_and(|path| path.trim() == "trainer.seed")
 }
 

@@ -16,25 +16,23 @@ use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
-use super::config::PerformConfig;
-use super::course::{Course, evaluations};
-use super::outcome::{LOCK, RESULT, Row, TASK, TIMES, TaskEnd, TaskProgress, TaskResult, TaskTimes, Values};
-use super::plan::{Task, TrainingConfig, TrainingConfigError, Work};
-use crate::bench::processor;
-use crate::identify::{Identification, IdentificationError, IdentifyMethod, identify_robot};
-use crate::play::PlayError;
-use crate::play::scores_in_simulation;
-use crate::player::load_player;
-use crate::rehearse::{
-    RehearsalConfig, RehearsalError, RehearsalStep, record_excitations, rehearse_on_robot,
-};
-use crate::rig::{StandError, TWIN, rig_choice, unix_secs};
-use crate::robot::{RobotPlay, play_on_robot};
-use crate::run::{Run, RunError, find_song};
+use crate::config::PerformConfig;
+use crate::course::{Course, evaluations};
+use crate::outcome::{LOCK, RESULT, Row, TASK, TIMES, TaskEnd, TaskProgress, TaskResult, TaskTimes, Values};
+use crate::plan::{Task, TrainingConfig, TrainingConfigError, Work};
 use etude_identify::{IdentifyError, Progress};
+use etude_lab::PlayError;
+use etude_lab::bench::processor;
+use etude_lab::load_player;
+use etude_lab::{Identification, IdentificationError, IdentifyMethod, identify_robot};
+use etude_lab::{RehearsalConfig, RehearsalError, RehearsalStep, record_excitations, rehearse_on_robot};
+use etude_lab::{RobotPlay, play_on_robot, scores_in_simulation};
+use etude_lab::{Run, RunError, find_song};
 use etude_learn::{EvaluationRow, LogRow, StopReason, TrainingObserver};
 use etude_music::SongError;
+use etude_perform::stand::{StandError, TWIN, rig_choice, unix_secs};
 use etude_perform::{FileError, Job, Mode, gap, write_file};
+use etude_show::RehearsalPage;
 use etude_task::{Piece, TaskError};
 
 const COURSE: &str = "course.jsonl";
@@ -285,6 +283,7 @@ impl Doing<'_> {
         };
         let (folder, interrupt) = (self.folder.join("rehearsal"), self.interrupt);
         let parts = (rounds + 1) as f64;
+        let mut page = RehearsalPage::new(&config, &folder);
         let mut told = |step: &RehearsalStep<'_>| match step {
             RehearsalStep::Identifying(round, at) => {
                 self.tell(&format!("round {round}: {}", at.stage.name()), *round as f64 / parts, None);
@@ -293,6 +292,7 @@ impl Doing<'_> {
                 let share = (*round as f64 + *step as f64 / (*total).max(1) as f64) / parts;
                 self.tell(&format!("round {round}: training"), share, Some(*f1));
             }
+            RehearsalStep::Round(round) => page.add(round),
             _ => {}
         };
         let rounds = match rehearse_on_robot(&song, &rig, &config, &folder, &mut told, interrupt) {
@@ -302,6 +302,7 @@ impl Doing<'_> {
             ) => return Err(TaskFailure::Stopped),
             rounds => rounds?,
         };
+        page.finish()?;
         let rows = rounds.iter().map(|round| {
             let mut values = vec![
                 ("sim_f1", round.sim_f1),

@@ -1,4 +1,4 @@
-//! Experiments: files that say what is compared, plans of tasks made of them, launchers that do the tasks, and reports.
+//! Experiments: files that say what is compared, plans made of them, launchers that do the work, statistics, and reports.
 
 mod config;
 mod course;

@@ -5,8 +5,8 @@ use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-use super::outcome::{RESULT, TaskState};
-use super::plan::{Task, slug};
+use crate::outcome::{RESULT, TaskState};
+use crate::plan::{Task, slug};
 
 /// How a plan goes through Slurm.
 #[derive(Clone, Debug)]

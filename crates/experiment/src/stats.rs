@@ -111,7 +111,7 @@ mod tests {
     #[test]
     fn statistics_are_those_of_rliable_and_scipy() {
         let golden: Vec<Golden> =
-            serde_json::from_str(include_str!("../../tests/golden/statistics.json")).unwrap();
+            serde_json::from_str(include_str!("../tests/golden/statistics.json")).unwrap();
         assert!(golden.len() >= 4);
         for case in golden {
             let found = Summary::new(&case.strata).unwrap();

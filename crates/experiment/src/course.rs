@@ -8,11 +8,11 @@ use std::path::{Path, PathBuf};
 use etude_identify::Progress;
 use etude_perform::write_file;
 
-use super::outcome::Values;
-use super::task::TaskFailure;
+use crate::outcome::Values;
+use crate::task::TaskFailure;
 
 /// The evaluations in a run's metrics: `step` and scores of each, and the seconds until then.
-pub(super) fn evaluations(path: &Path) -> Result<(Vec<Values>, Vec<f64>), TaskFailure> {
+pub(crate) fn evaluations(path: &Path) -> Result<(Vec<Values>, Vec<f64>), TaskFailure> {
     let text = std::fs::read_to_string(path)
         .map_err(|source| TaskFailure::File { path: path.to_path_buf(), source })?;
     let (mut points, mut secs, mut elapsed) = (Vec::new(), Vec::new(), 0.0);
@@ -34,7 +34,7 @@ pub(super) fn evaluations(path: &Path) -> Result<(Vec<Values>, Vec<f64>), TaskFa
 
 /// The course of a fit, kept on the way. After an interruption a fit repeats a little, to the digit: a point that is there is
 /// not added again.
-pub(super) struct Course {
+pub(crate) struct Course {
     file: File,
     path: PathBuf,
     seen: Vec<(String, u64, f64)>,

@@ -13,8 +13,8 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, Sender, channel};
 use std::time::{Duration, Instant};
 
-use super::outcome::{RESULT, TaskProgress};
-use super::plan::Task;
+use crate::outcome::{RESULT, TaskProgress};
+use crate::plan::Task;
 
 /// How long the launcher waits for news before it looks at its workers again.
 const LOOK: Duration = Duration::from_millis(100);

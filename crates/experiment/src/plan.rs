@@ -13,11 +13,11 @@ use etude_perform::{FileError, Mode, write_file};
 use etude_task::TaskError;
 use serde::{Deserialize, Serialize};
 
-use super::config::{Experiment, ExperimentError, FitConfig, PerformConfig, RehearseConfig};
-use crate::config::{ConfigError, RunConfig, resolve};
-use crate::identify::IdentifyMethod;
-use crate::rig::{TWIN, rig_choice};
-use crate::run::find_song;
+use crate::config::{Experiment, ExperimentError, FitConfig, PerformConfig, RehearseConfig};
+use etude_lab::IdentifyMethod;
+use etude_lab::find_song;
+use etude_lab::{ConfigError, RunConfig, resolve};
+use etude_perform::stand::{TWIN, rig_choice};
 
 /// How much is done.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -208,7 +208,7 @@ impl Experiment {
     /// # Errors
     /// If a song, setting or truth is not sound.
     pub fn plan(&self, config: &PlanConfig) -> Result<Vec<Task>, PlanError> {
-        if let Some(set) = config.set.iter().find(|set| super::config::sets_the_seed(set)) {
+        if let Some(set) = config.set.iter().find(|set| crate::config::sets_the_seed(set)) {
             return Err(PlanError::Seed(set.clone()));
         }
         let smoke = config.budget == Budget::Smoke;
@@ -260,7 +260,7 @@ impl Experiment {
         let found = find_song(song)?;
         let notes = format!("{} {:?}", found.duration_secs(), found.notes());
         let mut tasks = Vec::new();
-        let alone = [super::config::Variant { name: String::new(), set: Vec::new(), modes: None }];
+        let alone = [crate::config::Variant { name: String::new(), set: Vec::new(), modes: None }];
         let variants = if self.variants.is_empty() { &alone[..] } else { &self.variants };
         for variant in variants {
             for point in self.grid_points(smoke) {
@@ -390,7 +390,7 @@ fn id(kind: &str, what: &str, seed: u64, all: &str) -> String {
 }
 
 /// A name as part of a file's.
-pub(super) fn slug(name: &str) -> String {
+pub(crate) fn slug(name: &str) -> String {
     name.chars().map(|c| if c.is_ascii_alphanumeric() { c } else { '-' }).collect()
 }
 
@@ -528,7 +528,7 @@ runs = 3
 
     #[test]
     fn every_experiment_that_comes_with_us_can_be_planned() {
-        for name in super::super::config::names() {
+        for name in crate::config::names() {
             for budget in [Budget::Full, Budget::Smoke] {
                 let config = PlanConfig { budget, ..PlanConfig::default() };
                 assert!(!Experiment::load(name).unwrap().plan(&config).unwrap().is_empty(), "{name}");

@@ -2,13 +2,13 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use super::config::{Experiment, FigureConfig, FigureKind};
-use super::figure::{Drawing, Point, Series};
-use super::record::{Record, combinations, summary};
-use super::stats::Summary;
+use crate::config::{Experiment, FigureConfig, FigureKind};
+use crate::figure::{Drawing, Point, Series};
+use crate::record::{Record, combinations, summary};
+use crate::stats::Summary;
 
 /// What a measure is called.
-pub(super) fn measure_name(measure: &str, in_course: bool) -> String {
+pub(crate) fn measure_name(measure: &str, in_course: bool) -> String {
     match measure {
         "f1" if in_course => "F1, simulation".to_string(),
         "f1" => "F1, twin".to_string(),
@@ -24,7 +24,7 @@ pub(super) fn measure_name(measure: &str, in_course: bool) -> String {
 }
 
 /// What stands under a figure.
-pub(super) fn caption(figure: &FigureConfig, experiment: &Experiment) -> String {
+pub(crate) fn caption(figure: &FigureConfig, experiment: &Experiment) -> String {
     let what = match figure.kind {
         FigureKind::Curves => "Mean over songs and seeds; the band is its 95 % interval",
         FigureKind::Bars => "Mean over songs and seeds, with its 95 % interval",
@@ -40,7 +40,7 @@ pub(super) fn caption(figure: &FigureConfig, experiment: &Experiment) -> String 
 }
 
 /// What a figure shows of all records.
-pub(super) fn drawing(figure: &FigureConfig, all: &[Record]) -> Drawing {
+pub(crate) fn drawing(figure: &FigureConfig, all: &[Record]) -> Drawing {
     let in_course = figure.kind == FigureKind::Curves;
     let chosen: Vec<Record> = all.iter().filter(|record| record.has(&figure.filter)).cloned().collect();
     let keys: Vec<String> = figure.by.iter().cloned().collect();

@@ -329,7 +329,7 @@ fn prepare_font() {
     static ONCE: Once = Once::new();
     ONCE.call_once(|| {
         // It is our own file: a font that cannot be read would be our bug, and then texts are left out.
-        let _ = register_font("sans-serif", FontStyle::Normal, include_bytes!("../../assets/DejaVuSans.ttf"));
+        let _ = register_font("sans-serif", FontStyle::Normal, include_bytes!("../assets/DejaVuSans.ttf"));
     });
 }
 

@@ -6,7 +6,7 @@ use std::path::Path;
 
 use serde::{Deserialize, Serialize};
 
-use super::plan::Task;
+use crate::plan::Task;
 
 /// Names of a task's files.
 pub const TASK: &str = "task.json";
@@ -15,7 +15,7 @@ pub const RESULT: &str = "result.json";
 /// See [`TASK`].
 pub const TIMES: &str = "times.json";
 /// Of the file that a process locks while it works on the task. The system lets go of it at every death.
-pub(super) const LOCK: &str = "task.lock";
+pub(crate) const LOCK: &str = "task.lock";
 
 /// Measures by name: scores between 0 and 1, errors in rad.
 pub type Values = BTreeMap<String, f64>;

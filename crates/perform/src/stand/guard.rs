@@ -24,7 +24,7 @@ const FAREWELL: u8 = b'q';
 pub const READY: &str = "on guard";
 
 /// The controller's end.
-pub(crate) struct Guard {
+pub(super) struct Guard {
     child: Child,
     pipe: ChildStdin,
 }

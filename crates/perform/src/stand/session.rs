@@ -1,7 +1,5 @@
 //! A robot with its controller and whatever lets its time pass. It ends with the robot let go, whichever way it ends.
 
-use std::fs::File;
-use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use etude_robot::wires::{OpenWires, Wires};
@@ -9,7 +7,8 @@ use etude_robot::xarm::codec::STOPPED;
 use etude_robot::{Pace, Phase, RealTime, Robot};
 use etude_twin::Lockstep;
 
-use crate::guard::Guard;
+use super::claim::Claim;
+use super::guard::Guard;
 
 /// Longest time between two beats to the guard, and between two looks for a request to stop.
 const BEAT_PERIOD: Duration = Duration::from_millis(50);
@@ -40,7 +39,7 @@ pub struct Live {
 }
 
 impl Live {
-    pub(crate) fn new(wires: OpenWires, guard: Guard, claim: Claim) -> Self {
+    pub(super) fn new(wires: OpenWires, guard: Guard, claim: Claim) -> Self {
         Self { pace: RealTime::new(wires), guard, claim }
     }
 }
@@ -114,46 +113,4 @@ impl Pace for StandPace {
             Self::Live(live) => live.pace.wires(),
         }
     }
-}
-
-/// A rig that this process alone may move, by a locked file beside the rig's file.
-pub struct Claim {
-    _lock: File,
-    stop: PathBuf,
-}
-
-impl Claim {
-    /// Claims a rig, and forgets earlier requests to stop it.
-    ///
-    /// # Errors
-    /// If another process has it, or the folder cannot be written to.
-    pub fn new(rig: &Path) -> std::io::Result<Self> {
-        let lock = File::create(beside(rig, "lock"))?;
-        lock.try_lock().map_err(|_| {
-            std::io::Error::other(
-                "another `etude` uses this rig; wait for it, or stop it with `etude robot stop`",
-            )
-        })?;
-        let stop = beside(rig, "stop");
-        match std::fs::remove_file(&stop) {
-            Err(error) if error.kind() != std::io::ErrorKind::NotFound => Err(error),
-            _ => Ok(Self { _lock: lock, stop }),
-        }
-    }
-
-    fn is_told_to_stop(&self) -> bool {
-        self.stop.exists()
-    }
-}
-
-/// Tells whoever has claimed the rig to stop and to end.
-///
-/// # Errors
-/// If the folder cannot be written to.
-pub fn tell_to_stop(rig: &Path) -> std::io::Result<()> {
-    File::create(beside(rig, "stop")).map(|_| ())
-}
-
-fn beside(rig: &Path, extension: &str) -> PathBuf {
-    rig.with_extension(extension)
 }

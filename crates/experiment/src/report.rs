@@ -16,12 +16,12 @@ use std::path::{Path, PathBuf};
 use etude_identify::html::{escape, page};
 use etude_perform::{FileError, write_file};
 
-use super::config::{Experiment, FigureKind};
-use super::drawings::{caption, drawing};
-use super::figure::FigureError;
-use super::plan::{PlanConfig, Task};
-use super::record::{Entry, courses, csv, records};
-use super::tables::{against_the_paper, cut_short, differences, provenance, scores, times};
+use crate::config::{Experiment, FigureKind};
+use crate::drawings::{caption, drawing};
+use crate::figure::FigureError;
+use crate::plan::{PlanConfig, Task};
+use crate::record::{Entry, courses, csv, records};
+use crate::tables::{against_the_paper, cut_short, differences, provenance, scores, times};
 
 /// Name of the page.
 const PAGE: &str = "index.html";

@@ -5,10 +5,10 @@ use std::collections::BTreeMap;
 use etude_music::metrics::{FrameScores, FrameTally, frame_scores};
 use etude_music::sound::{self, SoundError};
 use etude_music::{CONTROL_HZ, HIGHEST_PITCH, KeyEvent, KeySet, LOWEST_PITCH, Note, notes_from_key_events};
+use etude_perform::stand::stage_side;
 use etude_perform::{Header, Recording};
 use etude_stage::{JOINTS, Scene, StageConfig, World};
 use etude_task::TaskConfig;
-use etude_twin::stage_side;
 use serde::Serialize;
 
 use super::ReplayError;

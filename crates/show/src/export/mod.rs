@@ -13,7 +13,7 @@ use etude_task::{ACTION_LEN, Piece, TargetRange, TaskError};
 use prost::Message as _;
 use serde_json::json;
 
-use crate::player::{Mind, Player};
+use etude_lab::Player;
 use proto::{Attribute, Graph, Model, Node, OpsetId, StringEntry, Tensor, ValueInfo};
 
 /// The first set of operators with GELU.
@@ -47,7 +47,7 @@ pub enum OnnxError {
 /// # Errors
 /// If it is the scripted player, or the file cannot be written.
 pub fn export_onnx(player: &Player, song: &Song, path: &Path) -> Result<(), OnnxError> {
-    let Mind::Policy(policy, _) = &player.mind else { return Err(OnnxError::Scripted) };
+    let policy = player.policy().ok_or(OnnxError::Scripted)?;
     let contract = contract(player, song)?;
     let mut graph = Graph {
         name: "actor".to_string(),

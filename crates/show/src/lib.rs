@@ -1,0 +1,11 @@
+//! What people see and hear of a run: replay pages, galleries, pictures and videos, trainings as they go, the page of a rehearsal, and
+//! models for other programs.
+
+pub mod export;
+pub mod gallery;
+mod rehearsal_page;
+pub mod render;
+pub mod replay;
+pub mod watch;
+
+pub use rehearsal_page::{REHEARSAL_PAGE, RehearsalPage};
