@@ -106,7 +106,7 @@ impl Rig for SimRig {
             self.simulated.collision_free += 1.0 / self.steps as f64;
         }
         self.record(command, self.world().events(), recorder)?;
-        Ok(Ok(Stepped { pressed: self.world().pressed(), alongside: None }))
+        Ok(Ok(Stepped { pressed: step.pressed, alongside: None }))
     }
 
     fn rest(&mut self) {}

@@ -25,6 +25,8 @@ pub struct Step {
     pub song_over: bool,
     /// Whether anything but fingertips on the keyboard touched, whatever the reward makes of it.
     pub collided: bool,
+    /// Keys that sound at its end.
+    pub pressed: KeySet,
 }
 
 /// A world, a piece, and the place in it.
@@ -154,7 +156,8 @@ impl Environment {
         self.previous_action = *action;
         self.step += 1;
         self.steps_made = self.steps_made.saturating_add(1);
-        Step { reward, song_over: self.step >= self.piece.steps(), collided: outcome.collided }
+        let song_over = self.step >= self.piece.steps();
+        Step { reward, song_over, collided: outcome.collided, pressed: self.world.pressed() }
     }
 
     /// Writes the current observation.
@@ -182,11 +185,6 @@ impl Environment {
             observation.copy_from_slice(last);
         }
         step
-    }
-
-    /// Keys that sound now.
-    pub fn pressed(&self) -> KeySet {
-        self.world.pressed()
     }
 
     /// The next control step to be played.

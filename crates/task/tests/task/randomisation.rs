@@ -56,7 +56,7 @@ fn a_drawn_world_is_in_force_from_the_first_step() {
     for _ in 0..piece.steps() {
         assert_eq!(drawn.step(&press, &mut parts), built.step(&press, &mut parts));
         assert_eq!(drawn.world().joints(), built.world().joints());
-        assert_eq!(drawn.pressed(), built.pressed());
+        assert_eq!(drawn.world().pressed(), built.world().pressed());
     }
 }
 
