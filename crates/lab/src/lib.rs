@@ -9,7 +9,6 @@ pub mod bench;
 mod config;
 mod grid;
 mod identify;
-mod live;
 mod play;
 mod player;
 mod record;
@@ -22,7 +21,6 @@ pub use grid::{GridConfig, GridReport, Marginal, WorldScores, evaluate_grid};
 pub use identify::{
     IDENTIFIED, Identification, IdentificationError, IdentifyMethod, IdentifyReport, identify_robot,
 };
-pub use live::play_live;
 pub use play::{Files, PlayError, Report, play, scores_in_simulation};
 pub use player::{Player, load_player, shipped_policies};
 pub use record::{Motion, Recorded, record_robot};
