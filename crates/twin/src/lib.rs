@@ -1,4 +1,4 @@
-//! The twin: a robot that is not there. Its devices are the emulators of `etude-robot`, which speak the same bytes as the
+//! The twin: a robot that is not there. Its devices are those of `etude-emulators`, which speak the same bytes as the
 //! real ones; what moves them is a MuJoCo world with a [`Truth`] of its own, finer in time than the simulator and unknown
 //! to whoever plays on it.
 //!
@@ -6,8 +6,6 @@
 //! on sockets, by the wall clock.
 
 mod drives;
-mod fault_kind;
-mod faults;
 mod keys;
 mod lockstep;
 mod numbers;
@@ -15,8 +13,8 @@ mod server;
 mod truth;
 mod twin;
 
-pub use fault_kind::{FaultError, FaultKind};
-pub use faults::OrderedFault;
+pub use etude_emulators::ArmPorts;
+pub use etude_emulators::faults::{FaultError, FaultKind, OrderedFault};
 pub use lockstep::Lockstep;
 pub use server::{ServeError, TwinServer};
 pub use truth::{Truth, TruthError};

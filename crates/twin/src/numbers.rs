@@ -2,14 +2,13 @@
 
 use std::collections::BTreeMap;
 
+use etude_emulators::KeyboardEmulatorConfig;
+use etude_emulators::faults::{FaultPlan, OrderedFault};
 use etude_music::KEYS;
-use etude_robot::faults::FaultPlan;
-use etude_robot::keyboard;
 use etude_stage::params::World as Quantity;
 use etude_stage::{Cone, Integrator, KeyFactors, ModelOptions, ParamError, PhysicalParams};
 use serde::{Deserialize, Serialize};
 
-use crate::faults::OrderedFault;
 use crate::truth::TruthError;
 use crate::twin::STEP;
 
@@ -35,7 +34,7 @@ pub(crate) struct Numbers {
     /// The arm.
     pub(crate) arm: ArmTruth,
     /// What the keyboard says over its line.
-    pub(crate) keyboard: keyboard::EmulatorConfig,
+    pub(crate) keyboard: KeyboardEmulatorConfig,
     /// The keys and their contacts.
     pub(crate) keys: KeysTruth,
     /// What happens on the wires.

@@ -5,12 +5,10 @@
 use std::fmt;
 use std::path::{Path, PathBuf};
 
-use etude_robot::faults::FaultPlanError;
+use etude_emulators::faults::{FaultError, FaultPlanError, OrderedFault};
 use etude_robot::keyboard::KeyboardConfigError;
 use etude_stage::ParamError;
 
-use crate::fault_kind::FaultError;
-use crate::faults::OrderedFault;
 use crate::numbers::Numbers;
 
 /// The truth of one twin. Its numbers are for the twin alone:

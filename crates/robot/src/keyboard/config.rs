@@ -32,14 +32,17 @@ impl KeyboardConfig {
         if usize::from(self.lowest_pitch) + KEYS > 128 {
             return Err(KeyboardConfigError::LowestPitch { lowest_pitch: self.lowest_pitch });
         }
-        let stuck_after = positive("stuck_after_secs", self.stuck_after_secs)?;
-        let sensing_timeout = positive("sensing_timeout_secs", self.sensing_timeout_secs)?;
+        let stuck_after = positive_secs("stuck_after_secs", self.stuck_after_secs)?;
+        let sensing_timeout = positive_secs("sensing_timeout_secs", self.sensing_timeout_secs)?;
         Ok((self.lowest_pitch, stuck_after, sensing_timeout))
     }
 }
 
-/// A time that must be positive and at most a day.
-pub(super) fn positive(name: &'static str, secs: f64) -> Result<Duration, KeyboardConfigError> {
+/// The time of a setting, which must be positive and at most a day.
+///
+/// # Errors
+/// If it is not.
+pub fn positive_secs(name: &'static str, secs: f64) -> Result<Duration, KeyboardConfigError> {
     const DAY_SECS: f64 = 86_400.0;
     let time = Duration::try_from_secs_f64(secs).ok().filter(|time| !time.is_zero() && secs <= DAY_SECS);
     time.ok_or(KeyboardConfigError::Time { name, secs })

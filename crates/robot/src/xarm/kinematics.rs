@@ -235,7 +235,7 @@ fn accept(joints: [f64; JOINTS], jacobian: &Jacobian) -> Result<[f64; JOINTS], K
 
 /// Axis times angle (rad) of a rotation, to the last digit for small angles, where the arc cosine of the
 /// trace is not.
-pub(crate) fn logarithm(rotation: &Rotation3<f64>) -> Vector3<f64> {
+pub fn logarithm(rotation: &Rotation3<f64>) -> Vector3<f64> {
     let matrix = rotation.matrix();
     let sines = Vector3::new(
         matrix[(2, 1)] - matrix[(1, 2)],

@@ -39,7 +39,7 @@ impl ReportKind {
     }
 
     /// Time from one frame to the next, ms.
-    pub(crate) fn period_ms(self) -> u64 {
+    pub fn period_ms(self) -> u64 {
         if self == Self::Real { 10 } else { 200 }
     }
 }
