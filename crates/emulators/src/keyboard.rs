@@ -193,11 +193,6 @@ impl KeyboardEmulator {
         }
     }
 
-    /// Whether the plug is in.
-    pub fn is_plugged(&self) -> bool {
-        self.plugged
-    }
-
     /// Messages that found no room on the way to the line.
     pub fn dropped(&self) -> u64 {
         self.dropped

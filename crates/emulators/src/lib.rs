@@ -46,8 +46,7 @@ pub use hand::{HandEmulator, HandEmulatorConfig};
 pub use hub::Hub;
 pub use keyboard::{KeyboardEmulator, KeyboardEmulatorConfig, Line, ReleaseCoding};
 pub use midi_server::MidiServer;
-pub use slcan::SlcanAdapter;
-pub use slcan_device::{Pty, SlcanDevice};
+pub use slcan_device::SlcanDevice;
 
 /// The three emulated devices of a robot.
 #[derive(Debug)]

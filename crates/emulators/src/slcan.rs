@@ -5,7 +5,7 @@ use etude_robot::can::{CanFrame, SlcanLines, SlcanReply, encode_frame, parse_fra
 /// The adapter's end of the protocol: what a serial adapter on a bus of 1 Mbit/s does with the bytes of its
 /// host.
 #[derive(Clone, Debug, Default)]
-pub struct SlcanAdapter {
+pub(crate) struct SlcanAdapter {
     lines: SlcanLines,
     channel: Channel,
     /// `S8`, 1 Mbit/s, is the speed of the bus; at any other nothing is heard and nothing acknowledged.
@@ -21,11 +21,6 @@ enum Channel {
 }
 
 impl SlcanAdapter {
-    /// An adapter just plugged in: channel closed, no speed set.
-    pub fn new() -> Self {
-        Self::default()
-    }
-
     /// Takes bytes of the host; appends the frames that go to the bus, and the answers to the host.
     pub fn from_host(&mut self, bytes: &[u8], frames: &mut Vec<CanFrame>, answers: &mut Vec<u8>) {
         for &byte in bytes {
@@ -98,7 +93,7 @@ mod tests {
 
     #[test]
     fn the_adapter_obeys_in_order() {
-        let mut adapter = SlcanAdapter::new();
+        let mut adapter = SlcanAdapter::default();
         let silent = |adapter: &SlcanAdapter| {
             let mut bytes = vec![];
             adapter.to_host(&CanFrame::remote(1).unwrap(), &mut bytes);
@@ -133,7 +128,7 @@ mod tests {
         fn any_bytes_are_survived(
             bytes in prop::collection::vec(prop_oneof![any::<u8>(), Just(b'\r'), Just(b't')], 0..500),
         ) {
-            let mut adapter = SlcanAdapter::new();
+            let mut adapter = SlcanAdapter::default();
             let _ = ask(&mut adapter, b"S8\rO\r");
             let (mut frames, mut answers) = (vec![], vec![]);
             adapter.from_host(&bytes, &mut frames, &mut answers);

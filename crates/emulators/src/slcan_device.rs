@@ -17,35 +17,29 @@ const WAITING_FOR_HOST: usize = 16 * 1024;
 /// The adapter's end: for an emulated device behind an emulated adapter. It receives what the host sends to
 /// the bus.
 #[derive(Debug)]
-pub struct SlcanDevice<S: Read + Write + Send> {
+pub struct SlcanDevice {
     name: String,
-    stream: S,
+    stream: Pty,
     adapter: SlcanAdapter,
     outbox: Outbox,
     arrived: VecDeque<CanFrame>,
 }
 
-impl SlcanDevice<Pty> {
+impl SlcanDevice {
     /// An adapter on a new pseudo terminal, and the path that a host opens.
     ///
     /// # Errors
     /// If the system gives no pseudo terminal.
     pub fn on_pty() -> Result<(Self, PathBuf), CanError> {
-        let (pty, path) = Pty::open()?;
-        Ok((Self::over(&path.display().to_string(), pty), path))
-    }
-}
-
-impl<S: Read + Write + Send> SlcanDevice<S> {
-    /// An adapter at this end of a stream that does not block. `name` is for messages.
-    pub fn over(name: &str, stream: S) -> Self {
-        Self {
-            name: name.to_owned(),
+        let (stream, path) = Pty::open()?;
+        let device = Self {
+            name: path.display().to_string(),
             stream,
-            adapter: SlcanAdapter::new(),
+            adapter: SlcanAdapter::default(),
             outbox: Outbox::new(WAITING_FOR_HOST),
             arrived: VecDeque::new(),
-        }
+        };
+        Ok((device, path))
     }
 
     fn gone(&self) -> CanError {
@@ -54,7 +48,7 @@ impl<S: Read + Write + Send> SlcanDevice<S> {
     }
 }
 
-impl<S: Read + Write + Send> CanTransport for SlcanDevice<S> {
+impl CanTransport for SlcanDevice {
     /// A host that does not read loses frames, as with a real adapter.
     fn send(&mut self, frame: CanFrame) -> Result<(), CanError> {
         let mut bytes = Vec::with_capacity(32);
@@ -80,18 +74,14 @@ impl<S: Read + Write + Send> CanTransport for SlcanDevice<S> {
 
 /// The device's end of a pseudo terminal, without blocking.
 #[derive(Debug)]
-pub struct Pty {
+struct Pty {
     master: TTYPort,
     /// Kept open so that hosts may come and go.
     _slave: TTYPort,
 }
 
 impl Pty {
-    /// A new pseudo terminal, and the path of its other end.
-    ///
-    /// # Errors
-    /// If the system gives none.
-    pub fn open() -> Result<(Self, PathBuf), CanError> {
+    fn open() -> Result<(Self, PathBuf), CanError> {
         let refuse = |message: String| CanError::Open { bus: "pty".to_owned(), message };
         let hint = "is /dev/pts mounted?";
         let (mut master, slave) = TTYPort::pair().map_err(|error| refuse(format!("{error}: {hint}")))?;

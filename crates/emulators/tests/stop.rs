@@ -9,7 +9,7 @@ use std::thread::ScopedJoinHandle;
 use std::time::{Duration, Instant};
 
 use etude_emulators::{
-    ArmEmulator, ArmEmulatorConfig, ArmPorts, ArmServer, HandEmulator, HandEmulatorConfig, Hub, Pty, Reach,
+    ArmEmulator, ArmEmulatorConfig, ArmPorts, ArmServer, HandEmulator, HandEmulatorConfig, Hub, Reach,
     SlcanDevice,
 };
 use etude_robot::can::{self, CanFrame, CanTransport, HubTransport};
@@ -124,7 +124,7 @@ fn one_that_cannot_be_reached_does_not_save_the_other() {
 }
 
 /// Emulated hand and adapter on a pseudo terminal; what the hand was told.
-fn serve(device: &mut SlcanDevice<Pty>, done: &AtomicBool) -> Vec<CanFrame> {
+fn serve(device: &mut SlcanDevice, done: &AtomicBool) -> Vec<CanFrame> {
     let mut hand = HandEmulator::new(&HandEmulatorConfig::default());
     let (begun, mut told) = (Instant::now(), Vec::new());
     while !done.load(Ordering::Relaxed) {

@@ -6,6 +6,7 @@
 //! on sockets, by the wall clock.
 
 mod drives;
+mod error;
 mod keys;
 mod lockstep;
 mod numbers;
@@ -13,9 +14,11 @@ mod server;
 mod truth;
 mod twin;
 
+pub use error::TruthError;
 pub use etude_emulators::ArmPorts;
 pub use etude_emulators::faults::{FaultError, FaultKind, OrderedFault};
 pub use lockstep::Lockstep;
+pub use numbers::STEP;
 pub use server::{ServeError, TwinServer};
-pub use truth::{Truth, TruthError};
-pub use twin::{ARM_SERIAL, SHOWN_KEYS, STEP, Twin, TwinError, calibration, stage_side};
+pub use truth::Truth;
+pub use twin::{ARM_SERIAL, SHOWN_KEYS, Twin, TwinError, calibration, stage_side};

@@ -13,9 +13,9 @@ use etude_robot::xarm::ArmLinkError;
 use etude_robot::xarm::report::ReportKind;
 use etude_robot::{Pace, Robot};
 
-use crate::numbers::LinksTruth;
-use crate::truth::TruthError;
-use crate::twin::{STEP, Twin, TwinError};
+use crate::error::TruthError;
+use crate::numbers::{LinksTruth, STEP};
+use crate::twin::{Twin, TwinError};
 
 /// A twin at the other end of a controller's wires.
 pub struct Lockstep {

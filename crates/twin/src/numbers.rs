@@ -1,6 +1,7 @@
 //! The numbers of a [`Truth`](crate::Truth): what may stand in its file. They do not leave this crate.
 
 use std::collections::BTreeMap;
+use std::time::Duration;
 
 use etude_emulators::KeyboardEmulatorConfig;
 use etude_emulators::faults::{FaultPlan, OrderedFault};
@@ -9,9 +10,10 @@ use etude_stage::params::World as Quantity;
 use etude_stage::{Cone, Integrator, KeyFactors, ModelOptions, ParamError, PhysicalParams};
 use serde::{Deserialize, Serialize};
 
-use crate::truth::TruthError;
-use crate::twin::STEP;
+use crate::error::TruthError;
 
+/// One step of the twin: a third of the hand's period, a fifth of the simulator's physics step.
+pub const STEP: Duration = Duration::from_millis(1);
 /// Joints of a finger.
 pub(crate) const FINGER: usize = 4;
 /// How far apart the two contacts of a key are at least, and the second from the stop, as a share of its travel.

@@ -19,8 +19,9 @@ use etude_robot::keyboard::MidiError;
 use etude_robot::rig::{RigConfig, WiresConfig};
 
 use crate::lockstep::Lockstep;
+use crate::numbers::STEP;
 use crate::truth::Truth;
-use crate::twin::{STEP, Twin, TwinError, calibration};
+use crate::twin::{Twin, TwinError, calibration};
 
 /// Name of the rig and of its file.
 const RIG: &str = "twin";

@@ -24,11 +24,11 @@ use etude_stage::geometry::{HALF_WIDTH, key_lateral};
 use etude_stage::{JOINTS, Side, StageConfig, StageError, World};
 
 use crate::drives::{Drives, Encoders};
+use crate::error::TruthError;
 use crate::keys::{Keys, Say};
-use crate::truth::{Truth, TruthError};
+use crate::numbers::STEP;
+use crate::truth::Truth;
 
-/// One step of the twin: a third of the hand's period, a fifth of the simulator's physics step.
-pub const STEP: Duration = Duration::from_millis(1);
 /// Where the flange stands over the middle key, mm, and how it is turned, degrees: the paper's C3 (fact sheet
 /// "hardware" §0).
 const MIDDLE_MM: [f64; 3] = [485.0, -2.83, 170.51];

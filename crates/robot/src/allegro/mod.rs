@@ -5,6 +5,7 @@
 
 mod assembly;
 mod codec;
+mod commands;
 mod config;
 mod driver;
 mod encoder;

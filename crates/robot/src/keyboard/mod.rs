@@ -7,6 +7,7 @@ mod driver;
 mod parser;
 mod port;
 mod shift;
+mod source;
 mod transport;
 
 pub use config::{KeyboardConfig, KeyboardConfigError, positive_secs};
@@ -14,7 +15,8 @@ pub use driver::{KeyChange, Keyboard, KeyboardCounts, KeyboardState, KeyboardWar
 pub use parser::{MidiEvent, MidiParser};
 pub use port::MidiPort;
 pub use shift::Shift;
-pub use transport::{MidiError, MidiSource, open};
+pub use source::{MidiError, MidiSource};
+pub use transport::open;
 
 /// Keys of the keyboard, four octaves and a C.
 ///

@@ -2,7 +2,8 @@
 
 use std::time::Duration;
 
-use super::transport::{MidiError, MidiSource, open};
+use super::source::{MidiError, MidiSource};
+use super::transport::open;
 
 /// Time between two attempts to open a keyboard that is not there.
 const TRY_AGAIN: Duration = Duration::from_secs(1);

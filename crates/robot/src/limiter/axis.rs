@@ -1,55 +1,11 @@
-//! The limiter: the only way from a policy, a simulation or an operator to a set-point that a device is asked to follow.
-//!
-//! One [`Axis`] per joint moves a set-point on a fixed time grid. Position, velocity, acceleration and jerk, all taken
-//! as differences of what was sent on that grid, stay within [`AxisLimits`] whatever is asked, NaN and infinity
-//! included. A stream that keeps the limits passes through unchanged; one that does not is followed as fast as the
-//! limits allow. A target that jumps and then stands still is not passed, except by what the jerk limit moves an axis in
-//! one step when the jump is as small as that (jerk · step³): the first step of a stream looks the same.
-//!
-//! Why the limits hold: a state is *viable* if braking from it keeps them until rest. The axis
-//! starts at rest, which is viable, and takes only steps to viable states. Braking on is one of them by definition, so
-//! there is always one.
+//! The set-point of one joint, which moves on the grid toward its targets.
 
-use serde::{Deserialize, Serialize};
+use super::limits::AxisLimits;
+use super::motion::{Motion, ROUNDING};
 
-/// What a set-point may do. Rad and s; m and s for the rail.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct AxisLimits {
-    /// Smallest and largest position.
-    pub position: [f64; 2],
-    /// Largest speed.
-    pub velocity: f64,
-    /// Largest acceleration, either way.
-    pub acceleration: f64,
-    /// Largest change of acceleration per second.
-    pub jerk: f64,
-}
-
-impl AxisLimits {
-    /// Whether these are limits at all.
-    ///
-    /// # Errors
-    /// Says which is not.
-    pub fn check(&self) -> Result<(), String> {
-        let [low, high] = self.position;
-        if !(low.is_finite() && high.is_finite() && low < high) {
-            return Err(format!("the position range {low} … {high} is empty"));
-        }
-        for (name, value) in
-            [("velocity", self.velocity), ("acceleration", self.acceleration), ("jerk", self.jerk)]
-        {
-            if !(value.is_finite() && value > 0.0) {
-                return Err(format!("the {name} limit {value} is not a positive number"));
-            }
-        }
-        let stopping_secs = self.velocity / self.acceleration + self.acceleration / self.jerk;
-        if stopping_secs > LONGEST_STOP_SECS {
-            return Err(format!("stopping from full speed would take {stopping_secs:.0} s"));
-        }
-        Ok(())
-    }
-}
+/// Steps of the search for the best admissible acceleration: 2⁻²⁰ of what the jerk allows in one step is far below
+/// what a device resolves.
+const SEARCH: usize = 20;
 
 /// Which limit kept a set-point from being where it was asked to be.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -82,66 +38,6 @@ impl Clamp {
             Self::Stopping => "stopping",
             Self::Passing => "passing",
         }
-    }
-}
-
-/// Position, velocity and acceleration of a set-point, as differences on the grid.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-struct Motion {
-    position: f64,
-    velocity: f64,
-    acceleration: f64,
-}
-
-/// Longest time that stopping from full speed may take, s.
-const LONGEST_STOP_SECS: f64 = 10.0;
-/// Steps that are looked ahead while braking: far more than [`LONGEST_STOP_SECS`] on a grid of milliseconds.
-const LONGEST_BRAKE: usize = 20_000;
-/// Rounding allowed for in comparisons with limits, as a fraction.
-const ROUNDING: f64 = 1e-9;
-/// Steps of the search for the best admissible acceleration: 2⁻²⁰ of what the jerk allows in one step is far below
-/// what a device resolves.
-const SEARCH: usize = 20;
-
-impl Motion {
-    /// The state after one step with this acceleration.
-    fn after(self, acceleration: f64, step_secs: f64) -> Self {
-        let velocity = self.velocity + acceleration * step_secs;
-        Self { position: self.position + velocity * step_secs, velocity, acceleration }
-    }
-
-    /// One step of coming to rest as fast as acceleration and jerk allow.
-    fn brake(self, limits: &AxisLimits, step_secs: f64) -> Self {
-        let ramp = limits.jerk * step_secs;
-        let speed = self.velocity.abs();
-        // The deceleration from which ramping back to zero uses up just the speed that is left.
-        let stopping = (ramp * ramp / 4.0 + 2.0 * limits.jerk * speed).sqrt() - ramp / 2.0;
-        let deceleration = stopping.min(speed / step_secs).min(limits.acceleration);
-        let wanted = -deceleration.copysign(self.velocity);
-        self.after(wanted.clamp(self.acceleration - ramp, self.acceleration + ramp), step_secs)
-    }
-
-    /// Whether it rests, but for rounding.
-    fn rests(self, limits: &AxisLimits, step_secs: f64) -> bool {
-        self.velocity.abs() <= limits.velocity * 1e-12
-            && self.acceleration.abs() <= limits.jerk * step_secs * (1.0 + ROUNDING)
-    }
-
-    /// Its states while braking, from this one until it rests.
-    fn braking(self, limits: &AxisLimits, step_secs: f64) -> impl Iterator<Item = Self> {
-        let next =
-            move |state: &Self| (!state.rests(limits, step_secs)).then(|| state.brake(limits, step_secs));
-        std::iter::successors(Some(self), next).take(LONGEST_BRAKE)
-    }
-
-    /// Whether position and velocity keep their limits while braking.
-    fn is_viable(self, limits: &AxisLimits, step_secs: f64) -> bool {
-        let [low, high] = limits.position;
-        let slack = (high - low) * ROUNDING;
-        self.braking(limits, step_secs).all(|state| {
-            (low - slack..=high + slack).contains(&state.position)
-                && state.velocity.abs() <= limits.velocity * (1.0 + ROUNDING)
-        })
     }
 }
 
