@@ -7,7 +7,8 @@ use std::{collections::VecDeque, time::Duration};
 
 use serde::{Deserialize, Serialize};
 
-use etude_robot::keyboard::{KEYS, KeyboardConfigError, positive_secs};
+use etude_robot::keyboard::{KEYS, check_lowest_pitch, positive_secs};
+use etude_robot::setting::SettingError;
 
 /// How a release is said.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -120,12 +121,10 @@ impl KeyboardEmulator {
     ///
     /// # Errors
     /// If a setting makes no sense.
-    pub fn new(config: &KeyboardEmulatorConfig) -> Result<Self, KeyboardConfigError> {
+    pub fn new(config: &KeyboardEmulatorConfig) -> Result<Self, SettingError> {
         let KeyboardEmulatorConfig { lowest_pitch, release, running_status, line, sensing_secs, clock_secs } =
             *config;
-        if usize::from(lowest_pitch) + KEYS > 128 {
-            return Err(KeyboardConfigError::LowestPitch { lowest_pitch });
-        }
+        check_lowest_pitch(lowest_pitch)?;
         let sensing = sensing_secs.map(|secs| interval("sensing_secs", secs)).transpose()?;
         let clock = clock_secs.map(|secs| interval("clock_secs", secs)).transpose()?;
         Ok(Self {
@@ -257,6 +256,6 @@ enum Next {
 }
 
 /// An interval of at least a millisecond: bounds what one poll may have to say.
-fn interval(name: &'static str, secs: f64) -> Result<Duration, KeyboardConfigError> {
+fn interval(name: &'static str, secs: f64) -> Result<Duration, SettingError> {
     positive_secs(name, secs).map(|time| time.max(Duration::from_millis(1)))
 }

@@ -27,7 +27,7 @@
 //! emulator.poll(now, &mut wire);
 //! keyboard.receive(now, &wire, &mut changes);
 //! assert_eq!(keyboard.pressed(), 1 << 24);
-//! # Ok::<(), etude_robot::keyboard::KeyboardConfigError>(())
+//! # Ok::<(), etude_robot::setting::SettingError>(())
 //! ```
 
 mod arm;

@@ -22,7 +22,7 @@ enum Channel {
 
 impl SlcanAdapter {
     /// Takes bytes of the host; appends the frames that go to the bus, and the answers to the host.
-    pub fn from_host(&mut self, bytes: &[u8], frames: &mut Vec<CanFrame>, answers: &mut Vec<u8>) {
+    pub fn take_bytes(&mut self, bytes: &[u8], frames: &mut Vec<CanFrame>, answers: &mut Vec<u8>) {
         for &byte in bytes {
             let mut lines = std::mem::take(&mut self.lines);
             match lines.push(byte) {
@@ -38,7 +38,7 @@ impl SlcanAdapter {
     }
 
     /// Appends a frame of the bus as the host gets it: not at all while the channel is closed.
-    pub fn to_host(&self, frame: &CanFrame, bytes: &mut Vec<u8>) {
+    pub fn send_frame(&self, frame: &CanFrame, bytes: &mut Vec<u8>) {
         if self.channel != Channel::Closed && self.right_speed {
             encode_frame(frame, bytes);
         }
@@ -87,7 +87,7 @@ mod tests {
 
     fn ask(adapter: &mut SlcanAdapter, text: &[u8]) -> (Vec<CanFrame>, String) {
         let (mut frames, mut answers) = (vec![], vec![]);
-        adapter.from_host(text, &mut frames, &mut answers);
+        adapter.take_bytes(text, &mut frames, &mut answers);
         (frames, String::from_utf8(answers).unwrap())
     }
 
@@ -96,7 +96,7 @@ mod tests {
         let mut adapter = SlcanAdapter::default();
         let silent = |adapter: &SlcanAdapter| {
             let mut bytes = vec![];
-            adapter.to_host(&CanFrame::remote(1).unwrap(), &mut bytes);
+            adapter.send_frame(&CanFrame::remote(1).unwrap(), &mut bytes);
             bytes.is_empty()
         };
         assert_eq!(
@@ -131,7 +131,7 @@ mod tests {
             let mut adapter = SlcanAdapter::default();
             let _ = ask(&mut adapter, b"S8\rO\r");
             let (mut frames, mut answers) = (vec![], vec![]);
-            adapter.from_host(&bytes, &mut frames, &mut answers);
+            adapter.take_bytes(&bytes, &mut frames, &mut answers);
             for end in 0..bytes.len() {
                 let _ = parse_frame(&bytes[..end]);
             }

@@ -52,7 +52,7 @@ impl CanTransport for SlcanDevice {
     /// A host that does not read loses frames, as with a real adapter.
     fn send(&mut self, frame: CanFrame) -> Result<(), CanError> {
         let mut bytes = Vec::with_capacity(32);
-        self.adapter.to_host(&frame, &mut bytes);
+        self.adapter.send_frame(&frame, &mut bytes);
         self.outbox.push(&bytes);
         self.outbox.flush(&mut self.stream).map_err(|_| self.gone())
     }
@@ -64,7 +64,7 @@ impl CanTransport for SlcanDevice {
         let mut bytes = [0; 1024];
         let len = read_once(&mut self.stream, &mut bytes).map_err(|_| self.gone())?;
         let (mut frames, mut answers) = (Vec::new(), Vec::new());
-        self.adapter.from_host(bytes.get(..len).unwrap_or(&bytes), &mut frames, &mut answers);
+        self.adapter.take_bytes(bytes.get(..len).unwrap_or(&bytes), &mut frames, &mut answers);
         self.arrived.extend(frames);
         self.outbox.push(&answers);
         self.outbox.flush(&mut self.stream).map_err(|_| self.gone())?;

@@ -16,6 +16,7 @@
 //! | [`calibration`] | where the keyboard stands, and the arm's way along it |
 //! | [`rig`] | a rig's file |
 //! | [`Robot`] | the controller of all three devices |
+//! | [`setting`] | the ranges of settings |
 //! | [`stream`] | reading and writing without blocking |
 //!
 //! Numbers and byte layouts are those of the fact sheet "hardware".
@@ -31,6 +32,7 @@ pub mod monitor;
 mod pace;
 pub mod rig;
 mod robot;
+pub mod setting;
 pub mod stop;
 pub mod stream;
 pub mod wires;

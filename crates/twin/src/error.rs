@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use etude_emulators::faults::{FaultError, FaultPlanError};
-use etude_robot::keyboard::KeyboardConfigError;
+use etude_robot::setting::SettingError;
 use etude_stage::ParamError;
 
 /// A truth that no twin can have.
@@ -23,25 +23,13 @@ pub enum TruthError {
     /// A physical number is unknown or out of range.
     #[error("the twin's physics: {0}")]
     Physics(#[from] ParamError),
-    /// A number is out of range.
-    #[error("the twin's {name} = {value} must lie in {low} … {high}")]
-    OutOfRange {
-        /// Which.
-        name: &'static str,
-        /// Its value.
-        value: f64,
-        /// Smallest value.
-        low: f64,
-        /// Largest value.
-        high: f64,
-    },
+    /// A number is out of its range.
+    #[error("the twin's {0}")]
+    Setting(#[from] SettingError),
     /// The faults of a link make no sense.
     #[error("the twin's links: {0}")]
     Link(#[from] FaultPlanError),
     /// A fault cannot be ordered as it is.
     #[error("the twin's faults: {0}")]
     Fault(#[from] FaultError),
-    /// The keyboard's settings make no sense.
-    #[error("the twin's keyboard: {0}")]
-    Keyboard(#[from] KeyboardConfigError),
 }

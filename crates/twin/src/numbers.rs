@@ -6,6 +6,7 @@ use std::time::Duration;
 use etude_emulators::KeyboardEmulatorConfig;
 use etude_emulators::faults::{FaultPlan, OrderedFault};
 use etude_music::KEYS;
+use etude_robot::setting::check_range;
 use etude_stage::params::World as Quantity;
 use etude_stage::{Cone, Integrator, KeyFactors, ModelOptions, ParamError, PhysicalParams};
 use serde::{Deserialize, Serialize};
@@ -224,9 +225,7 @@ impl Numbers {
         ];
         let torques = hand.full_torque_nm.map(|torque| ("hand.full_torque_nm", torque, 0.0, 10.0));
         for (name, value, low, high) in rows.into_iter().chain(torques) {
-            if !(low..=high).contains(&value) {
-                return Err(TruthError::OutOfRange { name, value, low, high });
-            }
+            check_range(name, value, low, high)?;
         }
         Ok(self.faults.iter().try_for_each(OrderedFault::check)?)
     }

@@ -18,7 +18,7 @@ use etude_music::KEYS;
 use etude_robot::allegro::HandSide;
 use etude_robot::calibration::{Calibration, CalibrationError, Point, RailPath};
 use etude_robot::joints::{FINGER_JOINTS, RAIL, to_wire};
-use etude_robot::keyboard::KeyboardConfigError;
+use etude_robot::setting::SettingError;
 use etude_robot::xarm::kinematics::PAPER_HOME_DEG;
 use etude_stage::geometry::{HALF_WIDTH, key_lateral};
 use etude_stage::{JOINTS, Side, StageConfig, StageError, World};
@@ -50,7 +50,7 @@ pub enum TwinError {
     Calibration(#[from] CalibrationError),
     /// Its keyboard's settings make no sense.
     #[error(transparent)]
-    Keyboard(#[from] KeyboardConfigError),
+    Keyboard(#[from] SettingError),
 }
 
 /// A robot that is not there.

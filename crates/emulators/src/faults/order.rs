@@ -4,13 +4,11 @@ use std::fmt;
 use std::str::FromStr;
 use std::time::Duration;
 
+use etude_robot::setting::DAY_SECS;
 use serde::{Deserialize, Serialize};
 
 use super::kind::{FaultError, FaultKind};
 use crate::Devices;
-
-/// Latest time that a fault can be ordered for, s, and longest one.
-const DAY_SECS: f64 = 86_400.0;
 
 /// A fault and its time, as in a truth's file.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]

@@ -2,6 +2,7 @@
 
 use std::time::Duration;
 
+use etude_robot::setting::{DAY_SECS, SettingError, check_range};
 use rand::{RngExt as _, SeedableRng as _};
 use rand_pcg::Pcg64;
 use serde::{Deserialize, Serialize};
@@ -33,22 +34,9 @@ pub struct FaultPlan {
 /// A plan that makes no sense.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum FaultPlanError {
-    /// A probability outside 0 to 1.
-    #[error("{name} = {value} is no probability; set it to a number from 0 to 1")]
-    Probability {
-        /// Name of the setting.
-        name: &'static str,
-        /// As set.
-        value: f64,
-    },
-    /// A time that is negative, no number, or longer than a day.
-    #[error("{name} = {secs} is no time; set it to seconds from 0 to 86400")]
-    Time {
-        /// Name of the setting.
-        name: &'static str,
-        /// As set.
-        secs: f64,
-    },
+    /// A probability or a time is out of its range.
+    #[error(transparent)]
+    Setting(#[from] SettingError),
     /// A fault that this kind of link cannot have.
     #[error("{name} = {value} cannot happen on a link of {link}; set it to 0")]
     Impossible {
@@ -124,9 +112,7 @@ impl Dice {
             ("reorder", plan.reorder),
             ("truncate", plan.truncate),
         ] {
-            if !(0.0..=1.0).contains(&value) {
-                return Err(FaultPlanError::Probability { name, value });
-            }
+            check_range(name, value, 0.0, 1.0)?;
         }
         let (impossible, link) = match link {
             Link::Frames => ([("truncate", plan.truncate), ("truncate", 0.0)], "frames"),
@@ -191,11 +177,8 @@ impl Dice {
     }
 }
 
-fn time(name: &'static str, secs: f64) -> Result<Duration, FaultPlanError> {
-    const DAY_SECS: f64 = 86_400.0;
-    if !(0.0..=DAY_SECS).contains(&secs) {
-        return Err(FaultPlanError::Time { name, secs });
-    }
+fn time(name: &str, secs: f64) -> Result<Duration, SettingError> {
+    check_range(name, secs, 0.0, DAY_SECS)?;
     Ok(Duration::from_secs_f64(secs))
 }
 

@@ -13,12 +13,13 @@ use std::time::Duration;
 
 use super::assembly::Taken;
 use super::commands::Commands;
-use super::config::{HandConfig, HandConfigError};
+use super::config::HandConfig;
 use super::fault::HandFault;
 use super::limits::{JOINTS, PWM_LIMITS, clamp_pwm};
 use super::messages::{Finger, HandMessage, HostMessage, Information, Request, Serial, StatusBits};
 use super::state::{HandCounters, HandEvent, HandState, Known, Step};
 use crate::can::CanFrame;
+use crate::setting::SettingError;
 
 /// A hand that streamed before has fallen silent by then, and its last frames are read away.
 const DRAIN: Duration = Duration::from_millis(50);
@@ -54,7 +55,7 @@ impl Hand {
     ///
     /// # Errors
     /// If a setting is out of its range.
-    pub fn new(config: &HandConfig) -> Result<Self, HandConfigError> {
+    pub fn new(config: &HandConfig) -> Result<Self, SettingError> {
         config.check()?;
         Ok(Self {
             known: Known::nothing(config),

@@ -16,10 +16,10 @@ mod messages;
 mod state;
 
 pub use codec::CodecError;
-pub use config::{HandConfig, HandConfigError};
+pub use config::HandConfig;
 pub use driver::Hand;
 pub use fault::HandFault;
-pub use joint_loop::{JointLoop, JointLoopConfig, JointLoopError};
+pub use joint_loop::{JointLoop, JointLoopConfig};
 pub use limits::{
     FULL_SCALE_PWM, JOINT_LIMITS_RAD, JOINTS, PWM_LIMITS, RAD_PER_COUNT, clamp_pwm, counts_from_rad,
     rad_from_counts,

@@ -15,9 +15,7 @@ pub mod report;
 mod stopper;
 pub mod tcp;
 
-pub use driver::{
-    Arm, ArmConfig, ArmConfigError, ArmCounters, ArmError, ArmFault, ArmState, ArmVersion, TargetError,
-};
+pub use driver::{Arm, ArmConfig, ArmCounters, ArmError, ArmFault, ArmState, ArmVersion, TargetError};
 pub use fence::{Fence, OutsideFence};
 pub use stopper::Stopper;
 pub use tcp::{ArmCommands, ArmConnection, ArmLinkError};

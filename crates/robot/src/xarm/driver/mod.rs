@@ -15,7 +15,7 @@ mod steps;
 
 use std::time::Duration;
 
-pub use config::{ArmConfig, ArmConfigError};
+pub use config::ArmConfig;
 pub use fault::{ArmError, ArmFault, ArmState, TargetError};
 pub use state::{Arm, ArmCounters};
 pub use steps::ArmVersion;

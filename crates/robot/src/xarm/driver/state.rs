@@ -2,9 +2,10 @@
 
 use std::time::Duration;
 
-use super::config::{ArmConfig, ArmConfigError};
+use super::config::ArmConfig;
 use super::fault::ArmFault;
 use super::steps::{self, ArmVersion, Step};
+use crate::setting::SettingError;
 use crate::xarm::codec::{FrameParser, Register, STOPPED};
 use crate::xarm::kinematics::JOINTS;
 use crate::xarm::report::{Report, ReportKind, ReportParser};
@@ -129,7 +130,7 @@ impl Arm {
     ///
     /// # Errors
     /// If a setting is out of range.
-    pub fn new(config: ArmConfig) -> Result<Self, ArmConfigError> {
+    pub fn new(config: ArmConfig) -> Result<Self, SettingError> {
         config.check()?;
         Ok(Self {
             config,
