@@ -6,7 +6,6 @@
 use serde::{Deserialize, Serialize};
 
 use crate::bo::Bo;
-use crate::cma::Cma;
 use crate::config::{ConfigError, MethodConfig};
 use crate::lm::Lm;
 use crate::problem::{Evaluation, Problem};
@@ -53,8 +52,6 @@ pub enum Reason {
     Step,
     /// Steps no longer lower the cost.
     Cost,
-    /// All candidates have come together in one place.
-    Spread,
     /// No step lowers the cost, however short: the residuals are rougher than the differences taken of them.
     Damping,
     /// As many evaluations as were allowed.
@@ -69,7 +66,6 @@ impl std::fmt::Display for Reason {
             Self::Gradient => "converged: no free parameter can lower the cost",
             Self::Step => "converged: the parameters no longer move",
             Self::Cost => "converged: the cost no longer falls",
-            Self::Spread => "converged: all candidates have come together",
             Self::Damping => "stopped: no step lowers the cost, however short; try a larger difference_step",
             Self::Budget => "stopped: max_evaluations are used up; raise it to go on",
             Self::Failures => "stopped: the simulation fails there; start elsewhere or narrow the bounds",
@@ -136,7 +132,6 @@ pub(crate) trait Method {
 #[serde(rename_all = "lowercase")]
 enum State {
     Lm(Box<Lm>),
-    Cma(Box<Cma>),
     Bo(Box<Bo>),
 }
 
@@ -144,7 +139,6 @@ impl State {
     fn method(&self) -> &dyn Method {
         match self {
             Self::Lm(lm) => lm.as_ref(),
-            Self::Cma(cma) => cma.as_ref(),
             Self::Bo(bo) => bo.as_ref(),
         }
     }
@@ -152,7 +146,6 @@ impl State {
     fn method_mut(&mut self) -> &mut dyn Method {
         match self {
             Self::Lm(lm) => lm.as_mut(),
-            Self::Cma(cma) => cma.as_mut(),
             Self::Bo(bo) => bo.as_mut(),
         }
     }
@@ -218,7 +211,6 @@ impl Fit {
         method.validate(problem.space().len())?;
         let state = match method {
             MethodConfig::Lm(config) => State::Lm(Box::new(Lm::new(&problem, config.clone()))),
-            MethodConfig::Cma(config) => State::Cma(Box::new(Cma::new(&problem, config.clone(), seed))),
             MethodConfig::Bo(config) => State::Bo(Box::new(Bo::new(config.clone(), seed))),
         };
         Ok(Self {

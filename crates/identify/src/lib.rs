@@ -1,8 +1,8 @@
 //! Parameter estimation: which physical numbers make a simulation repeat what was recorded, and how surely.
 //!
 //! A [`Problem`] is a [`Space`] of parameters, the [`Block`]s of residuals between simulation and recording,
-//! and a [`Loss`]. A [`Fit`] searches it by one of three methods ([`MethodConfig`]): Levenberg–Marquardt
-//! ([`LmConfig`]), CMA-ES ([`CmaConfig`]) or Bayesian optimisation ([`BoConfig`], the paper's). The caller
+//! and a [`Loss`]. A [`Fit`] searches it by one of two methods ([`MethodConfig`]): Levenberg–Marquardt
+//! ([`LmConfig`]) or Bayesian optimisation ([`BoConfig`], the paper's). The caller
 //! evaluates: [`Fit::ask`] gives a batch of candidates, in whatever order and on however many threads they
 //! are simulated, and [`Fit::tell`] takes what came of them. An [`Estimate`] says what the end is worth:
 //! intervals, correlations, what the data cannot tell.
@@ -26,12 +26,11 @@
 //! Promises, each with a test: the same seed and evaluations give the same candidates, whatever the number of
 //! threads; a fit that is saved after any tell and loaded is the fit that went on; candidates lie inside the
 //! bounds; a failed evaluation, or one that is not a number, is survived and never becomes the best; optima
-//! and covariances agree with SciPy's and the effort of CMA-ES with pycma's (`scripts/golden_identify.py`).
+//! and covariances agree with SciPy's (`scripts/golden_identify.py`).
 
 mod assessment;
 mod autocorrelation;
 mod bo;
-mod cma;
 mod config;
 mod estimate;
 mod fit;
@@ -50,7 +49,7 @@ mod space;
 
 pub use assessment::{Assessment, JointErrors};
 pub use autocorrelation::integrated_autocorrelation;
-pub use config::{BoConfig, CmaConfig, ConfigError, Differences, LmConfig, MethodConfig};
+pub use config::{BoConfig, ConfigError, Differences, LmConfig, MethodConfig};
 pub use estimate::{BlockStatistics, Bound, Estimate, EstimateError, ParameterEstimate, WeakDirection};
 pub use fit::{Best, Candidate, Fit, Reason, TellError};
 pub use group::{Group, GroupError};

@@ -4,11 +4,12 @@ use std::path::{Path, PathBuf};
 use std::sync::atomic::AtomicBool;
 
 use etude_identify::{
-    Assessment, BoConfig, CmaConfig, Identified, IdentifyConfig, IdentifyError, LmConfig, MethodConfig,
-    Motion, MotionError, Progress, Report, ReportInput, identify,
+    Assessment, BoConfig, Identified, IdentifyConfig, IdentifyError, LmConfig, MethodConfig, Motion,
+    MotionError, Progress, Report, ReportInput, identify,
 };
 use etude_perform::{Excitation, FileError, write_file};
 use etude_stage::{ParamError, PhysicalParams, StageError};
+use serde::de::IntoDeserializer as _;
 use serde::{Deserialize, Serialize};
 
 /// Name of the identified simulator in its folder: a layer for `--config`.
@@ -27,52 +28,39 @@ const STATE: &str = "state.json";
 pub enum IdentifyMethod {
     /// Levenberg–Marquardt.
     Lm,
-    /// CMA-ES.
-    Cma,
     /// Bayesian optimisation, the paper's.
     Bo,
 }
 
 impl IdentifyMethod {
     fn config(self, evaluations: Option<u64>) -> MethodConfig {
-        let mut config = self.defaults();
-        let most = match &mut config {
-            MethodConfig::Lm(config) => &mut config.max_evaluations,
-            MethodConfig::Cma(config) => &mut config.max_evaluations,
-            MethodConfig::Bo(config) => &mut config.max_evaluations,
-        };
-        *most = evaluations.unwrap_or(*most);
-        config
+        let most = |default: u64| evaluations.unwrap_or(default);
+        match self {
+            Self::Lm => {
+                let config = LmConfig::for_replays();
+                MethodConfig::Lm(LmConfig { max_evaluations: most(config.max_evaluations), ..config })
+            }
+            Self::Bo => {
+                let config = BoConfig::default();
+                MethodConfig::Bo(BoConfig { max_evaluations: most(config.max_evaluations), ..config })
+            }
+        }
     }
 
     /// Its name on the command line and in files.
     pub fn name(self) -> &'static str {
         match self {
             Self::Lm => "lm",
-            Self::Cma => "cma",
             Self::Bo => "bo",
-        }
-    }
-
-    fn defaults(self) -> MethodConfig {
-        match self {
-            Self::Lm => MethodConfig::Lm(LmConfig::for_replays()),
-            Self::Cma => MethodConfig::Cma(CmaConfig::for_replays()),
-            Self::Bo => MethodConfig::Bo(BoConfig::default()),
         }
     }
 }
 
 impl std::str::FromStr for IdentifyMethod {
-    type Err = String;
+    type Err = serde::de::value::Error;
 
-    fn from_str(text: &str) -> Result<Self, String> {
-        match text {
-            "lm" => Ok(Self::Lm),
-            "cma" => Ok(Self::Cma),
-            "bo" => Ok(Self::Bo),
-            _ => Err(format!("no method is called `{text}`; there are: lm, cma, bo")),
-        }
+    fn from_str(text: &str) -> Result<Self, Self::Err> {
+        Self::deserialize(text.into_deserializer())
     }
 }
 

@@ -32,7 +32,7 @@ pub struct Args {
     /// A recording to try the fit on, not to fit to; may be repeated
     #[arg(long, value_name = "RECORDING")]
     held_out: Vec<PathBuf>,
-    /// `lm` (Levenberg–Marquardt), `cma` (CMA-ES) or `bo` (Bayesian optimisation, as in the paper)
+    /// `lm` (Levenberg–Marquardt) or `bo` (Bayesian optimisation, as in the paper)
     #[arg(long, default_value = "lm", value_name = "METHOD")]
     method: IdentifyMethod,
     /// End the fit of a joint, a finger or the keyboard after so many evaluations, settled or not

@@ -109,7 +109,6 @@ fn what_was_fitted(input: &ReportInput<'_>) -> Vec<Element> {
     let config = input.config;
     let method = match &config.method {
         MethodConfig::Lm(_) => "Levenberg–Marquardt",
-        MethodConfig::Cma(_) => "CMA-ES",
         MethodConfig::Bo(_) => "Bayesian optimisation",
     };
     let start = match config.start.len() {
