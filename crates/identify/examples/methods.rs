@@ -11,6 +11,7 @@ use std::time::Instant;
 use etude_identify::{
     BoConfig, IdentifyConfig, IdentifyError, LmConfig, MethodConfig, Motion, Progress, Stage, identify,
 };
+use etude_perform::Job;
 use etude_stage::params::Joint;
 use etude_stage::{JOINT_NAMES, PhysicalParams};
 use rand::{RngExt as _, SeedableRng as _};
@@ -70,7 +71,7 @@ fn course(motions: &[Motion], method: MethodConfig, seed: u64) -> Result<Vec<Poi
             interrupt.store(true, Ordering::Relaxed);
         }
     };
-    let ended = identify(motions, &config, &state, &mut tell, &interrupt);
+    let ended = identify(motions, &config, &state, &mut Job::new(&mut tell, &interrupt));
     let _ = std::fs::remove_file(&state);
     match ended {
         Ok(_) | Err(IdentifyError::Interrupted) => Ok(points),

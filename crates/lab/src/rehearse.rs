@@ -20,7 +20,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use etude_identify::{Motion, MotionError, Progress};
 use etude_learn::{EvaluationRow, LogRow, StopReason, TrainingObserver};
 use etude_music::Song;
-use etude_perform::{Ending, Excitation, FileError, Mode, write_file};
+use etude_perform::{Ending, Excitation, FileError, Job, Mode, write_file};
 use serde::{Deserialize, Serialize};
 
 use crate::config::{ConfigError, resolve};
@@ -264,7 +264,7 @@ impl Rehearsal<'_> {
             };
             let identified = folder.join("identified");
             let mut progress = |at: &Progress| tell(&RehearsalStep::Identifying(round, at));
-            let report = identify_robot(&what, &identified, &mut progress, self.interrupt)?;
+            let report = identify_robot(&what, &identified, &mut Job::new(&mut progress, self.interrupt))?;
             held_out_rad =
                 (!report.held_out_errors.joints.is_empty()).then_some(report.held_out_errors.fingers);
             physics = report.identified.physics;

@@ -33,7 +33,7 @@ use crate::run::{Run, RunError, find_song};
 use etude_identify::{IdentifyError, Progress};
 use etude_learn::{EvaluationRow, LogRow, StopReason, TrainingObserver};
 use etude_music::SongError;
-use etude_perform::{FileError, Mode, write_file};
+use etude_perform::{FileError, Job, Mode, write_file};
 use etude_task::{Piece, TaskError};
 
 const COURSE: &str = "course.jsonl";
@@ -350,7 +350,7 @@ impl Doing<'_> {
             let written = course.add(at);
             failed = failed.take().or(written.err());
         };
-        let report = match identify_robot(&what, &folder, &mut told, interrupt) {
+        let report = match identify_robot(&what, &folder, &mut Job::new(&mut told, interrupt)) {
             Err(IdentificationError::Identify(IdentifyError::Interrupted)) => {
                 return Err(TaskFailure::Stopped);
             }
