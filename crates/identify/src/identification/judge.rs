@@ -11,9 +11,9 @@ use super::scene::{Scene, set};
 use super::stage::{ESTIMATE_STEP, Stage, StageEnd};
 use super::state::State;
 use crate::estimate::Estimate;
-use crate::fit::Candidate;
 use crate::group::Group;
 use crate::jacobian::JacobianPlan;
+use crate::method::Candidate;
 use crate::problem::Evaluation;
 
 /// The result of an identification.
