@@ -351,7 +351,7 @@ impl Doing<'_> {
             let written = course.add(at);
             failed = failed.take().or(written.err());
         };
-        let report = match identify_robot(&what, &folder, &mut told, interrupt) {
+        let report = match identify_robot(&what, &folder, &mut Job::new(&mut told, interrupt)) {
             Err(IdentificationError::Identify(IdentifyError::Interrupted)) => {
                 return Err(TaskFailure::Stopped);
             }

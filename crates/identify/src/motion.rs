@@ -198,6 +198,12 @@ impl Motion {
         })
     }
 
+    /// Name of its file.
+    pub fn file_name(&self) -> String {
+        let name = self.path.file_name();
+        name.map_or_else(|| self.path.display().to_string(), |name| name.to_string_lossy().into_owned())
+    }
+
     /// How long it is, s.
     pub fn secs(&self) -> f64 {
         self.commands.steps() as f64 / CONTROL_HZ

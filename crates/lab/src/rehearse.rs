@@ -258,7 +258,7 @@ impl Rehearsal<'_> {
             };
             let identified = folder.join("identified");
             let mut progress = |at: &Progress| tell(&RehearsalStep::Identifying(round, at));
-            let report = identify_robot(&what, &identified, &mut progress, self.interrupt)?;
+            let report = identify_robot(&what, &identified, &mut Job::new(&mut progress, self.interrupt))?;
             held_out_rad =
                 (!report.held_out_errors.joints.is_empty()).then_some(report.held_out_errors.fingers);
             physics = report.identified.physics;

@@ -55,7 +55,7 @@ pub struct Args {
     /// The policy to begin with; the shipped one if not given, and without one the song is learned first
     #[arg(long, value_name = "FILE|DIR")]
     policy: Option<PathBuf>,
-    /// Method of identification: lm, cma or bo
+    /// Method of identification: `lm` or `bo`
     #[arg(long, default_value = "lm", value_name = "METHOD")]
     method: IdentifyMethod,
     /// End each fit of the identification after so many evaluations, settled or not
