@@ -1,24 +1,26 @@
-//! Fitting the simulator to a robot's recordings, in a folder that holds everything that came of it.
+//! Fitting the simulator to a robot's recordings, with all results in one folder.
 
 use std::path::{Path, PathBuf};
-use std::sync::atomic::AtomicBool;
 
+use anyhow::bail;
 use etude_identify::{
-    Assessment, BoConfig, CmaConfig, Identified, IdentifyConfig, IdentifyError, LmConfig, MethodConfig,
-    Motion, MotionError, Progress, Report, ReportInput, identify,
+    Assessment, BoConfig, CmaConfig, Identified, IdentifyConfig, LmConfig, MethodConfig, Motion, Progress,
+    Report, ReportInput, identify,
 };
-use etude_perform::{Excitation, FileError, write_file};
-use etude_stage::{ParamError, PhysicalParams, StageError};
+use etude_perform::{Excitation, Job, write_file};
+use etude_stage::PhysicalParams;
 use serde::{Deserialize, Serialize};
+
+use crate::errors::cannot_create;
 
 /// Name of the identified simulator in its folder: a layer for `--config`.
 pub const IDENTIFIED: &str = "identified.toml";
-/// Name of everything that came of it, for programs.
+/// Name of the result, for programs.
 const RESULT: &str = "identification.json";
 /// Names of the report, for readers.
 const PAGE: &str = "report.html";
 const TEXT: &str = "report.txt";
-/// Name of what is needed to go on after an interruption.
+/// Name of the state from which an interrupted fit is resumed.
 const STATE: &str = "state.json";
 
 /// A method by name.
@@ -93,7 +95,7 @@ pub struct Identification {
     pub start: std::collections::BTreeMap<String, f64>,
 }
 
-/// What came of it. Its keys are those of `etude identify --json`.
+/// The result. Its keys are those of `etude identify --json`.
 #[derive(Clone, Debug, Serialize)]
 pub struct IdentifyReport {
     /// The rig.
@@ -116,61 +118,32 @@ pub struct IdentifyReport {
     pub file: PathBuf,
 }
 
-/// An identification failed.
-#[derive(Debug, thiserror::Error)]
-pub enum IdentificationError {
-    /// A recording cannot be used.
-    #[error(transparent)]
-    Motion(#[from] MotionError),
-    /// The fit failed.
-    #[error(transparent)]
-    Identify(#[from] IdentifyError),
-    /// The world cannot be built.
-    #[error(transparent)]
-    Stage(#[from] StageError),
-    /// A number is out of range.
-    #[error(transparent)]
-    Param(#[from] ParamError),
-    /// A file cannot be written.
-    #[error(transparent)]
-    Write(#[from] FileError),
-    /// The folder cannot be made.
-    #[error("cannot create {path}: {source}; choose another folder with -o")]
-    Folder {
-        /// The folder.
-        path: PathBuf,
-        /// Why.
-        source: std::io::Error,
-    },
-    /// Everything is held out.
-    #[error("all recordings are held out; give some to fit to (`etude record --excitation chirp`)")]
-    AllHeldOut,
-}
-
-/// Fits the simulator and writes what came of it into `folder`. After an interruption the same call goes on.
+/// Fits the simulator and writes the result into `folder`. After an interruption the same call resumes.
 ///
 /// # Errors
-/// If a recording cannot be used, the fit fails or is interrupted, or a file cannot be written.
+/// If a recording cannot be used, the fit fails, or a file cannot be written; [`IdentifyError::Interrupted`](etude_identify::IdentifyError)
+/// if the job is interrupted.
 pub fn identify_robot(
     what: &Identification,
     folder: &Path,
-    tell: &mut dyn FnMut(&Progress),
-    interrupt: &AtomicBool,
-) -> Result<IdentifyReport, IdentificationError> {
+    job: &mut Job<'_, Progress>,
+) -> anyhow::Result<IdentifyReport> {
     let paths: Vec<PathBuf> = what.recordings.iter().chain(&what.held_out).cloned().collect();
     let all = Motion::load_all(&paths)?;
     let is_held_out =
         |motion: &Motion| motion.mode == Excitation::Held.name() || what.held_out.contains(&motion.path);
     let (held_out, fitted): (Vec<Motion>, Vec<Motion>) = all.into_iter().partition(is_held_out);
-    let Some(first) = fitted.first() else { return Err(IdentificationError::AllHeldOut) };
-    std::fs::create_dir_all(folder)
-        .map_err(|source| IdentificationError::Folder { path: folder.to_path_buf(), source })?;
+    let Some(first) = fitted.first() else {
+        bail!("all recordings are held out; give some to fit to (`etude record --excitation chirp`)");
+    };
+    std::fs::create_dir_all(folder).map_err(|error| cannot_create(folder, error))?;
     let config = IdentifyConfig {
         method: what.method.config(what.evaluations),
         seed: what.seed,
         start: what.start.clone(),
     };
-    let identified = identify(&fitted, &config, &folder.join(STATE), tell, interrupt)?;
+    let interrupt = job.interrupt();
+    let identified = identify(&fitted, &config, &folder.join(STATE), &mut |at| job.tell(at), interrupt)?;
     let with = |rows| PhysicalParams::default().with(rows);
     let (before, after) = (with(&identified.before)?, with(&identified.physics)?);
     let air: Vec<Motion> = fitted.iter().filter(|motion| motion.keys.is_empty()).cloned().collect();
@@ -187,10 +160,8 @@ pub fn identify_robot(
         identified,
     };
     write_file(&report.file, &layer(&report))?;
-    // Plain numbers and strings: writing them as JSON cannot fail.
-    let text = serde_json::to_string_pretty(&report).unwrap_or_default();
-    write_file(&folder.join(RESULT), &(text + "\n"))?;
-    let told = Report::new(&ReportInput {
+    write_file(&folder.join(RESULT), &(serde_json::to_string_pretty(&report)? + "\n"))?;
+    let text = Report::new(&ReportInput {
         fitted: &fitted,
         held_out: &held_out,
         config: &config,
@@ -200,8 +171,8 @@ pub fn identify_robot(
         fit_errors: &report.fit_errors,
         held_out_errors: &report.held_out_errors,
     })?;
-    write_file(&folder.join(PAGE), &told.html())?;
-    write_file(&folder.join(TEXT), &told.text())?;
+    write_file(&folder.join(PAGE), &text.html())?;
+    write_file(&folder.join(TEXT), &text.text())?;
     Ok(report)
 }
 

@@ -15,7 +15,7 @@ use etude_task::{Performance, Piece, TaskError, rehearse};
 use serde::Serialize;
 use serde_json::json;
 
-use crate::config::{ConfigError, RunConfig};
+use crate::config::RunConfig;
 use crate::player::Player;
 use etude_perform::stand::StandError;
 
@@ -41,7 +41,7 @@ pub enum PlayError {
     PolicyFile(#[from] etude_learn::FileError),
     /// An override is not sound.
     #[error(transparent)]
-    Config(#[from] ConfigError),
+    Config(#[from] anyhow::Error),
     /// The policy file cannot be used.
     #[error("cannot use the policy {path}: {message}")]
     Policy {
