@@ -111,6 +111,10 @@ fn main() -> ExitCode {
         Ok(Ending::Stopped) => ExitCode::from(3),
         Ok(Ending::Busy) => ExitCode::from(etude_experiment::BUSY),
         Err(error) if broken_pipe(&error) => ExitCode::SUCCESS,
+        Err(error) if etude_lab::Interrupted::is_cause_of(&error) => {
+            verbs::note(error);
+            ExitCode::from(3)
+        }
         Err(error) => {
             let _ = writeln!(std::io::stderr(), "etude: {}", message(&error));
             ExitCode::FAILURE

@@ -53,9 +53,11 @@ impl Status {
             None => note(text),
         }
     }
+}
 
-    /// Takes the line away so that the closing lines stand alone.
-    pub fn finish(&self) {
+impl Drop for Status {
+    /// Removes the line, so that the closing lines stand alone.
+    fn drop(&mut self) {
         if let Some(bar) = &self.bar {
             bar.finish_and_clear();
         }

@@ -1,8 +1,9 @@
 //! An experiment as a file: what is trained or fitted, what is compared, which figures come of it, and what the paper found.
 
 use std::collections::BTreeMap;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
+use anyhow::{anyhow, bail};
 use etude_perform::Mode;
 use serde::{Deserialize, Serialize};
 
@@ -13,7 +14,7 @@ include!(concat!(env!("OUT_DIR"), "/experiments.rs"));
 
 /// An experiment, as its TOML says.
 ///
-/// Its tasks are the product of songs, variants, grid and seeds.
+/// Its trials are the product of songs, variants, grid and seeds.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Experiment {
@@ -125,7 +126,7 @@ fn standard() -> String {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum FigureKind {
-    /// Measures against a number that grows in the course of a task, such as `step`.
+    /// Measures against a number that grows in the course of a trial, such as `step`.
     Curves,
     /// Measures for each value of a label, side by side.
     Bars,
@@ -167,33 +168,6 @@ pub struct Published {
     pub value: f64,
 }
 
-/// An experiment that cannot be read or makes no sense.
-#[derive(Debug, thiserror::Error)]
-pub enum ExperimentError {
-    /// No experiment has this name.
-    #[error("there is no experiment `{name}`; there are: {list}; or give the path of a TOML file", list = names().join(", "))]
-    Unknown {
-        /// What was asked for.
-        name: String,
-    },
-    /// The file cannot be read.
-    #[error("cannot read the experiment {path}: {source}")]
-    Read {
-        /// The file.
-        path: PathBuf,
-        /// Why.
-        source: std::io::Error,
-    },
-    /// A key is unknown, missing or of the wrong type.
-    #[error("experiment {name}: {message}")]
-    Key {
-        /// The experiment.
-        name: String,
-        /// What is wrong.
-        message: String,
-    },
-}
-
 /// Labels that a grid cannot have.
 const RESERVED: [&str; 8] = ["song", "seed", "variant", "mode", "run", "round", "truth", "method"];
 
@@ -212,24 +186,27 @@ impl Experiment {
     ///
     /// # Errors
     /// If there is none, or it makes no sense; the message names the key.
-    pub fn load(name_or_path: &str) -> Result<Self, ExperimentError> {
+    pub fn load(name_or_path: &str) -> anyhow::Result<Self> {
         if let Some((name, text)) = EXPERIMENTS.iter().find(|(name, _)| *name == name_or_path) {
             return Self::parse(name, text);
         }
         let path = Path::new(name_or_path);
         if path.extension().is_none_or(|ending| ending != "toml") {
-            return Err(ExperimentError::Unknown { name: name_or_path.to_string() });
+            bail!(
+                "there is no experiment `{name_or_path}`; there are: {}; or give the path of a TOML file",
+                names().join(", ")
+            );
         }
         let text = std::fs::read_to_string(path)
-            .map_err(|source| ExperimentError::Read { path: path.to_path_buf(), source })?;
+            .map_err(|error| anyhow!("cannot read the experiment {}: {error}", path.display()))?;
         Self::parse(
             &path.file_stem().map_or_else(String::new, |stem| stem.to_string_lossy().into_owned()),
             &text,
         )
     }
 
-    fn parse(name: &str, text: &str) -> Result<Self, ExperimentError> {
-        let wrong = |message: String| ExperimentError::Key { name: name.to_string(), message };
+    fn parse(name: &str, text: &str) -> anyhow::Result<Self> {
+        let wrong = |message: String| anyhow!("experiment {name}: {message}");
         let value: toml::Value = text
             .parse::<toml::Table>()
             .map(toml::Value::Table)

@@ -1,4 +1,4 @@
-//! How the measures of a task came about: the evaluations of a training, or the points of a fit.
+//! How the measures of a trial came about: the evaluations of a training, or the points of a fit.
 
 use std::collections::BTreeMap;
 use std::fs::{File, OpenOptions};
@@ -8,13 +8,11 @@ use std::path::{Path, PathBuf};
 use etude_identify::Progress;
 use etude_perform::write_file;
 
-use crate::outcome::Values;
-use crate::task::TaskFailure;
+use crate::outcome::{Values, file_error};
 
 /// The evaluations in a run's metrics: `step` and scores of each, and the seconds until then.
-pub(crate) fn evaluations(path: &Path) -> Result<(Vec<Values>, Vec<f64>), TaskFailure> {
-    let text = std::fs::read_to_string(path)
-        .map_err(|source| TaskFailure::File { path: path.to_path_buf(), source })?;
+pub(crate) fn evaluations(path: &Path) -> anyhow::Result<(Vec<Values>, Vec<f64>)> {
+    let text = std::fs::read_to_string(path).map_err(|error| file_error(path, &error))?;
     let (mut points, mut secs, mut elapsed) = (Vec::new(), Vec::new(), 0.0);
     for line in text.lines() {
         let Ok(row) = serde_json::from_str::<Values>(line) else { continue };
@@ -44,33 +42,30 @@ pub(crate) struct Course {
 }
 
 impl Course {
-    pub fn open(path: &Path) -> Result<Self, TaskFailure> {
-        let fail = |source| TaskFailure::File { path: path.to_path_buf(), source };
+    pub fn open(path: &Path) -> anyhow::Result<Self> {
         let text = match std::fs::read_to_string(path) {
             Err(error) if error.kind() == std::io::ErrorKind::NotFound => String::new(),
-            read => read.map_err(fail)?,
+            read => read.map_err(|error| file_error(path, &error))?,
         };
         // The last line may be half a line: what is whole is written again.
         let whole: Vec<_> = text.lines().map_while(|line| serde_json::from_str(line).ok()).collect();
         let lines: String = text.lines().take(whole.len()).map(|line| line.to_string() + "\n").collect();
         write_file(path, &lines)?;
-        let file = OpenOptions::new().append(true).open(path).map_err(fail)?;
+        let file = OpenOptions::new().append(true).open(path).map_err(|error| file_error(path, &error))?;
         let path = path.to_path_buf();
         let mut course = Self { file, path, seen: Vec::new(), before: 0, points: Vec::new() };
         whole.into_iter().for_each(|point| course.take(point));
         Ok(course)
     }
 
-    pub fn add(&mut self, at: &Progress) -> Result<(), TaskFailure> {
+    pub fn add(&mut self, at: &Progress) -> anyhow::Result<()> {
         let point = (at.stage.name().to_string(), at.replays, at.rms);
         if !at.rms.is_finite() || self.seen.contains(&point) {
             return Ok(());
         }
-        // Plain numbers and a string: writing them as JSON cannot fail.
-        let text = serde_json::to_string(&point).unwrap_or_default() + "\n";
+        let text = serde_json::to_string(&point)? + "\n";
         self.take(point);
-        let written = self.file.write_all(text.as_bytes());
-        written.map_err(|source| TaskFailure::File { path: self.path.clone(), source })
+        self.file.write_all(text.as_bytes()).map_err(|error| file_error(&self.path, &error))
     }
 
     /// Replays are counted anew in each stage; here they go on.

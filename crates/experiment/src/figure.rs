@@ -4,6 +4,7 @@
 use std::path::Path;
 use std::sync::Once;
 
+use anyhow::anyhow;
 use plotters::coord::Shift;
 use plotters::coord::types::RangedCoordf64;
 use plotters::prelude::*;
@@ -72,26 +73,18 @@ pub struct Point {
     pub interval: Option<[f64; 2]>,
 }
 
-/// A drawing could not be made.
-#[derive(Debug, thiserror::Error)]
-#[error("cannot draw {path}: {why}")]
-pub struct FigureError {
-    path: std::path::PathBuf,
-    why: String,
-}
-
 impl Drawing {
     /// As the text of an SVG file.
     ///
     /// # Errors
     /// If it has no points.
-    pub fn svg(&self) -> Result<String, FigureError> {
+    pub fn svg(&self) -> anyhow::Result<String> {
         prepare_font();
         let mut text = String::new();
         let area = SVGBackend::with_string(&mut text, SIZE).into_drawing_area();
         let painted = self.paint(&area, 1);
         drop(area);
-        painted.map_err(|why| FigureError { path: "the figure".into(), why })?;
+        painted.map_err(|why| anyhow!("cannot draw the figure: {why}"))?;
         Ok(text)
     }
 
@@ -99,10 +92,10 @@ impl Drawing {
     ///
     /// # Errors
     /// If it has no points, or the file cannot be written.
-    pub fn write_png(&self, path: &Path) -> Result<(), FigureError> {
+    pub fn write_png(&self, path: &Path) -> anyhow::Result<()> {
         prepare_font();
         let area = BitMapBackend::new(path, (SIZE.0 * DOTS, SIZE.1 * DOTS)).into_drawing_area();
-        self.paint(&area, DOTS).map_err(|why| FigureError { path: path.to_path_buf(), why })
+        self.paint(&area, DOTS).map_err(|why| anyhow!("cannot draw {}: {why}", path.display()))
     }
 
     fn range(&self) -> Option<([f64; 2], [f64; 2])> {

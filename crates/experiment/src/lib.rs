@@ -7,23 +7,23 @@ mod figure;
 mod local;
 mod outcome;
 mod plan;
+mod plan_file;
 mod record;
 mod report;
 mod slurm;
 mod stats;
 mod tables;
-mod task;
+mod trial;
+mod work;
 
 pub use config::{
-    Experiment, ExperimentError, FigureConfig, FigureKind, FitConfig, PerformConfig, Published,
-    RehearseConfig, Variant, names,
+    Experiment, FigureConfig, FigureKind, FitConfig, PerformConfig, Published, RehearseConfig, Variant, names,
 };
-pub use local::{BUSY, LOG, LaunchError, LaunchProgress, LaunchReport, LocalConfig, launch_local};
-pub use outcome::{Row, TaskEnd, TaskProgress, TaskResult, TaskState, TaskTimes, Values};
-pub use plan::{
-    Budget, PlanConfig, PlanError, Task, TrainingConfig, TrainingConfigError, Work, plan_file, plan_text,
-    read_plan, write_plan,
-};
-pub use report::{Missing, ReportError, ReportPage, write_report};
-pub use slurm::{SlurmConfig, SlurmError, open_tasks, slurm_script, submit};
-pub use task::{TaskFailure, run_task};
+pub use local::{BUSY, LOG, LaunchProgress, LaunchReport, LocalConfig, launch_local};
+pub use outcome::{Row, TrialEnd, TrialProgress, TrialResult, TrialState, TrialTimes, Values};
+pub use plan::{Budget, PlanConfig};
+pub use plan_file::{plan_file, plan_text, read_plan, write_plan};
+pub use report::{Missing, ReportPage, write_report};
+pub use slurm::{SlurmConfig, open_trials, slurm_script, submit};
+pub use trial::{TrainingConfig, Trial, Work};
+pub use work::run_trial;

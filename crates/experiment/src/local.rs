@@ -1,7 +1,7 @@
-//! The local launcher: one process a worker, so that a task that crashes takes no other with it.
+//! The local launcher: one process a worker, so that a trial that crashes does not affect the others.
 //!
-//! A task's process hears of a stop by the end of its standard input. So it saves itself and ends also when the launcher is
-//! killed, and a Ctrl-C, which a terminal sends to every process, is one request and not two.
+//! A trial's process stops when its standard input ends. So it saves its state and ends also when the launcher is killed, and a
+//! Ctrl-C, which a terminal sends to every process, is one request and not two.
 
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::fs::OpenOptions;
@@ -9,72 +9,60 @@ use std::io::{BufRead as _, BufReader};
 use std::os::unix::process::CommandExt as _;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
-use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, Sender, channel};
 use std::time::{Duration, Instant};
 
-use crate::outcome::{RESULT, TaskProgress};
-use crate::plan::Task;
+use etude_perform::Job;
 
-/// How long the launcher waits for news before it looks at its workers again.
+use crate::outcome::{RESULT, TrialProgress, file_error};
+use crate::trial::Trial;
+
+/// Longest time between two checks of the workers.
 const LOOK: Duration = Duration::from_millis(100);
-/// What a task's process said.
+/// Name of the file with the messages of a trial's process.
 pub const LOG: &str = "log.txt";
 /// Exit code of a process that stopped on request.
 const STOPPED: i32 = 3;
 /// Exit code of a process that found another one at work.
 pub const BUSY: u8 = 4;
 
-/// How tasks are launched here.
+/// How trials are launched here.
 #[derive(Clone, Debug)]
 pub struct LocalConfig {
     /// The `etude` program.
     pub program: PathBuf,
-    /// How many tasks go on at once.
+    /// How many trials run at once.
     pub workers: usize,
     /// Threads of each.
     pub threads: usize,
 }
 
-/// How a launch goes.
+/// The progress of a launch.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct LaunchProgress {
-    /// Tasks that are done, those from before among them.
+    /// Trials that are done, including those of earlier launches.
     pub done: usize,
-    /// Tasks of the plan.
+    /// Trials of the plan.
     pub total: usize,
-    /// Tasks that failed.
+    /// Trials that failed.
     pub failed: usize,
-    /// Those under way.
-    pub running: BTreeMap<String, TaskProgress>,
-    /// Time that is left, s, once anything is known of it.
+    /// Running trials, by id.
+    pub running: BTreeMap<String, TrialProgress>,
+    /// Estimate of the time left, s.
     pub left_secs: Option<f64>,
 }
 
-/// What came of a launch.
+/// The result of a launch.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct LaunchReport {
-    /// Tasks that are done.
+    /// Trials that are done.
     pub done: usize,
-    /// Tasks that another process is at work on.
+    /// Trials that another process is at work on.
     pub busy: usize,
-    /// Tasks that failed, and the last thing that each said.
+    /// Trials that failed, and the last line that each wrote.
     pub failed: Vec<(String, String)>,
     /// Whether it was stopped on request.
     pub stopped: bool,
-}
-
-/// A launch failed.
-#[derive(Debug, thiserror::Error)]
-pub enum LaunchError {
-    /// A process cannot be started, or its folder not be made.
-    #[error("{path}: {source}")]
-    Start {
-        /// The program or the folder.
-        path: PathBuf,
-        /// Why.
-        source: std::io::Error,
-    },
 }
 
 struct Worker {
@@ -85,62 +73,58 @@ struct Worker {
     logged: u64,
 }
 
-/// What a worker's process says on its standard output: the task, and how far it is.
-type News = (String, TaskProgress);
+/// A line of a worker's standard output: the id of the trial, and its progress.
+type News = (String, TrialProgress);
 
-/// Does all tasks of the plan in the file `plan` that are not done yet. `tell` hears of what changes.
+/// Does all trials of the plan in the file `plan` that are not done yet. Reports what changes.
 ///
 /// # Errors
-/// If a process cannot be started. A task that fails is told in the report, and the others go on.
+/// If a process cannot be started. A trial that fails is listed in the report, and the others continue.
 pub fn launch_local(
-    tasks: &[Task],
+    trials: &[Trial],
     plan: &Path,
     runs: &Path,
     config: &LocalConfig,
-    tell: &mut dyn FnMut(&LaunchProgress),
-    interrupt: &AtomicBool,
-) -> Result<LaunchReport, LaunchError> {
-    // Different variants may come to the same work.
+    job: &mut Job<'_, LaunchProgress>,
+) -> anyhow::Result<LaunchReport> {
+    // Different variants may have the same trial.
     let mut seen = BTreeSet::new();
-    let (done, mut waiting): (VecDeque<_>, VecDeque<_>) = tasks
+    let (done, mut waiting): (VecDeque<_>, VecDeque<_>) = trials
         .iter()
         .enumerate()
-        .filter(|(_, task)| seen.insert(task.id.as_str()))
-        .partition(|(_, task)| runs.join(&task.id).join(RESULT).is_file());
+        .filter(|(_, trial)| seen.insert(trial.id.as_str()))
+        .partition(|(_, trial)| runs.join(&trial.id).join(RESULT).is_file());
     let mut progress = LaunchProgress { done: done.len(), total: seen.len(), ..LaunchProgress::default() };
     let mut report = LaunchReport::default();
     let mut workers: Vec<Worker> = Vec::new();
     let (sender, news): (Sender<News>, Receiver<News>) = channel();
     let mut clock = Clock { workers: config.workers, ..Clock::default() };
-    tell(&progress);
+    job.tell(&progress);
     loop {
-        let stop = interrupt.load(Ordering::Relaxed);
+        let stop = job.is_interrupted();
         if stop {
             report.stopped = true;
             waiting.clear();
             workers.iter_mut().for_each(|worker| drop(worker.child.stdin.take()));
         }
         while workers.len() < config.workers
-            && let Some((index, task)) = waiting.pop_front()
+            && let Some((index, trial)) = waiting.pop_front()
         {
-            workers.push(start(index, task, plan, runs, config, &sender)?);
+            workers.push(start(index, trial, plan, runs, config, &sender)?);
         }
         if workers.is_empty() {
             break;
         }
         let first = news.recv_timeout(LOOK).ok();
         for (id, at) in first.into_iter().chain(news.try_iter()) {
-            // News of a process that has ended meanwhile are old.
+            // A process that has ended may still have lines in the channel.
             if workers.iter().any(|worker| worker.id == id) {
                 progress.running.insert(id, at);
             }
         }
         let mut going = Vec::new();
         for mut worker in workers {
-            let ended = worker
-                .child
-                .try_wait()
-                .map_err(|source| LaunchError::Start { path: config.program.clone(), source })?;
+            let ended = worker.child.try_wait().map_err(|error| file_error(&config.program, &error))?;
             let Some(status) = ended else {
                 going.push(worker);
                 continue;
@@ -165,7 +149,7 @@ pub fn launch_local(
         }
         workers = going;
         progress.left_secs = clock.left(waiting.len(), &workers, &progress.running);
-        tell(&progress);
+        job.tell(&progress);
     }
     report.done = progress.done;
     Ok(report)
@@ -173,18 +157,17 @@ pub fn launch_local(
 
 fn start(
     index: usize,
-    task: &Task,
+    trial: &Trial,
     plan: &Path,
     runs: &Path,
     config: &LocalConfig,
     sender: &Sender<News>,
-) -> Result<Worker, LaunchError> {
-    let folder = runs.join(&task.id);
-    let fail = |path: &Path, source| LaunchError::Start { path: path.to_path_buf(), source };
-    std::fs::create_dir_all(&folder).map_err(|error| fail(&folder, error))?;
+) -> anyhow::Result<Worker> {
+    let folder = runs.join(&trial.id);
+    std::fs::create_dir_all(&folder).map_err(|error| file_error(&folder, &error))?;
     let log = folder.join(LOG);
     let log_file =
-        OpenOptions::new().create(true).append(true).open(&log).map_err(|error| fail(&log, error))?;
+        OpenOptions::new().create(true).append(true).open(&log).map_err(|error| file_error(&log, &error))?;
     let logged = log_file.metadata().map_or(0, |data| data.len());
     let mut child = Command::new(&config.program)
         .args(["experiment", "task"])
@@ -193,16 +176,16 @@ fn start(
         .arg("--runs")
         .arg(runs)
         .args(["--threads", &config.threads.to_string(), "--attended"])
-        // For fits and whatever else spreads over all cores.
+        // For fits, which otherwise use all cores.
         .env("RAYON_NUM_THREADS", config.threads.to_string())
         .stdin(Stdio::piped())
         .stdout(Stdio::piped())
         .stderr(log_file)
         .process_group(0)
         .spawn()
-        .map_err(|error| fail(&config.program, error))?;
+        .map_err(|error| file_error(&config.program, &error))?;
     if let Some(said) = child.stdout.take() {
-        let (id, sender) = (task.id.clone(), sender.clone());
+        let (id, sender) = (trial.id.clone(), sender.clone());
         std::thread::spawn(move || {
             for line in BufReader::new(said).lines().map_while(Result::ok) {
                 if let Ok(at) = serde_json::from_str(&line)
@@ -213,7 +196,7 @@ fn start(
             }
         });
     }
-    Ok(Worker { id: task.id.clone(), child, begun: Instant::now(), logged })
+    Ok(Worker { id: trial.id.clone(), child, begun: Instant::now(), logged })
 }
 
 /// The last line of a text file that is not empty, from this byte on.
@@ -223,7 +206,7 @@ fn last_line(path: &Path, from: u64) -> Option<String> {
     text.lines().rev().find(|line| !line.trim().is_empty()).map(str::to_string)
 }
 
-/// How long tasks take.
+/// How long trials take.
 #[derive(Default)]
 struct Clock {
     workers: usize,
@@ -231,12 +214,12 @@ struct Clock {
 }
 
 impl Clock {
-    /// Time until all tasks are done, from those that are and from how far the others have got.
+    /// Time until all trials are done, from those that are and from how far the others have got.
     fn left(
         &self,
         waiting: usize,
         workers: &[Worker],
-        running: &BTreeMap<String, TaskProgress>,
+        running: &BTreeMap<String, TrialProgress>,
     ) -> Option<f64> {
         let share = |worker: &Worker| running.get(&worker.id).map_or(0.0, |at| at.share);
         let guesses = workers

@@ -1,4 +1,4 @@
-//! What there is to say of a task: what came of it, when and where, how far it is.
+//! What there is to say of a trial: what came of it, when and where, how far it is.
 
 use std::collections::BTreeMap;
 use std::fs::{File, TryLockError};
@@ -6,15 +6,15 @@ use std::path::Path;
 
 use serde::{Deserialize, Serialize};
 
-use crate::plan::Task;
+use crate::trial::Trial;
 
-/// Names of a task's files.
-pub const TASK: &str = "task.json";
-/// See [`TASK`].
+/// Names of a trial's files.
+pub const TRIAL: &str = "task.json";
+/// See [`TRIAL`].
 pub const RESULT: &str = "result.json";
-/// See [`TASK`].
+/// See [`TRIAL`].
 pub const TIMES: &str = "times.json";
-/// Of the file that a process locks while it works on the task. The system lets go of it at every death.
+/// Of the file that a process locks while it works on the trial. The system lets go of it at every death.
 pub(crate) const LOCK: &str = "task.lock";
 
 /// Measures by name: scores between 0 and 1, errors in rad.
@@ -23,16 +23,16 @@ pub type Values = BTreeMap<String, f64>;
 /// Measures of one thing, and what it is.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Row {
-    /// What it is, beside the task's own labels: `mode`, `run`, `round`.
+    /// What it is, beside the trial's own labels: `mode`, `run`, `round`.
     pub labels: BTreeMap<String, String>,
     /// Its measures.
     pub values: Values,
 }
 
-/// What came of a task. The same bytes however it was run, on processors with the same vector instructions.
+/// What came of a trial. The same bytes however it was run, on processors with the same vector instructions.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct TaskResult {
-    /// Which task.
+pub struct TrialResult {
+    /// Which trial.
     pub id: String,
     /// Its measures.
     pub rows: Vec<Row>,
@@ -42,7 +42,7 @@ pub struct TaskResult {
 
 /// When, where and how long.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct TaskTimes {
+pub struct TrialTimes {
     /// Seconds of learning or fitting, over all interruptions; of a rehearsal those since its last start.
     pub secs: f64,
     /// Seconds of learning until each point of the course.
@@ -61,20 +61,20 @@ pub struct TaskTimes {
     pub command: String,
 }
 
-/// How far a task has got.
+/// How far a trial has got.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct TaskProgress {
+pub struct TrialProgress {
     /// What goes on.
     pub phase: String,
-    /// How much of the task is done, 0 to 1, about.
+    /// How much of the trial is done, 0 to 1, about.
     pub share: f64,
     /// The best F1 so far.
     pub f1: Option<f64>,
 }
 
-/// How a task ended that did not fail.
+/// How a trial ended that did not fail.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum TaskEnd {
+pub enum TrialEnd {
     /// It is done.
     Done,
     /// It was done before.
@@ -85,10 +85,10 @@ pub enum TaskEnd {
     Stopped,
 }
 
-/// Where a task stands.
+/// Where a trial stands.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]
-pub enum TaskState {
+pub enum TrialState {
     /// It is done.
     Done,
     /// A process is at work on it, here or where the file system is shared.
@@ -99,10 +99,10 @@ pub enum TaskState {
     Waiting,
 }
 
-impl TaskState {
-    /// Of a task among `runs`.
-    pub fn of(task: &Task, runs: &Path) -> Self {
-        let folder = runs.join(&task.id);
+impl TrialState {
+    /// Of a trial among `runs`.
+    pub fn of(trial: &Trial, runs: &Path) -> Self {
+        let folder = runs.join(&trial.id);
         if folder.join(RESULT).is_file() {
             return Self::Done;
         }
@@ -112,4 +112,9 @@ impl TaskState {
             Ok(_) => Self::Begun,
         }
     }
+}
+
+/// The error of a file or folder of a trial.
+pub(crate) fn file_error(path: &Path, error: &std::io::Error) -> anyhow::Error {
+    anyhow::anyhow!("{}: {error}", path.display())
 }

@@ -6,36 +6,37 @@ use std::path::Path;
 
 use serde::{Deserialize, Serialize};
 
-use crate::outcome::{RESULT, TIMES, TaskResult, TaskTimes};
-use crate::plan::Task;
+use crate::outcome::{RESULT, TIMES, TrialResult, TrialTimes};
 use crate::stats::{Summary, mean};
+use crate::trial::Trial;
 
-/// A task that is done, and what came of it: one line of `results.jsonl`.
+/// A trial that is done, and what came of it: one line of `results.jsonl`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Entry {
-    /// The task.
-    pub task: Task,
+    /// The trial.
+    #[serde(rename = "task")]
+    pub trial: Trial,
     /// What came of it.
-    pub result: TaskResult,
+    pub result: TrialResult,
     /// When, where and how long.
-    pub times: TaskTimes,
+    pub times: TrialTimes,
 }
 
 impl Entry {
-    /// What came of `task` among `runs`; `None` while it is not done.
-    pub fn load(task: &Task, runs: &Path) -> Option<Self> {
-        let folder = runs.join(&task.id);
+    /// What came of `trial` among `runs`; `None` while it is not done.
+    pub fn load(trial: &Trial, runs: &Path) -> Option<Self> {
+        let folder = runs.join(&trial.id);
         let read = |name: &str| std::fs::read(folder.join(name)).ok();
         let result = serde_json::from_slice(&read(RESULT)?).ok()?;
         let times = read(TIMES).and_then(|bytes| serde_json::from_slice(&bytes).ok()).unwrap_or_default();
-        Some(Self { task: task.clone(), result, times })
+        Some(Self { trial: trial.clone(), result, times })
     }
 }
 
 /// One row of the table.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Record {
-    /// Labels of the task and of the row.
+    /// Labels of the trial and of the row.
     pub labels: BTreeMap<String, String>,
     /// Measures.
     pub values: BTreeMap<String, f64>,
@@ -51,10 +52,10 @@ impl Record {
 /// The rows of all entries.
 pub fn records(entries: &[Entry]) -> Vec<Record> {
     let of_entry = |entry: &Entry| {
-        let task = entry.task.labels.clone();
+        let trial = entry.trial.labels.clone();
         let rows = entry.result.rows.clone().into_iter();
         rows.map(move |row| {
-            let mut labels = task.clone();
+            let mut labels = trial.clone();
             labels.extend(row.labels);
             Record { labels, values: row.values }
         })
@@ -71,7 +72,7 @@ pub fn courses(entries: &[Entry]) -> Vec<Record> {
             .map(|(index, point)| {
                 let mut values = point.clone();
                 values.extend(entry.times.course_secs.get(index).map(|secs| ("secs".to_string(), *secs)));
-                Record { labels: entry.task.labels.clone(), values }
+                Record { labels: entry.trial.labels.clone(), values }
             })
             .collect::<Vec<_>>()
     };
@@ -146,7 +147,7 @@ pub fn time_to(
     measure: &str,
     score: f64,
 ) -> (Vec<(f64, f64)>, usize) {
-    let has = |entry: &&Entry| filter.iter().all(|(key, value)| entry.task.labels.get(key) == Some(value));
+    let has = |entry: &&Entry| filter.iter().all(|(key, value)| entry.trial.labels.get(key) == Some(value));
     let of_entry = |entry: &Entry| {
         let first =
             entry.result.course.iter().position(|point| point.get(measure).is_some_and(|at| *at >= score))?;

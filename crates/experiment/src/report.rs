@@ -2,7 +2,7 @@
 //!
 //! ```text
 //! OUT/index.html              the page; it needs nothing else
-//! OUT/NAME/results.jsonl      what came of each task: the report can be made again of this alone
+//! OUT/NAME/results.jsonl      what came of each trial: the report can be made again of this alone
 //! OUT/NAME/results.csv        one row a performance, round or fit
 //! OUT/NAME/course.csv         one row an evaluation on the way
 //! OUT/NAME/FIGURE.svg, .png   the figures
@@ -13,15 +13,16 @@ use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
+use anyhow::{anyhow, bail};
 use etude_identify::html::{escape, page};
-use etude_perform::{FileError, write_file};
+use etude_perform::write_file;
 
 use crate::config::{Experiment, FigureKind};
 use crate::drawings::{caption, drawing};
-use crate::figure::FigureError;
-use crate::plan::{PlanConfig, Task};
+use crate::plan::PlanConfig;
 use crate::record::{Entry, courses, csv, records};
 use crate::tables::{against_the_paper, cut_short, differences, provenance, scores, times};
+use crate::trial::Trial;
 
 /// Name of the page.
 const PAGE: &str = "index.html";
@@ -33,8 +34,8 @@ const NOTES: &str = "notes.md";
 pub struct Missing {
     /// The experiment.
     pub experiment: String,
-    /// Tasks that are not done.
-    pub tasks: usize,
+    /// Trials that are not done.
+    pub trials: usize,
     /// Of how many.
     pub of: usize,
 }
@@ -48,67 +49,39 @@ pub struct ReportPage {
     pub missing: Vec<Missing>,
 }
 
-/// A report could not be written.
-#[derive(Debug, thiserror::Error)]
-pub enum ReportError {
-    /// A file.
-    #[error(transparent)]
-    Write(#[from] FileError),
-    /// A figure.
-    #[error(transparent)]
-    Figure(#[from] FigureError),
-    /// A folder.
-    #[error("cannot use {path}: {why}; choose another folder with -o")]
-    Folder {
-        /// The folder or file.
-        path: PathBuf,
-        /// Why.
-        why: String,
-    },
-    /// Nothing to tell.
-    #[error("none of the tasks is done; `etude experiment run {0}` does them")]
-    Nothing(String),
-}
-
 /// Writes the report of experiments, planned by `config`, into `out`, from what is done among `runs`, and from what an earlier report in
 /// `out` has kept.
 ///
 /// # Errors
 /// If nothing is done, or a file cannot be read or written.
 pub fn write_report(
-    plans: &[(Experiment, Vec<Task>)],
+    plans: &[(Experiment, Vec<Trial>)],
     config: &PlanConfig,
     runs: &Path,
     out: &Path,
-) -> Result<ReportPage, ReportError> {
+) -> anyhow::Result<ReportPage> {
     let mut body = String::new();
     let mut missing = Vec::new();
     let mut told = 0;
-    for (experiment, tasks) in plans {
+    for (experiment, trials) in plans {
         let folder = out.join(&experiment.name);
-        let (entries, others) = gather(tasks, runs, &folder.join(RESULTS))?;
-        if entries.len() < tasks.len() {
-            let (tasks, of) = (tasks.len() - entries.len(), tasks.len());
-            missing.push(Missing { experiment: experiment.name.clone(), tasks, of });
+        let (entries, others) = gather(trials, runs, &folder.join(RESULTS))?;
+        if entries.len() < trials.len() {
+            let (trials, of) = (trials.len() - entries.len(), trials.len());
+            missing.push(Missing { experiment: experiment.name.clone(), trials, of });
         }
         if entries.is_empty() {
             continue;
         }
         told += 1;
-        let fail =
-            |error: std::io::Error| ReportError::Folder { path: folder.clone(), why: error.to_string() };
-        std::fs::create_dir_all(&folder).map_err(fail)?;
-        // Plain numbers and strings: writing them as JSON cannot fail.
-        let lines = entries
-            .iter()
-            .chain(&others)
-            .map(|entry| serde_json::to_string(entry).unwrap_or_default() + "\n");
-        write_file(&folder.join(RESULTS), &lines.collect::<String>())?;
-        section(&mut body, experiment, (config, tasks.len()), &entries, &folder)?;
+        std::fs::create_dir_all(&folder).map_err(|error| unusable(&folder, &error))?;
+        let lines = entries.iter().chain(&others).map(|entry| Ok(serde_json::to_string(entry)? + "\n"));
+        write_file(&folder.join(RESULTS), &lines.collect::<serde_json::Result<String>>()?)?;
+        section(&mut body, experiment, (config, trials.len()), &entries, &folder)?;
     }
     if told == 0 {
         let names: Vec<&str> = plans.iter().map(|(experiment, _)| experiment.name.as_str()).collect();
-        return Err(ReportError::Nothing(names.join(" ")));
+        bail!("none of the tasks is done; `etude experiment run {}` does them", names.join(" "));
     }
     let file = out.join(PAGE);
     let opening = "<p>The paper’s experiments, made again by <code>etude experiment run NAME</code>. <strong>There is no robot here: \
@@ -119,24 +92,26 @@ pub fn write_report(
     Ok(ReportPage { file, missing })
 }
 
+fn unusable(path: &Path, why: &dyn std::fmt::Display) -> anyhow::Error {
+    anyhow!("cannot use {}: {why}; choose another folder with -o", path.display())
+}
+
 /// What is done of a plan, in its order; and what an earlier report has kept of other plans.
-fn gather(tasks: &[Task], runs: &Path, kept: &Path) -> Result<(Vec<Entry>, Vec<Entry>), ReportError> {
+fn gather(trials: &[Trial], runs: &Path, kept: &Path) -> anyhow::Result<(Vec<Entry>, Vec<Entry>)> {
     let mut before: BTreeMap<String, Entry> = BTreeMap::new();
     if let Ok(text) = std::fs::read_to_string(kept) {
         for (index, line) in text.lines().enumerate() {
-            let entry: Entry = serde_json::from_str(line).map_err(|error| ReportError::Folder {
-                path: kept.to_path_buf(),
-                why: format!("line {} is damaged: {error}", index + 1),
-            })?;
-            before.insert(entry.task.id.clone(), entry);
+            let entry: Entry = serde_json::from_str(line)
+                .map_err(|error| unusable(kept, &format_args!("line {} is damaged: {error}", index + 1)))?;
+            before.insert(entry.trial.id.clone(), entry);
         }
     }
-    let of_task = |task: &Task| {
-        let kept = || before.get(&task.id).map(|entry| Entry { task: task.clone(), ..entry.clone() });
-        Entry::load(task, runs).or_else(kept)
+    let of_trial = |trial: &Trial| {
+        let kept = || before.get(&trial.id).map(|entry| Entry { trial: trial.clone(), ..entry.clone() });
+        Entry::load(trial, runs).or_else(kept)
     };
-    let found = tasks.iter().filter_map(of_task).collect();
-    tasks.iter().for_each(|task| drop(before.remove(&task.id)));
+    let found = trials.iter().filter_map(of_trial).collect();
+    trials.iter().for_each(|trial| drop(before.remove(&trial.id)));
     Ok((found, before.into_values().collect()))
 }
 
@@ -146,7 +121,7 @@ fn section(
     (config, planned): (&PlanConfig, usize),
     entries: &[Entry],
     folder: &Path,
-) -> Result<(), ReportError> {
+) -> anyhow::Result<()> {
     let (all, course) = (records(entries), courses(entries));
     write_file(&folder.join("results.csv"), &csv(&all))?;
     if !course.is_empty() {

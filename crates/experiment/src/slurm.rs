@@ -5,48 +5,37 @@ use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-use crate::outcome::{RESULT, TaskState};
-use crate::plan::{Task, slug};
+use anyhow::{anyhow, bail};
+
+use crate::outcome::{RESULT, TrialState};
+use crate::trial::{Trial, slug};
 
 /// How a plan goes through Slurm.
 #[derive(Clone, Debug)]
 pub struct SlurmConfig {
     /// The `etude` program, as the nodes see it.
     pub program: PathBuf,
-    /// Tasks that run at once at most.
+    /// Trials that run at once at most.
     pub throttle: Option<usize>,
-    /// Time limit of a task, as Slurm writes it.
+    /// Time limit of a trial, as Slurm writes it.
     pub time: String,
-    /// Cores of a task.
+    /// Cores of a trial.
     pub cpus: usize,
     /// More options of `sbatch`, as they stand.
     pub options: Vec<String>,
 }
 
-/// Seconds before the time limit at which a task is told to save itself.
+/// Seconds before the time limit at which a trial is told to save itself.
 const GRACE_SECS: u32 = 120;
 
-/// A job could not be handed over.
-#[derive(Debug, thiserror::Error)]
-pub enum SlurmError {
-    /// There is no Slurm.
-    #[error(
-        "cannot run sbatch: {0}; is this a node of a cluster? `--launcher local` runs the tasks here, `--dry-run` shows the script"
-    )]
-    NoSlurm(std::io::Error),
-    /// It refused.
-    #[error("sbatch refused the job: {0}")]
-    Refused(String),
-}
-
-/// The lines of the plan whose tasks are not done, each work once.
-pub fn open_tasks(tasks: &[Task], runs: &Path) -> Vec<usize> {
+/// The lines of the plan whose trials are not done, each work once.
+pub fn open_trials(trials: &[Trial], runs: &Path) -> Vec<usize> {
     let mut seen = std::collections::BTreeSet::new();
-    let open = |task: &Task| !runs.join(&task.id).join(RESULT).is_file();
-    let waiting = |task: &Task| open(task) && TaskState::of(task, runs) != TaskState::Running;
-    let numbered = tasks.iter().enumerate();
+    let open = |trial: &Trial| !runs.join(&trial.id).join(RESULT).is_file();
+    let waiting = |trial: &Trial| open(trial) && TrialState::of(trial, runs) != TrialState::Running;
+    let numbered = trials.iter().enumerate();
     numbered
-        .filter(|(_, task)| seen.insert(task.id.as_str()) && waiting(task))
+        .filter(|(_, trial)| seen.insert(trial.id.as_str()) && waiting(trial))
         .map(|(index, _)| index)
         .collect()
 }
@@ -110,15 +99,18 @@ exit "$code"
     text
 }
 
-/// Hands a script over and gives the job's id.
+/// Submits a script; returns the id of the job.
 ///
 /// # Errors
 /// If there is no Slurm or it refuses.
-pub fn submit(script: &Path) -> Result<String, SlurmError> {
-    let output =
-        Command::new("sbatch").arg("--parsable").arg(script).output().map_err(SlurmError::NoSlurm)?;
+pub fn submit(script: &Path) -> anyhow::Result<String> {
+    let output = Command::new("sbatch").arg("--parsable").arg(script).output().map_err(|error| {
+        anyhow!(
+            "cannot run sbatch: {error}; is this a node of a cluster? `--launcher local` runs the tasks here, `--dry-run` shows the script"
+        )
+    })?;
     if !output.status.success() {
-        return Err(SlurmError::Refused(String::from_utf8_lossy(&output.stderr).trim().to_string()));
+        bail!("sbatch refused the job: {}", String::from_utf8_lossy(&output.stderr).trim());
     }
     Ok(String::from_utf8_lossy(&output.stdout).trim().to_string())
 }

@@ -146,16 +146,16 @@ pub(crate) fn times(body: &mut String, experiment: &Experiment, entries: &[Entry
     if entries.iter().all(|entry| entry.result.course.iter().all(|point| !point.contains_key("f1"))) {
         return;
     }
-    let tasks: Vec<Record> = entries
+    let trials: Vec<Record> = entries
         .iter()
-        .map(|entry| Record { labels: entry.task.labels.clone(), values: BTreeMap::new() })
+        .map(|entry| Record { labels: entry.trial.labels.clone(), values: BTreeMap::new() })
         .collect();
     let median = |mut values: Vec<f64>| {
         values.retain(|value| value.is_finite());
         values.sort_by(f64::total_cmp);
         (!values.is_empty()).then(|| quantile(&values, 0.5))
     };
-    let rows = combinations(&tasks, &compared(&tasks)).into_iter().map(|labels| {
+    let rows = combinations(&trials, &compared(&trials)).into_iter().map(|labels| {
         let mut row = vec![words(&labels)];
         for mark in MARKS {
             let (reached, of) = time_to(entries, &labels, "f1", mark);
@@ -222,7 +222,7 @@ pub(crate) fn provenance(
     columns.extend(strings(&["what", "seconds"]));
     body.push_str("<details><summary>The tasks</summary>\n");
     let rows = entries.iter().map(|entry| {
-        vec![entry.task.id.clone(), words(&entry.task.labels), format!("{:.0}", entry.times.secs)]
+        vec![entry.trial.id.clone(), words(&entry.trial.labels), format!("{:.0}", entry.times.secs)]
     });
     table(body, "Tasks", &columns, rows);
     body.push_str("</details>\n");

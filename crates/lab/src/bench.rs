@@ -7,7 +7,7 @@ use etude_learn::{Arithmetic, StopReason, TrainingObserver};
 use etude_music::Song;
 
 use crate::config::resolve;
-use crate::run::{Run, RunError};
+use crate::run::Run;
 
 /// Steps with random actions before the first update. The `paper` preset makes 5,000, which would be all that a short
 /// measurement sees; a batch is drawn with replacement, so that fewer do.
@@ -25,7 +25,7 @@ pub fn training_rate(
     threads: usize,
     folder: &Path,
     secs: f64,
-) -> Result<f64, RunError> {
+) -> anyhow::Result<f64> {
     let mut config = resolve("paper", None, &[])?;
     config.droq.arithmetic = arithmetic;
     config.trainer.warmup_steps = WARMUP_STEPS;

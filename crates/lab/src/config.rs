@@ -1,7 +1,8 @@
 //! The configuration of a run, in layers: preset, then file, then single overrides.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
+use anyhow::{anyhow, bail};
 use etude_learn::{DroqConfig, TrainerConfig};
 use etude_task::TaskConfig;
 use serde::{Deserialize, Serialize};
@@ -47,53 +48,6 @@ pub const PRESETS: &[(&str, &str, &str)] = &[
     ),
 ];
 
-/// A configuration that cannot be read or makes no sense.
-#[derive(Debug, thiserror::Error)]
-pub enum ConfigError {
-    /// No preset has this name.
-    #[error("there is no preset `{name}`; there are: {list}", list = preset_names())]
-    UnknownPreset {
-        /// What was asked for.
-        name: String,
-    },
-    /// The file cannot be read.
-    #[error("cannot read the configuration {path}: {source}")]
-    Read {
-        /// The file.
-        path: PathBuf,
-        /// Why.
-        source: std::io::Error,
-    },
-    /// The text is not TOML.
-    #[error("{origin} is not valid TOML: {message}")]
-    Syntax {
-        /// Which layer.
-        origin: String,
-        /// What the parser says.
-        message: String,
-    },
-    /// An override is not `path=value`.
-    #[error("`--set {0}` is not of the form path=value, for example trainer.seed=3")]
-    NotAnOverride(String),
-    /// A key is unknown or its value has the wrong type.
-    #[error("configuration key `{path}`: {message}")]
-    Key {
-        /// Dotted path of the key.
-        path: String,
-        /// What is wrong.
-        message: String,
-    },
-    /// A value of the learner that cannot work.
-    #[error(transparent)]
-    Learner(#[from] etude_learn::ConfigError),
-    /// A run that has begun cannot change this.
-    #[error(
-        "`{0}` cannot be changed in a run that has begun, only {list}; start a new run with it instead",
-        list = FREE.join(", ")
-    )]
-    Fixed(String),
-}
-
 /// What may differ between the parts of a run: none of it decides what the steps already made have led to.
 const FREE: &[&str] = &[
     "trainer.total_steps",
@@ -117,7 +71,7 @@ impl RunConfig {
     ///
     /// # Errors
     /// If a setting cannot work.
-    pub fn check(&self) -> Result<(), ConfigError> {
+    pub fn check(&self) -> anyhow::Result<()> {
         self.droq.validate()?;
         self.trainer.validate()?;
         Ok(())
@@ -132,13 +86,13 @@ fn preset_names() -> String {
 ///
 /// # Errors
 /// If a layer cannot be read, or the result has an unknown key or a value of the wrong type; the message names the key.
-pub fn resolve(preset: &str, file: Option<&Path>, overrides: &[String]) -> Result<RunConfig, ConfigError> {
+pub fn resolve(preset: &str, file: Option<&Path>, overrides: &[String]) -> anyhow::Result<RunConfig> {
     let text = PRESETS.iter().find(|(name, ..)| *name == preset).map(|(_, _, text)| *text);
-    let text = text.ok_or_else(|| ConfigError::UnknownPreset { name: preset.to_string() })?;
+    let text = text.ok_or_else(|| anyhow!("there is no preset `{preset}`; there are: {}", preset_names()))?;
     let mut table = parse(text, &format!("preset {preset}"))?;
     if let Some(path) = file {
         let text = std::fs::read_to_string(path)
-            .map_err(|source| ConfigError::Read { path: path.to_path_buf(), source })?;
+            .map_err(|error| anyhow!("cannot read the configuration {}: {error}", path.display()))?;
         merge(&mut table, parse(&text, &path.display().to_string())?);
     }
     finish(table, overrides)
@@ -148,40 +102,36 @@ pub fn resolve(preset: &str, file: Option<&Path>, overrides: &[String]) -> Resul
 ///
 /// # Errors
 /// As [`resolve`].
-pub(crate) fn change(config: &RunConfig, overrides: &[String]) -> Result<RunConfig, ConfigError> {
-    let table = toml::Table::try_from(config).map_err(|error| ConfigError::Syntax {
-        origin: "the resolved configuration".to_string(),
-        message: error.to_string(),
-    })?;
-    finish(table, overrides)
+pub(crate) fn change(config: &RunConfig, overrides: &[String]) -> anyhow::Result<RunConfig> {
+    finish(toml::Table::try_from(config)?, overrides)
 }
 
 /// `config` with single values changed, of those that a run may change when it is continued.
-pub(crate) fn change_free(config: &RunConfig, overrides: &[String]) -> Result<RunConfig, ConfigError> {
+pub(crate) fn change_free(config: &RunConfig, overrides: &[String]) -> anyhow::Result<RunConfig> {
     let key = |text: &String| text.split('=').next().unwrap_or_default().trim().to_string();
     let changed = change(config, overrides)?;
     match overrides.iter().map(key).find(|key| !FREE.contains(&key.as_str())) {
-        Some(key) => Err(ConfigError::Fixed(key)),
+        Some(key) => bail!(
+            "`{key}` cannot be changed in a run that has begun, only {}; start a new run with it instead",
+            FREE.join(", ")
+        ),
         None => Ok(changed),
     }
 }
 
-fn finish(mut table: toml::Table, overrides: &[String]) -> Result<RunConfig, ConfigError> {
+fn finish(mut table: toml::Table, overrides: &[String]) -> anyhow::Result<RunConfig> {
     for text in overrides {
-        let (path, value) = text.split_once('=').ok_or_else(|| ConfigError::NotAnOverride(text.clone()))?;
+        let (path, value) = text.split_once('=').ok_or_else(|| {
+            anyhow!("`--set {text}` is not of the form path=value, for example trainer.seed=3")
+        })?;
         merge(&mut table, override_table(path.trim(), value.trim()));
     }
-    serde_path_to_error::deserialize(toml::Value::Table(table)).map_err(|error| ConfigError::Key {
-        path: error.path().to_string(),
-        message: error.inner().message().to_string(),
-    })
+    serde_path_to_error::deserialize(toml::Value::Table(table))
+        .map_err(|error| anyhow!("configuration key `{}`: {}", error.path(), error.inner().message()))
 }
 
-fn parse(text: &str, origin: &str) -> Result<toml::Table, ConfigError> {
-    text.parse().map_err(|error: toml::de::Error| ConfigError::Syntax {
-        origin: origin.to_string(),
-        message: error.message().to_string(),
-    })
+fn parse(text: &str, origin: &str) -> anyhow::Result<toml::Table> {
+    text.parse().map_err(|error: toml::de::Error| anyhow!("{origin} is not valid TOML: {}", error.message()))
 }
 
 /// Tables whose keys are paths of physical parameters.

@@ -15,7 +15,7 @@ use etude_task::{Piece, Randomisation, TaskError};
 use rayon::prelude::*;
 use serde::Serialize;
 
-use crate::play::PlayError;
+use crate::play::make_folder;
 use crate::player::Player;
 
 /// Which grid.
@@ -104,7 +104,7 @@ pub fn evaluate_grid(
     player: &Player,
     grid: &GridConfig,
     watch: &(dyn Fn(usize) -> bool + Sync),
-) -> Result<Option<GridReport>, PlayError> {
+) -> anyhow::Result<Option<GridReport>> {
     let mut task = player.config.task.clone();
     task.randomisation.intensity = grid.intensity;
     task.check()?;
@@ -203,7 +203,7 @@ impl GridReport {
     ///
     /// # Errors
     /// If the file cannot be written.
-    pub fn write_csv(&mut self, path: &Path) -> Result<(), PlayError> {
+    pub fn write_csv(&mut self, path: &Path) -> anyhow::Result<()> {
         let mut text = String::from("world,f1,precision,recall,pooled_f1,onset_f1,collision_free");
         for path in &self.paths {
             text.push(',');
@@ -219,8 +219,7 @@ impl GridReport {
             }
         }
         if let Some(folder) = path.parent().filter(|folder| !folder.as_os_str().is_empty()) {
-            std::fs::create_dir_all(folder)
-                .map_err(|source| PlayError::Folder { path: folder.to_path_buf(), source })?;
+            make_folder(folder)?;
         }
         write_file(path, &(text + "\n"))?;
         self.csv = Some(path.to_path_buf());

@@ -2,14 +2,17 @@
 
 use std::path::{Path, PathBuf};
 
+use anyhow::bail;
 use etude_identify::{
-    Assessment, BoConfig, Identified, IdentifyConfig, IdentifyError, LmConfig, MethodConfig, Motion,
-    MotionError, Progress, Report, ReportInput, identify,
+    Assessment, BoConfig, Identified, IdentifyConfig, LmConfig, MethodConfig, Motion, Progress, Report,
+    ReportInput, identify,
 };
-use etude_perform::{Excitation, FileError, Job, write_file};
-use etude_stage::{ParamError, PhysicalParams, StageError};
+use etude_perform::{Excitation, Job, write_file};
+use etude_stage::PhysicalParams;
 use serde::de::IntoDeserializer as _;
 use serde::{Deserialize, Serialize};
+
+use crate::errors::cannot_create;
 
 /// Name of the identified simulator in its folder: a layer for `--config`.
 pub const IDENTIFIED: &str = "identified.toml";
@@ -102,57 +105,25 @@ pub struct IdentifyReport {
     pub file: PathBuf,
 }
 
-/// An identification failed.
-#[derive(Debug, thiserror::Error)]
-pub enum IdentificationError {
-    /// A recording cannot be used.
-    #[error(transparent)]
-    Motion(#[from] MotionError),
-    /// The fit failed.
-    #[error(transparent)]
-    Identify(#[from] IdentifyError),
-    /// The simulation cannot be built.
-    #[error(transparent)]
-    Stage(#[from] StageError),
-    /// A number is out of range.
-    #[error(transparent)]
-    Param(#[from] ParamError),
-    /// A file cannot be written.
-    #[error(transparent)]
-    Write(#[from] FileError),
-    /// The results cannot be written as JSON.
-    #[error(transparent)]
-    Json(#[from] serde_json::Error),
-    /// The folder cannot be made.
-    #[error("cannot create {path}: {source}; choose another folder with -o")]
-    Folder {
-        /// The folder.
-        path: PathBuf,
-        /// Why.
-        source: std::io::Error,
-    },
-    /// Everything is held out.
-    #[error("all recordings are held out; give some to fit (`etude record --excitation chirp`)")]
-    AllHeldOut,
-}
-
 /// Fits the simulator and writes the results into `folder`. After an interruption the same call resumes the fit.
 ///
 /// # Errors
-/// If a recording cannot be used, the fit fails or is interrupted, or a file cannot be written.
+/// If a recording cannot be used, the fit fails, or a file cannot be written; [`IdentifyError::Interrupted`](etude_identify::IdentifyError)
+/// if the job is interrupted.
 pub fn identify_robot(
     what: &Identification,
     folder: &Path,
     job: &mut Job<'_, Progress>,
-) -> Result<IdentifyReport, IdentificationError> {
+) -> anyhow::Result<IdentifyReport> {
     let paths: Vec<PathBuf> = what.recordings.iter().chain(&what.held_out).cloned().collect();
     let all = Motion::load_all(&paths)?;
     let is_held_out =
         |motion: &Motion| motion.mode == Excitation::Held.name() || what.held_out.contains(&motion.path);
     let (held_out, fitted): (Vec<Motion>, Vec<Motion>) = all.into_iter().partition(is_held_out);
-    let Some(first) = fitted.first() else { return Err(IdentificationError::AllHeldOut) };
-    std::fs::create_dir_all(folder)
-        .map_err(|source| IdentificationError::Folder { path: folder.to_path_buf(), source })?;
+    let Some(first) = fitted.first() else {
+        bail!("all recordings are held out; give some to fit to (`etude record --excitation chirp`)");
+    };
+    std::fs::create_dir_all(folder).map_err(|error| cannot_create(folder, error))?;
     let config = IdentifyConfig {
         method: what.method.config(what.evaluations),
         seed: what.seed,

@@ -7,6 +7,8 @@
 
 pub mod bench;
 mod config;
+mod errors;
+mod excitations;
 mod grid;
 mod identify;
 mod play;
@@ -16,16 +18,14 @@ mod rehearse;
 mod robot;
 mod run;
 
-pub use config::{ConfigError, PRESETS, RunConfig, resolve};
+pub use config::{PRESETS, RunConfig, resolve};
+pub use errors::Interrupted;
+pub use excitations::record_excitations;
 pub use grid::{GridConfig, GridReport, Marginal, WorldScores, evaluate_grid};
-pub use identify::{
-    IDENTIFIED, Identification, IdentificationError, IdentifyMethod, IdentifyReport, identify_robot,
-};
-pub use play::{Files, PlayError, Report, play, scores_in_simulation};
+pub use identify::{IDENTIFIED, Identification, IdentifyMethod, IdentifyReport, identify_robot};
+pub use play::{Files, Report, play, scores_in_simulation};
 pub use player::{Player, load_player, shipped_policies};
 pub use record::{Motion, Recorded, record_robot};
-pub use rehearse::{
-    RehearsalConfig, RehearsalError, RehearsalStep, Round, record_excitations, rehearse_on_robot,
-};
+pub use rehearse::{RehearsalConfig, RehearsalStep, Round, rehearse_on_robot};
 pub use robot::{RobotPlay, RobotReport, RobotRun, RunEnded, play_on_robot};
-pub use run::{CONFIG, META, Run, RunError, SONG, find_song};
+pub use run::{CONFIG, META, Run, SONG, find_song};

@@ -1,92 +1,22 @@
-//! Playing a song with a policy and keeping what came of it: scores, MIDI, sound, frames, recording.
+//! Playing a song in simulation, and the files of a performance: scores, MIDI, sound, frames, recording.
 
 use std::path::{Path, PathBuf};
 use std::sync::atomic::AtomicBool;
 
-use etude_music::sound::{self, SoundError, SoundFont};
-use etude_music::{CONTROL_HZ, Song, SongError};
+use anyhow::Context as _;
+use etude_music::sound::{self, SoundFont};
+use etude_music::{CONTROL_HZ, Song};
 use etude_perform::{
-    FileError, Header, PerformError, Performance, RecordingError, RecordingWriter, Scores, SimRig, perform,
-    write_file, write_frames_csv,
+    Header, Performance, RecordingWriter, Scores, SimRig, perform, write_file, write_frames_csv,
 };
 use etude_robot::rig::RigConfig;
 use etude_stage::JOINT_NAMES;
-use etude_task::{Piece, TaskError};
+use etude_task::Piece;
 use serde::Serialize;
 
-use crate::config::ConfigError;
 use crate::player::Player;
-use etude_perform::stand::StandError;
 
-/// A song could not be played.
-#[derive(Debug, thiserror::Error)]
-pub enum PlayError {
-    /// Nobody has learned it.
-    #[error(
-        "there is no policy for `{song}` yet: `etude train {song}` makes one, or name one with --policy \
-         (looked in {places})"
-    )]
-    NoPolicy {
-        /// The song.
-        song: String,
-        /// Folders that were searched.
-        places: String,
-    },
-    /// The folder holds none.
-    #[error("{0} holds no policy; name the folder of a run, or a policy file")]
-    NoPolicyIn(PathBuf),
-    /// The policy file cannot be read.
-    #[error(transparent)]
-    PolicyFile(#[from] etude_learn::FileError),
-    /// An override is not sound.
-    #[error(transparent)]
-    Config(#[from] ConfigError),
-    /// The policy file cannot be used.
-    #[error("cannot use the policy {path}: {message}")]
-    Policy {
-        /// The file.
-        path: PathBuf,
-        /// Why.
-        message: String,
-    },
-    /// The task could not be built.
-    #[error(transparent)]
-    Task(#[from] TaskError),
-    /// The song cannot be played.
-    #[error(transparent)]
-    Song(#[from] SongError),
-    /// The sound could not be made or written.
-    #[error(transparent)]
-    Sound(#[from] SoundError),
-    /// The recording could not be written.
-    #[error(transparent)]
-    Recording(#[from] RecordingError),
-    /// A file could not be written.
-    #[error(transparent)]
-    File(#[from] FileError),
-    /// The rig cannot be used.
-    #[error(transparent)]
-    Stand(#[from] StandError),
-    /// Nobody knows whether the robot stands still.
-    #[error("{0}")]
-    NotLetGo(String),
-    /// A second run would begin where the first one ended.
-    #[error("several runs need --home: each begins where the song begins, and the one before ends elsewhere")]
-    RunsWithoutHome,
-    /// The robot did not get ready, or would not play.
-    #[error(transparent)]
-    Perform(#[from] PerformError),
-    /// The folder cannot be made.
-    #[error("cannot make the folder {path}: {source}; choose another with -o")]
-    Folder {
-        /// The folder.
-        path: PathBuf,
-        /// Why.
-        source: std::io::Error,
-    },
-}
-
-/// What came of a performance: every figure and where the files are. Its keys are those of `etude play --json`.
+/// The figures of a performance and its files. Its keys are those of `etude play --json`.
 #[derive(Clone, Debug, Serialize)]
 pub struct Report {
     /// Title of the song.
@@ -134,7 +64,7 @@ pub fn play(
     player: &Player,
     folder: Option<&Path>,
     font: Option<&SoundFont>,
-) -> Result<Report, PlayError> {
+) -> anyhow::Result<Report> {
     let task = &player.config.task;
     let piece = Piece::new(song, task.initial_silence_secs)?;
     let files = folder.map(|folder| Files {
@@ -178,7 +108,7 @@ pub fn play(
 const REPORT: &str = "report.json";
 
 /// Scores of the player in simulation alone, in the nominal world: one drawn world would flatter it or not.
-pub fn scores_in_simulation(player: &Player, piece: &Piece) -> Result<Scores, PlayError> {
+pub fn scores_in_simulation(player: &Player, piece: &Piece) -> anyhow::Result<Scores> {
     let task = &player.config.task;
     let mut rig = SimRig::nominal(task, piece)?;
     let mut ready = player.ready(task, piece)?;
@@ -202,16 +132,13 @@ pub(crate) fn header(piece: &Piece, player: &Player, rig: &str, config: Option<R
 }
 
 /// Makes the folder of a performance.
-pub(crate) fn make_folder(folder: &Path) -> Result<(), PlayError> {
-    std::fs::create_dir_all(folder).map_err(|source| PlayError::Folder { path: folder.to_path_buf(), source })
+pub(crate) fn make_folder(folder: &Path) -> anyhow::Result<()> {
+    std::fs::create_dir_all(folder)
+        .with_context(|| format!("cannot make the folder {}; choose another with -o", folder.display()))
 }
 
 /// Writes what was played as MIDI, as sound and as a table of keys.
-pub(crate) fn keep(
-    files: &Files,
-    performance: &Performance,
-    font: Option<&SoundFont>,
-) -> Result<(), PlayError> {
+pub(crate) fn keep(files: &Files, performance: &Performance, font: Option<&SoundFont>) -> anyhow::Result<()> {
     let (notes, piece) = (performance.notes(), &performance.piece);
     sound::write_wav(&files.wav, &sound::render(&notes, font)?)?;
     Song::new(piece.title(), notes, performance.secs())?.save(&files.midi)?;
@@ -219,7 +146,7 @@ pub(crate) fn keep(
 }
 
 /// Writes a report beside the files of a performance.
-pub(crate) fn write_report(folder: &Path, report: &impl Serialize) -> Result<(), PlayError> {
+pub(crate) fn write_report(folder: &Path, report: &impl Serialize) -> anyhow::Result<()> {
     let text = serde_json::to_string_pretty(report).expect("a report is plain numbers and strings");
     Ok(write_file(&folder.join(REPORT), &(text + "\n"))?)
 }

@@ -2,12 +2,12 @@
 
 use std::path::{Path, PathBuf};
 
+use anyhow::{Context as _, anyhow, bail};
 use etude_learn::Policy;
 use etude_music::Song;
 use etude_task::{ACTION_LEN, Piece, ScriptedPlayer, TaskConfig, TaskError, layout};
 
 use crate::config::{RunConfig, change};
-use crate::play::PlayError;
 use crate::run::{other_notes, policy_in};
 
 /// What decides the actions.
@@ -93,12 +93,14 @@ pub fn shipped_policies(slug: &str, runs: &Path) -> Vec<PathBuf> {
 ///
 /// # Errors
 /// If there is none, or it cannot be used.
-pub fn load_player(asked: &str, slug: &str, path: Option<&Path>, runs: &Path) -> Result<Player, PlayError> {
+pub fn load_player(asked: &str, slug: &str, path: Option<&Path>, runs: &Path) -> anyhow::Result<Player> {
     if let Some(path) = path {
         if !path.is_dir() {
             return open(path);
         }
-        return open(&policy_in(path).ok_or_else(|| PlayError::NoPolicyIn(path.to_path_buf()))?);
+        return open(&policy_in(path).with_context(|| {
+            format!("{} holds no policy; name the folder of a run, or a policy file", path.display())
+        })?);
     }
     // One damaged file must not keep the others from playing.
     let (mut players, mut errors) = (Vec::new(), Vec::new());
@@ -109,16 +111,19 @@ pub fn load_player(asked: &str, slug: &str, path: Option<&Path>, runs: &Path) ->
         }
     }
     players.sort_by(|a, b| b.claimed_f1.unwrap_or(0.0).total_cmp(&a.claimed_f1.unwrap_or(0.0)));
-    let none = || PlayError::NoPolicy {
-        song: asked.to_string(),
-        places: format!("policies/ and {}", runs.display()),
+    let none = || {
+        anyhow!(
+            "there is no policy for `{asked}` yet: `etude train {asked}` makes one, or name one with --policy (looked in \
+             policies/ and {})",
+            runs.display()
+        )
     };
     players.into_iter().next().ok_or_else(|| errors.into_iter().next().unwrap_or_else(none))
 }
 
 /// The player that the policy file at `path` is.
-pub(crate) fn open(path: &Path) -> Result<Player, PlayError> {
-    let fail = |message: String| PlayError::Policy { path: path.to_path_buf(), message };
+pub(crate) fn open(path: &Path) -> anyhow::Result<Player> {
+    let fail = |message: String| anyhow!("cannot use the policy {}: {message}", path.display());
     let policy = Policy::load(path)?;
     let notes = &policy.header().notes;
     let training = &notes["training"];
@@ -176,13 +181,13 @@ impl Player {
     ///
     /// # Errors
     /// If an override is not sound, or would change what the policy sees.
-    pub fn reconfigure(&mut self, overrides: &[String]) -> Result<(), PlayError> {
+    pub fn reconfigure(&mut self, overrides: &[String]) -> anyhow::Result<()> {
         let changed = change(&self.config, overrides)?;
         if let Mind::Policy(policy, path) = &self.mind
             && layout(&changed.task) != policy.header().layout
         {
             let message = "it was trained for another observation than these overrides make".to_string();
-            return Err(PlayError::Policy { path: path.clone(), message });
+            bail!("cannot use the policy {}: {message}", path.display());
         }
         self.config = changed;
         Ok(())

@@ -12,7 +12,6 @@ use etude_perform::{
 use etude_stage::{JOINT_NAMES, JOINTS};
 use etude_task::{TaskConfig, TaskError};
 
-use crate::play::PlayError;
 use etude_perform::stand::Stand;
 use etude_perform::stand::{RigChoice, start_pose};
 
@@ -46,7 +45,7 @@ pub fn record_robot(
     seed: u64,
     path: &Path,
     interrupt: &AtomicBool,
-) -> Result<Recorded, PlayError> {
+) -> anyhow::Result<Recorded> {
     let side = rig.side();
     let (activity, pose) = match motion {
         Motion::Rest(_) => (Activity::Rest, start_pose(side).map_err(TaskError::from)?),
@@ -64,7 +63,7 @@ pub fn record_robot(
     let mut stand = rig.open(side, seed)?;
     let mut writer = RecordingWriter::create(path, &header)?;
     let ending = act(&mut stand, motion, &pose, home, &mut writer, interrupt);
-    stand.let_go().map_err(PlayError::NotLetGo)?;
+    stand.let_go().map_err(anyhow::Error::msg)?;
     // The guard is not needed beside a stopped robot while the file is completed.
     drop(stand);
     let ending = ending?;

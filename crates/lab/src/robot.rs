@@ -3,6 +3,7 @@
 use std::path::Path;
 use std::sync::atomic::AtomicBool;
 
+use anyhow::bail;
 use etude_music::Song;
 use etude_music::sound::SoundFont;
 use etude_perform::{
@@ -13,7 +14,7 @@ use etude_stage::{JOINTS, World};
 use etude_task::{Piece, TaskError};
 use serde::Serialize;
 
-use crate::play::{Files, PlayError, header, keep, make_folder, scores_in_simulation, write_report};
+use crate::play::{Files, header, keep, make_folder, scores_in_simulation, write_report};
 use crate::player::Player;
 use etude_perform::stand::{RigChoice, Stand};
 
@@ -109,9 +110,11 @@ pub fn play_on_robot(
     folder: Option<&Path>,
     font: Option<&SoundFont>,
     job: &mut Job<'_, RunEnded>,
-) -> Result<RobotReport, PlayError> {
+) -> anyhow::Result<RobotReport> {
     if play.runs > 1 && !play.home {
-        return Err(PlayError::RunsWithoutHome);
+        bail!(
+            "several runs need --home: each begins where the song begins, and the one before ends elsewhere"
+        );
     }
     let task = &player.config.task;
     let piece = Piece::new(song, task.initial_silence_secs)?;
@@ -138,7 +141,7 @@ pub fn play_on_robot(
         let mut stand = rig.open(task.stage.side, play.seed.wrapping_add(index as u64))?;
         let performance =
             one_run(&mut stand, player, &piece, play, &start, writer.as_mut(), job.interrupt())?;
-        stand.let_go().map_err(PlayError::NotLetGo)?;
+        stand.let_go().map_err(anyhow::Error::msg)?;
         // The guard is not needed beside a stopped robot while the files are written.
         drop(stand);
         if let Some(writer) = writer {
@@ -185,7 +188,7 @@ fn one_run(
     start: &[f64; JOINTS],
     mut writer: Option<&mut RecordingWriter>,
     interrupt: &AtomicBool,
-) -> Result<Performance, PlayError> {
+) -> anyhow::Result<Performance> {
     let task = &player.config.task;
     let Stand { robot, pace } = stand;
     prepare(robot, pace, play.home.then_some(start), writer.as_deref_mut(), interrupt)?;

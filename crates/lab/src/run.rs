@@ -3,100 +3,16 @@
 use std::fs::{File, TryLockError};
 use std::path::{Path, PathBuf};
 
+use anyhow::{anyhow, bail};
 use etude_learn::{Outcome, Parts, TrainError, Trainer, TrainerConfig, TrainingObserver, WarmStart, seed};
 use etude_music::{Song, SongError};
-use etude_perform::{FileError, SongEvaluator, write_file};
-use etude_task::{Piece, ScriptedPlayer, TaskConfig, TaskError, VectorPiano};
+use etude_perform::{SongEvaluator, write_file};
+use etude_task::{Piece, ScriptedPlayer, TaskConfig, VectorPiano};
 use serde_json::json;
 
-use crate::config::{ConfigError, RunConfig, change_free, resolve as resolve_config};
+use crate::config::{RunConfig, change_free, resolve as resolve_config};
+use crate::errors::cannot_create;
 use crate::player::open;
-
-/// A run could not be started, continued or read.
-#[derive(Debug, thiserror::Error)]
-pub enum RunError {
-    /// The trainer stopped with an error.
-    #[error(transparent)]
-    Train(#[from] TrainError),
-    /// The task could not be built.
-    #[error(transparent)]
-    Task(#[from] TaskError),
-    /// The song cannot be played.
-    #[error(transparent)]
-    Song(#[from] SongError),
-    /// The configuration is not sound.
-    #[error(transparent)]
-    Config(#[from] ConfigError),
-    /// The folder holds no run.
-    #[error("{0} holds no run to continue; `etude train SONG -o {0}` starts one")]
-    NoRun(PathBuf),
-    /// The configuration of the run was edited.
-    #[error(
-        "the `task` of {0}/config.toml is not what this training has learned so far: put it back, or begin another training with \
-         `--config {0}/config.toml --from {0} -o DIR`"
-    )]
-    TaskChanged(PathBuf),
-    /// The folder holds one already.
-    #[error(
-        "{0} holds a training already: `etude train --resume {0}` continues it, or choose another folder with -o"
-    )]
-    AlreadyStarted(PathBuf),
-    /// The folder holds a training of other notes under the same name.
-    #[error(
-        "{folder} holds a training of another `{title}` ({theirs} notes, yours has {ours}, or they stand elsewhere): choose another \
-         folder with -o, or delete that one"
-    )]
-    OtherNotes {
-        /// The folder.
-        folder: PathBuf,
-        /// Title of the song.
-        title: String,
-        /// How many notes it has there.
-        theirs: usize,
-        /// How many notes it has here.
-        ours: usize,
-    },
-    /// A warm start from something else.
-    #[error(
-        "a training cannot begin with what {path} has learned: that is {theirs}, this one {ours}; make this one alike, \
-         or begin without --from"
-    )]
-    OtherTask {
-        /// The policy or the run.
-        path: PathBuf,
-        /// What it has learned.
-        theirs: String,
-        /// What this training is to learn.
-        ours: String,
-    },
-    /// A policy does not say what it has learned.
-    #[error(
-        "a training cannot begin with {path}: it does not say which song and task it has learned; begin without --from"
-    )]
-    UnknownTask {
-        /// The policy.
-        path: PathBuf,
-    },
-    /// A folder has nothing to begin with.
-    #[error("{0} holds no policy to begin with; name the folder of a run, or a policy file")]
-    NothingThere(PathBuf),
-    /// Another process is at work in the folder.
-    #[error(
-        "another `etude train` is at work in {0}: wait for it, stop it, or choose another folder with -o"
-    )]
-    Busy(PathBuf),
-    /// A file of the run cannot be written.
-    #[error(transparent)]
-    Write(#[from] FileError),
-    /// The folder or its lock cannot be made.
-    #[error("cannot create {path}: {source}; choose another folder with -o")]
-    Folder {
-        /// The file.
-        path: PathBuf,
-        /// Why.
-        source: std::io::Error,
-    },
-}
 
 /// Name of the resolved configuration in a run's folder.
 pub const CONFIG: &str = "config.toml";
@@ -134,7 +50,7 @@ impl Run {
     /// # Errors
     /// If the song or configuration cannot be used, or the folder cannot be written or already holds a run. Nothing is
     /// written before song and configuration are known to be sound.
-    pub fn start(song: Song, config: RunConfig, folder: &Path, command: &str) -> Result<Self, RunError> {
+    pub fn start(song: Song, config: RunConfig, folder: &Path, command: &str) -> anyhow::Result<Self> {
         Self::begin(song, config, folder, command, None)
     }
 
@@ -151,7 +67,7 @@ impl Run {
         folder: &Path,
         command: &str,
         source: &Path,
-    ) -> Result<Self, RunError> {
+    ) -> anyhow::Result<Self> {
         Self::begin(song, config, folder, command, Some(source))
     }
 
@@ -161,21 +77,28 @@ impl Run {
         folder: &Path,
         command: &str,
         source: Option<&Path>,
-    ) -> Result<Self, RunError> {
+    ) -> anyhow::Result<Self> {
         if Trainer::exists(folder) {
             if let Some(theirs) = other_notes(folder, &song) {
-                let (title, ours) = (song.title().to_string(), song.notes().len());
-                return Err(RunError::OtherNotes { folder: folder.to_path_buf(), title, theirs, ours });
+                bail!(
+                    "{} holds a training of another `{}` ({theirs} notes, yours has {}, or they stand elsewhere): choose another \
+                     folder with -o, or delete that one",
+                    folder.display(),
+                    song.title(),
+                    song.notes().len()
+                );
             }
-            return Err(RunError::AlreadyStarted(folder.to_path_buf()));
+            let folder = folder.display();
+            bail!(
+                "{folder} holds a training already: `etude train --resume {folder}` continues it, or choose another folder with -o"
+            );
         }
         Trainer::check_vacant(folder)?;
         let config = config.complete();
         config.check()?;
         let parts = parts(&song, &config)?;
         let warm = source.map(|source| warm_start(source, &song, &config, &parts)).transpose()?;
-        let fail = |source| RunError::Folder { path: folder.to_path_buf(), source };
-        std::fs::create_dir_all(folder).map_err(fail)?;
+        std::fs::create_dir_all(folder).map_err(|error| cannot_create(folder, error))?;
         let lock = lock(folder)?;
         write_config(folder, &config)?;
         song.save(folder.join(SONG))?;
@@ -202,9 +125,10 @@ impl Run {
     ///
     /// # Errors
     /// If the folder holds no run or a damaged one, or an override would make another training of it.
-    pub fn resume(folder: &Path, overrides: &[String]) -> Result<Self, RunError> {
-        if !folder.join(CONFIG).is_file() || !folder.join(SONG).is_file() {
-            return Err(RunError::NoRun(folder.to_path_buf()));
+    pub fn resume(folder: &Path, overrides: &[String]) -> anyhow::Result<Self> {
+        if !is_run(folder) {
+            let folder = folder.display();
+            bail!("{folder} holds no run to continue; `etude train SONG -o {folder}` starts one");
         }
         let config = resolve_config("paper", Some(&folder.join(CONFIG)), &[])?;
         let config = change_free(&config, overrides)?;
@@ -212,7 +136,11 @@ impl Run {
         let song = titled(Song::load(folder.join(SONG))?, folder)?;
         let lock = lock(folder)?;
         if learned_task(folder).is_some_and(|task| task != config.task) {
-            return Err(RunError::TaskChanged(folder.to_path_buf()));
+            let folder = folder.display();
+            bail!(
+                "the `task` of {folder}/config.toml is not what this training has learned so far: put it back, or begin another \
+                 training with `--config {folder}/config.toml --from {folder} -o DIR`"
+            );
         }
         let trainer = Trainer::resume(folder, &config.droq, &config.trainer, parts(&song, &config)?)?;
         if !overrides.is_empty() {
@@ -231,15 +159,16 @@ impl Run {
         folder: &Path,
         command: &str,
         source: Option<&Path>,
-    ) -> Result<Self, RunError> {
+    ) -> anyhow::Result<Self> {
         let threads = format!("trainer.threads={}", config.trainer.threads);
-        match Self::resume(folder, &[threads]) {
-            // Nothing there, or killed before its first checkpoint.
-            Err(RunError::NoRun(_) | RunError::Train(TrainError::NothingToResume { .. })) => {
-                Self::begin(song, config, folder, command, source)
+        if is_run(folder) {
+            match Self::resume(folder, &[threads]) {
+                // Killed before its first checkpoint.
+                Err(error) if matches!(error.downcast_ref(), Some(TrainError::NothingToResume { .. })) => {}
+                resumed => return resumed,
             }
-            resumed => resumed,
         }
+        Self::begin(song, config, folder, command, source)
     }
 
     /// The song that is learned.
@@ -266,21 +195,34 @@ impl Run {
     ///
     /// # Errors
     /// If the training fails; the last checkpoint is then intact.
-    pub fn run(&mut self, observer: &mut dyn TrainingObserver) -> Result<Outcome, RunError> {
+    pub fn run(&mut self, observer: &mut dyn TrainingObserver) -> anyhow::Result<Outcome> {
         Ok(self.trainer.run(observer)?)
     }
 }
 
+/// Whether `folder` has the configuration and the song of a run.
+fn is_run(folder: &Path) -> bool {
+    folder.join(CONFIG).is_file() && folder.join(SONG).is_file()
+}
+
 /// What the run or policy at `path` has learned, if a training of `song` by `config` can begin with it.
-fn warm_start(path: &Path, song: &Song, config: &RunConfig, parts: &Parts) -> Result<WarmStart, RunError> {
+fn warm_start(path: &Path, song: &Song, config: &RunConfig, parts: &Parts) -> anyhow::Result<WarmStart> {
     let warm = match (path.is_dir(), policy_in(path)) {
         (false, _) => WarmStart::from_policy(path),
         (true, _) if Trainer::exists(path) => WarmStart::from_run(path),
         (true, Some(policy)) => WarmStart::from_policy(&policy),
-        (true, None) => return Err(RunError::NothingThere(path.to_path_buf())),
+        (true, None) => bail!(
+            "{} holds no policy to begin with; name the folder of a run, or a policy file",
+            path.display()
+        ),
     };
     let warm = warm.map_err(TrainError::from)?;
-    let unknown = || RunError::UnknownTask { path: path.to_path_buf() };
+    let unknown = || {
+        anyhow!(
+            "a training cannot begin with {}: it does not say which song and task it has learned; begin without --from",
+            path.display()
+        )
+    };
     let learned = warm.notes()["song"].as_str().ok_or_else(unknown)?;
     let theirs: RunConfig = serde_json::from_value(warm.notes()["config"].clone()).map_err(|_| unknown())?;
     let told = |title: &str, config: &RunConfig| {
@@ -295,7 +237,11 @@ fn warm_start(path: &Path, song: &Song, config: &RunConfig, parts: &Parts) -> Re
     };
     let pairs = told(learned, &theirs).into_iter().zip(told(song.title(), config));
     if let Some((theirs, ours)) = { pairs }.find(|(theirs, ours)| theirs != ours) {
-        return Err(RunError::OtherTask { path: path.to_path_buf(), theirs, ours });
+        bail!(
+            "a training cannot begin with what {} has learned: that is {theirs}, this one {ours}; make this one alike, \
+             or begin without --from",
+            path.display()
+        );
     }
     warm.check(&config.droq, &*parts.environment)?;
     Ok(warm)
@@ -337,25 +283,24 @@ fn titled(song: Song, folder: &Path) -> Result<Song, SongError> {
     Ok(Song::new(title, song.notes().to_vec(), song.duration_secs())?.with_beats(beats))
 }
 
-fn write_config(folder: &Path, config: &RunConfig) -> Result<(), RunError> {
-    let text = toml::to_string(config).map_err(|e| ConfigError::Syntax {
-        origin: "the resolved configuration".to_string(),
-        message: e.to_string(),
-    })?;
-    Ok(write_file(&folder.join(CONFIG), &text)?)
+fn write_config(folder: &Path, config: &RunConfig) -> anyhow::Result<()> {
+    Ok(write_file(&folder.join(CONFIG), &toml::to_string(config)?)?)
 }
 
 /// Takes the lock of `folder`. Where the file system has no locks, everyone has it.
-fn lock(folder: &Path) -> Result<File, RunError> {
+fn lock(folder: &Path) -> anyhow::Result<File> {
     let path = folder.join(LOCK);
-    let file = File::create(&path).map_err(|source| RunError::Folder { path, source })?;
-    match file.try_lock() {
-        Err(TryLockError::WouldBlock) => Err(RunError::Busy(folder.to_path_buf())),
-        _ => Ok(file),
+    let file = File::create(&path).map_err(|error| cannot_create(&path, error))?;
+    if matches!(file.try_lock(), Err(TryLockError::WouldBlock)) {
+        bail!(
+            "another `etude train` is at work in {}: wait for it, stop it, or choose another folder with -o",
+            folder.display()
+        );
     }
+    Ok(file)
 }
 
-fn parts(song: &Song, config: &RunConfig) -> Result<Parts, RunError> {
+fn parts(song: &Song, config: &RunConfig) -> anyhow::Result<Parts> {
     let piece = Piece::new(song, config.task.initial_silence_secs)?;
     let root = seed::split(config.trainer.seed, "task");
     let mut environment = VectorPiano::new(&config.task, &piece, config.trainer.num_envs, root)?;

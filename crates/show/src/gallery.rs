@@ -2,58 +2,31 @@
 
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
-use std::sync::atomic::{AtomicBool, Ordering};
 
+use anyhow::{anyhow, bail};
 use etude_identify::html::{escape, page};
+use etude_lab::Interrupted;
 use etude_music::sound;
-use etude_perform::{FileError, write_file};
-use etude_stage::View;
+use etude_perform::{Job, write_file};
+use etude_stage::{PictureError, View};
 use serde::Serialize;
 
-use crate::render::{RenderError, Studio};
-use crate::replay::{PlayedNote, ReplayError, Take, read_take, replay_page, roll_svg};
+use crate::render::Studio;
+use crate::replay::{PlayedNote, Take, read_take, replay_page, roll_svg};
 
 /// Size of a still, pixels.
 const STILL: [u32; 2] = [960, 540];
 /// Name of the index page.
 pub const INDEX: &str = "index.html";
 
-/// A gallery could not be made.
-#[derive(Debug, thiserror::Error)]
-pub enum GalleryError {
-    /// A recording cannot be shown.
-    #[error(transparent)]
-    Replay(#[from] ReplayError),
-    /// A picture or the sound cannot be made.
-    #[error(transparent)]
-    Render(#[from] RenderError),
-    /// A file cannot be written.
-    #[error(transparent)]
-    Write(#[from] FileError),
-    /// The folder cannot be made.
-    #[error("cannot make the folder {path}: {source}; choose another with -o")]
-    Folder {
-        /// The folder.
-        path: PathBuf,
-        /// Why.
-        source: std::io::Error,
-    },
-    /// No recording can be shown.
-    #[error("nothing to show: {0}")]
-    Nothing(String),
-    /// It was asked to stop.
-    #[error("stopped on request; what was made so far is in {0}")]
-    Stopped(PathBuf),
-}
-
-/// What a gallery came to.
+/// The contents of a gallery.
 #[derive(Clone, Debug, Serialize)]
 pub struct Gallery {
     /// The index page.
     pub index: PathBuf,
-    /// What hangs in it.
+    /// The recordings that it shows.
     pub exhibits: Vec<Exhibit>,
-    /// Why recordings are not among them.
+    /// Why other recordings are missing.
     pub left_out: Vec<String>,
     /// Why the pictures are piano rolls, if they are.
     pub without_pictures: Option<String>,
@@ -86,18 +59,14 @@ pub struct Exhibit {
     pub incomplete: Option<String>,
 }
 
-/// Makes a gallery of `recordings` in `folder`. `tell` hears which one is at work.
+/// Makes a gallery of `recordings` in `folder`. Reports the index of the recording that is next.
 ///
 /// # Errors
-/// If a recording cannot be read or a file not written.
-pub fn gallery(
-    recordings: &[PathBuf],
-    folder: &Path,
-    interrupt: &AtomicBool,
-    tell: &mut dyn FnMut(usize, &Path),
-) -> Result<Gallery, GalleryError> {
-    std::fs::create_dir_all(folder)
-        .map_err(|source| GalleryError::Folder { path: folder.to_path_buf(), source })?;
+/// If no recording can be shown, or a file cannot be written; [`Interrupted`] if the job is interrupted.
+pub fn gallery(recordings: &[PathBuf], folder: &Path, job: &mut Job<'_, usize>) -> anyhow::Result<Gallery> {
+    std::fs::create_dir_all(folder).map_err(|error| {
+        anyhow!("cannot make the folder {}: {error}; choose another with -o", folder.display())
+    })?;
     let mut gallery = Gallery {
         index: folder.join(INDEX),
         exhibits: Vec::new(),
@@ -105,11 +74,12 @@ pub fn gallery(
         without_pictures: None,
     };
     for (number, path) in recordings.iter().enumerate() {
-        if interrupt.load(Ordering::Relaxed) {
-            return Err(GalleryError::Stopped(folder.to_path_buf()));
+        if job.is_interrupted() {
+            let text = format!("stopped on request; what was made so far is in {}", folder.display());
+            return Err(Interrupted(text).into());
         }
-        tell(number, path);
-        // One damaged file must not keep the others from being shown.
+        job.tell(&number);
+        // A damaged file must not prevent the others from being shown.
         let take = match read_take(path) {
             Ok(take) => take,
             Err(error) => {
@@ -120,14 +90,13 @@ pub fn gallery(
         let stem = stem(number, &take);
         let file = |ending: &str| format!("{stem}.{ending}");
         replay_page(std::slice::from_ref(&take), &folder.join(file("html")))?;
-        let samples = take.sound().map_err(RenderError::from)?;
-        sound::write_wav(folder.join(file("wav")), &samples).map_err(RenderError::from)?;
+        sound::write_wav(folder.join(file("wav")), &take.sound()?)?;
         let mut picture = file("png");
         let drawn =
             if gallery.without_pictures.is_none() { still(&take, &folder.join(&picture)) } else { Ok(false) };
         let is_drawn = match drawn {
             // Without OpenGL no other picture can be drawn either.
-            Err(RenderError::Picture(error)) => {
+            Err(error) if error.is::<PictureError>() => {
                 gallery.without_pictures = Some(error.to_string());
                 false
             }
@@ -150,17 +119,17 @@ pub fn gallery(
             mode: take.mode,
             incomplete: take.incomplete,
         });
-        // The index is there from the first one on: a gallery that is stopped can be looked at.
+        // The index is complete after each recording, so a gallery that is stopped can be opened.
         write_file(&gallery.index, &index(&gallery.exhibits))?;
     }
     if gallery.exhibits.is_empty() {
-        return Err(GalleryError::Nothing(gallery.left_out.into_iter().next().unwrap_or_default()));
+        bail!("nothing to show: {}", gallery.left_out.first().map_or("", String::as_str));
     }
     Ok(gallery)
 }
 
 /// Draws a moment in which something sounds; `false` if nothing moves in the recording.
-fn still(take: &Take, path: &Path) -> Result<bool, RenderError> {
+fn still(take: &Take, path: &Path) -> anyhow::Result<bool> {
     if take.positions.is_empty() {
         return Ok(false);
     }

@@ -4,61 +4,22 @@ use std::io::{BufWriter, Write};
 use std::os::unix::process::CommandExt as _;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
-use std::sync::atomic::{AtomicBool, Ordering};
 
+use anyhow::{anyhow, bail};
+use etude_lab::Interrupted;
 use etude_music::KeySet;
-use etude_music::sound::{self, SoundError};
-use etude_stage::{JOINTS, Painter, PictureError, View, World};
+use etude_music::sound;
+use etude_perform::Job;
+use etude_stage::{JOINTS, Painter, View, World};
 
-use crate::replay::{ReplayError, Take};
+use crate::replay::Take;
 
 /// Pictures a second of a video.
 pub const FRAMES_PER_SEC: u32 = 30;
 /// Players and browsers want even sizes: ffmpeg's filter for that.
 const EVEN: &str = "pad=ceil(iw/2)*2:ceil(ih/2)*2";
 
-/// A picture or video could not be made.
-#[derive(Debug, thiserror::Error)]
-pub enum RenderError {
-    /// The recording cannot be shown.
-    #[error(transparent)]
-    Replay(#[from] ReplayError),
-    /// It cannot be drawn.
-    #[error(transparent)]
-    Picture(#[from] PictureError),
-    /// There is no sound of it.
-    #[error(transparent)]
-    Sound(#[from] SoundError),
-    /// A file cannot be written.
-    #[error("cannot write {path}: {source}; free some space or choose another place with -o")]
-    Write {
-        /// The file.
-        path: PathBuf,
-        /// Why.
-        source: std::io::Error,
-    },
-    /// There is nothing to draw.
-    #[error("{0} holds no control step, so there is nothing to draw")]
-    Empty(String),
-    /// The moment is not in the recording.
-    #[error("{name} lasts {secs:.2} s: there is no picture at {at:.2} s")]
-    NoMoment {
-        /// The recording.
-        name: String,
-        /// Its length, s.
-        secs: f64,
-        /// What was asked for, s.
-        at: f64,
-    },
-    /// The encoder has failed.
-    #[error("ffmpeg has failed: {0}")]
-    Encoder(String),
-    /// It was asked to stop.
-    #[error("stopped on request; nothing was kept")]
-    Stopped,
-}
-
-/// What a video came to.
+/// Where a video is.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Video {
     /// A file with sound.
@@ -72,7 +33,7 @@ pub enum Video {
     },
 }
 
-/// A recording on its way to pictures.
+/// Draws pictures of a recording.
 pub struct Studio<'a> {
     take: &'a Take,
     world: World,
@@ -85,16 +46,16 @@ impl<'a> Studio<'a> {
     ///
     /// # Errors
     /// If there is no OpenGL, or nothing to draw.
-    pub fn new(take: &'a Take, size: [u32; 2], view: View) -> Result<Self, RenderError> {
+    pub fn new(take: &'a Take, size: [u32; 2], view: View) -> anyhow::Result<Self> {
         if take.positions.is_empty() {
-            return Err(RenderError::Empty(take.name.clone()));
+            bail!("{} holds no control step, so there is nothing to draw", take.name);
         }
         let world = take.world()?;
         let painter = Painter::new(&world, size[0], size[1], view)?;
         Ok(Self { take, world, painter, size })
     }
 
-    fn paint(&mut self, secs: f64) -> Result<&[u8], RenderError> {
+    fn paint(&mut self, secs: f64) -> anyhow::Result<&[u8]> {
         let sounding = self.take.notes.iter().filter(|note| (note.start..note.end).contains(&secs));
         let down = KeySet::from_pitches(sounding.map(|note| note.pitch));
         self.world.pose(&joints_at(self.take, secs), down);
@@ -105,45 +66,34 @@ impl<'a> Studio<'a> {
     ///
     /// # Errors
     /// If drawing or writing fails, or the recording is shorter.
-    pub fn still(&mut self, secs: f64, path: &Path) -> Result<(), RenderError> {
+    pub fn still(&mut self, secs: f64, path: &Path) -> anyhow::Result<()> {
         if !(0.0..=self.take.secs()).contains(&secs) {
-            let (name, whole) = (self.take.name.clone(), self.take.secs());
-            return Err(RenderError::NoMoment { name, secs: whole, at: secs });
+            bail!("{} lasts {:.2} s: there is no picture at {secs:.2} s", self.take.name, self.take.secs());
         }
         let size = self.size;
         let pixels = self.paint(secs)?;
-        write_png(path, size, pixels)
-            .map_err(|source| RenderError::Write { path: path.to_path_buf(), source })
+        write_png(path, size, pixels).map_err(|error| cannot_write(path, &error))
     }
 
-    /// Writes the whole recording as a video with its sound; without ffmpeg as pictures in a folder. `tell` hears the part
-    /// that is done, 0 to 1.
+    /// Writes the whole recording as a video with its sound; without ffmpeg as pictures in a folder. Reports
+    /// the share that is done, 0 to 1.
     ///
     /// # Errors
-    /// If drawing, encoding or writing fails, or `interrupt` is set: then nothing is kept.
-    pub fn video(
-        &mut self,
-        path: &Path,
-        interrupt: &AtomicBool,
-        tell: &mut dyn FnMut(f64),
-    ) -> Result<Video, RenderError> {
+    /// If drawing, encoding or writing fails; [`Interrupted`] if the job is interrupted. Then nothing is kept.
+    pub fn video(&mut self, path: &Path, job: &mut Job<'_, f64>) -> anyhow::Result<Video> {
         let mut samples = self.take.sound()?;
         // Silence to the end of the picture, or ffmpeg ends with the last note.
         let whole = (self.take.secs() * f64::from(sound::SAMPLE_RATE_HZ)).ceil() as usize;
         samples.resize(samples.len().max(whole), 0.0);
         let frames = (self.take.secs() * f64::from(FRAMES_PER_SEC)).ceil().max(1.0) as u32;
-        let fail = |path: &Path| {
-            let path = path.to_path_buf();
-            move |source| RenderError::Write { path, source }
-        };
         if !has_ffmpeg() {
             let folder = path.with_extension("frames");
             let partial = path.with_extension("frames.partial");
             // What an earlier, longer video has left there would be taken for the end of this one.
             let _ = std::fs::remove_dir_all(&partial);
-            let drawn = self.pictures(frames, &samples, &partial, interrupt, tell).and_then(|()| {
+            let drawn = self.pictures(frames, &samples, &partial, job).and_then(|()| {
                 let _ = std::fs::remove_dir_all(&folder);
-                std::fs::rename(&partial, &folder).map_err(fail(&folder))
+                std::fs::rename(&partial, &folder).map_err(|error| cannot_write(&folder, &error))
             });
             drawn.inspect_err(|_| {
                 let _ = std::fs::remove_dir_all(&partial);
@@ -157,11 +107,11 @@ impl<'a> Studio<'a> {
         }
         let (wav, partial) = (path.with_extension("partial.wav"), path.with_extension("partial.mp4"));
         sound::write_wav(&wav, &samples)?;
-        let encoded = self.encode(frames, &wav, &partial, interrupt, tell);
+        let encoded = self.encode(frames, &wav, &partial, job);
         let _ = std::fs::remove_file(&wav);
         match encoded {
             Ok(()) => {
-                std::fs::rename(&partial, path).map_err(fail(path))?;
+                std::fs::rename(&partial, path).map_err(|error| cannot_write(path, &error))?;
                 Ok(Video::File(path.to_path_buf()))
             }
             Err(error) => {
@@ -177,34 +127,25 @@ impl<'a> Studio<'a> {
         frames: u32,
         samples: &[f32],
         folder: &Path,
-        interrupt: &AtomicBool,
-        tell: &mut dyn FnMut(f64),
-    ) -> Result<(), RenderError> {
-        let fail = |path: &Path, source| RenderError::Write { path: path.to_path_buf(), source };
-        std::fs::create_dir_all(folder).map_err(|error| fail(folder, error))?;
+        job: &mut Job<'_, f64>,
+    ) -> anyhow::Result<()> {
+        std::fs::create_dir_all(folder).map_err(|error| cannot_write(folder, &error))?;
         sound::write_wav(folder.join("sound.wav"), samples)?;
         for frame in 0..frames {
-            if interrupt.load(Ordering::Relaxed) {
-                return Err(RenderError::Stopped);
+            if job.is_interrupted() {
+                return Err(stopped());
             }
             let picture = folder.join(format!("{frame:06}.png"));
             let size = self.size;
             let pixels = self.paint(f64::from(frame) / f64::from(FRAMES_PER_SEC))?;
-            write_png(&picture, size, pixels).map_err(|error| fail(&picture, error))?;
-            tell(f64::from(frame + 1) / f64::from(frames));
+            write_png(&picture, size, pixels).map_err(|error| cannot_write(&picture, &error))?;
+            job.tell(&(f64::from(frame + 1) / f64::from(frames)));
         }
         Ok(())
     }
 
-    fn encode(
-        &mut self,
-        frames: u32,
-        wav: &Path,
-        out: &Path,
-        interrupt: &AtomicBool,
-        tell: &mut dyn FnMut(f64),
-    ) -> Result<(), RenderError> {
-        let failed = |error: std::io::Error| RenderError::Encoder(error.to_string());
+    fn encode(&mut self, frames: u32, wav: &Path, out: &Path, job: &mut Job<'_, f64>) -> anyhow::Result<()> {
+        let failed = |error: std::io::Error| anyhow!("ffmpeg has failed: {error}");
         let [width, height] = self.size;
         let mut encoder = Command::new("ffmpeg")
             .args(["-hide_banner", "-loglevel", "error", "-y", "-f", "rawvideo", "-pix_fmt", "rgb24"])
@@ -216,20 +157,20 @@ impl<'a> Studio<'a> {
             .stdin(Stdio::piped())
             .stdout(Stdio::null())
             .stderr(Stdio::piped())
-            // A Ctrl-C in the terminal is for us: it is told by the end of the pictures.
+            // A Ctrl-C in the terminal must not reach ffmpeg; it ends when the pictures end.
             .process_group(0)
             .spawn()
             .map_err(failed)?;
         let mut pictures = encoder.stdin.take().map(BufWriter::new);
         let mut drawn = Ok(());
         for frame in 0..frames {
-            if interrupt.load(Ordering::Relaxed) {
-                drawn = Err(RenderError::Stopped);
+            if job.is_interrupted() {
+                drawn = Err(stopped());
                 break;
             }
             match self.paint(f64::from(frame) / f64::from(FRAMES_PER_SEC)) {
                 Ok(pixels) => {
-                    // An encoder that has gone away says why below.
+                    // If the encoder has ended, its message is read below.
                     if pictures.as_mut().is_some_and(|pictures| pictures.write_all(pixels).is_err()) {
                         break;
                     }
@@ -239,7 +180,7 @@ impl<'a> Studio<'a> {
                     break;
                 }
             }
-            tell(f64::from(frame + 1) / f64::from(frames));
+            job.tell(&(f64::from(frame + 1) / f64::from(frames)));
         }
         drop(pictures);
         let ended = encoder.wait_with_output().map_err(failed)?;
@@ -248,8 +189,16 @@ impl<'a> Studio<'a> {
             return Ok(());
         }
         let said = String::from_utf8_lossy(&ended.stderr);
-        Err(RenderError::Encoder(said.trim().lines().last().unwrap_or("it did not say why").to_string()))
+        bail!("ffmpeg has failed: {}", said.trim().lines().last().unwrap_or("it did not say why"))
     }
+}
+
+fn cannot_write(path: &Path, error: &std::io::Error) -> anyhow::Error {
+    anyhow!("cannot write {}: {error}; free some space or choose another place with -o", path.display())
+}
+
+fn stopped() -> anyhow::Error {
+    Interrupted("stopped on request; nothing was kept".to_string()).into()
 }
 
 /// Whether there is an ffmpeg to call.

@@ -98,6 +98,12 @@ impl Truth {
         &self.numbers.name
     }
 
+    /// A number that differs between truths of different content. It reveals nothing of the content.
+    pub fn fingerprint(&self) -> u32 {
+        let text = toml::to_string(&self.numbers).expect("a truth is made of TOML values");
+        crc32c::crc32c(text.as_bytes())
+    }
+
     /// The same twin in another run: its noise and its links throw other dice, its keys and all else stay as they are.
     #[must_use]
     pub fn with_seed_added(&self, run: u64) -> Self {

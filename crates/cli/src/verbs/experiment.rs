@@ -4,11 +4,11 @@ use std::path::{Path, PathBuf};
 
 use clap::{Subcommand, ValueEnum};
 use etude_experiment::{
-    Budget, Experiment, LaunchProgress, LocalConfig, PlanConfig, SlurmConfig, Task, TaskEnd, TaskProgress,
-    TaskState, launch_local, names, open_tasks, plan_file, plan_text, read_plan, run_task, slurm_script,
+    Budget, Experiment, LaunchProgress, LocalConfig, PlanConfig, SlurmConfig, Trial, TrialEnd, TrialProgress,
+    TrialState, launch_local, names, open_trials, plan_file, plan_text, read_plan, run_trial, slurm_script,
     submit, write_plan,
 };
-use etude_perform::write_file;
+use etude_perform::{Job, write_file};
 use serde_json::json as object;
 
 use super::{json, line, note};
@@ -76,12 +76,12 @@ impl PlanArgs {
         PlanConfig { seeds: self.seeds, budget: self.budget, set: self.set.clone() }
     }
 
-    fn plans(&self) -> anyhow::Result<Vec<(Experiment, Vec<Task>)>> {
+    fn plans(&self) -> anyhow::Result<Vec<(Experiment, Vec<Trial>)>> {
         let config = self.config();
         let plan = |name: &String| {
             let experiment = Experiment::load(name)?;
-            let tasks = experiment.plan(&config)?;
-            Ok((experiment, tasks))
+            let trials = experiment.plan(&config)?;
+            Ok((experiment, trials))
         };
         self.names.iter().map(plan).collect()
     }
@@ -171,8 +171,8 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
     match args.what {
         What::List { json } => list(json),
         What::Plan(args) => {
-            for (_, tasks) in args.plans()? {
-                line(plan_text(&tasks).trim_end())?;
+            for (_, trials) in args.plans()? {
+                line(plan_text(&trials).trim_end())?;
             }
             Ok(Ending::Done)
         }
@@ -203,13 +203,13 @@ fn list(as_json: bool) -> anyhow::Result<Ending> {
 
 fn launch(args: &RunArgs) -> anyhow::Result<Ending> {
     let plans = args.plan.plans()?;
-    let tasks: Vec<Task> = plans.iter().flat_map(|(_, tasks)| tasks.clone()).collect();
+    let trials: Vec<Trial> = plans.iter().flat_map(|(_, trials)| trials.clone()).collect();
     let name = plans.iter().map(|(experiment, _)| experiment.name.as_str()).collect::<Vec<_>>().join("-");
-    let plan = plan_file(&args.runs, &name, &tasks);
+    let plan = plan_file(&args.runs, &name, &trials);
     let program = std::env::current_exe()?;
     match args.launcher {
-        Launcher::Local => local(args, &tasks, &plan, program),
-        Launcher::Slurm => slurm(args, &name, &tasks, &plan, program),
+        Launcher::Local => local(args, &trials, &plan, program),
+        Launcher::Slurm => slurm(args, &name, &trials, &plan, program),
     }
 }
 
@@ -220,21 +220,21 @@ fn make_runs(runs: &Path) -> anyhow::Result<()> {
     std::fs::create_dir_all(runs).map_err(why)
 }
 
-fn local(args: &RunArgs, tasks: &[Task], plan: &Path, program: PathBuf) -> anyhow::Result<Ending> {
+fn local(args: &RunArgs, trials: &[Trial], plan: &Path, program: PathBuf) -> anyhow::Result<Ending> {
     if args.dry_run || args.throttle.is_some() || !args.sbatch.is_empty() {
         anyhow::bail!("--dry-run, --throttle and --sbatch are for the cluster: add --launcher slurm");
     }
     make_runs(&args.runs)?;
-    write_plan(plan, tasks)?;
+    write_plan(plan, trials)?;
     let cores = std::thread::available_parallelism().map_or(1, usize::from);
     let threads = usize::from(args.threads);
     let workers = args.workers.map_or_else(|| (cores / threads).max(1), usize::from);
     let stop = stop_flag()?;
     let mut status = Status::new(false);
     let mut tell = |at: &LaunchProgress| status.now(&counts(at), &running(at));
-    let report =
-        launch_local(tasks, plan, &args.runs, &LocalConfig { program, workers, threads }, &mut tell, &stop)?;
-    status.finish();
+    let config = LocalConfig { program, workers, threads };
+    let report = launch_local(trials, plan, &args.runs, &config, &mut Job::new(&mut tell, &stop))?;
+    drop(status);
     for (id, why) in &report.failed {
         note(format!("{id} failed: {why} ({})", args.runs.join(id).join(etude_experiment::LOG).display()));
     }
@@ -257,11 +257,11 @@ fn counts(at: &LaunchProgress) -> String {
 }
 
 fn running(at: &LaunchProgress) -> String {
-    let one = |(id, task): (&String, &TaskProgress)| {
-        let f1 = task.f1.map_or_else(String::new, |f1| format!(" F1 {f1:.3}"));
+    let one = |(id, trial): (&String, &TrialProgress)| {
+        let f1 = trial.f1.map_or_else(String::new, |f1| format!(" F1 {f1:.3}"));
         // Without the fingerprint.
         let name = id.rsplit_once("__").map_or(id.as_str(), |(name, _)| name);
-        format!("  {name}: {} {:.0} %{f1}", task.phase, 100.0 * task.share)
+        format!("  {name}: {} {:.0} %{f1}", trial.phase, 100.0 * trial.share)
     };
     let left = at.left_secs.map_or_else(String::new, |secs| format!(", {} left", clock(secs)));
     left + &at.running.iter().map(one).collect::<String>()
@@ -270,11 +270,11 @@ fn running(at: &LaunchProgress) -> String {
 fn slurm(
     args: &RunArgs,
     name: &str,
-    tasks: &[Task],
+    trials: &[Trial],
     plan: &Path,
     program: PathBuf,
 ) -> anyhow::Result<Ending> {
-    let indices = open_tasks(tasks, &args.runs);
+    let indices = open_trials(trials, &args.runs);
     if indices.is_empty() {
         line("all tasks are done, or under way")?;
         return Ok(Ending::Done);
@@ -294,7 +294,7 @@ fn slurm(
         return Ok(Ending::Done);
     }
     make_runs(&args.runs)?;
-    write_plan(plan, tasks)?;
+    write_plan(plan, trials)?;
     let file = plan.with_extension("sbatch");
     std::fs::create_dir_all(plan.with_extension("slurm"))?;
     write_file(&file, &script)?;
@@ -308,32 +308,32 @@ fn slurm(
 
 fn status(args: &StatusArgs) -> anyhow::Result<Ending> {
     let mut all = Vec::new();
-    for (experiment, tasks) in args.plan.plans()? {
-        let states: Vec<TaskState> = tasks.iter().map(|task| TaskState::of(task, &args.runs)).collect();
-        let count = |state: TaskState| states.iter().filter(|other| **other == state).count();
+    for (experiment, trials) in args.plan.plans()? {
+        let states: Vec<TrialState> = trials.iter().map(|trial| TrialState::of(trial, &args.runs)).collect();
+        let count = |state: TrialState| states.iter().filter(|other| **other == state).count();
         if args.json {
-            let rows = tasks
+            let rows = trials
                 .iter()
                 .zip(&states)
-                .map(|(task, state)| object!({ "id": task.id, "labels": task.labels, "state": state }));
+                .map(|(trial, state)| object!({ "id": trial.id, "labels": trial.labels, "state": state }));
             all.push(object!({ "experiment": experiment.name, "tasks": rows.collect::<Vec<_>>() }));
             continue;
         }
         line(format!(
             "{}: {} tasks, {} done, {} running, {} begun and left, {} waiting",
             experiment.name,
-            tasks.len(),
-            count(TaskState::Done),
-            count(TaskState::Running),
-            count(TaskState::Begun),
-            count(TaskState::Waiting)
+            trials.len(),
+            count(TrialState::Done),
+            count(TrialState::Running),
+            count(TrialState::Begun),
+            count(TrialState::Waiting)
         ))?;
-        for (task, state) in tasks.iter().zip(&states) {
-            if matches!(state, TaskState::Running | TaskState::Begun) {
+        for (trial, state) in trials.iter().zip(&states) {
+            if matches!(state, TrialState::Running | TrialState::Begun) {
                 let labels: Vec<String> =
-                    task.labels.iter().map(|(key, value)| format!("{key} {value}")).collect();
-                let state = if *state == TaskState::Running { "running" } else { "begun" };
-                line(format!("  {state:<8} {}  {}", task.id, labels.join(", ")))?;
+                    trial.labels.iter().map(|(key, value)| format!("{key} {value}")).collect();
+                let state = if *state == TrialState::Running { "running" } else { "begun" };
+                line(format!("  {state:<8} {}  {}", trial.id, labels.join(", ")))?;
             }
         }
     }
@@ -347,16 +347,16 @@ fn report(args: &ReportArgs) -> anyhow::Result<Ending> {
     let plans = args.plan.plans()?;
     let page = etude_experiment::write_report(&plans, &args.plan.config(), &args.runs, &args.out)?;
     for missing in &page.missing {
-        note(format!("{}: {} of {} tasks are not done", missing.experiment, missing.tasks, missing.of));
+        note(format!("{}: {} of {} tasks are not done", missing.experiment, missing.trials, missing.of));
     }
     line(format!("Read {}", page.file.display()))?;
     Ok(Ending::Done)
 }
 
 fn task(args: &TaskArgs) -> anyhow::Result<Ending> {
-    let tasks = read_plan(&args.plan)?;
-    let count = tasks.len();
-    let task = tasks.get(args.index).ok_or_else(|| {
+    let trials = read_plan(&args.plan)?;
+    let count = trials.len();
+    let trial = trials.get(args.index).ok_or_else(|| {
         anyhow::anyhow!("{} has no line {}, only {count} from 0", args.plan.display(), args.index)
     })?;
     // A cluster may ask more than once.
@@ -365,18 +365,18 @@ fn task(args: &TaskArgs) -> anyhow::Result<Ending> {
         stop_when_unattended(&stop);
     }
     let attended = args.attended;
-    let mut tell = move |at: &TaskProgress| {
+    let mut tell = move |at: &TrialProgress| {
         if attended && let Ok(text) = serde_json::to_string(at) {
             // A launcher that is gone ends the task by other means.
             let _ = line(text);
         }
     };
     let command = std::env::args().collect::<Vec<_>>().join(" ");
-    match run_task(task, &args.runs, args.threads, &command, &mut tell, &stop)? {
-        TaskEnd::Done | TaskEnd::WasDone => Ok(Ending::Done),
-        TaskEnd::Stopped => Ok(Ending::Stopped),
-        TaskEnd::Busy => {
-            note(format!("another process is at work on {}", task.id));
+    match run_trial(trial, &args.runs, args.threads, &command, &mut Job::new(&mut tell, &stop))? {
+        TrialEnd::Done | TrialEnd::WasDone => Ok(Ending::Done),
+        TrialEnd::Stopped => Ok(Ending::Stopped),
+        TrialEnd::Busy => {
+            note(format!("another process is at work on {}", trial.id));
             Ok(Ending::Busy)
         }
     }

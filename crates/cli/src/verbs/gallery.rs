@@ -6,7 +6,8 @@ use std::sync::atomic::Ordering;
 
 use etude_lab::{find_song, load_player, play};
 use etude_music::repertoire;
-use etude_show::gallery::{GalleryError, gallery};
+use etude_perform::Job;
+use etude_show::gallery::gallery;
 use etude_show::replay::recordings;
 
 use super::{json, line, note};
@@ -52,7 +53,6 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
     if args.runs.is_empty() {
         for id in repertoire::ids() {
             if stop.load(Ordering::Relaxed) {
-                status.finish();
                 note("stopped on request; no page is written yet");
                 return Ok(Ending::Stopped);
             }
@@ -63,17 +63,11 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
             paths.push(folder.join("recording.mcap"));
         }
     }
-    let made = gallery(&paths, &args.out, &stop, &mut |number, path| {
-        status.now("showing ", &format!("{} ({} of {})", path.display(), number + 1, paths.len()));
-    });
-    status.finish();
-    let gallery = match made {
-        Err(error @ GalleryError::Stopped(_)) => {
-            note(error);
-            return Ok(Ending::Stopped);
-        }
-        made => made?,
+    let mut tell = |number: &usize| {
+        status.now("showing ", &format!("{} ({} of {})", paths[*number].display(), number + 1, paths.len()));
     };
+    let gallery = gallery(&paths, &args.out, &mut Job::new(&mut tell, &stop))?;
+    drop(status);
     if args.json {
         json(&gallery)?;
         return Ok(Ending::Done);

@@ -2,8 +2,8 @@
 
 use std::path::PathBuf;
 
-use etude_identify::{IdentifyError, Progress};
-use etude_lab::{Identification, IdentificationError, IdentifyMethod, identify_robot};
+use etude_identify::Progress;
+use etude_lab::{Identification, IdentifyMethod, identify_robot};
 use etude_perform::Job;
 use etude_task::TaskConfig;
 
@@ -70,16 +70,8 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
     let stop = stop_flag()?;
     let mut status = Status::new(args.json);
     let mut tell = |at: &Progress| show(&mut status, at);
-    let report = identify_robot(&what, &args.out, &mut Job::new(&mut tell, &stop));
-    let report = match report {
-        Err(IdentificationError::Identify(error @ IdentifyError::Interrupted)) => {
-            status.finish();
-            super::note(error);
-            return Ok(Ending::Stopped);
-        }
-        report => report?,
-    };
-    status.finish();
+    let report = identify_robot(&what, &args.out, &mut Job::new(&mut tell, &stop))?;
+    drop(status);
     if args.json {
         super::json(&report)?;
         return Ok(Ending::Done);

@@ -44,7 +44,7 @@ pub struct ConfigArgs {
 impl ConfigArgs {
     fn resolve(&self, more: &[String]) -> anyhow::Result<RunConfig> {
         let overrides = [self.overrides.as_slice(), more].concat();
-        Ok(etude_lab::resolve(&self.preset, self.config.as_deref(), &overrides)?)
+        etude_lab::resolve(&self.preset, self.config.as_deref(), &overrides)
     }
 }
 

@@ -2,16 +2,14 @@
 
 use std::path::PathBuf;
 
-use etude_identify::IdentifyError;
 use etude_lab::{
-    IdentificationError, IdentifyMethod, RehearsalConfig, RehearsalError, RehearsalStep, Round, find_song,
-    rehearse_on_robot, shipped_policies,
+    IdentifyMethod, RehearsalConfig, RehearsalStep, Round, find_song, rehearse_on_robot, shipped_policies,
 };
-use etude_perform::Mode;
 use etude_perform::stand::{RigChoice, rig_choice};
+use etude_perform::{Job, Mode};
 use etude_show::{REHEARSAL_PAGE, RehearsalPage};
 
-use super::{json, line, note, slug};
+use super::{json, line, slug};
 use crate::Ending;
 use crate::progress::stop_flag;
 use crate::status::Status;
@@ -103,25 +101,15 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
     let stop = stop_flag()?;
     let mut status = Status::new(args.json);
     let mut page = RehearsalPage::new(&config, &folder);
-    let mut tell = |step: &RehearsalStep<'_>| {
+    let mut tell = |step: &RehearsalStep| {
         show(&mut status, step);
         if let RehearsalStep::Round(round) = step {
             page.add(round);
         }
     };
-    let rounds = match rehearse_on_robot(&song, &rig, &config, &folder, &mut tell, &stop) {
-        Err(
-            error @ (RehearsalError::Interrupted
-            | RehearsalError::Identify(IdentificationError::Identify(IdentifyError::Interrupted))),
-        ) => {
-            status.finish();
-            note(error);
-            return Ok(Ending::Stopped);
-        }
-        rounds => rounds?,
-    };
-    status.finish();
+    let rounds = rehearse_on_robot(&song, &rig, &config, &folder, &mut Job::new(&mut tell, &stop))?;
     page.finish()?;
+    drop(status);
     if args.json {
         json(&rounds)?;
         return Ok(Ending::Done);
@@ -131,23 +119,22 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
     Ok(Ending::Done)
 }
 
-fn show(status: &mut Status, step: &RehearsalStep<'_>) {
+fn show(status: &mut Status, step: &RehearsalStep) {
     match step {
         RehearsalStep::Recorded(excitation) => status.now(&format!("recorded {excitation}"), ""),
-        RehearsalStep::LeftOut(path, why) => {
-            status.done(&format!("warning: {} is not fitted to: {why}", path.display()));
+        RehearsalStep::LeftOut { recording, why } => {
+            status.done(&format!("warning: {} is not fitted to: {why}", recording.display()));
         }
         RehearsalStep::Identifying(round, at) => status.now(
             &format!("round {round}: identifying, {}", at.stage.name()),
             &format!(", {} replays, residuals {:.2} times the noise", at.replays, at.rms),
         ),
-        RehearsalStep::Training(round, step, total, best) => status.now(
+        RehearsalStep::Training { round, step, total, best_f1 } => status.now(
             &format!("round {round}: training"),
-            &format!(", step {step} of {total}, best F1 {best:.3}"),
+            &format!(", step {step} of {total}, best F1 {best_f1:.3}"),
         ),
-        RehearsalStep::Performed(round, index, run) => {
-            status
-                .now(&format!("round {round}: run {} played, F1 {:.3}", index + 1, run.scores.frame.f1), "");
+        RehearsalStep::Performed { round, run, f1 } => {
+            status.now(&format!("round {round}: run {} played, F1 {f1:.3}", run + 1), "");
         }
         RehearsalStep::Round(round) => status.done(&format!(
             "round {}: F1 {:.3} in simulation, {:.3} on the robot: a gap of {:.1} %",

@@ -3,7 +3,8 @@
 use std::path::{Path, PathBuf};
 
 use clap::builder::{PossibleValuesParser, TypedValueParser};
-use etude_show::render::{RenderError, Studio, Video};
+use etude_perform::Job;
+use etude_show::render::{Studio, Video};
 use etude_show::replay::{read_take, recordings};
 use etude_stage::View;
 
@@ -80,17 +81,12 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
     }
     let stop = stop_flag()?;
     let mut status = Status::new(args.json);
-    let made =
-        studio.video(&out, &stop, &mut |done| status.now("drawing", &format!(", {:.0} %", 100.0 * done)));
-    status.finish();
-    match made {
-        Ok(Video::File(path)) => told(args.json, "video", &path, None),
-        Ok(Video::Frames { folder, command }) => told(args.json, "frames", &folder, Some(&command)),
-        Err(RenderError::Stopped) => {
-            note(RenderError::Stopped);
-            Ok(Ending::Stopped)
-        }
-        Err(error) => Err(error.into()),
+    let mut tell = |done: &f64| status.now("drawing", &format!(", {:.0} %", 100.0 * done));
+    let video = studio.video(&out, &mut Job::new(&mut tell, &stop))?;
+    drop(status);
+    match video {
+        Video::File(path) => told(args.json, "video", &path, None),
+        Video::Frames { folder, command } => told(args.json, "frames", &folder, Some(&command)),
     }
 }
 

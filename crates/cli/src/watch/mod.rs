@@ -11,7 +11,7 @@ pub mod text;
 use std::path::PathBuf;
 use std::time::SystemTime;
 
-use etude_show::watch::{RunFigures, WatchError, WatchedRun, find_runs};
+use etude_show::watch::{RunFigures, WatchedRun, find_runs};
 use ratatui::crossterm::event::{KeyCode, KeyEvent, KeyEventKind, KeyModifiers};
 use ratatui::style::{Color, Style};
 
@@ -41,7 +41,7 @@ impl View {
     ///
     /// # Errors
     /// As [`find_runs`].
-    pub fn new(folders: Vec<PathBuf>, colours: bool) -> Result<Self, WatchError> {
+    pub fn new(folders: Vec<PathBuf>, colours: bool) -> anyhow::Result<Self> {
         let now = SystemTime::now();
         let runs: Vec<_> =
             find_runs(&folders, MOST, now)?.iter().map(|folder| WatchedRun::open(folder)).collect();
@@ -50,7 +50,7 @@ impl View {
     }
 
     /// Reads some of what the runs have logged since; `true` if there is more. One that cannot be read holds up no other.
-    fn read(&mut self) -> Result<bool, WatchError> {
+    fn read(&mut self) -> anyhow::Result<bool> {
         let read: Vec<_> = self.runs.iter_mut().map(WatchedRun::read).collect();
         self.update();
         read.into_iter().try_fold(false, |more, run| Ok(more | run?))

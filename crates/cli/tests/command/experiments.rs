@@ -4,6 +4,7 @@ use std::process::{Command, Stdio};
 use std::thread::sleep;
 use std::time::{Duration, Instant};
 
+use crate::processes::{self, children_of};
 use crate::{Desk, TINY, errors};
 
 /// An experiment of four short tasks in the scratch folder.
@@ -100,8 +101,8 @@ fn tasks_that_were_stopped_or_whose_launcher_was_killed_end_the_same() {
     let whole = results(&desk, "whole");
     assert_eq!(whole.len(), 4);
     // Told to stop; the launcher killed; and launcher and workers killed.
-    for (signal, workers_too) in [("-INT", false), ("-KILL", false), ("-KILL", true)] {
-        let runs = format!("stopped{signal}{workers_too}");
+    for (signal, workers_too) in [("INT", false), ("KILL", false), ("KILL", true)] {
+        let runs = format!("stopped-{signal}-{workers_too}");
         let run = || tiny(&desk, &format!("experiment run four.toml --workers 1 --runs {runs}"));
         let mut launcher = run().stdout(Stdio::null()).stderr(Stdio::null()).spawn().unwrap();
         let first = desk.path(&runs).join(whole_first(&desk)).join("training/metrics.jsonl");
@@ -110,13 +111,11 @@ fn tasks_that_were_stopped_or_whose_launcher_was_killed_end_the_same() {
             sleep(Duration::from_millis(5));
         }
         if workers_too {
-            // The tasks' command lines have the folder's whole path.
-            let pattern = format!("experiment task .*{runs}");
-            Command::new("pkill").args(["-KILL", "-f", &pattern]).status().unwrap();
+            children_of(launcher.id()).into_iter().for_each(|worker| processes::signal(worker, "KILL"));
         }
-        Command::new("kill").args([signal, &launcher.id().to_string()]).status().unwrap();
+        processes::signal(launcher.id(), signal);
         let code = launcher.wait().unwrap().code();
-        assert_eq!(code, (signal == "-INT").then_some(3));
+        assert_eq!(code, (signal == "INT").then_some(3));
         // Workers hear that the launcher is gone, save and end; what comes after would find them busy before that.
         let begun = Instant::now();
         while desk.ok(&status(&runs)).contains("\"running\"") && begun.elapsed() < Duration::from_secs(60) {

@@ -7,6 +7,7 @@ mod exporting;
 mod mistakes;
 mod playing;
 mod printing;
+mod processes;
 mod rehearsing;
 mod replaying;
 mod robots;

@@ -2,13 +2,14 @@
 
 use std::io::{BufRead as _, BufReader};
 use std::path::PathBuf;
-use std::process::{Child, Command, Stdio};
+use std::process::{Child, Stdio};
 use std::time::{Duration, Instant};
 
 use etude_perform::Recording;
 use serde_json::Value;
 
 use crate::playing::check_elsewhere;
+use crate::processes::{self, children_of, with_arguments};
 use crate::{Desk, errors};
 
 const MODES: [&str; 3] = ["joint-mirroring", "hybrid", "real"];
@@ -212,9 +213,10 @@ fn however_a_controller_ends_the_robot_is_let_go() {
 
     // Without its guard the controller gives up.
     let unguarded = home();
-    let guard =
-        Command::new("pkill").args(["-KILL", "-f", &format!("robot guard --robot {rig}")]).status().unwrap();
-    assert!(guard.success());
+    let guards = with_arguments(&["robot", "guard", "--robot", &rig]);
+    let guards: Vec<u32> = children_of(unguarded.id()).into_iter().filter(|id| guards.contains(id)).collect();
+    assert_eq!(guards.len(), 1);
+    processes::signal(guards[0], "KILL");
     lets_go("unguarded", unguarded);
 
     // A file that cannot be written is told with the robot let go.
@@ -226,6 +228,5 @@ fn however_a_controller_ends_the_robot_is_let_go() {
 }
 
 fn signal(process: &Child, name: &str) {
-    let sent = Command::new("kill").args([format!("-{name}"), process.id().to_string()]).status().unwrap();
-    assert!(sent.success());
+    processes::signal(process.id(), name);
 }

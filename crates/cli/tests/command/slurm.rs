@@ -11,6 +11,7 @@ use std::thread::sleep;
 use std::time::{Duration, Instant};
 
 use crate::experiments::{FOUR, results, tiny};
+use crate::processes::{self, with_arguments};
 use crate::{Desk, errors};
 
 /// How long anything of the cluster's may take.
@@ -44,7 +45,7 @@ impl Cluster {
         else {
             return skip("there is no Slurm here");
         };
-        let who = Command::new("id").arg("-u").output().ok()?;
+        let who = Command::new("id").arg("-u").output().unwrap();
         if who.stdout != b"0\n" {
             return skip("slurmd needs root");
         }
@@ -62,8 +63,8 @@ impl Cluster {
         let ports: [u16; 2] = std::array::from_fn(|_| {
             std::net::TcpListener::bind("127.0.0.1:0").unwrap().local_addr().unwrap().port()
         });
-        let host = Command::new("hostname").output().ok()?;
-        let host = String::from_utf8(host.stdout).ok()?.trim().to_string();
+        let host = Command::new("hostname").output().unwrap();
+        let host = String::from_utf8(host.stdout).unwrap().trim().to_string();
         let config = format!(
             "ClusterName=etude\nSlurmctldHost={host}(127.0.0.1)\nSlurmUser=root\nSlurmdUser=root\n\
              SlurmctldPort={}\nSlurmdPort={}\nAuthType=auth/munge\nAuthInfo=socket={}\nCredType=cred/munge\n\
@@ -185,8 +186,10 @@ fn a_sweep_through_slurm_has_the_results_of_the_local_launcher() {
     cluster.wait("the first two tasks are half way", || evaluated(0) && evaluated(1));
     // One is killed; the other is told that its time is up, saves itself and asks to be requeued. `scancel` goes on telling it, so
     // nobody waits for it.
-    let pattern = format!("experiment task .* 1 --runs {}", desk.path("there").display());
-    Command::new("pkill").args(["-KILL", "-f", &pattern]).status().unwrap();
+    let runs = desk.path("there").display().to_string();
+    let killed = with_arguments(&["1", "--runs", &runs]);
+    assert!(!killed.is_empty(), "the second task is running");
+    killed.into_iter().for_each(|task| processes::signal(task, "KILL"));
     let mut told = Command::new("scancel");
     told.args(["--signal=USR1", "--batch", &format!("{job}_0")]).env("SLURM_CONF", cluster.config());
     let mut told = told.stderr(Stdio::null()).spawn().unwrap();

@@ -4,16 +4,17 @@ mod proto;
 
 use std::path::Path;
 
+use anyhow::Context as _;
+use etude_lab::Player;
 use etude_learn::PolicyLayer;
 use etude_music::{CONTROL_HZ, KEYS, LOWEST_PITCH, Song};
-use etude_perform::{FileError, write_file};
+use etude_perform::write_file;
 use etude_stage::geometry::WHITE_PITCH;
 use etude_stage::{JOINT_NAMES, JOINTS, RAIL};
 use etude_task::{ACTION_LEN, Piece, TargetRange, TaskError};
 use prost::Message as _;
 use serde_json::json;
 
-use etude_lab::Player;
 use proto::{Attribute, Graph, Model, Node, OpsetId, StringEntry, Tensor, ValueInfo};
 
 /// The first set of operators with GELU.
@@ -25,29 +26,15 @@ const OBSERVATION: &str = "observation";
 /// Name of the output.
 const ACTION: &str = "action";
 
-/// A policy could not be exported.
-#[derive(Debug, thiserror::Error)]
-pub enum OnnxError {
-    /// There is no network.
-    #[error(
-        "the scripted player has no network that could be exported; train a policy, or name one with --policy"
-    )]
-    Scripted,
-    /// The song does not fit the task.
-    #[error(transparent)]
-    Task(#[from] TaskError),
-    /// The file cannot be written.
-    #[error(transparent)]
-    File(#[from] FileError),
-}
-
 /// Writes the actor of `player`, who plays `song`, as an ONNX model: `observation` `[batch, o]` to `action` `[batch, 13]` in [-1, 1],
 /// without exploration. The entry `etude` of the model's metadata holds JSON that says what each column means.
 ///
 /// # Errors
 /// If it is the scripted player, or the file cannot be written.
-pub fn export_onnx(player: &Player, song: &Song, path: &Path) -> Result<(), OnnxError> {
-    let policy = player.policy().ok_or(OnnxError::Scripted)?;
+pub fn export_onnx(player: &Player, song: &Song, path: &Path) -> anyhow::Result<()> {
+    let policy = player.policy().context(
+        "the scripted player has no network that could be exported; train a policy, or name one with --policy",
+    )?;
     let contract = contract(player, song)?;
     let mut graph = Graph {
         name: "actor".to_string(),

@@ -6,7 +6,7 @@ use etude_identify::html::escape;
 use etude_perform::write_file;
 use serde::Serialize;
 
-use super::{ReplayError, Take};
+use super::take::Take;
 
 /// The viewer, as `npm run build` in `viewer/` makes it.
 const SCRIPT: &str = include_str!("../../../../viewer/dist/replay.js");
@@ -31,17 +31,17 @@ struct Data<'a> {
 ///
 /// # Errors
 /// If the file cannot be written.
-pub fn replay_page(takes: &[Take], path: &Path) -> Result<(), ReplayError> {
-    Ok(write_file(path, &page(takes))?)
+pub fn replay_page(takes: &[Take], path: &Path) -> anyhow::Result<()> {
+    Ok(write_file(path, &page(takes)?)?)
 }
 
-fn page(takes: &[Take]) -> String {
+fn page(takes: &[Take]) -> serde_json::Result<String> {
     let title = takes.first().map_or("Replay", |take| &take.song);
     let title = if title.is_empty() { "Replay" } else { title };
     let data = Data { version: VERSION, takes, partings: partings(takes) };
-    // Plain numbers and strings: writing them as JSON cannot fail. No text in it can end the element that holds it.
-    let data = serde_json::to_string(&data).unwrap_or_default().replace('<', "\\u003c");
-    format!(
+    // No text in it can end the element that holds it.
+    let data = serde_json::to_string(&data)?.replace('<', "\\u003c");
+    Ok(format!(
         "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\"/>\n\
          <meta http-equiv=\"Content-Security-Policy\" content=\"{}\"/>\n\
          <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\"/>\n\
@@ -51,7 +51,7 @@ fn page(takes: &[Take]) -> String {
          <script>{SCRIPT}</script>\n</body>\n</html>\n",
         escape(POLICY.trim()),
         escape(title),
-    )
+    ))
 }
 
 /// Where the first two takes of the same song sound different keys.

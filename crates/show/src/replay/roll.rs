@@ -2,7 +2,7 @@
 
 use std::fmt::Write as _;
 
-use super::Take;
+use super::take::Take;
 
 /// Width of a control step and height of a key, in the drawing's units.
 const STEP: usize = 4;

@@ -11,7 +11,6 @@ use etude_stage::{JOINTS, Scene, StageConfig, World};
 use etude_task::TaskConfig;
 use serde::Serialize;
 
-use super::ReplayError;
 use super::rewards::rewards;
 
 /// Clamps of one joint by one limit that are no further apart than this are one mark, s.
@@ -132,7 +131,7 @@ impl Take {
     ///
     /// # Errors
     /// If its world cannot be built.
-    pub fn new(recording: &Recording, name: String) -> Result<Self, ReplayError> {
+    pub fn new(recording: &Recording, name: String) -> anyhow::Result<Self> {
         let header = &recording.header;
         let task = task_of(header);
         let mut world = world_of(&task)?;
@@ -191,7 +190,7 @@ impl Take {
     ///
     /// # Errors
     /// If MuJoCo refuses it.
-    pub fn world(&self) -> Result<World, ReplayError> {
+    pub fn world(&self) -> anyhow::Result<World> {
         world_of(&self.task)
     }
 
@@ -216,7 +215,7 @@ impl Take {
 }
 
 /// A configuration that makes no sense is drawn as the usual world: there is still something to see.
-fn world_of(task: &TaskConfig) -> Result<World, ReplayError> {
+fn world_of(task: &TaskConfig) -> anyhow::Result<World> {
     let params = task.check().ok().and_then(|()| task.params().ok()).unwrap_or_default();
     Ok(World::new(&task.stage, &params)?)
 }

@@ -3,7 +3,8 @@
 use std::path::{Path, PathBuf};
 use std::time::{Duration, SystemTime};
 
-use super::{METRICS, WatchError};
+use super::METRICS;
+use anyhow::bail;
 use etude_lab::{CONFIG, SONG};
 
 /// A run that was not written to for longer is not meant by the folder that it lies in.
@@ -16,11 +17,14 @@ const DEPTH: usize = 5;
 ///
 /// # Errors
 /// If a folder is missing, holds no run, or none that is recent.
-pub fn find_runs(folders: &[PathBuf], most: usize, now: SystemTime) -> Result<Vec<PathBuf>, WatchError> {
+pub fn find_runs(folders: &[PathBuf], most: usize, now: SystemTime) -> anyhow::Result<Vec<PathBuf>> {
     let mut runs: Vec<PathBuf> = Vec::new();
     for folder in folders {
         if !folder.is_dir() {
-            return Err(WatchError::Missing(folder.clone()));
+            bail!(
+                "there is no folder {}; name a run's folder, or start a training with `etude train SONG`",
+                folder.display()
+            );
         }
         let itself = [folder.clone(), folder.join("training")].into_iter().find(|folder| is_run(folder));
         let found = match itself {
@@ -44,18 +48,26 @@ fn is_run(folder: &Path) -> bool {
     is_file(CONFIG) && (is_file(METRICS) || is_file(SONG))
 }
 
-fn recent(folder: &Path, most: usize, now: SystemTime) -> Result<Vec<PathBuf>, WatchError> {
+fn recent(folder: &Path, most: usize, now: SystemTime) -> anyhow::Result<Vec<PathBuf>> {
     let mut runs = Vec::new();
     search(folder, DEPTH, &mut runs);
     // The path decides between equals, so that the order is always the same.
     runs.sort_by(|a, b| b.cmp(a));
-    let Some((_, latest)) = runs.first() else { return Err(WatchError::NoRun(folder.to_path_buf())) };
-    let latest = latest.clone();
+    let Some((_, latest)) = runs.first().cloned() else {
+        let folder = folder.display();
+        bail!(
+            "{folder} holds no run; name a run's folder, or start one there with `etude train SONG -o {folder}/NAME`"
+        );
+    };
     // Where the file system's clock is ahead of ours, times lie in the future; they are recent too.
     runs.retain(|(time, _)| now.duration_since(*time).map_or(true, |age| age <= RECENT));
     runs.truncate(most);
     if runs.is_empty() {
-        return Err(WatchError::Old { folder: folder.to_path_buf(), latest });
+        bail!(
+            "none of the runs in {} was written to in the last day; name the one to watch, for example {}",
+            folder.display(),
+            latest.display()
+        );
     }
     Ok(runs.into_iter().map(|(_, run)| run).collect())
 }
@@ -95,12 +107,14 @@ mod tests {
         let find = |paths: &[&str], most| {
             let folders: Vec<_> = paths.iter().map(|path| folder.path().join(path)).collect();
             let found = find_runs(&folders, most, now)?;
-            Ok(found
-                .iter()
-                .map(|run| run.strip_prefix(folder.path()).unwrap().display().to_string())
-                .collect::<Vec<_>>())
+            anyhow::Ok(
+                found
+                    .iter()
+                    .map(|run| run.strip_prefix(folder.path()).unwrap().display().to_string())
+                    .collect::<Vec<_>>(),
+            )
         };
-        let message = |found: Result<Vec<String>, WatchError>| found.unwrap_err().to_string();
+        let message = |found: anyhow::Result<Vec<String>>| found.unwrap_err().to_string();
         assert!(message(find(&["runs"], 9)).contains("there is no folder"));
         std::fs::create_dir_all(&runs).unwrap();
         assert!(message(find(&["runs"], 9)).contains("holds no run"));

@@ -8,6 +8,7 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::time::SystemTime;
 
+use anyhow::anyhow;
 use serde::Serialize;
 
 pub use find::find_runs;
@@ -22,35 +23,6 @@ const AT_ONCE: usize = 8 << 20;
 /// A training that has logged nothing for so many of its intervals, and for so many seconds, is told apart from one that goes on.
 const PATIENCE_INTERVALS: f64 = 3.0;
 const PATIENCE_SECS: f64 = 120.0;
-
-/// Runs cannot be watched.
-#[derive(Debug, thiserror::Error)]
-pub enum WatchError {
-    /// There is no such folder.
-    #[error("there is no folder {0}; name a run's folder, or start a training with `etude train SONG`")]
-    Missing(PathBuf),
-    /// Nothing in the folder is a run.
-    #[error("{0} holds no run; name a run's folder, or start one there with `etude train SONG -o {0}/NAME`")]
-    NoRun(PathBuf),
-    /// All runs in the folder are old.
-    #[error(
-        "none of the runs in {folder} was written to in the last day; name the one to watch, for example {latest}"
-    )]
-    Old {
-        /// The folder.
-        folder: PathBuf,
-        /// The run that was written to last.
-        latest: PathBuf,
-    },
-    /// A run's metrics cannot be read.
-    #[error("cannot read {path}: {source}")]
-    Read {
-        /// The file.
-        path: PathBuf,
-        /// Why.
-        source: std::io::Error,
-    },
-}
 
 /// A run that is watched.
 pub struct WatchedRun {
@@ -136,11 +108,11 @@ impl WatchedRun {
     ///
     /// # Errors
     /// If the metrics are there and cannot be read.
-    pub fn read(&mut self) -> Result<bool, WatchError> {
+    pub fn read(&mut self) -> anyhow::Result<bool> {
         let piece = self
             .follower
             .read(AT_ONCE)
-            .map_err(|source| WatchError::Read { path: self.folder.join(METRICS), source })?;
+            .map_err(|error| anyhow!("cannot read {}: {error}", self.folder.join(METRICS).display()))?;
         if piece.restarted {
             self.history = History::default();
         }

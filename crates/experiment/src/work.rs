@@ -1,185 +1,134 @@
-//! One task in its folder: it goes on where it was stopped, ends with one file that appears whole, and is done only once.
+//! Doing a trial in its folder. It resumes where it was stopped, ends with one file that appears complete, and is done only once.
 //!
 //! ```text
-//! RUNS/ID/task.json     what is done
+//! RUNS/ID/task.json     the trial
 //! RUNS/ID/training/     the run, if something is learned
 //! RUNS/ID/rehearsal/    the rehearsal, if it is one
 //! RUNS/ID/recordings/   excitations of the twin, and RUNS/ID/identified/, if the simulator is fitted
-//! RUNS/ID/log.txt       what the launcher's process said
-//! RUNS/ID/times.json    when, where and how long: what differs between machines
-//! RUNS/ID/result.json   what came of it, the same however it was run; written last
+//! RUNS/ID/log.txt       messages of the trial's process
+//! RUNS/ID/times.json    when, where and how long: this differs between machines
+//! RUNS/ID/result.json   the result, the same however the trial was run; written last
 //! ```
 
 use std::collections::BTreeMap;
 use std::fs::{File, TryLockError};
-use std::path::{Path, PathBuf};
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::path::Path;
 use std::time::{Duration, Instant};
+
+use anyhow::bail;
+use etude_identify::Progress;
+use etude_lab::bench::processor;
+use etude_lab::{
+    Identification, IdentifyMethod, RehearsalConfig, RehearsalStep, RobotPlay, Run, find_song,
+    identify_robot, load_player, play_on_robot, record_excitations, rehearse_on_robot, scores_in_simulation,
+};
+use etude_learn::{EvaluationRow, LogRow, StopReason, TrainingObserver};
+use etude_perform::stand::{TWIN, rig_choice, unix_secs};
+use etude_perform::{Job, Mode, gap, write_file};
+use etude_show::RehearsalPage;
+use etude_task::Piece;
+use serde::Serialize;
 
 use crate::config::PerformConfig;
 use crate::course::{Course, evaluations};
-use crate::outcome::{LOCK, RESULT, Row, TASK, TIMES, TaskEnd, TaskProgress, TaskResult, TaskTimes, Values};
-use crate::plan::{Task, TrainingConfig, TrainingConfigError, Work};
-use etude_identify::{IdentifyError, Progress};
-use etude_lab::PlayError;
-use etude_lab::bench::processor;
-use etude_lab::load_player;
-use etude_lab::{Identification, IdentificationError, IdentifyMethod, identify_robot};
-use etude_lab::{RehearsalConfig, RehearsalError, RehearsalStep, record_excitations, rehearse_on_robot};
-use etude_lab::{RobotPlay, play_on_robot, scores_in_simulation};
-use etude_lab::{Run, RunError, find_song};
-use etude_learn::{EvaluationRow, LogRow, StopReason, TrainingObserver};
-use etude_music::SongError;
-use etude_perform::stand::{StandError, TWIN, rig_choice, unix_secs};
-use etude_perform::{FileError, Job, Mode, gap, write_file};
-use etude_show::RehearsalPage;
-use etude_task::{Piece, TaskError};
+use crate::outcome::{
+    LOCK, RESULT, Row, TIMES, TRIAL, TrialEnd, TrialProgress, TrialResult, TrialTimes, Values, file_error,
+};
+use crate::trial::{TrainingConfig, Trial, Work};
 
 const COURSE: &str = "course.jsonl";
-/// Times that a lock is tried for.
-const LOOKS: u32 = 10;
-/// Draws of the twin are told apart by this much from one seed to the next.
+/// Attempts to take the lock of a trial.
+const ATTEMPTS: u32 = 10;
+/// Message of a trial that was interrupted; [`run_trial`] makes an outcome of it.
+const STOPPED: &str = "stopped on request";
+/// Distance between the seeds of the twin's noise from one trial seed to the next.
 const SEEDS_OF_RUNS: u64 = 1000;
+/// Share of a trial's time that the training takes where a performance follows.
+const TRAINING_SHARE: f64 = 0.9;
 
-/// A task failed.
-#[derive(Debug, thiserror::Error)]
-pub enum TaskFailure {
-    /// Settings.
-    #[error(transparent)]
-    Config(#[from] TrainingConfigError),
-    /// A song.
-    #[error(transparent)]
-    Song(#[from] SongError),
-    /// The world.
-    #[error(transparent)]
-    Task(#[from] TaskError),
-    /// Learning.
-    #[error(transparent)]
-    Run(#[from] RunError),
-    /// Playing.
-    #[error(transparent)]
-    Play(#[from] PlayError),
-    /// The twin.
-    #[error(transparent)]
-    Stand(#[from] StandError),
-    /// Rehearsing.
-    #[error(transparent)]
-    Rehearsal(#[from] RehearsalError),
-    /// Fitting.
-    #[error(transparent)]
-    Identification(#[from] IdentificationError),
-    /// A file cannot be written.
-    #[error(transparent)]
-    Write(#[from] FileError),
-    /// A file cannot be made or read.
-    #[error("{path}: {source}")]
-    File {
-        /// The file.
-        path: PathBuf,
-        /// Why.
-        source: std::io::Error,
-    },
-    /// On request; it goes on from where it was.
-    #[error("stopped on request")]
-    Stopped,
-}
-
-/// Does a task in its folder among `runs`, or goes on with it. `threads` as in `trainer.threads`; `command` is written down.
+/// Does a trial in its folder among `runs`, or resumes it. `threads` as in `trainer.threads`; `command` is stored with the times.
 ///
 /// # Errors
-/// If it fails; what was complete is kept, and the same call tries again.
-pub fn run_task(
-    task: &Task,
+/// If it fails; what is complete is kept, and the same call tries again.
+pub fn run_trial(
+    trial: &Trial,
     runs: &Path,
     threads: usize,
     command: &str,
-    tell: &mut (dyn FnMut(&TaskProgress) + Send),
-    interrupt: &AtomicBool,
-) -> Result<TaskEnd, TaskFailure> {
-    // Unfinished fits know their recordings by path: it is the same from wherever the task is gone on with.
-    let runs =
-        std::path::absolute(runs).map_err(|source| TaskFailure::File { path: runs.to_path_buf(), source })?;
-    let folder = runs.join(&task.id);
-    if folder.join(RESULT).is_file() {
-        return Ok(TaskEnd::WasDone);
+    job: &mut Job<'_, TrialProgress>,
+) -> anyhow::Result<TrialEnd> {
+    // An interrupted fit finds its recordings by path, which must not depend on the working folder.
+    let runs = std::path::absolute(runs).map_err(|error| file_error(runs, &error))?;
+    let folder = runs.join(&trial.id);
+    let is_done = || folder.join(RESULT).is_file();
+    if is_done() {
+        return Ok(TrialEnd::WasDone);
     }
-    let file_error = |path: &Path, source| TaskFailure::File { path: path.to_path_buf(), source };
-    std::fs::create_dir_all(&folder).map_err(|error| file_error(&folder, error))?;
-    // The system lets go of it at every death. Where the file system has no locks, everyone has it.
+    std::fs::create_dir_all(&folder).map_err(|error| file_error(&folder, &error))?;
     let path = folder.join(LOCK);
-    let lock = File::create(&path).map_err(|error| file_error(&path, error))?;
-    // Whoever asks where the task stands has it for a moment.
-    let taken = || matches!(lock.try_lock(), Err(TryLockError::WouldBlock));
-    for attempt in 1.. {
-        if !taken() {
-            break;
+    let lock = File::create(&path).map_err(|error| file_error(&path, &error))?;
+    // `TrialState::of` holds the lock for a moment. Where the file system has no locks, every process gets it.
+    let mut attempts = 1;
+    while matches!(lock.try_lock(), Err(TryLockError::WouldBlock)) {
+        if attempts == ATTEMPTS {
+            return Ok(TrialEnd::Busy);
         }
-        if attempt == LOOKS {
-            return Ok(TaskEnd::Busy);
-        }
+        attempts += 1;
         std::thread::sleep(Duration::from_millis(100));
     }
-    // Who had the lock may have finished.
-    if folder.join(RESULT).is_file() {
-        return Ok(TaskEnd::WasDone);
+    // The process that held the lock may have finished the trial.
+    if is_done() {
+        return Ok(TrialEnd::WasDone);
     }
-    // Plain numbers, strings and maps: writing them as JSON cannot fail, here and below.
-    // The same work may be said in other words, and a rehearsal under way knows its words.
-    let begun =
-        std::fs::read(folder.join(TASK)).ok().and_then(|bytes| serde_json::from_slice::<Task>(&bytes).ok());
-    let task = begun.as_ref().filter(|begun| begun.id == task.id).unwrap_or(task);
-    let text = serde_json::to_string_pretty(task).unwrap_or_default() + "\n";
-    write_file(&folder.join(TASK), &text)?;
-    let mut work = Doing { task, folder: &folder, threads, command, tell, interrupt };
-    let done = match &task.work {
-        Work::Train { training, perform } => work.train_and_perform(training, perform.as_ref()),
+    // The same work may be written in other words. A rehearsal that was begun keeps its words.
+    let begun: Option<Trial> =
+        std::fs::read(folder.join(TRIAL)).ok().and_then(|bytes| serde_json::from_slice(&bytes).ok());
+    let trial = begun.as_ref().filter(|begun| begun.id == trial.id).unwrap_or(trial);
+    write_json(&folder.join(TRIAL), trial)?;
+    let mut doing = Doing { trial, folder: &folder, threads, command, job };
+    let done = match &trial.work {
+        Work::Train { training, perform } => doing.train_and_perform(training, perform.as_ref()),
         Work::Rehearse { training, mode, rounds, runs, truth, evaluations } => {
-            work.rehearse(training, *mode, [*rounds, *runs], truth, *evaluations)
+            doing.rehearse(training, *mode, [*rounds, *runs], truth, *evaluations)
         }
         Work::Identify { truth, method, evaluations, seed } => {
-            work.identify(truth, *method, *evaluations, *seed)
+            doing.identify(truth, *method, *evaluations, *seed)
         }
     };
     let (result, times) = match done {
-        // Also where it stopped on its way to something: a twin that is called back while it goes to the keyboard.
-        Err(_) if interrupt.load(Ordering::Relaxed) => return Ok(TaskEnd::Stopped),
+        // An interruption may also show as an error, for example while the twin moves to the keyboard.
+        Err(_) if doing.job.is_interrupted() => return Ok(TrialEnd::Stopped),
         done => done?,
     };
-    let text = serde_json::to_string_pretty(&times).unwrap_or_default() + "\n";
-    write_file(&folder.join(TIMES), &text)?;
-    let text = serde_json::to_string_pretty(&result).unwrap_or_default() + "\n";
-    write_file(&folder.join(RESULT), &text)?;
-    Ok(TaskEnd::Done)
+    write_json(&folder.join(TIMES), &times)?;
+    write_json(&folder.join(RESULT), &result)?;
+    Ok(TrialEnd::Done)
 }
 
-/// A task under way.
-struct Doing<'a> {
-    task: &'a Task,
+fn write_json(path: &Path, value: &impl Serialize) -> anyhow::Result<()> {
+    Ok(write_file(path, &(serde_json::to_string_pretty(value)? + "\n"))?)
+}
+
+/// A trial under way.
+struct Doing<'a, 'b> {
+    trial: &'a Trial,
     folder: &'a Path,
     threads: usize,
     command: &'a str,
-    tell: &'a mut (dyn FnMut(&TaskProgress) + Send),
-    interrupt: &'a AtomicBool,
+    job: &'a mut Job<'b, TrialProgress>,
 }
 
-/// Share of a task's time that the training takes where a performance follows.
-const TRAINING_SHARE: f64 = 0.9;
-
-impl Doing<'_> {
+impl Doing<'_, '_> {
     fn tell(&mut self, phase: &str, share: f64, f1: Option<f64>) {
-        (self.tell)(&TaskProgress { phase: phase.to_string(), share, f1 });
+        self.job.tell(&TrialProgress { phase: phase.to_string(), share, f1 });
     }
 
-    fn go_on(&self) -> Result<(), TaskFailure> {
-        if self.interrupt.load(Ordering::Relaxed) { Err(TaskFailure::Stopped) } else { Ok(()) }
+    fn result(&self, rows: Vec<Row>, course: Vec<Values>) -> TrialResult {
+        TrialResult { id: self.trial.id.clone(), rows, course }
     }
 
-    fn result(&self, rows: Vec<Row>, course: Vec<Values>) -> TaskResult {
-        TaskResult { id: self.task.id.clone(), rows, course }
-    }
-
-    fn times(&self, secs: f64, course_secs: Vec<f64>) -> TaskTimes {
-        TaskTimes {
+    fn times(&self, secs: f64, course_secs: Vec<f64>) -> TrialTimes {
+        TrialTimes {
             secs,
             course_secs,
             etude: env!("CARGO_PKG_VERSION").to_string(),
@@ -195,7 +144,7 @@ impl Doing<'_> {
         &mut self,
         training: &TrainingConfig,
         perform: Option<&PerformConfig>,
-    ) -> Result<(TaskResult, TaskTimes), TaskFailure> {
+    ) -> anyhow::Result<(TrialResult, TrialTimes)> {
         let song = find_song(&training.song)?;
         let folder = self.folder.join("training");
         let mut config = training.resolve()?;
@@ -209,7 +158,7 @@ impl Doing<'_> {
         let outcome = run.run(&mut watch)?;
         drop(run);
         if outcome.stopped.is_some() {
-            return Err(TaskFailure::Stopped);
+            bail!(STOPPED);
         }
         let player = load_player(&training.song, "", Some(&folder), Path::new("runs"))?;
         let piece = Piece::new(&song, player.config.task.initial_silence_secs)?;
@@ -232,9 +181,11 @@ impl Doing<'_> {
                         &play,
                         None,
                         None,
-                        &mut Job::new(&mut |_| {}, self.interrupt),
+                        &mut Job::new(&mut |_| {}, self.job.interrupt()),
                     )?;
-                    self.go_on()?;
+                    if self.job.is_interrupted() {
+                        bail!(STOPPED);
+                    }
                     for (run, played) in report.runs.iter().enumerate() {
                         let frame = &played.scores.frame;
                         let whole = if played.steps[0] == played.steps[1] { 1.0 } else { 0.0 };
@@ -262,7 +213,7 @@ impl Doing<'_> {
         [rounds, runs]: [usize; 2],
         truth_name: &str,
         evaluations: Option<u64>,
-    ) -> Result<(TaskResult, TaskTimes), TaskFailure> {
+    ) -> anyhow::Result<(TrialResult, TrialTimes)> {
         let begun = Instant::now();
         let song = find_song(&training.song)?;
         let rig = rig_choice(TWIN, truth_name)?;
@@ -281,27 +232,21 @@ impl Doing<'_> {
             seed: training.resolve()?.trainer.seed,
             threads: Some(self.threads),
         };
-        let (folder, interrupt) = (self.folder.join("rehearsal"), self.interrupt);
+        let (folder, interrupt) = (self.folder.join("rehearsal"), self.job.interrupt());
         let parts = (rounds + 1) as f64;
         let mut page = RehearsalPage::new(&config, &folder);
-        let mut told = |step: &RehearsalStep<'_>| match step {
+        let mut tell = |step: &RehearsalStep| match step {
             RehearsalStep::Identifying(round, at) => {
                 self.tell(&format!("round {round}: {}", at.stage.name()), *round as f64 / parts, None);
             }
-            RehearsalStep::Training(round, step, total, f1) => {
+            RehearsalStep::Training { round, step, total, best_f1 } => {
                 let share = (*round as f64 + *step as f64 / (*total).max(1) as f64) / parts;
-                self.tell(&format!("round {round}: training"), share, Some(*f1));
+                self.tell(&format!("round {round}: training"), share, Some(*best_f1));
             }
             RehearsalStep::Round(round) => page.add(round),
             _ => {}
         };
-        let rounds = match rehearse_on_robot(&song, &rig, &config, &folder, &mut told, interrupt) {
-            Err(
-                RehearsalError::Interrupted
-                | RehearsalError::Identify(IdentificationError::Identify(IdentifyError::Interrupted)),
-            ) => return Err(TaskFailure::Stopped),
-            rounds => rounds?,
-        };
+        let rounds = rehearse_on_robot(&song, &rig, &config, &folder, &mut Job::new(&mut tell, interrupt))?;
         page.finish()?;
         let rows = rounds.iter().map(|round| {
             let mut values = vec![
@@ -323,17 +268,13 @@ impl Doing<'_> {
         method: IdentifyMethod,
         evaluations: Option<u64>,
         seed: u64,
-    ) -> Result<(TaskResult, TaskTimes), TaskFailure> {
+    ) -> anyhow::Result<(TrialResult, TrialTimes)> {
         let rig = rig_choice(TWIN, truth)?;
         let excitations = self.folder.join("recordings");
-        let interrupt = self.interrupt;
+        let interrupt = self.job.interrupt();
         self.tell("recording", 0.0, None);
-        let recorded =
-            record_excitations(&rig, &excitations, SEEDS_OF_RUNS.wrapping_mul(seed), interrupt, &mut |_| {});
-        let recordings = match recorded {
-            Err(RehearsalError::Interrupted) => return Err(TaskFailure::Stopped),
-            recorded => recorded?,
-        };
+        let seed_of_runs = SEEDS_OF_RUNS.wrapping_mul(seed);
+        let recordings = record_excitations(&rig, &excitations, seed_of_runs, interrupt, &mut |_| {})?;
         let what = Identification {
             recordings,
             held_out: Vec::new(),
@@ -344,22 +285,16 @@ impl Doing<'_> {
         };
         let folder = self.folder.join("identified");
         let mut course = Course::open(&self.folder.join(COURSE))?;
-        let mut failed = None;
-        let mut told = |at: &Progress| {
+        let mut written = Ok(());
+        let mut tell = |at: &Progress| {
             let share = at.ended[0] as f64 / at.ended[1].max(1) as f64;
             self.tell(at.stage.name(), share, None);
-            let written = course.add(at);
-            failed = failed.take().or(written.err());
-        };
-        let report = match identify_robot(&what, &folder, &mut Job::new(&mut told, interrupt)) {
-            Err(IdentificationError::Identify(IdentifyError::Interrupted)) => {
-                return Err(TaskFailure::Stopped);
+            if written.is_ok() {
+                written = course.add(at);
             }
-            report => report?,
         };
-        if let Some(error) = failed {
-            return Err(error);
-        }
+        let report = identify_robot(&what, &folder, &mut Job::new(&mut tell, interrupt))?;
+        written?;
         let errors = &report.held_out_errors;
         let replays: u64 = report.identified.stages.iter().map(|end| end.replays).sum();
         let secs: f64 = report.identified.stages.iter().map(|end| end.secs).sum();
@@ -386,15 +321,15 @@ fn row(labels: &[(&str, String)], values: &[(&str, f64)]) -> Row {
     }
 }
 
-/// Watches a training for a task.
-struct Watch<'a, 'b> {
-    doing: &'a mut Doing<'b>,
+/// Watches a training for a trial.
+struct Watch<'a, 'b, 'c> {
+    doing: &'a mut Doing<'b, 'c>,
     total: u64,
     share: f64,
     best: Option<f64>,
 }
 
-impl TrainingObserver for Watch<'_, '_> {
+impl TrainingObserver for Watch<'_, '_, '_> {
     fn on_log(&mut self, row: &LogRow) {
         let share = self.share * row.step as f64 / self.total.max(1) as f64;
         self.doing.tell("training", share, self.best);
@@ -406,6 +341,6 @@ impl TrainingObserver for Watch<'_, '_> {
     }
 
     fn should_stop(&mut self) -> Option<StopReason> {
-        self.doing.interrupt.load(Ordering::Relaxed).then_some(StopReason::Requested)
+        self.doing.job.is_interrupted().then_some(StopReason::Requested)
     }
 }

@@ -1,0 +1,38 @@
+//! Processes that a test ends: found by their parent or by their arguments, ended by their id.
+
+use std::path::Path;
+use std::process::Command;
+
+/// Ids of all processes.
+fn all() -> impl Iterator<Item = u32> {
+    let entries = std::fs::read_dir("/proc").unwrap().flatten();
+    entries.filter_map(|entry| entry.file_name().to_str()?.parse().ok())
+}
+
+/// Ids of the processes that the process `parent` has started.
+pub fn children_of(parent: u32) -> Vec<u32> {
+    let parent_of = |id: u32| -> Option<u32> {
+        // `ID (NAME) STATE PARENT …`
+        let text = std::fs::read_to_string(Path::new("/proc").join(id.to_string()).join("stat")).ok()?;
+        text.rsplit_once(')')?.1.split_whitespace().nth(1)?.parse().ok()
+    };
+    all().filter(|id| parent_of(*id) == Some(parent)).collect()
+}
+
+/// Ids of the processes that were started with these arguments in a row.
+pub fn with_arguments(arguments: &[&str]) -> Vec<u32> {
+    let has_them = |id: &u32| {
+        let text = std::fs::read(Path::new("/proc").join(id.to_string()).join("cmdline")).unwrap_or_default();
+        let theirs: Vec<&[u8]> = text.split(|byte| *byte == 0).collect();
+        theirs
+            .windows(arguments.len())
+            .any(|row| row.iter().zip(arguments).all(|(one, other)| *one == other.as_bytes()))
+    };
+    all().filter(has_them).collect()
+}
+
+/// Sends a signal, such as `KILL`, to a process.
+pub fn signal(id: u32, name: &str) {
+    let sent = Command::new("kill").args([format!("-{name}"), id.to_string()]).status().unwrap();
+    assert!(sent.success(), "{name} to {id}");
+}

@@ -1,0 +1,130 @@
+//! A trial: one unit of an experiment's work, with an id that depends on what is done and not on the experiment.
+//!
+//! Two experiments that need the same training share its trial. A plan that is made again has the same ids, as long as its songs,
+//! resolved configurations and truths are the same.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+
+use etude_lab::{IdentifyMethod, RunConfig, resolve};
+use etude_learn::TrainerConfig;
+use etude_perform::Mode;
+use serde::{Deserialize, Serialize};
+
+use crate::config::PerformConfig;
+
+/// One unit of an experiment's work. On the command line and in files it is called a task.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Trial {
+    /// Name of its folder below `runs`; the same work has the same id.
+    pub id: String,
+    /// Its place in the experiment: `song`, `variant`, `seed`, the keys of the grid, `mode`, `truth`, `method`.
+    pub labels: BTreeMap<String, String>,
+    /// The work.
+    pub work: Work,
+}
+
+/// The work of a trial.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(tag = "kind", rename_all = "lowercase")]
+pub enum Work {
+    /// A song is learned and, with `perform`, played on the twin.
+    Train {
+        /// How it is learned.
+        training: TrainingConfig,
+        /// How it is played.
+        perform: Option<PerformConfig>,
+    },
+    /// Sim2Real2Sim.
+    Rehearse {
+        /// How it is learned.
+        training: TrainingConfig,
+        /// The mode of the performances.
+        mode: Mode,
+        /// Rounds after the first performance.
+        rounds: usize,
+        /// Performances a round.
+        runs: usize,
+        /// Truth of the twin: a name or a file.
+        truth: String,
+        /// Evaluations of each fit at most.
+        evaluations: Option<u64>,
+    },
+    /// The simulator is fitted to the twin's excitations.
+    Identify {
+        /// Truth of the twin: a name or a file.
+        truth: String,
+        /// The method.
+        method: IdentifyMethod,
+        /// Evaluations of each fit at most.
+        evaluations: Option<u64>,
+        /// Owns every random draw.
+        seed: u64,
+    },
+}
+
+/// A training, by the layers of its configuration.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct TrainingConfig {
+    /// A built-in id or a MIDI file.
+    pub song: String,
+    /// The preset.
+    pub preset: String,
+    /// Overrides, `path=value`, the seed included.
+    pub set: Vec<String>,
+}
+
+impl TrainingConfig {
+    /// The configuration that results from its layers.
+    ///
+    /// # Errors
+    /// As [`resolve`](fn@resolve), and if a setting cannot work.
+    pub fn resolve(&self) -> anyhow::Result<RunConfig> {
+        let config = resolve(&self.preset, None, &self.set)?.complete();
+        config.check()?;
+        config.task.check()?;
+        config.task.params()?;
+        etude_task::reward::Reward::new(&config.task.reward)?;
+        Ok(config)
+    }
+}
+
+/// What tells one training from another: notes and resolved configuration, without threads and the intervals of logs and
+/// checkpoints, which do not change the result.
+pub(crate) fn fingerprint(notes: &str, config: &RunConfig) -> String {
+    let defaults = TrainerConfig::default();
+    let trainer = TrainerConfig {
+        threads: defaults.threads,
+        overlap: defaults.overlap,
+        log_every_steps: defaults.log_every_steps,
+        checkpoint_every_steps: defaults.checkpoint_every_steps,
+        ..config.trainer.clone()
+    };
+    let config = RunConfig { trainer, ..config.clone() };
+    notes.to_string() + &json(&config)
+}
+
+/// A value as JSON, on one line.
+pub(crate) fn json(value: &impl Serialize) -> String {
+    serde_json::to_string(value)
+        .expect("configurations and trials are numbers, strings, lists and maps with string keys")
+}
+
+/// The id of a trial; `all` holds everything that its result depends on.
+pub(crate) fn id(kind: &str, what: &str, seed: u64, all: &str) -> String {
+    let stem =
+        Path::new(what).file_stem().map_or_else(String::new, |stem| stem.to_string_lossy().into_owned());
+    format!("{kind}__{}__{seed}__{:016x}", slug(&stem), fnv(all.as_bytes()))
+}
+
+/// A name as part of a file's.
+pub(crate) fn slug(name: &str) -> String {
+    name.chars().map(|c| if c.is_ascii_alphanumeric() { c } else { '-' }).collect()
+}
+
+/// FNV-1a: the same on every machine and in every version, which the standard library's hashes do not promise.
+pub(crate) fn fnv(bytes: &[u8]) -> u64 {
+    bytes.iter().fold(0xcbf2_9ce4_8422_2325, |hash, byte| {
+        (hash ^ u64::from(*byte)).wrapping_mul(0x0000_0100_0000_01b3)
+    })
+}

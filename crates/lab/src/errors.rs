@@ -1,0 +1,34 @@
+//! Errors that callers tell apart, and messages that several functions share.
+
+use std::fmt::Display;
+use std::path::Path;
+
+use anyhow::anyhow;
+use etude_identify::IdentifyError;
+
+/// The work was interrupted on request. The text says what is kept.
+#[derive(Debug, thiserror::Error)]
+#[error("{0}")]
+pub struct Interrupted(pub String);
+
+impl Interrupted {
+    /// Work that the same command resumes.
+    pub(crate) fn resumable() -> Self {
+        Self("interrupted; the same command goes on from where it stopped".to_string())
+    }
+
+    /// Whether this is the reason of `error`.
+    pub fn is_cause_of(error: &anyhow::Error) -> bool {
+        error.is::<Self>() || matches!(error.downcast_ref(), Some(IdentifyError::Interrupted))
+    }
+}
+
+/// The error of a folder or file in it that cannot be used.
+pub(crate) fn unusable(path: &Path, why: impl Display) -> anyhow::Error {
+    anyhow!("{}: {why}; choose another folder with -o", path.display())
+}
+
+/// The error of a folder or file that cannot be made.
+pub(crate) fn cannot_create(path: &Path, why: impl Display) -> anyhow::Error {
+    anyhow!("cannot create {}: {why}; choose another folder with -o", path.display())
+}

@@ -1,0 +1,56 @@
+//! Recordings of all excitations, for a fit.
+
+use std::path::{Path, PathBuf};
+use std::sync::atomic::AtomicBool;
+
+use anyhow::anyhow;
+use etude_perform::stand::RigChoice;
+use etude_perform::{Ending, Excitation};
+
+use crate::errors::{Interrupted, unusable};
+use crate::record::{Motion, record_robot};
+
+/// Records all excitations into `folder`, except those that are there already, and returns their paths. `tell` is called after each
+/// new one.
+///
+/// # Errors
+/// If the robot does not get ready or stops itself, or a recording cannot be written; [`Interrupted`] if `interrupt` is set.
+pub fn record_excitations(
+    rig: &RigChoice,
+    folder: &Path,
+    seed: u64,
+    interrupt: &AtomicBool,
+    tell: &mut dyn FnMut(Excitation),
+) -> anyhow::Result<Vec<PathBuf>> {
+    std::fs::create_dir_all(folder).map_err(|error| unusable(folder, error))?;
+    let mut paths = Vec::new();
+    for (index, excitation) in Excitation::ALL.into_iter().enumerate() {
+        let path = folder.join(excitation_file(excitation));
+        if !path.is_file() {
+            let partial = path.with_extension("partial");
+            let motion = Motion::Excitation(excitation);
+            let seed = seed.wrapping_add(index as u64);
+            match record_robot(rig, motion, true, seed, &partial, interrupt)?.ending {
+                Ending::Complete => {}
+                Ending::Interrupted => return Err(Interrupted::resumable().into()),
+                Ending::Fault(fault) => return Err(stopped_itself(0, &fault)),
+            }
+            std::fs::rename(&partial, &path).map_err(|error| unusable(&path, error))?;
+            tell(excitation);
+        }
+        paths.push(path);
+    }
+    Ok(paths)
+}
+
+/// Name of the recording of an excitation in its folder.
+pub(crate) fn excitation_file(excitation: Excitation) -> String {
+    format!("{excitation}.mcap")
+}
+
+/// The error of a robot that stopped itself.
+pub(crate) fn stopped_itself(round: usize, fault: &str) -> anyhow::Error {
+    anyhow!(
+        "round {round}: the robot stopped itself: {fault}; remove the cause, then give the same command again"
+    )
+}
