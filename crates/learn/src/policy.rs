@@ -15,7 +15,7 @@ use crate::{
     config::{MOST_LAYERS, WIDEST_LAYER},
     droq::actor_shape,
     env::ObservationLayout,
-    files::{FileError, TensorFile, encode_tensors, read, write_atomically},
+    files::{FileError, TensorFile, encode_tensors, read, write},
     network::Network,
     tensors::{find_tensors, name_tensors},
 };
@@ -120,7 +120,7 @@ impl Policy {
 
     /// Writes the file; an older one of that name is there, whole, until the new one is.
     pub fn save(&self, path: &Path) -> Result<(), FileError> {
-        write_atomically(path, &self.to_bytes().map_err(|reason| FileError::content(path, reason))?)
+        write(path, &self.to_bytes().map_err(|reason| FileError::content(path, reason))?)
     }
 
     /// The bytes that [`save`](Self::save) writes.

@@ -7,9 +7,8 @@ use std::path::PathBuf;
 
 use thiserror::Error;
 
-use crate::midi::{MAX_FILE_BYTES, MAX_TEMPO_CHANGES};
+use crate::limits::{MAX_CONTROL_HZ, MAX_DURATION_SECS, MAX_FILE_BYTES, MAX_NOTES, MAX_TEMPO_CHANGES};
 use crate::range::OutOfRange;
-use crate::song::{MAX_DURATION_SECS, MAX_NOTES};
 
 /// Why bytes are not a MIDI file that can be played.
 #[derive(Debug, Clone, PartialEq, Error)]
@@ -209,10 +208,6 @@ pub enum SongError {
         why: &'static str,
     },
 }
-
-/// Highest control rate in hertz: a millisecond, finer than any controller here and coarse enough that the
-/// frames of the longest song fit in memory.
-pub(crate) const MAX_CONTROL_HZ: f64 = 1000.0;
 
 fn did_you_mean(close: &[&'static str]) -> String {
     if close.is_empty() { String::new() } else { format!(" (did you mean {}?)", close.join(", ")) }

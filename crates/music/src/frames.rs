@@ -3,8 +3,9 @@
 //! The rules are RoboPianist's (fact sheet §1.7), because published scores rest on them: how many frames a song
 //! has, which frames a note covers, and the one-frame gap that makes two strokes of a key two strokes.
 
-use crate::error::{MAX_CONTROL_HZ, SongError};
+use crate::error::SongError;
 use crate::keys::{KEYS, KeySet, LOWEST_PITCH, key_of_pitch};
+use crate::limits::MAX_CONTROL_HZ;
 use crate::note::{Note, one_string_a_pitch};
 use crate::song::Song;
 

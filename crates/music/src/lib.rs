@@ -23,9 +23,9 @@
 //! ```
 
 mod error;
-mod files;
 mod frames;
 mod keys;
+mod limits;
 mod meter;
 pub mod metrics;
 mod midi;
@@ -41,6 +41,7 @@ pub mod sound;
 pub use error::{MidiError, SongError};
 pub use frames::{KeyEvent, notes_from_frames, notes_from_key_events};
 pub use keys::{HIGHEST_PITCH, KEYS, KeySet, LOWEST_PITCH, key_is_black, pitch_name};
+pub use limits::{MAX_DURATION_SECS, MAX_NOTES};
 pub use meter::{BeatGrid, Position};
 pub use note::Note;
 pub use range::{OffendingNote, OutOfRange};
@@ -49,7 +50,7 @@ pub use reach::{
     key_centre_mm,
 };
 pub use resolve::resolve;
-pub use song::{MAX_DURATION_SECS, MAX_NOTES, Song};
+pub use song::Song;
 
 /// Control steps per second: how often the policy acts and the sheet is sampled (RoboPianist, fact sheet §1.3;
 /// the paper's episode lengths agree, §2.8).

@@ -4,11 +4,9 @@ use std::fmt::Write;
 
 use thiserror::Error;
 
-use crate::error::SongError;
-use crate::keys::{HIGHEST_PITCH, LOWEST_PITCH, key_of_pitch, pitch_name};
+use crate::keys::{HIGHEST_PITCH, LOWEST_PITCH, pitch_name};
 use crate::meter::Position;
 use crate::note::Note;
-use crate::song::Song;
 
 /// A note that the keyboard does not have.
 #[derive(Copy, Clone, Debug, PartialEq)]
@@ -81,33 +79,11 @@ impl OutOfRange {
     }
 }
 
-impl Song {
-    /// Checks that the keyboard has every note.
-    ///
-    /// # Errors
-    /// [`SongError::OutOfRange`] with every note that it lacks and every transposition that would help.
-    pub fn check_range(&self) -> Result<(), SongError> {
-        let notes: Vec<OffendingNote> = self
-            .notes()
-            .iter()
-            .filter(|note| key_of_pitch(note.pitch).is_none())
-            .map(|note| OffendingNote { note: *note, position: self.position(note.start_secs) })
-            .collect();
-        if notes.is_empty() {
-            return Ok(());
-        }
-        let pitches = || self.notes().iter().map(|note| i32::from(note.pitch));
-        let lowest = pitches().min().unwrap_or_default();
-        let highest = pitches().max().unwrap_or_default();
-        let transpositions =
-            (i32::from(LOWEST_PITCH) - lowest..=i32::from(HIGHEST_PITCH) - highest).collect();
-        Err(OutOfRange { title: self.title().to_owned(), notes, transpositions }.into())
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::error::SongError;
+    use crate::song::Song;
 
     fn song(pitches: &[u8]) -> Song {
         let note = |(i, &pitch): (usize, &u8)| Note {

@@ -7,16 +7,15 @@ use std::fs::File;
 use std::io::{Read, Write};
 use std::path::Path;
 
+use atomic_write_file::AtomicWriteFile;
+
 use crate::error::{MidiError, SongError};
-use crate::files::write_whole;
+use crate::keys::{HIGHEST_PITCH, LOWEST_PITCH, key_of_pitch};
+use crate::limits::{MAX_DURATION_SECS, MAX_FILE_BYTES, MAX_NOTES};
 use crate::meter::{BeatGrid, Position};
 use crate::midi;
 use crate::note::{Note, one_string_a_pitch};
-
-/// Longest song in seconds: an hour. Learning one takes frames of the whole song in memory.
-pub const MAX_DURATION_SECS: f64 = 3600.0;
-/// Most notes a song may have: an hour of very fast playing.
-pub const MAX_NOTES: usize = 100_000;
+use crate::range::{OffendingNote, OutOfRange};
 
 const MAX_PITCH: u8 = 127;
 const MAX_VELOCITY: u8 = 127;
@@ -84,7 +83,7 @@ impl Song {
         let file = File::open(path).map_err(unreadable)?;
         let mut bytes = Vec::new();
         // One byte more than allowed tells "too large" without trusting the size that the system reports.
-        file.take(midi::MAX_FILE_BYTES + 1).read_to_end(&mut bytes).map_err(unreadable)?;
+        file.take(MAX_FILE_BYTES + 1).read_to_end(&mut bytes).map_err(unreadable)?;
         let title = path.file_stem().map(|stem| stem.to_string_lossy().into_owned()).unwrap_or_default();
         Song::from_midi(&bytes, title).map_err(unusable)
     }
@@ -102,8 +101,12 @@ impl Song {
     /// If the file cannot be written; the path is named.
     pub fn save(&self, path: impl AsRef<Path>) -> Result<(), SongError> {
         let path = path.as_ref();
-        write_whole::<std::io::Error>(path, |file| file.write_all(&self.to_midi()))
-            .map_err(|source| SongError::Write { path: path.into(), source })
+        let write = || {
+            let mut file = AtomicWriteFile::open(path)?;
+            file.write_all(&self.to_midi())?;
+            file.commit()
+        };
+        write().map_err(|source| SongError::Write { path: path.into(), source })
     }
 
     /// What the song is called.
@@ -180,6 +183,27 @@ impl Song {
                 .ok_or(SongError::BadTransposition { semitones, pitch: note.pitch })?;
         }
         Ok(song)
+    }
+
+    /// Checks that the keyboard has every note.
+    ///
+    /// # Errors
+    /// [`SongError::OutOfRange`] with every note that it lacks and every transposition that would help.
+    pub fn check_range(&self) -> Result<(), SongError> {
+        let notes: Vec<OffendingNote> = self
+            .notes
+            .iter()
+            .filter(|note| key_of_pitch(note.pitch).is_none())
+            .map(|note| OffendingNote { note: *note, position: self.position(note.start_secs) })
+            .collect();
+        if notes.is_empty() {
+            return Ok(());
+        }
+        let pitches = || self.notes.iter().map(|note| i32::from(note.pitch));
+        let (lowest, highest) = (pitches().min().unwrap_or(0), pitches().max().unwrap_or(0));
+        let transpositions =
+            (i32::from(LOWEST_PITCH) - lowest..=i32::from(HIGHEST_PITCH) - highest).collect();
+        Err(OutOfRange { title: self.title().to_owned(), notes, transpositions }.into())
     }
 
     /// The song after this many seconds of silence, which count as bar zero.

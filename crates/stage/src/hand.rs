@@ -6,6 +6,8 @@
 
 use serde::{Deserialize, Serialize};
 
+use crate::geometry::HALF_WIDTH;
+
 /// Fingers that play. The thumb is there but cannot reach the keys (paper, "Hardware Configuration").
 pub const FINGERS: usize = 3;
 /// Joints of one finger, from the root: roll about the finger's own axis, then three flexions.
@@ -37,6 +39,11 @@ pub enum Side {
 /// Range of each finger joint, rad.
 pub const FINGER_RANGE: [[f64; 2]; FINGER_JOINTS] =
     [[-0.47, 0.47], [-0.196, 1.61], [-0.174, 1.709], [-0.227, 1.618]];
+
+/// Range of a joint's target: rad, the rail in m.
+pub fn joint_range(joint: usize) -> [f64; 2] {
+    if joint == RAIL { [-HALF_WIDTH, HALF_WIDTH] } else { FINGER_RANGE[joint % FINGER_JOINTS] }
+}
 
 /// Length of the four links of a finger, m: root to flexion joint, then to each next joint; the last one runs to
 /// the centre of the fingertip's rounded end.

@@ -16,6 +16,7 @@
 mod config;
 mod contacts;
 pub mod controller;
+mod error;
 pub mod geometry;
 pub mod hand;
 pub mod kinematics;
@@ -23,19 +24,18 @@ mod mjcf;
 pub mod params;
 mod picture;
 mod scene;
-mod snapshot;
 #[cfg(feature = "viewer")]
 mod window;
 mod world;
 
 pub use config::{Cone, Integrator, KeyFactors, ModelOptions, PHYSICS_STEPS, StageConfig};
 pub use controller::Actuation;
-pub use hand::{FINGERS, JOINT_NAMES, JOINTS, RAIL, Side};
-pub use mjcf::mjcf;
+pub use error::StageError;
+pub use hand::{FINGERS, JOINT_NAMES, JOINTS, RAIL, Side, joint_range};
+pub use mjcf::{LARGEST_PICTURE, mjcf};
 pub use params::{ParamError, PhysicalParams};
-pub use picture::{LARGEST_PICTURE, Painter, PictureError, View, picture_size};
+pub use picture::{Painter, PictureError, View, picture_size};
 pub use scene::{Scene, SceneBody, SceneGeom, SceneJoint};
-pub use snapshot::{Snapshot, SnapshotError};
 #[cfg(feature = "viewer")]
 pub use window::{Window, WindowError};
-pub use world::{StageError, StepOutcome, World, joint_range, mujoco_version};
+pub use world::{Snapshot, SnapshotError, StepOutcome, World, mujoco_version};

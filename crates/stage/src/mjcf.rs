@@ -23,8 +23,9 @@ use crate::hand::{
     TIP_HALF_LENGTH, TIP_RADIUS, root_side,
 };
 use crate::params::{Joint, PhysicalParams, World};
-use crate::picture::LARGEST_PICTURE;
 
+/// Greatest width and height of a picture, pixels: the model's off-screen buffer.
+pub const LARGEST_PICTURE: [u32; 2] = [1920, 1080];
 /// How far above rest a key may spring before its upper stop, rad.
 const KEY_REBOUND: f64 = 0.01;
 /// Speed below which a key may fall asleep, rad/s. MuJoCo's own choice freezes keys on their way to rest: that changed

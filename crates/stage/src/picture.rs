@@ -6,10 +6,8 @@ use mujoco_rs::prelude::MjvCamera;
 use mujoco_rs::renderer::MjRenderer;
 
 use crate::hand::RAIL;
+use crate::mjcf::LARGEST_PICTURE;
 use crate::world::World;
-
-/// Greatest width and height of a picture, pixels: the model's off-screen buffer.
-pub const LARGEST_PICTURE: [u32; 2] = [1920, 1080];
 
 /// A picture could not be drawn.
 #[derive(Debug, thiserror::Error)]

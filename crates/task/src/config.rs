@@ -2,12 +2,23 @@
 
 use std::collections::BTreeMap;
 
-use etude_music::SongError;
-use etude_stage::{ParamError, PhysicalParams, StageConfig, StageError};
+use etude_stage::{ParamError, PhysicalParams, StageConfig};
 use serde::{Deserialize, Serialize};
 
-use crate::observation::ObservationScale;
+use crate::error::TaskError;
 use crate::randomise::RandomisationConfig;
+
+/// How joint positions are given to the agent.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum ObservationScale {
+    /// As the paper's table has it: rad, and m for the rail.
+    Si,
+    /// Each joint by its range, to [−1, 1], and the rail in white keys from the middle: one key's width of movement
+    /// is then as visible to the network as a finger's bend. Our choice; the comparison with SI units is still open.
+    #[default]
+    Normalised,
+}
 
 /// Which decision process to build on which world.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -47,49 +58,6 @@ impl Default for TaskConfig {
             random_start: false,
         }
     }
-}
-
-/// A task could not be built.
-#[derive(Debug, thiserror::Error)]
-pub enum TaskError {
-    /// The world could not be built.
-    #[error(transparent)]
-    Stage(#[from] StageError),
-    /// A physical number is unknown or out of range.
-    #[error(transparent)]
-    Param(#[from] ParamError),
-    /// The song cannot be played here.
-    #[error(transparent)]
-    Song(#[from] SongError),
-    /// No reward term has this name.
-    #[error("no reward term is called `{0}`; there are: {list}", list = term_names())]
-    UnknownTerm(String),
-    /// A weight is not a number.
-    #[error("the weight of reward term `{0}` is {1}; it must be a finite number")]
-    BadWeight(String, f64),
-    /// A half-width of the randomisation is not a number of at least 0.
-    #[error(
-        "task.randomisation.widths: {0} = {1} must be a finite number of at least 0, in the unit of the row; \
-         `etude model params` lists the rows"
-    )]
-    BadWidth(String, f64),
-    /// A number of the task itself is out of range.
-    #[error("task.{name} = {value} must lie in {low} … {high}")]
-    OutOfRange {
-        /// Key of the config.
-        name: &'static str,
-        /// Refused value.
-        value: f64,
-        /// Smallest value.
-        low: f64,
-        /// Largest value.
-        high: f64,
-    },
-}
-
-fn term_names() -> String {
-    let names: Vec<_> = crate::reward::TERMS.iter().map(|term| term.name).collect();
-    names.join(", ")
 }
 
 impl TaskConfig {

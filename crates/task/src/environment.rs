@@ -200,8 +200,7 @@ impl Environment {
             previous_joints: self.previous_joints,
             previous_action: self.previous_action,
         };
-        // Plain numbers and strings: writing them as JSON cannot fail.
-        serde_json::to_vec(&saved).unwrap_or_default()
+        serde_json::to_vec(&saved).expect("plain numbers and strings become JSON")
     }
 
     /// Continues from [`Environment::save`].

@@ -218,7 +218,8 @@ impl Reward {
     pub fn new(overrides: &BTreeMap<String, f64>) -> Result<Self, TaskError> {
         for (name, weight) in overrides {
             if !TERMS.iter().any(|term| term.name == name) {
-                return Err(TaskError::UnknownTerm(name.clone()));
+                let known: Vec<_> = TERMS.iter().map(|term| term.name).collect();
+                return Err(TaskError::UnknownTerm { name: name.clone(), known: known.join(", ") });
             }
             if !weight.is_finite() {
                 return Err(TaskError::BadWeight(name.clone(), *weight));

@@ -16,6 +16,8 @@ mod tensors;
 mod update;
 
 #[cfg(test)]
+mod golden_tests;
+#[cfg(test)]
 mod tests;
 
 pub(crate) use draws::{CRITICS, ShardStreams};

@@ -18,6 +18,8 @@ mod sparse;
 pub(crate) use adam::{AdamStep, adam, adam_polyak};
 pub(crate) use bf16::Bf16Products;
 pub use bf16::available as bf16_available;
+#[cfg(test)]
+pub(crate) use bf16::tests::products_or_skip;
 pub(crate) use dense::{Matrix, add_row, column_sums, product};
 pub(crate) use gelu::{bias_gelu, multiply};
 pub(crate) use math::{exp_in_place, squash};

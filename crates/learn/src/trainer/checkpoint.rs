@@ -13,12 +13,12 @@ use std::{
 use safetensors::Dtype;
 use serde::{Deserialize, Serialize};
 
-use super::{TrainError, demonstrations::Demonstrations, metrics::Mark, warm::Beginning};
+use super::{TrainError, demonstrations::Demonstrations, metrics::Mark};
 use crate::{
     config::DroqConfig,
     droq::ShardStreams,
     env::{ObservationLayout, Score},
-    files::{FileError, RawTensor, TensorFile, encode_tensors, read, sync_folder, write_atomically},
+    files::{FileError, RawTensor, TensorFile, encode_tensors, read, sync_folder, write},
     random::Stream,
     replay::{Replay, Segment},
 };
@@ -36,6 +36,19 @@ pub struct Best {
     pub step: u64,
     /// Its scores.
     pub scores: Vec<Score>,
+}
+
+/// What a training's first parameters were.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub(crate) enum Beginning {
+    /// Drawn at random.
+    #[default]
+    Fresh,
+    /// The actor of a policy.
+    Policy,
+    /// All of a saved training.
+    Run,
 }
 
 /// The JSON in a checkpoint's metadata: all of a training that is not a tensor.
@@ -124,7 +137,7 @@ impl Store {
         segments.retain(|segment| segment.end > replay.oldest());
         if begin < replay.total() {
             let segment = Segment { begin, end: replay.total() };
-            write_atomically(&self.replay_folder().join(segment.file_name()), &replay.encode(segment))?;
+            write(&self.replay_folder().join(segment.file_name()), &replay.encode(segment))?;
             segments.push(segment);
         }
         Ok(())
@@ -148,20 +161,20 @@ impl Store {
         add(SUMS, Dtype::F64, extras.sums.len(), sums);
         add(ENVIRONMENT, Dtype::U8, extras.environment.len(), extras.environment.clone());
         let bytes = encode_tensors(header, &tensors).map_err(|reason| FileError::content(&path, reason))?;
-        write_atomically(&path, &bytes)?;
+        write(&path, &bytes)?;
         self.remove_all_but(&header.segments)
     }
 
-    /// Removes the other segments, and what interrupted saves left of them. What cannot be removed now can after the next
-    /// checkpoint; it belongs to none.
+    /// Removes everything else from the replay folder: older segments, and temporary files of interrupted writes. What cannot be
+    /// removed now is tried again at the next checkpoint.
     fn remove_all_but(&self, segments: &[Segment]) -> Result<(), FileError> {
         let folder = self.replay_folder();
         let kept: Vec<String> = segments.iter().map(Segment::file_name).collect();
         for entry in fs::read_dir(&folder).map_err(FileError::io("read", &folder))? {
             let entry = entry.map_err(FileError::io("read", &folder))?;
             let name = entry.file_name().to_string_lossy().into_owned();
-            let ours = name.ends_with(".replay") || name.ends_with(".replay.tmp");
-            if ours && !kept.contains(&name) {
+            // A temporary file is called `.A-B.replay.` and random letters.
+            if name.contains(".replay") && !kept.contains(&name) {
                 let _ = fs::remove_file(entry.path());
             }
         }

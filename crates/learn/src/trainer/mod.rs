@@ -8,6 +8,7 @@ mod observer;
 mod report;
 mod resume;
 mod round;
+mod start;
 mod sums;
 mod warm;
 
@@ -18,10 +19,7 @@ mod toy;
 #[cfg(test)]
 mod warm_tests;
 
-use std::{
-    path::{Path, PathBuf},
-    time::Instant,
-};
+use std::{path::PathBuf, time::Instant};
 
 pub use checkpoint::Best;
 pub use error::TrainError;
@@ -30,7 +28,7 @@ pub use warm::WarmStart;
 
 use crate::{
     acting::Acting,
-    config::{ConfigError, DroqConfig, TrainerConfig},
+    config::{DroqConfig, TrainerConfig},
     droq::Droq,
     env::{Evaluator, Score, StepBatch, VectorEnvironment},
     files::RawTensor,
@@ -38,11 +36,11 @@ use crate::{
     random::Stream,
     replay::{Replay, Segment},
 };
-use checkpoint::{Extras, Header, Store};
+use checkpoint::{Beginning, Extras, Header, Store};
 use demonstrations::Demonstrations;
 use metrics::Metrics;
+pub(crate) use start::thread_pool;
 use sums::Sums;
-use warm::Beginning;
 
 const BEST_POLICY: &str = "policy-best.safetensors";
 const LAST_POLICY: &str = "policy-last.safetensors";
@@ -130,148 +128,7 @@ struct Clock {
     last_updates: u64,
 }
 
-/// The threads of a training; 0 for one a processor core.
-pub(crate) fn thread_pool(threads: usize) -> Result<rayon::ThreadPool, TrainError> {
-    rayon::ThreadPoolBuilder::new()
-        .num_threads(threads)
-        .thread_name(|index| format!("etude-{index}"))
-        .build()
-        .map_err(|error| TrainError::Threads { threads, reason: error.to_string() })
-}
-
 impl Trainer {
-    /// Starts a training in `folder` (created when missing) and saves its first checkpoint.
-    pub fn start(
-        folder: &Path,
-        droq: &DroqConfig,
-        config: &TrainerConfig,
-        parts: Parts,
-    ) -> Result<Self, TrainError> {
-        Self::begin(folder, droq, config, parts, None)
-    }
-
-    /// The same with what another training has learned instead of random networks; see [`WarmStart`]. Its first evaluation is
-    /// of what was taken over, at step 0. Nothing is written if that does not fit.
-    pub fn start_from(
-        folder: &Path,
-        droq: &DroqConfig,
-        config: &TrainerConfig,
-        parts: Parts,
-        source: &WarmStart,
-    ) -> Result<Self, TrainError> {
-        Self::begin(folder, droq, config, parts, Some(source))
-    }
-
-    fn begin(
-        folder: &Path,
-        droq: &DroqConfig,
-        config: &TrainerConfig,
-        parts: Parts,
-        source: Option<&WarmStart>,
-    ) -> Result<Self, TrainError> {
-        Self::check_vacant(folder)?;
-        droq.validate()?;
-        config.validate()?;
-        let mut learner = Self::learner(droq, config, &parts);
-        if let Some(source) = source {
-            source.check(droq, &*parts.environment)?;
-            learner.adopt(source.knowledge());
-        }
-        Store::new(folder).prepare()?;
-        let mut trainer = Self::build(folder, droq, config, parts, learner, metrics::Mark::default())?;
-        trainer.beginning = source.map_or(Beginning::Fresh, WarmStart::beginning);
-        trainer.parts.environment.reset(&mut trainer.buffers.observation);
-        trainer.metrics.cut_back()?;
-        trainer.save()?;
-        Ok(trainer)
-    }
-
-    /// An error if `folder` holds a training, or the results of one whose checkpoint is gone: none may begin there.
-    pub fn check_vacant(folder: &Path) -> Result<(), TrainError> {
-        let folder = folder.to_owned();
-        if Self::exists(&folder) {
-            return Err(TrainError::AlreadyStarted { folder });
-        }
-        // Written after a first checkpoint only: what was killed before it may begin once more.
-        if folder.join(LAST_POLICY).exists() {
-            return Err(TrainError::CheckpointGone { folder });
-        }
-        Ok(())
-    }
-
-    /// Whether `folder` holds a training that [`resume`](Self::resume) can continue.
-    pub fn exists(folder: &Path) -> bool {
-        Store::new(folder).exists()
-    }
-
-    /// A learner with random networks for these parts.
-    fn learner(droq: &DroqConfig, config: &TrainerConfig, parts: &Parts) -> Droq {
-        Droq::new(droq, parts.environment.layout(), parts.environment.action_len(), config.seed)
-    }
-
-    fn build(
-        folder: &Path,
-        droq_config: &DroqConfig,
-        config: &TrainerConfig,
-        parts: Parts,
-        droq: Droq,
-        mark: metrics::Mark,
-    ) -> Result<Self, TrainError> {
-        let environment = &parts.environment;
-        let (n, layout, action_len) =
-            (environment.num_envs(), environment.layout(), environment.action_len());
-        if n != config.num_envs {
-            let value = config.num_envs.to_string();
-            let rule = "the environment that was given has another number of copies";
-            return Err(ConfigError { field: "trainer.num_envs", value, rule }.into());
-        }
-        let mut demonstrated = vec![0.0; n * action_len];
-        if config.demonstration_share > 0.0 && !environment.demonstrate(&mut demonstrated) {
-            let value = config.demonstration_share.to_string();
-            let rule = "this environment has no demonstrator";
-            return Err(ConfigError { field: "trainer.demonstration_share", value, rule }.into());
-        }
-        if !Replay::fits(layout, action_len, droq_config.replay_capacity) {
-            let value = droq_config.replay_capacity.to_string();
-            let rule = "the memory of this machine does not hold as many transitions";
-            return Err(ConfigError { field: "droq.replay_capacity", value, rule }.into());
-        }
-        let term_names = environment.reward_term_names();
-        let pool = thread_pool(config.threads)?;
-        let (metrics, before) = Metrics::open(folder, mark)?;
-        let now = Instant::now();
-        Ok(Self {
-            config: config.clone(),
-            droq_config: droq_config.clone(),
-            folder: folder.to_owned(),
-            store: Store::new(folder),
-            acting: Acting::new(droq.actor_network(), n),
-            droq,
-            replay: Replay::new(layout, action_len, droq_config.replay_capacity, n),
-            segments: Vec::new(),
-            policy_stream: Stream::new(config.seed, "trainer/policy"),
-            warmup_stream: Stream::new(config.seed, "trainer/warmup"),
-            demonstrations: Demonstrations::new(config),
-            beginning: Beginning::Fresh,
-            step: 0,
-            best: None,
-            last_evaluation: None,
-            sums: Sums::new(n, term_names.len()),
-            metrics,
-            pool: std::sync::Arc::new(pool),
-            buffers: Buffers {
-                observation: vec![0.0; n * layout.len()],
-                action: vec![0.0; n * action_len],
-                noise: vec![0.0; n * action_len],
-                demonstrated,
-                batch: StepBatch::new(n, layout, term_names.len()),
-            },
-            clock: Clock { started: now, before, last_row: now, last_step: 0, last_updates: 0 },
-            term_names,
-            parts,
-        })
-    }
-
     /// Environment steps made so far.
     pub fn step(&self) -> u64 {
         self.step

@@ -11,9 +11,10 @@
 
 use std::path::{Path, PathBuf};
 
-use serde::{Deserialize, Serialize};
-
-use super::{LAST_POLICY, TrainError, Trainer, VectorEnvironment, checkpoint::Store};
+use super::{
+    LAST_POLICY, TrainError, Trainer, VectorEnvironment,
+    checkpoint::{Beginning, Store},
+};
 use crate::{
     config::DroqConfig,
     droq::Knowledge,
@@ -24,19 +25,6 @@ use crate::{
 
 /// Updates in which new critics learn to judge an actor that is not new, before that follows them.
 const CRITICS_ALONE_UPDATES: u64 = 2_500;
-
-/// What a training's first parameters were.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub(crate) enum Beginning {
-    /// Drawn at random.
-    #[default]
-    Fresh,
-    /// The actor of a policy.
-    Policy,
-    /// All of a saved training.
-    Run,
-}
 
 /// What another training has learned, read and found sound.
 pub struct WarmStart {

@@ -11,8 +11,3 @@ mod write;
 
 pub(crate) use read::read;
 pub(crate) use write::write;
-
-/// Largest file read, in bytes: dense piano recordings of an hour stay far below.
-pub(crate) const MAX_FILE_BYTES: u64 = 10 * 1024 * 1024;
-/// Most tempo and time signature changes kept.
-pub(crate) const MAX_TEMPO_CHANGES: usize = 100_000;

@@ -4,12 +4,12 @@ use std::collections::BTreeMap;
 
 use midly::{EventIter, MetaMessage, MidiMessage, TrackEventKind};
 
-use super::MAX_FILE_BYTES;
 use super::chunks::{TrackChunk, split};
 use super::tempo::{Change, Changes};
 use crate::error::{MidiError, SongError};
+use crate::limits::{MAX_DURATION_SECS, MAX_FILE_BYTES, MAX_NOTES};
 use crate::note::Note;
-use crate::song::{MAX_DURATION_SECS, MAX_NOTES, Song};
+use crate::song::Song;
 
 /// Channel 10, counting from one: percussion by General MIDI, where a key number names a drum.
 const PERCUSSION: u8 = 9;

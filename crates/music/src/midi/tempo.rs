@@ -1,8 +1,8 @@
 //! Ticks to seconds, and to bars.
 
-use super::MAX_TEMPO_CHANGES;
 use super::chunks::Division;
 use crate::error::MidiError;
+use crate::limits::MAX_TEMPO_CHANGES;
 use crate::meter::{BeatGrid, Stretch};
 
 /// Until a file says otherwise: 120 quarter notes a minute (Standard MIDI Files 1.0).

@@ -16,8 +16,8 @@ use thiserror::Error;
 pub use soundfont::SoundFont;
 pub use wav::write_wav;
 
+use crate::limits::MAX_DURATION_SECS;
 use crate::note::Note;
-use crate::song::MAX_DURATION_SECS;
 
 /// Samples a second.
 pub const SAMPLE_RATE_HZ: u32 = 44_100;

@@ -3,10 +3,10 @@
 use std::io::{self, BufWriter, Seek, Write};
 use std::path::Path;
 
+use atomic_write_file::AtomicWriteFile;
 use hound::{SampleFormat, WavSpec, WavWriter};
 
 use super::{SAMPLE_RATE_HZ, SoundError};
-use crate::files::write_whole;
 
 const SPEC: WavSpec = WavSpec {
     channels: 1,
@@ -22,8 +22,12 @@ const SPEC: WavSpec = WavSpec {
 /// If the file cannot be written; an older file of that name is untouched then.
 pub fn write_wav(path: impl AsRef<Path>, samples: &[f32]) -> Result<(), SoundError> {
     let path = path.as_ref();
-    write_whole(path, |file| encode(samples, BufWriter::new(file)))
-        .map_err(|source| SoundError::Write { path: path.into(), source })
+    let write = || {
+        let mut file = AtomicWriteFile::open(path)?;
+        encode(samples, BufWriter::new(&mut file))?;
+        file.commit()
+    };
+    write().map_err(|source| SoundError::Write { path: path.into(), source })
 }
 
 fn encode(samples: &[f32], out: impl Write + Seek) -> io::Result<()> {

@@ -11,7 +11,7 @@ use etude_stage::geometry::HALF_WIDTH;
 
 use super::ScriptedConfig;
 use super::comb::Comb;
-use super::limits::LimitKind;
+use super::limits::{Limit, LimitKind, Limits};
 use super::rail::{CONTROL_SECS, Rail};
 use super::strokes::{Slice, Stroke};
 
@@ -268,6 +268,31 @@ pub(super) fn played(planner: &Planner<'_>, plan: &[Place]) -> Vec<Played> {
         }
     }
     notes
+}
+
+/// Compares what is played with what is written.
+pub(super) fn limits(planner: &Planner<'_>, played: &[Played]) -> Limits {
+    let mut limits = Limits { total_notes: planner.strokes.len(), ..Limits::default() };
+    for (index, stroke) in planner.strokes.iter().enumerate() {
+        let note = played.iter().find(|note| note.stroke == index);
+        let slice = planner.slices.iter().find(|slice| slice.start == stroke.start);
+        let kind = match note {
+            Some(note) => note.cut,
+            None => slice.map(|slice| planner.why_skipped(slice)),
+        };
+        if let Some(kind) = kind {
+            let lost_steps = stroke.end - note.map_or(stroke.start, |note| note.end);
+            limits.notes.push(Limit { kind, key: stroke.key, step: stroke.start, lost_steps });
+        }
+    }
+    limits.quick_restrikes = played
+        .iter()
+        .filter(|note| {
+            let again = |other: &&Played| other.finger == note.finger && other.end + 1 == note.start;
+            played.iter().find(again).is_some_and(|before| before.key == note.key)
+        })
+        .count();
+    limits
 }
 
 /// Time until `step`, s.

@@ -66,7 +66,7 @@ impl ScriptedPlayer {
         let world = (script, &comb, &rail, &lags, params);
         let targets = motion::targets(world, &slices, &plan, &notes, piece.steps());
         let range = TargetRange::new(piece);
-        Ok(Self { targets, range, limits: limits::limits(&planner, &notes) })
+        Ok(Self { targets, range, limits: fingering::limits(&planner, &notes) })
     }
 
     /// Joint targets of control step `step`: encoder readings in rad, the rail in m. After the end, those of the end.
