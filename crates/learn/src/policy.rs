@@ -106,7 +106,8 @@ impl Policy {
     }
 
     /// Replaces the caller's notes.
-    pub fn set_notes(&mut self, notes: serde_json::Value) {
+    #[cfg(test)]
+    pub(crate) fn set_notes(&mut self, notes: serde_json::Value) {
         self.header.notes = notes;
     }
 

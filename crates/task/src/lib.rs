@@ -29,7 +29,7 @@ pub use performance::{Act, Performance, Watch, rehearse};
 pub use piece::Piece;
 pub use randomise::{Full, RANDOMISED, Randomisation, RandomisationConfig, Widths};
 pub use range::TargetRange;
-pub use scripted::{ScriptedConfig, ScriptedPlayer};
+pub use scripted::ScriptedPlayer;
 pub use vector::VectorPiano;
 
 /// Length of an action: one target per driven joint.

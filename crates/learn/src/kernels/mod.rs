@@ -23,7 +23,7 @@ pub(crate) use bf16::tests::products_or_skip;
 pub(crate) use dense::{Matrix, add_row, column_sums, product};
 pub(crate) use gelu::{bias_gelu, multiply};
 pub(crate) use math::{exp_in_place, squash};
-pub(crate) use norm::{NormBackward, NormForward, norm_backward, norm_forward};
+pub(crate) use norm::{norm_backward, norm_forward};
 pub(crate) use sparse::{gather_rows, scatter_rows};
 
 /// Number of independent partial sums in a reduction: one AVX-512 register.

@@ -42,13 +42,9 @@ impl Trainer {
             same("trainer.num_envs", &header.num_envs, &config.num_envs)?;
             same("trainer.updates_per_round", &header.updates_per_round, &config.updates_per_round)?;
             same("trainer.warmup_steps", &header.warmup_steps, &config.warmup_steps)?;
-            let share =
-                ("trainer.demonstration_share", header.demonstration_share, config.demonstration_share);
-            let noise =
-                ("trainer.demonstration_noise", header.demonstration_noise, config.demonstration_noise);
-            for (name, saved, given) in [share, noise] {
-                same(name, &saved, &given)?;
-            }
+            let saved = (header.demonstration_share, header.demonstration_noise);
+            same("trainer.demonstration_share", &saved.0, &config.demonstration_share)?;
+            same("trainer.demonstration_noise", &saved.1, &config.demonstration_noise)?;
             same("the observation layout", &header.layout, &parts.environment.layout())?;
             same("the action length", &header.action_len, &parts.environment.action_len())?;
             same("the reward terms", &header.reward_terms, &parts.environment.reward_term_names())?;

@@ -9,12 +9,17 @@ use etude_music::key_is_black;
 use etude_stage::FINGERS;
 use etude_stage::geometry::HALF_WIDTH;
 
-use super::ScriptedConfig;
-use super::comb::Comb;
+use super::comb::{Comb, PLAY_M};
 use super::limits::{Limit, LimitKind, Limits};
-use super::rail::{CONTROL_SECS, Rail};
+use super::rail::{CONTROL_SECS, LEAD_STEPS, Rail};
 use super::strokes::{Slice, Stroke};
 
+/// Least distance of two neighbouring fingers that press at once, m: the width of a finger's links.
+const SEPARATION_M: f64 = 0.021;
+/// Silent control steps that a finger needs between two different keys.
+const CHANGE_STEPS: usize = 3;
+/// The same between a white key and a black one: up, across the edge, down.
+const BLACK_CHANGE_STEPS: usize = 6;
 /// Rail positions tried for one choice of fingers.
 const RAIL_CHOICES: usize = 9;
 /// States kept at each moment.
@@ -53,7 +58,6 @@ pub(super) struct Change {
 pub(super) struct Planner<'a> {
     pub comb: &'a Comb,
     pub rail: &'a Rail,
-    pub config: &'a ScriptedConfig,
     pub strokes: &'a [Stroke],
     pub slices: &'a [Slice],
 }
@@ -122,7 +126,7 @@ impl Planner<'_> {
                 let rail = tube[0] + (tube[1] - tube[0]) * choice as f64 / (RAIL_CHOICES - 1) as f64;
                 let turn = |finger: usize, stroke: usize| {
                     let [low, high] = self.comb.tube(finger, self.strokes[stroke].key);
-                    ((rail - (low + high) / 2.0) / self.config.play_m).powi(2)
+                    ((rail - (low + high) / 2.0) / PLAY_M).powi(2)
                 };
                 let turned: f64 = hand.iter().enumerate().filter_map(|(f, s)| s.map(|s| turn(f, s))).sum();
                 places.push(Place { hand, rail, tube, cost: skipped + TURN_COST * turned });
@@ -147,7 +151,7 @@ impl Planner<'_> {
             let key = self.strokes[*stroke].key;
             let apart = |other: usize| {
                 let [from, to] = [key, self.strokes[other].key].map(|key| self.comb.over(key)[1]);
-                (from - to).abs() >= self.config.separation_m
+                (from - to).abs() >= SEPARATION_M
             };
             if hand.iter().flatten().all(|other| apart(*other)) {
                 let mut hand = hand;
@@ -181,7 +185,7 @@ impl Planner<'_> {
         let travel = (to.rail - waiting).abs();
         let needed = (to.tube[0] - waiting).max(waiting - to.tube[1]).max(0.0);
         let last = ending().map(|(_, stroke)| released(stroke)).max();
-        let head_start = self.config.rail_lead + last.map_or(step - self.slices[index].start, |_| 0);
+        let head_start = LEAD_STEPS + last.map_or(step - self.slices[index].start, |_| 0);
         let rail_steps = self.rail.steps_to(travel, needed).saturating_sub(head_start);
 
         let mut finger_steps = [0; FINGERS];
@@ -193,17 +197,16 @@ impl Planner<'_> {
                     .flatten()
                     .filter(|key| key_is_black(*key));
                 let crosses = black.count() == 1;
-                finger_steps[finger] =
-                    if crosses { self.config.black_change_steps } else { self.config.change_steps };
+                finger_steps[finger] = if crosses { BLACK_CHANGE_STEPS } else { CHANGE_STEPS };
             }
             // A neighbour that comes down beside the finger needs it out of the way first.
             let y = self.comb.over(self.strokes[stroke].key)[1];
             let near = |other: usize| {
                 let key = self.strokes[other].key;
-                (self.comb.over(key)[1] - y).abs() < self.config.separation_m
+                (self.comb.over(key)[1] - y).abs() < SEPARATION_M
             };
             if (0..FINGERS).any(|f| f != finger && !kept(f) && to.hand[f].is_some_and(near)) {
-                finger_steps[finger] = finger_steps[finger].max(self.config.change_steps);
+                finger_steps[finger] = finger_steps[finger].max(CHANGE_STEPS);
             }
         }
         let lost: usize = ending()

@@ -111,7 +111,6 @@ fn turning(world: &mut World) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::ScriptedConfig;
 
     #[test]
     fn slower_joints_lag_more() {
@@ -119,7 +118,7 @@ mod tests {
         let measured = |low_pass: f64| {
             let mut params = PhysicalParams::default();
             params.set("joint.fingers.low_pass", low_pass).unwrap();
-            let comb = Comb::new(stage.side, &params, &ScriptedConfig::default());
+            let comb = Comb::new(stage.side, &params);
             Lags::measure(&stage, &params, &comb).unwrap()
         };
         let (quick, slow) = (measured(0.005), measured(0.15));
@@ -130,7 +129,7 @@ mod tests {
     #[test]
     fn lags_do_not_depend_on_what_encoders_read() {
         let stage = StageConfig::default();
-        let comb = Comb::new(stage.side, &PhysicalParams::default(), &ScriptedConfig::default());
+        let comb = Comb::new(stage.side, &PhysicalParams::default());
         let measured = |params: &PhysicalParams| Lags::measure(&stage, params, &comb).unwrap();
         let mut params = PhysicalParams::default();
         let straight = measured(&params);

@@ -5,7 +5,6 @@
 //! lags measured beforehand) and plays the plan without looking: what goes wrong in the world is not corrected.
 
 mod comb;
-mod config;
 mod fingering;
 mod lags;
 mod limits;
@@ -19,7 +18,6 @@ use etude_stage::{JOINTS, PhysicalParams, StageConfig};
 
 use crate::{ACTION_LEN, Piece, TargetRange, TaskConfig, TaskError};
 
-pub use config::ScriptedConfig;
 pub use limits::{Limit, LimitKind, Limits};
 
 /// A song as joint targets, one row a control step.
@@ -36,34 +34,23 @@ impl ScriptedPlayer {
     /// # Errors
     /// If the configuration's physical numbers are not sound.
     pub fn new(config: &TaskConfig, piece: &Piece) -> Result<Self, TaskError> {
-        Self::plan(&config.stage, &config.params()?, piece, &ScriptedConfig::default())
+        Self::plan(&config.stage, &config.params()?, piece)
     }
 
     /// Plans `piece` for this stage with these physical numbers.
     ///
     /// # Errors
     /// If the world in which the lags are measured cannot be built.
-    pub fn plan(
-        stage: &StageConfig,
-        params: &PhysicalParams,
-        piece: &Piece,
-        script: &ScriptedConfig,
-    ) -> Result<Self, TaskError> {
+    pub fn plan(stage: &StageConfig, params: &PhysicalParams, piece: &Piece) -> Result<Self, TaskError> {
         let strokes = strokes::strokes(piece.frames());
         let slices = strokes::slices(&strokes);
-        let comb = comb::Comb::new(stage.side, params, script);
+        let comb = comb::Comb::new(stage.side, params);
         let rail = rail::Rail::new(stage, params);
-        let planner = fingering::Planner {
-            comb: &comb,
-            rail: &rail,
-            config: script,
-            strokes: &strokes,
-            slices: &slices,
-        };
+        let planner = fingering::Planner { comb: &comb, rail: &rail, strokes: &strokes, slices: &slices };
         let plan = planner.plan();
         let notes = fingering::played(&planner, &plan);
         let lags = lags::Lags::measure(stage, params, &comb)?;
-        let world = (script, &comb, &rail, &lags, params);
+        let world = (&comb, &rail, &lags, params);
         let targets = motion::targets(world, &slices, &plan, &notes, piece.steps());
         let range = TargetRange::new(piece);
         Ok(Self { targets, range, limits: fingering::limits(&planner, &notes) })

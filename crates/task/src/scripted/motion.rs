@@ -8,26 +8,25 @@ use etude_stage::hand::FINGER_JOINTS;
 use etude_stage::params::{Joint, PhysicalParams};
 use etude_stage::{FINGERS, JOINTS, PHYSICS_STEPS, RAIL, joint_range};
 
-use super::ScriptedConfig;
 use super::comb::Comb;
 use super::fingering::{Place, Played, secs};
 use super::lags::Lags;
-use super::rail::{CONTROL_SECS, Rail};
+use super::rail::{CONTROL_SECS, LEAD_STEPS, Rail};
 use super::strokes::Slice;
 
+/// Least lateral distance of a waiting finger from a neighbour that plays, m.
+const BERTH_M: f64 = 0.0255;
+/// Control steps in which a finger crosses the edge between white and black keys.
+const CROSS_STEPS: usize = 2;
+/// Control steps for which a lifted finger stays over its old key, so that it clears the fences before it moves sideways.
+const LIFT_STEPS: usize = 1;
 /// Height of a finger that has nothing to play, m above its hover.
 const IDLE_RISE: f64 = 0.006;
 /// Control steps in which a finger rises before it goes from white to black keys or back.
 const CLIMB_STEPS: usize = 2;
 
 /// Where the rail is sent at each of `steps` control steps, m.
-fn rail_targets(
-    config: &ScriptedConfig,
-    slices: &[Slice],
-    plan: &[Place],
-    notes: &[Played],
-    steps: usize,
-) -> Vec<f64> {
+fn rail_targets(slices: &[Slice], plan: &[Place], notes: &[Played], steps: usize) -> Vec<f64> {
     let Some(first) = plan.first() else { return vec![0.0; steps] };
     let mut targets = vec![first.rail; steps];
     for (index, place) in plan.iter().enumerate() {
@@ -37,7 +36,7 @@ fn rail_targets(
             place.hand.contains(&Some(note.stroke)) && !next.hand.contains(&Some(note.stroke))
         });
         let released = ending.map(|note| note.end).max().unwrap_or(start);
-        let leave = released.saturating_sub(config.rail_lead).max(start);
+        let leave = released.saturating_sub(LEAD_STEPS).max(start);
         let waiting = next.rail.clamp(place.tube[0], place.tube[1]);
         targets[start.min(steps)..leave.min(steps)].fill(waiting);
         targets[leave.min(steps)..].fill(next.rail);
@@ -50,7 +49,6 @@ fn rail_targets(
 struct Part<'a> {
     finger: usize,
     notes: Vec<&'a Played>,
-    config: &'a ScriptedConfig,
     comb: &'a Comb,
     lags: &'a Lags,
 }
@@ -94,14 +92,14 @@ impl Part<'_> {
         let way = to[0] - from[0];
         if way == 0.0 {
             return match last {
-                Some(key) if since < self.config.lift_steps => waiting(from, self.comb.hover(key)),
+                Some(key) if since < LIFT_STEPS => waiting(from, self.comb.hover(key)),
                 _ => waiting(to, height),
             };
         }
         // Between white and black: up, then in stages over the edge of the black keys, then down.
-        let stages = self.config.cross_steps as f64;
+        let stages = CROSS_STEPS as f64;
         let stage = (since as f64 - CLIMB_STEPS as f64 + 1.0).clamp(0.0, stages) / stages;
-        let landed = since > CLIMB_STEPS + self.config.cross_steps;
+        let landed = since > CLIMB_STEPS + CROSS_STEPS;
         let y = if since < CLIMB_STEPS { from[1] } else { to[1] };
         waiting([from[0] + way * stage, y], if landed { height } else { self.comb.travel() })
     }
@@ -115,7 +113,7 @@ struct Tip {
 }
 
 /// Keeps waiting fingers clear of neighbours that play.
-fn make_room(tips: &mut [Tip; FINGERS], comb: &Comb, berth: f64) {
+fn make_room(tips: &mut [Tip; FINGERS], comb: &Comb) {
     for finger in 0..FINGERS {
         for other in (0..FINGERS).filter(|other| other.abs_diff(finger) == 1) {
             if tips[finger].striking || !tips[other].striking {
@@ -124,20 +122,20 @@ fn make_room(tips: &mut [Tip; FINGERS], comb: &Comb, berth: f64) {
             let [x, y, _] = tips[finger].at;
             let theirs = tips[other].at[1];
             let above = comb.unturned(finger, x) > comb.unturned(other, x);
-            tips[finger].at[1] = if above { y.max(theirs + berth) } else { y.min(theirs - berth) };
+            tips[finger].at[1] = if above { y.max(theirs + BERTH_M) } else { y.min(theirs - BERTH_M) };
         }
     }
 }
 
 /// The targets of all joints at each of `steps` control steps: encoder readings in rad, the rail in m.
 pub(super) fn targets(
-    (config, comb, rail, lags, params): (&ScriptedConfig, &Comb, &Rail, &Lags, &PhysicalParams),
+    (comb, rail, lags, params): (&Comb, &Rail, &Lags, &PhysicalParams),
     slices: &[Slice],
     plan: &[Place],
     notes: &[Played],
     steps: usize,
 ) -> Vec<[f64; JOINTS]> {
-    let sent = rail_targets(config, slices, plan, notes, steps);
+    let sent = rail_targets(slices, plan, notes, steps);
     let path = rail.follow(rail.start, &sent);
     let place_at = |at_secs: f64| {
         let index = (at_secs / CONTROL_SECS * PHYSICS_STEPS as f64).round() as usize;
@@ -154,13 +152,13 @@ pub(super) fn targets(
         .collect();
     let parts: [Part<'_>; FINGERS] = std::array::from_fn(|finger| {
         let notes = notes.iter().filter(|note| note.finger == finger).collect();
-        Part { finger, notes, config, comb, lags }
+        Part { finger, notes, comb, lags }
     });
     let mut angles = [[0.0; FINGER_JOINTS]; FINGERS];
     for (step, row) in table.iter_mut().enumerate() {
         let place = place_at(secs(step) + lags.follow_secs);
         let mut tips: [Tip; FINGERS] = std::array::from_fn(|finger| parts[finger].tip(step, place));
-        make_room(&mut tips, comb, config.berth_m);
+        make_room(&mut tips, comb);
         for (finger, tip) in tips.iter().enumerate() {
             // Out of reach can only be a waiting finger: it stays as it was.
             angles[finger] = comb.angles(finger, tip.at, place).unwrap_or(angles[finger]);

@@ -11,6 +11,8 @@ use etude_stage::hand::{LINK_MASSES, PALM_MASS, THUMB_MASS};
 use etude_stage::params::{Joint, World};
 use etude_stage::{FINGERS, PHYSICS_STEPS, PhysicalParams, RAIL, StageConfig};
 
+/// Control steps by which the rail starts before the release of the note that it leaves.
+pub(super) const LEAD_STEPS: usize = 2;
 /// Longest move that the table of response times knows, in control steps.
 const LONGEST_STEPS: usize = 60;
 /// Moves in the table, m, each twice the one before.
