@@ -1,6 +1,6 @@
 //! Starting a training, and building its parts.
 
-use std::{path::Path, time::Instant};
+use std::{fmt::Display, path::Path, time::Instant};
 
 use super::{
     Buffers, Clock, LAST_POLICY, Parts, TrainError, Trainer, WarmStart,
@@ -108,21 +108,21 @@ impl Trainer {
         let environment = &parts.environment;
         let (n, layout, action_len) =
             (environment.num_envs(), environment.layout(), environment.action_len());
+        let refuse = |field, value: &dyn Display, rule| {
+            Err(ConfigError { field, value: value.to_string(), rule }.into())
+        };
         if n != config.num_envs {
-            let value = config.num_envs.to_string();
             let rule = "the environment that was given has another number of copies";
-            return Err(ConfigError { field: "trainer.num_envs", value, rule }.into());
+            return refuse("trainer.num_envs", &config.num_envs, rule);
         }
         let mut demonstrated = vec![0.0; n * action_len];
         if config.demonstration_share > 0.0 && !environment.demonstrate(&mut demonstrated) {
-            let value = config.demonstration_share.to_string();
             let rule = "this environment has no demonstrator";
-            return Err(ConfigError { field: "trainer.demonstration_share", value, rule }.into());
+            return refuse("trainer.demonstration_share", &config.demonstration_share, rule);
         }
         if !Replay::fits(layout, action_len, droq_config.replay_capacity) {
-            let value = droq_config.replay_capacity.to_string();
             let rule = "the memory of this machine does not hold as many transitions";
-            return Err(ConfigError { field: "droq.replay_capacity", value, rule }.into());
+            return refuse("droq.replay_capacity", &droq_config.replay_capacity, rule);
         }
         let term_names = environment.reward_term_names();
         let pool = thread_pool(config.threads)?;
