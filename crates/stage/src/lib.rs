@@ -1,7 +1,7 @@
 //! The stage: a MuJoCo world with a keyboard, fences, an Allegro hand on a rail, and the controllers of its joints.
 //!
-//! [`World`] is stepped one control step at a time with thirteen joint targets and gives back joints, fingertips and
-//! keys. What may vary about its physics is in [`PhysicalParams`]; what kind of world it is in [`StageConfig`].
+//! [`World`] advances by one control step with thirteen joint targets; joints, fingertips and keys can then be read. Physical
+//! numbers that may vary are in [`PhysicalParams`], the choice of hand, fences and actuation in [`StageConfig`].
 //!
 //! ```
 //! use etude_stage::{PhysicalParams, StageConfig, World};

@@ -1,4 +1,4 @@
-//! A window on a world, MuJoCo's own: turn, zoom, look at contacts and joints. Needs the feature `viewer`.
+//! MuJoCo's own window on a world, with contacts and joints. Needs the feature `viewer`.
 
 use std::error::Error as _;
 
@@ -31,12 +31,12 @@ impl Window {
         Ok(Self { viewer: MjViewer::launch_passive(world.data().model(), 0).map_err(fail)? })
     }
 
-    /// Whether nobody has closed it.
+    /// Whether it has not been closed.
     pub fn is_open(&self) -> bool {
         self.viewer.running()
     }
 
-    /// Shows the world as it stands, and does what mouse and keys have asked for.
+    /// Draws the world, and handles mouse and keyboard input.
     ///
     /// # Errors
     /// If drawing fails.

@@ -8,19 +8,19 @@ use serde::{Deserialize, Serialize};
 use crate::error::TaskError;
 use crate::randomise::RandomisationConfig;
 
-/// How joint positions are given to the agent.
+/// Scale of the joint positions in the observation.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum ObservationScale {
     /// As the paper's table has it: rad, and m for the rail.
     Si,
-    /// Each joint by its range, to [−1, 1], and the rail in white keys from the middle: one key's width of movement
-    /// is then as visible to the network as a finger's bend. Our choice; the comparison with SI units is still open.
+    /// Finger joints by their range, to [−1, 1]; the rail in white keys from the middle, so that a movement by one key is as large
+    /// as the bending of a finger. Our choice; not yet compared with SI units.
     #[default]
     Normalised,
 }
 
-/// Which decision process to build on which world.
+/// The world and the decision process on it.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct TaskConfig {
@@ -34,13 +34,13 @@ pub struct TaskConfig {
     pub randomisation: RandomisationConfig,
     /// Silence before the first note, s.
     pub initial_silence_secs: f64,
-    /// Control steps of the sheet shown beyond the current one.
+    /// Control steps of the song that the observation shows beyond the current one.
     pub lookahead: usize,
     /// Whether the observation holds the joints of one step ago (main text) or not (appendix).
     pub previous_joints: bool,
     /// Scale of the joint readings in the observation.
     pub scale: ObservationScale,
-    /// Whether training episodes start anywhere in the song. Evaluation always plays the whole song.
+    /// Whether training episodes start anywhere in the song. Evaluations always play the whole song.
     pub random_start: bool,
 }
 
@@ -69,7 +69,7 @@ impl TaskConfig {
         PhysicalParams::default().with(&self.physics)
     }
 
-    /// Checks the numbers that only the task knows.
+    /// Checks the numbers that belong to the task itself.
     ///
     /// # Errors
     /// Names the first one that is out of range.

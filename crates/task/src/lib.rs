@@ -1,8 +1,7 @@
-//! The task: what the agent sees, does and is paid for, on top of a [`World`](etude_stage::World).
+//! The decision process on top of a [`World`](etude_stage::World): observation, action, reward, episodes.
 //!
-//! A [`Piece`] is the sheet music in control steps. An [`Environment`] plays it once per episode; [`VectorPiano`] runs
-//! many of them over threads for the learner; [`rehearse`] plays the whole song with a fixed policy and returns a
-//! [`Performance`] with its scores.
+//! A [`Piece`] is a song in control steps. An [`Environment`] plays it once per episode; [`VectorPiano`] runs many environments in
+//! parallel for the learner; [`rehearse`] plays the whole song with a fixed policy and returns a [`Performance`] with its scores.
 
 mod assignment;
 pub mod bench;

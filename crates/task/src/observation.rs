@@ -1,4 +1,4 @@
-//! The observation: joints, previous joints, pressed keys, and the sheet for now and the steps ahead.
+//! The observation: joints, previous joints, pressed keys, and the keys due now and in the next control steps.
 
 use etude_learn::ObservationLayout;
 use etude_music::{KEYS, KeySet};

@@ -1,9 +1,9 @@
-//! Which finger plays which key, and where the rail is then: dynamic programming over the song.
+//! Which finger plays which key, and where the rail is: dynamic programming over the song.
 //!
-//! A state is what sounds at one moment: a key or none for each finger, and a rail position from which all of them
-//! reach. Costs are control steps of notes lost (to skip a note costs all of it, a rail or a finger that is too slow
-//! costs the end of the note before), so that the plan minimises what F1 counts; small extras prefer unturned fingers
-//! and short ways among equals.
+//! A state is what sounds at one moment: a key or none for each finger, and a rail position from which the fingers reach their keys.
+//! The cost is the number of control steps of notes that are lost, which is close to what F1 measures: a skipped note costs all its
+//! steps, a rail or finger that is too slow costs the end of the note before. Small additional costs prefer unturned fingers and
+//! short movements.
 
 use etude_music::key_is_black;
 use etude_stage::FINGERS;
@@ -24,14 +24,14 @@ const BLACK_CHANGE_STEPS: usize = 6;
 const RAIL_CHOICES: usize = 9;
 /// States kept at each moment.
 const BEAM: usize = 96;
-/// Keys considered at one moment: many more than fingers, so that some chord of them is in reach.
+/// Keys considered at one moment: many more than fingers, so that fingers can reach some of them together.
 const MOST_KEYS: usize = 10;
 /// Cost of a finger turned to the end of its play, in control steps.
 const TURN_COST: f64 = 0.1;
 /// Cost of a metre of rail, in control steps.
 const TRAVEL_COST: f64 = 3.0;
 
-/// What the hand does at one moment.
+/// A state: what the hand plays at one moment, and where it is.
 #[derive(Clone, Debug)]
 pub(super) struct Place {
     /// The stroke that each finger plays.
@@ -43,18 +43,18 @@ pub(super) struct Place {
     cost: f64,
 }
 
-/// What one change of place costs.
+/// What it takes to get from one place to the next.
 pub(super) struct Change {
-    /// Control steps of silence needed before the next strikes.
+    /// Control steps of silence that the rail needs before the next strikes.
     pub rail_steps: usize,
-    /// How far the rail has to go in them, m.
+    /// How far the rail moves in them, m.
     pub travel: f64,
-    /// The same for fingers that change keys.
+    /// Control steps of silence that each finger needs to change keys.
     pub finger_steps: [usize; FINGERS],
     cost: f64,
 }
 
-/// What the planner knows.
+/// The song, and the models of hand and rail.
 pub(super) struct Planner<'a> {
     pub comb: &'a Comb,
     pub rail: &'a Rail,
@@ -83,7 +83,7 @@ impl Planner<'_> {
         let mut chosen = 0;
         let mut plan = Vec::with_capacity(layers.len());
         for layer in layers.into_iter().rev() {
-            // No layer is empty: the hand that plays nothing can always be reached.
+            // No layer is empty: the state in which no finger plays can always be reached.
             let Some((place, _, before)) = layer.into_iter().nth(chosen) else { break };
             plan.push(place);
             chosen = before;
@@ -108,7 +108,7 @@ impl Planner<'_> {
         Some((to, cost, before))
     }
 
-    /// Every way to play some of what sounds in `slice`.
+    /// Every way to play some of the strokes that sound in `slice`.
     fn places(&self, slice: &Slice) -> Vec<Place> {
         let mut hands = Vec::new();
         let keys = &slice.sounding[..slice.sounding.len().min(MOST_KEYS)];
@@ -168,8 +168,8 @@ impl Planner<'_> {
         tubes.fold([-HALF_WIDTH, HALF_WIDTH], |tube, [low, high]| [tube[0].max(low), tube[1].min(high)])
     }
 
-    /// What it takes to get from a place at slice `index` to one at the next; `None` if that would move a held note
-    /// to another finger or begin a note late.
+    /// What it takes to get from a place at slice `index` to one at the next; `None` if a held note would change fingers or a note
+    /// would begin late.
     pub(super) fn change(&self, index: usize, from: &Place, to: &Place) -> Option<Change> {
         let step = self.slices[index + 1].start;
         let kept = |finger: usize| to.hand[finger].is_some() && to.hand[finger] == from.hand[finger];
@@ -199,7 +199,7 @@ impl Planner<'_> {
                 let crosses = black.count() == 1;
                 finger_steps[finger] = if crosses { BLACK_CHANGE_STEPS } else { CHANGE_STEPS };
             }
-            // A neighbour that comes down beside the finger needs it out of the way first.
+            // The finger must move away before a neighbour comes down right beside it.
             let y = self.comb.over(self.strokes[stroke].key)[1];
             let near = |other: usize| {
                 let key = self.strokes[other].key;
@@ -236,7 +236,7 @@ pub(super) struct Played {
     pub stroke: usize,
 }
 
-/// Every note that the plan plays, in order of their beginning, each ending where its finger has to go.
+/// Every note that the plan plays, in order of their start; each ends when its finger must move on.
 pub(super) fn played(planner: &Planner<'_>, plan: &[Place]) -> Vec<Played> {
     let mut notes: Vec<Played> = Vec::new();
     for (index, (slice, place)) in planner.slices.iter().zip(plan).enumerate() {
@@ -273,7 +273,7 @@ pub(super) fn played(planner: &Planner<'_>, plan: &[Place]) -> Vec<Played> {
     notes
 }
 
-/// Compares what is played with what is written.
+/// Lists the notes that are not played as written.
 pub(super) fn limits(planner: &Planner<'_>, played: &[Played]) -> Limits {
     let mut limits = Limits { total_notes: planner.strokes.len(), ..Limits::default() };
     for (index, stroke) in planner.strokes.iter().enumerate() {

@@ -1,4 +1,4 @@
-//! What keeps the script from playing a song as written.
+//! Notes that the scripted player cannot play as written, and why.
 
 use std::fmt;
 
@@ -34,7 +34,7 @@ pub struct Limit {
     pub lost_steps: usize,
 }
 
-/// Everything that is not played as written, in order of time.
+/// All notes that are not played as written, in order of time.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Limits {
     /// The notes.

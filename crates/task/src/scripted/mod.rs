@@ -1,8 +1,8 @@
 //! The scripted player: inverse kinematics and timing, no learning.
 //!
-//! The hand-designed baseline, and the proof that a song can be played at all on this stage. It plans the whole song
-//! beforehand (strokes from the frames, fingers and rail by dynamic programming, then joint targets that make up for
-//! lags measured beforehand) and plays the plan without looking: what goes wrong in the world is not corrected.
+//! It is a hand-designed baseline, and shows that a song can be played in this world. It plans the whole song in advance: strokes
+//! from the frames (`strokes`), fingers and rail by dynamic programming (`fingering`, with the models `comb` and `rail`), then joint
+//! targets that compensate lags measured in advance (`motion`, `lags`). It plays the plan open loop, without feedback.
 
 mod comb;
 mod fingering;
@@ -20,7 +20,7 @@ use crate::{ACTION_LEN, Piece, TargetRange, TaskConfig, TaskError};
 
 pub use limits::{Limit, LimitKind, Limits};
 
-/// A song as joint targets, one row a control step.
+/// A song as joint targets, one row for each control step.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ScriptedPlayer {
     targets: Vec<[f64; JOINTS]>,
@@ -56,17 +56,17 @@ impl ScriptedPlayer {
         Ok(Self { targets, range, limits: fingering::limits(&planner, &notes) })
     }
 
-    /// Joint targets of control step `step`: encoder readings in rad, the rail in m. After the end, those of the end.
+    /// Joint targets of control step `step`: encoder readings in rad, the rail in m. After the end, those of the last step.
     pub fn targets(&self, step: usize) -> [f64; JOINTS] {
         self.targets.get(step).or(self.targets.last()).copied().unwrap_or_default()
     }
 
-    /// The action whose [`targets`](TargetRange::targets) these are.
+    /// The action with these targets.
     pub fn action(&self, step: usize) -> [f32; ACTION_LEN] {
         self.range.action(&self.targets(step))
     }
 
-    /// What is not played as written.
+    /// The notes that are not played as written.
     pub fn limits(&self) -> &Limits {
         &self.limits
     }

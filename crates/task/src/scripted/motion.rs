@@ -1,7 +1,7 @@
-//! From a plan to joint targets: where the rail is sent at each control step, and what each finger does above it.
+//! From a plan to joint targets: those of the rail at each control step, then those of each finger.
 //!
-//! The rail is sent first, as early as the keys in play allow; then it is known where it will be, and every finger is
-//! turned against it. A finger lifts, goes over its next key, waits, strikes, holds, lifts.
+//! The rail starts to move as early as the keys that are held allow. Its predicted path is then known, and every finger is turned to
+//! compensate it. A finger lifts, moves over its next key, waits, strikes, holds, lifts.
 
 use etude_music::key_is_black;
 use etude_stage::hand::FINGER_JOINTS;
@@ -25,7 +25,7 @@ const IDLE_RISE: f64 = 0.006;
 /// Control steps in which a finger rises before it goes from white to black keys or back.
 const CLIMB_STEPS: usize = 2;
 
-/// Where the rail is sent at each of `steps` control steps, m.
+/// Target of the rail at each of `steps` control steps, m.
 fn rail_targets(slices: &[Slice], plan: &[Place], notes: &[Played], steps: usize) -> Vec<f64> {
     let Some(first) = plan.first() else { return vec![0.0; steps] };
     let mut targets = vec![first.rail; steps];
@@ -60,7 +60,7 @@ impl Part<'_> {
         note.start.saturating_sub(self.lags.strike[usize::from(key_is_black(note.key))])
     }
 
-    /// Control step whose target lifts the finger after note `index`: before the next strike, however quick that is.
+    /// Control step whose target lifts the finger after note `index`, which is always before the next strike.
     fn release(&self, index: usize) -> usize {
         let note = self.notes[index];
         let release = note.end.saturating_sub(self.lags.release[usize::from(key_is_black(note.key))]);
@@ -80,7 +80,7 @@ impl Part<'_> {
             return Tip { at: [x, y, self.comb.pressed(key)], striking: true };
         }
         let last = next.unwrap_or(self.notes.len()).checked_sub(1);
-        // Before its first note a finger waits over the white keys, as if it had just been lifted there.
+        // Before its first note a finger waits over the white keys.
         let since = step - last.map_or(0, |index| self.release(index));
         let last = last.map(|index| self.notes[index].key);
         let next = next.map(|index| self.notes[index].key);
@@ -108,7 +108,7 @@ impl Part<'_> {
 /// Where a fingertip should be.
 struct Tip {
     at: [f64; 3],
-    /// Whether it is on a key or on the way down to it: then others have to make room.
+    /// Whether it is on a key or on its way down; neighbours must then keep clear.
     striking: bool,
 }
 
@@ -160,7 +160,7 @@ pub(super) fn targets(
         let mut tips: [Tip; FINGERS] = std::array::from_fn(|finger| parts[finger].tip(step, place));
         make_room(&mut tips, comb);
         for (finger, tip) in tips.iter().enumerate() {
-            // Out of reach can only be a waiting finger: it stays as it was.
+            // Only a waiting finger can be out of reach: it keeps its angles.
             angles[finger] = comb.angles(finger, tip.at, place).unwrap_or(angles[finger]);
             row[finger * FINGER_JOINTS..][..FINGER_JOINTS].copy_from_slice(&angles[finger]);
         }
