@@ -1,4 +1,4 @@
-//! The actor outside of updates: actions for a few observations at a time, with or without exploration.
+//! The actor outside of updates: actions for batches of observations, with or without exploration.
 
 use crate::{
     config::Arithmetic,

@@ -82,10 +82,10 @@ pub(crate) fn read(path: &Path) -> Result<Vec<u8>, FileError> {
     fs::read(path).map_err(FileError::io("read", path))
 }
 
-/// The one metadata entry of our safetensors files. One entry, since the format's own map has no fixed order.
+/// The only metadata entry of our safetensors files. There is only one because the format's map has no fixed order.
 const HEADER_KEY: &str = "etude";
 
-/// A tensor of any type on its way to a file.
+/// A tensor of any type, to be written to a file.
 pub(crate) struct RawTensor {
     pub name: String,
     pub dtype: Dtype,

@@ -1,5 +1,5 @@
-//! The arithmetic: matrix products through the `gemm` crate or, in bfloat16, by a kernel of our own; everything between them
-//! as fused loops.
+//! The arithmetic: matrix products by the `gemm` crate or, in bfloat16, by a kernel of our own; everything between them as fused
+//! loops.
 //!
 //! Each elementwise kernel is written once as a plain loop and compiled three times (AVX-512, AVX2 with FMA, and the
 //! target's baseline, which on aarch64 is NEON); the widest one that the processor has is chosen at run time. On one

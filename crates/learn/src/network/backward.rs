@@ -4,7 +4,7 @@ use super::{Drops, Inputs, Network, Wanted, Workspace, forward::keep_scale};
 use crate::kernels::{Matrix, column_sums, multiply, norm_backward, product, scatter_rows};
 
 impl Network {
-    /// Propagates `output_error` (`[rows, outputs]`, the loss's gradient) through the pass that the workspace holds.
+    /// Propagates `output_error` (`[rows, outputs]`, the gradient of the loss) back through the last pass of the workspace.
     ///
     /// `inputs`, `drops` and `rate` must be those of that pass, which must have been run with `keep`.
     #[allow(clippy::too_many_arguments)] // One call site each for critic, actor through critic, and actor.

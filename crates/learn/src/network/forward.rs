@@ -4,10 +4,10 @@ use super::{Drops, Inputs, Network, Workspace};
 use crate::kernels::{Matrix, add_row, bias_gelu, gather_rows, norm_forward, product};
 
 impl Network {
-    /// Computes `[rows, outputs]`, which the workspace holds until the next pass.
+    /// Computes `[rows, outputs]`, which stays in the workspace until the next pass.
     ///
-    /// `drops` names the units to drop (none in an actor), `rate` is the dropout rate that they were drawn with. With
-    /// `keep`, the workspace keeps what [`backward`](Self::backward) needs.
+    /// `drops` are the units to drop (none in an actor), `rate` is their dropout rate. With `keep`, the workspace keeps what
+    /// [`backward`](Self::backward) needs.
     pub(crate) fn forward<'w>(
         &self,
         parameters: &[f32],
@@ -79,7 +79,7 @@ impl Network {
     }
 }
 
-/// What kept units are multiplied by.
+/// Factor of the units that are not dropped.
 pub(super) fn keep_scale(rate: f64) -> f32 {
     (1.0 / (1.0 - rate)) as f32
 }

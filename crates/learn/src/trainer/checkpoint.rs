@@ -1,9 +1,8 @@
-//! Checkpoints: a training on disk, such that a kill at any moment leaves one that loads.
+//! Checkpoints. A kill at any moment leaves a checkpoint that loads.
 //!
-//! `checkpoints/last.safetensors` is the checkpoint; it names the replay segments that belong to it. The order of a save
-//! is: metrics forced to disk; the new replay segment written under its own name; `last.safetensors` replaced in one
-//! rename; only then segments that it does not name removed. So whichever `last.safetensors` is there, all that it names
-//! is there too. See [`crate::Trainer`] for the folder.
+//! `checkpoints/last.safetensors` is the checkpoint; it names the replay segments that belong to it. A save syncs the metrics, writes
+//! the new replay segment under its own name, replaces `last.safetensors` by a rename, and only then removes segments that it does
+//! not name. So all files that `last.safetensors` names always exist. See [`crate::Trainer`] for the folder.
 
 use std::{
     fs,
@@ -38,7 +37,7 @@ pub struct Best {
     pub scores: Vec<Score>,
 }
 
-/// What a training's first parameters were.
+/// Origin of a training's initial parameters.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub(crate) enum Beginning {
@@ -51,7 +50,7 @@ pub(crate) enum Beginning {
     Run,
 }
 
-/// The JSON in a checkpoint's metadata: all of a training that is not a tensor.
+/// The JSON in a checkpoint's metadata: the state of a training except its tensors.
 #[derive(Debug, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct Header {
@@ -81,7 +80,7 @@ pub(crate) struct Header {
     pub beginning: Beginning,
 }
 
-/// What every version's header has.
+/// The part that the headers of all versions have.
 #[derive(Deserialize)]
 struct Schema {
     schema: String,
@@ -93,9 +92,9 @@ impl Header {
     }
 }
 
-/// The tensors that the learner knows nothing of.
+/// The tensors that do not belong to the learner.
 pub(crate) struct Extras {
-    /// `[n, observation]`: what the policy acts on next.
+    /// `[n, observation]`: the current observations.
     pub observation: Vec<f32>,
     pub sums: Vec<f64>,
     pub environment: Vec<u8>,
@@ -124,14 +123,14 @@ impl Store {
         self.path().exists()
     }
 
-    /// Creates the folders, and removes what a training that never reached its first checkpoint left.
+    /// Creates the folders, and removes the files of a training that was killed before its first checkpoint.
     pub(crate) fn prepare(&self) -> Result<(), FileError> {
         let folder = self.replay_folder();
         fs::create_dir_all(&folder).map_err(FileError::io("create", &folder))?;
         self.remove_all_but(&[])
     }
 
-    /// Writes the transitions since the last checkpoint; `segments` is then what the next checkpoint must name.
+    /// Writes the transitions since the last checkpoint. Afterwards `segments` are those of the next checkpoint.
     pub(crate) fn save_replay(&self, replay: &Replay, segments: &mut Vec<Segment>) -> Result<(), FileError> {
         let begin = segments.last().map_or(0, |last| last.end).max(replay.oldest());
         segments.retain(|segment| segment.end > replay.oldest());
@@ -194,7 +193,7 @@ impl Store {
         Ok(file)
     }
 
-    /// Reads the checkpoint and hands its parts to `take`.
+    /// Reads the checkpoint and passes its parts to `take`.
     pub(crate) fn load(
         &self,
         take: impl FnOnce(Header, &TensorFile<'_>, Extras) -> Result<(), TrainError>,

@@ -1,4 +1,7 @@
-//! A training: rounds of acting and learning, looked at and saved at intervals.
+//! A training: rounds of acting and learning, with logs, evaluations and checkpoints at intervals.
+//!
+//! Reading order: [`Trainer::run`] here is the loop; `round` is one round; `start`, `resume` and `warm` are the three ways to begin;
+//! `report` has logs and evaluations, `checkpoint` the files.
 
 mod checkpoint;
 mod demonstrations;
@@ -56,15 +59,15 @@ pub struct Outcome {
     pub updates: u64,
     /// The best evaluation.
     pub best: Option<Best>,
-    /// Wall-clock seconds, over all resumptions; before each of them they count up to the last log row that was kept.
+    /// Wall-clock seconds over all resumptions. What was trained after the last kept log row before a resumption does not count.
     pub elapsed_secs: f64,
 }
 
-/// What a training is made of, besides its two configurations.
+/// What a training needs besides its two configurations.
 pub struct Parts {
-    /// Where experience comes from.
+    /// The environments.
     pub environment: Box<dyn VectorEnvironment>,
-    /// What chooses the best policy.
+    /// The evaluator, whose first score decides which policy is the best.
     pub evaluator: Box<dyn Evaluator>,
     /// Written into the policy files as `notes.training`, for example song and resolved configuration.
     pub notes: serde_json::Value,
@@ -76,9 +79,9 @@ pub struct Parts {
 /// metrics.jsonl                     one flat JSON object per log interval or evaluation
 /// events.out.tfevents.etude         the same for TensorBoard
 /// policy-best.safetensors           the policy with the best first score so far
-/// policy-best-STEP.safetensors      a better one, of a step that a kill undid and that did not come again
+/// policy-best-STEP.safetensors      a better one, from an evaluation after the checkpoint that was resumed
 /// policy-last.safetensors           the policy of the last checkpoint
-/// checkpoints/last.safetensors      everything needed to continue bit for bit, replaced in one rename
+/// checkpoints/last.safetensors      the state, from which resuming continues bit for bit
 /// checkpoints/replay/A-B.replay     transitions A to B (exclusive), never changed once written
 /// ```
 pub struct Trainer {
@@ -107,9 +110,9 @@ pub struct Trainer {
     clock: Clock,
 }
 
-/// What a round writes into.
+/// Buffers of a round.
 struct Buffers {
-    /// `[n, observation]`: what to act on.
+    /// `[n, observation]`: the current observations.
     observation: Vec<f32>,
     /// `[n, action]` each.
     action: Vec<f32>,
@@ -153,10 +156,13 @@ impl Trainer {
         Policy::new(self.droq.actor_network(), self.droq.policy_parameters(), notes)
     }
 
-    /// Trains to the end, or until the observer stops it. In both cases a checkpoint is saved before this returns.
+    /// Trains to the end, or until the observer stops it. In both cases a checkpoint is saved.
     ///
-    /// The end of all steps also brings an evaluation; a stop does not, so that a training that is stopped and resumed
-    /// is the same as one that never was.
+    /// At the end of all steps there is also an evaluation. After a stop there is none, so that a training that is stopped and
+    /// resumed is the same as one that was never stopped.
+    ///
+    /// # Errors
+    /// If a number is not finite or a file cannot be written.
     pub fn run(&mut self, observer: &mut dyn TrainingObserver) -> Result<Outcome, TrainError> {
         let pool = self.pool.clone();
         pool.install(|| self.rounds(observer))
@@ -221,7 +227,7 @@ impl Trainer {
         }
     }
 
-    /// Saves a checkpoint and the current policy. Nothing is touched when a parameter is not finite.
+    /// Saves a checkpoint and the current policy. If a parameter is not finite, it fails and writes nothing.
     fn save(&mut self) -> Result<(), TrainError> {
         self.check_finite()?;
         let metrics = self.metrics.mark()?;

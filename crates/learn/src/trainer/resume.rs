@@ -19,9 +19,12 @@ fn same<T: PartialEq + std::fmt::Debug>(what: &'static str, saved: &T, given: &T
 impl Trainer {
     /// Continues the training in `folder` from its last checkpoint, bit for bit as if it had never stopped.
     ///
-    /// All that decides the result must be as it was. What may differ: total steps, intervals, threads and overlap.
-    /// Rows of metrics after the checkpoint are cut off, since they will be written again; nothing in the folder changes
-    /// when the checkpoint is refused.
+    /// Total steps, intervals, threads and overlap may differ from before; everything else must be the same. Rows of metrics after the
+    /// checkpoint are removed, since they will be written again.
+    ///
+    /// # Errors
+    /// If the checkpoint is missing or damaged, or belongs to a training with another configuration. Nothing in the folder changes
+    /// then.
     pub fn resume(
         folder: &Path,
         droq: &DroqConfig,

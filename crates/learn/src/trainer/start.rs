@@ -28,7 +28,10 @@ pub(crate) fn thread_pool(threads: usize) -> Result<rayon::ThreadPool, TrainErro
 }
 
 impl Trainer {
-    /// Starts a training in `folder` (created when missing) and saves its first checkpoint.
+    /// Starts a training in `folder`, which is created if it does not exist, and saves its first checkpoint.
+    ///
+    /// # Errors
+    /// If the configuration cannot work, `folder` already holds a training, or a file cannot be written.
     pub fn start(
         folder: &Path,
         droq: &DroqConfig,
@@ -38,8 +41,11 @@ impl Trainer {
         Self::begin(folder, droq, config, parts, None)
     }
 
-    /// The same with what another training has learned instead of random networks; see [`WarmStart`]. Its first evaluation is
-    /// of what was taken over, at step 0. Nothing is written if that does not fit.
+    /// The same with the parameters of another training instead of random ones; see [`WarmStart`]. They are evaluated first, at
+    /// step 0.
+    ///
+    /// # Errors
+    /// As [`start`](Self::start), and if the networks have another shape. Nothing is written then.
     pub fn start_from(
         folder: &Path,
         droq: &DroqConfig,
@@ -74,13 +80,16 @@ impl Trainer {
         Ok(trainer)
     }
 
-    /// An error if `folder` holds a training, or the results of one whose checkpoint is gone: none may begin there.
+    /// Checks that a training may begin in `folder`.
+    ///
+    /// # Errors
+    /// If it holds a training, or the results of one whose checkpoint is missing.
     pub fn check_vacant(folder: &Path) -> Result<(), TrainError> {
         let folder = folder.to_owned();
         if Self::exists(&folder) {
             return Err(TrainError::AlreadyStarted { folder });
         }
-        // Written after a first checkpoint only: what was killed before it may begin once more.
+        // This file is written after the first checkpoint: a training killed before that may start again.
         if folder.join(LAST_POLICY).exists() {
             return Err(TrainError::CheckpointGone { folder });
         }
