@@ -1,4 +1,4 @@
-//! Does the song fit the keyboard, and if not, what would make it fit?
+//! Songs with notes outside the keyboard, and the transpositions that make them fit.
 
 use std::fmt::Write;
 
@@ -8,7 +8,7 @@ use crate::keys::{HIGHEST_PITCH, LOWEST_PITCH, pitch_name};
 use crate::meter::Position;
 use crate::note::Note;
 
-/// A note that the keyboard does not have.
+/// A note outside the keyboard.
 #[derive(Copy, Clone, Debug, PartialEq)]
 pub struct OffendingNote {
     /// The note.
@@ -17,20 +17,20 @@ pub struct OffendingNote {
     pub position: Position,
 }
 
-/// A song that goes beyond the keyboard.
+/// A song with notes outside the keyboard.
 #[derive(Clone, Debug, PartialEq, Error)]
 #[error("{}", self.message())]
 pub struct OutOfRange {
     /// Title of the song.
     pub title: String,
-    /// Every note off the keyboard, in order of time.
+    /// Every note outside the keyboard, in order of time.
     pub notes: Vec<OffendingNote>,
     /// Every transposition in semitones that brings the whole song onto the keyboard, lowest first; empty if
     /// the song is wider than the keyboard.
     pub transpositions: Vec<i32>,
 }
 
-/// How many places a message lists for one pitch before it counts the rest.
+/// Places that a message lists for one pitch; the rest are counted.
 const PLACES_A_PITCH: usize = 6;
 const OCTAVE: i32 = 12;
 

@@ -1,4 +1,4 @@
-//! One argument, two kinds of song: a name of the repertoire or a file.
+//! From the argument of a command to a song: a name of the repertoire, or a file.
 
 use std::path::Path;
 
@@ -6,7 +6,7 @@ use crate::error::SongError;
 use crate::repertoire;
 use crate::song::Song;
 
-/// A miss lists at most this many names.
+/// Most names that are suggested for an unknown one.
 const MOST_SUGGESTIONS: usize = 3;
 
 /// The song of this name: a built-in id, or the path of a MIDI file.

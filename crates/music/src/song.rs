@@ -1,7 +1,7 @@
 //! A song: notes in seconds, and the beat grid they were written on.
 //!
-//! A song is immutable; changing one makes another. Whatever way it was made, its notes are sorted, finite,
-//! playable on one string a pitch, and within fixed limits, so nothing further down needs to check again.
+//! A song is immutable; changing one makes another. Its notes are always sorted, finite, without overlaps of one pitch, and within
+//! fixed limits, so that no other code needs to check them.
 
 use std::fs::File;
 use std::io::{Read, Write};
@@ -31,8 +31,7 @@ pub struct Song {
 
 impl Song {
     /// A song of these notes, in any order. It lasts `duration_secs` or until its last note ends, whichever is
-    /// later. Overlapping notes of one pitch are made playable on a single key: the key stays down as long as
-    /// any of them asks for it and is struck anew at each onset.
+    /// later. Overlapping notes of one pitch are split at each onset; the last of them ends at the latest end.
     ///
     /// # Errors
     /// If a note has a pitch or velocity that MIDI lacks, or times that are not finite, negative or reversed;
@@ -61,9 +60,9 @@ impl Song {
     /// Reads a Standard MIDI File of format 0 or 1.
     ///
     /// All tracks and channels are played together except channel 10, which is percussion by General MIDI and
-    /// has no place on a keyboard. A second note-on of a sounding pitch strikes it anew; a note never closed
-    /// ends with the file. The pedal is ignored: the keyboard has none. The song ends with its last note, as in
-    /// RoboPianist (`total_time`, fact sheet §1.7), whatever rest the file holds after it.
+    /// is ignored. A second note-on of a sounding pitch ends its note and begins another; a note without end lasts until the
+    /// end of the file. The pedal is ignored. The song ends with its last note, as in RoboPianist (`total_time`), without any rest
+    /// after it.
     ///
     /// # Errors
     /// If the bytes are not such a file, are damaged, hold no notes, or exceed the limits on size, notes and
@@ -82,7 +81,7 @@ impl Song {
         let unusable = |source| SongError::Midi { path: path.into(), source };
         let file = File::open(path).map_err(unreadable)?;
         let mut bytes = Vec::new();
-        // One byte more than allowed tells "too large" without trusting the size that the system reports.
+        // One byte more than allowed shows that a file is too large, without relying on the reported size.
         file.take(MAX_FILE_BYTES + 1).read_to_end(&mut bytes).map_err(unreadable)?;
         let title = path.file_stem().map(|stem| stem.to_string_lossy().into_owned()).unwrap_or_default();
         Song::from_midi(&bytes, title).map_err(unusable)
@@ -95,7 +94,7 @@ impl Song {
         midi::write(self)
     }
 
-    /// Writes [`Song::to_midi`] to a file that appears whole or not at all.
+    /// Writes [`Song::to_midi`] to a file, which is replaced only when the new contents are complete.
     ///
     /// # Errors
     /// If the file cannot be written; the path is named.
@@ -169,10 +168,10 @@ impl Song {
         Ok(song)
     }
 
-    /// Checks that the keyboard has every note.
+    /// Checks that every note is on the keyboard.
     ///
     /// # Errors
-    /// [`SongError::OutOfRange`] with every note that it lacks and every transposition that would help.
+    /// [`SongError::OutOfRange`] with every note outside it and every transposition with which all notes fit.
     pub fn check_range(&self) -> Result<(), SongError> {
         let notes: Vec<OffendingNote> = self
             .notes
@@ -190,7 +189,7 @@ impl Song {
         Err(OutOfRange { title: self.title().to_owned(), notes, transpositions }.into())
     }
 
-    /// The song after this many seconds of silence, which count as bar zero.
+    /// The song with this many seconds of silence in front, which are bar zero.
     ///
     /// # Errors
     /// If the silence is negative or not finite, or the song becomes longer than [`MAX_DURATION_SECS`].

@@ -1,9 +1,8 @@
-//! Scores by note: which notes of the song were played, which played notes belong to it, how late they came.
+//! Scores by note: played notes matched with the notes of the song, and their onset errors.
 //!
-//! The measure is that of music transcription, as the `mir_eval` package computes it: played notes are matched
-//! to the song's, one to one and as many as possible, where the pitch is the same and the onset near; in the
-//! stricter variant the release must be near too. Notes of different pitch never match, so each pitch is matched
-//! on its own.
+//! The measure is that of music transcription, as the `mir_eval` package computes it. Played notes are matched to the song's, one to one
+//! and as many as possible, if the pitch is the same and the onset is near; in the stricter variant the release must be near too.
+//! Each pitch is matched separately.
 
 use serde::{Deserialize, Serialize};
 
@@ -112,7 +111,7 @@ fn ends_near(due: &Note, heard: &Note) -> bool {
     rounded((due.end_secs - heard.end_secs).abs()) <= tolerance
 }
 
-/// Cuts two sorted lists where no match can cross: wherever the next onset of either is out of reach.
+/// Cuts two sorted lists where no match is possible across the cut: where the next onset of either is too far away.
 fn clusters<'a>(due: &'a [Note], heard: &'a [Note]) -> Vec<(&'a [Note], &'a [Note])> {
     let mut cut = Vec::new();
     let (mut d, mut h) = (0, 0);
@@ -127,7 +126,7 @@ fn clusters<'a>(due: &'a [Note], heard: &'a [Note]) -> Vec<(&'a [Note], &'a [Not
             (d0, h0) = (d, h);
         }
         latest = next;
-        // One of the two advances even past a time that is no number.
+        // One of the two advances even if a time is not a number.
         let take_due = h == heard.len() || (d < due.len() && next_due <= next_heard);
         if take_due { d += 1 } else { h += 1 }
     }
@@ -175,10 +174,10 @@ fn nearest_onsets(due: &[Note], heard: &[Note], errors: &mut Vec<f64>) {
     }
 }
 
-/// Largest table worth filling; no song for hands comes near it.
+/// Largest table that is filled; no playable song comes near it.
 const MAX_CELLS: usize = 1 << 22;
 
-/// Matches as many onsets as possible, each with the first that it can have.
+/// Matches as many onsets as possible, each with the first possible one.
 fn first_come(due: &[Note], heard: &[Note], errors: &mut Vec<f64>) {
     let (mut d, mut h) = (0, 0);
     while d < due.len() && h < heard.len() {
@@ -194,10 +193,9 @@ fn first_come(due: &[Note], heard: &[Note], errors: &mut Vec<f64>) {
     }
 }
 
-/// Size of a largest matching where releases must be near as well: free notes look for a partner along chains of
-/// pairs that can be exchanged (augmenting paths, breadth first).
+/// Size of a largest matching where releases must be near as well, by augmenting paths (breadth first).
 fn most_pairs(due: &[Note], heard: &[Note]) -> usize {
-    // Notes are in order of onset, so those near one lie side by side; a little wider, against rounding.
+    // Notes are sorted by onset, so the candidates are consecutive; the window is a little wider because of rounding.
     let candidates = |d: usize| {
         let start = due[d].start_secs;
         let first = heard.partition_point(|note| note.start_secs < start - ONSET_SECS * 1.01 - 1e-3);

@@ -1,4 +1,4 @@
-//! Samples to a WAV file: 16 bits, mono, as every player reads.
+//! Samples to a WAV file: 16 bits, mono.
 
 use std::io::{self, BufWriter, Seek, Write};
 use std::path::Path;
@@ -15,8 +15,8 @@ const SPEC: WavSpec = WavSpec {
     sample_format: SampleFormat::Int,
 };
 
-/// Writes samples from −1 to 1, mono at [`SAMPLE_RATE_HZ`]; louder ones are clipped. The file appears whole or
-/// not at all.
+/// Writes samples from −1 to 1, mono at [`SAMPLE_RATE_HZ`]; louder ones are clipped. The file is
+/// replaced only when the new contents are complete.
 ///
 /// # Errors
 /// If the file cannot be written; an older file of that name is untouched then.
@@ -37,7 +37,7 @@ fn encode(samples: &[f32], out: impl Write + Seek) -> io::Result<()> {
     };
     let mut wav = WavWriter::new(out, SPEC).map_err(as_io)?;
     for sample in samples {
-        // `as` saturates, and takes what is no number for silence.
+        // `as` saturates, and converts NaN to 0.
         wav.write_sample((sample * f32::from(i16::MAX)).round() as i16).map_err(as_io)?;
     }
     wav.finalize().map_err(as_io)
