@@ -13,7 +13,7 @@ import socket
 import sys
 import time
 
-# The paper's home, degrees, and where our kinematics (checked against the fact sheet) puts the flange: mm and degrees.
+# The paper's home position, degrees, and the pose of the flange by our kinematics: mm and degrees.
 HOME = [0, 10, 0, 107.3, 180, -10.9, -225]
 HOME_POSE = [524.494, 0, 584.883, 95.084, -44.887, 86.407]
 
