@@ -189,7 +189,7 @@ def seconds_by_tick(file):
 
 
 def expected_notes(tracks, secs):
-    """Pairs strokes and releases, then makes the notes of a pitch playable on one key."""
+    """Pairs strokes and releases, then removes overlaps of notes of one pitch."""
     last = max((sum(m.time for m in track) for track in tracks), default=0)
     notes = []
     for track in tracks:

@@ -33,9 +33,10 @@ pub use controller::Actuation;
 pub use error::StageError;
 pub use hand::{FINGERS, JOINT_NAMES, JOINTS, RAIL, Side, joint_range};
 pub use mjcf::{LARGEST_PICTURE, mjcf};
+pub use mujoco_rs::mujoco_version;
 pub use params::{ParamError, PhysicalParams};
 pub use picture::{Painter, PictureError, View, picture_size};
 pub use scene::{Scene, SceneBody, SceneGeom, SceneJoint};
 #[cfg(feature = "viewer")]
 pub use window::{Window, WindowError};
-pub use world::{Snapshot, SnapshotError, StepOutcome, World, mujoco_version};
+pub use world::{Snapshot, SnapshotError, StepOutcome, World};

@@ -22,7 +22,7 @@ use crate::{
     replay::{Replay, Segment},
 };
 
-const SCHEMA: &str = "etude-checkpoint-2";
+pub(crate) const SCHEMA: &str = "etude-checkpoint-2";
 const OBSERVATION: &str = "trainer.observation";
 const SUMS: &str = "trainer.sums";
 const ENVIRONMENT: &str = "environment.state";
@@ -84,12 +84,6 @@ pub(crate) struct Header {
 #[derive(Deserialize)]
 struct Schema {
     schema: String,
-}
-
-impl Header {
-    pub(crate) fn schema() -> String {
-        SCHEMA.to_owned()
-    }
 }
 
 /// The tensors that do not belong to the learner.

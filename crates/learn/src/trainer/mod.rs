@@ -39,7 +39,7 @@ use crate::{
     random::Stream,
     replay::{Replay, Segment},
 };
-use checkpoint::{Beginning, Extras, Header, Store};
+use checkpoint::{Beginning, Extras, Header, SCHEMA, Store};
 use demonstrations::Demonstrations;
 use metrics::Metrics;
 pub(crate) use start::thread_pool;
@@ -193,7 +193,6 @@ impl Trainer {
             if reached(self.config.checkpoint_every_steps) {
                 self.save()?;
                 saved = Some(self.step);
-                observer.on_checkpoint(self.step);
             }
         }
         let unseen = self.config.evaluate_every_steps > 0 && self.last_evaluation != Some(self.step);
@@ -203,7 +202,6 @@ impl Trainer {
         }
         if saved != Some(self.step) {
             self.save()?;
-            observer.on_checkpoint(self.step);
         }
         Ok(Outcome {
             stopped,
@@ -235,7 +233,7 @@ impl Trainer {
         self.store.save_replay(&self.replay, &mut segments)?;
         let environment = &self.parts.environment;
         let header = Header {
-            schema: Header::schema(),
+            schema: SCHEMA.to_owned(),
             step: self.step,
             updates: self.droq.updates(),
             layout: environment.layout(),

@@ -44,8 +44,6 @@ pub trait TrainingObserver: Send {
     fn on_log(&mut self, _row: &LogRow) {}
     /// Called after each evaluation.
     fn on_evaluation(&mut self, _row: &EvaluationRow) {}
-    /// Called when the checkpoint of this environment step has been written.
-    fn on_checkpoint(&mut self, _step: u64) {}
     /// Called once a round. If it returns a reason, the training saves a checkpoint and returns.
     fn should_stop(&mut self) -> Option<StopReason> {
         None

@@ -172,7 +172,7 @@ fn what_does_not_fit_is_refused_and_nothing_is_written() {
     let refused = |droq: &DroqConfig, parts: Parts, words: &[&str]| {
         let said = Trainer::start_from(&folder, droq, &config(8), parts, &warm).err().unwrap().to_string();
         assert!(words.iter().all(|word| said.contains(word)), "{said}");
-        assert!(said.contains("configure this one alike, or begin without it"), "{said}");
+        assert!(said.contains("use the same configuration, or start without them"), "{said}");
         assert!(!folder.exists(), "{said}");
     };
     let wider = DroqConfig { hidden: vec![32, 48], ..droq() };

@@ -26,11 +26,6 @@ use layout::Layout;
 pub use snapshot::{Snapshot, SnapshotError};
 pub use step::StepOutcome;
 
-/// The version of the MuJoCo library that is loaded.
-pub fn mujoco_version() -> &'static str {
-    mujoco_rs::mujoco_version()
-}
-
 // The physics and control rates must divide: ten physics steps make one control step.
 const _: () = assert!(CONTROL_HZ * PHYSICS_STEPS as f64 == 200.0);
 
