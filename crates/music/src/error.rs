@@ -104,10 +104,10 @@ pub enum MidiError {
 fn percussion_hint(strokes: usize) -> String {
     match strokes {
         0 => "; check that you exported the track with the melody".into(),
-        1 => " (1 stroke on the percussion channel is not one); move the melody to another channel than 10"
+        1 => " (1 stroke on the percussion channel is ignored); move the melody to another channel than 10"
             .into(),
         n => format!(
-            " ({n} strokes on the percussion channel are none); move the melody to another channel than 10"
+            " ({n} strokes on the percussion channel are ignored); move the melody to another channel than 10"
         ),
     }
 }

@@ -30,9 +30,8 @@ const SAME_STROKE_SECS: f64 = 1e-6;
 
 /// Removes overlaps of notes of one pitch, and sorts the notes by start, then pitch.
 ///
-/// Where notes of one pitch overlap, the key is held as long as any of them asks for it and struck anew at each
-/// onset: each note ends where the next begins, the last one at the latest end. Notes of one pitch that begin
-/// together become one, as loud as the louder.
+/// Where notes of one pitch overlap, each ends where the next begins, and the last one at the latest end. Notes of one pitch that begin
+/// together become one with the greater velocity.
 pub(crate) fn one_string_a_pitch(mut notes: Vec<Note>) -> Vec<Note> {
     notes.sort_by(|a, b| a.pitch.cmp(&b.pitch).then(a.start_secs.total_cmp(&b.start_secs)));
     let mut kept: Vec<Note> = Vec::with_capacity(notes.len());

@@ -1,6 +1,6 @@
 //! Every built-in piece, and the one that comes as a file.
 
-#![allow(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
+#![allow(clippy::unwrap_used, reason = "an unwrap that fails fails the test")]
 
 use std::path::Path;
 

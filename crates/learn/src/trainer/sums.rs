@@ -136,7 +136,7 @@ mod tests {
         assert_eq!(get("reward/a"), 1.0);
         assert_eq!(get("reward/b"), 1.0);
         assert_eq!(get("losses/critic"), 3.0);
-        // The episode of the first environment goes on.
+        // The episode of the first environment continues.
         assert_eq!(sums.to_values().iter().sum::<f64>(), 4.0);
     }
 }

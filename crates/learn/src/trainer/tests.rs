@@ -35,7 +35,7 @@ fn two_shards() -> DroqConfig {
     DroqConfig { batch: 200, ..droq() }
 }
 
-/// Goes on with a training for a hundred rounds, which end in a checkpoint.
+/// Continues a training for a hundred rounds, which end in a checkpoint.
 fn hundred_rounds(trainer: Result<Trainer, TrainError>) -> Trainer {
     let mut trainer = trainer.unwrap();
     trainer.run(&mut Watch { stop_at: Some(100), ..Watch::default() }).unwrap();
