@@ -48,7 +48,7 @@ def angle(data):
 
 
 def drive(bus, pwm, secs):
-    """The middle finger's proximal angle after so many seconds under this PWM."""
+    """The middle finger's proximal angle after `secs` under this PWM."""
     send(bus, TORQUE + 4 * MIDDLE, struct.pack("<4h", 0, pwm, 0, 0))
     end = time.monotonic() + secs
     while time.monotonic() < end:

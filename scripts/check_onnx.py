@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Holds a model of `etude export onnx` against other libraries: ONNX's checker and ONNX Runtime.
+"""Checks a model of `etude export onnx` with other libraries: ONNX's checker and ONNX Runtime.
 
     check_onnx.py MODEL.onnx OBSERVATIONS ACTIONS
 

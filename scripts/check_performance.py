@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Holds the files of `etude play` against other libraries: the scores against scikit-learn, the recording against mcap.
+"""Checks the files of `etude play` with other libraries: the scores with scikit-learn, the recording with mcap.
 
     check_performance.py DIR
 

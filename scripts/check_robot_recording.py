@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Holds the files of one run of `etude perform` against other libraries and the fact sheet.
+"""Checks the files of one run of `etude perform` with other libraries and against published data.
 
     check_robot_recording.py DIR
 

@@ -26,7 +26,7 @@ PACKAGES = [
 
 # The model with the true numbers must do what our simulator did, rad.
 SAME_MOTION = 1e-9
-# How far the answers may be apart, in standard errors; and their costs: such a step costs half its square.
+# Largest difference of the answers, in standard errors, and of their costs: a step of that size costs half its square.
 SAME_VALUE = 0.1
 SAME_COST = 0.5 * SAME_VALUE**2
 # Factor between the standard errors.
@@ -42,7 +42,7 @@ WAYS = {
 
 
 def run_in_venv():
-    """Makes the environment unless it is there, and starts this script anew in it."""
+    """Creates the virtual environment if it does not exist, and restarts this script in it."""
     folder = pathlib.Path(os.environ.get("SYSID_VENV", "/tmp/venv-sysid"))
     python, unfinished = folder / "bin/python", folder / "unfinished"
     if not python.exists() or unfinished.exists():
@@ -88,7 +88,7 @@ def modifier(row):
 
 
 class Problem:
-    """The problem in the toolbox's terms."""
+    """The problem as the toolbox expects it."""
 
     def __init__(self, folder):
         self.problem = json.loads((folder / "problem.json").read_text())
@@ -141,7 +141,7 @@ class Problem:
         return 0.5 * float(sum((r**2).sum() for r in residuals))
 
     def furthest_from_ours(self):
-        """How far stock MuJoCo's motion with the true numbers is from that of our simulator, rad, and the most contacts."""
+        """Difference between stock MuJoCo's motion with the true numbers and that of our simulator, rad, and the most contacts."""
         truth, spec = self.parameters.copy(), self.spec.copy()
         truth.update_from_vector(np.array([row["truth"] for row in self.problem["parameters"]]))
         model = sysid.apply_param_modifiers(truth, spec)
@@ -159,7 +159,7 @@ class Problem:
 
 
 def solve(problem, threads, way):
-    """What the toolbox makes of the problem; standard errors and intervals are its own."""
+    """Solves the problem with the toolbox; standard errors and intervals are the toolbox's."""
     residual = problem.residual(threads)
     problem.replays = 0
     begun = time.perf_counter()
@@ -181,7 +181,7 @@ def number(value):
 
 
 def table_of_numbers(rows, ours, theirs):
-    """One line a number; the answers apart in the smaller of the two standard errors."""
+    """One line for each number; differences in the smaller of the two standard errors."""
     apart = (ours["values"] - theirs["values"]) / np.minimum(ours["errors"], theirs["errors"])
     print("| number | true | start | ours | 95 % | toolbox | 95 % | apart, s.e. | s.e., ours over theirs |")
     print("|---|---|---|---|---|---|---|---|---|")
@@ -200,7 +200,7 @@ def table_of_numbers(rows, ours, theirs):
 
 
 def table_of_solvers(problem, answers):
-    """One line a solver: what it took, and how far above the best cost of all it ended."""
+    """One line for each solver: its evaluations, and how far its cost is above the best."""
     readings = sum(len(motion["readings"]) * len(problem["fitted"]) for motion in problem["motions"])
     best = min(answer["cost"] for answer in answers.values())
     print("\n| solver | evaluations | seconds | cost | above the best | rms over noise |\n|---|---|---|---|---|---|")

@@ -13,13 +13,13 @@ import socket
 import sys
 import time
 
-# The paper's home, degrees, and where our kinematics (checked against the fact sheet) puts the flange: mm and degrees.
+# The paper's home position, degrees, and the pose of the flange by our kinematics: mm and degrees.
 HOME = [0, 10, 0, 107.3, 180, -10.9, -225]
 HOME_POSE = [524.494, 0, 584.883, 95.084, -44.887, 86.407]
 
 
 def redirect(ports):
-    """Sends connections for the robot's ports to the emulator's, and refuses any other place."""
+    """Redirects connections to the robot's ports to the emulator's, and refuses all others."""
     connect = socket.socket.connect
 
     def elsewhere(self, address):
@@ -68,7 +68,7 @@ def main(ports):
     check("payload", arm.set_tcp_load(1.091, [-9.72, 18.38, 157.69], wait=True) == 0)
     check("payload reported", wait(lambda: near(arm.tcp_load[1], [-9.72, 18.38, 157.69], 0.01)), arm.tcp_load)
 
-    # Limits of planned moves, in mm and degrees, and what the reports make of them.
+    # Limits of planned moves, in mm and degrees, and how the reports show them.
     codes = [arm.set_tcp_jerk(3000), arm.set_tcp_maxacc(4000), arm.set_joint_jerk(2000), arm.set_joint_maxacc(700)]
     check("limits set", codes == [0] * 4, codes)
     told = lambda: [arm.tcp_jerk, *arm.tcp_acc_limit, arm.joint_jerk, *arm.joint_acc_limit]
@@ -85,7 +85,7 @@ def main(ports):
     code, states = arm.get_reduced_states()
     check("box watched", code == 0 and states[5] == 1 and near(states[4][2:4], [-118, 120], 0.01), states)
 
-    # Planned moves, waited for by the frames that tell of their end.
+    # Planned moves; the end of each is seen in the report frames.
     there = [20, 0, 10, 90, 170, 0, -200]
     check("planned move", arm.set_servo_angle(angle=there, speed=60, mvacc=500, wait=True, timeout=30) == 0)
     check("angles read", near(arm.get_servo_angle()[1], there, 0.01), arm.get_servo_angle())
@@ -101,7 +101,7 @@ def main(ports):
     check("line's end", near(arm.get_position()[1], line, 0.02), arm.get_position())
     check("home again", arm.set_servo_angle(angle=HOME, speed=60, mvacc=500, wait=True, timeout=30) == 0)
 
-    # Out of the box, which stops it; then without one.
+    # A move out of the box, which stops the arm; then without a box.
     outside = [80, *HOME[1:]]
     arm.set_servo_angle(angle=outside, speed=60, mvacc=500, wait=False)
     check("box left", wait(lambda: arm.error_code == 35 and arm.state == 4), arm.error_code, arm.state)
@@ -111,7 +111,7 @@ def main(ports):
     check("without a box", wait(lambda: arm.error_code == 0), arm.error_code)
     check("back home", arm.set_servo_angle(angle=HOME, speed=60, mvacc=500, wait=True, timeout=30) == 0)
 
-    # The paper's way: a stream of targets.
+    # A stream of targets, as in the paper.
     begin(1)
     codes, target = set(), list(HOME)
     for step in range(101):

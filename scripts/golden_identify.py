@@ -27,7 +27,7 @@ def decay(x, case):
 
 
 def oscillate(x, step_secs, steps):
-    """Places of a damped oscillator let go at 1 and at rest, after each step of the classical Runge-Kutta method."""
+    """Positions of a damped oscillator released at 1, after each step of the classical Runge-Kutta method."""
     stiffness, damping, cubic = x
     slope = lambda p, v: (v, -stiffness * p - damping * v - cubic * p**3)
     p, v, places, h = 1.0, 0.0, [], step_secs

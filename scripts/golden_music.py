@@ -124,7 +124,7 @@ def note_cases():
 
 
 def roll(notes, total, hz):
-    """RoboPianist's rules (fact sheet 1.7) in fractions, where int() and ceil() mean what they say."""
+    """RoboPianist's rules (music/midi_file.py, music/piano_roll.py) in fractions, for which int() and ceil() are exact."""
     frames = [set() for _ in range(int(total * hz + 1))]
     onsets = [set() for _ in frames]
     for pitch, start, end in notes:
@@ -189,7 +189,7 @@ def seconds_by_tick(file):
 
 
 def expected_notes(tracks, secs):
-    """Pairs strokes and releases, then makes the notes of a pitch playable on one key."""
+    """Pairs strokes and releases, then removes overlaps of notes of one pitch."""
     last = max((sum(m.time for m in track) for track in tracks), default=0)
     notes = []
     for track in tracks:

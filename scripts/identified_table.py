@@ -1,4 +1,4 @@
-"""Compares what `etude identify` found on the twin with what the twin's truth implies, for docs/results/identification.md.
+"""Compares the estimates of `etude identify` on the twin with the twin's truth, for docs/results/identification.md.
 
     etude identify … -o out/identified && python3 scripts/identified_table.py out/identified configs/truths/standard.toml
 
@@ -24,7 +24,7 @@ def implied(truth):
     physics, hand = truth.get("physics", {}), truth.get("hand", {})
     torque = hand.get("full_torque_nm", [1.0] * 4)
     values = {path: physics.get(path, default) for path, default in KEYBOARD.items()}
-    # Where the second contact closes: the key's travel is another, too, and the simulator's share is of its own.
+    # Where the second contact closes. The key's travel differs too, and the simulator's fraction refers to its own travel.
     values["key.threshold"] *= truth.get("keys", {}).get("travel", 1.0)
     for finger in ("index", "middle", "ring"):
         for joint in range(4):

@@ -1,4 +1,4 @@
-"""Prints a Markdown table of how well and how fast something was learned: learning_table.py FOLDER | COURSE.csv
+"""Prints a Markdown table of the scores and times of trainings: learning_table.py FOLDER | COURSE.csv
 
 FOLDER holds curves called SONG-SEED.csv; COURSE.csv is that of `etude experiment report`, and its variants are told apart.
 Times are of the training that made the curve, start and evaluations included."""

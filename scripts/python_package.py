@@ -1,4 +1,4 @@
-"""Builds the Python package as a wheel, installs it into a virtual environment of its own, and runs its tests there.
+"""Builds the Python package as a wheel, installs it into a separate virtual environment, and runs its tests there.
 
     python_package.py wheel     an optimised wheel in target/wheels
     python_package.py test      a wheel in target/wheels-test, installed into .venv; its types, and python/tests
@@ -31,7 +31,7 @@ def pip(*arguments):
 
 
 def fresh_venv(folder, *packages):
-    """An environment with nothing but these; returns its Python."""
+    """An environment with only these packages; returns its Python."""
     if subprocess.run([sys.executable, "-m", "venv", "--clear", str(folder)]).returncode != 0:
         sys.exit("python package: Python cannot make virtual environments (Debian, Ubuntu: apt-get install -y python3-venv)")
     python = folder / "bin" / "python"
@@ -70,7 +70,7 @@ print("fresh environment:", policy.song, policy.act(env.reset(seed=0)[0]).shape)
 
 
 def try_fresh(wheel):
-    """Installs the wheel into an environment that has nothing, where only what it says it needs comes along."""
+    """Installs the wheel into an empty environment, with only the dependencies that it declares."""
     fresh = ROOT / "target" / "venv-fresh"
     python = fresh_venv(fresh, wheel)
     run(python, "-W", "ignore", "-c", SMOKE, cwd=ROOT / "target")
@@ -88,7 +88,7 @@ def test():
     debug = ROOT / "target" / "debug"
     os.environ.setdefault("ETUDE_COMMAND", str(debug / "etude"))
     os.environ.setdefault("ETUDE_EPISODE", str(debug / "examples" / "episode"))
-    # Away from the sources: what is tested is what was installed.
+    # In another folder, so that the installed package is tested and not the sources.
     run(PYTHON, "-m", "pytest", "-q", "-p", "no:cacheprovider", "--import-mode=append", ROOT / "python" / "tests", cwd=ROOT / "target")
 
 

@@ -1,4 +1,4 @@
-"""Draws what was due and what was played, from the frames.csv of `etude play`: roll.py frames.csv > roll.svg
+"""Draws due and played keys, from the frames.csv of `etude play`: roll.py frames.csv > roll.svg
 
 Right is filled, missed is an outline, wrong is hatched, so that the three can be told apart without colours.
 """

@@ -27,7 +27,7 @@ def wheel_platform():
 
 
 def download(folder):
-    # One fixed wheel whatever Python runs this: the library in it does not depend on the interpreter.
+    # One fixed wheel for any Python version: the library in it does not depend on the interpreter.
     command = [
         sys.executable, "-m", "pip", "download", "--quiet", "--disable-pip-version-check",
         "--no-deps", "--only-binary=:all:", "--require-hashes",
@@ -67,7 +67,7 @@ def main():
         return
     if subprocess.run([sys.executable, "-m", "pip", "--version"], capture_output=True).returncode != 0:
         fail("this Python has no pip; install it (Debian, Ubuntu: apt-get install -y python3-pip), then run `make setup` again")
-    # Built beside the target and renamed, so that an interrupted set-up leaves nothing half done.
+    # Written beside the target and then renamed, so that an interrupted set-up leaves no incomplete folder.
     with tempfile.TemporaryDirectory(dir=ROOT, prefix=".mujoco-") as scratch:
         scratch = pathlib.Path(scratch)
         wheel = download(scratch)

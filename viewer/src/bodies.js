@@ -6,7 +6,7 @@ const vector = ([x, y, z]) => new Vector3(x, y, z);
 /** MuJoCo writes w first, three last. */
 const quaternion = ([w, x, y, z]) => new Quaternion(x, y, z, w).normalize();
 
-/** Places an object as a body or geom says. */
+/** Sets the pose of an object to that of a body or geom. */
 export function place(object, { pos, quat }) {
   object.position.copy(vector(pos ?? [0, 0, 0]));
   object.quaternion.copy(quaternion(quat ?? [1, 0, 0, 0]));
@@ -29,7 +29,7 @@ export class Body extends Group {
     if (this.joint.type === 'slide') {
       this.position.copy(axis).multiplyScalar(position);
     } else {
-      // A turn about the anchor is a turn about the origin and a shift of what the anchor would miss.
+      // A rotation about the anchor is a rotation about the origin and a shift.
       turn.setFromAxisAngle(axis, position);
       this.position.copy(anchor).sub(shift.copy(anchor).applyQuaternion(turn));
       this.quaternion.copy(home.quaternion).multiply(turn);
@@ -37,7 +37,7 @@ export class Body extends Group {
     this.position.applyQuaternion(home.quaternion).add(home.position);
   }
 
-  /** The angle of a hinge as it stands, rad; signed about its axis. */
+  /** The current angle of a hinge, rad; signed about its axis. */
   angle() {
     turn.copy(this.home.quaternion).conjugate().multiply(this.quaternion);
     return 2 * Math.atan2(shift.set(turn.x, turn.y, turn.z).dot(this.axis), turn.w);
@@ -49,7 +49,7 @@ const turn = new Quaternion();
 const shift = new Vector3();
 
 /**
- * All bodies of a scene, in its order, hung into `world` or their parents.
+ * All bodies of a scene, in its order, added to `world` or to their parents.
  * @returns {Body[]}
  */
 export function bodyTree(descriptions, world) {

@@ -1,10 +1,10 @@
-/** Where the scene is looked at from: four views, and the hand of whoever turns and zooms. */
+/** Cameras: four views, which can be rotated and zoomed. */
 
 import { PerspectiveCamera, Vector3 } from 'three';
 import { OrbitControls } from 'three/addons/controls/OrbitControls.js';
 
 /**
- * The views. `direction` points from the target to the camera, `width` × `height` (m) is what must be seen across the
+ * The views. `direction` points from the target to the camera, `width` × `height` (m) is the visible area at the
  * target, `follows` moves the view along the keyboard with the hand.
  */
 export const VIEWS = [
@@ -16,7 +16,7 @@ export const VIEWS = [
 
 const FIELD_OF_VIEW_DEG = 30;
 
-/** One view for all panes: turned in one, all turn, so that two takes are seen from the same place. */
+/** One camera for all panes, so that two takes are seen from the same place. */
 export class Cameras {
   /** @param {() => void} changed called when the view has moved */
   constructor(changed) {
@@ -36,7 +36,7 @@ export class Cameras {
     this.#aim();
   }
 
-  /** Keeps a view in its frame whatever the shape of the pane, until someone has moved it. */
+  /** Fits a view to the shape of the pane, until the user has moved it. */
   setAspect(aspect) {
     this.aspect = aspect;
     if (!this.moved) this.#aim();
@@ -53,9 +53,9 @@ export class Cameras {
     this.changed();
   }
 
-  /** Lets a canvas turn and zoom the view. */
+  /** Handles rotation and zoom on a canvas. */
   attach(canvas) {
-    // A wheel scrolls the page, as everywhere; with Ctrl (or a pinch on a trackpad, which says the same) it zooms.
+    // The wheel scrolls the page; with Ctrl (or by a pinch on a trackpad, which sends the same event) it zooms.
     const wheel = (event) => event.ctrlKey || event.metaKey || event.stopImmediatePropagation();
     canvas.addEventListener('wheel', wheel, { capture: true });
     const controls = new OrbitControls(this.camera, canvas);
@@ -64,7 +64,7 @@ export class Cameras {
     controls.minDistance = 0.1;
     controls.maxDistance = 3;
     controls.maxPolarAngle = Math.PI * 0.49;
-    // One finger up or down scrolls the page, sideways turns the scene; two pinch.
+    // One finger scrolls the page vertically and rotates the scene horizontally; two fingers zoom.
     canvas.style.touchAction = 'pan-y';
     controls.addEventListener('start', () => {
       this.moved = true;

@@ -1,4 +1,4 @@
-/** Canvases of crisp lines, whatever the screen's pixels. */
+/** Canvases with sharp lines at any pixel ratio. */
 
 /** Sizes a canvas to `width` × `height` CSS pixels and returns a cleared context in that unit. */
 export function drawingOn(canvas, width, height) {
@@ -32,7 +32,7 @@ export function hatching(context, colour, spacing = 5) {
   return pattern;
 }
 
-/** Moves a cursor line; a transform costs no layout. */
+/** Moves a cursor line, by a transform, which needs no layout. */
 export function moveCursor(cursor, x) {
   const transform = `translateX(${x.toFixed(1)}px)`;
   if (cursor.style.transform !== transform) cursor.style.transform = transform;

@@ -1,4 +1,4 @@
-/** What was due against what was played, step by step: exactly what F1 counts, so picture and number agree. */
+/** Due keys compared with played keys, step by step, as F1 counts them. */
 
 /** @typedef {{pitch: number, from: number, to: number, kind: 'hit'|'missed'|'wrong'}} Stripe steps `from` up to `to` */
 
@@ -10,7 +10,7 @@
  */
 export function stripes(due, pressed) {
   const steps = Math.max(due.length, pressed.length);
-  /** @type {Map<number, Stripe>} the stripe of each pitch that the previous step has left open */
+  /** @type {Map<number, Stripe>} the stripes that include the previous step, by pitch */
   let open = new Map();
   const all = [];
   for (let step = 0; step < steps; step += 1) {

@@ -1,11 +1,11 @@
-/** Time: one that follows the sound card where there is sound, and the place in the song on top of it. */
+/** Time: a clock that follows the sound card if there is sound, and the place in the song. */
 
-/** Follows the sound card this gently from frame to frame: its clock advances in blocks, the picture should not. */
+/** Rate at which the clock follows the sound card's from frame to frame; that one advances in blocks. */
 const FOLLOW = 0.1;
-/** Further off than this, jump: the sound was interrupted. */
+/** Difference from which on the clock jumps, because the sound was interrupted. */
 const JUMP_SECS = 0.05;
 
-/** Seconds that run with the sound card while it runs, else with the machine's clock, and never jump between the two. */
+/** Seconds of the sound card while it runs, else of the machine's clock, without jumps between the two. */
 export class Timebase {
   constructor() {
     this.offset = 0;
@@ -43,7 +43,7 @@ export class Player {
     this.anchor = { song: 0, base: 0 };
   }
 
-  /** Song time now, s; goes round the loop and stops at the end. */
+  /** Current song time, s; repeats in a loop and stops at the end. */
   time() {
     if (!this.playing) return this.anchor.song;
     const base = this.timebase.now();
@@ -75,7 +75,7 @@ export class Player {
 
   seek(secs) {
     const song = Math.min(Math.max(Number(secs) || 0, 0), this.duration);
-    // Someone who goes elsewhere does not want to be taken back.
+    // A seek to outside the loop ends the loop.
     if (this.loop && (song < this.loop.from || song >= this.loop.to)) this.loop = null;
     this.#move(song);
   }

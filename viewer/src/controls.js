@@ -33,7 +33,7 @@ function icon(name) {
   return svg;
 }
 
-/** A button; clicked with a pointer it gives the keyboard back to the page, so that Space goes on to play and pause. */
+/** A button. After a click it loses the focus, so that Space still plays and pauses. */
 function button(label, title, click, content = label) {
   const made = element('button', { type: 'button', title, 'aria-label': label }, content);
   made.addEventListener('click', (event) => {
@@ -89,7 +89,7 @@ export class Controls {
     addEventListener('keydown', (event) => this.#shortcut(event));
   }
 
-  /** Shows how things stand. */
+  /** Shows the current state. */
   update({ muted, camera, heard }) {
     const { playing, speed, loop } = this.player;
     this.play.replaceChildren(icon(playing ? 'pause' : 'play'));
@@ -109,9 +109,9 @@ export class Controls {
   #shortcut(event) {
     const { actions, player } = this;
     if (event.ctrlKey || event.metaKey || event.altKey || this.dialog.open) return;
-    // What has the keyboard keeps the keys it understands itself.
+    // A focused control handles its own keys.
     if (event.target.closest?.('select, input.volume')) return;
-    // A key that is held steps on and on, but switches once.
+    // A held key repeats steps, but not switches.
     if (event.repeat && !event.key.startsWith('Arrow')) return;
     if (event.key === ' ' && event.target.closest?.('button, summary')) return;
     const arrow = (sign) => (event.shiftKey ? actions.seek(player.time() + sign) : actions.stepBy(sign));

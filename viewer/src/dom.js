@@ -1,4 +1,4 @@
-/** Making elements. Text from recordings only ever becomes `textContent`, so nothing in a file can turn into markup. */
+/** Creates elements. Text from recordings is always set as `textContent` and never as markup. */
 
 /**
  * @param {string} tag
@@ -18,7 +18,7 @@ export function element(tag, attributes = {}, ...children) {
   return made;
 }
 
-/** Sets the text only where it differs: most frames change nothing, and a needless change costs a layout. */
+/** Sets the text only if it differs, because every change costs a layout. */
 export function setText(target, text) {
   if (target.textContent !== text) target.textContent = text;
 }

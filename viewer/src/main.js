@@ -1,4 +1,4 @@
-/** Where the page starts: reads the recordings out of the document and shows them. */
+/** Entry point: reads the recordings from the document and shows them. */
 
 import { element } from './dom.js';
 import { Page } from './page.js';
@@ -23,7 +23,7 @@ function say(text) {
   root.append(element('p', { class: 'failure', role: 'alert', text }));
 }
 
-/** What tests and curious people can ask and do from the console. */
+/** Functions for tests and for the console. */
 function expose(page) {
   const { player } = page;
   window.etude = {

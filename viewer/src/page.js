@@ -1,4 +1,4 @@
-/** The page: its parts, how they are laid out, and what happens from frame to frame. */
+/** The page: its parts, their layout, and the work of each frame. */
 
 import { Cameras } from './cameras.js';
 import { Player, Timebase, barAround } from './clock.js';
@@ -13,7 +13,7 @@ import { onThemeChange } from './theme.js';
 import { Timeline } from './timeline.js';
 
 const MOST_PANES = 2;
-/** On a slow machine cursors and numbers move only this often, so that the scene can move in every frame. */
+/** Interval between updates of cursors and numbers on a slow machine, so that the scene moves in every frame. */
 const SLOW_MARKS_SECS = 0.1;
 const SETTLED_MS = 250;
 
@@ -41,7 +41,7 @@ export class Page {
     const count = Math.min(takes.length, MOST_PANES);
     this.letters = count > 1 ? ['A', 'B'] : [''];
     this.panes = this.letters.map((letter) => new Pane(this.cameras, letter));
-    // The last pane is heard: beside a simulation that is the twin or the robot.
+    // The last pane is heard: that of the twin or the robot, if there is also a simulation.
     this.heard = count - 1;
     this.timeline = new Timeline(this.player);
     this.controls = new Controls(this.#actions(), this.player, count > 1 ? this.letters : []);
@@ -195,7 +195,7 @@ export class Page {
 
   #frame(now) {
     const { playing } = this.player;
-    // What stands still for a moment is drawn once more, as finely as it goes.
+    // A still picture is drawn once more, at the best quality.
     const settling = !playing && !this.settled && now - this.drawn > SETTLED_MS;
     if (!playing && !this.stale && !settling) return;
     this.settled = settling && !this.stale;
@@ -217,7 +217,7 @@ export class Page {
     this.readyMs ??= performance.now();
   }
 
-  /** Moves everything beside the scenes to a place. */
+  /** Moves everything except the scenes to a place. */
   #mark(secs) {
     this.marked = secs;
     this.timeline.moveTo(secs);

@@ -1,4 +1,4 @@
-/** One 3D picture: a canvas with its renderer, what it shows, and how finely it is drawn. */
+/** One 3D picture: a canvas, its renderer, its take and its resolution. */
 
 import { LinearSRGBColorSpace, PerspectiveCamera, WebGLRenderer } from 'three';
 
@@ -45,7 +45,7 @@ export class Pane {
     this.cameras.setAspect(width / height);
   }
 
-  /** Takes over the style sheet's light or dark. */
+  /** Applies the light or dark colours of the style sheet. */
   dress() {
     this.stage.scene.background?.dispose();
     this.stage.scene.background = backdrop();
@@ -63,10 +63,10 @@ export class Pane {
   }
 }
 
-/** A renderer, or null where the browser has no WebGL: roll, numbers and sound work without. */
+/** A renderer, or null if the browser has no WebGL; roll, numbers and sound work without. */
 function rendererOn(canvas) {
   try {
-    // Blending with the page and smoothing edges are free on a graphics card and dear without one.
+    // Blending with the page and smoothing edges are slow without a graphics card.
     const renderer = new WebGLRenderer({ canvas, antialias: !DRAWN_BY_PROCESSOR, alpha: false, powerPreference: 'high-performance' });
     renderer.outputColorSpace = LinearSRGBColorSpace;
     return renderer;

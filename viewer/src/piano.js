@@ -1,6 +1,6 @@
 /**
- * The sound of one piano string choir, computed: partials of a stiff string, each with a prompt sound that dies soon
- * and a quieter aftersound a hair out of tune that rings on, and the knock of the hammer.
+ * Synthesis of a piano tone: partials of a stiff string, each with a fast decaying prompt sound and a quieter, slightly detuned
+ * aftersound that decays slowly, and the knock of the hammer.
  */
 
 export const SAMPLE_RATE_HZ = 32000;
@@ -29,7 +29,7 @@ export function tone(pitch, velocity, secs) {
   const force = velocity / 127;
   const fundamental = pitchHz(pitch);
   const stiffness = 3.5e-4 * 2 ** (octaves * 1.2);
-  // Harder strokes are brighter, and high strings are short of overtones anyway.
+  // Harder strokes are brighter; high strings have fewer overtones.
   const slope = 1.9 - 1.1 * force + 0.25 * octaves;
   for (let n = 1; n <= PARTIALS; n += 1) {
     const hz = fundamental * n * Math.sqrt(1 + stiffness * n * n);
@@ -49,7 +49,7 @@ export function tone(pitch, velocity, secs) {
   return samples;
 }
 
-/** Adds a decaying sine: a point that turns and shrinks, whose height is the sample. */
+/** Adds a decaying sine: a rotating and shrinking vector, whose height is the sample. */
 function decay(samples, hz, level, secs) {
   const shrink = Math.exp(-1 / (secs * SAMPLE_RATE_HZ));
   const angle = (2 * Math.PI * hz) / SAMPLE_RATE_HZ;
@@ -65,7 +65,7 @@ function decay(samples, hz, level, secs) {
   }
 }
 
-/** Adds dull noise that dies at once; the same in every tone, so that a replay sounds the same each time. */
+/** Adds low-pass noise that decays at once. It is the same in every tone, so that a replay always sounds the same. */
 function knock(samples, force) {
   const span = Math.min(samples.length, Math.ceil(8 * KNOCK.secs * SAMPLE_RATE_HZ));
   let seed = 1;

@@ -1,8 +1,8 @@
-/** How fast frames come, and how finely the scene may be drawn so that they come fast enough. */
+/** The frame rate, and the resolution at which it is high enough. */
 
 const SLOW_FRAME_MS = 20;
 const COARSEST = 0.5;
-/** Still pictures may take their time: this many times the screen's resolution smooths edges that are not smoothed else. */
+/** Resolution of still pictures, in multiples of the screen's, which smooths edges without antialiasing. */
 const STILL = 2;
 
 /** Whether there is no graphics card, or none that the browser may use. */
@@ -14,7 +14,7 @@ export const DRAWN_BY_PROCESSOR = (() => {
   return /swiftshader|llvmpipe|softpipe|software|basic render/i.test(name);
 })();
 
-/** Time to judge by, and to wait after a change. */
+/** Time over which the rate is measured, and to wait after a change. */
 const JUDGED_MS = 500;
 const COUNTED_MS = 2000;
 
@@ -28,7 +28,7 @@ export class Quality {
     this.begin();
   }
 
-  /** Call where playing begins: the pause before is no slow frame. */
+  /** Call when playing begins, so that the pause before does not count as a slow frame. */
   begin() {
     this.frames = [];
     this.judged = { since: null, frames: 0 };

@@ -1,16 +1,16 @@
-/** The piano roll: what was due and what was played, over the whole song; it scrolls where the song is too long. */
+/** The piano roll: due and played notes of the whole song; it scrolls if the song is too long. */
 
 import { drawingOn, hatching, moveCursor } from './canvas.js';
 import { stripes } from './classify.js';
 import { clockText, element, isBlack, pitchName } from './dom.js';
 import { HIT, MISSED, WRONG, theme } from './theme.js';
 
-/** A second is at least this wide; more where the whole song then still fits. */
+/** Least width of a second, in pixels; wider if the whole song fits. */
 const LEAST_PIXELS_PER_SEC = 30;
 /** Height of the roll, spread over the pitches in use within these limits, in pixels. */
 const HEIGHT = 168;
 const ROW = { least: 5, most: 12 };
-/** An octave is the least that is shown: fewer rows look like no keyboard. */
+/** At least an octave is shown. */
 const LEAST_ROWS = 13;
 
 const SAYS = { hit: 'hit', missed: 'missed', wrong: 'wrong: not due' };
@@ -32,7 +32,7 @@ export class Roll {
     this.root.addEventListener('pointermove', (event) => this.#hint(event));
   }
 
-  /** Lays the song out over its width; `duration` may be longer than the take, so that two takes line up. */
+  /** Sizes the roll for `duration`, which may be longer than the take, so that two takes are aligned. */
   resize(duration) {
     this.width = this.root.clientWidth;
     this.scale = Math.max(this.width / Math.max(duration, 1e-3), LEAST_PIXELS_PER_SEC);
@@ -42,13 +42,13 @@ export class Roll {
     this.draw();
   }
 
-  /** Moves the cursor, and turns the page when it runs off. */
+  /** Moves the cursor, and scrolls by a page when it leaves the visible part. */
   moveTo(secs, playing) {
     const x = secs * this.scale;
     moveCursor(this.cursor, x);
     const { scrollLeft } = this.root;
     const seen = x >= scrollLeft && x <= scrollLeft + this.width;
-    // Only the moment it leaves: whoever has scrolled elsewhere while it plays is not pulled back.
+    // Only at the moment when it leaves, so that the user can scroll elsewhere while it plays.
     if (!seen && (this.seen || !playing)) this.root.scrollLeft = x - 0.1 * this.width;
     this.seen = seen || !playing;
   }
@@ -96,7 +96,7 @@ export class Roll {
       pen.fillStyle = HIT;
       pen.fillRect(x, y + 0.5, width, height - 1);
     } else if (kind === 'wrong') {
-      // Thinner than what was due: told from it by shape, too.
+      // Thinner than due notes, so that they differ in shape and not only in colour.
       pen.fillStyle = WRONG;
       pen.fillRect(x, y + height * 0.28, width, height * 0.44);
     } else {
@@ -130,7 +130,7 @@ export class Roll {
     return (event.clientX - this.root.getBoundingClientRect().left + this.root.scrollLeft) / this.scale;
   }
 
-  /** Says what lies under the pointer. */
+  /** Shows the note under the pointer as a tooltip. */
   #hint(event) {
     const step = Math.floor(this.#secsAt(event) * this.take.hz);
     const row = Math.floor((event.clientY - this.root.getBoundingClientRect().top) / this.rowHeight);

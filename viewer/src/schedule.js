@@ -1,4 +1,4 @@
-/** When notes sound: arithmetic between song time and sound time, without any sound. */
+/** When notes sound: conversion between song time and sound time. */
 
 /** Index of the first note that is not over at `secs`. Notes are sorted by their start, so the ones before may be longer. */
 export function firstUnfinished(notes, secs) {
@@ -7,7 +7,7 @@ export function firstUnfinished(notes, secs) {
 }
 
 /**
- * How a note is to be struck.
+ * The times at which a note is to be played.
  * @param {{start: number, end: number}} note in song time
  * @param {{song: number, sound: number, speed: number}} anchor song time `song` is heard at sound time `sound`
  * @param {number} now sound time before which nothing can be scheduled any more

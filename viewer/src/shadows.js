@@ -1,14 +1,14 @@
-/** Soft blots under the hand and its fingertips: they show how far above the keys each is, for one draw call. */
+/** Soft shadows under the hand and its fingertips, which show their height above the keys, in one draw call. */
 
 import { CanvasTexture, InstancedMesh, Matrix4, MeshBasicMaterial, PlaneGeometry, Quaternion, Vector3 } from 'three';
 
-/** Height of the white keys' tops, m, and a hair: the blots lie there. */
+/** Height of the shadows: slightly above the tops of the white keys, m. */
 const FLOOR = 0.0228;
-/** Size of a fingertip's blot where it touches, m; it is gone when the tip is up this far, m. */
+/** Size of a fingertip's shadow when it touches, m, and height at which it disappears, m. */
 const TIP = { size: 0.045, gone: 0.055 };
-/** Size of the hand's blot, and its place from the middle of the palm, m. */
+/** Size of the hand's shadow, and its offset from the middle of the palm, m. */
 const PALM = { depth: 0.13, width: 0.22, back: 0.09 };
-/** What the keyboard stands in, m. */
+/** Size of the keyboard's case, m. */
 const GROUND = { depth: 0.62, width: 1.05, height: -0.001 };
 
 export class Shadows extends InstancedMesh {

@@ -1,6 +1,6 @@
 /**
- * Everything solid as one mesh, in world coordinates. A scene of a hundred small boxes costs next to nothing in
- * triangles and a great deal in draw calls where the processor draws; so there is one call, and what moves is moved here.
+ * All solid shapes as one mesh in world coordinates. A hundred small boxes have few triangles, but their draw calls are slow without a
+ * graphics card; so there is one draw call, and moving vertices are updated here.
  */
 
 import {
@@ -12,12 +12,12 @@ import { mergeGeometries, mergeVertices } from 'three/addons/utils/BufferGeometr
 
 import { place } from './bodies.js';
 
-/** Boxes thinner than this have no edge worth rounding, m. */
+/** Edges of boxes thinner than this are not rounded, m. */
 const THIN = 0.004;
 /** Rounding of the other boxes' edges: a share of their thinnest side, and no more than this, m. */
 const ROUNDING = { share: 0.15, most: 0.004 };
 
-/** One geom, hung into the tree of bodies. */
+/** One geom, added to the tree of bodies. */
 export class Shape extends Object3D {
   constructor(geom) {
     super();

@@ -64,7 +64,7 @@ export class Sound {
     this.#setGain();
   }
 
-  /** Stops what sounds and starts over from where the player is. */
+  /** Stops all sounds and restarts from the player's place. */
   restart() {
     const now = this.timebase.context?.currentTime ?? 0;
     for (const { source, gain } of this.voices) {
@@ -77,7 +77,7 @@ export class Sound {
     this.pump();
   }
 
-  /** Schedules what is due within the next moments. */
+  /** Schedules the notes of the next second or so. */
   pump() {
     if (!this.player.playing) return;
     const song = this.player.time();
@@ -123,7 +123,7 @@ export class Sound {
     return this.buffers.get(key);
   }
 
-  /** Computes tones while nothing else is to be done, the first notes' first; what is not ready is made when struck. */
+  /** Computes tones when the page is idle, in the order of the notes; a tone that is not ready is computed when it is played. */
   #prepare(notes) {
     const idle = window.requestIdleCallback ?? ((call) => setTimeout(call, 30));
     let index = 0;

@@ -1,4 +1,4 @@
-/** The keyboard and the hand of one take as three.js objects, and how they stand at a time. */
+/** The keyboard and the hand of one take as three.js objects, and their pose at a time. */
 
 import { Color, DirectionalLight, Group, HemisphereLight, Scene } from 'three';
 
@@ -34,12 +34,12 @@ export class Stage {
     this.positions = new Array(take.joints.length).fill(0);
   }
 
-  /** How far the hand is off the keyboard's middle, m. */
+  /** Lateral place of the hand from the keyboard's middle, m. */
   get lateral() {
     return this.hand?.position.y ?? 0;
   }
 
-  /** Sets everything as it stands at a time. */
+  /** Sets the pose at a time. */
   pose(secs) {
     const { take, positions } = this;
     take.positionsAt(secs, positions);
@@ -49,7 +49,7 @@ export class Stage {
       const depth = take.keyDepth(key.pitch, secs);
       key.body.move(depth * key.down);
       const played = depth > 0.5 ? kinds(due, [key.pitch]).get(key.pitch) : null;
-      // A strip of no size is not seen.
+      // A strip of size zero is invisible.
       key.strip?.scale.setScalar(played === null && due.includes(key.pitch) ? 1 : 0);
       if (key.shape && key.played !== played) {
         key.played = played;
@@ -61,7 +61,7 @@ export class Stage {
     this.shadows.update();
   }
 
-  /** Pitches whose key stands more than half down, from the bodies as they are drawn. */
+  /** Pitches whose key is drawn more than half down. */
   keysDown() {
     const down = this.keys.filter((key) => key.body.angle() / key.down > 0.5);
     return down.map((key) => key.pitch).sort((a, b) => a - b);
@@ -73,7 +73,7 @@ export class Stage {
   }
 }
 
-/** A key: its body and shape, and a strip along its playing half that says it is due. */
+/** A key: its body and shape, and a strip along its front half that shows when it is due. */
 function keyOf(body) {
   const { key, down } = body.joint;
   const shape = body.children.find((child) => child instanceof Shape) ?? null;
@@ -89,7 +89,7 @@ function keyOf(body) {
   return made;
 }
 
-/** A lamp from the player's left, and the room's own light from above and below. */
+/** A light from the player's left, and ambient light from above and below. */
 function lights() {
   const room = new HemisphereLight(0xffffff, 0x9a958c, 2.25);
   room.position.set(0, 0, 1);

@@ -1,6 +1,6 @@
-/** One recording as the page uses it: the contract's data, made safe where a recording broke off, and looked up by time. */
+/** One recording as the page uses it: looked up by time, and without gaps where a recording is incomplete. */
 
-/** A key's way down or up as drawn, s. Its middle is the moment of the key event, where the contact closes. */
+/** Duration of a drawn key movement, s. The key event is in its middle, when the contact closes. */
 const KEY_RAMP_SECS = 0.03;
 
 const list = (value) => (Array.isArray(value) ? value : []);
@@ -36,13 +36,13 @@ export class Take {
     this.remarks = remarks(take, this);
   }
 
-  /** The control step that runs at a time; −1 where there is none. */
+  /** The control step at a time; −1 if there is none. */
   stepAt(secs) {
-    // A hair more than the quotient: the start of a step belongs to it, whatever the rounding.
+    // The small number makes up for rounding: the start of a step belongs to the step.
     return Math.min(Math.floor(secs * this.hz + 1e-6), this.steps - 1);
   }
 
-  /** The last control step that is over at a time: the one whose numbers are known. −1 before the first. */
+  /** The last control step that has ended at a time; −1 before the first. */
   stepBefore(secs) {
     return Math.min(Math.floor(secs * this.hz + 1e-6) - 1, this.steps - 1);
   }
@@ -74,13 +74,13 @@ export class Take {
     return depth;
   }
 
-  /** What plays, in a few words. */
+  /** A short description: rig, mode and player. */
   caption() {
     return [this.rig, this.mode, this.player].filter((part) => part !== '').join(' · ');
   }
 }
 
-/** Rows without holes: what a recording does not say (JSON has no NaN) stays as it was. */
+/** Rows without gaps: missing values (JSON has no NaN) keep the value before. */
 function filled(rows, start, width) {
   let previous = start ?? new Array(width).fill(0);
   return rows.map((row) => {
@@ -89,7 +89,7 @@ function filled(rows, start, width) {
   });
 }
 
-/** What a viewer should know before trusting the picture. */
+/** Remarks on what the recording does not contain. */
 function remarks(raw, take) {
   const found = [];
   if (raw.incomplete) found.push(String(raw.incomplete));

@@ -1,9 +1,9 @@
-/** Colours that canvases need from the style sheet, so that light and dark are said in one place. */
+/** Colours from the style sheet for canvases, so that light and dark are defined in one place. */
 
 import { CanvasTexture, ColorManagement, LinearFilter } from 'three';
 
-// Light is added up in screen colours: converting every pixel from linear ones is dear where the processor draws. Here,
-// because it must be said before the first colour is made.
+// Light is computed in screen colours, because converting every pixel from linear colours is slow without a graphics card. It is set
+// here because it must be set before the first colour is created.
 ColorManagement.enabled = false;
 
 /** Okabe and Ito's colours, told apart by every kind of colour vision; the same in light and dark. */
@@ -14,7 +14,7 @@ export const DUE = '#56B4E9';
 
 const scheme = matchMedia('(prefers-color-scheme: dark)');
 
-/** The style sheet's colours as they are now. */
+/** The current colours of the style sheet. */
 export function theme() {
   const style = getComputedStyle(document.documentElement);
   const colour = (name) => style.getPropertyValue(`--${name}`).trim();

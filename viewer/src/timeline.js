@@ -1,10 +1,10 @@
-/** The time line: the slider, and above it what happened when: faults, warnings, clamps, and where two takes part. */
+/** The time line: the slider, and above it faults, warnings, clamps, and where two takes differ. */
 
 import { drawingOn, hatching } from './canvas.js';
 import { clockText, element } from './dom.js';
 import { MISSED, WRONG, theme } from './theme.js';
 
-/** How each kind of mark looks and is called. Shapes differ, not only colours. */
+/** Colour, shape and name of each kind of mark. */
 const KINDS = {
   fault: { colour: WRONG, shape: 'triangle', one: 'fault', many: 'faults' },
   warning: { colour: MISSED, shape: 'diamond', one: 'warning', many: 'warnings' },
@@ -13,9 +13,9 @@ const KINDS = {
   parting: { colour: '#CC79A7', shape: 'band', one: 'parting', many: 'partings' },
 };
 const LANE = 14;
-/** The list stops here; a recording that clamps at every step would make a list of thousands. */
+/** Longest list; a recording that clamps at every step has thousands of marks. */
 const MOST_LISTED = 200;
-/** How near the pointer must be to a mark to name it, pixels. */
+/** Distance from the pointer within which a mark shows its tooltip, pixels. */
 const NEAR = 6;
 
 export class Timeline {

@@ -4,7 +4,7 @@
 //! cargo run --release -p etude-learn --example toy_training -- FOLDER
 //! ```
 //!
-//! Run it again on the same folder after stopping it anywhere, and it goes on.
+//! It can be stopped anywhere; run it again on the same folder to resume.
 #![allow(clippy::print_stdout)] // An example may talk.
 
 use std::{error::Error, path::Path};

@@ -1,4 +1,4 @@
-//! The actor outside of updates: actions for a few observations at a time, with or without exploration.
+//! The actor outside of updates: actions for batches of observations, with or without exploration.
 
 use crate::{
     config::Arithmetic,
@@ -39,18 +39,20 @@ impl Acting {
         self.network.shape.layout
     }
 
-    /// `tanh(mean)` for `[rows, observation]`, into `[rows, action]`.
+    /// Best actions without exploration: `tanh(mean)` for `[rows, observation]`, into `[rows, action]`.
     pub(crate) fn best(&mut self, parameters: &[f32], observations: &[f32], actions: &mut [f32]) {
-        self.each(parameters, observations, actions, |acting, output, _, actions| {
-            let n = acting.action_len;
-            for (mean, row) in acting.means.chunks_exact_mut(n).zip(output.chunks_exact(2 * n)) {
+        let n = self.action_len;
+        let (mut means, mut unused) = (std::mem::take(&mut self.means), std::mem::take(&mut self.unused));
+        self.each(parameters, observations, actions, |_, output, _, actions| {
+            for (mean, row) in means.chunks_exact_mut(n).zip(output.chunks_exact(2 * n)) {
                 mean.copy_from_slice(&row[..n]);
             }
-            squash(&acting.means[..actions.len()], actions, &mut acting.unused[..actions.len()]);
+            squash(&means[..actions.len()], actions, &mut unused[..actions.len()]);
         });
+        (self.means, self.unused) = (means, unused);
     }
 
-    /// A sample of the policy for `[rows, observation]`, with `noise` (`[rows, action]`, standard normal).
+    /// Samples of the policy for `[rows, observation]`, with `noise` (`[rows, action]`, standard normal), into `[rows, action]`.
     pub(crate) fn explore(
         &mut self,
         parameters: &[f32],
@@ -59,20 +61,21 @@ impl Acting {
         log_std_bounds: [f64; 2],
         actions: &mut [f32],
     ) {
-        self.each(parameters, observations, actions, |acting, output, start, actions| {
+        let n = self.action_len;
+        self.each(parameters, observations, actions, |gaussian, output, start, actions| {
             let noise = &noise[start..start + actions.len()];
-            acting.gaussian.sample(output, noise, log_std_bounds);
-            actions.copy_from_slice(acting.gaussian.actions(noise.len() / acting.action_len));
+            gaussian.sample(output, noise, log_std_bounds);
+            actions.copy_from_slice(gaussian.actions(noise.len() / n));
         });
     }
 
-    /// Runs the network over batches of rows; `finish(self, head, offset into actions, actions)` ends each.
+    /// Runs the network over batches of rows. `finish(gaussian, head, offset into actions, actions)` is called for each batch.
     fn each(
         &mut self,
         parameters: &[f32],
         observations: &[f32],
         actions: &mut [f32],
-        mut finish: impl FnMut(&mut Finish<'_>, &[f32], usize, &mut [f32]),
+        mut finish: impl FnMut(&mut Gaussian, &[f32], usize, &mut [f32]),
     ) {
         let (len, n) = (self.layout().len(), self.action_len);
         assert!(
@@ -85,21 +88,7 @@ impl Acting {
             self.inputs.clear();
             observations.chunks_exact(len).for_each(|observation| self.inputs.push(observation));
             let output = self.network.forward(parameters, &self.inputs, &[], 0.0, false, &mut self.workspace);
-            let mut rest = Finish {
-                action_len: n,
-                gaussian: &mut self.gaussian,
-                means: &mut self.means,
-                unused: &mut self.unused,
-            };
-            finish(&mut rest, output, index * capacity * n, actions);
+            finish(&mut self.gaussian, output, index * capacity * n, actions);
         }
     }
-}
-
-/// What turns a head's output into actions, apart from the workspace that holds that output.
-struct Finish<'a> {
-    action_len: usize,
-    gaussian: &'a mut Gaussian,
-    means: &'a mut [f32],
-    unused: &'a mut [f32],
 }

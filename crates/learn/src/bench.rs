@@ -1,4 +1,4 @@
-//! How many updates a second this machine makes, for `etude bench` and the comparison with peers in `benches/peers`.
+//! Updates per second on this machine, for `etude bench` and the comparison in `benches/peers`.
 
 use std::time::{Duration, Instant};
 

@@ -1,7 +1,6 @@
-//! Every constant of the algorithm and of a training, with the paper's values as defaults.
+//! All constants of the algorithm and of a training, with the paper's values as defaults.
 //!
-//! The paper is silent on most of them; those come from the RoboPianist line that it names (robopianist-rl's `run.sh`).
-//! Plain data: `validate` is the only behaviour.
+//! The paper gives few of them; the others are those of github.com/kevinzakka/robopianist-rl (`run.sh`), which it builds on.
 
 use serde::{Deserialize, Serialize};
 
@@ -26,17 +25,16 @@ fn require(
     if holds { Ok(()) } else { Err(ConfigError { field, value: value.to_string(), rule }) }
 }
 
-/// How matrices between hidden layers are multiplied in an update.
+/// Arithmetic of the matrix products between hidden layers in an update.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Arithmetic {
     /// In single precision.
     #[default]
     F32,
-    /// Operands rounded to bfloat16, sums in single precision: faster where the processor has AVX-512 BF16. On others, and for
-    /// layers whose width is no multiple of 16, the same as [`F32`](Self::F32); so a training that is continued on another
-    /// kind of processor goes on, but not bit for bit. Parameters, optimiser and everything between the products stay in
-    /// single precision.
+    /// Operands rounded to bfloat16, sums in single precision: faster on processors with AVX-512 BF16. On others, and for layers
+    /// whose width is not a multiple of 16, it is the same as [`F32`](Self::F32); a training can be resumed on another kind of
+    /// processor, but not bit for bit. Parameters, optimiser and everything between the products are in single precision.
     Bf16,
 }
 
@@ -52,17 +50,17 @@ pub struct DroqConfig {
     pub dropout: f64,
     /// Transitions a batch, drawn uniformly with replacement.
     pub batch: usize,
-    /// Transitions that the replay holds; the oldest make room.
+    /// Transitions in the replay buffer; the oldest are overwritten.
     pub replay_capacity: usize,
     /// Weight of the next step's value, per control step.
     pub discount: f64,
-    /// Control steps whose rewards are added up before the critics' value of what follows takes over (n-step returns);
-    /// fewer where the episode ends before. 1 is the paper's.
+    /// Control steps whose rewards are summed before the critics' value of the next state is added (n-step returns); fewer where
+    /// the episode ends earlier. The paper's is 1.
     pub n_step: usize,
     /// Fraction of the way that the target critics move towards the critics at each update.
     pub polyak: f64,
-    /// Fraction of the way that the policy moves towards the actor at each update: what is evaluated and saved is the
-    /// average of the actor's last `1 / policy_polyak` or so updates. 1 takes the actor as it is (the paper).
+    /// Fraction of the way that the policy moves towards the actor at each update. The policy, which is evaluated and saved, is thus
+    /// an average over about `1 / policy_polyak` updates of the actor. With 1 it is the actor itself (the paper).
     pub policy_polyak: f64,
     /// Adam step size of the actor.
     pub actor_learning_rate: f64,
@@ -100,9 +98,9 @@ impl Default for DroqConfig {
     }
 }
 
-/// The most units a layer may have; also keeps the sizes in a hostile file from overflowing.
+/// The most units of a layer; also prevents overflow by the sizes in a damaged file.
 pub(crate) const WIDEST_LAYER: usize = 8192;
-/// The most hidden layers a network may have.
+/// The most hidden layers of a network.
 pub(crate) const MOST_LAYERS: usize = 16;
 
 impl DroqConfig {
@@ -145,14 +143,14 @@ impl DroqConfig {
     }
 }
 
-/// A training: how long, how much learning per step of experience, and how often it is looked at and saved.
+/// A training: its length, its updates per step, and its intervals of logs, evaluations and checkpoints.
 ///
 /// A *round* is one vectorised step: `num_envs` environment steps and `updates_per_round` updates from the replay before
 /// them. All lengths are counted in environment steps and take effect at the end of the round that reaches them.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct TrainerConfig {
-    /// Root of every random draw of the learner.
+    /// Root seed of all random draws.
     pub seed: u64,
     /// Environment steps after which the training is finished.
     pub total_steps: u64,
@@ -162,8 +160,8 @@ pub struct TrainerConfig {
     pub updates_per_round: usize,
     /// Environment steps with uniformly random actions, before the first update.
     pub warmup_steps: u64,
-    /// Share of the control steps in which the environment's demonstrator acts instead of the policy, from the first
-    /// step on; 0 is the paper's.
+    /// Share of the control steps in which the environment's demonstrator acts instead of the policy, from the first step on. The
+    /// paper's is 0.
     pub demonstration_share: f64,
     /// Standard deviation of the normal noise on the demonstrator's actions, so that they are not always the same.
     pub demonstration_noise: f64,
@@ -171,7 +169,7 @@ pub struct TrainerConfig {
     pub log_every_steps: u64,
     /// Environment steps between evaluations; 0 for none.
     pub evaluate_every_steps: u64,
-    /// Environment steps between checkpoints; a kill loses at most this much.
+    /// Environment steps between checkpoints.
     pub checkpoint_every_steps: u64,
     /// Threads for environments and learning together; 0 for one a processor core. The result does not depend on it.
     pub threads: usize,
@@ -198,7 +196,7 @@ impl Default for TrainerConfig {
     }
 }
 
-/// The most environments: each is a whole world, so a typing error must not fill the memory.
+/// The most environments. Each is a whole world, so a typing error could fill the memory.
 const MOST_ENVS: usize = 4096;
 
 impl TrainerConfig {

@@ -1,14 +1,13 @@
-//! What the learner knows about a task: a batch of environments that step together, and a judge of finished policies.
+//! The interface between learner and task: environments that step together, and an evaluator of policies.
 //!
-//! Nothing here mentions music, robots or physics. The task crate implements these traits; the tests of this crate
-//! implement them with one-line toy problems.
+//! The task crate implements these traits for the piano, the tests of this crate for toy problems.
 
 use serde::{Deserialize, Serialize};
 
 /// Columns of an observation: `real` values first, then `binary` values that are exactly 0 or 1.
 ///
-/// The split is worth naming because it pays twice: the replay stores binary columns as bits, and the first layer of
-/// every network adds up the weight rows of the set bits instead of multiplying by zeros.
+/// The replay buffer stores binary columns as bits, and the first layer of every network adds up the weight rows of the set bits
+/// instead of multiplying by zeros.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ObservationLayout {
@@ -38,17 +37,17 @@ impl ObservationLayout {
 /// Buffers that one vectorised step fills; `n` is the number of environments.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct StepBatch {
-    /// `[n, observation]`: what to act on next, after episodes that ended have been restarted.
+    /// `[n, observation]`: what to act on next, after restarting the episodes that ended.
     pub observation: Vec<f32>,
-    /// `[n, observation]`: what the step itself led to, before any restart. This is what the replay stores.
+    /// `[n, observation]`: the result of the step, before restarting. The replay buffer stores this one.
     pub next_observation: Vec<f32>,
     /// `[n]`: the reward of the step.
     pub reward: Vec<f32>,
     /// `[n, terms]`: the named parts of the reward, in the order of [`VectorEnvironment::reward_term_names`].
     pub reward_terms: Vec<f32>,
-    /// `[n]`: the task ended for good; nothing after this step is worth anything, so bootstrapping stops.
+    /// `[n]`: a terminal state was reached: no bootstrapping.
     pub terminal: Vec<bool>,
-    /// `[n]`: the episode ended for a reason outside the task (the song is over); bootstrapping goes on.
+    /// `[n]`: the episode was truncated (the song is over): bootstrapping continues.
     pub truncated: Vec<bool>,
 }
 
@@ -68,9 +67,8 @@ impl StepBatch {
 
 /// Environments that step together.
 ///
-/// Same state and same actions must give the same bytes, whatever the number of threads: the trainer's promise of
-/// reproducible runs rests on it. The trainer calls [`step`](Self::step) from inside its own rayon pool, so an
-/// implementation that uses rayon shares the trainer's threads.
+/// The same state and actions must give the same bytes with any number of threads, since reproducible runs depend on it. The
+/// trainer calls [`step`](Self::step) inside its own rayon pool, so an implementation that uses rayon shares its threads.
 pub trait VectorEnvironment: Send {
     /// Number of environments that one step advances.
     fn num_envs(&self) -> usize;
@@ -78,25 +76,27 @@ pub trait VectorEnvironment: Send {
     fn layout(&self) -> ObservationLayout;
     /// Length of one action.
     fn action_len(&self) -> usize;
-    /// Names of the parts of the reward; metrics are logged under these.
+    /// Names of the terms of the reward, under which they are logged.
     fn reward_term_names(&self) -> Vec<String>;
     /// Starts an episode in every environment and writes `[n, observation]`.
     fn reset(&mut self, observation: &mut [f32]);
     /// Applies `actions` (`[n, action]`, each in [-1, 1]) and restarts the episodes that ended.
     fn step(&mut self, actions: &[f32], batch: &mut StepBatch);
-    /// Writes what a demonstrator that knows the task would do now, `[n, action]`. Without one: `false`, and nothing
-    /// is written.
+    /// Writes the actions of a demonstrator, `[n, action]`. Returns `false`, and writes nothing, if there is none.
     fn demonstrate(&self, actions: &mut [f32]) -> bool {
         let _ = actions;
         false
     }
-    /// Everything that is needed to continue bit for bit after [`load_state`](Self::load_state).
+    /// The state, from which [`load_state`](Self::load_state) continues bit for bit.
     fn save_state(&self) -> Vec<u8>;
-    /// Continues from [`save_state`](Self::save_state). Must refuse, not panic on, bytes that it did not write.
+    /// Continues from the bytes of [`save_state`](Self::save_state).
+    ///
+    /// # Errors
+    /// If the bytes are not such a state; it must not panic.
     fn load_state(&mut self, state: &[u8]) -> Result<(), EnvironmentError>;
 }
 
-/// An environment could not continue from the saved state that it was given.
+/// An environment could not continue from a saved state.
 #[derive(Debug, thiserror::Error)]
 #[error("the environment cannot continue from this saved state: {message}")]
 pub struct EnvironmentError {
@@ -119,9 +119,9 @@ pub struct Score {
     pub value: f64,
 }
 
-/// Plays whole episodes with a fixed policy; the first score chooses the best checkpoint.
+/// Plays whole episodes with a fixed policy; the first score decides which policy is the best.
 ///
-/// An evaluator must not remember anything between calls that changes its scores: a resumed training builds a new one.
+/// The scores must not depend on earlier calls, because a resumed training builds a new evaluator.
 pub trait Evaluator: Send {
     /// `act(observations, actions)` maps `[k, observation]` to `[k, action]` without exploration, for any `k`.
     fn evaluate(&mut self, act: &mut dyn FnMut(&[f32], &mut [f32])) -> Vec<Score>;

@@ -1,4 +1,4 @@
-//! Files that are either the old one or the new one, whatever happens in between; and safetensors with a JSON header.
+//! Reading and replacing files, and safetensors files with a JSON header.
 
 use std::{
     collections::HashMap,
@@ -7,6 +7,7 @@ use std::{
     path::{Path, PathBuf},
 };
 
+use atomic_write_file::AtomicWriteFile;
 use safetensors::{Dtype, SafeTensors, tensor::TensorView};
 use serde::{Serialize, de::DeserializeOwned};
 
@@ -55,30 +56,23 @@ impl FileError {
     }
 }
 
-/// Writes beside `path`, forces the bytes to the disk, and only then takes the name.
-pub(crate) fn write_atomically(path: &Path, bytes: &[u8]) -> Result<(), FileError> {
-    // The parent of a bare name is the empty path.
-    let folder = path.parent().filter(|folder| *folder != Path::new("")).unwrap_or(Path::new("."));
-    let name = path.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
-    let temporary = folder.join(format!(".{name}.tmp"));
-    let written = File::create(&temporary).and_then(|mut file| {
+/// Replaces the file `path` so that it holds either the old contents or the new ones, also after a power failure.
+pub(crate) fn write(path: &Path, bytes: &[u8]) -> Result<(), FileError> {
+    let replace = || {
+        let mut file = AtomicWriteFile::open(path)?;
         file.write_all(bytes)?;
-        file.sync_all()
-    });
-    if let Err(error) = written {
-        // Give the space back; if even that fails, the first error is the one to report.
-        let _ = fs::remove_file(&temporary);
-        return Err(FileError::io("write", path)(error));
-    }
-    fs::rename(&temporary, path).map_err(FileError::io("write", path))?;
-    sync_folder(folder)
+        file.commit()
+    };
+    replace().map_err(FileError::io("write", path))?;
+    // The parent of a bare name is the empty path.
+    sync_folder(path.parent().filter(|folder| *folder != Path::new("")).unwrap_or(Path::new(".")))
 }
 
 /// Makes renames and removals inside `folder` durable.
 pub(crate) fn sync_folder(folder: &Path) -> Result<(), FileError> {
     // Windows has no such call on folders and needs none.
     if cfg!(unix) {
-        File::open(folder).and_then(|f| f.sync_all()).map_err(FileError::io("sync", folder))
+        File::open(folder).and_then(|folder| folder.sync_all()).map_err(FileError::io("sync", folder))
     } else {
         Ok(())
     }
@@ -88,10 +82,10 @@ pub(crate) fn read(path: &Path) -> Result<Vec<u8>, FileError> {
     fs::read(path).map_err(FileError::io("read", path))
 }
 
-/// The one metadata entry of our safetensors files. One entry, since the format's own map has no fixed order.
+/// The only metadata entry of our safetensors files. There is only one because the format's map has no fixed order.
 const HEADER_KEY: &str = "etude";
 
-/// A tensor of any type on its way to a file.
+/// A tensor of any type, to be written to a file.
 pub(crate) struct RawTensor {
     pub name: String,
     pub dtype: Dtype,
@@ -164,17 +158,20 @@ mod tests {
     fn a_failed_write_leaves_the_old_file() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("file");
-        write_atomically(&path, b"old").unwrap();
-        // A device that is always full stands for a full disk.
-        #[cfg(target_os = "linux")]
-        {
-            std::os::unix::fs::symlink("/dev/full", folder.path().join(".file.tmp")).unwrap();
-            let error = write_atomically(&path, b"new").unwrap_err();
-            assert!(error.to_string().contains("make room on the disk; a checkpoint"), "{error}");
-            assert_eq!(fs::read(&path).unwrap(), b"old");
-        }
-        write_atomically(&path, b"new").unwrap();
+        write(&path, b"old").unwrap();
+        write(&path, b"new").unwrap();
         assert_eq!(fs::read(&path).unwrap(), b"new");
-        assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 1);
+        // A folder in its place stops the last step, the rename.
+        let taken = folder.path().join("taken");
+        fs::create_dir(&taken).unwrap();
+        let error = write(&taken, b"new").unwrap_err().to_string();
+        assert!(error.starts_with("cannot write") && error.contains("taken"), "{error}");
+        assert!(write(&folder.path().join("no/file"), b"new").is_err());
+    }
+
+    #[test]
+    fn a_full_disk_is_named_with_what_to_do() {
+        let error = FileError::io("write", Path::new("file"))(io::ErrorKind::StorageFull.into());
+        assert!(error.to_string().contains("make room on the disk; a checkpoint"), "{error}");
     }
 }

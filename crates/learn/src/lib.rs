@@ -1,12 +1,12 @@
-//! DroQ for a hand that learns to play the piano: networks and their kernels, replay, trainer, checkpoints.
+//! DroQ: networks and their kernels, replay buffer, trainer, checkpoints.
 //!
-//! The crate knows an environment only as a trait ([`mod@env`]), and never prints. A training is a [`Trainer`]: it owns the
-//! learner, the replay, a [`VectorEnvironment`] and an [`Evaluator`], writes a run folder (its layout is at [`Trainer`]),
-//! and reports to a [`TrainingObserver`]. What comes out is a [`Policy`].
+//! The environment is a trait ([`mod@env`]), and nothing is printed. A training is a [`Trainer`]: it owns the learner, the replay
+//! buffer, a [`VectorEnvironment`] and an [`Evaluator`], writes a run folder (see [`Trainer`]), and reports to a
+//! [`TrainingObserver`]. The result is a [`Policy`].
 //!
-//! Promises, each with a test: same seed, same bytes, whatever the number of threads; a training that is stopped, or
-//! killed, and resumed is the training that never was; a full disk or a number that is not finite stops a training with
-//! its last checkpoint intact; no file, however damaged, makes loading panic; and every update agrees with PyTorch
+//! Guarantees, each with a test: the same seed gives the same bytes with any number of threads; a training that is stopped or killed
+//! and then resumed gives the same bytes as one without interruption; a failed write or a number that is not finite stops a
+//! training with its last checkpoint intact; loading a damaged file never panics; every update agrees with PyTorch
 //! (`scripts/golden_learn.py`).
 //!
 //! `examples/toy_training.rs` is a whole training in a hundred lines.

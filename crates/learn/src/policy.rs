@@ -1,9 +1,9 @@
-//! A finished policy: the actor alone, in a small file, acting without exploration.
+//! A policy: the actor alone, in a small file, acting without exploration.
 //!
 //! The file is a safetensors file with the tensors `actor.layer0.weight`, `actor.layer0.bias`, …, `actor.head.weight`
 //! (`[inputs, 2 · action]`: means, then logarithms of deviations) and `actor.head.bias`, all `f32`, weights `[inputs,
 //! outputs]`, inputs in the order of the observation. One metadata entry, `etude`, holds JSON: the [`PolicyHeader`].
-//! Whatever a file holds, loading it gives a policy or an error, never a panic.
+//! Loading a damaged file gives an error and never panics.
 
 use std::path::Path;
 
@@ -15,18 +15,18 @@ use crate::{
     config::{MOST_LAYERS, WIDEST_LAYER},
     droq::actor_shape,
     env::ObservationLayout,
-    files::{FileError, TensorFile, encode_tensors, read, write_atomically},
+    files::{FileError, TensorFile, encode_tensors, read, write},
     network::Network,
     tensors::{find_tensors, name_tensors},
 };
 
 const SCHEMA: &str = "etude-policy-1";
-/// Rows that one pass handles; more go in several passes.
+/// Rows of one pass; more rows take several passes.
 const ROWS: usize = 16;
 /// The most columns an observation or an action may have in a file.
 const MOST_COLUMNS: usize = 1 << 20;
 
-/// What a policy file says about itself.
+/// The header of a policy file.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct PolicyHeader {
@@ -106,7 +106,8 @@ impl Policy {
     }
 
     /// Replaces the caller's notes.
-    pub fn set_notes(&mut self, notes: serde_json::Value) {
+    #[cfg(test)]
+    pub(crate) fn set_notes(&mut self, notes: serde_json::Value) {
         self.header.notes = notes;
     }
 
@@ -118,9 +119,9 @@ impl Policy {
         self.acting.best(&self.parameters, observations, actions);
     }
 
-    /// Writes the file; an older one of that name is there, whole, until the new one is.
+    /// Writes the file. An older file of that name is replaced only when the new one is complete.
     pub fn save(&self, path: &Path) -> Result<(), FileError> {
-        write_atomically(path, &self.to_bytes().map_err(|reason| FileError::content(path, reason))?)
+        write(path, &self.to_bytes().map_err(|reason| FileError::content(path, reason))?)
     }
 
     /// The bytes that [`save`](Self::save) writes.
@@ -157,7 +158,7 @@ impl Policy {
             return Err("the sizes in its header are out of range".to_owned());
         }
         let network = Network::new(actor_shape(header.layout, header.action_len, &header.hidden));
-        // The file must be long enough for the sizes that its header claims, before anything of that size is allocated.
+        // Check that the file is long enough for the sizes in its header before allocating them.
         let claimed: usize = network.plan.tensors.iter().map(|tensor| 4 * tensor.range.len()).sum();
         if claimed > bytes.len() {
             return Err("its header claims larger tensors than the file holds".to_owned());

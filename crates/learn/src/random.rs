@@ -1,4 +1,4 @@
-//! A generator with an owner: PCG-64 seeded from the root seed and a purpose, whose state goes into checkpoints.
+//! A random stream: PCG-64 seeded from the root seed and a purpose. Its state is saved in checkpoints.
 
 use rand::{Rng, SeedableRng};
 use rand_distr::{Distribution, StandardNormal};
@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::seed;
 
-/// The draws of one purpose.
+/// The random stream of one purpose.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(try_from = "Pcg64", into = "Pcg64")]
 pub(crate) struct Stream(Pcg64);
@@ -21,7 +21,7 @@ impl From<Stream> for Pcg64 {
 impl TryFrom<Pcg64> for Stream {
     type Error = &'static str;
 
-    /// Refuses a state that always gives the same number, on which drawing a normal value may never end.
+    /// Refuses a state that always gives the same number, with which drawing a normal value may never end.
     fn try_from(generator: Pcg64) -> Result<Self, Self::Error> {
         let mut copy = generator.clone();
         let first = copy.next_u64();

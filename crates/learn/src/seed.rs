@@ -1,9 +1,9 @@
-//! One root seed, split by purpose, so that every random draw has an owner.
+//! One root seed, split by purpose.
 //!
-//! A purpose is a short text such as `"dropout/critic-0"`. Adding a purpose never moves the draws of another, which a
-//! shared generator would do.
+//! A purpose is a short text such as `"dropout/critic-0"`. Each purpose has its own stream, so that adding one does not change the
+//! draws of the others.
 
-/// The seed of `purpose` under `root`. Stable for ever: recorded runs depend on it.
+/// The seed of `purpose` under `root`. It must never change, because recorded runs depend on it.
 ///
 /// FNV-1a over the bytes of the purpose (64 bit, <http://www.isthe.com/chongo/tech/comp/fnv/>), then two rounds of the
 /// SplitMix64 finaliser (Steele, Lea, Flood 2014) that mix the root in.

@@ -17,7 +17,7 @@ pub(crate) struct EventFile {
 }
 
 impl EventFile {
-    /// Opens the file, whose first `keep` bytes shall stay (what a checkpoint knows of). Changes nothing in it before
+    /// Opens the file, of which the first `keep` bytes belong to the checkpoint. The file is not changed before
     /// [`cut_back`](Self::cut_back).
     pub(crate) fn open(path: &Path, keep: u64) -> Result<Self, FileError> {
         let io = |error| FileError::io("write", path)(error);
@@ -26,8 +26,7 @@ impl EventFile {
         Ok(Self { path: path.to_owned(), file, len })
     }
 
-    /// Drops what shall not stay, to append after the rest; a new or emptied file gets its version record, stamped
-    /// `wall_time` (seconds since 1970).
+    /// Truncates the file to the kept bytes; an empty file gets its version record with `wall_time` (seconds since 1970).
     pub(crate) fn cut_back(&mut self, wall_time: f64) -> Result<(), FileError> {
         let io = |error| FileError::io("write", &self.path)(error);
         self.file.set_len(self.len).map_err(io)?;
@@ -65,7 +64,7 @@ impl EventFile {
         self.len
     }
 
-    /// Forces all records to the disk.
+    /// Syncs all records to the disk.
     pub(crate) fn sync(&self) -> Result<(), FileError> {
         self.file.sync_data().map_err(FileError::io("sync", &self.path))
     }
@@ -78,7 +77,7 @@ impl EventFile {
     }
 }
 
-/// CRC-32C, rotated and offset so that a checksum of checksums stays useful.
+/// CRC-32C, rotated and offset as the format requires.
 fn masked_crc(bytes: &[u8]) -> u32 {
     crc32c::crc32c(bytes).rotate_right(15).wrapping_add(0xa282_ead8)
 }

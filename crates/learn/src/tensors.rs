@@ -1,8 +1,8 @@
-//! Between parameter buffers and named tensors.
+//! Conversion between parameter buffers and named tensors.
 
 use crate::{buffer::Buffer, network::Plan};
 
-/// Why tensors cannot be the learner's. Completes "tensor …".
+/// Why a tensor cannot be used. Completes "tensor …".
 #[derive(Debug, thiserror::Error)]
 pub(crate) enum TensorError {
     #[error("`{name}` is missing")]
@@ -13,7 +13,7 @@ pub(crate) enum TensorError {
     NotFinite { name: String },
 }
 
-/// A tensor on its way to a file.
+/// A tensor of `f32`, to be written to a file.
 pub(crate) struct NamedTensor<'a> {
     pub name: String,
     pub shape: Vec<usize>,
@@ -34,7 +34,7 @@ pub(crate) fn name_tensors<'a>(plan: &Plan, prefix: &str, buffer: &'a [f32], out
 /// Looks tensors up by name: `lookup(name)` gives shape and values.
 pub(crate) type Lookup<'a> = dyn Fn(&str) -> Option<(Vec<usize>, Vec<f32>)> + 'a;
 
-/// One tensor, checked.
+/// Looks up one tensor, and checks its shape and that its values are finite.
 pub(crate) fn find(lookup: &Lookup<'_>, name: String, expected: &[usize]) -> Result<Vec<f32>, TensorError> {
     let Some((found, values)) = lookup(&name) else { return Err(TensorError::Missing { name }) };
     if found != expected || values.len() != expected.iter().product::<usize>() {

@@ -1,6 +1,6 @@
 //! Writes the songs that come as files into `songs/`: `cargo run -p etude-music --example write_songs`.
 //!
-//! They stand for songs from outside: the repertoire does not know them, a path finds them.
+//! They are examples of songs that are not in the repertoire and are found by their path.
 
 use std::path::Path;
 

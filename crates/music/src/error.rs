@@ -1,17 +1,14 @@
-//! What can go wrong between a name on the command line and a song in memory.
-//!
-//! Each message says what is the matter with *this* file or request and what to do about it.
+//! Errors of reading, changing and writing songs. Each message says what to do.
 
 use std::io;
 use std::path::PathBuf;
 
 use thiserror::Error;
 
-use crate::midi::{MAX_FILE_BYTES, MAX_TEMPO_CHANGES};
+use crate::limits::{MAX_CONTROL_HZ, MAX_DURATION_SECS, MAX_FILE_BYTES, MAX_NOTES, MAX_TEMPO_CHANGES};
 use crate::range::OutOfRange;
-use crate::song::{MAX_DURATION_SECS, MAX_NOTES};
 
-/// Why bytes are not a MIDI file that can be played.
+/// Why bytes are not a usable MIDI file.
 #[derive(Debug, Clone, PartialEq, Error)]
 #[non_exhaustive]
 pub enum MidiError {
@@ -32,7 +29,7 @@ pub enum MidiError {
         /// Size of the file.
         bytes: u64,
     },
-    /// The file stops before what it announced.
+    /// The file ends too early.
     #[error("the file is cut short: {what} at byte {offset}; copy or export it again")]
     Truncated {
         /// What is missing.
@@ -58,7 +55,7 @@ pub enum MidiError {
         /// The format number in the header.
         format: u16,
     },
-    /// The header's time division makes no sense.
+    /// The header's time division is invalid.
     #[error("the header's time division ({division:#06x}) is invalid: {why}; export the song again")]
     Division {
         /// The two bytes as they are.
@@ -80,15 +77,15 @@ pub enum MidiError {
         /// Track number, from one.
         track: usize,
     },
-    /// More tempo or time signature changes than are kept.
+    /// More tempo or time signature changes than the limit.
     #[error(
         "the file changes tempo or time signature more than {MAX_TEMPO_CHANGES} times; export it with a simpler tempo track"
     )]
     TooManyTempoChanges,
-    /// More notes than are kept.
+    /// More notes than the limit.
     #[error("the file has more than {MAX_NOTES} notes; cut out the part you want to hear")]
     TooManyNotes,
-    /// Longer than is kept.
+    /// Longer than the limit.
     #[error(
         "the last note ends after {secs:.0} s, more than the limit of {MAX_DURATION_SECS} s; cut out the part you want to hear"
     )]
@@ -96,10 +93,10 @@ pub enum MidiError {
         /// End of the last note.
         secs: f64,
     },
-    /// Not a single note for a piano.
+    /// No notes for a piano.
     #[error("the file has no notes to play{}", percussion_hint(*.percussion))]
     NoNotes {
-        /// Strokes on channel 10, which are drums and not notes.
+        /// Strokes on channel 10, which are drums.
         percussion: usize,
     },
 }
@@ -107,15 +104,15 @@ pub enum MidiError {
 fn percussion_hint(strokes: usize) -> String {
     match strokes {
         0 => "; check that you exported the track with the melody".into(),
-        1 => " (1 stroke on the percussion channel is not one); move the melody to another channel than 10"
+        1 => " (1 stroke on the percussion channel is ignored); move the melody to another channel than 10"
             .into(),
         n => format!(
-            " ({n} strokes on the percussion channel are none); move the melody to another channel than 10"
+            " ({n} strokes on the percussion channel are ignored); move the melody to another channel than 10"
         ),
     }
 }
 
-/// Why a song cannot be had, changed or played.
+/// Why a song cannot be read, changed, written or played.
 #[derive(Debug, Error)]
 #[non_exhaustive]
 pub enum SongError {
@@ -135,7 +132,7 @@ pub enum SongError {
         /// What the system says.
         source: io::Error,
     },
-    /// The file is not a MIDI file that can be played.
+    /// The file is not a usable MIDI file.
     #[error("cannot use {}: {source}", .path.display())]
     Midi {
         /// The file.
@@ -143,10 +140,10 @@ pub enum SongError {
         /// What is wrong with its bytes.
         source: MidiError,
     },
-    /// Neither a piece of the repertoire nor a file.
+    /// Neither in the repertoire nor a file.
     #[error("there is no song called \"{name}\"{}; `etude songs` lists the built-in ones, or give the path of a .mid file", did_you_mean(.close))]
     Unknown {
-        /// What was asked for.
+        /// The requested name.
         name: String,
         /// Built-in ids that look like it, best first.
         close: Vec<&'static str>,
@@ -162,13 +159,13 @@ pub enum SongError {
         /// What is wrong with it.
         why: &'static str,
     },
-    /// More notes than are kept.
+    /// More notes than the limit.
     #[error("{notes} notes are more than the limit of {MAX_NOTES}; cut out the part you want to hear")]
     TooManyNotes {
         /// How many there are.
         notes: usize,
     },
-    /// The song's length is not a sensible number of seconds.
+    /// The song's length is out of range.
     #[error("the song would last {secs} s; it must be at least 0 s and at most {MAX_DURATION_SECS} s")]
     BadDuration {
         /// The length asked for.
@@ -182,15 +179,15 @@ pub enum SongError {
         /// The factor asked for.
         factor: f64,
     },
-    /// A transposition that leaves the range of MIDI.
+    /// A transposition beyond the range of MIDI.
     #[error("transposing by {semitones} semitones takes {} (MIDI {pitch}) off the MIDI scale; transpose by less", crate::pitch_name(*.pitch))]
     BadTransposition {
         /// The shift asked for.
         semitones: i32,
-        /// A pitch that would leave.
+        /// A pitch that would be out of range.
         pitch: u8,
     },
-    /// A control rate that is not a sensible number of hertz.
+    /// A control rate that is out of range.
     #[error(
         "cannot cut a song into {control_hz} frames a second; give a rate above 0 and at most {MAX_CONTROL_HZ}"
     )]
@@ -209,10 +206,6 @@ pub enum SongError {
         why: &'static str,
     },
 }
-
-/// Highest control rate in hertz: a millisecond, finer than any controller here and coarse enough that the
-/// frames of the longest song fit in memory.
-pub(crate) const MAX_CONTROL_HZ: f64 = 1000.0;
 
 fn did_you_mean(close: &[&'static str]) -> String {
     if close.is_empty() { String::new() } else { format!(" (did you mean {}?)", close.join(", ")) }

@@ -1,15 +1,16 @@
-//! The sheet as the learner reads it: which keys are down in each control step, and back again.
+//! From notes to frames (the keys that are due in each control step), and from frames or key events to notes.
 //!
-//! The rules are RoboPianist's (fact sheet §1.7), because published scores rest on them: how many frames a song
-//! has, which frames a note covers, and the one-frame gap that makes two strokes of a key two strokes.
+//! The rules are RoboPianist's (github.com/google-research/robopianist, `music/midi_file.py` and `music/piano_roll.py`), so that scores
+//! compare: the number of frames of a song, the frames that a note covers, and the gap of one frame between two strokes of a key.
 
-use crate::error::{MAX_CONTROL_HZ, SongError};
+use crate::error::SongError;
 use crate::keys::{KEYS, KeySet, LOWEST_PITCH, key_of_pitch};
+use crate::limits::MAX_CONTROL_HZ;
 use crate::note::{Note, one_string_a_pitch};
 use crate::song::Song;
 
-/// A moment this close to a frame's border, in frames, lies on it. RoboPianist truncates raw floating point
-/// products, so that 0.7 s steps fall off their frame now and then; here they never do.
+/// A time this close to a frame's border, in frames, is on it. RoboPianist truncates floating point products, so that with steps of
+/// 0.7 s some notes are one frame off; here they are not.
 const ON_BORDER_FRAMES: f64 = 1e-6;
 
 impl Song {
@@ -48,7 +49,7 @@ impl Song {
     }
 
     /// The frames of a whole episode: silence first, then the song. The silence lasts the whole number of frames
-    /// nearest to `initial_silence_secs` (RoboPianist's `initial_buffer_time`, fact sheet §1.6).
+    /// nearest to `initial_silence_secs` (RoboPianist's `initial_buffer_time`).
     ///
     /// # Errors
     /// As [`Song::frames`]; also if the silence is negative or takes the song beyond the longest duration.
@@ -74,11 +75,11 @@ fn ceil_frame(frames: f64) -> usize {
     (frames - ON_BORDER_FRAMES).ceil().max(0.0) as usize
 }
 
-/// The notes that a sequence of frames sounds: each unbroken run of a key is one note of this velocity, from
-/// the start of its first frame to the end of its last. Keys held to the end are released there.
+/// The notes of a sequence of frames: each run of consecutive frames with a key is one note with this velocity, from the start of the
+/// first frame to the end of the last.
 ///
 /// # Panics
-/// If the rate is not positive or the velocity not a MIDI velocity: both are constants of ours.
+/// If the rate is not positive or the velocity not a MIDI velocity; callers pass constants.
 pub fn notes_from_frames(pressed: &[KeySet], control_hz: f64, velocity: u8) -> Vec<Note> {
     assert!(control_hz > 0.0, "control rate {control_hz} Hz is not positive");
     assert!((1..=127).contains(&velocity), "velocity {velocity} is not from 1 to 127");
@@ -113,9 +114,9 @@ pub struct KeyEvent {
     pub velocity: u8,
 }
 
-/// The notes that key events make, in order of time. A stroke of a key that is down strikes it anew, a release
-/// of a key that is up means nothing, keys never released end at `end_secs`. Events with keys off the keyboard
-/// or times that are not finite are left out.
+/// The notes of key events, in order of time. A stroke of a key that is down ends its note and begins another; a release of a key that
+/// is up is ignored; keys that are not released end at `end_secs`. Events with keys outside the keyboard or times that are not finite
+/// are ignored.
 pub fn notes_from_key_events(events: &[KeyEvent], end_secs: f64) -> Vec<Note> {
     let mut events: Vec<&KeyEvent> =
         events.iter().filter(|event| event.key < KEYS && event.secs.is_finite()).collect();

@@ -1,15 +1,15 @@
-//! The keyboard as the rest of Étude counts it, and sets of its keys.
+//! Numbering of the keys, and sets of keys.
 //!
-//! A set of keys is the state of the keyboard, one line of the sheet, or one frame of a score. It is a single
-//! machine word so that comparing a whole performance with its song is a handful of bit operations.
+//! A set of keys is the state of the keyboard or one frame of a song. It is one machine word, so that sets are compared by bit
+//! operations.
 
 use std::fmt;
 
 use serde::{Deserialize, Serialize};
 
-/// Number of keys (M-Audio Keystation 49e: 29 white and 20 black, fact sheet §5).
+/// Number of keys (M-Audio Keystation 49e: 29 white and 20 black).
 pub const KEYS: usize = 49;
-/// MIDI pitch of the leftmost key with the octave shift at rest (fact sheet §5).
+/// MIDI pitch of the leftmost key without octave shift, as in github.com/lasr-lab/learning-to-play-piano.
 pub const LOWEST_PITCH: u8 = 36;
 /// MIDI pitch of the rightmost key.
 pub const HIGHEST_PITCH: u8 = 84;
@@ -48,8 +48,7 @@ impl KeySet {
     /// Adds a key; true if it was not there before.
     ///
     /// # Panics
-    /// If `key` is not below [`KEYS`]: keys come from indices of ours, pitches of users go through
-    /// [`KeySet::from_pitches`].
+    /// If `key` is not below [`KEYS`]. For pitches from outside, use [`KeySet::from_pitches`].
     pub fn insert(&mut self, key: usize) -> bool {
         assert!(key < KEYS, "key {key} is off the keyboard of {KEYS} keys");
         let before = self.0;

@@ -1,18 +1,16 @@
-//! Where in the score a moment lies.
+//! Bars and beats of a song, which messages name beside the seconds.
 //!
-//! People find a place in a piece by bar and beat, not by seconds, so every message about a song names both.
-//! The grid is a list of stretches, each with one tempo and one time signature; it may begin in the middle of
-//! a bar (a pickup) and before or after the first second (a trimmed or delayed song).
+//! The grid is a list of stretches, each with one tempo and one time signature. It may begin in the middle of a bar (a pickup), and
+//! later than the song (silence in front).
 
 use std::fmt;
 
-/// A place in the score. Bars and beats count from one; bar zero is whatever comes before the first full bar:
-/// a pickup, or silence added in front.
+/// A place in the score. Bars and beats count from one; bar zero is a pickup, or silence in front.
 #[derive(Copy, Clone, Debug, PartialEq)]
 pub struct Position {
     /// Bar number.
     pub bar: u32,
-    /// Beat within the bar, with its fraction: 2.5 is half-way between the second and the third beat.
+    /// Beat within the bar; 2.5 is half-way between the second and the third beat.
     pub beat: f64,
 }
 
@@ -36,12 +34,12 @@ pub(crate) struct Stretch {
     pub beat_unit: u8,
     /// Bar in which it begins.
     pub bar: u32,
-    /// Beats of that bar already gone.
+    /// Beats of that bar before the stretch.
     pub beats_gone: f64,
 }
 
 impl Stretch {
-    /// Bar and beats gone in it, this long after the start of the stretch.
+    /// Bar, and beats since its start, `beats` after the start of the stretch.
     pub fn after(&self, beats: f64) -> (u32, f64) {
         let gone = self.beats_gone + beats + TINY_BEATS;
         let per_bar = f64::from(self.beats_per_bar.max(1));
@@ -53,11 +51,11 @@ impl Stretch {
     }
 }
 
-/// A moment this close to a beat, in beats, lies on it: rounding of seconds must not name the bar before.
+/// A time this close to a beat, in beats, is on it, so that rounding does not give the bar before.
 const TINY_BEATS: f64 = 1e-6;
 /// The same for the borders of stretches, in seconds.
 const TINY_SECS: f64 = 1e-6;
-/// More bar lines than an hour of music has: a damaged tempo must not ask for more.
+/// The most bar lines, more than an hour of music has: a limit for damaged tempos.
 const MOST_BAR_LINES: usize = 20_000;
 
 /// The beats of a song: which bar and beat a second falls on.
@@ -67,7 +65,7 @@ pub struct BeatGrid {
 }
 
 impl Default for BeatGrid {
-    /// What a MIDI file means when it says nothing: 120 quarter notes a minute in 4/4.
+    /// The default of MIDI files: 120 quarter notes a minute in 4/4.
     fn default() -> BeatGrid {
         BeatGrid::regular(0.5, 4, 0.0)
     }

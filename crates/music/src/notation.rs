@@ -1,9 +1,8 @@
-//! Music written as text, for songs that live in code.
+//! Music written as text, for songs in source code.
 //!
-//! Tokens stand between spaces: a pitch with its octave (`C4`, `Bb4`, `F#5`), several joined by `+` for a chord,
-//! or `-` for a rest; then, unless it lasts one beat, a colon and its length in beats. `|` ends a bar, and bars
-//! are checked, so that a slip of a length is found at once. A first bar that is short is a pickup, a last one
-//! may be short too.
+//! Tokens are separated by spaces: a pitch with its octave (`C4`, `Bb4`, `F#5`), several joined by `+` for a chord,
+//! or `-` for a rest; then, unless it lasts one beat, a colon and its length in beats. `|` ends a bar. The
+//! lengths of bars are checked; a short first bar is a pickup, and the last bar may be short.
 //!
 //! ```
 //! let song = etude_music::notation::read("Lullaby", "C4 D4:.5 E4:.5 C4+G4:2 | - G4:3", 0.5, 4)?;

@@ -1,7 +1,7 @@
-//! One note, and the rule that a key is one string.
+//! One note, and the rule that notes of one pitch do not overlap.
 //!
-//! Two voices may hold the same pitch at once on paper, but a keyboard has one key for it. Every song obeys
-//! that from the start, so that frames, metrics, MIDI files and sound all see the same notes.
+//! In a score two voices may hold the same pitch at once, but a keyboard has one key for it. Overlaps are removed when a song is made,
+//! so that frames, metrics, MIDI files and sound use the same notes.
 
 use serde::{Deserialize, Serialize};
 
@@ -28,11 +28,10 @@ impl Note {
 /// Onsets of one pitch closer than this, in seconds, are one stroke: far below a MIDI tick of any real file.
 const SAME_STROKE_SECS: f64 = 1e-6;
 
-/// Makes the notes playable on strings and sorts them by start, then pitch.
+/// Removes overlaps of notes of one pitch, and sorts the notes by start, then pitch.
 ///
-/// Where notes of one pitch overlap, the key is held as long as any of them asks for it and struck anew at each
-/// onset: each note ends where the next begins, the last one at the latest end. Notes of one pitch that begin
-/// together become one, as loud as the louder.
+/// Where notes of one pitch overlap, each ends where the next begins, and the last one at the latest end. Notes of one pitch that begin
+/// together become one with the greater velocity.
 pub(crate) fn one_string_a_pitch(mut notes: Vec<Note>) -> Vec<Note> {
     notes.sort_by(|a, b| a.pitch.cmp(&b.pitch).then(a.start_secs.total_cmp(&b.start_secs)));
     let mut kept: Vec<Note> = Vec::with_capacity(notes.len());

@@ -1,16 +1,14 @@
-//! Does the song fit the keyboard, and if not, what would make it fit?
+//! Songs with notes outside the keyboard, and the transpositions that make them fit.
 
 use std::fmt::Write;
 
 use thiserror::Error;
 
-use crate::error::SongError;
-use crate::keys::{HIGHEST_PITCH, LOWEST_PITCH, key_of_pitch, pitch_name};
+use crate::keys::{HIGHEST_PITCH, LOWEST_PITCH, pitch_name};
 use crate::meter::Position;
 use crate::note::Note;
-use crate::song::Song;
 
-/// A note that the keyboard does not have.
+/// A note outside the keyboard.
 #[derive(Copy, Clone, Debug, PartialEq)]
 pub struct OffendingNote {
     /// The note.
@@ -19,20 +17,20 @@ pub struct OffendingNote {
     pub position: Position,
 }
 
-/// A song that goes beyond the keyboard.
+/// A song with notes outside the keyboard.
 #[derive(Clone, Debug, PartialEq, Error)]
 #[error("{}", self.message())]
 pub struct OutOfRange {
     /// Title of the song.
     pub title: String,
-    /// Every note off the keyboard, in order of time.
+    /// Every note outside the keyboard, in order of time.
     pub notes: Vec<OffendingNote>,
     /// Every transposition in semitones that brings the whole song onto the keyboard, lowest first; empty if
     /// the song is wider than the keyboard.
     pub transpositions: Vec<i32>,
 }
 
-/// How many places a message lists for one pitch before it counts the rest.
+/// Places that a message lists for one pitch; the rest are counted.
 const PLACES_A_PITCH: usize = 6;
 const OCTAVE: i32 = 12;
 
@@ -81,33 +79,11 @@ impl OutOfRange {
     }
 }
 
-impl Song {
-    /// Checks that the keyboard has every note.
-    ///
-    /// # Errors
-    /// [`SongError::OutOfRange`] with every note that it lacks and every transposition that would help.
-    pub fn check_range(&self) -> Result<(), SongError> {
-        let notes: Vec<OffendingNote> = self
-            .notes()
-            .iter()
-            .filter(|note| key_of_pitch(note.pitch).is_none())
-            .map(|note| OffendingNote { note: *note, position: self.position(note.start_secs) })
-            .collect();
-        if notes.is_empty() {
-            return Ok(());
-        }
-        let pitches = || self.notes().iter().map(|note| i32::from(note.pitch));
-        let lowest = pitches().min().unwrap_or_default();
-        let highest = pitches().max().unwrap_or_default();
-        let transpositions =
-            (i32::from(LOWEST_PITCH) - lowest..=i32::from(HIGHEST_PITCH) - highest).collect();
-        Err(OutOfRange { title: self.title().to_owned(), notes, transpositions }.into())
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::error::SongError;
+    use crate::song::Song;
 
     fn song(pitches: &[u8]) -> Song {
         let note = |(i, &pitch): (usize, &u8)| Note {

@@ -1,9 +1,8 @@
-//! Can the hand do it? A first look at a song before hours of training.
+//! Warnings about moments of a song that the hand cannot play as written.
 //!
-//! The hand plays with three fingers; the thumb is not used. The fingers stand side by side at a fixed spacing
-//! and each can lean a little to the left and to the right, everything else sideways is done by the rail, which
-//! moves all of them together. So keys that sound together must match the comb of fingertips within that play.
-//! What fails here is not forbidden: the policy plays what it can, and the user is told beforehand.
+//! The hand plays with three fingers; the thumb is not used. The fingers have a fixed spacing, each can lean a little to the left and
+//! to the right, and the rail moves all of them together. So keys that sound together must match the spacing of the fingers within
+//! that play. A song with warnings can still be learned; the policy plays what it can.
 
 use std::fmt;
 
@@ -15,31 +14,31 @@ use crate::song::Song;
 
 /// Fingers that press keys: index, middle and ring (the paper's hand leaves the thumb unused).
 pub const PLAYING_FINGERS: usize = 3;
-/// Distance between neighbouring fingertips at rest, in millimetres (Allegro palm, fact sheet §2.6).
+/// Distance between neighbouring fingertips at rest, in millimetres (palm of the Allegro hand).
 pub const FINGER_SPACING_MM: f64 = 43.5;
-/// How far a fingertip can be from its place in the comb and still press the middle of a key, in millimetres to
-/// each side. The finger's first joint turns it about its own axis, which moves only a curled fingertip
-/// sideways; about a quarter of the spacing is what a playing posture leaves.
+/// How far a fingertip can move laterally to press the middle of a key, in millimetres to each side. A judgement: the finger's first
+/// joint turns it about its own axis, which moves a curled fingertip sideways by about a quarter of the spacing.
 pub const FINGER_PLAY_MM: f64 = 12.0;
-/// Width of the keyboard over its number of white keys, in millimetres (674 mm for 29, fact sheet §5).
+/// Width of the keyboard over its number of white keys, in millimetres: 674 mm for 29, as measured in
+/// github.com/lasr-lab/learning-to-play-piano.
 pub const WHITE_KEY_PITCH_MM: f64 = 674.0 / 29.0;
 
 /// Notes that sound together for less than this, in seconds, are legato and not a chord: one control step.
 const CHORD_SECS: f64 = 1.0 / CONTROL_HZ;
 
-/// What is hard about a moment of a song.
+/// Why a moment of a song cannot be played as written.
 #[derive(Copy, Clone, Debug, PartialEq, Eq)]
 pub enum WarningKind {
     /// More notes at once than playing fingers.
     TooManyNotes,
-    /// The fingers cannot stand on these keys at once.
+    /// The fingers cannot reach these keys at once.
     OutOfReach,
 }
 
 /// A moment that the hand cannot play as written.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Warning {
-    /// What is hard about it.
+    /// Why.
     pub kind: WarningKind,
     /// The MIDI pitches that should sound together, lowest first.
     pub pitches: Vec<u8>,
@@ -73,7 +72,7 @@ pub fn key_centre_mm(pitch: u8) -> f64 {
     f64::from(halves) / 2.0 * WHITE_KEY_PITCH_MM
 }
 
-/// Whether the playing fingers can stand on all of these keys at once; pitches lowest first.
+/// Whether the playing fingers can reach all of these keys at once; pitches lowest first.
 fn within_reach(pitches: &[u8]) -> bool {
     // Which finger takes which key: every way to choose as many fingers, in order, as there are keys.
     (0u32..1 << PLAYING_FINGERS).filter(|fingers| fingers.count_ones() as usize == pitches.len()).any(

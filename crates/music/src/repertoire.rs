@@ -1,8 +1,8 @@
-//! The songs that need no file: those of the paper and of its first version.
+//! The built-in songs: those of the paper and of its first version.
 //!
-//! One entry is one place: the id, the listing, the notes and the tests follow from the table. Melodies are in a
-//! comfortable middle range, one voice for one hand; tempos reproduce the paper's episode lengths (fact sheet
-//! §2.8). Songs carry no silence of their own; an episode adds it ([`Song::episode_frames`]).
+//! To add a song: one entry in [`PIECES`]. Melodies are in the middle range, one voice for one hand. Tempos are chosen so that episodes
+//! are as long as the paper's, which follow from its unrounded F1 values. Songs have no silence in front; an episode adds it
+//! ([`Song::episode_frames`]).
 
 use crate::notation;
 use crate::song::Song;
@@ -56,7 +56,7 @@ pub const PIECES: &[Piece] = &[
         music: "E4 E4 F4 G4 | G4 F4 E4 D4 | C4 C4 D4 E4 | E4:1.5 D4:.5 D4:2 |
                 E4 E4 F4 G4 | G4 F4 E4 D4 | C4 C4 D4 E4 | D4:1.5 C4:.5 C4:2",
     },
-    // RoboPianist's one-hand version, the first two phrases (fact sheet §1.9).
+    // RoboPianist's one-hand version: the first two phrases.
     Piece {
         id: "twinkle",
         title: "Twinkle Twinkle Little Star",
@@ -64,7 +64,7 @@ pub const PIECES: &[Piece] = &[
         beats_per_bar: 4,
         music: "C4 C4 G4 G4 | A4 A4 G4:2 | F4 F4 E4 E4 | D4 D4 C4:2",
     },
-    // Scales and chords as in the authors' code (fact sheet §2.8).
+    // Scales and chords as in github.com/lasr-lab/learning-to-play-piano.
     Piece {
         id: "c-major-scale",
         title: "C-Major Scale",

@@ -1,4 +1,4 @@
-//! One argument, two kinds of song: a name of the repertoire or a file.
+//! From the argument of a command to a song: a name of the repertoire, or a file.
 
 use std::path::Path;
 
@@ -6,7 +6,7 @@ use crate::error::SongError;
 use crate::repertoire;
 use crate::song::Song;
 
-/// A miss lists at most this many names.
+/// Most names that are suggested for an unknown one.
 const MOST_SUGGESTIONS: usize = 3;
 
 /// The song of this name: a built-in id, or the path of a MIDI file.
@@ -36,27 +36,13 @@ fn close_ids(name: &str) -> Vec<&'static str> {
     let mut close: Vec<(usize, &str)> = repertoire::ids()
         .filter_map(|id| {
             let part = plain.len() > 2 && (id.contains(&plain) || plain.contains(id));
-            let edits = if part { 0 } else { edit_distance(&plain, id) };
+            let edits = if part { 0 } else { strsim::levenshtein(&plain, id) };
             // A third of the letters wrong is a typing error, more is another word.
             (edits * 3 <= id.len()).then_some((edits, id))
         })
         .collect();
     close.sort();
     close.into_iter().take(MOST_SUGGESTIONS).map(|(_, id)| id).collect()
-}
-
-/// Letters to insert, delete or replace to get from one word to the other (Levenshtein).
-fn edit_distance(a: &str, b: &str) -> usize {
-    let mut row: Vec<usize> = (0..=b.chars().count()).collect();
-    for (i, from) in a.chars().enumerate() {
-        let mut diagonal = std::mem::replace(&mut row[0], i + 1);
-        for (j, to) in b.chars().enumerate() {
-            let replaced = diagonal + usize::from(from != to);
-            diagonal = row[j + 1];
-            row[j + 1] = replaced.min(diagonal + 1).min(row[j] + 1);
-        }
-    }
-    row.last().copied().unwrap_or_default()
 }
 
 #[cfg(test)]
@@ -77,12 +63,5 @@ mod tests {
         assert!(message("").contains("\"\"; `etude songs`"));
         assert!(matches!(resolve("no/such.mid"), Err(SongError::Read { .. })));
         assert!(matches!(resolve("nosuch.MID"), Err(SongError::Read { .. })));
-    }
-
-    #[test]
-    fn edits_are_counted() {
-        assert_eq!(edit_distance("kitten", "sitting"), 3);
-        assert_eq!(edit_distance("", "abc"), 3);
-        assert_eq!(edit_distance("abc", ""), 3);
     }
 }

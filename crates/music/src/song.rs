@@ -1,22 +1,21 @@
 //! A song: notes in seconds, and the beat grid they were written on.
 //!
-//! A song is immutable; changing one makes another. Whatever way it was made, its notes are sorted, finite,
-//! playable on one string a pitch, and within fixed limits, so nothing further down needs to check again.
+//! A song is immutable; changing one makes another. Its notes are always sorted, finite, without overlaps of one pitch, and within
+//! fixed limits, so that no other code needs to check them.
 
 use std::fs::File;
 use std::io::{Read, Write};
 use std::path::Path;
 
+use atomic_write_file::AtomicWriteFile;
+
 use crate::error::{MidiError, SongError};
-use crate::files::write_whole;
+use crate::keys::{HIGHEST_PITCH, LOWEST_PITCH, key_of_pitch};
+use crate::limits::{MAX_DURATION_SECS, MAX_FILE_BYTES, MAX_NOTES};
 use crate::meter::{BeatGrid, Position};
 use crate::midi;
 use crate::note::{Note, one_string_a_pitch};
-
-/// Longest song in seconds: an hour. Learning one takes frames of the whole song in memory.
-pub const MAX_DURATION_SECS: f64 = 3600.0;
-/// Most notes a song may have: an hour of very fast playing.
-pub const MAX_NOTES: usize = 100_000;
+use crate::range::{OffendingNote, OutOfRange};
 
 const MAX_PITCH: u8 = 127;
 const MAX_VELOCITY: u8 = 127;
@@ -32,8 +31,7 @@ pub struct Song {
 
 impl Song {
     /// A song of these notes, in any order. It lasts `duration_secs` or until its last note ends, whichever is
-    /// later. Overlapping notes of one pitch are made playable on a single key: the key stays down as long as
-    /// any of them asks for it and is struck anew at each onset.
+    /// later. Overlapping notes of one pitch are split at each onset; the last of them ends at the latest end.
     ///
     /// # Errors
     /// If a note has a pitch or velocity that MIDI lacks, or times that are not finite, negative or reversed;
@@ -62,9 +60,9 @@ impl Song {
     /// Reads a Standard MIDI File of format 0 or 1.
     ///
     /// All tracks and channels are played together except channel 10, which is percussion by General MIDI and
-    /// has no place on a keyboard. A second note-on of a sounding pitch strikes it anew; a note never closed
-    /// ends with the file. The pedal is ignored: the keyboard has none. The song ends with its last note, as in
-    /// RoboPianist (`total_time`, fact sheet §1.7), whatever rest the file holds after it.
+    /// is ignored. A second note-on of a sounding pitch ends its note and begins another; a note without end lasts until the
+    /// end of the file. The pedal is ignored. The song ends with its last note, as in RoboPianist (`total_time`), without any rest
+    /// after it.
     ///
     /// # Errors
     /// If the bytes are not such a file, are damaged, hold no notes, or exceed the limits on size, notes and
@@ -83,8 +81,8 @@ impl Song {
         let unusable = |source| SongError::Midi { path: path.into(), source };
         let file = File::open(path).map_err(unreadable)?;
         let mut bytes = Vec::new();
-        // One byte more than allowed tells "too large" without trusting the size that the system reports.
-        file.take(midi::MAX_FILE_BYTES + 1).read_to_end(&mut bytes).map_err(unreadable)?;
+        // One byte more than allowed shows that a file is too large, without relying on the reported size.
+        file.take(MAX_FILE_BYTES + 1).read_to_end(&mut bytes).map_err(unreadable)?;
         let title = path.file_stem().map(|stem| stem.to_string_lossy().into_owned()).unwrap_or_default();
         Song::from_midi(&bytes, title).map_err(unusable)
     }
@@ -96,14 +94,18 @@ impl Song {
         midi::write(self)
     }
 
-    /// Writes [`Song::to_midi`] to a file that appears whole or not at all.
+    /// Writes [`Song::to_midi`] to a file, which is replaced only when the new contents are complete.
     ///
     /// # Errors
     /// If the file cannot be written; the path is named.
     pub fn save(&self, path: impl AsRef<Path>) -> Result<(), SongError> {
         let path = path.as_ref();
-        write_whole::<std::io::Error>(path, |file| file.write_all(&self.to_midi()))
-            .map_err(|source| SongError::Write { path: path.into(), source })
+        let write = || {
+            let mut file = AtomicWriteFile::open(path)?;
+            file.write_all(&self.to_midi())?;
+            file.commit()
+        };
+        write().map_err(|source| SongError::Write { path: path.into(), source })
     }
 
     /// What the song is called.
@@ -129,22 +131,6 @@ impl Song {
     /// Bar and beat at this many seconds.
     pub fn position(&self, secs: f64) -> Position {
         self.beats.position(secs)
-    }
-
-    /// The song without silence before its first and after its last note. Bars keep their numbers.
-    #[must_use]
-    pub fn trim_silence(&self) -> Song {
-        let Some(first) = self.notes.first() else {
-            return Song { duration_secs: 0.0, ..self.clone() };
-        };
-        let start = first.start_secs;
-        let end = self.notes.iter().map(|note| note.end_secs).fold(start, f64::max);
-        Song {
-            notes: self.notes.iter().map(|note| shifted(note, -start)).collect(),
-            duration_secs: end - start,
-            beats: self.beats.delayed(-start),
-            title: self.title.clone(),
-        }
     }
 
     /// The song slower (`factor` above 1) or faster (below 1).
@@ -182,7 +168,28 @@ impl Song {
         Ok(song)
     }
 
-    /// The song after this many seconds of silence, which count as bar zero.
+    /// Checks that every note is on the keyboard.
+    ///
+    /// # Errors
+    /// [`SongError::OutOfRange`] with every note outside it and every transposition with which all notes fit.
+    pub fn check_range(&self) -> Result<(), SongError> {
+        let notes: Vec<OffendingNote> = self
+            .notes
+            .iter()
+            .filter(|note| key_of_pitch(note.pitch).is_none())
+            .map(|note| OffendingNote { note: *note, position: self.position(note.start_secs) })
+            .collect();
+        if notes.is_empty() {
+            return Ok(());
+        }
+        let pitches = || self.notes.iter().map(|note| i32::from(note.pitch));
+        let (lowest, highest) = (pitches().min().unwrap_or(0), pitches().max().unwrap_or(0));
+        let transpositions =
+            (i32::from(LOWEST_PITCH) - lowest..=i32::from(HIGHEST_PITCH) - highest).collect();
+        Err(OutOfRange { title: self.title().to_owned(), notes, transpositions }.into())
+    }
+
+    /// The song with this many seconds of silence in front, which are bar zero.
     ///
     /// # Errors
     /// If the silence is negative or not finite, or the song becomes longer than [`MAX_DURATION_SECS`].
@@ -247,7 +254,12 @@ mod tests {
         let song = repertoire::get("happy-birthday").unwrap();
         let late = song.with_initial_silence(2.5).unwrap();
         assert_eq!(late.position(3.5), song.position(1.0));
-        assert_eq!(late.trim_silence(), song);
+        let starts = late
+            .notes()
+            .iter()
+            .zip(song.notes())
+            .all(|(late, note)| late.start_secs == note.start_secs + 2.5);
+        assert!(starts && late.duration_secs() == song.duration_secs() + 2.5);
         let slow = song.stretch(2.0).unwrap();
         assert_eq!(slow.position(8.0), song.position(4.0));
         assert_eq!(slow.duration_secs(), 48.0);

@@ -1,6 +1,6 @@
 //! Broken, empty, huge and hostile MIDI files: a clear error, soon, and never more memory than the file deserves.
 
-#![allow(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
+#![allow(clippy::unwrap_used, reason = "an unwrap that fails fails the test")]
 
 use std::time::{Duration, Instant};
 
@@ -67,7 +67,7 @@ fn every_kind_of_damage_has_its_message() {
         (file(&[]), "the file has no notes to play; check"),
         (
             file(&[0, 0x99, 36, 64, 9, 36, 0]),
-            "the file has no notes to play (1 stroke on the percussion channel is not one);",
+            "the file has no notes to play (1 stroke on the percussion channel is ignored);",
         ),
         (file(&far), "the last note ends after "),
         (vec![0; 11 << 20], "the file has 11534336 bytes, more than the 10485760 that are read;"),

@@ -1,7 +1,7 @@
 //! The crate against independent implementations: scikit-learn, mir_eval, mido, and RoboPianist's rules in exact
 //! fractions. `scripts/golden_music.py` made the files.
 
-#![allow(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
+#![allow(clippy::unwrap_used, reason = "an unwrap that fails fails the test")]
 
 use std::path::PathBuf;
 

@@ -1,6 +1,6 @@
 //! What must hold for every song, file and performance, however odd.
 
-#![allow(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
+#![allow(clippy::unwrap_used, reason = "an unwrap that fails fails the test")]
 
 use std::collections::BTreeSet;
 

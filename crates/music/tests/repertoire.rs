@@ -1,6 +1,6 @@
 //! Every built-in piece, and the one that comes as a file.
 
-#![allow(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
+#![allow(clippy::unwrap_used, reason = "an unwrap that fails fails the test")]
 
 use std::path::Path;
 
@@ -21,7 +21,8 @@ fn every_piece_is_playable_and_found_by_name() {
         assert_eq!(song.title(), piece.title);
         song.check_range().unwrap();
         assert_eq!(song.warnings(), [], "{}", piece.id);
-        assert_eq!(song, song.trim_silence(), "{}", piece.id);
+        let last_end = song.notes().iter().map(|note| note.end_secs).fold(0.0, f64::max);
+        assert_eq!((song.notes()[0].start_secs, song.duration_secs()), (0.0, last_end), "{}", piece.id);
         let middle = LOWEST_PITCH + 12..=HIGHEST_PITCH - 7;
         assert!(song.notes().iter().all(|note| middle.contains(&note.pitch)), "{}", piece.id);
     }

@@ -1,6 +1,6 @@
 //! Sound from a SoundFont, on the smallest one there can be: a single preset of one looped square wave.
 
-#![allow(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
+#![allow(clippy::unwrap_used, reason = "an unwrap that fails fails the test")]
 
 use etude_music::Note;
 use etude_music::sound::{self, SoundError, SoundFont};

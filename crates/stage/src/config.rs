@@ -1,6 +1,5 @@
-//! What kind of world is built: which hand, fences or none, which actuation. Numbers that vary are in
-//! [`PhysicalParams`](crate::params::PhysicalParams). [`ModelOptions`] is how a world is computed, and how it is made
-//! other than the simulator's.
+//! Which world is built. [`StageConfig`] is the choice of hand, fences and actuation; numbers that vary are in
+//! [`PhysicalParams`](crate::params::PhysicalParams). With [`ModelOptions`] the twin makes its world different from the simulator's.
 
 use etude_music::KEYS;
 use serde::{Deserialize, Serialize};
@@ -56,7 +55,7 @@ pub enum Cone {
     Pyramidal,
 }
 
-/// What makes a key other than its neighbours: factors on the numbers of all, 1 in the simulator.
+/// Differences between keys: factors on the numbers of all keys; 1 in the simulator.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct KeyFactors {
     /// On the spring.
@@ -65,7 +64,7 @@ pub struct KeyFactors {
     pub travel: f64,
 }
 
-/// How a world is computed and how it is made other than the simulator's, whose options are the default.
+/// How MuJoCo computes a world, and deviations of its geometry. The default is the simulator's.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ModelOptions {
     /// Length of one physics step, s.
@@ -74,10 +73,10 @@ pub struct ModelOptions {
     pub integrator: Integrator,
     /// The friction cone.
     pub cone: Cone,
-    /// Whether a joint stands still where dry friction holds it, and ends at its stops. MuJoCo lets it creep and give way
-    /// unless told otherwise.
+    /// Whether dry friction holds a joint still and joint limits are stiff. By default MuJoCo's joints creep under dry friction and
+    /// yield at their limits.
     pub firm_joints: bool,
-    /// Turn of the keyboard about its middle, counter-clockwise from above, rad.
+    /// Rotation of the keyboard about its middle, counter-clockwise seen from above, rad.
     pub keyboard_yaw_rad: f64,
     /// The keys.
     pub keys: [KeyFactors; KEYS],

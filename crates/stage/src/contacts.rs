@@ -1,4 +1,4 @@
-//! Which contacts are play and which are collisions (the paper's r_collision).
+//! Which contacts are collisions (the paper's r_collision).
 
 /// What a geom belongs to, for the classification of contacts.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

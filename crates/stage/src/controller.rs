@@ -1,14 +1,14 @@
 //! The controller of one joint: low-pass, bounded-jerk reference, delay, PD, torque clamp.
 //!
-//! The paper drives every simulated joint by "a PD controller with maximum jerk, a low pass filter and damping", tuned
-//! joint by joint. It is ours and runs at each physics step, so that the exported model needs nothing but torques.
+//! The paper drives every simulated joint by "a PD controller with maximum jerk, a low pass filter and damping", tuned for each
+//! joint. Ours runs at each physics step, outside MuJoCo's model, which has plain torque actuators.
 //!
 //! ```text
 //! target ─► low-pass ─► reference (velocity, acceleration, jerk bounded) ─► delay ─► PD ─► clamp ─► torque
 //! ```
 //!
-//! The delay comes last because the reference is smooth where targets jump: between two physics steps it can be
-//! interpolated, so that a fit finds its way by slopes. For whole steps the order makes no difference.
+//! The delay is last because the reference is smooth, unlike the targets: it can be interpolated between two physics steps, so that
+//! a fit of the delay has gradients. For delays of whole steps the order makes no difference.
 
 use serde::{Deserialize, Serialize};
 
@@ -29,7 +29,7 @@ pub enum Actuation {
 /// Longest delay, in physics steps, that the command queue holds.
 const QUEUE: usize = 32;
 
-/// Constants of one controller, worked out from [`PhysicalParams`] and the physics step.
+/// Constants of one controller, computed from [`PhysicalParams`] and the physics step.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Gains {
     step_secs: f64,
@@ -57,7 +57,7 @@ impl Gains {
         // as the jerk limit needs to build up the full acceleration.
         let settle_secs = (acceleration_limit / jerk_limit).max(step_secs);
         let delay_steps = value(Joint::Delay) / step_secs;
-        // A whole number of steps that rounding made a little less is whole.
+        // The small number makes up for rounding: 0.03 / 0.005 is less than 6 in floating point.
         let whole = (delay_steps + 1e-9) as usize;
         Self {
             step_secs,
@@ -76,7 +76,7 @@ impl Gains {
         }
     }
 
-    /// The torque that draws a joint to `wanted`.
+    /// The PD law: torque toward the position `wanted`.
     fn torque(&self, wanted: f64, measured: f64, velocity: f64) -> f64 {
         match self.actuation {
             Actuation::Position => self.stiffness * (wanted - measured),
@@ -87,14 +87,14 @@ impl Gains {
         }
     }
 
-    /// What the encoder reads when the joint is at `position`.
+    /// Encoder reading of a joint at the true `position`.
     pub fn measured(&self, position: f64) -> f64 {
         position + self.encoder_bias
     }
 }
 
 /// State of one joint's controller. Positions are encoder readings.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Controller {
     queue: Vec<f64>,
     head: usize,
@@ -105,16 +105,11 @@ pub struct Controller {
 }
 
 impl Controller {
-    /// At rest at `position`, with that as its target.
+    /// At rest at `position`, which is also its target.
     pub fn at_rest(position: f64) -> Self {
-        Self {
-            queue: vec![position; QUEUE],
-            head: 0,
-            filtered: position,
-            position,
-            velocity: 0.0,
-            acceleration: 0.0,
-        }
+        let mut controller = Self { queue: vec![0.0; QUEUE], ..Self::default() };
+        controller.rest(position);
+        controller
     }
 
     /// Back to rest at `position`, without allocating.
@@ -127,7 +122,7 @@ impl Controller {
         self.acceleration = 0.0;
     }
 
-    /// Whether a stored controller can be used.
+    /// Whether a deserialised controller is consistent.
     pub(crate) fn is_sound(&self) -> bool {
         self.queue.len() == QUEUE && self.head < QUEUE
     }
@@ -143,15 +138,14 @@ impl Controller {
         gains.torque(wanted, measured, velocity)
     }
 
-    /// One physics step as [`torque`](Self::torque), but `reference` is followed as it comes, without low-pass and
-    /// limits: for set-points that were shaped already.
+    /// One physics step as [`torque`](Self::torque), but `reference` is followed without low-pass and limits: for set-points that
+    /// were shaped already.
     pub fn track(&mut self, gains: &Gains, reference: f64, measured: f64, velocity: f64) -> f64 {
         let wanted = self.delayed(gains, reference);
         gains.torque(wanted, measured, velocity)
     }
 
-    /// One physics step without a joint: the position that the joint is to be at, given `target`. It is what a robot
-    /// is asked for whose own drives take the place of the torque.
+    /// One physics step without a torque: the set-point for `target`, for a robot whose own drives follow set-points.
     pub fn follow(&mut self, gains: &Gains, target: f64) -> f64 {
         let wanted = match gains.actuation {
             Actuation::Position => target,
@@ -164,7 +158,7 @@ impl Controller {
         self.delayed(gains, wanted)
     }
 
-    /// What was wanted as long ago as commands take; between two physics steps on the line that joins them.
+    /// The delayed set-point, interpolated linearly between two physics steps.
     fn delayed(&mut self, gains: &Gains, wanted: f64) -> f64 {
         self.head = (self.head + 1) % QUEUE;
         self.queue[self.head] = wanted;
@@ -177,8 +171,8 @@ impl Controller {
     fn advance(&mut self, gains: &Gains) {
         let dt = gains.step_secs;
         let error = self.filtered - self.position;
-        // Far away: the speed from which half the acceleration limit still stops in time (the other half is what
-        // the jerk limit costs). Close by: proportional, so that it settles without overshoot.
+        // Far away: the speed from which half the acceleration limit still stops in time; the other half is a reserve for the
+        // jerk limit. Close by: proportional, so that it settles without overshoot.
         let stoppable = (gains.acceleration_limit * error.abs()).sqrt();
         let speed = (gains.approach * error.abs()).min(stoppable).min(gains.velocity_limit);
         let wanted = (speed.copysign(error) - self.velocity) / gains.settle_secs;

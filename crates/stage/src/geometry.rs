@@ -1,10 +1,11 @@
-//! Where the keys are: the Keystation 49e's size and the numbers of its key model.
+//! Geometry of the keyboard, an M-Audio Keystation 49e.
 //!
 //! World frame: origin at the middle of the keyboard on its base plane, `+x` toward the player, `+y` toward the
 //! high notes, `+z` up. Lengths in metres, angles in radians.
 //!
-//! Sources: box sizes, hinge and travel as RoboPianist's (fact sheet "simulation and learning" §1.1); pitch of the
-//! white keys, black travel and masses as the authors measured for the Keystation 49e (§2.1, §5).
+//! Sources: box sizes, hinge and white travel from RoboPianist (github.com/google-research/robopianist,
+//! `models/piano/piano_constants.py`); pitch of the white keys, black travel and masses from the authors' model of the Keystation 49e
+//! (github.com/lasr-lab/learning-to-play-piano, `robopianist/models/piano/piano_constants.py`).
 
 use etude_music::{KEYS, key_is_black};
 
@@ -58,8 +59,8 @@ impl KeyShape {
         self.x + self.size[0] / 2.0
     }
 
-    /// Point that a fingertip should aim for, relative to the key's centre line: toward the player from the middle
-    /// of the key and half its height above its centre, as RoboPianist's fingering reward has it (fact sheet §1.5).
+    /// Point `[x, z]` that a fingertip should aim for, m: toward the player from the middle of the key, and a quarter of its height
+    /// above its centre. As in RoboPianist's fingering reward (`piano_with_shadow_hands.py`).
     pub fn target(&self) -> [f64; 2] {
         [self.x + 0.35 * self.size[0] / 2.0, self.z + 0.5 * self.size[2] / 2.0]
     }
@@ -92,12 +93,12 @@ pub struct Fence {
     pub x: [f64; 2],
 }
 
-/// Height of the fences' top relative to the white keys' tops at rest, m; negative is below. A fingertip that comes down
-/// off the middle then reaches its key before it meets a fence, and a key that is down lies well below the fences on
-/// both sides. Our choice, since the paper shows the fences but gives no size; docs/results/learning.md has the others.
+/// Height of the fences' tops relative to the tops of the white keys at rest, m; negative is below. A fingertip that comes down off
+/// the middle then reaches its key before it meets a fence, and a pressed key is well below the fences on both sides. Our choice,
+/// since the paper shows the fences without a size; docs/results/learning.md compares others.
 pub const FENCE_RISE: f64 = -0.002;
-/// Sliding friction of the fences: slippery plastic, so that a fingertip which comes down on a fence is guided onto a
-/// key instead of standing on the wall (paper, appendix: "the plastic surfaces … are slippery").
+/// Sliding friction of the fences. They are slippery plastic (paper, appendix), so that a fingertip that comes down on a fence
+/// slides onto a key.
 pub const FENCE_FRICTION: f64 = 0.1;
 /// Thickness of a fence, m: it fills the gap between two white keys.
 pub const FENCE_THICKNESS: f64 = WHITE_PITCH - WHITE.size[1];
@@ -134,7 +135,7 @@ mod tests {
     }
 
     #[test]
-    fn angles_are_the_sheets() {
+    fn angles_are_those_of_the_sources() {
         assert!((WHITE.max_angle() - 0.066568).abs() < 1e-6);
         assert!((BLACK.max_angle().to_degrees() - 4.447).abs() < 1e-3);
         assert!((BLACK.top() - WHITE.top() - 0.0125).abs() < 1e-12);

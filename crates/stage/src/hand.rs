@@ -1,12 +1,14 @@
 //! The Allegro hand: names, lengths, limits and masses, and where it is mounted.
 //!
 //! Palm frame: origin at the finger roots' level, `+z` along the straight fingers, `+x` out of the palm on the side
-//! that the fingers curl to, `+y` lateral. Source of every number unless said otherwise: fact sheet "simulation and
-//! learning" §4.1 to §4.3 (kinematics identical in three public models; masses of the v4 description).
+//! that the fingers curl to, `+y` lateral. Unless stated otherwise, lengths, ranges and sizes are those of MuJoCo Menagerie's
+//! `wonik_allegro`, and masses those of the URDF in github.com/simlabrobotics/allegro_hand_ros_v4.
 
 use serde::{Deserialize, Serialize};
 
-/// Fingers that play. The thumb is there but cannot reach the keys (paper, "Hardware Configuration").
+use crate::geometry::HALF_WIDTH;
+
+/// Fingers that play. The thumb cannot reach the keys (paper, "Hardware Configuration").
 pub const FINGERS: usize = 3;
 /// Joints of one finger, from the root: roll about the finger's own axis, then three flexions.
 pub const FINGER_JOINTS: usize = 4;
@@ -38,6 +40,11 @@ pub enum Side {
 pub const FINGER_RANGE: [[f64; 2]; FINGER_JOINTS] =
     [[-0.47, 0.47], [-0.196, 1.61], [-0.174, 1.709], [-0.227, 1.618]];
 
+/// Range of a joint's target: rad, the rail in m.
+pub fn joint_range(joint: usize) -> [f64; 2] {
+    if joint == RAIL { [-HALF_WIDTH, HALF_WIDTH] } else { FINGER_RANGE[joint % FINGER_JOINTS] }
+}
+
 /// Length of the four links of a finger, m: root to flexion joint, then to each next joint; the last one runs to
 /// the centre of the fingertip's rounded end.
 pub const LINKS: [f64; FINGER_JOINTS] = [0.0164, 0.054, 0.0384, TIP_CENTRE + TIP_HALF_LENGTH];
@@ -46,7 +53,7 @@ pub const LINKS: [f64; FINGER_JOINTS] = [0.0164, 0.054, 0.0384, TIP_CENTRE + TIP
 pub const LINK_MASSES: [f64; 5] = [0.0119, 0.065, 0.0355, 0.0096, 0.0168];
 /// Mass of the palm, kg.
 pub const PALM_MASS: f64 = 0.4154;
-/// Masses of the thumb's parts together, kg. They ride along, folded away.
+/// Mass of all parts of the thumb, kg. The thumb is folded away.
 pub const THUMB_MASS: f64 = 0.0176 + 0.0119 + 0.038 + 0.0388 + 0.0168;
 
 /// Cross-section of the finger links (`x`, `y`), m.
@@ -58,15 +65,14 @@ pub const PALM_CENTRE: [f64; 3] = [-0.0093, 0.0, -0.0475];
 /// Length of the distal link's body in front of the printed tip, m.
 pub const DISTAL_LENGTH: f64 = 0.016;
 
-/// Radius of the printed fingertip, m (fact sheet §2.6).
+/// Radius of the printed fingertip, m; this and the next two from github.com/lasr-lab/learning-to-play-piano.
 pub const TIP_RADIUS: f64 = 0.0085;
 /// Half the length of the fingertip capsule's cylinder, m.
 pub const TIP_HALF_LENGTH: f64 = 0.016;
 /// Centre of the fingertip capsule beyond the last joint, m.
 pub const TIP_CENTRE: f64 = 0.029;
-/// Place of the finger pad beyond the last joint, m: the point whose distance to a key the rewards measure. It lies in
-/// the fingertip and not at its end, as in RoboPianist and in the authors' code (§1.5, §2.6), so that the reward goes
-/// on rising while a key is pressed down.
+/// Place of the finger pad beyond the last joint, m: the point from which the rewards measure the distance to a key. It is inside
+/// the fingertip, as in RoboPianist and in the authors' code, so that the reward still rises while a key is pressed down.
 pub const PAD: f64 = 0.026;
 
 /// Distance of an outer finger's root from the middle one's, m.
@@ -76,8 +82,8 @@ pub const ROOT_Z: [f64; 2] = [-0.001542, 0.0007];
 /// Outward splay of the outer fingers, rad.
 pub const SPLAY: f64 = 5.0 * std::f64::consts::PI / 180.0;
 
-/// Place of the palm's origin when the rail is centred: toward the player and up, m. The height is the authors'
-/// (§2.6); a centimetre further back than theirs, so that a finger with an upright tip reaches the front of the
+/// Place of the palm's origin when the rail is centred: toward the player and up, m. The height is that of
+/// lasr-lab/learning-to-play-piano. It is 1 cm further back than there, so that a finger with an upright tip reaches the front of the
 /// white keys within the range of its second joint.
 pub const MOUNT: [f64; 2] = [0.10, 0.12];
 

@@ -1,7 +1,7 @@
-//! Where a fingertip is for given joint angles, and which angles bring it to a point.
+//! Forward and inverse kinematics of the fingers.
 //!
-//! Closed form, from the same numbers as the model; a test holds it against MuJoCo. Points are `[x, y, z]` in the
-//! world, angles are true joint angles (no encoder bias), the rail position is part of the pose.
+//! In closed form, from the same numbers as the model; a test compares it with MuJoCo. Points are `[x, y, z]` in the world frame,
+//! angles are true joint angles without encoder bias.
 
 use crate::hand::{FINGER_JOINTS, FINGER_RANGE, LINKS, MOUNT, ROOT_Z, SPLAY, Side, root_lateral, root_side};
 
@@ -40,8 +40,8 @@ pub fn fingertip(side: Side, finger: usize, angles: &[f64; FINGER_JOINTS], rail:
     ]
 }
 
-/// Joint angles that bring the fingertip's centre to `target`, with the tip as upright as the ranges allow; `None`
-/// where the finger cannot reach.
+/// Joint angles that bring the fingertip's centre to `target`, with the tip as upright as the ranges allow; `None` if the finger
+/// cannot reach it.
 pub fn reach(side: Side, finger: usize, target: [f64; 3], rail: f64) -> Option<[f64; FINGER_JOINTS]> {
     let (base, tilt) = root(side, finger, rail);
     let [dx, dy, dz] = [base[0] - target[0], target[1] - base[1], base[2] - target[2]];
@@ -55,7 +55,7 @@ pub fn reach(side: Side, finger: usize, target: [f64; 3], rail: f64) -> Option<[
     }
     let down = aside.hypot(dz);
     let forward = along - LINKS[0];
-    // One redundant degree of freedom: the direction of the last link. Try upright first, then ever more slanted.
+    // The direction of the last link is redundant. Upright is tried first, then more and more slanted.
     (0..=160).find_map(|step| {
         let slant = f64::from((step + 1) / 2) * 0.01 * if step % 2 == 0 { 1.0 } else { -1.0 };
         let last = std::f64::consts::FRAC_PI_2 - slant;

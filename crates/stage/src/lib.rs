@@ -1,7 +1,7 @@
 //! The stage: a MuJoCo world with a keyboard, fences, an Allegro hand on a rail, and the controllers of its joints.
 //!
-//! [`World`] is stepped one control step at a time with thirteen joint targets and gives back joints, fingertips and
-//! keys. What may vary about its physics is in [`PhysicalParams`]; what kind of world it is in [`StageConfig`].
+//! [`World`] advances by one control step with thirteen joint targets; joints, fingertips and keys can then be read. Physical
+//! numbers that may vary are in [`PhysicalParams`], the choice of hand, fences and actuation in [`StageConfig`].
 //!
 //! ```
 //! use etude_stage::{PhysicalParams, StageConfig, World};
@@ -16,6 +16,7 @@
 mod config;
 mod contacts;
 pub mod controller;
+mod error;
 pub mod geometry;
 pub mod hand;
 pub mod kinematics;
@@ -23,15 +24,15 @@ mod mjcf;
 pub mod params;
 mod picture;
 mod scene;
-mod snapshot;
 mod world;
 
 pub use config::{Cone, Integrator, KeyFactors, ModelOptions, PHYSICS_STEPS, StageConfig};
 pub use controller::Actuation;
-pub use hand::{FINGERS, JOINT_NAMES, JOINTS, RAIL, Side};
-pub use mjcf::mjcf;
+pub use error::StageError;
+pub use hand::{FINGERS, JOINT_NAMES, JOINTS, RAIL, Side, joint_range};
+pub use mjcf::{LARGEST_PICTURE, mjcf};
+pub use mujoco_rs::mujoco_version;
 pub use params::{ParamError, PhysicalParams};
-pub use picture::{LARGEST_PICTURE, Painter, PictureError, View, picture_size};
+pub use picture::{Painter, PictureError, View, picture_size};
 pub use scene::{Scene, SceneBody, SceneGeom, SceneJoint};
-pub use snapshot::{Snapshot, SnapshotError};
-pub use world::{StageError, StepOutcome, World, joint_range, mujoco_version};
+pub use world::{Snapshot, SnapshotError, StepOutcome, World};

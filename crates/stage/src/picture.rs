@@ -6,10 +6,8 @@ use mujoco_rs::prelude::MjvCamera;
 use mujoco_rs::renderer::MjRenderer;
 
 use crate::hand::RAIL;
+use crate::mjcf::LARGEST_PICTURE;
 use crate::world::World;
-
-/// Greatest width and height of a picture, pixels: the model's off-screen buffer.
-pub const LARGEST_PICTURE: [u32; 2] = [1920, 1080];
 
 /// A picture could not be drawn.
 #[derive(Debug, thiserror::Error)]
@@ -29,7 +27,7 @@ pub enum PictureError {
     Draw(String),
 }
 
-/// Where the camera stands.
+/// Camera positions.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum View {
     /// Behind and above the hand, as a player sees the keys.
@@ -39,7 +37,7 @@ pub enum View {
     Side,
     /// From above.
     Top,
-    /// Close on the fingers; goes along with the hand.
+    /// Close to the fingers; moves with the hand.
     Fingers,
 }
 
@@ -62,7 +60,7 @@ impl View {
         Self::ALL.into_iter().find(|view| view.name() == name)
     }
 
-    /// What the camera looks at, m; how far it is from there, m; its azimuth and elevation, degrees as MuJoCo counts them.
+    /// Point that the camera looks at, m; distance from it, m; azimuth and elevation in MuJoCo's convention, degrees.
     fn place(self, rail: f64) -> ([f64; 3], f64, [f64; 2]) {
         match self {
             Self::Player => ([0.0, 0.0, 0.04], 0.62, [180.0, -50.0]),
@@ -73,7 +71,7 @@ impl View {
     }
 }
 
-/// Draws pictures of one world, or of worlds built alike.
+/// Draws pictures of worlds with one model.
 pub struct Painter {
     renderer: MjRenderer,
     view: View,

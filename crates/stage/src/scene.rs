@@ -1,4 +1,4 @@
-//! The world as shapes on a kinematic tree: what someone needs to draw it without MuJoCo.
+//! The world as shapes on a kinematic tree, to draw it without MuJoCo.
 
 use mujoco_rs::prelude::{MjtJoint, MjtObjBase};
 use mujoco_rs::wrappers::mj_model::MjtGeomBase as MjtGeom;
@@ -8,7 +8,7 @@ use crate::geometry::KeyShape;
 use crate::hand::JOINT_NAMES;
 use crate::world::World;
 
-/// Bodies, each after its parent, and the shapes that ride on them. Lengths in m, angles in rad, MuJoCo's conventions.
+/// Bodies, each after its parent, and the shapes attached to them. Lengths in m, angles in rad, MuJoCo's conventions.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Scene {
     /// The bodies.
@@ -28,7 +28,7 @@ pub struct SceneBody {
     pub pos: [f64; 3],
     /// Orientation in the parent's frame, `[w, x, y, z]`.
     pub quat: [f64; 4],
-    /// What moves it.
+    /// The joint that moves it.
     pub joint: Option<SceneJoint>,
 }
 
@@ -56,7 +56,7 @@ pub struct SceneJoint {
 /// A shape.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct SceneGeom {
-    /// Its name; empty for most of the shapes that touch nothing.
+    /// Its name; empty for most shapes without contacts.
     pub name: String,
     /// Index of its body; −1 is the world.
     pub body: i32,
@@ -131,7 +131,7 @@ mod tests {
         Isometry3::from_parts(Translation3::from(pos), turn)
     }
 
-    /// Whoever follows the tree as its documentation says finds every shape where MuJoCo has it.
+    /// Forward kinematics as documented at `Scene` puts every shape where MuJoCo has it.
     #[test]
     fn shapes_are_where_mujoco_has_them() {
         let mut world = World::new(&StageConfig::default(), &PhysicalParams::default()).unwrap();

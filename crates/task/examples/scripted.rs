@@ -12,7 +12,7 @@ use etude_perform::{Performance, Scores, SimRig};
 use etude_stage::geometry::{KeyShape, key_target};
 use etude_stage::hand::{FINGER_JOINTS, TIP_RADIUS};
 use etude_stage::{RAIL, World, kinematics};
-use etude_task::{Piece, ScriptedConfig, ScriptedPlayer, TaskConfig, TaskError};
+use etude_task::{Piece, ScriptedPlayer, TaskConfig, TaskError};
 
 fn main() -> Result<(), Box<dyn Error>> {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
@@ -76,10 +76,11 @@ fn detail(config: &TaskConfig, id: &str) -> Result<(), Box<dyn Error>> {
 
 /// Times from a change of target to the key's threshold, for one finger over one key.
 fn lag(config: &TaskConfig) -> Result<(), Box<dyn Error>> {
-    let script = ScriptedConfig::default();
     let params = config.params()?;
     let mut world = World::new(&config.stage, &params).map_err(TaskError::from)?;
     const FINGER: usize = 1;
+    /// Clearance of the waiting fingertip, m.
+    const HOVER_M: f64 = 0.006;
     for (key, depth) in [24, 25].into_iter().flat_map(|key| [0.7, 1.0, 1.2, 1.5].map(|depth| (key, depth))) {
         let shape = KeyShape::of(key);
         let [x, y, _] = key_target(key);
@@ -91,7 +92,7 @@ fn lag(config: &TaskConfig) -> Result<(), Box<dyn Error>> {
         let angles =
             |z: f64| kinematics::reach(config.stage.side, FINGER, [x, y, z], y).ok_or("out of reach");
         let slots = FINGER * FINGER_JOINTS..(FINGER + 1) * FINGER_JOINTS;
-        let (up, down) = (angles(top + script.hover_m)?, angles(top - depth * travel)?);
+        let (up, down) = (angles(top + HOVER_M)?, angles(top - depth * travel)?);
         pose[slots.clone()].copy_from_slice(&up);
         world.reset_to(&pose);
         let mut times = [f64::NAN; 2];

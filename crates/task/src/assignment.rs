@@ -4,12 +4,12 @@ use etude_stage::FINGERS;
 
 /// Assigns fingers to keys so that the summed lateral distance is smallest.
 ///
-/// `keys` and `fingers` are places along the keyboard, m. `chosen[i]` becomes the finger for `keys[i]`; each finger
-/// serves at most one key, and with more keys than fingers the keys that would cost most stay without one. Exhaustive
-/// over the few possibilities, so it is exact; ties go to the lower finger.
+/// `keys` and `fingers` are lateral positions along the keyboard, m. `chosen[i]` becomes the finger for `keys[i]`. Each finger is
+/// assigned to at most one key; with more keys than fingers, the keys that cost most get none. The search is exhaustive and so
+/// exact; ties go to the lower finger.
 ///
-/// The paper takes the distance along the keyboard alone as cost, so that a low finger is not preferred over one that
-/// hangs higher but right above the key ("Reward Design").
+/// The cost is the lateral distance alone, as in the paper ("Reward Design"): a low finger is not preferred over a higher one
+/// right above the key.
 pub fn assign(keys: &[f64], fingers: &[f64; FINGERS], chosen: &mut [Option<usize>]) {
     let mut best = (0, f64::INFINITY);
     let mut current = [None; MOST_KEYS];
@@ -20,7 +20,7 @@ pub fn assign(keys: &[f64], fingers: &[f64; FINGERS], chosen: &mut [Option<usize
     }
 }
 
-/// Keys beyond this many are not considered: more than any chord that three fingers could meet.
+/// Keys beyond this many are ignored: a chord that three fingers can play has fewer.
 const MOST_KEYS: usize = 8;
 
 #[allow(clippy::too_many_arguments)] // A recursion over plain state reads better than a struct for it.

@@ -1,4 +1,4 @@
-//! What the environment costs beyond the engine: for `etude bench`.
+//! Speed of the environment compared with bare MuJoCo, for `etude bench`.
 
 use std::time::Instant;
 
@@ -16,19 +16,19 @@ use crate::{ACTION_LEN, Piece, TargetRange, TaskConfig, TaskError, VectorPiano, 
 pub struct Stepping {
     /// Control steps per second of one environment: controllers, physics, keys, reward, observation.
     pub steps_per_sec: f64,
-    /// Control steps per second of nothing but the `mj_step` calls that those steps make, under the same torques.
+    /// Control steps per second of only the `mj_step` calls that those steps make, under the same torques.
     pub bare_steps_per_sec: f64,
 }
 
 impl Stepping {
-    /// Time beyond the engine's, as a fraction of the engine's.
+    /// Time in addition to MuJoCo's, as a fraction of MuJoCo's.
     pub fn overhead(&self) -> f64 {
         self.bare_steps_per_sec / self.steps_per_sec - 1.0
     }
 }
 
-/// Measures with random actions on `song` for about `secs` each. The environment and the bare engine take turns,
-/// episode by episode, so that a busy machine slows both alike.
+/// Measures with random actions on `song` for about `secs` each. Episodes of the environment and of bare MuJoCo alternate, so that
+/// other load on the machine slows both equally.
 ///
 /// # Errors
 /// If the configuration is not sound.
@@ -92,10 +92,11 @@ pub fn all_cores(config: &TaskConfig, song: &Song, secs: f64) -> Result<f64, Tas
     Ok(f64::from(rounds) * num_envs as f64 / start.elapsed().as_secs_f64())
 }
 
-/// One episode of `song` under random actions, for other engines to repeat: in the form of `scripts/check_model.py`, one
-/// line of numbers for the start and one for each physics step, the torques and then all joint positions after the step.
+/// One episode of `song` under random actions, which other engines can repeat. In the form of `scripts/check_model.py`: one line
+/// for the start and one for each physics step, with the torques and then all joint positions after the step.
 ///
-/// Random torques would not do: without a controller the hand swings free and touches little, which is up to twice as fast.
+/// Random torques are not representative: without a controller the hand swings freely and touches little, which is up to twice
+/// as fast to simulate.
 ///
 /// # Errors
 /// If the configuration is not sound.

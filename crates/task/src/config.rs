@@ -2,14 +2,25 @@
 
 use std::collections::BTreeMap;
 
-use etude_music::SongError;
-use etude_stage::{ParamError, PhysicalParams, StageConfig, StageError};
+use etude_stage::{ParamError, PhysicalParams, StageConfig};
 use serde::{Deserialize, Serialize};
 
-use crate::observation::ObservationScale;
+use crate::error::TaskError;
 use crate::randomise::RandomisationConfig;
 
-/// Which decision process to build on which world.
+/// Scale of the joint positions in the observation.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum ObservationScale {
+    /// As the paper's table has it: rad, and m for the rail.
+    Si,
+    /// Finger joints by their range, to [−1, 1]; the rail in white keys from the middle, so that a movement by one key is as large
+    /// as the bending of a finger. Our choice; not yet compared with SI units.
+    #[default]
+    Normalised,
+}
+
+/// The world and the decision process on it.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct TaskConfig {
@@ -23,13 +34,13 @@ pub struct TaskConfig {
     pub randomisation: RandomisationConfig,
     /// Silence before the first note, s.
     pub initial_silence_secs: f64,
-    /// Control steps of the sheet shown beyond the current one.
+    /// Control steps of the song that the observation shows beyond the current one.
     pub lookahead: usize,
     /// Whether the observation holds the joints of one step ago (main text) or not (appendix).
     pub previous_joints: bool,
     /// Scale of the joint readings in the observation.
     pub scale: ObservationScale,
-    /// Whether training episodes start anywhere in the song. Evaluation always plays the whole song.
+    /// Whether training episodes start anywhere in the song. Evaluations always play the whole song.
     pub random_start: bool,
 }
 
@@ -49,49 +60,6 @@ impl Default for TaskConfig {
     }
 }
 
-/// A task could not be built.
-#[derive(Debug, thiserror::Error)]
-pub enum TaskError {
-    /// The world could not be built.
-    #[error(transparent)]
-    Stage(#[from] StageError),
-    /// A physical number is unknown or out of range.
-    #[error(transparent)]
-    Param(#[from] ParamError),
-    /// The song cannot be played here.
-    #[error(transparent)]
-    Song(#[from] SongError),
-    /// No reward term has this name.
-    #[error("no reward term is called `{0}`; there are: {list}", list = term_names())]
-    UnknownTerm(String),
-    /// A weight is not a number.
-    #[error("the weight of reward term `{0}` is {1}; it must be a finite number")]
-    BadWeight(String, f64),
-    /// A half-width of the randomisation is not a number of at least 0.
-    #[error(
-        "task.randomisation.widths: {0} = {1} must be a finite number of at least 0, in the unit of the row; \
-         `etude model params` lists the rows"
-    )]
-    BadWidth(String, f64),
-    /// A number of the task itself is out of range.
-    #[error("task.{name} = {value} must lie in {low} … {high}")]
-    OutOfRange {
-        /// Key of the config.
-        name: &'static str,
-        /// Refused value.
-        value: f64,
-        /// Smallest value.
-        low: f64,
-        /// Largest value.
-        high: f64,
-    },
-}
-
-fn term_names() -> String {
-    let names: Vec<_> = crate::reward::TERMS.iter().map(|term| term.name).collect();
-    names.join(", ")
-}
-
 impl TaskConfig {
     /// The physical numbers of the nominal world.
     ///
@@ -108,7 +76,7 @@ impl TaskConfig {
         config
     }
 
-    /// Checks the numbers that only the task knows.
+    /// Checks the numbers that belong to the task itself.
     ///
     /// # Errors
     /// Names the first one that is out of range.

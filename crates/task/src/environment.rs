@@ -1,4 +1,6 @@
-//! One environment: an episode is the song played once.
+//! One environment. An episode is one performance of the song.
+//!
+//! Reading order: [`Environment::reset`], [`Environment::step`], [`Environment::observe`], [`Environment::save`].
 
 use etude_learn::EnvironmentError;
 use etude_music::{KeySet, key_is_black};
@@ -18,18 +20,18 @@ use crate::{ACTION_LEN, Piece, TargetRange, TaskConfig, TaskError};
 /// Result of one control step.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Step {
-    /// Sum of the weighted reward terms. Not a number, which no learner takes, if the physics has become
-    /// [unstable](etude_stage::StepOutcome::unstable).
+    /// Sum of the weighted reward terms; NaN if the physics diverged
+    /// ([`StepOutcome::unstable`](etude_stage::StepOutcome::unstable)), at which the learner stops with an error.
     pub reward: f64,
-    /// Whether the song is over. Not a terminal state: the learner bootstraps on.
+    /// Whether the song is over. This is a truncation and not a terminal state: the learner bootstraps.
     pub song_over: bool,
-    /// Whether anything but fingertips on the keyboard touched, whatever the reward makes of it.
+    /// Whether there was a contact other than a fingertip on the keyboard.
     pub collided: bool,
     /// Keys that sound at its end.
     pub pressed: KeySet,
 }
 
-/// A world, a piece, and the place in it.
+/// A world, a piece, and the current control step.
 pub struct Environment {
     world: World,
     piece: Piece,
@@ -38,10 +40,11 @@ pub struct Environment {
     reward: Reward,
     randomisation: Randomisation,
     random: Pcg64,
+    /// Next control step of the piece.
     step: usize,
     /// Control steps made over all episodes.
     steps_made: u64,
-    /// Environments of the same training, this one included. They step together.
+    /// Number of environments of the same training, this one included. They step together.
     peers: u64,
     previous_joints: [f64; JOINTS],
     previous_action: [f32; ACTION_LEN],
@@ -54,7 +57,7 @@ struct Saved {
     params: PhysicalParams,
     random: Pcg64,
     step: usize,
-    /// Absent in states from before there was a curriculum, and then of no consequence.
+    /// Absent in states saved before there was a curriculum; it is not used then.
     #[serde(default)]
     steps_made: u64,
     previous_joints: [f64; JOINTS],
@@ -62,7 +65,7 @@ struct Saved {
 }
 
 impl Environment {
-    /// An environment for `piece`, with its own stream of randomness from `seed`, at the start of an episode.
+    /// An environment for `piece` at the start of an episode, with its own random stream from `seed`.
     ///
     /// # Errors
     /// If the configuration is not sound.
@@ -89,27 +92,27 @@ impl Environment {
         Ok(environment)
     }
 
-    /// As one of `peers` environments of a training, which count its steps together.
+    /// Makes it one of `peers` environments of a training; the curriculum counts the steps of all.
     pub(crate) fn among(self, peers: usize) -> Self {
         Self { peers: peers as u64, ..self }
     }
 
-    /// Starts an episode in the world `params`. For environments without randomisation: the next reset of another would
-    /// draw a world again.
+    /// Starts an episode with the physical numbers `params`. Only for environments without randomisation: with it, the next reset
+    /// would draw other numbers.
     pub fn reset_in(&mut self, params: &PhysicalParams) {
         self.world.set_params(params);
         self.reset();
     }
 
-    /// Starts over as a new environment with this seed would begin, its curriculum included.
+    /// Restarts it, including its curriculum, as a new environment with this seed.
     pub fn restart(&mut self, seed: u64) {
         self.random = Pcg64::seed_from_u64(seed);
         self.steps_made = 0;
         self.reset();
     }
 
-    /// Starts the next episode: a new draw of the randomised numbers, the hand in its starting pose, the beginning of
-    /// the song (or, with `random_start`, any place in it with a finger over the key that is due next).
+    /// Starts the next episode: draws the randomised numbers and puts the hand into its starting pose, at the beginning of the
+    /// song. With `random_start`, the episode starts anywhere in the song, with a random finger over the next due key.
     pub fn reset(&mut self) {
         if self.randomisation.is_on() {
             let steps = self.steps_made.saturating_mul(self.peers);
@@ -124,7 +127,7 @@ impl Environment {
             if self.step > 0
                 && let Some(key) = self.next_due_key()
             {
-                // The world is placed by true angles; the starting pose is what the encoders read.
+                // `reset_to` takes true positions, `start_pose` gives encoder readings.
                 let mut pose = self.world.start_pose();
                 for (joint, reading) in pose.iter_mut().enumerate() {
                     *reading -= self.world.params().joint(Joint::EncoderBias, joint);
@@ -138,13 +141,14 @@ impl Environment {
         self.previous_action = self.range.action(&self.previous_joints);
     }
 
-    /// The lowest key, white if there is one, of the next frame that has any.
+    /// Of the next frame in which keys are due, the lowest white key, or the lowest key if all are black.
     fn next_due_key(&self) -> Option<usize> {
         let due = self.piece.frames()[self.step..].iter().find(|due| !due.is_empty())?;
         due.iter().find(|key| !key_is_black(*key)).or_else(|| due.iter().next())
     }
 
-    /// Plays one control step. `parts` receives the weighted reward terms in the order of [`Reward::names`].
+    /// Plays one control step with `action` (each value in [−1, 1]). Writes the weighted reward terms into `parts`, in the order
+    /// of [`Reward::names`].
     pub fn step(&mut self, action: &[f32; ACTION_LEN], parts: &mut [f32]) -> Step {
         let due = self.piece.due(self.step);
         self.previous_joints = self.world.joints();
@@ -160,7 +164,7 @@ impl Environment {
         Step { reward, song_over, collided: outcome.collided, pressed: self.world.pressed() }
     }
 
-    /// Writes the current observation.
+    /// Writes the current observation, of the length of [`layout`](crate::layout).
     pub fn observe(&self, out: &mut [f32]) {
         let joints = self.world.joints();
         let pressed = self.world.pressed();
@@ -187,27 +191,27 @@ impl Environment {
         step
     }
 
-    /// The next control step to be played.
+    /// The control step that is played next.
     pub fn position(&self) -> usize {
         self.step
     }
 
-    /// What an action means.
+    /// The mapping from actions to joint targets.
     pub fn range(&self) -> &TargetRange {
         &self.range
     }
 
-    /// The world behind the task.
+    /// The world.
     pub fn world(&self) -> &World {
         &self.world
     }
 
-    /// The reward in force.
+    /// The reward.
     pub fn reward(&self) -> &Reward {
         &self.reward
     }
 
-    /// Everything needed to continue bit for bit.
+    /// The state as JSON; [`load`](Self::load) continues from it bit for bit.
     pub fn save(&self) -> Vec<u8> {
         let saved = Saved {
             snapshot: self.world.snapshot(),
@@ -218,8 +222,7 @@ impl Environment {
             previous_joints: self.previous_joints,
             previous_action: self.previous_action,
         };
-        // Plain numbers and strings: writing them as JSON cannot fail.
-        serde_json::to_vec(&saved).unwrap_or_default()
+        serde_json::to_vec(&saved).expect("plain numbers and strings become JSON")
     }
 
     /// Continues from [`Environment::save`].

@@ -1,12 +1,13 @@
-//! The task: what the agent sees, does and is paid for, on top of a [`World`](etude_stage::World).
+//! The decision process on top of a [`World`](etude_stage::World): observation, action, reward, episodes.
 //!
-//! A [`Piece`] is the sheet music in control steps. An [`Environment`] plays it once per episode; [`VectorPiano`] runs
-//! many of them over threads for the learner. A [`Player`] chooses the actions.
+//! A [`Piece`] is a song in control steps. An [`Environment`] plays it once per episode; [`VectorPiano`] runs many environments in
+//! parallel for the learner. A [`Player`] chooses the actions.
 
 mod assignment;
 pub mod bench;
 mod config;
 mod environment;
+mod error;
 mod observation;
 mod piece;
 mod player;
@@ -17,14 +18,15 @@ pub mod scripted;
 mod vector;
 
 pub use assignment::assign;
-pub use config::{TaskConfig, TaskError};
+pub use config::{ObservationScale, TaskConfig};
 pub use environment::{Environment, Step};
-pub use observation::{ObservationScale, layout, observe};
+pub use error::TaskError;
+pub use observation::{layout, observe};
 pub use piece::Piece;
 pub use player::Player;
 pub use randomise::{Full, RANDOMISED, Randomisation, RandomisationConfig, Widths};
 pub use range::TargetRange;
-pub use scripted::{ScriptedConfig, ScriptedPlayer};
+pub use scripted::ScriptedPlayer;
 pub use vector::VectorPiano;
 
 /// Length of an action: one target per driven joint.

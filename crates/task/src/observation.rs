@@ -1,24 +1,12 @@
-//! The observation: joints, previous joints, pressed keys, and the sheet for now and the steps ahead.
+//! The observation: joints, previous joints, pressed keys, and the keys due now and in the next control steps.
 
 use etude_learn::ObservationLayout;
 use etude_music::{KEYS, KeySet};
 use etude_stage::geometry::WHITE_PITCH;
 use etude_stage::{JOINTS, RAIL, joint_range};
-use serde::{Deserialize, Serialize};
 
-use crate::{Piece, TaskConfig};
-
-/// How joint positions are given to the agent.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum ObservationScale {
-    /// As the paper's table has it: rad, and m for the rail.
-    Si,
-    /// Each joint by its range, to [−1, 1], and the rail in white keys from the middle: one key's width of movement
-    /// is then as visible to the network as a finger's bend. Our choice; the comparison with SI units is still open.
-    #[default]
-    Normalised,
-}
+use crate::config::{ObservationScale, TaskConfig};
+use crate::piece::Piece;
 
 /// Columns of the observation that `config` asks for.
 pub fn layout(config: &TaskConfig) -> ObservationLayout {

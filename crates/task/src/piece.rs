@@ -1,4 +1,4 @@
-//! The sheet music as the task sees it: the keys that are due at each control step.
+//! A song in control steps: the keys that are due at each.
 
 use std::sync::Arc;
 

@@ -1,4 +1,4 @@
-//! What an action means: joint targets within a range for each joint.
+//! The mapping from actions to joint targets.
 
 use etude_stage::geometry::{HALF_WIDTH, WHITE_PITCH, key_lateral};
 use etude_stage::hand::ROOT_SPACING;
@@ -6,16 +6,16 @@ use etude_stage::{JOINTS, RAIL, joint_range};
 
 use crate::{ACTION_LEN, Piece};
 
-/// Range of each joint's target, which the ends of an action (−1 and 1) stand for: the joint's own range for a finger
-/// joint, and for the rail the part of the keyboard that the piece needs.
+/// Range of each joint's target, to which an action in [−1, 1] is mapped: the joint's own range for a finger joint, the part of the
+/// keyboard that the piece needs for the rail.
 ///
-/// Over the whole keyboard one hundredth of the rail's action would be 7 mm, more than a fingertip may be off the middle
-/// of a key between fences; docs/results/learning.md says what that costs.
+/// If the rail's range were the whole keyboard, a change of its action by 0.02 would be 7 mm, more than a fingertip may be off the
+/// middle of a key between fences. docs/results/learning.md compares the two.
 #[derive(Clone, Debug, PartialEq)]
 pub struct TargetRange([[f64; 2]; JOINTS]);
 
 impl TargetRange {
-    /// The range for `piece`: the rail may bring any finger over any key of it, and one white key further.
+    /// The range for `piece`: the rail can bring any finger over any of its keys, and one white key further.
     pub fn new(piece: &Piece) -> Self {
         let mut range = std::array::from_fn(joint_range);
         let keys = || piece.frames().iter().flat_map(|due| due.iter()).map(key_lateral);
@@ -28,7 +28,7 @@ impl TargetRange {
         Self(range)
     }
 
-    /// Joint targets (rad, the rail in m) of an action; what lies beyond ±1 counts as ±1.
+    /// Joint targets (rad, the rail in m) of an action, whose values are clamped to ±1.
     pub fn targets(&self, action: &[f32; ACTION_LEN]) -> [f64; JOINTS] {
         std::array::from_fn(|joint| {
             let [low, high] = self.0[joint];
@@ -36,7 +36,7 @@ impl TargetRange {
         })
     }
 
-    /// The action whose [`targets`](Self::targets) these are; targets beyond a range give ±1.
+    /// The action with these [`targets`](Self::targets); targets beyond a range give ±1.
     pub fn action(&self, targets: &[f64; JOINTS]) -> [f32; ACTION_LEN] {
         std::array::from_fn(|joint| {
             let [low, high] = self.0[joint];

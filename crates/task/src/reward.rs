@@ -1,8 +1,11 @@
 //! The reward: a table of named terms, each a function of one control step, summed by weight.
 //!
-//! To add a term: one function and one row in [`TERMS`]. Config, metrics and docs follow from the row. The paper gives
-//! formulas in words and a number only for the collision term; forms and defaults are from the fact sheet "simulation
-//! and learning" (§1.5, §2.4, §3.1) unless a row says otherwise.
+//! To add a term: one function and one row in [`TERMS`]. Configuration and metrics follow from the row.
+//!
+//! Sources: the paper describes the terms in words, with a number for the collision term only. Key press, energy and tolerance are
+//! those of RoboPianist (github.com/google-research/robopianist, `suite/tasks/piano_with_shadow_hands.py`); the assignment of fingers
+//! by optimal transport is that of RP1M (arXiv 2408.11048); the appendix's terms are those of lasr-lab/learning-to-play-piano on
+//! GitHub (`robopianist/suite/tasks/piano_with_hands.py`). Other weights are our choice.
 
 use std::collections::BTreeMap;
 
@@ -11,106 +14,62 @@ use etude_stage::{FINGERS, RAIL, StepOutcome, World};
 
 use crate::{ACTION_LEN, TaskError, assign};
 
-/// What a term may look at: the world after a control step, and what led to it.
+/// What the terms are computed from: the world after a control step, the action and the due keys.
 pub struct Moment<'a> {
     /// The world after the step.
     pub world: &'a World,
-    /// Keys that were due, as shown to the agent before the step.
+    /// Keys that were due in the step.
     pub due: KeySet,
     /// Power and collisions of the step.
     pub outcome: StepOutcome,
     /// The action of the step.
     pub action: &'a [f32; ACTION_LEN],
-    /// The action of the step before; in the first step the one that means the starting pose.
+    /// The action of the previous step; in the first step, the one whose targets are the starting pose.
     pub previous_action: &'a [f32; ACTION_LEN],
 }
 
-/// One named part of the reward.
+/// One named term of the reward.
 pub struct Term {
-    /// Name in configs and metrics.
+    /// Name in configurations and metrics.
     pub name: &'static str,
-    /// Weight in the paper's main reward; zero where the main text has no such term.
+    /// Default weight: that of the paper's main text, 0 for a term of its appendix (`configs/presets/appendix.toml`).
     pub main: f64,
-    /// Weight in the appendix's reward.
-    pub appendix: f64,
-    /// What it rewards.
-    pub doc: &'static str,
     /// Its value before weighting.
     pub value: fn(&Moment) -> f64,
 }
 
-/// Every term there is.
+const fn term(name: &'static str, main: f64, value: fn(&Moment) -> f64) -> Term {
+    Term { name, main, value }
+}
+
+/// All terms: name, default weight, function.
 pub const TERMS: &[Term] = &[
-    Term {
-        name: "energy",
-        main: 0.005,
-        appendix: 0.005,
-        doc: "minus the power of the fingers and, scaled down, of the rail, W",
-        value: energy,
-    },
-    Term {
-        name: "action_change",
-        main: 0.02,
-        appendix: 0.0,
-        doc: "minus the mean squared difference to the previous action",
-        value: action_change,
-    },
-    Term {
-        name: "key_press",
-        main: 1.0,
-        appendix: 0.0,
-        doc: "half for how far the due keys are down, half if no other key sounds (RoboPianist)",
-        value: key_press,
-    },
-    Term {
-        name: "optimal_transport",
-        main: 1.0,
-        appendix: 0.0,
-        doc: "closeness of the fingers that lateral optimal transport assigns to the due keys",
-        value: optimal_transport,
-    },
-    Term {
-        name: "collision",
-        main: 1.0,
-        appendix: 0.0,
-        doc: "0.5 if nothing but fingertips on the keyboard touched during the step, else 0",
-        value: collision,
-    },
-    Term {
-        name: "hand_position",
-        main: 0.0,
-        appendix: 1.0,
-        doc: "closeness of the palm to the middle of the due keys along the keyboard (appendix)",
-        value: hand_position,
-    },
-    Term {
-        name: "graded_key_press",
-        main: 0.0,
-        appendix: 1.0,
-        doc: "the appendix's key press: nothing sounding 0, something wrong from 0.5, all right from 1",
-        value: graded_key_press,
-    },
-    Term {
-        name: "sliding",
-        main: 0.0,
-        appendix: 1.0,
-        doc: "one minus a penalty for moving the rail while keys are down (appendix)",
-        value: sliding,
-    },
+    term("energy", 0.005, energy),
+    term("action_change", 0.02, action_change),
+    term("key_press", 1.0, key_press),
+    term("optimal_transport", 1.0, optimal_transport),
+    term("collision", 1.0, collision),
+    // The appendix's.
+    term("hand_position", 0.0, hand_position),
+    term("graded_key_press", 0.0, graded_key_press),
+    term("sliding", 0.0, sliding),
 ];
 
-/// Power of the rail counts this much of a finger's (authors' code, §2.4).
+/// Weight of the rail's power relative to that of the fingers, as in lasr-lab/learning-to-play-piano.
 const RAIL_SHARE: f64 = 0.003;
 
+/// Minus the power of the fingers and, scaled down, of the rail, W.
 fn energy(moment: &Moment) -> f64 {
     -(moment.outcome.finger_power + RAIL_SHARE * moment.outcome.rail_power)
 }
 
+/// Minus the mean squared difference to the previous action.
 fn action_change(moment: &Moment) -> f64 {
     let squares = moment.action.iter().zip(moment.previous_action).map(|(a, b)| f64::from(a - b).powi(2));
     -squares.sum::<f64>() / ACTION_LEN as f64
 }
 
+/// Half for how far the due keys are down, half if no other key sounds (RoboPianist).
 fn key_press(moment: &Moment) -> f64 {
     let due = moment.due;
     let closeness: f64 =
@@ -120,12 +79,13 @@ fn key_press(moment: &Moment) -> f64 {
     0.5 * right + if clean { 0.5 } else { 0.0 }
 }
 
-/// Within this distance of its key a finger earns everything, m (§3.1).
+/// Distance up to which a finger gets the full reward, m; as in RP1M.
 const OT_BOUND: f64 = 0.01;
-/// This much further away it earns a tenth, m. The papers print no number; RoboPianist's 0.1 pays 0.96 to a finger that
-/// stands on the wrong white key next to the right one, this pays 0.85 (docs/results/learning.md has the curves).
+/// Further distance at which it gets a tenth, m. The papers give no number. With RoboPianist's 0.1 a finger on the white key next
+/// to the right one gets 0.96, with 0.05 it gets 0.85 (curves: docs/results/learning.md).
 const OT_MARGIN: f64 = 0.05;
 
+/// Mean closeness of fingers to the due keys that lateral optimal transport assigns to them.
 fn optimal_transport(moment: &Moment) -> f64 {
     let due = moment.due;
     if due.is_empty() {
@@ -148,10 +108,12 @@ fn optimal_transport(moment: &Moment) -> f64 {
     closeness / count.min(FINGERS) as f64
 }
 
+/// 0.5 if there was no contact other than fingertips on the keyboard during the step, else 0.
 fn collision(moment: &Moment) -> f64 {
     if moment.outcome.collided { 0.0 } else { 0.5 }
 }
 
+/// Closeness of the palm to the middle of the due keys along the keyboard.
 fn hand_position(moment: &Moment) -> f64 {
     if moment.due.is_empty() {
         return 1.0;
@@ -161,6 +123,7 @@ fn hand_position(moment: &Moment) -> f64 {
     tolerance((moment.world.joints_true()[RAIL] - middle).abs(), 0.03, 0.3)
 }
 
+/// 0 if nothing sounds, from 0.5 if something wrong sounds, from 1 if all that sounds is due; more for deeper keys.
 fn graded_key_press(moment: &Moment) -> f64 {
     let (due, pressed) = (moment.due, moment.world.pressed());
     let travel = |key| moment.world.key_travel(key).clamp(0.0, 1.0);
@@ -176,6 +139,7 @@ fn graded_key_press(moment: &Moment) -> f64 {
     }
 }
 
+/// One minus a penalty for moving the rail while keys are down.
 fn sliding(moment: &Moment) -> f64 {
     let velocity = moment.world.joint_velocities()[RAIL];
     let down = moment.world.pressed();
@@ -190,7 +154,7 @@ fn sliding(moment: &Moment) -> f64 {
     1.0 - 3.0 * factor * velocity * velocity
 }
 
-/// Gaussian tolerance: 1 up to `bound`, falling to 0.1 at `bound + margin` (dm_control's, §1.5).
+/// Gaussian tolerance as in dm_control's `rewards.tolerance`: 1 up to `bound`, falling to 0.1 at `bound + margin`.
 pub fn tolerance(value: f64, bound: f64, margin: f64) -> f64 {
     if value <= bound {
         return 1.0;
@@ -204,7 +168,7 @@ fn distance(a: &[f64; 3], b: &[f64; 3]) -> f64 {
     a.iter().zip(b).map(|(a, b)| (a - b) * (a - b)).sum::<f64>().sqrt()
 }
 
-/// The reward that a config asks for: terms with a weight other than zero.
+/// The reward of a configuration: the terms whose weight is not zero.
 #[derive(Clone)]
 pub struct Reward {
     terms: Vec<(&'static Term, f64)>,
@@ -218,7 +182,8 @@ impl Reward {
     pub fn new(overrides: &BTreeMap<String, f64>) -> Result<Self, TaskError> {
         for (name, weight) in overrides {
             if !TERMS.iter().any(|term| term.name == name) {
-                return Err(TaskError::UnknownTerm(name.clone()));
+                let known: Vec<_> = TERMS.iter().map(|term| term.name).collect();
+                return Err(TaskError::UnknownTerm { name: name.clone(), known: known.join(", ") });
             }
             if !weight.is_finite() {
                 return Err(TaskError::BadWeight(name.clone(), *weight));
@@ -252,7 +217,7 @@ mod tests {
     use etude_stage::{PhysicalParams, StageConfig};
 
     #[test]
-    fn tolerance_is_the_sheets() {
+    fn tolerance_is_dm_controls() {
         let expected = [(0.05, 1.0), (0.10, 0.977), (0.25, 0.692), (0.50, 0.155), (0.75, 0.011)];
         for (value, want) in expected {
             assert!((tolerance(value, 0.05, 0.5) - want).abs() < 1e-3, "{value}");
@@ -260,7 +225,7 @@ mod tests {
     }
 
     #[test]
-    fn every_term_is_finite_bounded_and_described() {
+    fn every_term_is_finite_and_bounded() {
         let world = World::new(&StageConfig::default(), &PhysicalParams::default()).unwrap();
         let action = [0.5; ACTION_LEN];
         for due in [KeySet::EMPTY, KeySet::from_pitches([60]), KeySet::from_pitches([60, 64, 67, 72])] {
@@ -274,7 +239,6 @@ mod tests {
             for term in TERMS {
                 let value = (term.value)(&moment);
                 assert!((-10.0..=2.0).contains(&value), "{} = {value}", term.name);
-                assert!(!term.doc.is_empty());
             }
         }
     }

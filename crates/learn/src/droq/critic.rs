@@ -20,7 +20,7 @@ impl Critic {
         Self { target: parameters.clone(), learned: Learned::new(network, parameters) }
     }
 
-    /// Follows the sum of the shards' gradients, and lets the target follow.
+    /// Updates the parameters by the sum of the shards' gradients, then the target.
     pub(crate) fn step<'a>(
         &mut self,
         config: &DroqConfig,

@@ -1,4 +1,4 @@
-//! All the chance in one shard's part of an update, as plain data: drawn from its streams, or written down by a test.
+//! The random draws of one shard in an update, as plain data: from its streams, or given by a test.
 
 use serde::{Deserialize, Serialize};
 
@@ -18,7 +18,7 @@ pub(crate) struct CriticDrops {
     pub actor: Vec<Vec<u32>>,
 }
 
-/// The chance in one update.
+/// The random draws of one update.
 #[derive(Clone, Debug)]
 pub(crate) struct Draws {
     /// `[rows, action]`: standard normal noise of the action at the next observation.
@@ -28,7 +28,7 @@ pub(crate) struct Draws {
     pub drops: [CriticDrops; CRITICS],
 }
 
-/// The owners of a shard's draws.
+/// The random streams of a shard.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct ShardStreams {

@@ -1,4 +1,4 @@
-//! What a learner has learned, without how it went about it: no moments of the optimiser, no draws, no counts.
+//! The learned parameters of a learner, without optimiser moments, random streams and counts.
 
 use super::{CRITICS, Droq, actor_shape, critic_shape, tensors::TEMPERATURE};
 use crate::{
@@ -8,19 +8,19 @@ use crate::{
     tensors::{Lookup, TensorError, find, find_tensors},
 };
 
-/// Temperature of a policy that comes without one, as a share of `initial_temperature`. Trainings settle at about a
-/// twentieth (`fast`, C-major scale: 0.1 and 0.005 after 100,000 steps). At the initial one the first updates would undo the
-/// policy: its entropy rose from -27 to -3 nats in 4,000 steps. One that is too low corrects itself and breaks nothing.
+/// Temperature for a policy without one, as a share of `initial_temperature`. Trainings converge to about a twentieth (`fast`, C-major
+/// scale: from 0.1 to 0.005 after 100,000 steps). With the initial temperature the first updates would undo the policy: its entropy
+/// rose from -27 to -3 nats in 4,000 steps. A temperature that is too low is corrected by the updates.
 const SETTLED: f32 = 0.05;
 
-/// Values that another learner of the same form can begin with.
+/// Parameters with which another learner of the same shape can begin.
 pub(crate) struct Knowledge {
     actor: Buffer,
     policy: Buffer,
     judgement: Option<Judgement>,
 }
 
-/// What goes with the critics.
+/// The critics, their targets and the temperature.
 struct Judgement {
     critics: [Buffer; CRITICS],
     targets: [Buffer; CRITICS],
@@ -28,12 +28,12 @@ struct Judgement {
 }
 
 impl Knowledge {
-    /// That of a finished policy: nothing but the actor.
+    /// Of a policy: the actor alone.
     pub(crate) fn of_policy(parameters: &Buffer) -> Self {
         Self { actor: parameters.clone(), policy: parameters.clone(), judgement: None }
     }
 
-    /// That of a saved learner, whose tensors have the names that [`Droq::tensors`] gives them.
+    /// Of a saved learner, whose tensors are named as in [`Droq::tensors`].
     pub(crate) fn of_learner(
         layout: ObservationLayout,
         action_len: usize,
@@ -58,14 +58,14 @@ impl Knowledge {
         })
     }
 
-    /// Whether the critics and the temperature come along.
+    /// Whether critics and temperature are included.
     pub(crate) fn has_critics(&self) -> bool {
         self.judgement.is_some()
     }
 }
 
 impl Droq {
-    /// Begins with what another learner of the same form knows. Critics that this does not include stay as they are.
+    /// Takes over the parameters of another learner of the same shape. Without critics, the own ones stay.
     pub(crate) fn adopt(&mut self, knowledge: &Knowledge) {
         self.actor.parameters.copy_from_slice(&knowledge.actor);
         self.policy.copy_from_slice(&knowledge.policy);
@@ -81,8 +81,7 @@ impl Droq {
         self.log_temperature.value = judgement.log_temperature;
     }
 
-    /// From now on updates leave the actor and the temperature as they are, apart from the moments of their optimiser; or no
-    /// longer do.
+    /// Whether updates from now on do not change the actor and the temperature, except their optimiser moments.
     pub(crate) fn hold_actor(&mut self, held: bool) {
         self.actor_held = held;
     }

@@ -1,8 +1,8 @@
-//! A network's parameters together with what Adam keeps about them.
+//! A network's parameters with their Adam moments.
 
 use crate::{buffer::Buffer, kernels::add_row, network::Network};
 
-/// Values that stay in the first cache while the shards' gradients are added up.
+/// Values added up at a time, few enough to stay in the first cache.
 const BLOCK: usize = 2048;
 
 /// Parameters, their last gradient and the two Adam moments, all laid out alike.

@@ -1,10 +1,10 @@
 //! The algorithm: soft actor-critic with two dropout critics (Hiraoka et al. 2022, arXiv 2110.02034) in the form that
 //! the RoboPianist line uses: one update a step, and the mean of the critics in the actor's loss.
 //!
-//! One update is, in this order: the critics towards `reward + discount · (min target Q - temperature · log π)`, their
-//! targets a step behind them, the actor along `temperature · log π - mean Q`, and the temperature towards the target
-//! entropy. Dropout is active in all critic passes, the target's included. With `n_step` above 1 the reward is the discounted sum
-//! of several and the target that of the last of them; the entropy of the steps between is left out.
+//! One update is, in this order: the critics towards `reward + discount · (min target Q - temperature · log π)`, the target critics
+//! towards the critics, the actor along `temperature · log π - mean Q`, and the temperature towards the target entropy. Dropout is
+//! active in all passes of critics and target critics. With `n_step` above 1 the reward is the discounted sum over several steps, and
+//! the target that of the last; the entropy of the steps in between is left out.
 
 mod critic;
 mod draws;
@@ -15,6 +15,8 @@ mod shard;
 mod tensors;
 mod update;
 
+#[cfg(test)]
+mod golden_tests;
 #[cfg(test)]
 mod tests;
 
@@ -34,7 +36,7 @@ use crate::{
 use critic::Critic;
 use shard::Shard;
 
-/// What one update measured.
+/// Losses of one update.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(crate) struct Losses {
     /// Mean over rows and critics of `(Q - wanted)²`.
@@ -57,31 +59,31 @@ pub(crate) struct LearnedScalar {
     pub square: f32,
 }
 
-/// The actor, the critics and the temperature, with everything an update needs allocated.
+/// The actor, the critics and the temperature, with all buffers of an update.
 pub(crate) struct Droq {
     config: DroqConfig,
     action_len: usize,
     actor_network: Network,
     critic_network: Network,
     actor: Learned,
-    /// The actor averaged over its updates: what is evaluated and saved.
+    /// Average of the actor over its updates, which is evaluated and saved.
     policy: Buffer,
     critics: [Critic; CRITICS],
     log_temperature: LearnedScalar,
-    /// Updates made so far, which is also Adam's step count.
+    /// Number of updates, which is also Adam's step count.
     updates: u64,
-    /// Whether updates leave the actor and the temperature as they are.
+    /// Whether updates do not change the actor and the temperature.
     actor_held: bool,
     /// The batch in parts that threads share.
     shards: Vec<Shard>,
 }
 
-/// The form of the actor.
+/// The shape of the actor's network.
 pub(crate) fn actor_shape(layout: ObservationLayout, action_len: usize, hidden: &[usize]) -> Shape {
     Shape { layout, extra: 0, hidden: hidden.to_vec(), outputs: 2 * action_len, normalised: false }
 }
 
-/// The form of a critic.
+/// The shape of a critic's network.
 fn critic_shape(layout: ObservationLayout, action_len: usize, hidden: &[usize]) -> Shape {
     Shape { layout, extra: action_len, hidden: hidden.to_vec(), outputs: 1, normalised: true }
 }
@@ -146,7 +148,7 @@ impl Droq {
         &self.actor.parameters
     }
 
-    /// What is evaluated and saved; [`actor_parameters`](Self::actor_parameters) explore.
+    /// Parameters that are evaluated and saved. Exploration uses [`actor_parameters`](Self::actor_parameters).
     pub(crate) fn policy_parameters(&self) -> &[f32] {
         &self.policy
     }

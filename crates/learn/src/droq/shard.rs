@@ -1,7 +1,7 @@
-//! A part of the batch, which one thread takes through an update.
+//! A part of the batch, which one thread processes.
 //!
-//! Its rows see parameters that nothing changes meanwhile, and leave behind their part of each gradient. Those are added up
-//! in the order of the shards, so the bytes do not depend on who worked on which.
+//! The parameters do not change while shards are processed. Each shard computes its part of each gradient; the parts are added up in
+//! the order of the shards, so the bytes do not depend on the threads.
 
 use super::{
     critic::{Critic, CriticPasses},
@@ -16,10 +16,10 @@ use crate::{
     replay::{Batch, Horizon, Replay},
 };
 
-/// Rows of a shard: two threads share a batch of 256. Shards of 64 are a tenth slower, since every product then packs its
-/// weights twice as often.
+/// Rows of a shard: two threads share a batch of 256. With shards of 64 an update is 10 % slower, since every product packs its weights
+/// twice as often.
 pub(super) const ROWS: usize = 128;
-/// The most shards of a batch, since each has room for all gradients.
+/// The most shards of a batch; each has buffers for all gradients.
 pub(super) const MOST: usize = 16;
 
 /// What the shards of an update read.
@@ -53,7 +53,7 @@ pub(super) struct Shard {
     actor: Workspace,
     critic: CriticPasses,
     policy: Gaussian,
-    /// `[rows]`: what the critics shall say.
+    /// `[rows]`: target values of the critics.
     wanted: Vec<f32>,
     /// `[rows, 2 · action]`
     output_error: Vec<f32>,
@@ -86,7 +86,7 @@ impl Shard {
         }
     }
 
-    /// Draws the rows and all the chance of the next update.
+    /// Draws the rows and all other random numbers of the next update.
     pub(super) fn draw(&mut self, config: &DroqConfig, replay: &Replay) {
         let (rows, horizon) =
             (self.wanted.len(), Horizon { steps: config.n_step, discount: config.discount });
@@ -94,7 +94,7 @@ impl Shard {
         self.draws.fill(config, rows, &mut self.streams);
     }
 
-    /// The gradients of the critics.
+    /// Computes the gradients of the critics.
     pub(super) fn fit_critics(&mut self, view: &View<'_>) {
         let Self { batch, draws, actor, critic: passes, policy, wanted, .. } = self;
         let output = view.actor_network.forward(view.actor, &batch.next_observation, &[], 0.0, false, actor);
@@ -121,7 +121,7 @@ impl Shard {
         }
     }
 
-    /// The gradient of the actor, and how far its entropy is.
+    /// Computes the gradient of the actor, and its entropy.
     pub(super) fn fit_actor(&mut self, view: &View<'_>) {
         let Self { batch, draws, actor, critic: passes, policy, output_error, action_error, .. } = self;
         let output = view.actor_network.forward(view.actor, &batch.observation, &[], 0.0, true, actor);

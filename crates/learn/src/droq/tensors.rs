@@ -11,7 +11,8 @@ use crate::tensors::{Lookup, NamedTensor, TensorError, find, find_tensors, name_
 pub(super) const TEMPERATURE: &str = "temperature.log";
 
 impl Droq {
-    /// Everything but the generators and the update count. The temperature's three values are lent by the caller.
+    /// All tensors. The random streams and the update count are not among them. `temperature` is that of
+    /// [`temperature_tensor`](Self::temperature_tensor).
     pub(crate) fn tensors<'a>(&'a self, temperature: &'a [f32; 3]) -> Vec<NamedTensor<'a>> {
         let mut out = Vec::new();
         let plan = &self.actor_network.plan;
@@ -35,7 +36,7 @@ impl Droq {
         [value, mean, square]
     }
 
-    /// Takes over saved tensors. On error the learner is in no useful state and must be dropped.
+    /// Restores saved tensors. After an error the learner must not be used.
     pub(crate) fn load_tensors(&mut self, lookup: &Lookup<'_>) -> Result<(), TensorError> {
         let plan = &self.actor_network.plan;
         find_tensors(plan, "actor.parameters", lookup, &mut self.actor.parameters)?;

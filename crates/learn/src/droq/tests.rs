@@ -1,119 +1,23 @@
-//! The update against PyTorch (fixtures made by `scripts/golden_learn.py`), and the losses against finite differences.
-
-use std::path::Path;
-
-use safetensors::SafeTensors;
+//! The losses against finite differences; averaging, shards, threads and bfloat16.
 
 use super::{critic::CriticPasses, gaussian::Gaussian, *};
-use crate::{config::Arithmetic, kernels::at_every_level, network::Wanted, tensors::find_tensors};
+use crate::{config::Arithmetic, network::Wanted};
 
-const ACTION: usize = 3;
-const LAYOUT: ObservationLayout = ObservationLayout { real: 5, binary: 40 };
-const UPDATES: usize = 5;
+pub(super) const ACTION: usize = 3;
+pub(super) const LAYOUT: ObservationLayout = ObservationLayout { real: 5, binary: 40 };
 
-/// A fixture in memory.
-struct Golden(Vec<u8>);
-
-impl Golden {
-    fn read(name: &str) -> Self {
-        let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/golden");
-        Self(std::fs::read(folder.join(format!("{name}.safetensors"))).unwrap())
-    }
-
-    fn find(&self, name: &str) -> Option<(Vec<usize>, Vec<f32>)> {
-        let file = SafeTensors::deserialize(&self.0).unwrap();
-        let view = file.tensor(name).ok()?;
-        let values = view.data().as_chunks::<4>().0.iter().map(|bytes| f32::from_le_bytes(*bytes)).collect();
-        Some((view.shape().to_vec(), values))
-    }
-
-    fn get(&self, name: &str) -> Vec<f32> {
-        self.find(name).unwrap_or_else(|| panic!("{name} is not in the fixture")).1
-    }
-
-    fn batch_size(&self) -> usize {
-        self.get("update0.reward").len()
-    }
-
-    /// Loads what `prefix` names, for example `before`, into a learner.
-    fn load(&self, droq: &mut Droq, prefix: &str) {
-        let lookup = |name: &str| self.find(&format!("{prefix}.{name}"));
-        let plan = &droq.actor_network.plan;
-        find_tensors(plan, "actor.parameters", &lookup, &mut droq.actor.parameters).unwrap();
-        let plan = &droq.critic_network.plan;
-        for (index, critic) in droq.critics.iter_mut().enumerate() {
-            let parameters = &mut critic.learned.parameters;
-            find_tensors(plan, &format!("critic{index}.parameters"), &lookup, parameters).unwrap();
-            find_tensors(plan, &format!("critic{index}.target"), &lookup, &mut critic.target).unwrap();
-        }
-        droq.log_temperature.value = self.get(&format!("{prefix}.log_temperature"))[0];
-    }
-
-    /// Puts batch and draws of one update into a learner's shards.
-    fn prepare(&self, droq: &mut Droq, update: usize) {
-        let discount = droq.config.discount as f32;
-        let mut start = 0;
-        for shard in &mut droq.shards {
-            let Shard { batch, draws, .. } = shard;
-            let rows = start..start + draws.noise.len() / ACTION;
-            start = rows.end;
-            let get = |name: &str, width: usize| {
-                self.get(&format!("update{update}.{name}"))[rows.start * width..rows.end * width].to_vec()
-            };
-            batch.clear();
-            let observation = get("observation", LAYOUT.len());
-            observation.chunks(LAYOUT.len()).for_each(|row| batch.observation.push(row));
-            let observation = get("next_observation", LAYOUT.len());
-            observation.chunks(LAYOUT.len()).for_each(|row| batch.next_observation.push(row));
-            batch.action = get("action", ACTION);
-            batch.reward = get("reward", 1);
-            batch.discount = get("continues", 1).iter().map(|continues| discount * continues).collect();
-            draws.next_noise = get("next_noise", ACTION);
-            draws.noise = get("noise", ACTION);
-            for (critic, drops) in draws.drops.iter_mut().enumerate() {
-                let passes = [
-                    ("target", &mut drops.target),
-                    ("online", &mut drops.online),
-                    ("actor", &mut drops.actor),
-                ];
-                for (pass, layers) in passes {
-                    for ((layer, list), &width) in layers.iter_mut().enumerate().zip(&droq.config.hidden) {
-                        let mask = get(&format!("mask.critic{critic}.{pass}.{layer}"), width);
-                        *list = (0..mask.len() as u32).filter(|&at| mask[at as usize] == 0.0).collect();
-                    }
-                }
-            }
-        }
-        assert_eq!(start, self.batch_size());
-    }
-
-    /// Compares all of a learner with what `prefix` names.
-    fn compare(&self, droq: &Droq, prefix: &str, tolerance: f32) {
-        let temperature = droq.temperature_tensor();
-        let mut compared = 0;
-        for tensor in droq.tensors(&temperature) {
-            if let Some((_, expected)) = self.find(&format!("{prefix}.{}", tensor.name)) {
-                compare(&tensor.name, tensor.values, &expected, tolerance);
-                compared += 1;
-            }
-        }
-        assert_eq!(compared, 8 + 4 * 14);
-        compare("temperature", &temperature[..1], &self.get(&format!("{prefix}.log_temperature")), tolerance);
-    }
-}
-
-fn compare(name: &str, ours: &[f32], expected: &[f32], tolerance: f32) {
+pub(super) fn compare(name: &str, ours: &[f32], expected: &[f32], tolerance: f32) {
     assert_eq!(ours.len(), expected.len(), "{name}");
     for (index, (a, b)) in ours.iter().zip(expected).enumerate() {
         assert!((a - b).abs() <= tolerance * b.abs().max(1.0), "{name}[{index}]: {a}, not {b}");
     }
 }
 
-fn learner(dropout: f64, batch: usize) -> Droq {
+pub(super) fn learner(dropout: f64, batch: usize) -> Droq {
     learner_in_shards(batch, dropout, batch)
 }
 
-fn learner_in_shards(shard_rows: usize, dropout: f64, batch: usize) -> Droq {
+pub(super) fn learner_in_shards(shard_rows: usize, dropout: f64, batch: usize) -> Droq {
     let config = DroqConfig {
         hidden: vec![20, 12, 16],
         dropout,
@@ -127,46 +31,6 @@ fn learner_in_shards(shard_rows: usize, dropout: f64, batch: usize) -> Droq {
         ..DroqConfig::default()
     };
     Droq::with_shards_of(shard_rows, &config, LAYOUT, ACTION, 0)
-}
-
-fn golden(name: &str, dropout: f64) {
-    let golden = Golden::read(name);
-    let batch = golden.batch_size();
-    for (parallel, shard_rows) in [(false, batch), (true, batch), (false, batch / 3 + 1), (true, 1)] {
-        let mut droq = learner_in_shards(shard_rows, dropout, batch);
-        golden.load(&mut droq, "before");
-        for update in 0..UPDATES {
-            golden.prepare(&mut droq, update);
-            let Losses { critic, actor, temperature, entropy, q_mean } = droq.update(None, parallel);
-            let losses = [critic, actor, temperature, entropy, q_mean].map(|loss| loss as f32);
-            compare("losses", &losses, &golden.get(&format!("update{update}.losses")), 1e-5);
-            if update == 0 {
-                let mut gradients = Vec::new();
-                let plan = &droq.critic_network.plan;
-                for (index, critic) in droq.critics.iter().enumerate() {
-                    let prefix = format!("gradient.critic{index}");
-                    crate::tensors::name_tensors(plan, &prefix, &critic.learned.gradient, &mut gradients);
-                }
-                let plan = &droq.actor_network.plan;
-                crate::tensors::name_tensors(plan, "gradient.actor", &droq.actor.gradient, &mut gradients);
-                for gradient in gradients {
-                    compare(&gradient.name, gradient.values, &golden.get(&gradient.name), 2e-6);
-                }
-                golden.compare(&droq, "first", 1e-5);
-            }
-        }
-        golden.compare(&droq, "last", 1e-5);
-    }
-}
-
-#[test]
-fn updates_match_pytorch() {
-    at_every_level(|| golden("plain", 0.0));
-}
-
-#[test]
-fn updates_with_given_dropout_masks_match_pytorch() {
-    at_every_level(|| golden("dropout", 0.1));
 }
 
 /// Compares `gradient` with central differences of `loss` in random directions over all of `parameters`.
@@ -394,11 +258,11 @@ fn bfloat16_gradients_are_those_of_single_precision_up_to_rounding() {
         let critics = droq.critics.iter().map(|critic| critic.learned.gradient.to_vec());
         critics.chain([droq.actor.gradient.to_vec()]).collect::<Vec<_>>()
     };
+    let rounds = crate::kernels::products_or_skip(1, 16).is_some();
     for (exact, rounded) in gradients(exact).iter().zip(gradients(rounded)) {
         let length = exact.iter().map(|x| x * x).sum::<f32>().sqrt();
         let error = exact.iter().zip(rounded).map(|(a, b)| (a - b) * (a - b)).sum::<f32>().sqrt();
         assert!(error < 0.01 * length, "{error} of {length}");
-        let rounds = crate::kernels::Bf16Products::new(1, 16).is_some();
         assert!(error > 0.0 || !rounds, "nothing was rounded");
     }
 }

@@ -1,4 +1,4 @@
-//! One update, given its batch and its draws, which lie in the shards.
+//! One update.
 
 use rayon::prelude::*;
 
@@ -12,7 +12,7 @@ use crate::{
 };
 
 impl Droq {
-    /// Uses what lies in the shards, or what they first draw from `replay`.
+    /// Updates with batches from `replay`, or without it with those that are in the shards.
     pub(super) fn update(&mut self, replay: Option<&Replay>, parallel: bool) -> Losses {
         self.updates += 1;
         self.each_shard(parallel, |shard, view| {
@@ -33,7 +33,7 @@ impl Droq {
         Losses { critic: critic / critics, actor, temperature, entropy, q_mean: q_mean / critics }
     }
 
-    /// Does `work` with every shard.
+    /// Calls `work` for every shard.
     fn each_shard(&mut self, parallel: bool, work: impl Fn(&mut Shard, &View<'_>) + Sync) {
         let view = View {
             config: &self.config,
@@ -75,8 +75,7 @@ impl Droq {
         }
     }
 
-    /// The optimiser's step of the actor or the temperature. While they are held its rate is zero, and their moments
-    /// go on being counted.
+    /// The optimiser's step of the actor or the temperature. While they are held, the rate is 0 and only their moments change.
     fn actor_step(&self, rate: f64) -> AdamStep {
         AdamStep::new(if self.actor_held { 0.0 } else { rate }, self.updates)
     }

@@ -1,8 +1,7 @@
 //! The activation: GELU in its tanh form (Hendrycks and Gimpel 2016; the default of flax), written as
 //! `x · logistic(2u)` with `u = √(2/π) (x + 0.044715 x³)`, which is the same function and one division.
 //!
-//! The forward pass also leaves the slope behind, since the exponential is at hand; the backward pass is then one
-//! multiplication.
+//! The forward pass also computes the slope, from the same exponential; the backward pass is then one multiplication.
 #![allow(unsafe_code)] // Calls of the copies that `kernel!` compiles for wider vectors.
 
 use super::{fma, kernel, math::logistic_base_2};

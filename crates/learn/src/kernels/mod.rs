@@ -1,5 +1,5 @@
-//! The arithmetic: matrix products through the `gemm` crate or, in bfloat16, by a kernel of our own; everything between them
-//! as fused loops.
+//! The arithmetic: matrix products by the `gemm` crate or, in bfloat16, by a kernel of our own; everything between them as fused
+//! loops.
 //!
 //! Each elementwise kernel is written once as a plain loop and compiled three times (AVX-512, AVX2 with FMA, and the
 //! target's baseline, which on aarch64 is NEON); the widest one that the processor has is chosen at run time. On one
@@ -18,10 +18,12 @@ mod sparse;
 pub(crate) use adam::{AdamStep, adam, adam_polyak};
 pub(crate) use bf16::Bf16Products;
 pub use bf16::available as bf16_available;
+#[cfg(test)]
+pub(crate) use bf16::tests::products_or_skip;
 pub(crate) use dense::{Matrix, add_row, column_sums, product};
 pub(crate) use gelu::{bias_gelu, multiply};
 pub(crate) use math::{exp_in_place, squash};
-pub(crate) use norm::{NormBackward, NormForward, norm_backward, norm_forward};
+pub(crate) use norm::{norm_backward, norm_forward};
 pub(crate) use sparse::{gather_rows, scatter_rows};
 
 /// Number of independent partial sums in a reduction: one AVX-512 register.

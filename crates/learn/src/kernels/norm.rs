@@ -1,7 +1,7 @@
-//! A critic's hidden layer after its matrix product, fused: bias, dropout, LayerNorm, GELU, and the way back.
+//! A critic's hidden layer after its matrix product, fused: bias, dropout, LayerNorm, GELU, forward and backward.
 //!
-//! The order (dropout before LayerNorm) is that of Hiraoka et al. 2022, arXiv 2110.02034. Values go through the first
-//! cache once in each direction; what the way back needs (normalised values, slopes, one deviation a row) stays behind.
+//! The order (dropout before LayerNorm) is that of Hiraoka et al. 2022, arXiv 2110.02034. The forward pass keeps what the backward
+//! pass needs (normalised values, slopes, one deviation a row), so that values go through the first cache once in each direction.
 #![allow(unsafe_code)] // Calls of the copies that `kernel!` compiles for wider vectors.
 
 use super::{
@@ -14,71 +14,13 @@ use super::{
 /// Added to the variance before its root; the default of flax's `LayerNorm`.
 const EPSILON: f32 = 1e-6;
 
-/// Arguments of [`norm_forward`]. `rows` is the batch, `width` the number of units.
-pub(crate) struct NormForward<'a> {
-    /// `[rows, width]`: matrix product in; activations out.
-    pub values: &'a mut [f32],
-    /// `[width]` each.
-    pub bias: &'a [f32],
-    pub scale: &'a [f32],
-    pub shift: &'a [f32],
-    /// Positions `row * width + unit` of dropped units, ascending.
-    pub drops: &'a [u32],
-    /// What kept units are multiplied by: `1 / (1 - rate)`.
-    pub keep_scale: f32,
-    /// `[rows, width]` each and `[rows]`, or all empty when no gradient is wanted.
-    pub normalised: &'a mut [f32],
-    pub slope: &'a mut [f32],
-    pub inverse_deviation: &'a mut [f32],
-}
-
-/// Arguments of [`norm_backward`].
-pub(crate) struct NormBackward<'a> {
-    /// `[rows, width]`: gradient of the activations in; gradient of the matrix product out.
-    pub error: &'a mut [f32],
-    /// `[width]`.
-    pub scale: &'a [f32],
-    /// As given to the forward pass.
-    pub drops: &'a [u32],
-    pub keep_scale: f32,
-    /// What the forward pass left.
-    pub normalised: &'a [f32],
-    pub slope: &'a [f32],
-    pub inverse_deviation: &'a [f32],
-    /// `[width]` each, overwritten with the parameter gradients; all empty when those are not wanted.
-    pub bias_gradient: &'a mut [f32],
-    pub scale_gradient: &'a mut [f32],
-    pub shift_gradient: &'a mut [f32],
-}
-
-/// `gelu(scale * normalise(dropout(values + bias)) + shift)`.
-pub(crate) fn norm_forward(arguments: NormForward<'_>) {
-    let NormForward { values, bias, scale, shift, drops, keep_scale, normalised, slope, inverse_deviation } =
-        arguments;
-    forward(values, bias, scale, shift, drops, keep_scale, normalised, slope, inverse_deviation);
-}
-
-/// The gradient of [`norm_forward`].
-pub(crate) fn norm_backward(arguments: NormBackward<'_>) {
-    let NormBackward {
-        error,
-        scale,
-        drops,
-        keep_scale,
-        normalised,
-        slope,
-        inverse_deviation,
-        bias_gradient,
-        scale_gradient,
-        shift_gradient,
-    } = arguments;
-    let [bias, scales, shifts] = [bias_gradient, scale_gradient, shift_gradient];
-    backward(error, scale, drops, keep_scale, normalised, slope, inverse_deviation, bias, scales, shifts);
-}
-
-// The kernels take slices and not the structs: only of arguments does the compiler know that they do not overlap.
 kernel! {
-    fn forward(
+    /// `values = gelu(scale * normalise(dropout(values + bias)) + shift)` for `[rows, width]` values, a matrix product.
+    ///
+    /// `bias`, `scale` and `shift` are `[width]`. `drops` holds the positions `row * width + unit` of dropped units, ascending; kept
+    /// units are multiplied by `keep_scale`, `1 / (1 - rate)`. `normalised` and `slope` (`[rows, width]`) and `inverse_deviation`
+    /// (`[rows]`) are for the backward pass; all three are empty when no gradient is wanted.
+    fn norm_forward(
         values: &mut [f32],
         bias: &[f32],
         scale: &[f32],
@@ -125,7 +67,11 @@ kernel! {
 }
 
 kernel! {
-    fn backward(
+    /// The gradient of [`norm_forward`]: `error` (`[rows, width]`) is that of the activations before, of the matrix product after.
+    ///
+    /// `drops` and `keep_scale` are those of the forward pass, `normalised`, `slope` and `inverse_deviation` are its results. The
+    /// three gradients (`[width]`) are overwritten; they are empty when those of the parameters are not wanted.
+    fn norm_backward(
         error: &mut [f32],
         scale: &[f32],
         drops: &[u32],

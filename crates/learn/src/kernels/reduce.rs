@@ -1,8 +1,7 @@
 //! Sums along a row.
 //!
-//! The order of a floating-point sum is part of its result, so the compiler may not vectorise one by itself, and what it
-//! makes of hand-interleaved sums is twice as slow as the rest of LayerNorm together. Hence intrinsics for AVX-512;
-//! elsewhere sixteen interleaved sums.
+//! The result of a floating-point sum depends on its order, so the compiler may not vectorise it, and its code for interleaved sums takes
+//! twice as long as the rest of LayerNorm. So there are intrinsics for AVX-512; elsewhere sixteen interleaved sums.
 #![allow(unsafe_code)] // Vector loads inside slices of known length.
 
 use super::{LANES, fma};

@@ -1,6 +1,6 @@
 //! The part of the first layer that multiplies 0/1 inputs: add up the weight rows of the ones.
 //!
-//! A dense product would spend nine tenths of the first layer on zeros.
+//! A dense product would spend 90 % of the first layer on zeros.
 #![allow(unsafe_code)] // Calls of the copies that `kernel!` compiles for wider vectors.
 
 use super::{LANES, kernel};

@@ -1,10 +1,10 @@
 //! From the gradient of the outputs to that of the parameters or of the action.
 
 use super::{Drops, Inputs, Network, Wanted, Workspace, forward::keep_scale};
-use crate::kernels::{Matrix, NormBackward, column_sums, multiply, norm_backward, product, scatter_rows};
+use crate::kernels::{Matrix, column_sums, multiply, norm_backward, product, scatter_rows};
 
 impl Network {
-    /// Propagates `output_error` (`[rows, outputs]`, the loss's gradient) through the pass that the workspace holds.
+    /// Propagates `output_error` (`[rows, outputs]`, the gradient of the loss) back through the last pass of the workspace.
     ///
     /// `inputs`, `drops` and `rate` must be those of that pass, which must have been run with `keep`.
     #[allow(clippy::too_many_arguments)] // One call site each for critic, actor through critic, and actor.
@@ -45,23 +45,23 @@ impl Network {
             let current = &mut error[..len];
             if self.shape.normalised {
                 let [bias, scale, shift] = match &mut wanted {
-                    Wanted::Parameters(gradient) => {
-                        gradient_slices(gradient, [&layer.bias, &layer.scale, &layer.shift])
-                    }
+                    Wanted::Parameters(gradient) => gradient
+                        .get_disjoint_mut([layer.bias.clone(), layer.scale.clone(), layer.shift.clone()])
+                        .expect("the tensors of a layer do not overlap"),
                     Wanted::Extra(_) => [&mut [][..], &mut [][..], &mut [][..]],
                 };
-                norm_backward(NormBackward {
-                    error: current,
-                    scale: &parameters[layer.scale.clone()],
-                    drops: &drops[index],
-                    keep_scale: keep_scale(rate),
-                    normalised: &values.normalised[..len],
-                    slope: &values.slope[..len],
-                    inverse_deviation: &values.inverse_deviation[..rows],
-                    bias_gradient: bias,
-                    scale_gradient: scale,
-                    shift_gradient: shift,
-                });
+                norm_backward(
+                    current,
+                    &parameters[layer.scale.clone()],
+                    &drops[index],
+                    keep_scale(rate),
+                    &values.normalised[..len],
+                    &values.slope[..len],
+                    &values.inverse_deviation[..rows],
+                    bias,
+                    scale,
+                    shift,
+                );
             } else {
                 multiply(current, &values.slope[..len]);
                 if let Wanted::Parameters(gradient) = &mut wanted {
@@ -122,12 +122,4 @@ impl Network {
             }
         }
     }
-}
-
-/// Three disjoint ranges, in ascending order, of one buffer.
-fn gradient_slices<'g>(gradient: &'g mut [f32], ranges: [&std::ops::Range<usize>; 3]) -> [&'g mut [f32]; 3] {
-    let [a, b, c] = ranges;
-    let (head, tail) = gradient.split_at_mut(b.start);
-    let (middle, tail) = tail.split_at_mut(c.start - b.start);
-    [&mut head[a.clone()], &mut middle[..b.len()], &mut tail[..c.len()]]
 }

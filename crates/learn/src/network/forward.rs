@@ -1,13 +1,13 @@
 //! From observations to outputs.
 
 use super::{Drops, Inputs, Network, Workspace};
-use crate::kernels::{Matrix, NormForward, add_row, bias_gelu, gather_rows, norm_forward, product};
+use crate::kernels::{Matrix, add_row, bias_gelu, gather_rows, norm_forward, product};
 
 impl Network {
-    /// Computes `[rows, outputs]`, which the workspace holds until the next pass.
+    /// Computes `[rows, outputs]`, which stays in the workspace until the next pass.
     ///
-    /// `drops` names the units to drop (none in an actor), `rate` is the dropout rate that they were drawn with. With
-    /// `keep`, the workspace keeps what [`backward`](Self::backward) needs.
+    /// `drops` are the units to drop (none in an actor), `rate` is their dropout rate. With `keep`, the workspace keeps what
+    /// [`backward`](Self::backward) needs.
     pub(crate) fn forward<'w>(
         &self,
         parameters: &[f32],
@@ -36,17 +36,17 @@ impl Network {
             let kept = if keep { len } else { 0 };
             let bias = &parameters[layer.bias.clone()];
             if self.shape.normalised {
-                norm_forward(NormForward {
-                    values: out,
+                norm_forward(
+                    out,
                     bias,
-                    scale: &parameters[layer.scale.clone()],
-                    shift: &parameters[layer.shift.clone()],
-                    drops: &drops[index],
-                    keep_scale: keep_scale(rate),
-                    normalised: &mut values.normalised[..kept],
-                    slope: &mut values.slope[..kept],
-                    inverse_deviation: &mut values.inverse_deviation[..if keep { rows } else { 0 }],
-                });
+                    &parameters[layer.scale.clone()],
+                    &parameters[layer.shift.clone()],
+                    &drops[index],
+                    keep_scale(rate),
+                    &mut values.normalised[..kept],
+                    &mut values.slope[..kept],
+                    &mut values.inverse_deviation[..if keep { rows } else { 0 }],
+                );
             } else {
                 bias_gelu(out, bias, &mut values.slope[..kept]);
             }
@@ -79,7 +79,7 @@ impl Network {
     }
 }
 
-/// What kept units are multiplied by.
+/// Factor of the units that are not dropped.
 pub(super) fn keep_scale(rate: f64) -> f32 {
     (1.0 / (1.0 - rate)) as f32
 }

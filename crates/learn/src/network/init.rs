@@ -4,7 +4,7 @@ use super::{Network, shape::Role};
 use crate::{buffer::Buffer, random::Stream};
 
 impl Network {
-    /// Fresh parameters; `stream` is used up in the order of the tensors.
+    /// Initial parameters; `stream` is drawn in the order of the tensors.
     pub(crate) fn initialise(&self, stream: &mut Stream) -> Buffer {
         let mut parameters = self.parameters();
         for tensor in &self.plan.tensors {

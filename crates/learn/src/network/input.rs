@@ -1,4 +1,4 @@
-//! A batch of observations in the form the first layer wants: real columns dense, binary columns as lists of ones.
+//! A batch of observations as the first layer reads it: real columns dense, binary columns as lists of ones.
 
 use crate::{buffer::Buffer, env::ObservationLayout};
 
@@ -59,7 +59,7 @@ impl Inputs {
         self.offsets.push(self.ones.len() as u32);
     }
 
-    /// Appends an observation as an environment gives it; a binary column counts as 1 when it is not 0.
+    /// Appends an observation of an environment; a binary column counts as 1 when it is not 0.
     pub(crate) fn push(&mut self, observation: &[f32]) {
         let (real, binary) = observation.split_at(self.layout.real);
         self.push_real(real);

@@ -1,7 +1,6 @@
 //! Multi-layer networks: actor (GELU) and critics (dropout, LayerNorm, GELU), forward and backward.
 //!
-//! A network is a [`Shape`], a flat parameter buffer and a [`Workspace`], which has room for everything but what the `gemm`
-//! crate packs.
+//! A network is a [`Shape`], a flat parameter buffer and a [`Workspace`] with all buffers except those of the `gemm` crate.
 
 mod backward;
 mod forward;
@@ -24,7 +23,7 @@ use crate::{
 /// Dropped units of one pass: for each hidden layer the positions `row * width + unit`, ascending. Empty for actors.
 pub(crate) type Drops = [Vec<u32>];
 
-/// A network's form with its ranges worked out.
+/// A network's shape, and where its tensors are in the parameter buffer.
 #[derive(Clone)]
 pub(crate) struct Network {
     pub shape: Shape,
@@ -37,9 +36,9 @@ pub(crate) struct Workspace {
     layers: Vec<LayerValues>,
     /// `[rows, outputs]` of the head.
     output: Buffer,
-    /// Two gradients that take turns on the way back, `[rows, widest layer]` each.
+    /// Two gradients that alternate in the backward pass, `[rows, widest layer]` each.
     errors: [Buffer; 2],
-    /// Multiplies between hidden layers in bfloat16, where that is wanted and the processor can.
+    /// Products between hidden layers in bfloat16, if configured and supported by the processor.
     bf16: Option<Bf16Products>,
 }
 
@@ -63,7 +62,7 @@ struct LayerValues {
     inverse_deviation: Buffer,
 }
 
-/// What the backward pass shall leave behind.
+/// Result of the backward pass.
 pub(crate) enum Wanted<'a> {
     /// The gradient of every parameter, in a buffer laid out like the parameters.
     Parameters(&'a mut [f32]),

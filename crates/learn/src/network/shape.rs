@@ -1,7 +1,7 @@
-//! The form of a network, and where each of its tensors lies in one contiguous parameter buffer.
+//! The shape of a network, and where each of its tensors is in one contiguous parameter buffer.
 //!
-//! One buffer a network keeps the optimiser to a single pass and the checkpoint to a table. Every tensor starts on a
-//! cache line; the gaps stay zero for ever (zero gradient, zero moments).
+//! With one buffer, the optimiser is a single pass and the checkpoint a table. Every tensor starts on a cache line; the gaps between
+//! them stay zero (zero gradient, zero moments).
 
 use std::ops::Range;
 
@@ -9,7 +9,7 @@ use crate::env::ObservationLayout;
 
 const LINE: usize = 16;
 
-/// What a network computes; everything else follows.
+/// What a network computes.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) struct Shape {
     /// Columns of the observation that comes in.
@@ -24,7 +24,7 @@ pub(crate) struct Shape {
     pub normalised: bool,
 }
 
-/// What a tensor is, which decides how it is initialised.
+/// Kind of a tensor, which determines its initialisation.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Role {
     Weight,

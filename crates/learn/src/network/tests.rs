@@ -3,7 +3,7 @@
 use super::*;
 use crate::{
     env::ObservationLayout,
-    kernels::{NormBackward, NormForward, at_every_level, norm_backward, norm_forward},
+    kernels::{at_every_level, norm_backward, norm_forward},
     random::Stream,
 };
 
@@ -47,17 +47,17 @@ fn check_norm_layer() {
         let run = |input: &[f32], bias: &[f32], scale: &[f32], shift: &[f32], kept: [&mut [f32]; 3]| -> f64 {
             let mut values = input.to_vec();
             let [normalised, slope, inverse_deviation] = kept;
-            norm_forward(NormForward {
-                values: &mut values,
+            norm_forward(
+                &mut values,
                 bias,
                 scale,
                 shift,
-                drops: &drops,
+                &drops,
                 keep_scale,
                 normalised,
                 slope,
                 inverse_deviation,
-            });
+            );
             values.iter().zip(&weights).map(|(&v, &w)| f64::from(v) * f64::from(w)).sum()
         };
         let (mut normalised, mut slope) = (vec![0.0; rows * width], vec![0.0; rows * width]);
@@ -69,18 +69,18 @@ fn check_norm_layer() {
         let mut error = weights.clone();
         let mut gradients = [vec![9.0; width], vec![9.0; width], vec![9.0; width]];
         let backward = |error: &mut [f32], [bias, scale_gradient, shift]: [&mut [f32]; 3]| {
-            norm_backward(NormBackward {
+            norm_backward(
                 error,
-                scale: &scale,
-                drops: &drops,
+                &scale,
+                &drops,
                 keep_scale,
-                normalised: &normalised,
-                slope: &slope,
-                inverse_deviation: &deviation,
-                bias_gradient: bias,
+                &normalised,
+                &slope,
+                &deviation,
+                bias,
                 scale_gradient,
-                shift_gradient: shift,
-            });
+                shift,
+            );
         };
         let [bias_gradient, scale_gradient, shift_gradient] = &mut gradients;
         backward(&mut error, [bias_gradient, scale_gradient, shift_gradient]);

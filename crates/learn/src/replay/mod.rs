@@ -1,7 +1,6 @@
-//! The replay: a ring of transitions, observations packed (real columns as `f32`, binary columns as bits).
+//! The replay buffer: a ring of transitions with packed observations (real columns as `f32`, binary columns as bits).
 //!
-//! Transitions are numbered from the beginning of the training. Number `k` lives in slot `k % capacity`, so "the last
-//! `capacity` transitions" and "transitions a to b" (what a checkpoint appends to disk) are the same arithmetic.
+//! Transitions are numbered from the beginning of the training. Number `k` is in slot `k % capacity`.
 
 mod segment;
 
@@ -9,7 +8,7 @@ pub(crate) use segment::Segment;
 
 use crate::{env::ObservationLayout, network::Inputs, random::Stream};
 
-/// One transition as the trainer has it; the slices are `[observation]`, `[action]`, `[observation]`.
+/// One transition; the slices are `[observation]`, `[action]`, `[observation]`.
 #[derive(Clone, Copy)]
 pub(crate) struct Transition<'a> {
     pub observation: &'a [f32],
@@ -41,16 +40,16 @@ pub(crate) struct Replay {
 const TERMINAL: u8 = 1;
 const ENDS: u8 = 2;
 
-/// How far a drawn transition looks ahead, and what later rewards count.
+/// Number of rewards of an n-step return, and their discount.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Horizon {
-    /// Rewards added up, at least 1; fewer where the episode or the replay ends before.
+    /// Rewards that are summed, at least 1; fewer where the episode or the replay buffer ends earlier.
     pub steps: usize,
     /// Weight of the next step, per step.
     pub discount: f64,
 }
 
-/// A batch drawn from the replay, in the form the networks want.
+/// A batch drawn from the replay buffer, as the networks read it.
 pub(crate) struct Batch {
     pub observation: Inputs,
     pub next_observation: Inputs,
@@ -58,7 +57,7 @@ pub(crate) struct Batch {
     pub action: Vec<f32>,
     /// `[batch]`: the discounted rewards up to the horizon.
     pub reward: Vec<f32>,
-    /// `[batch]`: weight of the value of the next observation; 0 where the task was over.
+    /// `[batch]`: weight of the value of the next observation; 0 after a terminal state.
     pub discount: Vec<f32>,
 }
 
@@ -96,7 +95,7 @@ impl Replay {
         capacity: usize,
         num_envs: usize,
     ) -> Self {
-        // Zeroed pages cost nothing until they are written, so a short training does not pay for a long replay.
+        // Zeroed pages use no memory until they are written, so a short training does not pay for a large capacity.
         Self {
             layout,
             action_len,
@@ -109,7 +108,7 @@ impl Replay {
         }
     }
 
-    /// Whether the system would give the memory of such a replay. It is asked for in three pieces, of which none may fail.
+    /// Whether the system can allocate such a replay buffer.
     pub(crate) fn fits(layout: ObservationLayout, action_len: usize, capacity: usize) -> bool {
         let transition = 4 * (2 * layout.real + action_len + 1) + 8 * 2 * layout.words() + 1;
         let bytes = capacity.checked_mul(transition);

@@ -1,4 +1,4 @@
-//! Segments: immutable files that each hold transitions `[begin, end)`, so that a checkpoint writes only what is new.
+//! Segments: immutable files with transitions `[begin, end)`, so that a checkpoint writes only new transitions.
 //!
 //! Bytes, little endian: `ETUDEREP`, then five `u64` (real columns, binary columns, action length, begin, end), then for
 //! each transition its values (`f32`), words (`u64`) and flags (`u8`), then the CRC-32C of all before (`u32`).
@@ -17,7 +17,7 @@ pub(crate) struct Segment {
     pub end: u64,
 }
 
-/// Why bytes are not the segment that was expected. Completes "the replay segment …".
+/// Why bytes are not the expected segment. Completes "the replay segment …".
 #[derive(Debug, thiserror::Error, PartialEq, Eq)]
 pub(crate) enum SegmentError {
     #[error("is not a replay segment of this training (its header differs)")]
@@ -54,7 +54,7 @@ impl Replay {
         header
     }
 
-    /// The bytes of a segment that the replay still holds completely.
+    /// Encodes a segment, all of whose transitions must still be in the buffer.
     pub(crate) fn encode(&self, segment: Segment) -> Vec<u8> {
         assert!(self.oldest() <= segment.begin && segment.begin <= segment.end && segment.end <= self.total);
         let count = (segment.end - segment.begin) as usize;
@@ -76,12 +76,12 @@ impl Replay {
         bytes
     }
 
-    /// Starts the numbering at `first`, before segments are decoded into an empty replay.
+    /// Starts the numbering of an empty buffer at `first`.
     pub(crate) fn start_at(&mut self, first: u64) {
         self.total = first;
     }
 
-    /// Appends the transitions of an encoded segment. On error nothing has changed.
+    /// Appends the transitions of an encoded segment. After an error nothing has changed.
     pub(crate) fn decode(&mut self, segment: Segment, bytes: &[u8]) -> Result<(), SegmentError> {
         if segment.begin != self.total || segment.end < segment.begin {
             return Err(SegmentError::Order);

@@ -8,7 +8,7 @@ fn layout(binary: usize) -> ObservationLayout {
     ObservationLayout { real: 3, binary }
 }
 
-/// A transition whose every number tells its own number.
+/// A transition whose values follow from its number.
 fn values(number: u64, layout: ObservationLayout) -> (Vec<f32>, Vec<f32>, Vec<f32>) {
     let observation = |n: u64| -> Vec<f32> {
         (0..layout.len() as u64)

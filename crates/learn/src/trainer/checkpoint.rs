@@ -1,9 +1,8 @@
-//! Checkpoints: a training on disk, such that a kill at any moment leaves one that loads.
+//! Checkpoints. A kill at any moment leaves a checkpoint that loads.
 //!
-//! `checkpoints/last.safetensors` is the checkpoint; it names the replay segments that belong to it. The order of a save
-//! is: metrics forced to disk; the new replay segment written under its own name; `last.safetensors` replaced in one
-//! rename; only then segments that it does not name removed. So whichever `last.safetensors` is there, all that it names
-//! is there too. See [`crate::Trainer`] for the folder.
+//! `checkpoints/last.safetensors` is the checkpoint; it names the replay segments that belong to it. A save syncs the metrics, writes
+//! the new replay segment under its own name, replaces `last.safetensors` by a rename, and only then removes segments that it does
+//! not name. So all files that `last.safetensors` names always exist. See [`crate::Trainer`] for the folder.
 
 use std::{
     fs,
@@ -13,17 +12,17 @@ use std::{
 use safetensors::Dtype;
 use serde::{Deserialize, Serialize};
 
-use super::{TrainError, demonstrations::Demonstrations, metrics::Mark, warm::Beginning};
+use super::{TrainError, demonstrations::Demonstrations, metrics::Mark};
 use crate::{
     config::DroqConfig,
     droq::ShardStreams,
     env::{ObservationLayout, Score},
-    files::{FileError, RawTensor, TensorFile, encode_tensors, read, sync_folder, write_atomically},
+    files::{FileError, RawTensor, TensorFile, encode_tensors, read, sync_folder, write},
     random::Stream,
     replay::{Replay, Segment},
 };
 
-const SCHEMA: &str = "etude-checkpoint-2";
+pub(crate) const SCHEMA: &str = "etude-checkpoint-2";
 const OBSERVATION: &str = "trainer.observation";
 const SUMS: &str = "trainer.sums";
 const ENVIRONMENT: &str = "environment.state";
@@ -38,7 +37,20 @@ pub struct Best {
     pub scores: Vec<Score>,
 }
 
-/// The JSON in a checkpoint's metadata: all of a training that is not a tensor.
+/// Origin of a training's initial parameters.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub(crate) enum Beginning {
+    /// Drawn at random.
+    #[default]
+    Fresh,
+    /// The actor of a policy.
+    Policy,
+    /// All of a saved training.
+    Run,
+}
+
+/// The JSON in a checkpoint's metadata: the state of a training except its tensors.
 #[derive(Debug, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct Header {
@@ -68,21 +80,15 @@ pub(crate) struct Header {
     pub beginning: Beginning,
 }
 
-/// What every version's header has.
+/// The part that the headers of all versions have.
 #[derive(Deserialize)]
 struct Schema {
     schema: String,
 }
 
-impl Header {
-    pub(crate) fn schema() -> String {
-        SCHEMA.to_owned()
-    }
-}
-
-/// The tensors that the learner knows nothing of.
+/// The tensors that do not belong to the learner.
 pub(crate) struct Extras {
-    /// `[n, observation]`: what the policy acts on next.
+    /// `[n, observation]`: the current observations.
     pub observation: Vec<f32>,
     pub sums: Vec<f64>,
     pub environment: Vec<u8>,
@@ -111,20 +117,20 @@ impl Store {
         self.path().exists()
     }
 
-    /// Creates the folders, and removes what a training that never reached its first checkpoint left.
+    /// Creates the folders, and removes the files of a training that was killed before its first checkpoint.
     pub(crate) fn prepare(&self) -> Result<(), FileError> {
         let folder = self.replay_folder();
         fs::create_dir_all(&folder).map_err(FileError::io("create", &folder))?;
         self.remove_all_but(&[])
     }
 
-    /// Writes the transitions since the last checkpoint; `segments` is then what the next checkpoint must name.
+    /// Writes the transitions since the last checkpoint. Afterwards `segments` are those of the next checkpoint.
     pub(crate) fn save_replay(&self, replay: &Replay, segments: &mut Vec<Segment>) -> Result<(), FileError> {
         let begin = segments.last().map_or(0, |last| last.end).max(replay.oldest());
         segments.retain(|segment| segment.end > replay.oldest());
         if begin < replay.total() {
             let segment = Segment { begin, end: replay.total() };
-            write_atomically(&self.replay_folder().join(segment.file_name()), &replay.encode(segment))?;
+            write(&self.replay_folder().join(segment.file_name()), &replay.encode(segment))?;
             segments.push(segment);
         }
         Ok(())
@@ -148,20 +154,20 @@ impl Store {
         add(SUMS, Dtype::F64, extras.sums.len(), sums);
         add(ENVIRONMENT, Dtype::U8, extras.environment.len(), extras.environment.clone());
         let bytes = encode_tensors(header, &tensors).map_err(|reason| FileError::content(&path, reason))?;
-        write_atomically(&path, &bytes)?;
+        write(&path, &bytes)?;
         self.remove_all_but(&header.segments)
     }
 
-    /// Removes the other segments, and what interrupted saves left of them. What cannot be removed now can after the next
-    /// checkpoint; it belongs to none.
+    /// Removes everything else from the replay folder: older segments, and temporary files of interrupted writes. What cannot be
+    /// removed now is tried again at the next checkpoint.
     fn remove_all_but(&self, segments: &[Segment]) -> Result<(), FileError> {
         let folder = self.replay_folder();
         let kept: Vec<String> = segments.iter().map(Segment::file_name).collect();
         for entry in fs::read_dir(&folder).map_err(FileError::io("read", &folder))? {
             let entry = entry.map_err(FileError::io("read", &folder))?;
             let name = entry.file_name().to_string_lossy().into_owned();
-            let ours = name.ends_with(".replay") || name.ends_with(".replay.tmp");
-            if ours && !kept.contains(&name) {
+            // A temporary file is called `.A-B.replay.` and random letters.
+            if name.contains(".replay") && !kept.contains(&name) {
                 let _ = fs::remove_file(entry.path());
             }
         }
@@ -181,7 +187,7 @@ impl Store {
         Ok(file)
     }
 
-    /// Reads the checkpoint and hands its parts to `take`.
+    /// Reads the checkpoint and passes its parts to `take`.
     pub(crate) fn load(
         &self,
         take: impl FnOnce(Header, &TensorFile<'_>, Extras) -> Result<(), TrainError>,

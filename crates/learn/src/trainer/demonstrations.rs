@@ -1,14 +1,14 @@
 //! Stretches of experience in which a demonstrator acts instead of the policy.
 //!
-//! Demonstrations enter the replay like any other experience and are learned from by the same updates (compare Ball et
-//! al. 2023, "Efficient online reinforcement learning with offline data", arXiv 2302.02948). The demonstrator takes over
-//! and hands back in the middle of episodes, so the replay also shows how it goes on from where the policy has come to.
+//! Demonstrations are stored in the replay buffer like all experience, and the same updates learn from them (compare Ball et al. 2023,
+//! "Efficient online reinforcement learning with offline data", arXiv 2302.02948). Demonstrator and policy alternate within episodes,
+//! so that there are also demonstrations from states that the policy has reached.
 
 use serde::{Deserialize, Serialize};
 
 use crate::{config::TrainerConfig, random::Stream};
 
-/// Control steps for which it is settled who acts: one second of music.
+/// Control steps between draws of who acts: one second of music.
 const STRETCH: u64 = 20;
 
 /// Who acts in which environment. Part of the checkpoint.
@@ -42,7 +42,7 @@ impl Demonstrations {
         let (count, len) = (self.shown.len() as u64, actions.len() / self.shown.len());
         let rows = demonstrated.chunks_exact(len).zip(actions.chunks_exact_mut(len));
         for ((index, shown), (demonstrated, actions)) in (0..).zip(&mut self.shown).zip(rows) {
-            // The environments change hands one after the other and not all at once.
+            // The environments draw one after the other and not all at once.
             if round == 0 || (round + index * STRETCH / count).is_multiple_of(STRETCH) {
                 *shown = f64::from(self.stream.uniform()) < config.demonstration_share;
             }
@@ -88,7 +88,7 @@ mod tests {
         }
         let share = f64::from(shown) / (8 * rounds) as f64;
         assert!((share - 0.3).abs() < 0.02, "{share}");
-        // Two stretches in a row have different owners with probability 2 * 0.3 * 0.7.
+        // Two stretches in a row differ in who acts with probability 2 * 0.3 * 0.7.
         let expected = 8.0 * (rounds / STRETCH) as f64 * 0.42;
         assert!((f64::from(changes) / expected - 1.0).abs() < 0.1, "{changes} of {expected}");
         let (mean, deviation) = (sum / shown as f32, (squares / shown as f32).sqrt());

@@ -1,10 +1,10 @@
-//! Why a training stops with an error, and what to do then.
+//! Errors of a training, with what to do.
 
 use std::path::PathBuf;
 
 use crate::{config::ConfigError, env::EnvironmentError, files::FileError};
 
-/// Why a training could not start or go on. The last checkpoint, if there is one, is intact in every case.
+/// Why a training could not start or continue. The last checkpoint, if there is one, is always intact.
 #[derive(Debug, thiserror::Error)]
 pub enum TrainError {
     /// A configured value cannot work.
@@ -49,10 +49,10 @@ pub enum TrainError {
         /// The caller's.
         given: String,
     },
-    /// A warm start has networks of another form.
+    /// The networks of a warm start have another shape.
     #[error(
-        "a training cannot begin with what {} has learned: that has {theirs}, this one {ours}; configure this one alike, or \
-         begin without it", origin.display()
+        "the networks in {} do not fit this training: they have {theirs}, this training has {ours}; use the same configuration, or \
+         start without them", origin.display()
     )]
     OtherForm {
         /// The policy or the run.
@@ -62,10 +62,10 @@ pub enum TrainError {
         /// What the training has.
         ours: String,
     },
-    /// Arithmetic or the environment went wrong.
+    /// A number is not finite.
     #[error(
-        "{what} is not a finite number at environment step {step}: begin another training with lower learning rates, or look for what the environment does there; \
-         the last checkpoint is from before, and resuming it comes to the same"
+        "{what} is not a finite number at environment step {step}: start a training with lower learning rates, or check the environment \
+         at that step; resuming from the last checkpoint leads to the same error"
     )]
     NotFinite {
         /// What was found.

@@ -1,4 +1,4 @@
-//! The two files that rows of metrics go to: `metrics.jsonl`, one flat JSON object a line, and its TensorBoard mirror.
+//! Metrics in two files: `metrics.jsonl`, one flat JSON object a line, and the same as TensorBoard events.
 
 use std::{
     fs::{self, File, OpenOptions},
@@ -11,11 +11,11 @@ use crate::{files::FileError, tensorboard::EventFile};
 
 const METRICS: &str = "metrics.jsonl";
 const EVENTS: &str = "events.out.tfevents.etude";
-/// The value by which a resumed training goes on counting its hours.
+/// The value from which a resumed training continues its elapsed time.
 pub(crate) const ELAPSED: &str = "perf/elapsed_secs";
 
-/// How far the files had got at a checkpoint. Both numbers are the same in every run of the same training, although the
-/// rows hold times: lines are counted instead of bytes, and event records of the same names are equally long.
+/// Lengths of the files at a checkpoint. Both numbers are the same in every run of one training although the rows hold times: lines
+/// are counted instead of bytes, and event records with the same names have the same length.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct Mark {
@@ -34,8 +34,8 @@ pub(crate) struct Metrics {
 }
 
 impl Metrics {
-    /// Opens the files in `folder` to append after `mark`. Changes nothing in them before [`cut_back`](Self::cut_back). Also
-    /// gives the seconds that the last kept row says have passed, or 0.
+    /// Opens the files in `folder` to append after `mark`. They are not changed before [`cut_back`](Self::cut_back). Also returns the
+    /// elapsed seconds in the last kept row, or 0.
     pub(crate) fn open(folder: &Path, mark: Mark) -> Result<(Self, f64), FileError> {
         let path = folder.join(METRICS);
         let io = |error| FileError::io("write", &path)(error);
@@ -57,7 +57,7 @@ impl Metrics {
         Ok((Self { path, file, kept, rows, events }, elapsed.unwrap_or(0.0)))
     }
 
-    /// Drops the rows after the mark. For when it is known that they will be written again.
+    /// Removes the rows after the mark, when it is certain that they will be written again.
     pub(crate) fn cut_back(&mut self) -> Result<(), FileError> {
         let io = |error| FileError::io("write", &self.path)(error);
         self.file.set_len(self.kept).map_err(io)?;
@@ -69,7 +69,7 @@ impl Metrics {
     pub(crate) fn write(&mut self, step: u64, values: &[(String, f64)]) -> Result<(), FileError> {
         let mut line = format!("{{\"step\":{step}");
         for (name, value) in values {
-            // Escapes the name; a value that is not finite becomes null, as JSON has no word for it.
+            // This escapes the name; a value that is not finite becomes null, as JSON cannot express it.
             let (name, value) = (serde_json::json!(name), serde_json::json!(value));
             line.push_str(&format!(",{name}:{value}"));
         }
@@ -79,7 +79,7 @@ impl Metrics {
         self.events.scalars(wall_time(), step, values)
     }
 
-    /// Forces all rows to the disk and says how far the files have got.
+    /// Syncs all rows to the disk and returns the lengths of the files.
     pub(crate) fn mark(&self) -> Result<Mark, FileError> {
         self.file.sync_data().map_err(FileError::io("sync", &self.path))?;
         self.events.sync()?;

@@ -1,4 +1,7 @@
-//! A training: rounds of acting and learning, looked at and saved at intervals.
+//! A training: rounds of acting and learning, with logs, evaluations and checkpoints at intervals.
+//!
+//! Reading order: [`Trainer::run`] here is the loop; `round` is one round; `start`, `resume` and `warm` are the three ways to begin;
+//! `report` has logs and evaluations, `checkpoint` the files.
 
 mod checkpoint;
 mod demonstrations;
@@ -8,6 +11,7 @@ mod observer;
 mod report;
 mod resume;
 mod round;
+mod start;
 mod sums;
 mod warm;
 
@@ -18,10 +22,7 @@ mod toy;
 #[cfg(test)]
 mod warm_tests;
 
-use std::{
-    path::{Path, PathBuf},
-    time::Instant,
-};
+use std::{path::PathBuf, time::Instant};
 
 pub use checkpoint::Best;
 pub use error::TrainError;
@@ -30,7 +31,7 @@ pub use warm::WarmStart;
 
 use crate::{
     acting::Acting,
-    config::{ConfigError, DroqConfig, TrainerConfig},
+    config::{DroqConfig, TrainerConfig},
     droq::Droq,
     env::{Evaluator, Score, StepBatch, VectorEnvironment},
     files::RawTensor,
@@ -38,11 +39,11 @@ use crate::{
     random::Stream,
     replay::{Replay, Segment},
 };
-use checkpoint::{Extras, Header, Store};
+use checkpoint::{Beginning, Extras, Header, SCHEMA, Store};
 use demonstrations::Demonstrations;
 use metrics::Metrics;
+pub(crate) use start::thread_pool;
 use sums::Sums;
-use warm::Beginning;
 
 const BEST_POLICY: &str = "policy-best.safetensors";
 const LAST_POLICY: &str = "policy-last.safetensors";
@@ -58,15 +59,15 @@ pub struct Outcome {
     pub updates: u64,
     /// The best evaluation.
     pub best: Option<Best>,
-    /// Wall-clock seconds, over all resumptions; before each of them they count up to the last log row that was kept.
+    /// Wall-clock seconds over all resumptions. What was trained after the last kept log row before a resumption does not count.
     pub elapsed_secs: f64,
 }
 
-/// What a training is made of, besides its two configurations.
+/// What a training needs besides its two configurations.
 pub struct Parts {
-    /// Where experience comes from.
+    /// The environments.
     pub environment: Box<dyn VectorEnvironment>,
-    /// What chooses the best policy.
+    /// The evaluator, whose first score decides which policy is the best.
     pub evaluator: Box<dyn Evaluator>,
     /// Written into the policy files as `notes.training`, for example song and resolved configuration.
     pub notes: serde_json::Value,
@@ -78,9 +79,9 @@ pub struct Parts {
 /// metrics.jsonl                     one flat JSON object per log interval or evaluation
 /// events.out.tfevents.etude         the same for TensorBoard
 /// policy-best.safetensors           the policy with the best first score so far
-/// policy-best-STEP.safetensors      a better one, of a step that a kill undid and that did not come again
+/// policy-best-STEP.safetensors      a better one, from an evaluation after the checkpoint that was resumed
 /// policy-last.safetensors           the policy of the last checkpoint
-/// checkpoints/last.safetensors      everything needed to continue bit for bit, replaced in one rename
+/// checkpoints/last.safetensors      the state, from which resuming continues bit for bit
 /// checkpoints/replay/A-B.replay     transitions A to B (exclusive), never changed once written
 /// ```
 pub struct Trainer {
@@ -109,9 +110,9 @@ pub struct Trainer {
     clock: Clock,
 }
 
-/// What a round writes into.
+/// Buffers of a round.
 struct Buffers {
-    /// `[n, observation]`: what to act on.
+    /// `[n, observation]`: the current observations.
     observation: Vec<f32>,
     /// `[n, action]` each.
     action: Vec<f32>,
@@ -130,148 +131,7 @@ struct Clock {
     last_updates: u64,
 }
 
-/// The threads of a training; 0 for one a processor core.
-pub(crate) fn thread_pool(threads: usize) -> Result<rayon::ThreadPool, TrainError> {
-    rayon::ThreadPoolBuilder::new()
-        .num_threads(threads)
-        .thread_name(|index| format!("etude-{index}"))
-        .build()
-        .map_err(|error| TrainError::Threads { threads, reason: error.to_string() })
-}
-
 impl Trainer {
-    /// Starts a training in `folder` (created when missing) and saves its first checkpoint.
-    pub fn start(
-        folder: &Path,
-        droq: &DroqConfig,
-        config: &TrainerConfig,
-        parts: Parts,
-    ) -> Result<Self, TrainError> {
-        Self::begin(folder, droq, config, parts, None)
-    }
-
-    /// The same with what another training has learned instead of random networks; see [`WarmStart`]. Its first evaluation is
-    /// of what was taken over, at step 0. Nothing is written if that does not fit.
-    pub fn start_from(
-        folder: &Path,
-        droq: &DroqConfig,
-        config: &TrainerConfig,
-        parts: Parts,
-        source: &WarmStart,
-    ) -> Result<Self, TrainError> {
-        Self::begin(folder, droq, config, parts, Some(source))
-    }
-
-    fn begin(
-        folder: &Path,
-        droq: &DroqConfig,
-        config: &TrainerConfig,
-        parts: Parts,
-        source: Option<&WarmStart>,
-    ) -> Result<Self, TrainError> {
-        Self::check_vacant(folder)?;
-        droq.validate()?;
-        config.validate()?;
-        let mut learner = Self::learner(droq, config, &parts);
-        if let Some(source) = source {
-            source.check(droq, &*parts.environment)?;
-            learner.adopt(source.knowledge());
-        }
-        Store::new(folder).prepare()?;
-        let mut trainer = Self::build(folder, droq, config, parts, learner, metrics::Mark::default())?;
-        trainer.beginning = source.map_or(Beginning::Fresh, WarmStart::beginning);
-        trainer.parts.environment.reset(&mut trainer.buffers.observation);
-        trainer.metrics.cut_back()?;
-        trainer.save()?;
-        Ok(trainer)
-    }
-
-    /// An error if `folder` holds a training, or the results of one whose checkpoint is gone: none may begin there.
-    pub fn check_vacant(folder: &Path) -> Result<(), TrainError> {
-        let folder = folder.to_owned();
-        if Self::exists(&folder) {
-            return Err(TrainError::AlreadyStarted { folder });
-        }
-        // Written after a first checkpoint only: what was killed before it may begin once more.
-        if folder.join(LAST_POLICY).exists() {
-            return Err(TrainError::CheckpointGone { folder });
-        }
-        Ok(())
-    }
-
-    /// Whether `folder` holds a training that [`resume`](Self::resume) can continue.
-    pub fn exists(folder: &Path) -> bool {
-        Store::new(folder).exists()
-    }
-
-    /// A learner with random networks for these parts.
-    fn learner(droq: &DroqConfig, config: &TrainerConfig, parts: &Parts) -> Droq {
-        Droq::new(droq, parts.environment.layout(), parts.environment.action_len(), config.seed)
-    }
-
-    fn build(
-        folder: &Path,
-        droq_config: &DroqConfig,
-        config: &TrainerConfig,
-        parts: Parts,
-        droq: Droq,
-        mark: metrics::Mark,
-    ) -> Result<Self, TrainError> {
-        let environment = &parts.environment;
-        let (n, layout, action_len) =
-            (environment.num_envs(), environment.layout(), environment.action_len());
-        if n != config.num_envs {
-            let value = config.num_envs.to_string();
-            let rule = "the environment that was given has another number of copies";
-            return Err(ConfigError { field: "trainer.num_envs", value, rule }.into());
-        }
-        let mut demonstrated = vec![0.0; n * action_len];
-        if config.demonstration_share > 0.0 && !environment.demonstrate(&mut demonstrated) {
-            let value = config.demonstration_share.to_string();
-            let rule = "this environment has no demonstrator";
-            return Err(ConfigError { field: "trainer.demonstration_share", value, rule }.into());
-        }
-        if !Replay::fits(layout, action_len, droq_config.replay_capacity) {
-            let value = droq_config.replay_capacity.to_string();
-            let rule = "the memory of this machine does not hold as many transitions";
-            return Err(ConfigError { field: "droq.replay_capacity", value, rule }.into());
-        }
-        let term_names = environment.reward_term_names();
-        let pool = thread_pool(config.threads)?;
-        let (metrics, before) = Metrics::open(folder, mark)?;
-        let now = Instant::now();
-        Ok(Self {
-            config: config.clone(),
-            droq_config: droq_config.clone(),
-            folder: folder.to_owned(),
-            store: Store::new(folder),
-            acting: Acting::new(droq.actor_network(), n),
-            droq,
-            replay: Replay::new(layout, action_len, droq_config.replay_capacity, n),
-            segments: Vec::new(),
-            policy_stream: Stream::new(config.seed, "trainer/policy"),
-            warmup_stream: Stream::new(config.seed, "trainer/warmup"),
-            demonstrations: Demonstrations::new(config),
-            beginning: Beginning::Fresh,
-            step: 0,
-            best: None,
-            last_evaluation: None,
-            sums: Sums::new(n, term_names.len()),
-            metrics,
-            pool: std::sync::Arc::new(pool),
-            buffers: Buffers {
-                observation: vec![0.0; n * layout.len()],
-                action: vec![0.0; n * action_len],
-                noise: vec![0.0; n * action_len],
-                demonstrated,
-                batch: StepBatch::new(n, layout, term_names.len()),
-            },
-            clock: Clock { started: now, before, last_row: now, last_step: 0, last_updates: 0 },
-            term_names,
-            parts,
-        })
-    }
-
     /// Environment steps made so far.
     pub fn step(&self) -> u64 {
         self.step
@@ -296,10 +156,13 @@ impl Trainer {
         Policy::new(self.droq.actor_network(), self.droq.policy_parameters(), notes)
     }
 
-    /// Trains to the end, or until the observer stops it. In both cases a checkpoint is saved before this returns.
+    /// Trains to the end, or until the observer stops it. In both cases a checkpoint is saved.
     ///
-    /// The end of all steps also brings an evaluation; a stop does not, so that a training that is stopped and resumed
-    /// is the same as one that never was.
+    /// At the end of all steps there is also an evaluation. After a stop there is none, so that a training that is stopped and
+    /// resumed is the same as one that was never stopped.
+    ///
+    /// # Errors
+    /// If a number is not finite or a file cannot be written.
     pub fn run(&mut self, observer: &mut dyn TrainingObserver) -> Result<Outcome, TrainError> {
         let pool = self.pool.clone();
         pool.install(|| self.rounds(observer))
@@ -330,7 +193,6 @@ impl Trainer {
             if reached(self.config.checkpoint_every_steps) {
                 self.save()?;
                 saved = Some(self.step);
-                observer.on_checkpoint(self.step);
             }
         }
         let unseen = self.config.evaluate_every_steps > 0 && self.last_evaluation != Some(self.step);
@@ -340,7 +202,6 @@ impl Trainer {
         }
         if saved != Some(self.step) {
             self.save()?;
-            observer.on_checkpoint(self.step);
         }
         Ok(Outcome {
             stopped,
@@ -364,7 +225,7 @@ impl Trainer {
         }
     }
 
-    /// Saves a checkpoint and the current policy. Nothing is touched when a parameter is not finite.
+    /// Saves a checkpoint and the current policy. If a parameter is not finite, it fails and writes nothing.
     fn save(&mut self) -> Result<(), TrainError> {
         self.check_finite()?;
         let metrics = self.metrics.mark()?;
@@ -372,7 +233,7 @@ impl Trainer {
         self.store.save_replay(&self.replay, &mut segments)?;
         let environment = &self.parts.environment;
         let header = Header {
-            schema: Header::schema(),
+            schema: SCHEMA.to_owned(),
             step: self.step,
             updates: self.droq.updates(),
             layout: environment.layout(),

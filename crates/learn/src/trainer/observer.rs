@@ -1,4 +1,4 @@
-//! How a training tells the world about itself, and how the world stops it. The library itself never prints.
+//! Progress of a training, and how to stop it.
 
 use crate::env::Score;
 
@@ -34,23 +34,21 @@ pub struct EvaluationRow {
 pub enum StopReason {
     /// Someone asked: Ctrl-C, a signal, a button.
     Requested,
-    /// The time that was given is up.
+    /// Its time limit is reached.
     OutOfTime,
 }
 
-/// Watches a training. Every method has an empty default; none may block for long, since the training waits.
+/// Observes a training. Every method has an empty default. The training waits for each call.
 pub trait TrainingObserver: Send {
-    /// A log interval is over.
+    /// Called after each log interval.
     fn on_log(&mut self, _row: &LogRow) {}
-    /// An evaluation is over.
+    /// Called after each evaluation.
     fn on_evaluation(&mut self, _row: &EvaluationRow) {}
-    /// A checkpoint of this environment step is safely on disk.
-    fn on_checkpoint(&mut self, _step: u64) {}
-    /// Asked once a round. With a reason, the training saves a checkpoint and returns.
+    /// Called once a round. If it returns a reason, the training saves a checkpoint and returns.
     fn should_stop(&mut self) -> Option<StopReason> {
         None
     }
 }
 
-/// Watches nothing and never stops.
+/// Observes nothing and never stops.
 impl TrainingObserver for () {}

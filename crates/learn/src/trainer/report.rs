@@ -1,4 +1,4 @@
-//! What a training tells about itself at intervals: rows of metrics and evaluations.
+//! Rows of metrics and evaluations.
 
 use std::{fs, path::Path, time::Instant};
 
@@ -47,7 +47,7 @@ impl Trainer {
             let path = self.folder.join(BEST_POLICY);
             set_aside(&path, scores.first())?;
             self.policy_with(&scores).save(&path)?;
-            // JSON, and so the checkpoint, has no word for a score that is not finite.
+            // JSON, and so the checkpoint, cannot express a score that is not finite.
             let finite = scores.iter().filter(|score| score.value.is_finite()).cloned().collect();
             self.best = Some(Best { step: self.step, scores: finite });
         }
@@ -56,9 +56,9 @@ impl Trainer {
     }
 }
 
-/// Before `score` takes the place of the policy at `path`: renames that policy after its step if it was better. So it is only when a
-/// training was killed after an evaluation, and goes on from the checkpoint before it with other intervals or on another
-/// processor; else it comes to the same evaluation once more.
+/// Before a policy with `score` replaces the one at `path`: renames the old one after its step if it was better. That happens only if a
+/// training was killed after an evaluation and resumed from an earlier checkpoint with other intervals or on another kind of
+/// processor; otherwise the same evaluation is repeated.
 fn set_aside(path: &Path, score: Option<&Score>) -> Result<(), FileError> {
     let (Ok(policy), Some(score)) = (Policy::load(path), score) else { return Ok(()) };
     let notes = &policy.header().notes;

@@ -19,9 +19,12 @@ fn same<T: PartialEq + std::fmt::Debug>(what: &'static str, saved: &T, given: &T
 impl Trainer {
     /// Continues the training in `folder` from its last checkpoint, bit for bit as if it had never stopped.
     ///
-    /// All that decides the result must be as it was. What may differ: total steps, intervals, threads and overlap.
-    /// Rows of metrics after the checkpoint are cut off, since they will be written again; nothing in the folder changes
-    /// when the checkpoint is refused.
+    /// Total steps, intervals, threads and overlap may differ from before; everything else must be the same. Rows of metrics after the
+    /// checkpoint are removed, since they will be written again.
+    ///
+    /// # Errors
+    /// If the checkpoint is missing or damaged, or belongs to a training with another configuration. Nothing in the folder changes
+    /// then.
     pub fn resume(
         folder: &Path,
         droq: &DroqConfig,
@@ -42,13 +45,9 @@ impl Trainer {
             same("trainer.num_envs", &header.num_envs, &config.num_envs)?;
             same("trainer.updates_per_round", &header.updates_per_round, &config.updates_per_round)?;
             same("trainer.warmup_steps", &header.warmup_steps, &config.warmup_steps)?;
-            let share =
-                ("trainer.demonstration_share", header.demonstration_share, config.demonstration_share);
-            let noise =
-                ("trainer.demonstration_noise", header.demonstration_noise, config.demonstration_noise);
-            for (name, saved, given) in [share, noise] {
-                same(name, &saved, &given)?;
-            }
+            let saved = (header.demonstration_share, header.demonstration_noise);
+            same("trainer.demonstration_share", &saved.0, &config.demonstration_share)?;
+            same("trainer.demonstration_noise", &saved.1, &config.demonstration_noise)?;
             same("the observation layout", &header.layout, &parts.environment.layout())?;
             same("the action length", &header.action_len, &parts.environment.action_len())?;
             same("the reward terms", &header.reward_terms, &parts.environment.reward_term_names())?;

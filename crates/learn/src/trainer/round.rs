@@ -1,7 +1,7 @@
-//! One round: act, step the environments while the learner updates, and only then remember what happened.
+//! One round: choose actions, step the environments while the learner updates, then store the transitions.
 //!
-//! The updates see the replay as it stood before the round, so stepping and updating do not touch each other and may run
-//! at the same time. Whether they do is a matter of speed alone: the bytes are the same.
+//! The updates draw from the replay buffer as it was before the round, so stepping and updating are independent and may run at the
+//! same time. Whether they do changes only the speed.
 
 use super::{Buffers, TrainError, Trainer};
 use crate::{droq::Losses, replay::Transition};
@@ -66,8 +66,8 @@ impl Trainer {
         Ok(())
     }
 
-    /// Chooses the round's actions: uniformly random during the warm-up unless there is a policy already, then from the policy;
-    /// in stretches from the demonstrator.
+    /// Chooses the round's actions: uniformly random during the warm-up, except after a warm start, then from the policy. The
+    /// demonstrator replaces some of them.
     fn act(&mut self) {
         let at_random = self.acts_at_random();
         let Buffers { observation, action, noise, demonstrated, .. } = &mut self.buffers;

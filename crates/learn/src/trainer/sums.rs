@@ -1,4 +1,4 @@
-//! What adds up between two rows of metrics. Saved with checkpoints, so that a resumed training writes the same rows.
+//! Sums between two rows of metrics. They are saved in checkpoints, so that a resumed training writes the same rows.
 
 use crate::{droq::Losses, env::StepBatch};
 
@@ -60,7 +60,7 @@ impl Sums {
         }
     }
 
-    /// The named means since the last row; then starts anew.
+    /// Returns the named means since the last row, and resets the sums.
     pub(crate) fn take(&mut self, term_names: &[String]) -> Vec<(String, f64)> {
         let mut values = vec![("charts/reward_per_step".to_owned(), self.reward / self.steps)];
         let [count, total, length] = self.episodes;
@@ -92,7 +92,7 @@ impl Sums {
         values
     }
 
-    /// Takes over saved sums; false when their number is wrong.
+    /// Restores saved sums; returns false if their number is wrong.
     pub(crate) fn set_values(&mut self, values: &[f64]) -> bool {
         if values.len() != self.to_values().len() {
             return false;
@@ -136,7 +136,7 @@ mod tests {
         assert_eq!(get("reward/a"), 1.0);
         assert_eq!(get("reward/b"), 1.0);
         assert_eq!(get("losses/critic"), 3.0);
-        // The episode of the first environment goes on.
+        // The episode of the first environment continues.
         assert_eq!(sums.to_values().iter().sum::<f64>(), 4.0);
     }
 }

@@ -206,7 +206,7 @@ pub(super) fn raw(folder: &Path) -> BTreeMap<String, Vec<u8>> {
     files
 }
 
-/// Every file of a run, without the values that tell the time.
+/// Every file of a run, without the times in it.
 pub(super) fn files(folder: &Path) -> BTreeMap<String, Vec<u8>> {
     let mut files = raw(folder);
     for (name, bytes) in &mut files {

@@ -1,19 +1,20 @@
-//! Beginning a training with what another one has learned: a warm start.
+//! Warm start: beginning a training with the parameters of another.
 //!
-//! Taken over are the actor and, from a run with a checkpoint, its average that is the policy, both critics, their targets
-//! and the temperature. Everything else is new: replay, optimiser, draws, counts. The warm-up is acted by the policy instead
-//! of at random; there are no updates during it, so that the first batches are drawn from more than a moment. A policy
-//! without critics would be led astray by new ones, so then they learn alone first, in [`CRITICS_ALONE_UPDATES`], and the
-//! temperature is that of a training that has settled, not of one that begins.
+//! The actor is taken over and, from a run with a checkpoint, also the policy (the average of the actor), both critics, their targets
+//! and the temperature. Replay buffer, optimiser, random streams and counts are new. During the warm-up the policy acts, instead of
+//! random actions, and there are no updates, so that the first batches are drawn from more than a few steps. New critics would
+//! spoil the actor of a policy file; so in that case they learn alone for the first [`CRITICS_ALONE_UPDATES`] updates, and the
+//! temperature starts at a value typical late in a training.
 //!
-//! Scores dip when updates begin, because the replay is small and shows little but what the policy does; a longer warm-up,
-//! which costs little time, makes the dip smaller. The best policy is kept, and the first evaluation is of the source.
+//! Scores drop when updates begin, because the replay buffer is small and holds little but the policy's own actions. A longer
+//! warm-up, which takes little time, makes the drop smaller. The best policy is kept, and the first evaluation is of the source.
 
 use std::path::{Path, PathBuf};
 
-use serde::{Deserialize, Serialize};
-
-use super::{LAST_POLICY, TrainError, Trainer, VectorEnvironment, checkpoint::Store};
+use super::{
+    LAST_POLICY, TrainError, Trainer, VectorEnvironment,
+    checkpoint::{Beginning, Store},
+};
 use crate::{
     config::DroqConfig,
     droq::Knowledge,
@@ -22,23 +23,10 @@ use crate::{
     policy::Policy,
 };
 
-/// Updates in which new critics learn to judge an actor that is not new, before that follows them.
+/// Updates in which new critics learn alone before the actor of a policy file is updated.
 const CRITICS_ALONE_UPDATES: u64 = 2_500;
 
-/// What a training's first parameters were.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub(crate) enum Beginning {
-    /// Drawn at random.
-    #[default]
-    Fresh,
-    /// The actor of a policy.
-    Policy,
-    /// All of a saved training.
-    Run,
-}
-
-/// What another training has learned, read and found sound.
+/// The parameters of another training, read and checked.
 pub struct WarmStart {
     origin: PathBuf,
     layout: ObservationLayout,
@@ -59,8 +47,8 @@ impl WarmStart {
         Ok(Self::new(path, &policy, knowledge))
     }
 
-    /// Actor, critics, their targets and temperature as the last checkpoint of the training in `folder` has them. That is
-    /// the training's last policy, not its best; for that one take the file.
+    /// Actor, critics, their targets and temperature of the last checkpoint of the training in `folder`. This is the training's last
+    /// policy; for the best one use its policy file.
     ///
     /// # Errors
     /// If the folder holds no checkpoint or a damaged one.
@@ -100,7 +88,7 @@ impl WarmStart {
         self.knowledge.has_critics()
     }
 
-    /// Refuses a training whose networks have another form.
+    /// Checks that a training's networks have the same shape.
     ///
     /// # Errors
     /// [`TrainError::OtherForm`], which says what differs.
@@ -132,12 +120,12 @@ impl WarmStart {
 }
 
 impl Trainer {
-    /// Whether the actor waits for its critics.
+    /// Whether only the critics learn in this round.
     pub(super) fn critics_learn_alone(&self) -> bool {
         self.beginning == Beginning::Policy && self.droq.updates() < CRITICS_ALONE_UPDATES
     }
 
-    /// Whether actions are drawn at random so far.
+    /// Whether the actions of this round are uniformly random.
     pub(super) fn acts_at_random(&self) -> bool {
         self.beginning == Beginning::Fresh && self.step < self.config.warmup_steps
     }

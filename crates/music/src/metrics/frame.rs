@@ -1,8 +1,8 @@
-//! Scores by control step: which of the due keys were down, which of the keys down were due.
+//! Scores by control step: pressed keys compared with due keys.
 //!
-//! Two ways to sum up. The paper's is RoboPianist's (fact sheet §1.8): precision, recall and F1 of every single
-//! step, then the mean of each; a silent step kept silent is perfect, and pressing nothing is always precise.
-//! *Pooled* counts keys over the whole song first, so silence is worth nothing.
+//! There are two kinds. The paper's are RoboPianist's (github.com/google-research/robopianist, `wrappers/evaluation.py`): the means over
+//! the steps of each step's precision, recall and F1. A step without due and pressed keys then scores 1, and pressing nothing always
+//! has precision 1. *Pooled* scores count keys over the whole song first, so silence scores nothing.
 
 use serde::{Deserialize, Serialize};
 
@@ -27,7 +27,7 @@ pub struct FrameScores {
     pub precision: f64,
     /// Mean of the steps' recalls.
     pub recall: f64,
-    /// Mean of the steps' F1: the paper's F1, not made of the two means above.
+    /// Mean of the steps' F1: the paper's F1. It is not the harmonic mean of the two means above.
     pub f1: f64,
     /// Precision over all key-time.
     pub pooled_precision: f64,
@@ -47,7 +47,7 @@ pub fn step_scores(due: KeySet, pressed: KeySet) -> StepScores {
     }
 }
 
-/// Scores a performance as it goes, without keeping it.
+/// Scores a performance step by step, without storing it.
 #[derive(Copy, Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct FrameTally {
     steps: usize,
@@ -91,8 +91,8 @@ impl FrameTally {
     }
 }
 
-/// Scores a performance, one set of keys a control step. Where one of the two is shorter, it is silent: a
-/// performance that broke off pays for what it left out.
+/// Scores a performance, one set of keys a control step. The shorter list is extended by silence, so that a performance that was
+/// interrupted loses the rest.
 pub fn frame_scores(due: &[KeySet], pressed: &[KeySet]) -> FrameScores {
     let mut tally = FrameTally::default();
     for step in 0..due.len().max(pressed.len()) {
@@ -106,7 +106,7 @@ pub fn frame_scores(due: &[KeySet], pressed: &[KeySet]) -> FrameScores {
 mod tests {
     use super::*;
 
-    /// The table of fact sheet §1.8.
+    /// Computed with scikit-learn 1.4.2, `zero_division=1`.
     #[test]
     fn the_table_of_corner_cases() {
         let third = 2.0 / 3.0;

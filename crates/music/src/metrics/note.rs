@@ -1,32 +1,20 @@
-//! Scores by note: which notes of the song were played, which played notes belong to it, how late they came.
+//! Scores by note: played notes matched with the notes of the song, and their onset errors.
 //!
-//! The measure is that of music transcription, as the `mir_eval` package computes it: played notes are matched
-//! to the song's, one to one and as many as possible, where the pitch is the same and the onset near; in the
-//! stricter variant the release must be near too. Notes of different pitch never match, so each pitch is matched
-//! on its own.
+//! The measure is that of music transcription, as the `mir_eval` package computes it. Played notes are matched to the song's, one to one
+//! and as many as possible, if the pitch is the same and the onset is near; in the stricter variant the release must be near too.
+//! Each pitch is matched separately.
 
 use serde::{Deserialize, Serialize};
 
 use super::share;
 use crate::note::Note;
 
-/// How near is near enough.
-#[derive(Copy, Clone, Debug, PartialEq)]
-pub struct NoteTolerance {
-    /// Onsets may differ by this much, in seconds.
-    pub onset_secs: f64,
-    /// Releases may always differ by this much, in seconds …
-    pub offset_secs: f64,
-    /// … and by this share of the song's note, if that is more.
-    pub offset_ratio: f64,
-}
-
-impl Default for NoteTolerance {
-    /// What transcription contests use (mir_eval, speed fact sheet §7).
-    fn default() -> NoteTolerance {
-        NoteTolerance { onset_secs: 0.05, offset_secs: 0.05, offset_ratio: 0.2 }
-    }
-}
+/// Onsets may differ by this much, in seconds. This tolerance and the next two are the defaults of `mir_eval.transcription`.
+const ONSET_SECS: f64 = 0.05;
+/// Releases may always differ by this much, in seconds …
+const OFFSET_SECS: f64 = 0.05;
+/// … and by this share of the length of the song's note, if that is more.
+const OFFSET_RATIO: f64 = 0.2;
 
 /// Scores of a performance by note. Precision, recall and F1 are from 0 to 1, and 0 where the song or the
 /// performance has no notes, as in `mir_eval`.
@@ -59,16 +47,11 @@ pub struct NoteScores {
     pub wrong: usize,
 }
 
-/// Scores played notes against those of the song within the usual tolerances.
-pub fn note_scores(reference: &[Note], played: &[Note]) -> NoteScores {
-    note_scores_within(reference, played, NoteTolerance::default())
-}
-
 /// Scores played notes against those of the song.
 ///
-/// Of all largest matchings by onset, the errors are those of the one with the smallest sum. The time taken grows
-/// with the square of the number of strokes of one pitch that follow each other within the tolerance.
-pub fn note_scores_within(reference: &[Note], played: &[Note], near: NoteTolerance) -> NoteScores {
+/// Of all largest matchings by onset, the one with the smallest sum of onset errors is taken. The time grows with the square of
+/// the number of strokes of one pitch that follow each other within the tolerance.
+pub fn note_scores(reference: &[Note], played: &[Note]) -> NoteScores {
     let mut errors = Vec::new();
     let mut with_offset = 0;
     for pitch in 0..=u8::MAX {
@@ -80,9 +63,9 @@ pub fn note_scores_within(reference: &[Note], played: &[Note], near: NoteToleran
             notes
         };
         let (due, heard) = (strokes(reference), strokes(played));
-        for (due, heard) in clusters(&due, &heard, near.onset_secs) {
-            nearest_onsets(due, heard, near.onset_secs, &mut errors);
-            with_offset += most_pairs(due, heard, near);
+        for (due, heard) in clusters(&due, &heard) {
+            nearest_onsets(due, heard, &mut errors);
+            with_offset += most_pairs(due, heard);
         }
     }
     let matched = errors.len();
@@ -119,17 +102,17 @@ fn rounded(secs: f64) -> f64 {
     (secs * STEPS_PER_SEC).round_ties_even() / STEPS_PER_SEC
 }
 
-fn onsets_near(due: &Note, heard: &Note, near: NoteTolerance) -> bool {
-    rounded((due.start_secs - heard.start_secs).abs()) <= near.onset_secs
+fn onsets_near(due: &Note, heard: &Note) -> bool {
+    rounded((due.start_secs - heard.start_secs).abs()) <= ONSET_SECS
 }
 
-fn ends_near(due: &Note, heard: &Note, near: NoteTolerance) -> bool {
-    let tolerance = (near.offset_ratio * due.duration_secs().abs()).max(near.offset_secs);
+fn ends_near(due: &Note, heard: &Note) -> bool {
+    let tolerance = (OFFSET_RATIO * due.duration_secs().abs()).max(OFFSET_SECS);
     rounded((due.end_secs - heard.end_secs).abs()) <= tolerance
 }
 
-/// Cuts two sorted lists where no match can cross: wherever the next onset of either is out of reach.
-fn clusters<'a>(due: &'a [Note], heard: &'a [Note], onset_secs: f64) -> Vec<(&'a [Note], &'a [Note])> {
+/// Cuts two sorted lists where no match is possible across the cut: where the next onset of either is too far away.
+fn clusters<'a>(due: &'a [Note], heard: &'a [Note]) -> Vec<(&'a [Note], &'a [Note])> {
     let mut cut = Vec::new();
     let (mut d, mut h) = (0, 0);
     let (mut d0, mut h0) = (0, 0);
@@ -138,12 +121,12 @@ fn clusters<'a>(due: &'a [Note], heard: &'a [Note], onset_secs: f64) -> Vec<(&'a
         let next_due = due.get(d).map_or(f64::INFINITY, |note| note.start_secs);
         let next_heard = heard.get(h).map_or(f64::INFINITY, |note| note.start_secs);
         let next = next_due.min(next_heard);
-        if rounded(next - latest) > onset_secs {
+        if rounded(next - latest) > ONSET_SECS {
             cut.push((&due[d0..d], &heard[h0..h]));
             (d0, h0) = (d, h);
         }
         latest = next;
-        // One of the two advances even past a time that is no number.
+        // One of the two advances even if a time is not a number.
         let take_due = h == heard.len() || (d < due.len() && next_due <= next_heard);
         if take_due { d += 1 } else { h += 1 }
     }
@@ -154,18 +137,18 @@ fn clusters<'a>(due: &'a [Note], heard: &'a [Note], onset_secs: f64) -> Vec<(&'a
 
 /// Matches onsets, as many as possible and then with the smallest sum of distances, and appends the errors
 /// (played minus due, in seconds). Along a line such a matching never crosses, so dynamic programming finds it.
-fn nearest_onsets(due: &[Note], heard: &[Note], onset_secs: f64, errors: &mut Vec<f64>) {
+fn nearest_onsets(due: &[Note], heard: &[Note], errors: &mut Vec<f64>) {
     /// Pairs made, and their summed distance in seconds.
     type Cell = (usize, f64);
     if due.len().saturating_mul(heard.len()) > MAX_CELLS {
-        return first_come(due, heard, onset_secs, errors);
+        return first_come(due, heard, errors);
     }
     let better = |a: Cell, b: Cell| if (a.0, -a.1) >= (b.0, -b.1) { a } else { b };
     let width = heard.len() + 1;
     let mut best: Vec<Cell> = vec![(0, 0.0); (due.len() + 1) * width];
     let pair = |d: usize, h: usize| {
         let error = heard[h].start_secs - due[d].start_secs;
-        (rounded(error.abs()) <= onset_secs).then_some(error)
+        (rounded(error.abs()) <= ONSET_SECS).then_some(error)
     };
     for d in 1..=due.len() {
         for h in 1..=heard.len() {
@@ -191,15 +174,15 @@ fn nearest_onsets(due: &[Note], heard: &[Note], onset_secs: f64, errors: &mut Ve
     }
 }
 
-/// Largest table worth filling; no song for hands comes near it.
+/// Largest table that is filled; no playable song comes near it.
 const MAX_CELLS: usize = 1 << 22;
 
-/// Matches as many onsets as possible, each with the first that it can have.
-fn first_come(due: &[Note], heard: &[Note], onset_secs: f64, errors: &mut Vec<f64>) {
+/// Matches as many onsets as possible, each with the first possible one.
+fn first_come(due: &[Note], heard: &[Note], errors: &mut Vec<f64>) {
     let (mut d, mut h) = (0, 0);
     while d < due.len() && h < heard.len() {
         let error = heard[h].start_secs - due[d].start_secs;
-        if rounded(error.abs()) <= onset_secs {
+        if rounded(error.abs()) <= ONSET_SECS {
             errors.push(error);
             (d, h) = (d + 1, h + 1);
         } else if error < 0.0 {
@@ -210,18 +193,15 @@ fn first_come(due: &[Note], heard: &[Note], onset_secs: f64, errors: &mut Vec<f6
     }
 }
 
-/// Size of a largest matching where releases must be near as well: free notes look for a partner along chains of
-/// pairs that can be exchanged (augmenting paths, breadth first).
-fn most_pairs(due: &[Note], heard: &[Note], near: NoteTolerance) -> usize {
-    // Notes are in order of onset, so those near one lie side by side; a little wider, against rounding.
+/// Size of a largest matching where releases must be near as well, by augmenting paths (breadth first).
+fn most_pairs(due: &[Note], heard: &[Note]) -> usize {
+    // Notes are sorted by onset, so the candidates are consecutive; the window is a little wider because of rounding.
     let candidates = |d: usize| {
         let start = due[d].start_secs;
-        let first = heard.partition_point(|note| note.start_secs < start - near.onset_secs * 1.01 - 1e-3);
-        let near_enough =
-            move |h: &usize| onsets_near(&due[d], &heard[*h], near) && ends_near(&due[d], &heard[*h], near);
-        let window = heard[first..]
-            .iter()
-            .take_while(move |note| note.start_secs <= start + near.onset_secs * 1.01 + 1e-3);
+        let first = heard.partition_point(|note| note.start_secs < start - ONSET_SECS * 1.01 - 1e-3);
+        let near_enough = move |h: &usize| onsets_near(&due[d], &heard[*h]) && ends_near(&due[d], &heard[*h]);
+        let window =
+            heard[first..].iter().take_while(move |note| note.start_secs <= start + ONSET_SECS * 1.01 + 1e-3);
         (first..first + window.count()).filter(near_enough)
     };
     let mut partner_of_due: Vec<Option<usize>> = vec![None; due.len()];

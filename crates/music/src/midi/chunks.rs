@@ -1,7 +1,6 @@
-//! The outer shell of a MIDI file: a header and tracks, each with its length in front.
+//! The chunks of a MIDI file: a header and tracks, each with its length in front.
 //!
-//! Read here rather than by `midly`, which takes what is left when a chunk is longer than the file and fails on
-//! one value of the time division instead of refusing it.
+//! They are not read by `midly`, which accepts chunks that are longer than the file, and fails on one value of the time division.
 
 use crate::error::MidiError;
 
@@ -20,7 +19,7 @@ pub(super) struct TrackChunk<'a> {
     pub body: &'a [u8],
 }
 
-/// A file taken apart.
+/// The chunks of a file.
 pub(super) struct Chunks<'a> {
     pub division: Division,
     pub tracks: Vec<TrackChunk<'a>>,
@@ -29,8 +28,7 @@ pub(super) struct Chunks<'a> {
 const CHUNK_HEAD: usize = 8;
 const HEADER_BODY: usize = 6;
 
-/// Takes the file apart; unknown chunks are skipped, and whatever follows the announced tracks and is no track is
-/// ignored.
+/// Splits the file into chunks. Unknown chunks are skipped, and other bytes after the last track are ignored.
 pub(super) fn split(bytes: &[u8]) -> Result<Chunks<'_>, MidiError> {
     if bytes.is_empty() {
         return Err(MidiError::Empty);

@@ -1,8 +1,7 @@
 //! Standard MIDI Files in and out.
 //!
-//! `midly` decodes and encodes events. Around it stands what a file from anywhere needs: chunks checked before
-//! anything is trusted ([`chunks`]), ticks turned into seconds ([`tempo`]), limits on everything that a hostile
-//! file could inflate, and errors where `midly` would end a track silently.
+//! `midly` decodes and encodes events. In addition, chunks are checked first ([`chunks`]), ticks are converted to seconds ([`tempo`]), sizes
+//! are limited, and damaged events, at which `midly` ends a track silently, are errors.
 
 mod chunks;
 mod read;
@@ -11,8 +10,3 @@ mod write;
 
 pub(crate) use read::read;
 pub(crate) use write::write;
-
-/// Largest file read, in bytes: dense piano recordings of an hour stay far below.
-pub(crate) const MAX_FILE_BYTES: u64 = 10 * 1024 * 1024;
-/// Most tempo and time signature changes kept.
-pub(crate) const MAX_TEMPO_CHANGES: usize = 100_000;

@@ -4,17 +4,17 @@ use std::collections::BTreeMap;
 
 use midly::{EventIter, MetaMessage, MidiMessage, TrackEventKind};
 
-use super::MAX_FILE_BYTES;
 use super::chunks::{TrackChunk, split};
 use super::tempo::{Change, Changes};
 use crate::error::{MidiError, SongError};
+use crate::limits::{MAX_DURATION_SECS, MAX_FILE_BYTES, MAX_NOTES};
 use crate::note::Note;
-use crate::song::{MAX_DURATION_SECS, MAX_NOTES, Song};
+use crate::song::Song;
 
 /// Channel 10, counting from one: percussion by General MIDI, where a key number names a drum.
 const PERCUSSION: u8 = 9;
 
-/// Reads a whole file; see [`Song::from_midi`] for what is made of it.
+/// Reads a whole file; see [`Song::from_midi`].
 pub(crate) fn read(bytes: &[u8], title: String) -> Result<Song, MidiError> {
     if bytes.len() as u64 > MAX_FILE_BYTES {
         return Err(MidiError::TooLarge { bytes: bytes.len() as u64 });
@@ -64,8 +64,8 @@ impl Reader {
             };
             let event = match events.next() {
                 Some(Ok(event)) => event,
-                // `midly` ends a track without a word at an event that it cannot read, and lets a text that
-                // claims to be longer than the track swallow the rest of it.
+                // `midly` ends a track silently at an event that it cannot read, and takes the rest of the track as the text of an
+                // event that is too long.
                 None if unread.is_empty() && !may_have_swallowed => break,
                 Some(Err(_)) | None => return Err(bad()),
             };

@@ -1,11 +1,11 @@
 //! Ticks to seconds, and to bars.
 
-use super::MAX_TEMPO_CHANGES;
 use super::chunks::Division;
 use crate::error::MidiError;
+use crate::limits::MAX_TEMPO_CHANGES;
 use crate::meter::{BeatGrid, Stretch};
 
-/// Until a file says otherwise: 120 quarter notes a minute (Standard MIDI Files 1.0).
+/// Default tempo: 120 quarter notes a minute (Standard MIDI Files 1.0).
 const DEFAULT_MICROS_PER_QUARTER: u32 = 500_000;
 const QUARTERS_PER_WHOLE: f64 = 4.0;
 const MICROS: f64 = 1e6;

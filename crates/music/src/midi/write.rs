@@ -1,8 +1,7 @@
 //! From a song to bytes.
 //!
-//! The beat grid becomes tempo and time signature events, so that other programs show the right bars. Seconds
-//! are rounded to ticks against the tempo *as written*, and each stretch starts from where the reader will be,
-//! so rounding never adds up.
+//! The beat grid becomes tempo and time signature events, so that other programs show the right bars. Seconds are rounded to ticks of the
+//! tempo *as written*, and each stretch starts at the time that a reader will compute, so that rounding errors do not accumulate.
 
 use midly::num::{u4, u7, u24, u28};
 use midly::{Format, Header, MetaMessage, MidiMessage, Smf, Timing, Track, TrackEvent, TrackEventKind};
@@ -10,12 +9,12 @@ use midly::{Format, Header, MetaMessage, MidiMessage, Smf, Timing, Track, TrackE
 use crate::meter::Stretch;
 use crate::song::Song;
 
-/// Divides evenly into triplets, quintuplets and 64ths. Far finer than scores need, so that recorded performances
-/// keep their timing too: a twentieth of a millisecond at usual tempos.
+/// Divisible into triplets, quintuplets and 64ths. A tick is a twentieth of a millisecond at usual tempos, so that recorded performances
+/// keep their timing.
 const TICKS_PER_QUARTER: u16 = 9600;
 const MICROS: f64 = 1e6;
-/// Quarter notes outside this range, in microseconds, are written at its border: below, the ticks of an
-/// hour would not fit their integer; above, the tempo would not fit its field.
+/// Lengths of a quarter note are clamped to this range, in microseconds: below, the ticks of an hour would not fit their integer; above,
+/// the tempo would not fit its field.
 const QUARTER_MICROS: (f64, f64) = (20_000.0, 16_777_215.0);
 /// Longest title written, in bytes.
 const MAX_TITLE: usize = 1000;
@@ -50,7 +49,7 @@ impl Span {
 /// An event with its place: tick, then rank among events of that tick.
 type Placed<'a> = (u32, u32, TrackEventKind<'a>);
 
-/// Ranks within a tick. A release comes before the next stroke of its key, a note of no ticks closes at once.
+/// Ranks within a tick. A release comes before the next stroke of its key; a note of zero ticks ends right after its start.
 const RANK_SIGNATURE: u32 = 0;
 const RANK_RELEASE: u32 = 1;
 const RANK_FIRST_STROKE: u32 = 2;

@@ -1,8 +1,7 @@
-//! Notes made audible.
+//! Rendering notes as sound.
 //!
-//! With a SoundFont a performance sounds like a piano; without one there is a built-in tone, plain but in tune,
-//! so that hearing a result never depends on another download. Samples are mono, 44.1 kHz, from −1 to 1, with a
-//! tail of silence to ring out (as RoboPianist renders, fact sheet §1.9).
+//! With a SoundFont a performance sounds like a piano; without one there is a simple built-in tone. Samples are mono, 44.1 kHz, from −1 to
+//! 1, with a second for the last note to decay, as RoboPianist renders them.
 
 mod piano;
 mod soundfont;
@@ -16,8 +15,8 @@ use thiserror::Error;
 pub use soundfont::SoundFont;
 pub use wav::write_wav;
 
+use crate::limits::MAX_DURATION_SECS;
 use crate::note::Note;
-use crate::song::MAX_DURATION_SECS;
 
 /// Samples a second.
 pub const SAMPLE_RATE_HZ: u32 = 44_100;
@@ -26,7 +25,7 @@ pub const TAIL_SECS: f64 = 1.0;
 /// Loudest sample of a rendering, leaving headroom below full scale.
 const PEAK: f32 = 0.9;
 
-/// Why there is no sound.
+/// Why notes cannot be rendered or written.
 #[derive(Debug, Error)]
 #[non_exhaustive]
 pub enum SoundError {
@@ -44,7 +43,7 @@ pub enum SoundError {
         /// The file.
         path: PathBuf,
     },
-    /// The file is no usable SoundFont.
+    /// The file is not a usable SoundFont.
     #[error("{} is not a usable SoundFont: {why}; use an SF2 file, or leave it out for the built-in tone", .path.display())]
     NotASoundFont {
         /// The file.

@@ -1,7 +1,7 @@
-//! The built-in tone: a handful of decaying partials.
+//! The built-in tone: eight decaying partials.
 //!
-//! What the ear takes for a struck string is a fast onset, overtones that die sooner the higher they are, low
-//! notes that ring longer than high ones, and more overtones the harder the stroke. Nothing else is modelled.
+//! It models what makes a tone sound like a struck string: a fast onset, faster decay of higher overtones and of higher notes, and more
+//! overtones for harder strokes.
 
 use super::{SAMPLE_RATE_HZ, sample_at};
 use crate::note::Note;
@@ -47,7 +47,7 @@ pub(super) fn strike(note: &Note, samples: &mut [f32]) {
         if hz >= rate / 2.0 {
             break;
         }
-        // A point turning and shrinking; its height is the sample.
+        // A rotating and shrinking vector, whose height is the sample.
         let decay = (-n / (ring_secs * rate)).exp();
         let (sin, cos) = (std::f64::consts::TAU * hz / rate).sin_cos();
         let (mut x, mut y) = (force * force * n.powf(-power), 0.0);

@@ -1,7 +1,7 @@
 //! Recorded instruments: a SoundFont played by `rustysynth`.
 //!
-//! The synthesizer trusts the cross-references within a SoundFont and panics where a damaged one points nowhere.
-//! Such a panic is the file's fault and not ours, so it is caught here and told as what it is.
+//! The synthesizer does not check the cross-references within a SoundFont and panics if they are damaged. Such panics are caught here and
+//! reported as a damaged file.
 
 use std::fs::File;
 use std::io::BufReader;
@@ -92,7 +92,7 @@ impl SoundFont {
 
 /// Runs the synthesizer's code on a user's file.
 fn unless_damaged<T>(path: &Path, run: impl FnOnce() -> T) -> Result<T, SoundError> {
-    // Whatever was half done is dropped with the error, so nothing broken is seen afterwards.
+    // After a panic everything that `run` has changed is dropped with the error.
     catch_unwind(AssertUnwindSafe(run)).map_err(|_| damaged(path))
 }
 

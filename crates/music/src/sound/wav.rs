@@ -1,12 +1,12 @@
-//! Samples to a WAV file: 16 bits, mono, as every player reads.
+//! Samples to a WAV file: 16 bits, mono.
 
 use std::io::{self, BufWriter, Seek, Write};
 use std::path::Path;
 
+use atomic_write_file::AtomicWriteFile;
 use hound::{SampleFormat, WavSpec, WavWriter};
 
 use super::{SAMPLE_RATE_HZ, SoundError};
-use crate::files::write_whole;
 
 const SPEC: WavSpec = WavSpec {
     channels: 1,
@@ -15,15 +15,19 @@ const SPEC: WavSpec = WavSpec {
     sample_format: SampleFormat::Int,
 };
 
-/// Writes samples from −1 to 1, mono at [`SAMPLE_RATE_HZ`]; louder ones are clipped. The file appears whole or
-/// not at all.
+/// Writes samples from −1 to 1, mono at [`SAMPLE_RATE_HZ`]; louder ones are clipped. The file is
+/// replaced only when the new contents are complete.
 ///
 /// # Errors
 /// If the file cannot be written; an older file of that name is untouched then.
 pub fn write_wav(path: impl AsRef<Path>, samples: &[f32]) -> Result<(), SoundError> {
     let path = path.as_ref();
-    write_whole(path, |file| encode(samples, BufWriter::new(file)))
-        .map_err(|source| SoundError::Write { path: path.into(), source })
+    let write = || {
+        let mut file = AtomicWriteFile::open(path)?;
+        encode(samples, BufWriter::new(&mut file))?;
+        file.commit()
+    };
+    write().map_err(|source| SoundError::Write { path: path.into(), source })
 }
 
 fn encode(samples: &[f32], out: impl Write + Seek) -> io::Result<()> {
@@ -33,7 +37,7 @@ fn encode(samples: &[f32], out: impl Write + Seek) -> io::Result<()> {
     };
     let mut wav = WavWriter::new(out, SPEC).map_err(as_io)?;
     for sample in samples {
-        // `as` saturates, and takes what is no number for silence.
+        // `as` saturates, and converts NaN to 0.
         wav.write_sample((sample * f32::from(i16::MAX)).round() as i16).map_err(as_io)?;
     }
     wav.finalize().map_err(as_io)

@@ -102,14 +102,14 @@ fn furthest(a: [f64; JOINTS], b: [f64; JOINTS]) -> f64 {
 
 #[test]
 fn an_encoder_bias_is_read_but_moves_nothing_by_itself() {
-    let honest = bench::nominal();
+    let unbiased = bench::nominal();
     let mut world = biased(0.05);
     for joint in 0..JOINTS {
         let bias = if joint == RAIL { 0.01 } else { 0.05 };
-        assert!((world.joints()[joint] - honest.joints()[joint] - bias).abs() < 1e-12);
+        assert!((world.joints()[joint] - unbiased.joints()[joint] - bias).abs() < 1e-12);
     }
     for finger in 0..3 {
-        assert_eq!(world.fingertip(finger), honest.fingertip(finger), "the true place is the same");
+        assert_eq!(world.fingertip(finger), unbiased.fingertip(finger), "the true place is the same");
     }
     let targets = world.start_pose();
     for _ in 0..20 {
@@ -121,14 +121,14 @@ fn an_encoder_bias_is_read_but_moves_nothing_by_itself() {
 /// The hand that trusts wrong encoders reads what it wants and misses by as much.
 #[test]
 fn an_encoder_bias_is_obeyed() {
-    let honest = bench::nominal();
+    let unbiased = bench::nominal();
     // Downward, so that the start pose does not run into the end of a joint.
     let mut world = biased(-0.05);
     for _ in 0..60 {
-        world.step(&honest.start_pose());
+        world.step(&unbiased.start_pose());
     }
-    assert!(furthest(world.joints(), honest.start_pose()) < 1e-3);
-    let (wanted, found) = (honest.fingertip(0), world.fingertip(0));
+    assert!(furthest(world.joints(), unbiased.start_pose()) < 1e-3);
+    let (wanted, found) = (unbiased.fingertip(0), world.fingertip(0));
     assert!((wanted[1] - found[1] - 0.01).abs() < 0.008, "the rail's bias: {wanted:?} {found:?}");
     let missed = wanted.iter().zip(found).map(|(a, b)| (a - b) * (a - b)).sum::<f64>().sqrt();
     assert!(missed > 0.01, "{missed}");

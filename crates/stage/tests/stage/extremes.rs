@@ -1,11 +1,11 @@
-//! Within stated bounds, no parameter in its range and no target may upset the engine: a NaN or a silent restart in the
+//! Within stated bounds, no parameter in its range and no target may make the simulation unstable: a NaN or a silent reset in the
 //! middle of a training costs days.
 //!
-//! Rows span decades, and each is set by itself. Some combinations ask for motion that steps of 5 ms cannot follow, and
-//! MuJoCo then starts over. Two rules keep clear of them. Each ties one number to an inertia; all others stay free.
+//! Rows span orders of magnitude and are set independently. Some combinations lead to motion too fast for steps of 5 ms, and
+//! MuJoCo then resets itself. Two rules exclude them. Each limits one number by an inertia; all others are free.
 //!
 //! - A key's spring must be stable by itself. MuJoCo integrates springs explicitly and damping implicitly: a hinge with
-//!   inertia I, stiffness k and damping d swings up without end unless dt²·k < 2·(2·I + dt·d). The lightest keys break
+//!   inertia I, stiffness k and damping d is unstable unless dt²·k < 2·(2·I + dt·d). The lightest keys break
 //!   this (the black ones, at the smallest armature and damping, from k = 4.2 on).
 //! - A drive must not be too strong for the inertia that is surely there: its armature, and the whole hand on the rail.
 //!   By itself it may at most cross its joint's range at a rate of 0.4 ranges in a step, which for a finger's flexion is
@@ -147,7 +147,7 @@ proptest! {
     #![proptest_config(bench::cases(64))]
 
     #[test]
-    fn no_controlled_world_upsets_the_engine(
+    fn every_controlled_world_is_stable(
         params in params(Actuation::Controlled),
         targets in targets(),
     ) {
@@ -156,7 +156,7 @@ proptest! {
     }
 
     #[test]
-    fn no_world_with_position_actuators_upsets_the_engine(
+    fn every_world_with_position_actuators_is_stable(
         params in params(Actuation::Position),
         targets in targets(),
     ) {

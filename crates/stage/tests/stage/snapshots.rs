@@ -1,4 +1,4 @@
-//! A restored world goes on as if nothing had happened, bit for bit, in this world or another of its kind.
+//! A restored world continues bit for bit, in this world or another of its kind.
 //!
 //! The risk is what MuJoCo keeps outside its state vector: warm starts, and above all which keys sleep.
 

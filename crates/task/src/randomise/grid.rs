@@ -1,4 +1,4 @@
-//! A fixed set of worlds that fills the space of randomisation evenly, to compare policies on.
+//! A fixed set of worlds that covers the range of the randomisation evenly, to compare policies on.
 
 use etude_learn::seed;
 use etude_stage::params::PhysicalParams;
@@ -9,14 +9,14 @@ use rand_pcg::Pcg64;
 use super::Randomisation;
 
 impl Randomisation {
-    /// `worlds` worlds at the full intensity, without a curriculum: a Latin hypercube (McKay, Beckman, Conover 1979), so
-    /// that for each number that varies the worlds take the middles of `worlds` equally likely parts of its range, each
-    /// once. The same for the same arguments.
+    /// `worlds` worlds at the full intensity, without a curriculum: a Latin hypercube (McKay, Beckman, Conover 1979). The
+    /// range of each randomised number is divided into `worlds` equally likely parts, and each world takes the middle of
+    /// another part. The same arguments give the same worlds.
     pub fn grid(&self, worlds: usize, root_seed: u64) -> Vec<PhysicalParams> {
         let mut grid = vec![self.nominal.clone(); worlds];
         let mut parts: Vec<usize> = (0..worlds).collect();
         for spread in &self.spreads {
-            // One stream a number: the order of a number's parts does not depend on what else varies.
+            // One random stream a number: the order of its parts does not depend on the other randomised numbers.
             let purpose = format!("grid/{}", spread.slot.path());
             parts.sort_unstable();
             parts.shuffle(&mut Pcg64::seed_from_u64(seed::split(root_seed, &purpose)));

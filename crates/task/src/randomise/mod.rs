@@ -1,9 +1,9 @@
-//! Domain randomisation: worlds about a nominal one, drawn anew for each episode without rebuilding the model.
+//! Domain randomisation: physical numbers are drawn about their nominal values for each episode, without rebuilding the model.
 //!
-//! One intensity `C` in [0, 1] scales every width: at 0 the world keeps its nominal numbers, at 1 a quantity covers
-//! its full range (authors' code, fact sheet "simulation and learning" §2.5). Everything shrinks toward the nominal value,
-//! which is therefore the median of what is drawn: an identified simulator is randomised about what was identified. How
-//! wide is a choice: the paper's seven quantities, or a half-width for each identified number ([`Widths`]).
+//! One intensity `C` in [0, 1] scales every width, as in the code of the paper's authors (lasr-lab/learning-to-play-piano): at 0
+//! the world keeps its nominal numbers, at 1 a quantity covers its full range. Ranges shrink toward the nominal value, which is
+//! therefore the median of the draws: an identified simulator is randomised about the identified values. [`Widths`] are either
+//! those of the paper's seven quantities, or a half-width for each identified number.
 
 mod grid;
 mod spread;
@@ -13,13 +13,13 @@ mod widths;
 #[cfg(test)]
 mod tests;
 
-use etude_stage::params::{Joint, PhysicalParams, World};
+use etude_stage::params::{Joint, PhysicalParams, Slot, World};
 use etude_stage::{Actuation, JOINTS, RAIL};
 use rand_pcg::Pcg64;
 use serde::{Deserialize, Serialize};
 
 use crate::TaskError;
-use spread::{Reach, Slot, Spread};
+use spread::{Reach, Spread};
 pub use widths::Widths;
 
 /// How much to randomise.
@@ -28,11 +28,10 @@ pub use widths::Widths;
 pub struct RandomisationConfig {
     /// The paper's C_dr: 0 is none, 1 is all.
     pub intensity: f64,
-    /// What varies, and how far at full intensity.
+    /// What is randomised, and how far at full intensity.
     pub widths: Widths,
-    /// Environment steps of a training in which the intensity rises from 0 to its value, in proportion; 0 for none. Episodes
-    /// of every intensity so far share the replay, so it should take a good part of the training (fact sheet "speed
-    /// and sample efficiency" §6).
+    /// Environment steps of a training during which the intensity rises linearly from 0 to its value; 0 for no curriculum.
+    /// Episodes of all intensities share the replay buffer, so it should take a good part of the training; a judgement.
     pub curriculum_steps: u64,
 }
 
@@ -65,7 +64,7 @@ pub struct Randomisation {
     intensity: f64,
     curriculum_steps: u64,
     spreads: Vec<Spread>,
-    /// How the joints are driven, if the drawn numbers are to be kept from what upsets the engine.
+    /// How the joints are driven; `None` if the drawn numbers are not limited to those for which the physics is stable.
     guarded: Option<Actuation>,
 }
 
@@ -73,14 +72,14 @@ impl Randomisation {
     /// Worlds about `nominal`, whose joints are driven by `actuation`.
     ///
     /// # Errors
-    /// If a width is not a number of at least 0, or of a parameter that there is not.
+    /// If a width is negative or not finite, or its path is unknown.
     pub fn new(
         nominal: PhysicalParams,
         config: &RandomisationConfig,
         actuation: Actuation,
     ) -> Result<Self, TaskError> {
         let (spreads, guarded) = match &config.widths {
-            // As the authors draw them; tests/task/randomisation.rs checks that the engine bears it.
+            // As the authors draw them; tests/task/randomisation.rs checks that the physics stays stable.
             Widths::Paper => (papers(), None),
             Widths::Identified(widths) => (widths::spreads(widths)?, Some(actuation)),
         };
@@ -101,8 +100,8 @@ impl Randomisation {
         self.intensity > 0.0
     }
 
-    /// The next world, for an episode that begins after `steps` environment steps of a training. Without intensity nothing
-    /// is drawn.
+    /// Draws the numbers of an episode that begins after `steps` environment steps of a training. At intensity 0 the random
+    /// stream is not used.
     pub fn draw(&self, steps: u64, random: &mut Pcg64) -> PhysicalParams {
         let intensity = self.intensity_after(steps);
         let mut params = self.nominal.clone();
@@ -115,7 +114,7 @@ impl Randomisation {
         self.guard(params)
     }
 
-    /// Paths of the numbers that vary, in the order in which they are drawn.
+    /// Paths of the randomised numbers, in the order in which they are drawn.
     pub fn paths(&self) -> impl Iterator<Item = String> {
         self.spreads.iter().map(|spread| spread.slot.path())
     }

@@ -1,62 +1,29 @@
-//! How far one number goes from its nominal value.
+//! How far one number is randomised about its nominal value.
 
-use etude_stage::JOINT_NAMES;
-use etude_stage::params::{Joint, PhysicalParams, World};
+use etude_stage::params::{PhysicalParams, Slot};
 use rand::RngExt as _;
 use rand_pcg::Pcg64;
 
-/// Where one number of [`PhysicalParams`] lies.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) enum Slot {
-    World(World),
-    Joint(Joint, usize),
-}
-
-/// How far a number goes at full intensity.
+/// The range of a number at full intensity.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Reach {
-    /// From the first to the second; to the nominal value where that lies outside.
+    /// From the first to the second, extended to the nominal value where that lies outside.
     Between(f64, f64),
-    /// The nominal value plus or minus this.
+    /// The nominal value ± this.
     Around(f64),
-    /// The nominal value times one plus or minus this.
+    /// The nominal value times (1 ± this).
     Scaled(f64),
 }
 
-/// One number and how far it goes.
+/// One number and its range.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Spread {
     pub slot: Slot,
     pub reach: Reach,
 }
 
-impl Slot {
-    /// As [`PhysicalParams::rows`] names it.
-    pub(super) fn path(self) -> String {
-        match self {
-            Self::World(quantity) => quantity.row().name.to_string(),
-            Self::Joint(quantity, joint) => format!("joint.{}.{}", JOINT_NAMES[joint], quantity.row().name),
-        }
-    }
-
-    fn get(self, params: &PhysicalParams) -> f64 {
-        match self {
-            Self::World(quantity) => params.world(quantity),
-            Self::Joint(quantity, joint) => params.joint(quantity, joint),
-        }
-    }
-
-    /// Clamps to the row.
-    fn set(self, params: &mut PhysicalParams, value: f64) {
-        match self {
-            Self::World(quantity) => params.set_world(quantity, value),
-            Self::Joint(quantity, joint) => params.set_joint(quantity, joint, value),
-        }
-    }
-}
-
 impl Spread {
-    /// The largest deviation that [`draw`](Self::draw) gives, to either side.
+    /// The largest deviation that [`draw`](Self::draw) returns, to either side.
     pub(super) fn widest(&self) -> f64 {
         match self.reach {
             Reach::Between(..) | Reach::Around(_) => 1.0,
@@ -64,7 +31,7 @@ impl Spread {
         }
     }
 
-    /// A deviation, uniform to either side.
+    /// Draws a deviation, uniform to either side.
     pub(super) fn draw(&self, random: &mut Pcg64) -> f64 {
         match self.reach {
             Reach::Between(..) => {
@@ -77,9 +44,9 @@ impl Spread {
         }
     }
 
-    /// Puts the number, which `params` holds at its nominal value, `deviation` off it.
+    /// Moves the number, which `params` holds at its nominal value, by `deviation` times `intensity`.
     pub(super) fn set(&self, params: &mut PhysicalParams, intensity: f64, deviation: f64) {
-        let nominal = self.slot.get(params);
+        let nominal = params.value(self.slot);
         let value = match self.reach {
             Reach::Between(low, high) => {
                 let end = if deviation < 0.0 { low.min(nominal) } else { high.max(nominal) };
@@ -88,6 +55,6 @@ impl Spread {
             Reach::Around(width) => nominal + intensity * deviation * width,
             Reach::Scaled(_) => nominal * (1.0 + intensity * deviation),
         };
-        self.slot.set(params, value);
+        params.set_clamped(self.slot, value);
     }
 }

@@ -1,10 +1,9 @@
-//! Two limits within which a world of drawn numbers cannot upset the engine.
+//! Two limits within which the physics of a world with drawn numbers is stable.
 //!
-//! A wide draw of inertias, torques or springs can ask for motion that physics steps of 5 ms cannot follow; MuJoCo then
-//! starts the world over in the middle of an episode, without a word. The limits are those of
-//! `crates/stage/tests/stage/extremes.rs`, whose tests find every combination calm that keeps to them: a key's spring well
-//! below where its own integration swings up, and a drive that crosses its joint's range no faster than 0.4 ranges in a
-//! step.
+//! A wide draw of inertias, torques or springs can lead to motion too fast for physics steps of 5 ms; MuJoCo then diverges and
+//! resets itself in the middle of an episode. The limits are those of `crates/stage/tests/stage/extremes.rs`, whose tests find
+//! every combination within them stable: a key's spring well below the stability limit of its integration, and a drive that
+//! crosses its joint's range no faster than 0.4 ranges in a step.
 
 use etude_music::CONTROL_HZ;
 use etude_stage::geometry::BLACK;
@@ -16,11 +15,11 @@ use etude_stage::{Actuation, JOINTS, PHYSICS_STEPS, RAIL, joint_range};
 const STEP_SECS: f64 = 1.0 / (CONTROL_HZ * PHYSICS_STEPS as f64);
 /// Share of the stiffness at which the lightest key loses stability. Half, since fingers touch keys.
 const KEY_SHARE: f64 = 0.5;
-/// Fastest that a drive may by itself cross its joint's range, ranges per second.
+/// Greatest speed that a drive alone may reach over its joint's range, ranges per second.
 const FASTEST: f64 = 0.4 / STEP_SECS;
 
-/// Takes drawn numbers back to the limits. A number whose nominal value is beyond its limit already is left alone: whoever
-/// set it wanted it.
+/// Clamps drawn numbers to the limits. A number whose nominal value is already beyond its limit is not clamped: the
+/// configuration asks for it.
 pub(super) fn keep(params: &mut PhysicalParams, nominal: &PhysicalParams, actuation: Actuation) {
     if nominal.world(World::KeyStiffness) <= stiffest_key(nominal) {
         let stiffness = params.world(World::KeyStiffness).min(stiffest_key(params));

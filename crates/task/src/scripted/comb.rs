@@ -6,38 +6,49 @@ use etude_stage::hand::TIP_RADIUS;
 use etude_stage::params::World;
 use etude_stage::{PhysicalParams, Side, kinematics};
 
-use super::ScriptedConfig;
+/// Clearance of a waiting fingertip over its key, m: above the fences, low enough for a quick strike.
+const HOVER_M: f64 = 0.006;
+/// Clearance over black keys while a finger moves to or from one, m.
+const TRAVEL_M: f64 = 0.010;
+/// Depth of a strike as a fraction of the key's travel. It is above 1 because the reference slows down near its target and because
+/// the springs of key and joints yield.
+const DEPTH: f64 = 1.2;
+/// How far a fingertip may be to either side of its place with an unturned root, m.
+pub(super) const PLAY_M: f64 = 0.020;
+/// Where white keys are pressed, m toward the player from their middle.
+const WHITE_X_M: f64 = 0.028;
+/// Where black keys are pressed, m toward the player from their middle: near the front, close to the white keys.
+const BLACK_X_M: f64 = 0.034;
 
-/// Places for fingertips (their centres), in the world.
+/// Places for the centres of the fingertips, in the world frame.
 pub(super) struct Comb {
     side: Side,
-    config: ScriptedConfig,
     keyboard: [f64; 3],
 }
 
 impl Comb {
-    pub(super) fn new(side: Side, params: &PhysicalParams, config: &ScriptedConfig) -> Self {
+    pub(super) fn new(side: Side, params: &PhysicalParams) -> Self {
         let keyboard =
             [World::KeyboardDepth, World::KeyboardLateral, World::KeyboardHeight].map(|q| params.world(q));
-        Self { side, config: config.clone(), keyboard }
+        Self { side, keyboard }
     }
 
     /// Place `[x, y]` over a key, m.
     pub(super) fn over(&self, key: usize) -> [f64; 2] {
         let [_, y, _] = key_target(key);
         let black = key_is_black(key);
-        let x = if black { BLACK.x + self.config.black_x_m } else { WHITE.x + self.config.white_x_m };
+        let x = if black { BLACK.x + BLACK_X_M } else { WHITE.x + WHITE_X_M };
         [x + self.keyboard[0], y + self.keyboard[1]]
     }
 
     /// Height of a waiting fingertip over `key`, m.
     pub(super) fn hover(&self, key: usize) -> f64 {
-        KeyShape::of(key).top() + TIP_RADIUS + self.config.hover_m.max(FENCE_RISE) + self.keyboard[2]
+        KeyShape::of(key).top() + TIP_RADIUS + HOVER_M.max(FENCE_RISE) + self.keyboard[2]
     }
 
     /// Height at which a fingertip passes over black keys, m.
     pub(super) fn travel(&self) -> f64 {
-        BLACK.top() + TIP_RADIUS + self.config.travel_m + self.keyboard[2]
+        BLACK.top() + TIP_RADIUS + TRAVEL_M + self.keyboard[2]
     }
 
     /// Height that a strike of `key` aims for, m.
@@ -45,12 +56,12 @@ impl Comb {
         let shape = KeyShape::of(key);
         let from_hinge = self.over(key)[0] - self.keyboard[0] - shape.x + shape.size[0] / 2.0;
         let travel = shape.max_angle() * from_hinge;
-        shape.top() + TIP_RADIUS - self.config.depth * travel + self.keyboard[2]
+        shape.top() + TIP_RADIUS - DEPTH * travel + self.keyboard[2]
     }
 
-    /// Where a finger's tip is along the keyboard when its root is not turned, for a tip at depth `x`, the rail centred, m.
+    /// Lateral place of a fingertip at depth `x` when the finger's root is not turned and the rail is centred, m.
     pub(super) fn unturned(&self, finger: usize, x: f64) -> f64 {
-        // An unturned finger stays in one upright plane; two of its poses give the plane.
+        // An unturned finger moves in one upright plane, which two of its poses define.
         let straight = kinematics::fingertip(self.side, finger, &[0.0; 4], 0.0);
         let bent =
             kinematics::fingertip(self.side, finger, &[0.0, std::f64::consts::FRAC_PI_2, 0.0, 0.0], 0.0);
@@ -61,15 +72,15 @@ impl Comb {
     pub(super) fn tube(&self, finger: usize, key: usize) -> [f64; 2] {
         let [x, y] = self.over(key);
         let rail = y - self.unturned(finger, x);
-        [(rail - self.config.play_m).max(-HALF_WIDTH), (rail + self.config.play_m).min(HALF_WIDTH)]
+        [(rail - PLAY_M).max(-HALF_WIDTH), (rail + PLAY_M).min(HALF_WIDTH)]
     }
 
-    /// Joint angles that bring a fingertip to `target`, or as near to it sideways as the finger's play allows.
+    /// Joint angles that bring a fingertip to `target`, or as near to it laterally as the finger's play allows.
     pub(super) fn angles(&self, finger: usize, target: [f64; 3], rail: f64) -> Option<[f64; 4]> {
         let [x, y, z] = target;
         let unturned = self.unturned(finger, x) + rail;
         // A little more than the planned play: the rail is not always where it is planned to be.
-        let play = self.config.play_m * 1.25;
+        let play = PLAY_M * 1.25;
         let y = y.clamp(unturned - play, unturned + play);
         kinematics::reach(self.side, finger, [x, y, z], rail)
             .or_else(|| kinematics::reach(self.side, finger, [x, unturned, z], rail))

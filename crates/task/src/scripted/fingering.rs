@@ -1,32 +1,37 @@
-//! Which finger plays which key, and where the rail is then: dynamic programming over the song.
+//! Which finger plays which key, and where the rail is: dynamic programming over the song.
 //!
-//! A state is what sounds at one moment: a key or none for each finger, and a rail position from which all of them
-//! reach. Costs are control steps of notes lost (to skip a note costs all of it, a rail or a finger that is too slow
-//! costs the end of the note before), so that the plan minimises what F1 counts; small extras prefer unturned fingers
-//! and short ways among equals.
+//! A state is what sounds at one moment: a key or none for each finger, and a rail position from which the fingers reach their keys.
+//! The cost is the number of control steps of notes that are lost, which is close to what F1 measures: a skipped note costs all its
+//! steps, a rail or finger that is too slow costs the end of the note before. Small additional costs prefer unturned fingers and
+//! short movements.
 
 use etude_music::key_is_black;
 use etude_stage::FINGERS;
 use etude_stage::geometry::HALF_WIDTH;
 
-use super::ScriptedConfig;
-use super::comb::Comb;
-use super::limits::LimitKind;
-use super::rail::{CONTROL_SECS, Rail};
+use super::comb::{Comb, PLAY_M};
+use super::limits::{Limit, LimitKind, Limits};
+use super::rail::{CONTROL_SECS, LEAD_STEPS, Rail};
 use super::strokes::{Slice, Stroke};
 
+/// Least distance of two neighbouring fingers that press at once, m: the width of a finger's links.
+const SEPARATION_M: f64 = 0.021;
+/// Silent control steps that a finger needs between two different keys.
+const CHANGE_STEPS: usize = 3;
+/// The same between a white key and a black one: up, across the edge, down.
+const BLACK_CHANGE_STEPS: usize = 6;
 /// Rail positions tried for one choice of fingers.
 const RAIL_CHOICES: usize = 9;
 /// States kept at each moment.
 const BEAM: usize = 96;
-/// Keys considered at one moment: many more than fingers, so that some chord of them is in reach.
+/// Keys considered at one moment: many more than fingers, so that fingers can reach some of them together.
 const MOST_KEYS: usize = 10;
 /// Cost of a finger turned to the end of its play, in control steps.
 const TURN_COST: f64 = 0.1;
 /// Cost of a metre of rail, in control steps.
 const TRAVEL_COST: f64 = 3.0;
 
-/// What the hand does at one moment.
+/// A state: what the hand plays at one moment, and where it is.
 #[derive(Clone, Debug)]
 pub(super) struct Place {
     /// The stroke that each finger plays.
@@ -38,22 +43,21 @@ pub(super) struct Place {
     cost: f64,
 }
 
-/// What one change of place costs.
+/// What it takes to get from one place to the next.
 pub(super) struct Change {
-    /// Control steps of silence needed before the next strikes.
+    /// Control steps of silence that the rail needs before the next strikes.
     pub rail_steps: usize,
-    /// How far the rail has to go in them, m.
+    /// How far the rail moves in them, m.
     pub travel: f64,
-    /// The same for fingers that change keys.
+    /// Control steps of silence that each finger needs to change keys.
     pub finger_steps: [usize; FINGERS],
     cost: f64,
 }
 
-/// What the planner knows.
+/// The song, and the models of hand and rail.
 pub(super) struct Planner<'a> {
     pub comb: &'a Comb,
     pub rail: &'a Rail,
-    pub config: &'a ScriptedConfig,
     pub strokes: &'a [Stroke],
     pub slices: &'a [Slice],
 }
@@ -79,7 +83,7 @@ impl Planner<'_> {
         let mut chosen = 0;
         let mut plan = Vec::with_capacity(layers.len());
         for layer in layers.into_iter().rev() {
-            // No layer is empty: the hand that plays nothing can always be reached.
+            // No layer is empty: the state in which no finger plays can always be reached.
             let Some((place, _, before)) = layer.into_iter().nth(chosen) else { break };
             plan.push(place);
             chosen = before;
@@ -104,7 +108,7 @@ impl Planner<'_> {
         Some((to, cost, before))
     }
 
-    /// Every way to play some of what sounds in `slice`.
+    /// Every way to play some of the strokes that sound in `slice`.
     fn places(&self, slice: &Slice) -> Vec<Place> {
         let mut hands = Vec::new();
         let keys = &slice.sounding[..slice.sounding.len().min(MOST_KEYS)];
@@ -122,7 +126,7 @@ impl Planner<'_> {
                 let rail = tube[0] + (tube[1] - tube[0]) * choice as f64 / (RAIL_CHOICES - 1) as f64;
                 let turn = |finger: usize, stroke: usize| {
                     let [low, high] = self.comb.tube(finger, self.strokes[stroke].key);
-                    ((rail - (low + high) / 2.0) / self.config.play_m).powi(2)
+                    ((rail - (low + high) / 2.0) / PLAY_M).powi(2)
                 };
                 let turned: f64 = hand.iter().enumerate().filter_map(|(f, s)| s.map(|s| turn(f, s))).sum();
                 places.push(Place { hand, rail, tube, cost: skipped + TURN_COST * turned });
@@ -147,7 +151,7 @@ impl Planner<'_> {
             let key = self.strokes[*stroke].key;
             let apart = |other: usize| {
                 let [from, to] = [key, self.strokes[other].key].map(|key| self.comb.over(key)[1]);
-                (from - to).abs() >= self.config.separation_m
+                (from - to).abs() >= SEPARATION_M
             };
             if hand.iter().flatten().all(|other| apart(*other)) {
                 let mut hand = hand;
@@ -164,8 +168,8 @@ impl Planner<'_> {
         tubes.fold([-HALF_WIDTH, HALF_WIDTH], |tube, [low, high]| [tube[0].max(low), tube[1].min(high)])
     }
 
-    /// What it takes to get from a place at slice `index` to one at the next; `None` if that would move a held note
-    /// to another finger or begin a note late.
+    /// What it takes to get from a place at slice `index` to one at the next; `None` if a held note would change fingers or a note
+    /// would begin late.
     pub(super) fn change(&self, index: usize, from: &Place, to: &Place) -> Option<Change> {
         let step = self.slices[index + 1].start;
         let kept = |finger: usize| to.hand[finger].is_some() && to.hand[finger] == from.hand[finger];
@@ -181,7 +185,7 @@ impl Planner<'_> {
         let travel = (to.rail - waiting).abs();
         let needed = (to.tube[0] - waiting).max(waiting - to.tube[1]).max(0.0);
         let last = ending().map(|(_, stroke)| released(stroke)).max();
-        let head_start = self.config.rail_lead + last.map_or(step - self.slices[index].start, |_| 0);
+        let head_start = LEAD_STEPS + last.map_or(step - self.slices[index].start, |_| 0);
         let rail_steps = self.rail.steps_to(travel, needed).saturating_sub(head_start);
 
         let mut finger_steps = [0; FINGERS];
@@ -193,17 +197,16 @@ impl Planner<'_> {
                     .flatten()
                     .filter(|key| key_is_black(*key));
                 let crosses = black.count() == 1;
-                finger_steps[finger] =
-                    if crosses { self.config.black_change_steps } else { self.config.change_steps };
+                finger_steps[finger] = if crosses { BLACK_CHANGE_STEPS } else { CHANGE_STEPS };
             }
-            // A neighbour that comes down beside the finger needs it out of the way first.
+            // The finger must move away before a neighbour comes down right beside it.
             let y = self.comb.over(self.strokes[stroke].key)[1];
             let near = |other: usize| {
                 let key = self.strokes[other].key;
-                (self.comb.over(key)[1] - y).abs() < self.config.separation_m
+                (self.comb.over(key)[1] - y).abs() < SEPARATION_M
             };
             if (0..FINGERS).any(|f| f != finger && !kept(f) && to.hand[f].is_some_and(near)) {
-                finger_steps[finger] = finger_steps[finger].max(self.config.change_steps);
+                finger_steps[finger] = finger_steps[finger].max(CHANGE_STEPS);
             }
         }
         let lost: usize = ending()
@@ -233,7 +236,7 @@ pub(super) struct Played {
     pub stroke: usize,
 }
 
-/// Every note that the plan plays, in order of their beginning, each ending where its finger has to go.
+/// Every note that the plan plays, in order of their start; each ends when its finger must move on.
 pub(super) fn played(planner: &Planner<'_>, plan: &[Place]) -> Vec<Played> {
     let mut notes: Vec<Played> = Vec::new();
     for (index, (slice, place)) in planner.slices.iter().zip(plan).enumerate() {
@@ -268,6 +271,31 @@ pub(super) fn played(planner: &Planner<'_>, plan: &[Place]) -> Vec<Played> {
         }
     }
     notes
+}
+
+/// Lists the notes that are not played as written.
+pub(super) fn limits(planner: &Planner<'_>, played: &[Played]) -> Limits {
+    let mut limits = Limits { total_notes: planner.strokes.len(), ..Limits::default() };
+    for (index, stroke) in planner.strokes.iter().enumerate() {
+        let note = played.iter().find(|note| note.stroke == index);
+        let slice = planner.slices.iter().find(|slice| slice.start == stroke.start);
+        let kind = match note {
+            Some(note) => note.cut,
+            None => slice.map(|slice| planner.why_skipped(slice)),
+        };
+        if let Some(kind) = kind {
+            let lost_steps = stroke.end - note.map_or(stroke.start, |note| note.end);
+            limits.notes.push(Limit { kind, key: stroke.key, step: stroke.start, lost_steps });
+        }
+    }
+    limits.quick_restrikes = played
+        .iter()
+        .filter(|note| {
+            let again = |other: &&Played| other.finger == note.finger && other.end + 1 == note.start;
+            played.iter().find(again).is_some_and(|before| before.key == note.key)
+        })
+        .count();
+    limits
 }
 
 /// Time until `step`, s.

@@ -1,8 +1,8 @@
-//! How far the hand lags behind its targets: measured in a world of its own before the song is planned.
+//! Lags of the hand behind its targets, measured in a separate world before the song is planned.
 //!
-//! The lags follow from filters, limits, gains, masses and the keys' springs together, and all of those may vary. So
-//! they are no constants here: one finger strikes one white and one black key and turns aside once, which takes a few
-//! milliseconds of computing. In the nominal world a strike takes 85 ms (black: 95), a release 65 ms (60); a turn lags by 90 ms.
+//! The lags depend on filters, limits, gains, masses and the springs of the keys, all of which may vary. So they are measured: one
+//! finger strikes one white and one black key and turns once, which takes a few milliseconds of computing. With the default numbers
+//! a strike takes 85 ms (black: 95), a release 65 ms (60), and a turn lags by 90 ms.
 
 use etude_stage::hand::FINGER_JOINTS;
 use etude_stage::params::Joint;
@@ -12,17 +12,17 @@ use super::comb::Comb;
 use super::rail::CONTROL_SECS;
 use crate::TaskError;
 
-/// The finger that tries: the middle one, whose root stands straight.
+/// The finger that is measured: the middle one, whose root is not splayed.
 const FINGER: usize = 1;
 /// Middle C and its sharp.
 const KEYS: [usize; 2] = [24, 25];
 /// Long enough for any move to end, control steps.
 const TRIAL_STEPS: usize = 20;
-/// Taken where a key never sounds in the trial, s.
+/// Lag that is assumed if the key does not sound in the trial, s.
 const UNKNOWN_SECS: f64 = 0.1;
 /// A small turn of the finger, rad.
 const TURN_RAD: f64 = 0.1;
-/// A key may cross its threshold this close to the wrong control step, s: one physics step.
+/// A key may cross its threshold this much before the end of a control step, s: one physics step.
 const MARGIN_SECS: f64 = 0.005;
 
 /// Leads of white and of black keys, in control steps, and the lag of a turn.
@@ -31,7 +31,7 @@ pub(super) struct Lags {
     pub strike: [usize; 2],
     /// From the target that lifts to the first step in which it does not.
     pub release: [usize; 2],
-    /// Mean lag of a finger joint that follows a moving target held for control steps, s.
+    /// Mean lag of a finger joint behind a moving target that changes once a control step, s.
     pub follow_secs: f64,
 }
 
@@ -42,7 +42,7 @@ impl Lags {
         params: &PhysicalParams,
         comb: &Comb,
     ) -> Result<Self, TaskError> {
-        // Places are true ones here: lags are the same whatever the encoders read.
+        // Without encoder biases, since lags do not depend on them.
         let mut params = params.clone();
         (0..JOINTS).for_each(|joint| params.set_joint(Joint::EncoderBias, joint, 0.0));
         let mut world = World::new(stage, &params)?;
@@ -73,7 +73,7 @@ fn with(pose: &[f64; RAIL + 1], angles: [f64; FINGER_JOINTS]) -> [f64; RAIL + 1]
     pose
 }
 
-/// The whole control steps in a lag; the rest falls inside the step that it should.
+/// The whole control steps in a lag; the rest lies within the intended step.
 fn lead(lag_secs: f64) -> usize {
     ((lag_secs - MARGIN_SECS) / CONTROL_SECS).max(0.0) as usize
 }
@@ -97,7 +97,7 @@ fn turning(world: &mut World) -> f64 {
     let joint = FINGER * FINGER_JOINTS;
     let begin = pose[joint];
     pose[joint] += TURN_RAD;
-    let mut behind = CONTROL_SECS / 2.0; // A target that is held is half a control step late by itself.
+    let mut behind = CONTROL_SECS / 2.0; // A target that is held for a control step is half a step late on average.
     let mut before = 0.0;
     for _ in 0..TRIAL_STEPS {
         world.step(&pose);
@@ -111,7 +111,6 @@ fn turning(world: &mut World) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::ScriptedConfig;
 
     #[test]
     fn slower_joints_lag_more() {
@@ -119,7 +118,7 @@ mod tests {
         let measured = |low_pass: f64| {
             let mut params = PhysicalParams::default();
             params.set("joint.fingers.low_pass", low_pass).unwrap();
-            let comb = Comb::new(stage.side, &params, &ScriptedConfig::default());
+            let comb = Comb::new(stage.side, &params);
             Lags::measure(&stage, &params, &comb).unwrap()
         };
         let (quick, slow) = (measured(0.005), measured(0.15));
@@ -130,7 +129,7 @@ mod tests {
     #[test]
     fn lags_do_not_depend_on_what_encoders_read() {
         let stage = StageConfig::default();
-        let comb = Comb::new(stage.side, &PhysicalParams::default(), &ScriptedConfig::default());
+        let comb = Comb::new(stage.side, &PhysicalParams::default());
         let measured = |params: &PhysicalParams| Lags::measure(&stage, params, &comb).unwrap();
         let mut params = PhysicalParams::default();
         let straight = measured(&params);

@@ -1,10 +1,9 @@
-//! What keeps the script from playing a song as written.
+//! Notes that the scripted player cannot play as written, and why.
 
 use std::fmt;
 
 use etude_music::{LOWEST_PITCH, pitch_name};
 
-use super::fingering::{Planner, Played};
 use super::rail::CONTROL_SECS;
 
 /// Why something is not played as written.
@@ -35,7 +34,7 @@ pub struct Limit {
     pub lost_steps: usize,
 }
 
-/// Everything that is not played as written, in order of time.
+/// All notes that are not played as written, in order of time.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Limits {
     /// The notes.
@@ -94,29 +93,4 @@ impl fmt::Display for Limits {
         }
         Ok(())
     }
-}
-
-/// Compares what is played with what is written.
-pub(super) fn limits(planner: &Planner<'_>, played: &[Played]) -> Limits {
-    let mut limits = Limits { total_notes: planner.strokes.len(), ..Limits::default() };
-    for (index, stroke) in planner.strokes.iter().enumerate() {
-        let note = played.iter().find(|note| note.stroke == index);
-        let slice = planner.slices.iter().find(|slice| slice.start == stroke.start);
-        let kind = match note {
-            Some(note) => note.cut,
-            None => slice.map(|slice| planner.why_skipped(slice)),
-        };
-        if let Some(kind) = kind {
-            let lost_steps = stroke.end - note.map_or(stroke.start, |note| note.end);
-            limits.notes.push(Limit { kind, key: stroke.key, step: stroke.start, lost_steps });
-        }
-    }
-    limits.quick_restrikes = played
-        .iter()
-        .filter(|note| {
-            let again = |other: &&Played| other.finger == note.finger && other.end + 1 == note.start;
-            played.iter().find(again).is_some_and(|before| before.key == note.key)
-        })
-        .count();
-    limits
 }

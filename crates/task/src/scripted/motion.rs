@@ -1,33 +1,32 @@
-//! From a plan to joint targets: where the rail is sent at each control step, and what each finger does above it.
+//! From a plan to joint targets: those of the rail at each control step, then those of each finger.
 //!
-//! The rail is sent first, as early as the keys in play allow; then it is known where it will be, and every finger is
-//! turned against it. A finger lifts, goes over its next key, waits, strikes, holds, lifts.
+//! The rail starts to move as early as the keys that are held allow. Its predicted path is then known, and every finger is turned to
+//! compensate it. A finger lifts, moves over its next key, waits, strikes, holds, lifts.
 
 use etude_music::key_is_black;
 use etude_stage::hand::FINGER_JOINTS;
 use etude_stage::params::{Joint, PhysicalParams};
 use etude_stage::{FINGERS, JOINTS, PHYSICS_STEPS, RAIL, joint_range};
 
-use super::ScriptedConfig;
 use super::comb::Comb;
 use super::fingering::{Place, Played, secs};
 use super::lags::Lags;
-use super::rail::{CONTROL_SECS, Rail};
+use super::rail::{CONTROL_SECS, LEAD_STEPS, Rail};
 use super::strokes::Slice;
 
+/// Least lateral distance of a waiting finger from a neighbour that plays, m.
+const BERTH_M: f64 = 0.0255;
+/// Control steps in which a finger crosses the edge between white and black keys.
+const CROSS_STEPS: usize = 2;
+/// Control steps for which a lifted finger stays over its old key, so that it clears the fences before it moves sideways.
+const LIFT_STEPS: usize = 1;
 /// Height of a finger that has nothing to play, m above its hover.
 const IDLE_RISE: f64 = 0.006;
 /// Control steps in which a finger rises before it goes from white to black keys or back.
 const CLIMB_STEPS: usize = 2;
 
-/// Where the rail is sent at each of `steps` control steps, m.
-fn rail_targets(
-    config: &ScriptedConfig,
-    slices: &[Slice],
-    plan: &[Place],
-    notes: &[Played],
-    steps: usize,
-) -> Vec<f64> {
+/// Target of the rail at each of `steps` control steps, m.
+fn rail_targets(slices: &[Slice], plan: &[Place], notes: &[Played], steps: usize) -> Vec<f64> {
     let Some(first) = plan.first() else { return vec![0.0; steps] };
     let mut targets = vec![first.rail; steps];
     for (index, place) in plan.iter().enumerate() {
@@ -37,7 +36,7 @@ fn rail_targets(
             place.hand.contains(&Some(note.stroke)) && !next.hand.contains(&Some(note.stroke))
         });
         let released = ending.map(|note| note.end).max().unwrap_or(start);
-        let leave = released.saturating_sub(config.rail_lead).max(start);
+        let leave = released.saturating_sub(LEAD_STEPS).max(start);
         let waiting = next.rail.clamp(place.tube[0], place.tube[1]);
         targets[start.min(steps)..leave.min(steps)].fill(waiting);
         targets[leave.min(steps)..].fill(next.rail);
@@ -50,7 +49,6 @@ fn rail_targets(
 struct Part<'a> {
     finger: usize,
     notes: Vec<&'a Played>,
-    config: &'a ScriptedConfig,
     comb: &'a Comb,
     lags: &'a Lags,
 }
@@ -62,7 +60,7 @@ impl Part<'_> {
         note.start.saturating_sub(self.lags.strike[usize::from(key_is_black(note.key))])
     }
 
-    /// Control step whose target lifts the finger after note `index`: before the next strike, however quick that is.
+    /// Control step whose target lifts the finger after note `index`, which is always before the next strike.
     fn release(&self, index: usize) -> usize {
         let note = self.notes[index];
         let release = note.end.saturating_sub(self.lags.release[usize::from(key_is_black(note.key))]);
@@ -82,7 +80,7 @@ impl Part<'_> {
             return Tip { at: [x, y, self.comb.pressed(key)], striking: true };
         }
         let last = next.unwrap_or(self.notes.len()).checked_sub(1);
-        // Before its first note a finger waits over the white keys, as if it had just been lifted there.
+        // Before its first note a finger waits over the white keys.
         let since = step - last.map_or(0, |index| self.release(index));
         let last = last.map(|index| self.notes[index].key);
         let next = next.map(|index| self.notes[index].key);
@@ -94,14 +92,14 @@ impl Part<'_> {
         let way = to[0] - from[0];
         if way == 0.0 {
             return match last {
-                Some(key) if since < self.config.lift_steps => waiting(from, self.comb.hover(key)),
+                Some(key) if since < LIFT_STEPS => waiting(from, self.comb.hover(key)),
                 _ => waiting(to, height),
             };
         }
         // Between white and black: up, then in stages over the edge of the black keys, then down.
-        let stages = self.config.cross_steps as f64;
+        let stages = CROSS_STEPS as f64;
         let stage = (since as f64 - CLIMB_STEPS as f64 + 1.0).clamp(0.0, stages) / stages;
-        let landed = since > CLIMB_STEPS + self.config.cross_steps;
+        let landed = since > CLIMB_STEPS + CROSS_STEPS;
         let y = if since < CLIMB_STEPS { from[1] } else { to[1] };
         waiting([from[0] + way * stage, y], if landed { height } else { self.comb.travel() })
     }
@@ -110,12 +108,12 @@ impl Part<'_> {
 /// Where a fingertip should be.
 struct Tip {
     at: [f64; 3],
-    /// Whether it is on a key or on the way down to it: then others have to make room.
+    /// Whether it is on a key or on its way down; neighbours must then keep clear.
     striking: bool,
 }
 
 /// Keeps waiting fingers clear of neighbours that play.
-fn make_room(tips: &mut [Tip; FINGERS], comb: &Comb, berth: f64) {
+fn make_room(tips: &mut [Tip; FINGERS], comb: &Comb) {
     for finger in 0..FINGERS {
         for other in (0..FINGERS).filter(|other| other.abs_diff(finger) == 1) {
             if tips[finger].striking || !tips[other].striking {
@@ -124,20 +122,20 @@ fn make_room(tips: &mut [Tip; FINGERS], comb: &Comb, berth: f64) {
             let [x, y, _] = tips[finger].at;
             let theirs = tips[other].at[1];
             let above = comb.unturned(finger, x) > comb.unturned(other, x);
-            tips[finger].at[1] = if above { y.max(theirs + berth) } else { y.min(theirs - berth) };
+            tips[finger].at[1] = if above { y.max(theirs + BERTH_M) } else { y.min(theirs - BERTH_M) };
         }
     }
 }
 
 /// The targets of all joints at each of `steps` control steps: encoder readings in rad, the rail in m.
 pub(super) fn targets(
-    (config, comb, rail, lags, params): (&ScriptedConfig, &Comb, &Rail, &Lags, &PhysicalParams),
+    (comb, rail, lags, params): (&Comb, &Rail, &Lags, &PhysicalParams),
     slices: &[Slice],
     plan: &[Place],
     notes: &[Played],
     steps: usize,
 ) -> Vec<[f64; JOINTS]> {
-    let sent = rail_targets(config, slices, plan, notes, steps);
+    let sent = rail_targets(slices, plan, notes, steps);
     let path = rail.follow(rail.start, &sent);
     let place_at = |at_secs: f64| {
         let index = (at_secs / CONTROL_SECS * PHYSICS_STEPS as f64).round() as usize;
@@ -154,15 +152,15 @@ pub(super) fn targets(
         .collect();
     let parts: [Part<'_>; FINGERS] = std::array::from_fn(|finger| {
         let notes = notes.iter().filter(|note| note.finger == finger).collect();
-        Part { finger, notes, config, comb, lags }
+        Part { finger, notes, comb, lags }
     });
     let mut angles = [[0.0; FINGER_JOINTS]; FINGERS];
     for (step, row) in table.iter_mut().enumerate() {
         let place = place_at(secs(step) + lags.follow_secs);
         let mut tips: [Tip; FINGERS] = std::array::from_fn(|finger| parts[finger].tip(step, place));
-        make_room(&mut tips, comb, config.berth_m);
+        make_room(&mut tips, comb);
         for (finger, tip) in tips.iter().enumerate() {
-            // Out of reach can only be a waiting finger: it stays as it was.
+            // Only a waiting finger can be out of reach: it keeps its angles.
             angles[finger] = comb.angles(finger, tip.at, place).unwrap_or(angles[finger]);
             row[finger * FINGER_JOINTS..][..FINGER_JOINTS].copy_from_slice(&angles[finger]);
         }

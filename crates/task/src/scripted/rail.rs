@@ -1,8 +1,7 @@
-//! What the rail will do: its controller run ahead on a mass and a damper.
+//! A model of the rail: its controller, the moved mass and the damping.
 //!
-//! The rail is slow (a key's width takes a third of a second), the fingers are quick. So the script lets the rail
-//! glide and turns the fingers against it; for that it has to know where the rail is at each moment. The rail's own
-//! controller, the moved mass and the damping tell, to a fraction of a millimetre.
+//! The rail is slow (a movement by one key takes a third of a second), the fingers are fast. So fingers turn to compensate the
+//! movement of the rail, for which its position must be predicted. This model does so to a fraction of a millimetre.
 
 use etude_music::CONTROL_HZ;
 use etude_stage::controller::{Actuation, Controller, Gains};
@@ -11,7 +10,9 @@ use etude_stage::hand::{LINK_MASSES, PALM_MASS, THUMB_MASS};
 use etude_stage::params::{Joint, World};
 use etude_stage::{FINGERS, PHYSICS_STEPS, PhysicalParams, RAIL, StageConfig};
 
-/// Longest move that the table of response times knows, in control steps.
+/// Control steps by which the rail starts before the release of the note that it leaves.
+pub(super) const LEAD_STEPS: usize = 2;
+/// Length of the table of response times, control steps.
 const LONGEST_STEPS: usize = 60;
 /// Moves in the table, m, each twice the one before.
 const SHORTEST_M: f64 = 0.005;
@@ -23,9 +24,9 @@ pub(super) struct Rail {
     mass_kg: f64,
     damping: f64,
     step_secs: f64,
-    /// Place of the rail after each control step of a move of `SHORTEST_M`·2ⁱ, as a fraction of it.
+    /// Place of the rail after each control step of a move by `SHORTEST_M`·2ⁱ, as a fraction of the move.
     responses: Vec<Vec<f64>>,
-    /// Where the rail is when an episode begins, m.
+    /// Place of the rail when an episode begins, m.
     pub start: f64,
 }
 
@@ -73,7 +74,7 @@ impl Rail {
         path
     }
 
-    /// Control steps from the target until the rail has gone `needed` of a move of `distance`, both in m and positive.
+    /// Control steps from the target until the rail has moved by `needed` of a move by `distance`, both in m and positive.
     pub(super) fn steps_to(&self, distance: f64, needed: f64) -> usize {
         if needed <= 0.0 {
             return 0;
@@ -84,7 +85,7 @@ impl Rail {
     }
 }
 
-/// A move counts as done at this fraction: a finger's play takes the rest.
+/// A move counts as finished at this fraction; the play of the fingers covers the rest.
 const SETTLED: f64 = 0.97;
 
 /// Time of one control step, s.
@@ -96,7 +97,7 @@ mod tests {
     use etude_stage::World as Stage;
 
     #[test]
-    fn the_rail_does_what_is_foretold() {
+    fn the_rail_does_what_is_predicted() {
         let (config, params) = (StageConfig::default(), PhysicalParams::default());
         let rail = Rail::new(&config, &params);
         let targets: Vec<f64> = (0..40).map(|step| if step < 12 { 0.07 } else { -0.03 }).collect();

@@ -1,7 +1,7 @@
-//! The sheet as strokes: which key goes down at which control step and comes up at which.
+//! The song as strokes: which key goes down at which control step, and up at which.
 //!
-//! Read from the frames and not from the notes, because the frames are what is scored: they already hold the gap
-//! between two strokes of a key.
+//! Strokes are read from the frames and not from the notes, because the frames are scored: they already contain the gap between two
+//! strokes of one key.
 
 use etude_music::KeySet;
 

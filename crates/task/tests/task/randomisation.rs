@@ -1,5 +1,5 @@
 //! Randomised worlds: another one for each episode, the same ones for the same seed, the nominal one at intensity 0, and none
-//! that upsets the engine.
+//! in which the simulation is unstable.
 
 use std::collections::BTreeMap;
 
@@ -88,7 +88,7 @@ fn random_starts_cover_the_song_with_a_finger_over_the_next_key() {
 fn a_random_start_with_biased_encoders_holds_the_true_pose() {
     let mut config = TaskConfig { randomisation: RandomisationConfig::default(), ..restless() };
     let piece = short_piece();
-    let honest = Environment::new(&nominal(), &piece, 0).unwrap().world().joints();
+    let unbiased = Environment::new(&nominal(), &piece, 0).unwrap().world().joints();
     config.physics.insert("joint.fingers.encoder_bias".into(), 0.04);
     config.physics.insert("joint.rail.encoder_bias".into(), 0.02);
     let mut environment = Environment::new(&config, &piece, 4).unwrap();
@@ -96,7 +96,7 @@ fn a_random_start_with_biased_encoders_holds_the_true_pose() {
         environment.reset();
         let readings = environment.world().joints();
         for joint in (0..JOINTS).filter(|joint| *joint != RAIL) {
-            let off = readings[joint] - honest[joint] - 0.04;
+            let off = readings[joint] - unbiased[joint] - 0.04;
             assert!(off.abs() < 1e-9, "joint {joint} starts {off} rad off");
         }
     }

@@ -1,13 +1,13 @@
-//! Snapshots: everything that a world needs to continue bit for bit, as plain numbers that can be stored.
+//! Snapshots: the state of a world as plain numbers. A world that is restored from one continues bit for bit.
 #![allow(unsafe_code)] // Restores which key trees sleep; see the use.
 
 use etude_music::{KEYS, KeySet};
 use mujoco_rs::mujoco_c::{mjData, mjModel, mjtState};
 use serde::{Deserialize, Serialize};
 
+use super::World;
 use crate::controller::Controller;
 use crate::hand::JOINTS;
-use crate::world::World;
 
 /// The state of a [`World`], without its parameters.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -20,7 +20,7 @@ pub struct Snapshot {
     physics_steps: u64,
 }
 
-/// The snapshot is of another kind of world.
+/// The snapshot was taken of another kind of world, or is damaged.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("the snapshot does not fit this world: {0}")]
 pub struct SnapshotError(&'static str);
@@ -28,12 +28,12 @@ pub struct SnapshotError(&'static str);
 const STATE: u32 = mjtState::mjSTATE_INTEGRATION as u32;
 
 unsafe extern "C" {
-    /// Works out which bodies and degrees of freedom are awake from which trees are. Exported by the library but not
-    /// declared in its headers; MuJoCo's version is pinned.
+    /// Updates which bodies and degrees of freedom are awake from which trees are. The library exports it, but its headers do
+    /// not declare it; MuJoCo's version is pinned.
     fn mj_updateSleep(model: *const mjModel, data: *mut mjData);
 }
 
-/// Whether the links that are not negative form closed cycles: MuJoCo ends the process where they do not.
+/// Whether the links that are not negative form closed cycles. MuJoCo ends the process if they do not.
 fn are_cycles(asleep: &[i32]) -> bool {
     let mut reached = vec![false; asleep.len()];
     let mut links = asleep.iter().filter_map(|link| usize::try_from(*link).ok());
@@ -54,14 +54,17 @@ impl World {
         }
     }
 
-    /// Continues from a snapshot of a world of the same kind. The parameters stay as they are.
+    /// Continues from a snapshot of a world of the same kind. The physical numbers are not part of it.
+    ///
+    /// # Errors
+    /// If the snapshot does not fit; the world has not changed then, except where the number of physical values is wrong.
     pub fn restore(&mut self, snapshot: &Snapshot) -> Result<(), SnapshotError> {
         let trees = self.data.tree_asleep().len();
         if snapshot.asleep.len() != trees {
             return Err(SnapshotError("another number of kinematic trees"));
         }
         if snapshot.physics_steps > u64::from(u32::MAX) {
-            return Err(SnapshotError("a clock that has run for months"));
+            return Err(SnapshotError("a clock that is too large"));
         }
         if !are_cycles(&snapshot.asleep) {
             return Err(SnapshotError("sleeping trees that form no cycles"));
@@ -76,9 +79,9 @@ impl World {
         }
         let derived_at: &[f64; KEYS] =
             snapshot.derived_at.as_slice().try_into().map_err(|_| SnapshotError("another number of keys"))?;
-        // Everything derived is computed while all trees are awake, then those that slept are put to sleep again:
-        // the engine computes nothing for a sleeping tree. What it has for one is from the beginning of the step in
-        // which it fell asleep, except for its place, and is used once more in the step in which it wakes.
+        // MuJoCo computes nothing for a sleeping tree. Its derived quantities, except its place, stay as they were at the
+        // beginning of the step in which it fell asleep, and are used once more in the step in which it wakes. So they are
+        // computed here with all trees awake, and then the sleeping trees are put to sleep again.
         let wrong_size = |_| SnapshotError("another number of physical state values");
         self.data.reset();
         self.data.set_state(&snapshot.physics, STATE).map_err(wrong_size)?;

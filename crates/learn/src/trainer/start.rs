@@ -1,0 +1,171 @@
+//! Starting a training, and building its parts.
+
+use std::{fmt::Display, path::Path, time::Instant};
+
+use super::{
+    Buffers, Clock, LAST_POLICY, Parts, TrainError, Trainer, WarmStart,
+    checkpoint::{Beginning, Store},
+    demonstrations::Demonstrations,
+    metrics::{self, Metrics},
+    sums::Sums,
+};
+use crate::{
+    acting::Acting,
+    config::{ConfigError, DroqConfig, TrainerConfig},
+    droq::Droq,
+    env::StepBatch,
+    random::Stream,
+    replay::Replay,
+};
+
+/// The threads of a training; 0 for one a processor core.
+pub(crate) fn thread_pool(threads: usize) -> Result<rayon::ThreadPool, TrainError> {
+    rayon::ThreadPoolBuilder::new()
+        .num_threads(threads)
+        .thread_name(|index| format!("etude-{index}"))
+        .build()
+        .map_err(|error| TrainError::Threads { threads, reason: error.to_string() })
+}
+
+impl Trainer {
+    /// Starts a training in `folder`, which is created if it does not exist, and saves its first checkpoint.
+    ///
+    /// # Errors
+    /// If the configuration cannot work, `folder` already holds a training, or a file cannot be written.
+    pub fn start(
+        folder: &Path,
+        droq: &DroqConfig,
+        config: &TrainerConfig,
+        parts: Parts,
+    ) -> Result<Self, TrainError> {
+        Self::begin(folder, droq, config, parts, None)
+    }
+
+    /// The same with the parameters of another training instead of random ones; see [`WarmStart`]. They are evaluated first, at
+    /// step 0.
+    ///
+    /// # Errors
+    /// As [`start`](Self::start), and if the networks have another shape. Nothing is written then.
+    pub fn start_from(
+        folder: &Path,
+        droq: &DroqConfig,
+        config: &TrainerConfig,
+        parts: Parts,
+        source: &WarmStart,
+    ) -> Result<Self, TrainError> {
+        Self::begin(folder, droq, config, parts, Some(source))
+    }
+
+    fn begin(
+        folder: &Path,
+        droq: &DroqConfig,
+        config: &TrainerConfig,
+        parts: Parts,
+        source: Option<&WarmStart>,
+    ) -> Result<Self, TrainError> {
+        Self::check_vacant(folder)?;
+        droq.validate()?;
+        config.validate()?;
+        let mut learner = Self::learner(droq, config, &parts);
+        if let Some(source) = source {
+            source.check(droq, &*parts.environment)?;
+            learner.adopt(source.knowledge());
+        }
+        Store::new(folder).prepare()?;
+        let mut trainer = Self::build(folder, droq, config, parts, learner, metrics::Mark::default())?;
+        trainer.beginning = source.map_or(Beginning::Fresh, WarmStart::beginning);
+        trainer.parts.environment.reset(&mut trainer.buffers.observation);
+        trainer.metrics.cut_back()?;
+        trainer.save()?;
+        Ok(trainer)
+    }
+
+    /// Checks that a training may begin in `folder`.
+    ///
+    /// # Errors
+    /// If it holds a training, or the results of one whose checkpoint is missing.
+    pub fn check_vacant(folder: &Path) -> Result<(), TrainError> {
+        let folder = folder.to_owned();
+        if Self::exists(&folder) {
+            return Err(TrainError::AlreadyStarted { folder });
+        }
+        // This file is written after the first checkpoint: a training killed before that may start again.
+        if folder.join(LAST_POLICY).exists() {
+            return Err(TrainError::CheckpointGone { folder });
+        }
+        Ok(())
+    }
+
+    /// Whether `folder` holds a training that [`resume`](Self::resume) can continue.
+    pub fn exists(folder: &Path) -> bool {
+        Store::new(folder).exists()
+    }
+
+    /// A learner with random networks for these parts.
+    pub(super) fn learner(droq: &DroqConfig, config: &TrainerConfig, parts: &Parts) -> Droq {
+        Droq::new(droq, parts.environment.layout(), parts.environment.action_len(), config.seed)
+    }
+
+    pub(super) fn build(
+        folder: &Path,
+        droq_config: &DroqConfig,
+        config: &TrainerConfig,
+        parts: Parts,
+        droq: Droq,
+        mark: metrics::Mark,
+    ) -> Result<Self, TrainError> {
+        let environment = &parts.environment;
+        let (n, layout, action_len) =
+            (environment.num_envs(), environment.layout(), environment.action_len());
+        let refuse = |field, value: &dyn Display, rule| {
+            Err(ConfigError { field, value: value.to_string(), rule }.into())
+        };
+        if n != config.num_envs {
+            let rule = "the environment that was given has another number of copies";
+            return refuse("trainer.num_envs", &config.num_envs, rule);
+        }
+        let mut demonstrated = vec![0.0; n * action_len];
+        if config.demonstration_share > 0.0 && !environment.demonstrate(&mut demonstrated) {
+            let rule = "this environment has no demonstrator";
+            return refuse("trainer.demonstration_share", &config.demonstration_share, rule);
+        }
+        if !Replay::fits(layout, action_len, droq_config.replay_capacity) {
+            let rule = "the memory of this machine does not hold as many transitions";
+            return refuse("droq.replay_capacity", &droq_config.replay_capacity, rule);
+        }
+        let term_names = environment.reward_term_names();
+        let pool = thread_pool(config.threads)?;
+        let (metrics, before) = Metrics::open(folder, mark)?;
+        let now = Instant::now();
+        Ok(Self {
+            config: config.clone(),
+            droq_config: droq_config.clone(),
+            folder: folder.to_owned(),
+            store: Store::new(folder),
+            acting: Acting::new(droq.actor_network(), n),
+            droq,
+            replay: Replay::new(layout, action_len, droq_config.replay_capacity, n),
+            segments: Vec::new(),
+            policy_stream: Stream::new(config.seed, "trainer/policy"),
+            warmup_stream: Stream::new(config.seed, "trainer/warmup"),
+            demonstrations: Demonstrations::new(config),
+            beginning: Beginning::Fresh,
+            step: 0,
+            best: None,
+            last_evaluation: None,
+            sums: Sums::new(n, term_names.len()),
+            metrics,
+            pool: std::sync::Arc::new(pool),
+            buffers: Buffers {
+                observation: vec![0.0; n * layout.len()],
+                action: vec![0.0; n * action_len],
+                noise: vec![0.0; n * action_len],
+                demonstrated,
+                batch: StepBatch::new(n, layout, term_names.len()),
+            },
+            clock: Clock { started: now, before, last_row: now, last_step: 0, last_updates: 0 },
+            term_names,
+            parts,
+        })
+    }
+}

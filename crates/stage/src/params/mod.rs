@@ -1,0 +1,150 @@
+//! `PhysicalParams`: the list of all physical numbers that may vary.
+//!
+//! The model is built from it, randomisation draws from it, identification estimates it, and configurations and reports name its
+//! rows. A number has a path such as `key.stiffness` or `joint.index_1.damping`. To add one: a row in one of the two tables of
+//! `table.rs`, and its use where the world is built or stepped.
+
+mod table;
+
+use std::collections::BTreeMap;
+
+use serde::{Deserialize, Serialize};
+
+use crate::hand::JOINTS;
+pub use table::{Joint, ParamError, Row, Slot, World};
+
+/// The physical numbers of one world.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct PhysicalParams {
+    world: [f64; World::ALL.len()],
+    joints: [[f64; JOINTS]; Joint::ALL.len()],
+}
+
+impl Default for PhysicalParams {
+    fn default() -> Self {
+        let mut params = Self { world: [0.0; World::ALL.len()], joints: [[0.0; JOINTS]; Joint::ALL.len()] };
+        Slot::all().for_each(|slot| *params.slot_mut(slot) = slot.default_value());
+        params
+    }
+}
+
+impl PhysicalParams {
+    /// A number of the world.
+    pub fn world(&self, quantity: World) -> f64 {
+        self.value(Slot::World(quantity))
+    }
+
+    /// A number of one joint.
+    pub fn joint(&self, quantity: Joint, index: usize) -> f64 {
+        self.value(Slot::Joint(quantity, index))
+    }
+
+    /// The number in `slot`.
+    pub fn value(&self, slot: Slot) -> f64 {
+        match slot {
+            Slot::World(row) => self.world[row as usize],
+            Slot::Joint(row, joint) => self.joints[row as usize][joint],
+        }
+    }
+
+    /// Sets a number of the world, clamped to its range.
+    pub fn set_world(&mut self, quantity: World, value: f64) {
+        self.set_clamped(Slot::World(quantity), value);
+    }
+
+    /// Sets a number of one joint, clamped to its range.
+    pub fn set_joint(&mut self, quantity: Joint, index: usize, value: f64) {
+        self.set_clamped(Slot::Joint(quantity, index), value);
+    }
+
+    /// Sets the number in `slot`, clamped to its range.
+    pub fn set_clamped(&mut self, slot: Slot, value: f64) {
+        let [low, high] = slot.row().range;
+        *self.slot_mut(slot) = value.clamp(low, high);
+    }
+
+    fn slot_mut(&mut self, slot: Slot) -> &mut f64 {
+        match slot {
+            Slot::World(row) => &mut self.world[row as usize],
+            Slot::Joint(row, joint) => &mut self.joints[row as usize][joint],
+        }
+    }
+
+    /// Checks that every number lies in the range of its row, which is not sure for numbers that were deserialised.
+    ///
+    /// # Errors
+    /// Names the first number that does not.
+    pub fn check(&self) -> Result<(), ParamError> {
+        Slot::all().try_for_each(|slot| slot.check(self.value(slot), || slot.path()))
+    }
+
+    /// Every path with its row and default, in a fixed order.
+    pub fn rows() -> impl Iterator<Item = (String, &'static Row, f64)> {
+        Slot::all().map(|slot| (slot.path(), slot.row(), slot.default_value()))
+    }
+
+    /// The number at `path`; of several, the first.
+    ///
+    /// # Errors
+    /// If no number has this path.
+    pub fn get(&self, path: &str) -> Result<f64, ParamError> {
+        Ok(self.value(Slot::named(path)?[0]))
+    }
+
+    /// Sets the number at `path`; `joint.all.<name>` and `joint.fingers.<name>` set several joints at once.
+    ///
+    /// # Errors
+    /// If no number has this path, or `value` is not in its range.
+    pub fn set(&mut self, path: &str, value: f64) -> Result<(), ParamError> {
+        for slot in Slot::named(path)? {
+            slot.check(value, || path.to_string())?;
+            *self.slot_mut(slot) = value;
+        }
+        Ok(())
+    }
+
+    /// The same with other values at these paths. They are set in ascending order of the paths, so that the path of one joint
+    /// takes precedence over that of all fingers.
+    ///
+    /// # Errors
+    /// Names the first path or value that is refused.
+    pub fn with(mut self, rows: &BTreeMap<String, f64>) -> Result<Self, ParamError> {
+        rows.iter().try_for_each(|(path, value)| self.set(path, *value))?;
+        Ok(self)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::hand::RAIL;
+
+    #[test]
+    fn every_row_can_be_read_and_set_by_its_path() {
+        let mut params = PhysicalParams::default();
+        let mut seen = std::collections::BTreeSet::new();
+        for (path, row, default) in PhysicalParams::rows() {
+            assert!(seen.insert(path.clone()), "{path} twice");
+            assert_eq!(params.get(&path), Ok(default));
+            assert!((row.range[0]..=row.range[1]).contains(&default), "{path}");
+            assert!(!row.doc.is_empty() && !row.unit.is_empty());
+            params.set(&path, row.range[1]).unwrap();
+            assert_eq!(params.get(&path), Ok(row.range[1]));
+            assert!(params.set(&path, row.range[1] * 2.0 + 1.0).is_err());
+            assert!(params.set(&path, f64::NAN).is_err());
+        }
+        assert_eq!(seen.len(), World::ALL.len() + JOINTS * Joint::ALL.len());
+    }
+
+    #[test]
+    fn groups_set_several_joints() {
+        let mut params = PhysicalParams::default();
+        params.set("joint.fingers.delay", 0.01).unwrap();
+        assert_eq!(params.joint(Joint::Delay, 3), 0.01);
+        assert_eq!(params.joint(Joint::Delay, RAIL), 0.0);
+        assert_eq!(
+            params.set("joint.thumb_0.delay", 0.0),
+            Err(ParamError::Unknown("joint.thumb_0.delay".into()))
+        );
+    }
+}

@@ -1,0 +1,63 @@
+//! Where joints, keys and geoms are in the MuJoCo model: names are resolved to ids once, when a world is built.
+
+use etude_music::KEYS;
+use mujoco_rs::prelude::{MjModel, MjtObjBase};
+
+use crate::contacts::Part;
+use crate::error::StageError;
+use crate::hand::{FINGER_NAMES, FINGERS, JOINT_NAMES, JOINTS};
+
+/// Ids and addresses in the MuJoCo model.
+#[derive(Clone)]
+pub(super) struct Layout {
+    pub keyboard: usize,
+    pub key_dof: [usize; KEYS],
+    pub key_tree: [usize; KEYS],
+    pub key_body: [usize; KEYS],
+    pub key_geom: [usize; KEYS],
+    pub joint_dof: [usize; JOINTS],
+    pub tip_site: [usize; FINGERS],
+    pub pad_site: [usize; FINGERS],
+    pub geom_part: Vec<Part>,
+}
+
+fn id(model: &MjModel, kind: MjtObjBase, name: &str) -> Result<usize, StageError> {
+    model.name_to_id(kind, name).ok_or_else(|| StageError::Missing(name.to_string()))
+}
+
+impl Layout {
+    pub(super) fn new(model: &MjModel) -> Result<Self, StageError> {
+        // Every joint has one degree of freedom, so joint id, position and velocity address are one number.
+        let dof = |name: &str| id(model, MjtObjBase::mjOBJ_JOINT, name);
+        let mut layout = Self {
+            keyboard: id(model, MjtObjBase::mjOBJ_BODY, "keyboard")?,
+            key_dof: [0; KEYS],
+            key_tree: [0; KEYS],
+            key_body: [0; KEYS],
+            key_geom: [0; KEYS],
+            joint_dof: [0; JOINTS],
+            tip_site: [0; FINGERS],
+            pad_site: [0; FINGERS],
+            geom_part: vec![Part::OtherLink; model.geom_friction().len()],
+        };
+        for key in 0..KEYS {
+            layout.key_dof[key] = dof(&format!("key_{key}"))?;
+            // A key is never fixed, so it has a tree.
+            layout.key_tree[key] = model.dof_treeid()[layout.key_dof[key]] as usize;
+            layout.key_body[key] = id(model, MjtObjBase::mjOBJ_BODY, &format!("key_{key}"))?;
+            layout.key_geom[key] = id(model, MjtObjBase::mjOBJ_GEOM, &format!("key_{key}"))?;
+        }
+        for (slot, name) in layout.joint_dof.iter_mut().zip(JOINT_NAMES) {
+            *slot = dof(name)?;
+        }
+        for (finger, name) in FINGER_NAMES.iter().enumerate() {
+            layout.tip_site[finger] = id(model, MjtObjBase::mjOBJ_SITE, &format!("{name}_tip"))?;
+            layout.pad_site[finger] = id(model, MjtObjBase::mjOBJ_SITE, &format!("{name}_pad"))?;
+        }
+        for geom in 0..layout.geom_part.len() {
+            let name = model.id_to_name(MjtObjBase::mjOBJ_GEOM, geom).unwrap_or_default();
+            layout.geom_part[geom] = Part::of(name);
+        }
+        Ok(layout)
+    }
+}

@@ -1,0 +1,165 @@
+//! Stepping: joint controllers, physics, key events and collisions of one control step.
+//!
+//! Nothing here allocates or fails.
+#![allow(unsafe_code)] // MuJoCo's model is changed in place (dry friction); see the use.
+
+use etude_music::{KEYS, KeyEvent, KeySet};
+
+use super::World;
+use crate::config::PHYSICS_STEPS;
+use crate::controller::{Controller, Gains};
+use crate::hand::{JOINTS, RAIL, joint_range};
+
+/// Speed of a key at its threshold that gives the greatest MIDI velocity, rad/s: a finger at about 0.3 m/s.
+const LOUDEST_RAD_PER_SEC: f64 = 2.0;
+
+/// What happened during one control step.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct StepOutcome {
+    /// Mean over the physics steps of the summed power |torque · velocity| of the finger joints, W.
+    pub finger_power: f64,
+    /// The same of the rail, W.
+    pub rail_power: f64,
+    /// Whether there was any contact other than a fingertip on the keyboard, at any physics step.
+    pub collided: bool,
+    /// Whether the simulation diverged: MuJoCo met a position, velocity or acceleration beyond its bounds and reset itself with
+    /// every joint at 0. The results of the step are then meaningless.
+    pub unstable: bool,
+}
+
+/// A control law: torque from controller state, gains, target, measured position and velocity.
+type Law = fn(&mut Controller, &Gains, f64, f64, f64) -> f64;
+
+impl World {
+    /// One control step toward `targets` (encoder readings: rad, the rail in m), which are clamped to the joints' ranges.
+    pub fn step(&mut self, targets: &[f64; JOINTS]) -> StepOutcome {
+        self.step_watched(targets, |_| {})
+    }
+
+    /// As [`step`](Self::step), calling `watch` after each physics step.
+    pub fn step_watched(&mut self, targets: &[f64; JOINTS], watch: impl FnMut(&Self)) -> StepOutcome {
+        self.control_step(|_| targets, Controller::torque, watch)
+    }
+
+    /// One control step that follows `waypoints`, one a physics step, without low-pass and limits: for set-points that were
+    /// shaped already. Calls `watch` after each physics step.
+    pub fn track_watched(
+        &mut self,
+        waypoints: &[[f64; JOINTS]; PHYSICS_STEPS],
+        watch: impl FnMut(&Self),
+    ) -> StepOutcome {
+        self.control_step(|step| &waypoints[step], Controller::track, watch)
+    }
+
+    fn control_step<'a>(
+        &mut self,
+        wanted: impl Fn(usize) -> &'a [f64; JOINTS],
+        law: Law,
+        mut watch: impl FnMut(&Self),
+    ) -> StepOutcome {
+        let mut outcome = StepOutcome::default();
+        self.events.clear();
+        let begun = self.data.ffi().time;
+        for step in 0..PHYSICS_STEPS {
+            self.physics_step(wanted(step), law, &mut outcome);
+            watch(self);
+        }
+        // When MuJoCo resets itself after diverging, its clock is reset too.
+        let due = begun + (PHYSICS_STEPS as f64 - 0.5) * self.options.step_secs;
+        outcome.unstable = self.data.ffi().time < due;
+        outcome.finger_power /= PHYSICS_STEPS as f64;
+        outcome.rail_power /= PHYSICS_STEPS as f64;
+        outcome
+    }
+
+    fn physics_step(&mut self, targets: &[f64; JOINTS], law: Law, outcome: &mut StepOutcome) {
+        for (joint, target) in targets.iter().enumerate() {
+            let dof = self.layout.joint_dof[joint];
+            let [low, high] = joint_range(joint);
+            let (position, velocity) = (self.data.qpos()[dof], self.data.qvel()[dof]);
+            let gains = &self.gains[joint];
+            let target = target.clamp(gains.measured(low), gains.measured(high));
+            let torque = law(&mut self.controllers[joint], gains, target, gains.measured(position), velocity);
+            let power = (torque * velocity).abs();
+            if joint == RAIL {
+                outcome.rail_power += power
+            } else {
+                outcome.finger_power += power
+            }
+            self.torques[joint] = torque;
+        }
+        outcome.collided |= self.advance();
+    }
+
+    /// One physics step under these torques (N·m, the rail in N) instead of those of the joint controllers: the twin emulates
+    /// the robot's own drives. The events are then those of this physics step. Returns whether there was a collision.
+    pub fn drive(&mut self, torques: &[f64; JOINTS]) -> bool {
+        self.events.clear();
+        self.torques = *torques;
+        self.advance()
+    }
+
+    /// Changes the dry friction of the joints, N·m, the rail's in N, for example to model static friction. A negative value or
+    /// NaN counts as zero.
+    pub fn set_joint_friction(&mut self, friction: &[f64; JOINTS]) {
+        // SAFETY: only values change; no size, address or id table is touched.
+        let model = unsafe { self.data.model_mut() };
+        for (dof, friction) in self.layout.joint_dof.iter().zip(friction) {
+            model.dof_frictionloss_mut()[*dof] = friction.max(0.0);
+        }
+    }
+
+    /// One physics step under `self.torques`. Returns whether there was a collision.
+    fn advance(&mut self) -> bool {
+        self.data.ctrl_mut().copy_from_slice(&self.torques);
+        for key in 0..KEYS {
+            if self.data.tree_asleep()[self.layout.key_tree[key]] < 0 {
+                self.derived_at[key] = self.data.qpos()[self.layout.key_dof[key]];
+            }
+        }
+        self.data.step();
+        self.physics_steps += 1;
+        self.watch_keys();
+        self.collision()
+    }
+
+    /// Finds the keys that have crossed their threshold since the last physics step, and adds their events.
+    pub(super) fn watch_keys(&mut self) {
+        let secs = self.physics_steps as f64 * self.options.step_secs;
+        let angles = self.data.qpos();
+        let velocities = self.data.qvel();
+        let mut now = KeySet::EMPTY;
+        for key in 0..KEYS {
+            if angles[self.layout.key_dof[key]] >= self.threshold[key] {
+                now.insert(key);
+            }
+        }
+        if now == self.pressed {
+            return;
+        }
+        for key in now.difference(self.pressed).iter() {
+            let speed = velocities[self.layout.key_dof[key]] / LOUDEST_RAD_PER_SEC;
+            let velocity = (speed.clamp(0.0, 1.0) * 126.0).round() as u8 + 1;
+            self.events.push(KeyEvent { secs, key, velocity });
+        }
+        for key in self.pressed.difference(now).iter() {
+            self.events.push(KeyEvent { secs, key, velocity: 0 });
+        }
+        self.pressed = now;
+    }
+
+    /// Whether there is a contact other than a fingertip on the keyboard.
+    fn collision(&self) -> bool {
+        self.data.contact().iter().any(|contact| {
+            // A geom id is negative only for a flex element, and this model has none.
+            let part = |geom: i32| self.layout.geom_part[geom as usize];
+            part(contact.geom[0]).collide(part(contact.geom[1]))
+        })
+    }
+
+    /// One `mj_step` under `torques` and nothing else. A benchmark compares [`step`](Self::step) with it.
+    pub fn bare_physics_step(&mut self, torques: &[f64; JOINTS]) {
+        self.data.ctrl_mut().copy_from_slice(torques);
+        self.data.step();
+    }
+}
