@@ -24,9 +24,9 @@ PACKAGES = [
     "tabulate==0.10.0",
 ]
 
-# The model with the true numbers must do what our simulator did, rad.
+# Largest distance of the model's motion with the true numbers from our simulator's, rad.
 SAME_MOTION = 1e-9
-# How far the answers may be apart, in standard errors; and their costs: such a step costs half its square.
+# Largest difference of the answers in standard errors, and of their costs: such a step costs half its square.
 SAME_VALUE = 0.1
 SAME_COST = 0.5 * SAME_VALUE**2
 # Factor between the standard errors.
@@ -42,7 +42,7 @@ WAYS = {
 
 
 def run_in_venv():
-    """Makes the environment unless it is there, and starts this script anew in it."""
+    """Makes the environment unless it exists, and restarts this script in it."""
     folder = pathlib.Path(os.environ.get("SYSID_VENV", "/tmp/venv-sysid"))
     python, unfinished = folder / "bin/python", folder / "unfinished"
     if not python.exists() or unfinished.exists():
@@ -63,9 +63,9 @@ try:
     import numpy as np
     from mujoco import sysid
 
-    sysid.optimize  # Without its own packages the toolbox is there and empty.
+    sysid.optimize  # The toolbox is empty if its packages are missing.
 except (ImportError, AttributeError) as error:
-    sys.exit(f"MuJoCo's toolbox is not here ({error}): run with --venv")
+    sys.exit(f"MuJoCo's toolbox is missing ({error}): run with --venv")
 
 
 def modifier(row):
@@ -159,7 +159,7 @@ class Problem:
 
 
 def solve(problem, threads, way):
-    """What the toolbox makes of the problem; standard errors and intervals are its own."""
+    """The toolbox's answer, with its own standard errors and intervals."""
     residual = problem.residual(threads)
     problem.replays = 0
     begun = time.perf_counter()
@@ -181,7 +181,7 @@ def number(value):
 
 
 def table_of_numbers(rows, ours, theirs):
-    """One line a number; the answers apart in the smaller of the two standard errors."""
+    """One line a parameter; differences are in the smaller of the two standard errors."""
     apart = (ours["values"] - theirs["values"]) / np.minimum(ours["errors"], theirs["errors"])
     print("| number | true | start | ours | 95 % | toolbox | 95 % | apart, s.e. | s.e., ours over theirs |")
     print("|---|---|---|---|---|---|---|---|---|")
@@ -200,7 +200,7 @@ def table_of_numbers(rows, ours, theirs):
 
 
 def table_of_solvers(problem, answers):
-    """One line a solver: what it took, and how far above the best cost of all it ended."""
+    """One line a solver: evaluations, seconds, and its cost above the best of all."""
     readings = sum(len(motion["readings"]) * len(problem["fitted"]) for motion in problem["motions"])
     best = min(answer["cost"] for answer in answers.values())
     print("\n| solver | evaluations | seconds | cost | above the best | rms over noise |\n|---|---|---|---|---|---|")
@@ -222,7 +222,7 @@ def main(folder):
     residual = problem.residual(ours["threads"])
     in_theirs = problem.cost(residual, ours["values"])
     print(f"With the true numbers stock MuJoCo is at most {furthest:.1e} rad from our simulator, with {contacts} contacts.")
-    print(f"Our answer costs {ours['cost']:.6f} as we reckon and {in_theirs:.6f} as the toolbox does.\n")
+    print(f"Our answer costs {ours['cost']:.6f} by our computation and {in_theirs:.6f} by the toolbox's.\n")
 
     ways = {name: solve(problem, ours["threads"], way) for name, way in WAYS.items()}
     theirs = min(ways.values(), key=lambda answer: answer["cost"])
@@ -235,7 +235,7 @@ def main(folder):
     if not (furthest <= SAME_MOTION and contacts == 0):
         wrong.append(f"the two simulate different things: motions may differ by {SAME_MOTION:g} rad, without contacts")
     if not abs(in_theirs - ours["cost"]) <= 1e-6 * ours["cost"]:
-        wrong.append("the two reckon the cost of our answer differently")
+        wrong.append("the two compute different costs of our answer")
     if not ours["cost"] - theirs["cost"] <= SAME_COST:
         wrong.append(f"the toolbox found a better optimum, by {ours['cost'] - theirs['cost']:.4g}: ours is wrong")
     elif not theirs["cost"] - ours["cost"] <= SAME_COST:
