@@ -7,7 +7,7 @@
 
 Writes crates/identify/tests/golden/fits.json. `least_squares`: three problems with their data, the optimum that SciPy's
 trust-region method finds within the bounds, its cost, and the covariance there from slopes measured to high order, as if
-there were no bounds. Everything is drawn from fixed seeds; run twice, same bytes.
+there were no bounds. Everything is drawn from fixed seeds; a second run writes the same bytes.
 """
 
 import json

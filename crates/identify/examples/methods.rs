@@ -1,4 +1,4 @@
-//! The two methods on the same recordings, from the same starts: how many replays and seconds each needs to come to the same
+//! The two methods on the same recordings, from the same starts: the replays and seconds that each needs to reach the same
 //! error. Prints the table of docs/results/identification.md:
 //! `cargo run --release -p etude-identify --example methods -- chirp.mcap [--seeds N]`.
 #![allow(clippy::print_stdout, clippy::print_stderr, reason = "printing is what it is for")]
@@ -17,9 +17,9 @@ use etude_stage::{JOINT_NAMES, PhysicalParams};
 use rand::{RngExt as _, SeedableRng as _};
 use rand_pcg::Pcg64;
 
-/// Errors at which the methods are compared, as multiples of the smallest that any of them reached from any start.
+/// Errors at which the methods are compared, as multiples of the smallest error of all fits.
 const LEVELS: [f64; 4] = [3.0, 1.5, 1.1, 1.02];
-/// How far a start is off the usual one at most, as a factor.
+/// Largest factor between a start and the default.
 const START: f64 = 2.0;
 
 /// Error after so many replays and seconds.
@@ -34,7 +34,7 @@ fn methods() -> [(&'static str, MethodConfig); 2] {
     [("lm", MethodConfig::Lm(LmConfig::for_replays())), ("bo", MethodConfig::Bo(BoConfig::default()))]
 }
 
-/// Numbers of each joint to begin with, drawn by `seed`.
+/// Start values of each joint, drawn by `seed`.
 fn start(seed: u64) -> BTreeMap<String, f64> {
     let mut random = Pcg64::seed_from_u64(seed);
     let defaults = PhysicalParams::default();
@@ -51,13 +51,13 @@ fn start(seed: u64) -> BTreeMap<String, f64> {
     start
 }
 
-/// How the error of all joints falls while each is fitted by itself.
+/// The error of all joints while each is fitted by itself.
 fn course(motions: &[Motion], method: MethodConfig, seed: u64) -> Result<Vec<Point>, IdentifyError> {
     let config = IdentifyConfig { method, seed, start: start(seed) };
     let state = std::env::temp_dir().join(format!("methods-{seed}-{}.json", std::process::id()));
     let (begun, interrupt) = (Instant::now(), AtomicBool::new(false));
     let mut points: Vec<Point> = Vec::new();
-    // Replays are counted anew in each round.
+    // The count of replays restarts in each round.
     let (mut before, mut last) = (0, 0);
     let mut tell = |progress: &Progress| {
         if progress.stage == Stage::Joints {
@@ -79,7 +79,7 @@ fn course(motions: &[Motion], method: MethodConfig, seed: u64) -> Result<Vec<Poi
     }
 }
 
-/// Median, and the range in brackets, of those that got there.
+/// Median, and the range in brackets.
 fn spread(mut values: Vec<f64>, digits: usize) -> String {
     values.sort_by(f64::total_cmp);
     match (values.first(), values.last()) {

@@ -1,8 +1,8 @@
-//! One identification problem for two solvers: this crate's and MuJoCo's own toolbox, which `scripts/check_sysid.py` asks.
+//! One identification problem for two solvers: this crate's, and MuJoCo's own toolbox (`scripts/check_sysid.py`).
 //!
-//! The problem is one that stock MuJoCo can express to the last digit. What a joint's controller refers to depends on its
-//! targets alone, so that a joint is MuJoCo's position actuator between the same limits of force, driven by those references
-//! once a physics step; and all readings are taken at the ends of physics steps, where nobody has to interpolate.
+//! Stock MuJoCo can express the problem exactly. A joint's references depend on its targets alone, so a joint is MuJoCo's
+//! position actuator with the same force limits, driven by those references once a physics step. All readings are at the
+//! ends of physics steps, so no interpolation is needed.
 #![allow(clippy::print_stdout, reason = "printing is what it is for")]
 
 use std::fmt::Write as _;
@@ -28,19 +28,19 @@ use serde_json::{Value, json};
 const NOISE_RAD: f64 = 2e-4;
 /// Joints that are fitted: those of the first finger.
 const FITTED: std::ops::Range<usize> = 0..FINGER_JOINTS;
-/// Numbers of each that are fitted.
+/// Fitted parameters of each.
 const QUANTITIES: [Joint; 4] = [Joint::Stiffness, Joint::Damping, Joint::Armature, Joint::Friction];
-/// Dry friction about which the true one is drawn, N·m; the simulator's own is none.
+/// Centre of the true dry friction, N·m; the simulator's default is zero.
 const FRICTION_NM: f64 = 0.01;
-/// Most friction that is looked for, N·m (`rows.rs`, as the other bounds).
+/// Upper bound of friction, N·m (as in `rows.rs`).
 const MOST_FRICTION_NM: f64 = 0.08;
-/// How many times off the nominal numbers the true ones are at most.
+/// Largest factor between the true and the nominal parameters.
 const TRUTH: f64 = 1.3;
-/// How many times off the true ones the start may be: within the bounds.
+/// Largest factor between the start and the true parameters; within the bounds.
 const FARTHEST: f64 = 3.0;
-/// Most of a joint's momentum that its damping takes in a physics step, as a share: beyond 2 the joint only chatters.
+/// Largest share of a joint's momentum that its damping removes in a physics step. Beyond 2 the simulation oscillates.
 const MOST_TAKEN: f64 = 1.5;
-/// Step of the differences that intervals come from, as a share of each range.
+/// Step of the differences for the intervals, as a share of each range.
 const ESTIMATE_STEP: f64 = 1e-4;
 
 type Fallible<T> = Result<T, Box<dyn std::error::Error>>;
@@ -50,14 +50,14 @@ fn gauss(random: &mut Pcg64) -> f64 {
     (-2.0 * (1.0 - a).ln()).sqrt() * (std::f64::consts::TAU * b).cos()
 }
 
-/// The simulator's numbers; those that are fitted lie about them.
+/// The simulator's default parameters, and friction.
 fn nominal() -> PhysicalParams {
     let mut params = shaping_params(&RigConfig::default().limits);
     FITTED.for_each(|joint| params.set_joint(Joint::Friction, joint, FRICTION_NM));
     params
 }
 
-/// Numbers up to `times` off those of `params`, either way, of joints that physics steps of this length can simulate.
+/// Parameters up to a factor `times` from `params`, of joints that can be simulated with this physics step.
 fn off(params: &PhysicalParams, times: f64, random: &mut Pcg64) -> PhysicalParams {
     let mut params = params.clone();
     for joint in FITTED {
@@ -94,7 +94,7 @@ fn parameters(start: &PhysicalParams) -> Vec<Parameter> {
     FITTED.flat_map(|joint| QUANTITIES.map(|quantity| parameter(quantity, joint))).collect()
 }
 
-/// What a robot with these numbers does while it is moved by a third of an excitation, without noise.
+/// Motion of a robot with these parameters in a third of an excitation, without noise.
 fn recorded(params: &PhysicalParams, excitation: Excitation, third: usize) -> Fallible<Motion> {
     let targets = excitation.targets();
     let count = targets.len() / 3;
@@ -113,7 +113,8 @@ fn recorded(params: &PhysicalParams, excitation: Excitation, third: usize) -> Fa
         keys: Vec::new(),
     };
     let stage = StageConfig::default();
-    let trace = Replayer::new(&stage)?.replay(params, &motion, false).ok_or("the true world diverged")?;
+    let trace =
+        Replayer::new(&stage)?.replay(params, &motion, false).ok_or("the true simulation diverged")?;
     motion.fingers = (1..=motion.commands.steps() * PHYSICS_STEPS)
         .map(|step| {
             let secs = step as f64 * stage.physics_step_secs();
@@ -133,7 +134,7 @@ fn noisy(motion: &Motion, random: &mut Pcg64) -> Motion {
     motion
 }
 
-/// What the joints are drawn to at each physics step of a motion: rad, the rail in m.
+/// References of the joints at each physics step of a motion: rad, the rail in m.
 fn references(params: &PhysicalParams, motion: &Motion) -> Fallible<Vec<[f64; JOINTS]>> {
     let Commands::Targets(targets) = &motion.commands else { return Err("a motion without targets".into()) };
     let step_secs = StageConfig::default().physics_step_secs();
@@ -154,7 +155,7 @@ fn references(params: &PhysicalParams, motion: &Motion) -> Fallible<Vec<[f64; JO
         .collect())
 }
 
-/// The model with position actuators in the place of the motors.
+/// The model with position actuators instead of motors.
 fn model(params: &PhysicalParams) -> Fallible<String> {
     let text = etude_stage::mjcf(&StageConfig::default(), params);
     let (before, after) = text.split_once("<actuator>").ok_or("the model has no actuators")?;
@@ -171,7 +172,7 @@ fn model(params: &PhysicalParams) -> Fallible<String> {
     Ok(model + "  </actuator>" + after)
 }
 
-/// The problem as this crate sees it, and how it is evaluated.
+/// The problem for this crate, and its evaluation.
 struct Posed {
     start: PhysicalParams,
     motions: Vec<Motion>,
@@ -211,7 +212,7 @@ impl Posed {
     fn replayed(&self, replayer: &mut Replayer, world: &PhysicalParams) -> Evaluation {
         let traces = self.motions.iter().map(|motion| replayer.replay(world, motion, false));
         let Some(traces) = traces.collect::<Option<Vec<Trace>>>() else {
-            return Evaluation::Failed("the world diverged".to_string());
+            return Evaluation::Failed("the simulation diverged".to_string());
         };
         let errors = self.motions.iter().zip(&traces).flat_map(|(motion, trace)| {
             FITTED.flat_map(move |joint| trace.errors(motion, joint).map(|error| error / NOISE_RAD))
@@ -219,10 +220,10 @@ impl Posed {
         Evaluation::Residuals(errors.collect())
     }
 
-    /// Fits, judges, and says what came of it.
+    /// Fits, and returns the result with its uncertainty.
     fn answer(&self) -> Fallible<Value> {
-        // No contact and no drive at its limit: slopes may be measured as closely as the solver is exact. The first step
-        // is held short, since damping and armature that cannot be simulated are near.
+        // There is no contact and no drive at its limit, so small differences are exact. The first step is short, because
+        // damping and armature that cannot be simulated are near.
         let config = LmConfig { difference_step: 1e-6, initial_damping: 10.0, ..LmConfig::default() };
         let begun = Instant::now();
         let mut fit = Fit::new(self.problem.clone(), &MethodConfig::Lm(config), 0)?;
@@ -231,7 +232,7 @@ impl Posed {
             fit.tell(&self.evaluate(&candidates)?)?;
         }
         let secs = begun.elapsed().as_secs_f64();
-        let best = fit.best().ok_or("no world could be simulated; choose another seed")?;
+        let best = fit.best().ok_or("every simulation failed; choose another seed")?;
         let plan = JacobianPlan::new(&self.problem, &best.point, ESTIMATE_STEP);
         let linear = plan.finish(&self.problem, &self.evaluate(&plan.candidates(&self.problem))?)?;
         let estimate = Estimate::new(&self.problem, &linear)?;
@@ -249,7 +250,7 @@ impl Posed {
         }))
     }
 
-    /// The problem as stock MuJoCo can be given it; `clean` are the motions without noise.
+    /// The problem for stock MuJoCo; `clean` are the motions without noise.
     fn exported(&self, truth: &PhysicalParams, clean: &[Motion]) -> Fallible<Value> {
         let parameters = FITTED.flat_map(|joint| QUANTITIES.map(|quantity| (joint, quantity)));
         let parameters = parameters.zip(self.problem.space().parameters()).map(|((joint, quantity), p)| {
@@ -281,9 +282,9 @@ impl Posed {
     }
 }
 
-/// Writes the problem, the model and our answer into a folder, made if need be:
-/// `cargo run --release -p etude-identify --example outside -- FOLDER [SEED [TIMES]]`. The fit starts up to TIMES off the
-/// true numbers (1.3 if not given).
+/// Writes the problem, the model and our answer into a folder:
+/// `cargo run --release -p etude-identify --example outside -- FOLDER [SEED [TIMES]]`. The fit starts up to a factor TIMES
+/// (default 1.3) from the true parameters.
 fn main() -> Fallible<()> {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
     let folder =

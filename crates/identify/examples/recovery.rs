@@ -1,4 +1,4 @@
-//! What fits of known numbers come to: `cargo run --release -p etude-identify --example recovery -- SEED…`.
+//! Recovers known parameters: `cargo run --release -p etude-identify --example recovery -- SEED…`.
 #![allow(clippy::print_stdout, reason = "printing is what it is for")]
 
 #[path = "../tests/identify/synthetic.rs"]

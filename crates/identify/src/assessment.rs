@@ -1,4 +1,4 @@
-//! How well a simulator repeats recordings: errors by joint, in the recordings that were fitted and in others.
+//! How well a simulator repeats recordings: errors by joint.
 
 use etude_stage::{JOINT_NAMES, JOINTS, PhysicalParams, RAIL, StageConfig, StageError};
 use serde::{Deserialize, Serialize};
@@ -6,23 +6,23 @@ use serde::{Deserialize, Serialize};
 use crate::motion::Motion;
 use crate::replay::{Replayer, Trace};
 
-/// Root mean square errors of one joint over several recordings, rad or m: with the numbers before the fit, and after it.
+/// Root mean square errors of one joint over several recordings, before and after the fit, rad or m.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct JointErrors {
     /// Name of the joint.
     pub joint: String,
-    /// Standard deviation of its readings at rest: no fit can be better.
+    /// Standard deviation of its readings at rest, the smallest possible error.
     pub noise: f64,
-    /// Before.
+    /// Before the fit.
     pub before: f64,
-    /// After.
+    /// After the fit.
     pub after: f64,
 }
 
 /// Errors over several recordings.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Assessment {
-    /// Joints that move in one of them.
+    /// Joints that move in a recording.
     pub joints: Vec<JointErrors>,
     /// Over all finger joints, rad: before and after.
     pub fingers: [f64; 2],
@@ -31,11 +31,11 @@ pub struct Assessment {
 }
 
 impl Assessment {
-    /// Compares what `motions` measured with replays in worlds with the numbers `before` and `after`. A world that
-    /// diverges has infinite errors.
+    /// Compares `motions` with replays with the parameters `before` and `after`. The errors of a simulation that diverges
+    /// are infinite.
     ///
     /// # Errors
-    /// If the world cannot be built.
+    /// If the simulation cannot be built.
     pub fn new(
         motions: &[Motion],
         before: &PhysicalParams,

@@ -1,11 +1,9 @@
-//! How many samples a series is worth: residuals of a simulation follow one another smoothly, and neighbours
-//! tell the same thing twice.
+//! The number of independent samples of a series with correlated neighbours.
 
-/// Most pairs of lags: ten seconds at 200 Hz. A series that is still correlated by then is worth next to
-/// nothing anyway.
+/// Most pairs of lags: ten seconds at 200 Hz.
 const MOST_PAIRS: usize = 1000;
 
-/// Integrated autocorrelation time of residuals, in samples, at least one: `n` of them are worth `n / τ`
+/// Integrated autocorrelation time of residuals, in samples, at least one: `n` of them count as `n / τ`
 /// independent ones.
 ///
 /// τ = 1 + 2 Σ ρ(k), summed over pairs of lags as long as the pairs' sums are positive and do not grow (Geyer
@@ -23,7 +21,7 @@ pub fn integrated_autocorrelation(series: &[f64]) -> f64 {
     let at_lag = |lag: usize| scaled.iter().zip(&scaled[lag..]).map(|(a, b)| a * b).sum::<f64>();
     let square = at_lag(0);
     let (mut sum, mut smallest) = (0.0, f64::INFINITY);
-    // Beyond half the series a correlation is made of too few pairs.
+    // Beyond half the series too few pairs remain.
     for pair in 0..(n / 4).min(MOST_PAIRS) {
         let both = (at_lag(2 * pair) + at_lag(2 * pair + 1)) / square;
         if both <= 0.0 {

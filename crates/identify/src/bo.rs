@@ -1,9 +1,8 @@
-//! Bayesian optimisation, as the paper uses it: a Gaussian process through everything told, and the
-//! candidates that promise most under it.
+//! Bayesian optimisation, the paper's method: a Gaussian process through all evaluations, and the candidates with the
+//! greatest expected improvement.
 //!
-//! What it is told is kept here and the process starts anew from that for each batch, with a seed of the batch's own,
-//! so the told points are the whole state. It sees the logarithm of one plus the cost, since costs span
-//! orders of magnitude.
+//! The evaluated points are the whole state: each batch fits a new process to them, with a seed of its own. The process
+//! models the logarithm of one plus the cost, because costs span orders of magnitude.
 
 use serde::{Deserialize, Serialize};
 
@@ -30,7 +29,7 @@ pub(crate) struct Bo {
     config: BoConfig,
     seed: u64,
     batch: u64,
-    /// Allowed points and what came of them; `None` for a failure.
+    /// Points and their costs; `None` for a failure.
     told: Vec<(Vec<f64>, Option<f64>)>,
 }
 
@@ -59,10 +58,10 @@ impl Bo {
         std::iter::once(problem.space().start()).chain(points).collect()
     }
 
-    /// What the process suggests; nothing where it has failed.
+    /// The candidates of the process; none where it cannot be fitted.
     fn suggested(&self, n: usize, draws: &mut Draws) -> Vec<Vec<f64>> {
         let heights: Vec<Option<f64>> = self.told.iter().map(|(_, cost)| cost.map(f64::ln_1p)).collect();
-        // A failure is as bad as the worst that came back.
+        // A failure counts as the worst cost.
         let worst = heights.iter().flatten().fold(f64::NEG_INFINITY, |worst, &height| worst.max(height));
         if worst == f64::NEG_INFINITY {
             return Vec::new();
@@ -75,7 +74,7 @@ impl Bo {
             let least = heights.iter().copied().fold(f64::INFINITY, f64::min);
             let best = points.iter().zip(&heights).min_by(|a, b| a.1.total_cmp(b.1)).map(|(point, _)| point);
             let Some(point) = search(&process, least, best, n, draws) else { break };
-            // Of the next in the batch the process believes what it predicts for this one (Ginsbourger 2010).
+            // For the rest of the batch the predicted cost counts as evaluated (Ginsbourger 2010).
             let (believed, _) = process.predict(&point);
             batch.push(point.clone());
             match process.and(&point, believed, &mut heights) {
@@ -87,7 +86,7 @@ impl Bo {
     }
 }
 
-/// What a point promises: expected improvement on the least height less the predicted height (Watson and Barnes 1995).
+/// The merit of a point: expected improvement on the least height less the predicted height (Watson and Barnes 1995).
 fn promise(process: &Process, least: f64, point: &[f64]) -> f64 {
     let (mean, deviation) = process.predict(point);
     let gain = least - mean;
@@ -108,8 +107,8 @@ fn normal(z: f64) -> f64 {
     if z >= 0.0 { 1.0 - upper } else { upper }
 }
 
-/// The most promising point that is found: from everywhere and from near the best so far, each of the first few improved
-/// coordinate by coordinate.
+/// The best point of a search over the whole cube and near the best so far; the first few are improved coordinate by
+/// coordinate.
 fn search(
     process: &Process,
     least: f64,
@@ -176,7 +175,7 @@ impl Method for Bo {
                 told.chain(&batch[..place])
                     .any(|known| known.iter().zip(all_inside(point)).all(|(a, b)| (a - b).abs() < SAME))
             };
-            // What is known already makes room for chance; a point in a corner may come again, so not for ever.
+            // A known point is replaced by a random one, with a limit on the attempts.
             let mut point = batch[place].clone();
             for _ in 0..20 {
                 if !is_known(&point) {

@@ -1,15 +1,14 @@
-//! Every constant of the two methods, with defaults that suit residuals in standard deviations of the
-//! noise.
+//! The constants of the two methods. Their defaults suit residuals in standard deviations of the noise.
 
 use serde::{Deserialize, Serialize};
 
-/// Dimensions beyond which Bayesian optimisation is refused (fact sheet "speed and sample efficiency" §5).
+/// Most parameters of Bayesian optimisation (Frazier 2018, arXiv:1807.02811: best below 20 dimensions).
 pub(crate) const BO_MOST_PARAMETERS: usize = 20;
 
-/// A configured value that cannot work.
+/// An invalid configuration.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum ConfigError {
-    /// A number out of place.
+    /// A value is out of range.
     #[error("`{field}` is {value}, but {rule}; change it in the configuration")]
     Value {
         /// Name of the field, as in the configuration file.
@@ -42,7 +41,7 @@ fn require(
 pub enum MethodConfig {
     /// Levenberg–Marquardt: for smooth residuals; tens of Jacobians.
     Lm(LmConfig),
-    /// Bayesian optimisation: for few parameters and dear evaluations; hundreds of them.
+    /// Bayesian optimisation: for few parameters and expensive evaluations; hundreds of them.
     Bo(BoConfig),
 }
 
@@ -63,7 +62,7 @@ impl MethodConfig {
     }
 }
 
-/// How slopes are measured.
+/// How slopes are computed.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Differences {
@@ -80,23 +79,23 @@ pub enum Differences {
 pub struct LmConfig {
     /// Evaluations after which no new batch is begun.
     pub max_evaluations: u64,
-    /// How slopes are measured.
+    /// How slopes are computed.
     pub differences: Differences,
-    /// Step of the differences that the fit ends with, as a share of a parameter's range.
+    /// Final step of the differences, as a share of a parameter's range.
     pub difference_step: f64,
-    /// Step that it begins with, if larger. Where a simulation is rough, wide differences still see which way is down; each time
-    /// the fit settles it goes on with a tenth of the step, down to `difference_step`.
+    /// First step of the differences, if larger. Wide differences average the roughness of a simulation. Each time the fit
+    /// converges it continues with a tenth of the step, down to `difference_step`.
     pub first_difference_step: f64,
     /// Damping at the start, relative to the curvature of each parameter.
     pub initial_damping: f64,
     /// Ends when the cosine between the residuals and each free column of the Jacobian is smaller.
     pub gradient_tolerance: f64,
-    /// Ends when no coordinate would move farther.
+    /// Ends when no coordinate would move farther than this.
     pub step_tolerance: f64,
-    /// Ends when a step promises and brings a smaller share of the cost.
+    /// Ends when a step's predicted and actual reductions are a smaller share of the cost.
     pub cost_tolerance: f64,
-    /// A parameter is held while the cost's curvature along it is less. Where residuals are in standard deviations of their noise, a
-    /// parameter's own 95 % interval is then wider than `3.92 / √least_curvature` of its range: a step along it would be a guess.
+    /// A parameter is held while the cost's curvature along it is less. With residuals in standard deviations of the noise, the
+    /// parameter's own 95 % interval is then wider than `3.92 / √least_curvature` of its range.
     pub least_curvature: f64,
 }
 
@@ -117,7 +116,7 @@ impl Default for LmConfig {
 }
 
 impl LmConfig {
-    /// Constants that suit replays of a robot, which are not smooth to the last digit: contacts and dry friction switch.
+    /// Constants for replays of a robot, which are not smooth: contacts and dry friction switch.
     pub fn for_replays() -> Self {
         Self {
             difference_step: 1e-6,
@@ -164,7 +163,7 @@ pub struct BoConfig {
     pub max_evaluations: u64,
     /// Candidates of the first batch, spread over the whole space; 0 takes 2 n + 2.
     pub initial: usize,
-    /// Candidates of each later batch. One learns most from each evaluation; more keep as many cores busy.
+    /// Candidates of each later batch. One makes the best use of each evaluation; more use as many cores.
     pub batch: usize,
 }
 

@@ -1,9 +1,9 @@
-//! What an estimate is worth: intervals, correlations, and what the data cannot tell.
+//! The uncertainty of an estimate: intervals, correlations, and what is not identifiable.
 //!
 //! All of it is linear theory at the optimum: with the Jacobian J of the residuals, the covariance of the
 //! parameters is `A⁻¹ M A⁻¹` with `A = JᵀJ` and `M = Σ τ s² JᵀJ` summed over the blocks, s² being a block's
 //! residual variance and τ its integrated autocorrelation time ([`integrated_autocorrelation`]): correlated
-//! residuals count as `samples / τ`. With one block of white residuals that is the familiar `s² (JᵀJ)⁻¹`.
+//! residuals count as `samples / τ`. With one block of white residuals that is `s² (JᵀJ)⁻¹`.
 //! Under the Huber loss, residuals beyond its bend do not count in A and count as the bend in s² (Huber
 //! 1981). The correction takes the slopes to be as slow as the residuals, so where they are faster the
 //! intervals are too wide, not too narrow.
@@ -19,21 +19,19 @@ use crate::problem::Problem;
 pub(crate) const HALF_INTERVAL: f64 = 1.959_963_984_540_054;
 /// A direction is weak when half its 95 % interval is longer than this share of the parameters' ranges, ...
 pub(crate) const WEAK_HALF_INTERVAL: f64 = 0.5;
-/// ... or when its singular value is a smaller share of the largest (MuJoCo's toolbox warns there, fact sheet
-/// §5).
+/// ... or when its singular value is a smaller share of the largest (our choice).
 const WEAK_SHARE: f64 = 1e-6;
 /// Singular values smaller than this share of the largest are rounding.
 const LEAST_SHARE: f64 = 3e-8;
 /// A parameter takes part in a direction from this component of its unit vector on.
 const TAKES_PART: f64 = 0.3;
-/// Blocks shorter than this have too few samples for a variance of their own; they share one, without
-/// autocorrelation.
+/// Shorter blocks share one variance, without autocorrelation.
 const SHORT_BLOCK: usize = 32;
 /// How close to a bound is at it, in normalised coordinates.
 const AT_BOUND: f64 = 1e-6;
 const EIGEN_ROUNDS: usize = 10_000;
 
-/// A bound that the estimate is at.
+/// The bound at which an estimate is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Bound {
@@ -60,12 +58,12 @@ pub struct ParameterEstimate {
     pub coordinate_standard_error: f64,
     /// The bound it is at. Its interval is then computed as if the bound were not there.
     pub at_bound: Option<Bound>,
-    /// Whether the data tell it: false for a parameter that takes part in a weak direction, or whose own half interval is
-    /// longer than half its range.
+    /// Whether the data identify it: false for a parameter of a weak direction, or if its own half interval is longer than
+    /// half its range.
     pub is_identifiable: bool,
 }
 
-/// A direction in which the parameters can move together and the residuals hardly show it.
+/// A direction along which the parameters can move together while the residuals hardly change.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct WeakDirection {
     /// Singular value of the Jacobian along it, residuals (in standard deviations) per whole range.
@@ -83,13 +81,13 @@ pub struct BlockStatistics {
     pub name: String,
     /// Number of residuals.
     pub samples: usize,
-    /// Number of independent residuals that they are worth.
+    /// Equivalent number of independent residuals.
     pub effective_samples: f64,
     /// Root mean square of the residuals; one where nothing but the noise is left.
     pub rms: f64,
 }
 
-/// What a fit's end is worth. Matrices are in normalised coordinates, row by row, in the order of the
+/// The uncertainty of a fit's result. Matrices are in normalised coordinates, row by row, in the order of the
 /// parameters.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Estimate {
@@ -105,7 +103,7 @@ pub struct Estimate {
     pub singular_values: Vec<f64>,
     /// Largest singular value over the smallest.
     pub condition: f64,
-    /// Directions that the data do not tell: half their 95 % interval is longer than half the parameters'
+    /// Directions that are not identifiable: half their 95 % interval is longer than half the parameters'
     /// ranges, or their singular value is below a millionth of the largest. The weakest first.
     pub weak: Vec<WeakDirection>,
     /// The blocks, in order.
@@ -114,21 +112,21 @@ pub struct Estimate {
     pub residual_variance: f64,
 }
 
-/// An estimate of which nothing can be said.
+/// An estimate cannot be computed.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum EstimateError {
-    /// As many unknowns as equations.
-    #[error("{samples} residuals cannot tell {parameters} parameters; record longer or estimate fewer")]
+    /// At least as many parameters as residuals.
+    #[error("{samples} residuals cannot identify {parameters} parameters; record longer or estimate fewer")]
     TooFew {
         /// Residuals.
         samples: usize,
         /// Parameters.
         parameters: usize,
     },
-    /// A point, residuals or a Jacobian of another problem.
+    /// The linearisation is of another problem.
     #[error("the linearisation belongs to another problem; plan it with the problem that was fitted")]
     OtherProblem,
-    /// Numbers out of range.
+    /// Residuals or slopes are too large.
     #[error(
         "residuals or slopes are too large to square; check the noise's standard deviation that divides them"
     )]
@@ -136,10 +134,10 @@ pub enum EstimateError {
 }
 
 impl Estimate {
-    /// Judges a point by the residuals and slopes there ([`JacobianPlan`](crate::JacobianPlan)).
+    /// The uncertainty at a point, from its residuals and slopes ([`JacobianPlan`](crate::JacobianPlan)).
     ///
     /// # Errors
-    /// [`EstimateError`] when there is nothing to judge by.
+    /// If there are too few residuals, or the linearisation does not match the problem.
     pub fn new(problem: &Problem, linear: &Linearisation) -> Result<Self, EstimateError> {
         let (n, samples) = (problem.space().len(), problem.samples());
         let fits = linear.point.len() == n && linear.jacobian.parameters() == n;
@@ -189,7 +187,7 @@ impl Estimate {
     }
 }
 
-/// What the residuals of each block look like.
+/// Statistics of each block's residuals.
 struct Noise {
     blocks: Vec<BlockStatistics>,
     /// Variance times autocorrelation time.
@@ -200,7 +198,7 @@ impl Noise {
     fn of(problem: &Problem, residuals: &[f64]) -> Self {
         let loss = problem.loss();
         let samples = problem.samples() as f64;
-        // What the fit took out of the residuals is given back in proportion.
+        // Corrects for the degrees of freedom of the fit.
         let given_back = samples / (samples - problem.space().len() as f64);
         let mut short = (0.0, 0usize);
         let mut all = Vec::new();
@@ -247,7 +245,7 @@ impl Spectrum {
         let mut order: Vec<usize> = (0..n).collect();
         order.sort_by(|&a, &b| eigen.eigenvalues[b].total_cmp(&eigen.eigenvalues[a]));
         let largest = eigen.eigenvalues[*order.first()?].max(0.0).sqrt();
-        // Not zero, so that what cannot be told has an error that is large and finite.
+        // Not zero, so that the error of what is not identifiable is large and finite.
         let least = (LEAST_SHARE * largest).max(1e-100);
         let values = order.iter().map(|&k| eigen.eigenvalues[k].max(0.0).sqrt().max(least)).collect();
         Some(Self { values, directions: eigen.eigenvectors.select_columns(&order) })
@@ -260,8 +258,7 @@ impl Spectrum {
                 inner[(i, j)] /= (self.values[i] * self.values[j]).powi(2);
             }
         }
-        // A parameter without any influence has no meat either: what is not told at all is as wide as ten
-        // ranges.
+        // A direction without any influence on the residuals gets a standard error of ten ranges.
         for (i, value) in self.values.iter().enumerate() {
             if *value <= LEAST_SHARE * self.values[0] || *value <= 1e-100 {
                 inner[(i, i)] = inner[(i, i)].clamp(100.0, 1e100);

@@ -1,7 +1,6 @@
-//! The one interface of all methods: ask for a batch, evaluate it anywhere, tell what came of it.
+//! The interface of all methods: ask for a batch, evaluate it anywhere, tell its residuals.
 //!
-//! Everything that the methods have in common is here: the best so far, counts, budget, failures, and the
-//! saved state. A method itself only proposes points, as a pure function of its state, and learns from them.
+//! A fit holds what the methods share: the best candidate so far, counts, budget, failures, and the saved state.
 
 use serde::{Deserialize, Serialize};
 
@@ -26,21 +25,20 @@ pub struct Best {
     pub evaluation: u64,
 }
 
-/// Evaluations that do not answer the last batch.
+/// Evaluations that do not match the last batch.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum TellError {
-    /// Not one for each candidate.
+    /// Their number differs from that of the candidates.
     #[error(
-        "{given} evaluations were told for {asked} candidates; tell one for each candidate, in the \
-        order asked"
+        "{given} evaluations were given for {asked} candidates; give one for each candidate, in the order of the batch"
     )]
     Count {
-        /// Candidates that were asked.
+        /// Candidates of the batch.
         asked: usize,
-        /// Evaluations that were told.
+        /// Evaluations that were given.
         given: usize,
     },
-    /// Residuals that are not those of the problem.
+    /// A candidate has another number of residuals than the problem.
     #[error(
         "candidate {candidate} of the batch has {given} residuals where the problem has {samples}; give \
         one residual for \
@@ -49,12 +47,12 @@ pub enum TellError {
     Samples {
         /// Place in the batch, from zero.
         candidate: usize,
-        /// Residuals that the problem has.
+        /// Residuals of the problem.
         samples: usize,
-        /// Residuals that were told.
+        /// Residuals that were given.
         given: usize,
     },
-    /// The fit is over.
+    /// The fit has ended.
     #[error("the fit has ended, so it takes no more evaluations; start another fit from its best point")]
     Finished,
 }
@@ -82,11 +80,10 @@ impl State {
     }
 }
 
-/// A fit under way: its problem, its method and all that was learned.
+/// A fit: its problem, its method and their state.
 ///
-/// It is `Serialize` and `Deserialize`: written after any [`Fit::tell`] and read again, it goes on to the
-/// same end, bit for bit (with a format that keeps every bit of a number, such as serde_json with
-/// `float_roundtrip`).
+/// Saved after any [`Fit::tell`] and loaded, it ends with the same result, bit for bit, if the format keeps every bit of
+/// a number (such as serde_json with `float_roundtrip`).
 #[derive(Clone, Debug, Serialize, Deserialize)]
 #[serde(try_from = "Saved")]
 pub struct Fit {
@@ -97,12 +94,12 @@ pub struct Fit {
     evaluations: u64,
     failures: u64,
     finished: Option<Reason>,
-    /// What the method proposed and is not told yet.
+    /// The batch that waits for its evaluations.
     #[serde(skip)]
     asked: Option<Vec<Vec<f64>>>,
 }
 
-/// A fit as it comes from a file.
+/// A fit as it is in a file.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Saved {
@@ -132,12 +129,10 @@ impl TryFrom<Saved> for Fit {
 }
 
 impl Fit {
-    /// Begins a fit at the parameters' start values.
-    ///
-    /// `seed` owns every random draw; Levenberg–Marquardt makes none.
+    /// A fit from the parameters' start values. `seed` determines every random draw; Levenberg–Marquardt makes none.
     ///
     /// # Errors
-    /// [`ConfigError`] names a number that cannot work, or a method that cannot handle so many parameters.
+    /// If a constant is out of range, or the method cannot handle so many parameters.
     pub fn new(problem: Problem, method: &MethodConfig, seed: u64) -> Result<Self, ConfigError> {
         method.validate(problem.space().len())?;
         let state = match method {
@@ -156,8 +151,7 @@ impl Fit {
         })
     }
 
-    /// The next batch, to be evaluated in any order. The same batch until it is told; empty once the fit has
-    /// ended.
+    /// The next batch, to be evaluated in any order. The same batch until [`Fit::tell`]; empty after the end.
     pub fn ask(&mut self) -> Vec<Candidate> {
         self.proposed().iter().map(|point| Candidate::at(&self.problem, point)).collect()
     }
@@ -169,12 +163,12 @@ impl Fit {
         self.asked.get_or_insert_with(|| self.state.method().propose(&self.problem)).clone()
     }
 
-    /// Takes what came of the last batch, one evaluation a candidate in the order of [`Fit::ask`].
+    /// Takes the evaluations of the last batch, one a candidate in the order of [`Fit::ask`].
     ///
     /// Residuals that are not finite (or beyond 1e100) count as a failed evaluation.
     ///
     /// # Errors
-    /// [`TellError`] when the evaluations do not answer the batch; nothing has changed then.
+    /// If the evaluations do not match the batch; the fit is unchanged then.
     pub fn tell(&mut self, evaluations: &[Evaluation]) -> Result<(), TellError> {
         if self.finished.is_some() {
             return Err(TellError::Finished);
@@ -228,7 +222,7 @@ impl Fit {
         self.best.as_ref()
     }
 
-    /// Evaluations told so far, failed ones among them.
+    /// Evaluations so far, including failed ones.
     pub fn evaluations(&self) -> u64 {
         self.evaluations
     }
@@ -238,7 +232,7 @@ impl Fit {
         self.failures
     }
 
-    /// Why the fit has ended; `None` while it goes on.
+    /// Why the fit has ended; `None` before its end.
     pub fn finished(&self) -> Option<Reason> {
         self.finished
     }

@@ -1,5 +1,5 @@
-//! Groups: parameters that are fitted together and the readings that they explain. Groups of one stage do not influence each
-//! other's readings enough to matter, so one replay serves a candidate of each.
+//! Groups: parameters that are fitted together, and their residuals. Groups of one stage hardly influence each other's
+//! readings, so one replay serves a candidate of each.
 
 use etude_music::{CONTROL_HZ, KEYS};
 use etude_stage::{JOINT_NAMES, JOINTS, PhysicalParams};
@@ -8,24 +8,23 @@ use serde::{Deserialize, Serialize};
 use crate::motion::Motion;
 use crate::problem::{Block, Evaluation, Loss, Problem, ProblemError};
 use crate::replay::Trace;
-use crate::rows::contact_disbelief;
+use crate::rows::contact_prior;
 use crate::space::{Parameter, Space, SpaceError};
 
-/// One reading of so many is compared: the hand sends three times as many as its motion has news.
+/// Every third reading is compared: the hand sends readings three times as often as its motion changes.
 const STRIDE: usize = 3;
-/// Beyond this many standard deviations a residual counts in proportion only: a finger that slips off a key in one world and
-/// not in the other.
+/// Bend of the Huber loss, standard deviations: a finger may slip off a key in the simulation only.
 const SLIPS: f64 = 3.0;
-/// How far a key may be from its threshold when it is heard, as a share of its travel: what two steps of physics make.
+/// Standard deviation of a key's travel when it sounds, as a share of its travel: its motion in two physics steps.
 const KEY_NOISE: f64 = 0.05;
 
 /// A group that cannot be fitted.
 #[derive(Debug, thiserror::Error)]
 pub enum GroupError {
-    /// Of its parameters.
+    /// Its parameters are invalid.
     #[error(transparent)]
     Space(#[from] SpaceError),
-    /// Of its residuals.
+    /// Its residuals are invalid.
     #[error(transparent)]
     Problem(#[from] ProblemError),
 }
@@ -33,13 +32,13 @@ pub enum GroupError {
 /// Parameters that are fitted together.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Group {
-    /// What it is: a joint, a finger, the keyboard.
+    /// Name of a joint, a finger, or the keyboard.
     pub name: String,
-    /// Joints whose readings it explains.
+    /// Joints whose readings are its residuals.
     pub joints: Vec<usize>,
-    /// Whether it explains which keys sound, too.
+    /// Whether the sounding keys are its residuals too.
     pub keys: bool,
-    /// Whether what was believed of its parameters counts beside the recordings.
+    /// Whether the prior of its parameters counts too.
     pub believes: bool,
 }
 
@@ -47,7 +46,7 @@ impl Group {
     /// The residuals of this group: a block for each joint in each motion in which it moves, and one for the keys.
     ///
     /// # Errors
-    /// If there is nothing to explain.
+    /// If there are no parameters or no residuals.
     pub fn problem(&self, parameters: Vec<Parameter>, motions: &[Motion]) -> Result<Problem, GroupError> {
         let mut blocks = Vec::new();
         for (index, motion) in motions.iter().enumerate() {
@@ -66,8 +65,8 @@ impl Group {
         Ok(Problem::new(Space::new(parameters)?, blocks, loss)?)
     }
 
-    /// Names of the blocks that a number of a joint influences: those of its own finger. What the joints of one finger do to
-    /// another's, through the rail, is beneath the noise.
+    /// Names of the blocks that a joint's parameters influence: those of its own finger. Its influence on other fingers
+    /// through the rail is below the noise.
     pub fn influenced<'a>(
         &'a self,
         joint: usize,
@@ -84,13 +83,13 @@ impl Group {
         self.joints.iter().copied().filter(|joint| motion.moves[*joint])
     }
 
-    /// Whether a motion tells it anything.
+    /// Whether a motion has residuals of this group.
     pub fn learns_from(&self, motion: &Motion) -> bool {
         self.joints_of(motion).next().is_some() || (self.keys && !motion.keys.is_empty())
     }
 
-    /// Residuals of what the motions' replays came to, one a motion, in a world with `params`; `before` is the world that
-    /// the stage began with.
+    /// Residuals of the motions' replays, one trace a motion, with `params`; `before` are the parameters at the start of the
+    /// stage.
     pub fn evaluate(
         &self,
         before: &PhysicalParams,
@@ -104,7 +103,7 @@ impl Group {
                 continue;
             }
             let Some(trace) = trace else {
-                return Evaluation::Failed(format!("the world diverged in {}", motion.path.display()));
+                return Evaluation::Failed(format!("the simulation diverged in {}", motion.path.display()));
             };
             for joint in self.joints_of(motion) {
                 let noise = motion.noise[joint];
@@ -115,14 +114,14 @@ impl Group {
             }
         }
         if self.believes {
-            residuals.extend(contact_disbelief(before, params));
+            residuals.extend(contact_prior(before, params));
         }
         Evaluation::Residuals(residuals)
     }
 }
 
-/// For each control step two numbers: by how much the keys that sounded at its end miss their threshold, and by how much
-/// those that did not are beyond it.
+/// Two residuals a control step: by how much the keys that sounded at its end are short of their threshold, and by how much
+/// the others are beyond it.
 fn key_residuals(params: &PhysicalParams, motion: &Motion, trace: &Trace, residuals: &mut Vec<f64>) {
     let threshold = params.world(etude_stage::params::World::KeyThreshold);
     let mut sounding = [false; KEYS];
@@ -166,8 +165,8 @@ pub fn fingers() -> Vec<Group> {
     (0..FINGER_NAMES.len()).map(finger).chain([rail]).collect()
 }
 
-/// The keyboard, by which keys sound and when. Not by the joints that press: how a finger folds under a key's load hangs on
-/// play and dry friction at rest, which a simulated joint has not, and would bend the keyboard's numbers to its needs.
+/// The keyboard, fitted to which keys sound and when. The pressing joints' readings are left out: how a finger yields under a
+/// key depends on play and static friction, which the simulated joints lack, and would bias the keyboard's parameters.
 pub fn keyboard() -> Group {
     Group { name: "keyboard".to_string(), joints: Vec::new(), keys: true, believes: true }
 }

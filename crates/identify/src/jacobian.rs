@@ -1,6 +1,5 @@
-//! The Jacobian by finite differences, one batch of candidates: parameters that influence no block in common
-//! are perturbed together, so that thirteen joints with eight parameters each cost eight simulations and not
-//! 104.
+//! The Jacobian by finite differences, in one batch of candidates. Parameters without a common block are perturbed
+//! together, so that thirteen joints with eight parameters each cost 8 simulations instead of 104.
 
 use crate::config::Differences;
 use crate::method::Candidate;
@@ -74,7 +73,7 @@ impl Jacobian {
     }
 }
 
-/// One candidate of a Jacobian: the point, and how far each of its members was moved.
+/// One candidate of a Jacobian: the point and the parameters that differ.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Probe {
     pub point: Vec<f64>,
@@ -82,7 +81,7 @@ pub(crate) struct Probe {
     pub moved: Vec<(usize, f64)>,
 }
 
-/// Sets of parameters, no two in a set influencing the same block. Every parameter is in exactly one.
+/// Disjoint sets of all parameters; no two parameters of a set influence the same block.
 pub(crate) fn colours(problem: &Problem) -> Vec<Vec<usize>> {
     let blocks = problem.blocks().len();
     let mut sets: Vec<(Vec<usize>, Vec<bool>)> = Vec::new();
@@ -100,10 +99,9 @@ pub(crate) fn colours(problem: &Problem) -> Vec<Vec<usize>> {
     sets.into_iter().map(|(members, _)| members).collect()
 }
 
-/// How far to move a parameter from `at` in the direction of `sign`, staying inside; zero where there is no
-/// room.
+/// How far to move a parameter from `at` in the direction of `sign`; zero where that leaves the bounds.
 ///
-/// The distance is what a computer makes of it, so that the difference of the two coordinates is exact.
+/// The distance is the rounded one, so that the difference of the two coordinates is exact.
 fn distance(at: f64, sign: f64, step: f64) -> f64 {
     let target = at + sign * step;
     if (0.0..=1.0).contains(&target) { target - at } else { 0.0 }
@@ -111,8 +109,8 @@ fn distance(at: f64, sign: f64, step: f64) -> f64 {
 
 /// The candidates of a Jacobian at `point`, without the point itself.
 ///
-/// `attempts` counts for each parameter how often its probes have failed: another direction is tried, then a
-/// tenth of the step.
+/// `attempts` counts the failures of each parameter's probes: the second attempt goes the other way, the third a tenth of
+/// the step.
 pub(crate) fn probes(
     problem: &Problem,
     point: &[f64],
@@ -155,7 +153,7 @@ pub(crate) fn probes(
     all
 }
 
-/// Puts a Jacobian together; also gives the parameters for which no probe came back, whose columns are zero.
+/// The Jacobian from the probes' residuals, and the parameters without any successful probe, whose columns are zero.
 pub(crate) fn assemble(
     problem: &Problem,
     base: &[f64],
@@ -165,7 +163,7 @@ pub(crate) fn assemble(
     let mut columns = Vec::with_capacity(problem.space().len());
     let mut missing = Vec::new();
     for parameter in 0..problem.space().len() {
-        // Lowest and highest of the base and the probes that came back.
+        // Lowest and highest of the base and the successful probes.
         let (mut low, mut high) = ((0.0, base), (0.0, base));
         for (probe, outcome) in probes.iter().zip(outcomes) {
             let moved = probe.moved.iter().find(|(p, _)| *p == parameter);
@@ -194,37 +192,29 @@ pub(crate) fn assemble(
     (Jacobian { columns, samples: problem.samples() }, missing)
 }
 
-/// A Jacobian that cannot be made of what came back.
+/// A Jacobian cannot be computed.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum JacobianError {
-    /// Not one evaluation for each candidate.
-    #[error(
-        "{given} evaluations came back for {asked} candidates; give one for each, in the order of the \
-        candidates"
-    )]
+    /// The numbers of evaluations and candidates differ.
+    #[error("{given} evaluations were given for {asked} candidates; give one for each, in their order")]
     Count {
         /// Candidates of the plan.
         asked: usize,
         /// Evaluations that were given.
         given: usize,
     },
-    /// The point itself failed.
-    #[error(
-        "the point itself could not be evaluated, so nothing can be said about it; take the best point \
-        of a fit"
-    )]
+    /// The evaluation of the point failed.
+    #[error("the point could not be evaluated; use the best point of a fit")]
     Point,
-    /// Nothing on either side of the point.
+    /// The evaluations on both sides of the point failed.
     #[error(
-        "no neighbour of the point could be evaluated along `{0}`; try a smaller difference step, or \
-        hold that parameter \
-         fixed"
+        "no neighbour of the point could be evaluated along `{0}`; use a smaller difference step, or hold that \
+        parameter fixed"
     )]
     Parameter(String),
 }
 
-/// The batch of candidates that tells the Jacobian at a point, for [`Estimate`](crate::Estimate) after any
-/// method.
+/// The candidates for the Jacobian at a point, for [`Estimate`](crate::Estimate) after any method.
 #[derive(Clone, Debug)]
 pub struct JacobianPlan {
     point: Vec<f64>,
@@ -248,10 +238,10 @@ impl JacobianPlan {
         std::iter::once(&self.point).chain(probes).map(|point| Candidate::at(problem, point)).collect()
     }
 
-    /// Makes the Jacobian of what came back, in the order of [`JacobianPlan::candidates`].
+    /// The Jacobian from the evaluations, in the order of [`JacobianPlan::candidates`].
     ///
     /// # Errors
-    /// [`JacobianError`] says what is missing.
+    /// If an evaluation is missing or failed.
     pub fn finish(
         &self,
         problem: &Problem,

@@ -1,11 +1,10 @@
-//! Parameter estimation: which physical numbers make a simulation repeat what was recorded, and how surely.
+//! Parameter estimation: the physical parameters with which a simulation repeats recordings, and their uncertainty.
 //!
 //! A [`Problem`] is a [`Space`] of parameters, the [`Block`]s of residuals between simulation and recording,
 //! and a [`Loss`]. A [`Fit`] searches it by one of two methods ([`MethodConfig`]): Levenberg–Marquardt
 //! ([`LmConfig`]) or Bayesian optimisation ([`BoConfig`], the paper's). The caller
-//! evaluates: [`Fit::ask`] gives a batch of candidates, in whatever order and on however many threads they
-//! are simulated, and [`Fit::tell`] takes what came of them. An [`Estimate`] says what the end is worth:
-//! intervals, correlations, what the data cannot tell.
+//! evaluates: [`Fit::ask`] gives a batch of candidates, which may be simulated in any order and on any number of threads, and
+//! [`Fit::tell`] takes their residuals. An [`Estimate`] holds intervals, correlations and what is not identifiable.
 //!
 //! ```
 //! use etude_identify::{Block, Evaluation, Fit, LmConfig, Loss, MethodConfig, Parameter, Problem, Space};
@@ -17,15 +16,15 @@
 //!     let simulate = |values: &[f64]| Evaluation::Residuals(vec![values[0] - 0.3, 2.0 * (values[0] - 0.3)]);
 //!     let evaluations: Vec<_> = fit.ask().iter().map(|candidate| simulate(&candidate.values)).collect();
 //!     fit.tell(&evaluations)?;
-//!     // Here a long fit is written to a file (it is `Serialize`), to go on from after an interruption.
+//!     // A long fit can be saved here (it is `Serialize`) and resumed after an interruption.
 //! }
 //! assert!((fit.best().map_or(0.0, |best| best.values[0]) - 0.3).abs() < 1e-6);
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 //!
 //! Promises, each with a test: the same seed and evaluations give the same candidates, whatever the number of
-//! threads; a fit that is saved after any tell and loaded is the fit that went on; candidates lie inside the
-//! bounds; a failed evaluation, or one that is not a number, is survived and never becomes the best; optima
+//! threads; a fit that is saved after any tell and loaded ends with the same result; candidates lie inside the
+//! bounds; a failed evaluation, or one with a NaN, does not end the fit and never becomes the best; optima
 //! and covariances agree with SciPy's (`scripts/golden_identify.py`).
 
 mod assessment;

@@ -1,8 +1,10 @@
-//! Levenberg–Marquardt in a box: Gauss–Newton steps on measured slopes, damped by how well they keep their
-//! promise.
+//! Levenberg–Marquardt with bounds: Gauss–Newton steps on slopes by finite differences, with a damping that depends on
+//! the ratio of actual to predicted reduction.
 //!
-//! Bounds are an active set: a parameter at its bound whose slope points outward is held, and one that a step
-//! would carry over its bound is put there while the others are solved for again.
+//! Bounds are an active set: a parameter at its bound whose slope points outward is held. One that a step would move over
+//! its bound is put on the bound, and the others are solved for again.
+//!
+//! Why not a library: docs/decisions.md.
 
 use serde::{Deserialize, Serialize};
 
@@ -16,22 +18,22 @@ mod step;
 
 use step::Model;
 
-/// Share of the promised reduction from which on a step is taken.
+/// A step is accepted from this ratio of actual to predicted reduction on.
 const LEAST_GAIN: f64 = 1e-4;
-/// Share of its promise that a step must keep for its model to be trusted.
+/// The damping falls 10-fold above this ratio.
 const TRUSTED: f64 = 0.9;
 const DAMPING_LIMITS: [f64; 2] = [1e-12, 1e15];
-/// Times that a failed probe is tried at another distance, before its parameter is held for one step.
+/// Attempts of a failed probe at other distances, before its parameter is held for one step.
 const MOST_ATTEMPTS: u8 = 3;
 
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 enum Phase {
-    /// The start is being evaluated.
+    /// The start is evaluated.
     Start,
-    /// The Jacobian at the point is being measured; how often each parameter's probes have failed.
+    /// The Jacobian at the point is evaluated; failures of each parameter's probes.
     Jacobian { attempts: Vec<u8> },
-    /// A step is being tried, which promises to lower the cost by this much.
+    /// A step is evaluated, with its predicted reduction of the cost.
     Trial { point: Vec<f64>, predicted: f64 },
 }
 
@@ -41,16 +43,16 @@ enum Phase {
 pub(crate) struct Lm {
     config: LmConfig,
     phase: Phase,
-    /// Where the fit is, its cost and its residuals.
+    /// The current point, its cost and its residuals.
     point: Vec<f64>,
     cost: f64,
     residuals: Vec<f64>,
-    /// Slopes and curvatures there, as the last Jacobian tells.
+    /// Slopes and curvatures there, from the last Jacobian.
     model: Model,
-    /// Step of the differences at present.
+    /// Current step of the differences.
     difference_step: f64,
     damping: f64,
-    /// Factor by which the next refusal raises the damping (Nielsen 1999).
+    /// Factor by which the next rejection raises the damping (Nielsen 1999).
     growth: f64,
 }
 
@@ -83,7 +85,7 @@ impl Lm {
         self.begin_jacobian();
     }
 
-    /// Goes on from here with finer differences, or ends for `reason` if there are none.
+    /// Continues with finer differences, or ends for `reason` if they are the finest.
     fn settle(&mut self, reason: Reason) -> Option<Reason> {
         if self.difference_step <= self.config.difference_step {
             return Some(reason);
@@ -95,14 +97,14 @@ impl Lm {
         None
     }
 
-    /// The next step from here, or what ends the fit.
+    /// Prepares the next step, or returns why the fit ends.
     fn decide(&mut self) -> Option<Reason> {
         if self.model.steepest(&self.point) <= self.config.gradient_tolerance {
             return self.settle(Reason::Gradient);
         }
         while self.damping <= DAMPING_LIMITS[1] {
             let Some(step) = self.model.step(&self.point, self.damping) else {
-                self.refuse();
+                self.reject();
                 continue;
             };
             let moves: Vec<f64> = step.point.iter().zip(&self.point).map(|(a, b)| (a - b).abs()).collect();
@@ -114,7 +116,7 @@ impl Lm {
                 None
             };
             if let Some(reason) = small {
-                // A step that only damping makes small has not converged.
+                // A step that is small only because of damping has not converged.
                 return self.settle(if self.damping <= 1.0 { reason } else { Reason::Damping });
             }
             self.phase = Phase::Trial { point: step.point, predicted: step.predicted };
@@ -123,7 +125,7 @@ impl Lm {
         self.settle(Reason::Damping)
     }
 
-    fn refuse(&mut self) {
+    fn reject(&mut self) {
         self.damping *= self.growth;
         self.growth = (2.0 * self.growth).min(1e6);
     }
@@ -160,13 +162,13 @@ impl Lm {
     ) -> Option<Reason> {
         let accepted = outcome.filter(|o| self.cost - o.cost > LEAST_GAIN * predicted);
         let Some(outcome) = accepted else {
-            self.refuse();
+            self.reject();
             return self.decide();
         };
         let reduction = self.cost - outcome.cost;
         let tolerance = self.config.cost_tolerance * self.cost;
         let gain = reduction / predicted;
-        // Nielsen's rule; and where the model keeps its promise almost wholly, it is trusted much farther at once.
+        // Nielsen's rule, and a faster fall where the model predicts almost exactly.
         let nielsen = (1.0 - (2.0 * gain - 1.0).powi(3)).clamp(1.0 / 3.0, 2.0);
         let factor = if gain > TRUSTED { 0.1 } else { nielsen };
         self.damping = (self.damping * factor).clamp(DAMPING_LIMITS[0], DAMPING_LIMITS[1]);

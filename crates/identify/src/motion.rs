@@ -1,8 +1,8 @@
-//! One recording as a fit sees it: what the joints were told, where they were measured to be, which keys sounded.
+//! A recording as input of a fit: commands, measured positions and sounding keys.
 //!
 //! Commands are either joint targets, one a control step and shaped on their way (excitations, the execution mode `real`), or
-//! set-points that a simulation had shaped already, one a physics step (the mirroring modes). A recording that a fit would
-//! be misled by is refused with the reason.
+//! set-points that a simulation had shaped already, one a physics step (the mirroring modes). A recording that would mislead
+//! a fit is refused with the reason.
 
 use std::path::{Path, PathBuf};
 
@@ -13,26 +13,26 @@ use etude_robot::joints::FINGER_JOINTS;
 use etude_robot::rig::{RigConfig, SETPOINT_HZ};
 use etude_stage::{JOINT_NAMES, JOINTS, PHYSICS_STEPS, RAIL, Side};
 
-/// Shortest motion that tells anything, s: a song of a few notes.
+/// Shortest motion, s: a song of a few notes.
 const SHORTEST_SECS: f64 = 1.0;
-/// Longest time without a reading that is bridged, s.
+/// Longest gap between readings, s.
 const LONGEST_GAP_SECS: f64 = 0.1;
 /// Largest share of control steps whose command may have been a physics step late or more.
 const MOST_LATE: f64 = 0.01;
-/// Largest share of periods in which a joint's drive may have been at its limit: what it did then says little of the rest.
+/// Largest share of periods in which a joint's drive may have been at its limit.
 const MOST_SATURATED: f64 = 0.5;
-/// A drive that was at its limit for more of the time tells where the limit is.
+/// The limit of a drive that reached it for more of the time is identifiable.
 const TELLS_LIMIT: f64 = 0.005;
 /// Duties that differ by more were cut, of 1200.
 const CUT_PWM: f64 = 2.0;
 /// Readings before the motion from which the start and the noise are taken.
 const AT_REST: usize = 60;
-/// A joint that moves by less tells nothing of its drive, rad or m.
+/// The drive of a joint that moves by less is not identifiable, rad or m.
 const LEAST_MOTION: [f64; 2] = [0.02, 0.005];
 /// Noise of the rail's readings at least: the arm's report holds single-precision angles of joints, m.
 const RAIL_NOISE_M: f64 = 2e-5;
 
-/// What the joints were told.
+/// The commands of a motion.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Commands {
     /// Joint targets, one a control step.
@@ -51,18 +51,18 @@ impl Commands {
     }
 }
 
-/// One recording.
+/// A recording.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Motion {
-    /// Where it was read.
+    /// Its file.
     pub path: PathBuf,
     /// The rig.
     pub rig: RigConfig,
     /// The execution mode, or the excitation.
     pub mode: String,
-    /// What the joints were told.
+    /// The commands.
     pub commands: Commands,
-    /// Where the joints were measured to be before the first command, rad, the rail in m.
+    /// Measured positions before the first command, rad, the rail in m.
     pub start: [f64; JOINTS],
     /// Readings of the finger joints: time, s, and rad.
     pub fingers: Vec<(f64, [f64; FINGER_JOINTS])>,
@@ -70,11 +70,11 @@ pub struct Motion {
     pub rail: Vec<(f64, f64)>,
     /// Standard deviation of the readings of a joint at rest.
     pub noise: [f64; JOINTS],
-    /// Whether a joint moves enough to tell something.
+    /// Whether a joint moves enough to be identified.
     pub moves: [bool; JOINTS],
-    /// Whether a joint's drive is at its limit often enough to tell where that is.
+    /// Whether a joint's drive reaches its limit often enough to identify it.
     pub saturates: [bool; JOINTS],
-    /// Keys that were struck and released.
+    /// Key events.
     pub keys: Vec<KeyEvent>,
 }
 
@@ -84,7 +84,7 @@ pub enum MotionError {
     /// It cannot be read.
     #[error(transparent)]
     Read(#[from] RecordingError),
-    /// It is not of a robot, or of nothing that moved.
+    /// It is not of a robot, nothing moves, or it would mislead a fit.
     #[error("{path}: {why}")]
     Unsuitable {
         /// The file.
@@ -131,23 +131,23 @@ impl Motion {
     /// Reads a recording.
     ///
     /// # Errors
-    /// If it cannot be read, or a fit would be misled by it; the message says why.
+    /// If it cannot be read, or would mislead a fit; the message says why.
     pub fn load(path: &Path) -> Result<Self, MotionError> {
         Self::new(path, &Recording::read(path)?)
             .map_err(|why| MotionError::Unsuitable { path: path.to_path_buf(), why })
     }
 
-    /// Takes what a fit needs out of a recording. `Err` says why it cannot be used.
+    /// Extracts a motion from a recording. `Err` says why it cannot be used.
     ///
     /// # Errors
     /// As [`load`](Self::load).
     pub fn new(path: &Path, recording: &Recording) -> Result<Self, String> {
         let header = &recording.header;
         let rig = header.rig_config.clone().ok_or_else(|| {
-            "it does not say what rig it was made on: record it anew with `etude record` or `etude perform`".to_string()
+            "it does not say what rig it was made on: record it again with `etude record` or `etude perform`".to_string()
         })?;
         if header.joints != JOINT_NAMES {
-            return Err("its joints are others than those of this hand".to_string());
+            return Err("its joints are not those of this hand".to_string());
         }
         let commands = commands(recording)?;
         let secs = commands.steps() as f64 / CONTROL_HZ;
@@ -159,7 +159,7 @@ impl Motion {
             ));
         }
         check_times(recording, &fingers, &rail, secs)?;
-        // Whoever presses a key pushes as hard as may be; of such a motion only the keys count.
+        // A pressing finger's drive is often at its limit; of such a motion only the keys are fitted.
         let touches = !recording.keys.is_empty();
         let saturates = drives_at_their_limits(recording, if touches { 1.0 } else { MOST_SATURATED })?;
         let (start, noise) = at_rest(&before, &rail_before)?;
@@ -204,12 +204,12 @@ impl Motion {
         name.map_or_else(|| self.path.display().to_string(), |name| name.to_string_lossy().into_owned())
     }
 
-    /// How long it is, s.
+    /// Duration, s.
     pub fn secs(&self) -> f64 {
         self.commands.steps() as f64 / CONTROL_HZ
     }
 
-    /// Which hand it is of.
+    /// Side of its hand.
     pub fn side(&self) -> Side {
         match self.rig.hand.side {
             etude_robot::allegro::HandSide::Left => Side::Left,
@@ -233,15 +233,15 @@ fn extent(values: impl Iterator<Item = f64>) -> (f64, f64) {
 
 fn thirteen(values: &[f64]) -> Result<[f64; JOINTS], String> {
     let found = <[f64; JOINTS]>::try_from(values).ok().filter(|values| values.iter().all(|v| v.is_finite()));
-    found.ok_or_else(|| "a command in it has not one number for each joint".to_string())
+    found.ok_or_else(|| "a command in it does not have one number for each joint".to_string())
 }
 
-/// The commands of every control step that was played to its end.
+/// The commands of every complete control step.
 fn commands(recording: &Recording) -> Result<Commands, String> {
     let mirrored = matches!(recording.header.activity, Activity::Mode(mode) if mode.has_simulation());
     let played = recording.steps.len();
     if recording.targets.is_empty() {
-        return Err("no joint was told anything in it: it is of a robot at rest, or of a simulation, or from an earlier \
+        return Err("it has no commands: it is of a robot at rest, or of a simulation, or from an earlier \
                     version; record an excitation (`etude record --excitation chirp`) or a performance"
             .to_string());
     }
@@ -249,7 +249,7 @@ fn commands(recording: &Recording) -> Result<Commands, String> {
         let targets = recording.targets.iter().take(played).map(|message| thirteen(&message.targets));
         return Ok(Commands::Targets(targets.collect::<Result<_, _>>()?));
     }
-    // The set-point due after physics step n is what the joints are to be at then.
+    // The set-point after physics step n is the target of that step.
     let mut points = vec![None; played * PHYSICS_STEPS];
     for (secs, point) in &recording.setpoints {
         let index = (secs * SETPOINT_HZ).round();
@@ -282,7 +282,7 @@ fn finger_readings(recording: &Recording, secs: f64) -> Result<(FingerReadings, 
         .map(|(at, message)| Some((*at, *message.positions.first_chunk::<FINGER_JOINTS>()?)))
         .collect();
     let readings = readings.ok_or("a reading of the hand in it has too few joints")?;
-    // What comes before the beginning has the time 0.
+    // Readings before the start have the time 0.
     let begun = readings.partition_point(|(at, _)| *at <= 0.0);
     let end = readings.partition_point(|(at, _)| *at <= secs);
     Ok((readings[..begun].to_vec(), readings[begun..end.max(begun)].to_vec()))
@@ -294,7 +294,7 @@ fn rail_readings(recording: &Recording, secs: f64) -> (Vec<f64>, Vec<(f64, f64)>
     (before, inside.map(|(at, arm)| (*at, arm.rail_m)).collect())
 }
 
-/// Refuses recordings whose times are in doubt.
+/// Refuses recordings with gaps or late commands.
 fn check_times(
     recording: &Recording,
     fingers: &FingerReadings,
@@ -323,8 +323,8 @@ fn check_times(
     Ok(())
 }
 
-/// Which drives were at their limits so often that it tells where those are; refuses recordings in which one was for most of
-/// the time.
+/// Which drives reached their limits often enough to identify them. Refuses recordings in which a drive was at its limit
+/// for a larger share of the time than `most`.
 fn drives_at_their_limits(recording: &Recording, most: f64) -> Result<[bool; JOINTS], String> {
     let mut saturates = [false; JOINTS];
     for joint in 0..FINGER_JOINTS {
@@ -366,7 +366,7 @@ fn at_rest(fingers: &FingerReadings, rail: &[f64]) -> Result<([f64; JOINTS], [f6
         let mean = values.iter().sum::<f64>() / count;
         let variance =
             values.iter().map(|value| (value - mean).powi(2)).sum::<f64>() / (count - 1.0).max(1.0);
-        // A joint at rest may read the same count for ever; it is not known better than that count.
+        // The readings of a joint at rest may be constant; the noise is at least that of one count.
         let least = if joint == RAIL { RAIL_NOISE_M } else { RAD_PER_COUNT / 12f64.sqrt() };
         (mean, variance.sqrt().max(least))
     };

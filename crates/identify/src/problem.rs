@@ -1,5 +1,4 @@
-//! What is minimised: the residuals of a candidate, how they hang together, and one cost that all methods
-//! share.
+//! What is minimised: the residuals of a candidate in blocks, and their cost.
 
 use std::ops::Range;
 
@@ -11,11 +10,11 @@ use crate::space::Space;
 /// numbers.
 const LARGEST_RESIDUAL: f64 = 1e100;
 
-/// One stretch of residuals in the order of time, such as one joint in one recording.
+/// A series of residuals in the order of time, such as one joint in one recording.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Block {
-    /// Name, which [`Parameter::influences`](crate::Parameter::influences) and the statistics refer to.
+    /// Name, for [`Parameter::influences`](crate::Parameter::influences) and the statistics.
     pub name: String,
     /// Number of residuals.
     pub samples: usize,
@@ -28,7 +27,7 @@ impl Block {
     }
 }
 
-/// What a residual adds to the cost.
+/// The cost of a residual.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Loss {
@@ -62,26 +61,26 @@ impl Loss {
     }
 }
 
-/// What came of one candidate.
+/// The evaluation of a candidate.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Evaluation {
     /// Residuals of all blocks, one block after the other, divided by the standard deviation of the noise.
     Residuals(Vec<f64>),
-    /// There are none: the world diverged, say. The text is the reason.
+    /// It failed, for example because the simulation diverged. The text is the reason.
     Failed(String),
 }
 
-/// A problem that cannot be posed.
+/// An invalid problem.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum ProblemError {
-    /// Nothing to compare with.
+    /// No residuals.
     #[error("there is no residual; give at least one block with at least one sample")]
     Empty,
-    /// The same name twice.
+    /// Two blocks have the same name.
     #[error("two blocks of residuals are called `{0}`; give each its own name")]
     Twice(String),
-    /// A parameter influences what does not exist.
+    /// A parameter influences an unknown block.
     #[error("parameter `{path}` influences block `{block}`, which does not exist; the blocks are: {blocks}")]
     Unknown {
         /// Path of the parameter.
@@ -91,12 +90,12 @@ pub enum ProblemError {
         /// Names of the blocks there are.
         blocks: String,
     },
-    /// A bend that is not positive.
+    /// The Huber loss's bend is not positive.
     #[error("the Huber loss bends at {0} standard deviations; give a positive number, such as 1.345")]
     Bend(f64),
 }
 
-/// Parameters, residuals and the loss: all that a method knows about the world.
+/// Parameters, blocks of residuals and the loss.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(try_from = "Parts", into = "Parts")]
 pub struct Problem {
@@ -130,10 +129,10 @@ impl From<Problem> for Parts {
 }
 
 impl Problem {
-    /// Checks that blocks, loss and the parameters' influences fit together.
+    /// A problem.
     ///
     /// # Errors
-    /// [`ProblemError`] says what does not.
+    /// If blocks, loss and the parameters' influences do not match.
     pub fn new(space: Space, blocks: Vec<Block>, loss: Loss) -> Result<Self, ProblemError> {
         let mut ranges = Vec::with_capacity(blocks.len());
         let mut end = 0usize;
@@ -145,8 +144,7 @@ impl Problem {
                 return Err(ProblemError::Twice(block.name.clone()));
             }
             let start = end;
-            // A number of samples that no memory holds cannot be filled, so that saturation is only met by a
-            // damaged file.
+            // Saturates only with a damaged file.
             end = end.saturating_add(block.samples);
             ranges.push(start..end);
         }
@@ -215,7 +213,7 @@ impl Problem {
         self.influences.get(parameter).map_or(&[], Vec::as_slice)
     }
 
-    /// The residuals, unless the evaluation failed or holds a number that no method can use.
+    /// The residuals, unless the evaluation failed or one is NaN or too large.
     pub(crate) fn usable<'a>(&self, evaluation: &'a Evaluation) -> Option<&'a [f64]> {
         match evaluation {
             Evaluation::Residuals(residuals)

@@ -1,13 +1,13 @@
 //! A Gaussian process (Rasmussen and Williams 2006, chapters 2, 4 and 5): Matérn 5/2 with a length a coordinate and a constant
-//! mean, its lengths those of the greatest likelihood.
+//! mean; the lengths maximise the likelihood.
 
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 
-/// Share of the variance that is taken for noise, so that close points do not spoil the matrix.
+/// Share of the variance that counts as noise, so that close points do not make the matrix singular.
 const NUGGET: f64 = 1e-6;
 /// Shortest and longest length, in ranges of a coordinate.
 const LENGTHS: [f64; 2] = [0.03, 10.0];
-/// Factors by which the search for the best lengths changes one at a time, one after the other.
+/// Factors of the search for the best lengths, one length at a time.
 const FACTORS: [f64; 3] = [3.0, 1.7, 1.3];
 
 /// A process through points of the unit cube.
@@ -97,7 +97,7 @@ impl Process {
         let n = self.points.len();
         let near = DVector::from_fn(n, |i, _| correlation(point, &self.points[i], &self.lengths));
         let mean = self.mean + near.dot(&self.weights);
-        // What is known takes away its share of the variance; the mean's own uncertainty is left out.
+        // The known points reduce the variance. The mean's uncertainty is neglected.
         let known = self.factor.l_dirty().solve_lower_triangular(&near).map_or(0.0, |v| v.norm_squared());
         (mean, (self.variance * (1.0 + NUGGET - known)).max(0.0).sqrt())
     }

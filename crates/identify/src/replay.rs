@@ -1,26 +1,26 @@
-//! What a simulation with given numbers does when it is told what a robot was told.
+//! Replays a robot's commands in a simulation with given parameters.
 
 use etude_music::KEYS;
 use etude_stage::{JOINTS, PHYSICS_STEPS, PhysicalParams, RAIL, StageConfig, StageError, World};
 
 use crate::motion::{Commands, Motion};
 
-/// A joint farther out than this has diverged, rad or m.
+/// The simulation has diverged if a joint's position is larger, rad or m.
 const DIVERGED: f64 = 10.0;
 
-/// A world that replays motions, one after the other.
+/// A simulation that replays motions, one after the other.
 pub struct Replayer {
     world: World,
     step_secs: f64,
 }
 
-/// What the joints did: readings of their encoders, one before the first physics step and one after each.
+/// Readings of the joints' encoders: one before the first physics step and one after each.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Trace {
     step_secs: f64,
     positions: Vec<[f64; JOINTS]>,
     velocities: Vec<[f64; JOINTS]>,
-    /// How far each key is down; only where keys were asked for.
+    /// Travel of each key, if requested.
     travel: Vec<[f32; KEYS]>,
 }
 
@@ -28,14 +28,13 @@ impl Replayer {
     /// A replayer of motions of this hand.
     ///
     /// # Errors
-    /// If the world cannot be built.
+    /// If the simulation cannot be built.
     pub fn new(stage: &StageConfig) -> Result<Self, StageError> {
         let world = World::new(stage, &PhysicalParams::default())?;
         Ok(Self { world, step_secs: stage.physics_step_secs() })
     }
 
-    /// Replays a motion in a world with these numbers; `keys` asks for the travel of the keys too. `None` if the world
-    /// diverges.
+    /// Replays a motion with these parameters; `keys` records the travel of the keys too. `None` if the simulation diverges.
     pub fn replay(&mut self, params: &PhysicalParams, motion: &Motion, keys: bool) -> Option<Trace> {
         let world = &mut self.world;
         world.set_params(params);
@@ -64,7 +63,7 @@ impl Replayer {
     }
 }
 
-/// What the encoders read at the joints' zero.
+/// The encoders' readings at the joints' zero.
 fn params_bias(params: &PhysicalParams) -> [f64; JOINTS] {
     std::array::from_fn(|joint| params.joint(etude_stage::params::Joint::EncoderBias, joint))
 }
@@ -78,7 +77,7 @@ impl Trace {
         }
     }
 
-    /// Where a joint is at `secs`, between the physics steps by a cubic through positions and velocities.
+    /// Position of a joint at `secs`, interpolated between physics steps by a cubic through positions and velocities.
     pub fn position(&self, joint: usize, secs: f64) -> f64 {
         let Some(last) = self.positions.len().checked_sub(1) else { return f64::NAN };
         let place = (secs / self.step_secs).clamp(0.0, last as f64);
@@ -95,23 +94,23 @@ impl Trace {
             + (cube - square) * slope_to
     }
 
-    /// How far a key is down at `secs`, as [`World::key_travel`]; 0 where keys were not asked for.
+    /// Travel of a key at `secs`, as [`World::key_travel`]; 0 if keys were not recorded.
     pub fn key_travel(&self, key: usize, secs: f64) -> f64 {
         let index = (secs / self.step_secs).round() as usize;
         self.travel.get(index).map_or(0.0, |travel| f64::from(travel[key]))
     }
 
-    /// Differences between this and what was measured of a joint, in the order of its readings, rad or m.
+    /// Simulated minus measured positions of a joint, in the order of its readings, rad or m.
     pub fn errors<'a>(&'a self, motion: &'a Motion, joint: usize) -> impl Iterator<Item = f64> + 'a {
         motion.readings(joint).map(move |(secs, measured)| self.position(joint, secs) - measured)
     }
 
-    /// Root mean square of the same, rad or m.
+    /// Root mean square of [`errors`](Self::errors), rad or m.
     pub fn rmse(&self, motion: &Motion, joint: usize) -> f64 {
         let (count, sum) = self.errors(motion, joint).fold((0.0, 0.0), |(n, sum), e| (n + 1.0, sum + e * e));
         f64::sqrt(sum / f64::max(count, 1.0))
     }
 }
 
-// The rail is the last joint: a loop over joints meets it as it meets the fingers'.
+// The rail is the last joint.
 const _: () = assert!(RAIL + 1 == JOINTS);

@@ -1,7 +1,7 @@
-//! Which physical numbers a fit estimates, between which bounds.
+//! Which parameters a fit estimates, and their bounds.
 //!
-//! Left out on purpose: a joint's viscosity, which nothing tells from its damping while its drive is not at its limit; limits of
-//! velocity and acceleration, which Étude itself imposes on a robot's commands; the rail's armature, which scales with its
+//! Not estimated: a joint's viscosity, which has the same effect as its damping while the drive is below its limit; limits of
+//! velocity and acceleration, which Étude itself applies to a robot's commands; the rail's armature, which scales with its
 //! gains.
 
 use etude_stage::params::{Joint, World};
@@ -13,15 +13,15 @@ use crate::space::{Parameter, Scale};
 enum Bounds {
     /// The value divided and multiplied by this; on a logarithmic scale.
     Factor(f64),
-    /// From zero to this, beginning at that.
+    /// From zero to the first value, starting at the second.
     UpTo(f64, f64),
-    /// This much to both sides.
+    /// The value plus and minus this.
     Around(f64),
 }
 
 use Bounds::{Around, Factor, UpTo};
 
-/// What is estimated of a finger's joint. Dry friction: up to a tenth of a joint's torque.
+/// Parameters of a finger joint. Dry friction: up to a tenth of the joint's torque.
 const FINGER: &[(Joint, Bounds)] = &[
     (Joint::Stiffness, Factor(5.0)),
     (Joint::Damping, Factor(8.0)),
@@ -33,7 +33,7 @@ const FINGER: &[(Joint, Bounds)] = &[
     (Joint::TorqueLimit, Factor(3.0)),
 ];
 
-/// What is estimated of the rail.
+/// Parameters of the rail.
 const RAIL_ROWS: &[(Joint, Bounds)] = &[
     (Joint::Stiffness, Factor(10.0)),
     (Joint::Damping, Factor(8.0)),
@@ -43,8 +43,8 @@ const RAIL_ROWS: &[(Joint, Bounds)] = &[
     (Joint::JerkLimit, Factor(8.0)),
 ];
 
-/// What only touching keys tells. The keyboard's place: what a calibration may be off. How far a finger's encoders are off
-/// shows in one number a finger, the height of its tip, so only the bias of its first bending joint is looked for.
+/// Parameters that only motions with key contact identify. The bounds of the keyboard's place are errors of its calibration.
+/// A finger's encoder biases show only in the height of its tip, so only that of its first bending joint is estimated.
 const CONTACT: &[(World, Bounds)] = &[
     (World::KeyboardHeight, Around(0.006)),
     (World::KeyboardLateral, Around(0.005)),
@@ -53,13 +53,13 @@ const CONTACT: &[(World, Bounds)] = &[
     (World::KeyDamping, Factor(4.0)),
 ];
 
-/// Largest encoder bias that is looked for, rad.
+/// Largest encoder bias, rad.
 const MOST_BIAS: f64 = 0.05;
 /// Joint of a finger that bends first.
 const FIRST_BEND: usize = 1;
-/// What is believed before any key is touched: that a number lies within this share of its range about its start, by one
-/// standard deviation. It decides only what the keys do not: height and biases together are one height of a fingertip.
-const BELIEF: f64 = 0.15;
+/// Standard deviation of the prior about a parameter's start, as a share of its range. It decides only what the keys do not
+/// identify: height and biases together are one height of a fingertip.
+const PRIOR: f64 = 0.15;
 
 fn parameter(path: String, range: [f64; 2], before: f64, bounds: &Bounds) -> Parameter {
     let [low, high] = range;
@@ -75,7 +75,7 @@ fn parameter(path: String, range: [f64; 2], before: f64, bounds: &Bounds) -> Par
     }
 }
 
-/// Parameters of a joint's drive; its torque limit only where it is met, since nothing else tells it.
+/// Parameters of a joint's drive; its torque limit only where the drive reaches it.
 pub fn joint_parameters(joint: usize, saturates: bool, before: &PhysicalParams) -> Vec<Parameter> {
     let rows = if joint == RAIL { RAIL_ROWS } else { FINGER };
     rows.iter()
@@ -103,9 +103,8 @@ pub fn contact_parameters(before: &PhysicalParams) -> Vec<Parameter> {
     keyboard.chain(biases).collect()
 }
 
-/// By how much a world with `params` goes against what was believed of the contact parameters in one with `before`, in standard
-/// deviations, one number a parameter.
-pub fn contact_disbelief<'a>(
+/// Distances of the contact parameters of `params` from their prior about `before`, in standard deviations, one a parameter.
+pub fn contact_prior<'a>(
     before: &'a PhysicalParams,
     params: &'a PhysicalParams,
 ) -> impl Iterator<Item = f64> + 'a {
@@ -115,12 +114,12 @@ pub fn contact_disbelief<'a>(
             Scale::Linear => (parameter.high - parameter.low, value - parameter.start),
             Scale::Logarithmic => ((parameter.high / parameter.low).ln(), (value / parameter.start).ln()),
         };
-        way / (BELIEF * range)
+        way / (PRIOR * range)
     })
 }
 
-/// Torque limits that follow from the stiffness, joint by joint, where no drive was at its limit: both are duties of one motor,
-/// so the limit is as much more or less than it was as the stiffness is.
+/// Scales the torque limits of joints that did not reach them by the change of their stiffness, because both are proportional
+/// to the same motor's torque.
 pub fn follow_stiffness(
     before: &PhysicalParams,
     saturates: impl Fn(usize) -> bool,

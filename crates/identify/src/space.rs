@@ -1,8 +1,7 @@
-//! The parameters of a fit: what each is called, where it may lie, and the unit cube in which the methods
-//! work.
+//! The parameters of a fit: names, bounds, and the unit cube in which the methods work.
 //!
-//! A method sees every parameter as a coordinate in [0, 1], so that steps, spreads and singular values of
-//! damping and delay can be compared. The way back to physical numbers is here and nowhere else.
+//! A method sees every parameter as a coordinate in [0, 1], so that steps and singular values of different parameters are
+//! comparable. Only this file converts between coordinates and physical values.
 
 use serde::{Deserialize, Serialize};
 
@@ -10,14 +9,14 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Scale {
-    /// In proportion.
+    /// Proportional.
     #[default]
     Linear,
     /// Equal ratios for equal distances; both bounds must be positive.
     Logarithmic,
 }
 
-/// One parameter to be estimated. Bounds, start and step are in the parameter's own SI unit.
+/// A parameter to estimate. Bounds, start and step are in the parameter's own SI unit.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Parameter {
@@ -56,16 +55,16 @@ impl Parameter {
     }
 }
 
-/// A parameter, or a set of them, that cannot be fitted.
+/// Invalid parameters.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum SpaceError {
-    /// Nothing to estimate.
+    /// No parameters.
     #[error("no parameter is to be estimated; name at least one")]
     Empty,
-    /// The same path twice.
+    /// Two parameters have the same path.
     #[error("parameter `{0}` is named twice; remove one of the two")]
     Twice(String),
-    /// Bounds or start that are not numbers, or in the wrong order.
+    /// Bounds or start are not finite, or in the wrong order.
     #[error(
         "parameter `{path}`: bounds {low} … {high} and start {start} are not in order; give finite \
         numbers with \
@@ -81,7 +80,7 @@ pub enum SpaceError {
         /// Start.
         start: f64,
     },
-    /// A logarithmic scale over zero.
+    /// A logarithmic scale with a bound at or below zero.
     #[error(
         "parameter `{path}` has a logarithmic scale, but its lower bound is {low}; raise it above zero \
         or make it linear"
@@ -116,10 +115,10 @@ impl From<Space> for Vec<Parameter> {
 }
 
 impl Space {
-    /// Checks the parameters.
+    /// A space of these parameters.
     ///
     /// # Errors
-    /// [`SpaceError`] names the first parameter that cannot be fitted.
+    /// If a parameter is invalid.
     pub fn new(parameters: Vec<Parameter>) -> Result<Self, SpaceError> {
         if parameters.is_empty() {
             return Err(SpaceError::Empty);
@@ -149,12 +148,12 @@ impl Space {
         self.parameters.iter().map(|p| normalised(p, p.start)).collect()
     }
 
-    /// Physical values of a normalised point, inside the bounds whatever the point is.
+    /// Physical values of a normalised point, clamped to the bounds.
     pub fn to_physical(&self, point: &[f64]) -> Vec<f64> {
         self.parameters.iter().zip(point).map(|(p, &u)| physical(p, inside(u))).collect()
     }
 
-    /// Normalised point of physical values, cut at the bounds.
+    /// Normalised point of physical values, clamped to the bounds.
     pub fn to_normalised(&self, values: &[f64]) -> Vec<f64> {
         self.parameters.iter().zip(values).map(|(p, &v)| normalised(p, v)).collect()
     }
@@ -174,7 +173,7 @@ impl Space {
     }
 }
 
-/// Nearest coordinate in [0, 1]. What is no number must still lie somewhere.
+/// Nearest coordinate in [0, 1]; 0 for NaN.
 pub(crate) fn inside(coordinate: f64) -> f64 {
     if coordinate.is_nan() { 0.0 } else { coordinate.clamp(0.0, 1.0) }
 }
@@ -184,7 +183,7 @@ pub(crate) fn all_inside(point: &[f64]) -> Vec<f64> {
     point.iter().copied().map(inside).collect()
 }
 
-/// Whether a normalised point is one that this crate may have written: `len` coordinates in [0, 1].
+/// Whether a normalised point is valid: `len` coordinates in [0, 1].
 pub(crate) fn is_point(point: &[f64], len: usize) -> bool {
     point.len() == len && point.iter().all(|u| (0.0..=1.0).contains(u))
 }

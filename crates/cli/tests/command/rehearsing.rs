@@ -54,7 +54,7 @@ fn recordings_that_would_mislead_are_refused_with_the_reason() {
     desk.ok("play short.mid --scripted -o sim");
     std::fs::write(desk.path("note.txt"), "no recording").unwrap();
     for (args, said) in [
-        ("identify rest.mcap", "no joint was told anything"),
+        ("identify rest.mcap", "it has no commands"),
         ("identify sim/recording.mcap", "what rig it was made on"),
         ("identify note.txt", "not a recording of Étude"),
         ("identify nowhere.mcap", "nowhere.mcap"),

@@ -1,4 +1,4 @@
-//! The quadratic model that a Jacobian gives, and the best allowed step in it.
+//! The quadratic model of the cost from a Jacobian, and its best step within the bounds.
 
 use nalgebra::{DMatrix, DVector};
 use serde::{Deserialize, Serialize};
@@ -18,7 +18,7 @@ pub(super) struct Model {
     gradient: Vec<f64>,
     /// Jᵀ W J, row by row.
     hessian: Vec<f64>,
-    /// Largest curvature of each parameter so far, on which it is damped (Moré 1978).
+    /// Largest curvature of each parameter so far, which scales its damping (Moré 1978).
     scale: Vec<f64>,
     /// Length of the weighted residuals.
     length: f64,
@@ -26,7 +26,7 @@ pub(super) struct Model {
     least_curvature: f64,
 }
 
-/// A step and what the model promises of it.
+/// A step and its predicted reduction of the cost.
 pub(super) struct Step {
     pub point: Vec<f64>,
     pub predicted: f64,
@@ -63,7 +63,7 @@ impl Model {
         self.hessian[i * self.gradient.len() + j]
     }
 
-    /// Whether a parameter stands at a bound and its slope points outward, or the residuals hardly feel it.
+    /// Whether a parameter is at a bound and its slope points outward, or the residuals hardly depend on it.
     fn is_held(&self, point: &[f64], i: usize) -> bool {
         let outward =
             (point[i] <= 0.0 && self.gradient[i] >= 0.0) || (point[i] >= 1.0 && self.gradient[i] <= 0.0);
@@ -78,8 +78,7 @@ impl Model {
         })
     }
 
-    /// The step to the model's minimum in the box under `damping`; `None` where the damping does not suffice
-    /// to solve it.
+    /// The step to the model's minimum within the bounds under `damping`; `None` if the damped matrix is singular.
     pub(super) fn step(&self, point: &[f64], damping: f64) -> Option<Step> {
         let n = point.len();
         let held: Vec<Option<f64>> = (0..n).map(|i| self.is_held(point, i).then_some(0.0)).collect();

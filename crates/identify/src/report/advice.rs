@@ -1,34 +1,34 @@
-//! Which motion would tell what the recordings did not: one table from rows of parameters to advice.
+//! Which motion would identify parameters that the recordings do not: a table from parameters to advice.
 
-/// What keeps rows from being told, and what to record.
+/// Why parameters are not identifiable, and what to record.
 #[derive(Debug, PartialEq, Eq)]
 pub(super) struct Advice {
-    /// Rows: the last part of a joint's path, or a whole path of the world.
+    /// Parameters: the last part of a joint's path, or the whole path of another parameter.
     pub rows: &'static [&'static str],
-    /// So many of them must take part in a direction for it to be this one.
+    /// The advice applies if at least so many of them take part in a direction.
     least: usize,
-    /// Why the recordings do not tell them.
+    /// Why the recordings do not identify them.
     pub why: &'static str,
     /// What to record.
     pub motion: &'static str,
 }
 
-/// What rows do together stands before what each does by itself.
+/// Advice for combined parameters comes before that for single ones.
 const ADVICE: &[Advice] = &[
     Advice {
         rows: &["stiffness", "damping", "friction", "armature"],
         least: 3,
         why: "together they are one scale of torque: multiplied by the same factor they move the joint in \
               the same way while its drive is below its limit",
-        motion: "a motion against a load that is known: hold a weight, or press keys whose spring was \
-                 measured; short of that, take one of them from the maker's data and trust only their ratios",
+        motion: "a motion against a known load: hold a weight, or press keys with a measured spring; otherwise take \
+                 one of them from the maker's data and trust only their ratios",
     },
     Advice {
         rows: &["delay", "low_pass", "armature", "jerk_limit"],
         least: 2,
-        why: "each of them makes the joint late, and slow motion shows only how late they make it together",
-        motion: "faster sweeps: towards the highest frequency that the joint follows, a delay turns the \
-                 phase alone, while a low-pass and inertia make the swing smaller too; and steps, for the \
+        why: "each of them delays the joint, and slow motion shows only their total delay",
+        motion: "faster sweeps: near the highest frequency that the joint follows, a delay changes only \
+                 the phase, while a low-pass and inertia reduce the amplitude too; and steps, for the \
                  jerk limit",
     },
     Advice {
@@ -41,7 +41,7 @@ const ADVICE: &[Advice] = &[
     Advice {
         rows: &["key.stiffness", "key.threshold", "key.damping"],
         least: 2,
-        why: "a softer key and one that sounds earlier are heard at the same time",
+        why: "a softer key and a lower threshold make the key sound at the same time",
         motion: "strike keys slowly and fast, and hold some halfway; or weigh a key down to where it sounds",
     },
     Advice {
@@ -60,25 +60,25 @@ const ADVICE: &[Advice] = &[
     Advice {
         rows: &["encoder_bias"],
         least: 1,
-        why: "in the air nothing tells the joint's true zero",
+        why: "without key contact the joint's true zero has no effect",
         motion: "pieces that touch keys, with this finger too",
     },
     Advice {
         rows: &["delay"],
         least: 1,
-        why: "motion was too slow for a few milliseconds to show",
+        why: "motion was too slow to show a few milliseconds",
         motion: "faster sweeps, and steps at irregular times",
     },
     Advice {
         rows: &["low_pass", "armature"],
         least: 1,
-        why: "what they do grows with the frequency, and the motion was slow",
+        why: "their effect grows with the frequency, and the motion was slow",
         motion: "faster sweeps, towards the highest frequency that the joint follows",
     },
     Advice {
         rows: &["friction"],
         least: 1,
-        why: "dry friction shows where a joint turns round or creeps",
+        why: "dry friction shows where a joint changes direction or moves slowly",
         motion: "slow swings of all sizes: many turning points, and stretches below 0.1 rad/s (0.01 m/s)",
     },
     Advice {
@@ -107,7 +107,7 @@ const ADVICE: &[Advice] = &[
     },
 ];
 
-/// The part of a path that advice goes by.
+/// The part of a path that identifies its advice.
 pub(super) fn row_of(path: &str) -> &str {
     match path.strip_prefix("joint.") {
         Some(rest) => rest.split_once('.').map_or(rest, |(_, row)| row),
@@ -115,8 +115,7 @@ pub(super) fn row_of(path: &str) -> &str {
     }
 }
 
-/// The advice for parameters that make up a weak direction: as little as covers all of them, in the order of
-/// the table.
+/// The advice for the parameters of a weak direction, in the order of the table.
 pub(super) fn advice<'a>(paths: impl Iterator<Item = &'a str>) -> Vec<&'static Advice> {
     let mut open: Vec<&str> = paths.map(row_of).collect();
     open.sort_unstable();

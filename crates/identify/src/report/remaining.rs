@@ -103,7 +103,7 @@ impl Part {
         largest(&self.shares()).filter(|(_, share)| *share >= DOMINANT).map(|(part, _)| part)
     }
 
-    /// What the error mostly is, with its size.
+    /// The dominant part with its size.
     fn mostly(&self) -> String {
         let Some(part) = self.dominant() else { return "several".to_string() };
         let unit = milli_unit(self.joint);

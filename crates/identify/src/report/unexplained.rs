@@ -1,11 +1,9 @@
-//! What the fitted simulator still gets wrong, by what it goes with: the direction of motion (play, dry
-//! friction), velocity (timing), acceleration (inertia), a standing offset, the readings' noise, and what is
-//! left, slow and fast.
+//! Divides a joint's remaining error by what it correlates with: the direction of motion (play, dry friction), velocity
+//! (timing), acceleration (inertia), a constant offset, the readings' noise, and the rest, slow and fast.
 //!
 //! A regression of the differences between simulation and recording on direction, velocity and acceleration
-//! of the simulated joint. These go together in most motions, so what the regression explains is divided in
-//! proportion to the variance of each of its three terms by itself: a term without a slope has no share, none
-//! is negative, and they sum up.
+//! of the simulated joint. These correlate in most motions, so the explained part is divided in proportion to the variance
+//! of each of the three terms. No share is negative, and they sum to the explained part.
 
 use etude_stage::RAIL;
 
@@ -14,18 +12,16 @@ use crate::replay::Trace;
 
 /// Regressors: direction, velocity, acceleration.
 const REGRESSORS: usize = 3;
-/// A regressor with a smaller share of variance of its own says nothing that the others do not.
+/// A regressor with a smaller share of independent variance is dropped.
 const COLLINEAR: f64 = 1e-6;
-/// To both sides of an instant, for the simulated joint's velocity and acceleration, s: one step of physics.
+/// Step of the differences for the simulated joint's velocity and acceleration, s: one physics step.
 const DIFFERENCE_SECS: f64 = 0.005;
-/// A joint that moves more slowly keeps the direction that it had, rad/s and m/s: play and friction stay with
-/// it.
+/// A slower joint keeps its last direction, rad/s and m/s, because play and friction do.
 const STANDS: [f64; 2] = [0.005, 0.0005];
 
-/// What is left is slow as far as it shows in the mean over so long, s: a control step, in which a joint
-/// answers one target.
+/// The rest is slow where it shows in the moving mean over this time, s: a control step.
 const SLOW_SECS: f64 = 0.05;
-/// For so long after it has turned a joint takes up its play, s.
+/// Time after a change of direction in which a joint takes up its play, s.
 const TURN_SECS: f64 = 0.05;
 
 /// One reading of a joint beside its simulation.
@@ -33,36 +29,35 @@ const TURN_SECS: f64 = 0.05;
 pub(super) struct Sample {
     /// When it was read, s.
     pub secs: f64,
-    /// Whether the joint has just turned round.
+    /// Whether the joint has just changed direction.
     pub turned: bool,
-    /// Simulated less measured, rad or m.
+    /// Simulated minus measured, rad or m.
     pub error: f64,
     /// Direction of the last motion, 1 or −1; 0 before any. Then velocity and acceleration, in s, of the
     /// simulated joint.
     pub motion: [f64; REGRESSORS],
 }
 
-/// Where a joint's mean square error goes. Shares are of the mean square and sum up to one.
+/// Parts of a joint's mean square error. Shares are of the mean square and sum to one.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(super) struct Unexplained {
     /// Root mean square error, rad or m.
     pub rms: f64,
     /// Share of the mean error.
     pub offset: f64,
-    /// Shares that go with direction, velocity and acceleration.
+    /// Shares of direction, velocity and acceleration.
     pub shares: [f64; REGRESSORS],
-    /// What goes with none of these and is slow.
+    /// Share of the rest that is slow.
     pub slow: f64,
-    /// The same within a control step.
+    /// Share of the rest within a control step.
     pub fast: f64,
     /// Share of the readings' noise.
     pub noise: f64,
-    /// Share of the mean square that falls just after the joint has turned round, and the share of the
-    /// readings that do.
+    /// Share of the mean square just after changes of direction, and the share of those readings.
     pub turning: [f64; 2],
     /// The mean error, rad or m.
     pub mean_error: f64,
-    /// Error for each unit of direction (rad or m), of velocity (s) and of acceleration (s²).
+    /// Error per unit of direction (rad or m), of velocity (s) and of acceleration (s²).
     pub slopes: [f64; REGRESSORS],
 }
 
@@ -93,8 +88,8 @@ pub(super) fn samples(motion: &Motion, trace: &Trace, joint: usize) -> Vec<Sampl
     motion.readings(joint).map(sample).collect()
 }
 
-/// Where the mean square error of these samples goes; `noise` is the standard deviation of a reading at rest.
-/// `None` without samples, without error, or with one that is no number.
+/// Divides the mean square error of these samples; `noise` is the standard deviation of a reading at rest. `None` without
+/// samples, without error, or with one that is not finite.
 pub(super) fn unexplained(samples: &[Sample], noise: f64) -> Option<Unexplained> {
     let count = samples.len() as f64;
     // Regressors and, last, the error.
@@ -157,7 +152,7 @@ pub(super) fn unexplained(samples: &[Sample], noise: f64) -> Option<Unexplained>
 
 /// Sum of squares of the residuals' moving mean.
 fn slow_square(samples: &[Sample], residuals: &[f64]) -> f64 {
-    // Where a motion ends and the next begins, time jumps.
+    // Time jumps between motions.
     let near = |a: &Sample, b: &Sample| (a.secs - b.secs).abs() <= SLOW_SECS / 2.0;
     let (mut from, mut to, mut squares) = (0, 0, 0.0);
     for (index, sample) in samples.iter().enumerate() {
@@ -174,8 +169,7 @@ fn slow_square(samples: &[Sample], residuals: &[f64]) -> f64 {
     squares
 }
 
-/// Slopes of the error by least squares, from the covariances; zero for a regressor that says what those
-/// before it do.
+/// Slopes of the error by least squares, from the covariances; zero for a regressor that depends on those before it.
 fn regress(covariance: &[[f64; REGRESSORS + 1]; REGRESSORS + 1]) -> [f64; REGRESSORS] {
     let mut left = *covariance;
     let mut slopes = [0.0; REGRESSORS];

@@ -1,4 +1,4 @@
-//! Stop after any tell, write, read, go on: the same end, bit for bit. And files that no fit has written.
+//! A fit saved after any tell and resumed ends with the same result, bit for bit. Damaged files are refused or harmless.
 
 use etude_identify::{
     Block, BoConfig, Evaluation, Fit, LmConfig, Loss, MethodConfig, Parameter, Problem, Space,
@@ -12,7 +12,7 @@ fn methods() -> [MethodConfig; 2] {
     ]
 }
 
-/// Two joints with a delay each, told apart; a corner of the space cannot be simulated.
+/// Two joints with a delay each, in separate blocks; a corner of the space cannot be simulated.
 fn problem() -> Problem {
     let joint = |j: usize| {
         let path = |name: &str| format!("joint.{j}.{name}");
@@ -52,7 +52,7 @@ fn a_fit_stopped_after_any_tell_ends_as_if_it_had_not() {
             files.push(serde_json::to_string(&straight).unwrap());
         }
         let end = files.last().unwrap();
-        // Each file's next is the next file: so every one of them leads to the same end.
+        // One tell from each file gives the next file, so all of them lead to the same end.
         for (file, next) in files.iter().zip(&files[1..]) {
             let mut fit: Fit = serde_json::from_str(file).unwrap();
             tell(&mut fit);
@@ -99,9 +99,9 @@ fn saved(method: usize) -> &'static [String; 3] {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(150))]
 
-    /// A number somewhere in a file is changed or cut out: it is refused, or goes on inside the bounds.
+    /// A number in a file is changed: the file is refused, or the fit stays inside the bounds.
     #[test]
-    fn a_damaged_file_is_refused_or_goes_on_inside_the_bounds(
+    fn a_damaged_file_is_refused_or_stays_inside_the_bounds(
         method in 0..2usize, tells in 0..3usize, place in 0.0..1.0f64, kind in 0..5usize,
     ) {
         let text = &saved(method)[tells];
@@ -115,7 +115,7 @@ proptest! {
         let damaged = format!("{}{with}{}", &text[..start], &text[start + token.len()..]);
         if let Ok(mut fit) = serde_json::from_str::<Fit>(&damaged) {
             for _ in 0..2 {
-                // A file may ask for more than a test wants to evaluate, or be of another problem than ours.
+                // The damaged fit may ask for very many evaluations, or be of another problem.
                 let batch = fit.ask();
                 if batch.len() > 1000 || fit.problem() != &problem() || fit.finished().is_some() {
                     break;

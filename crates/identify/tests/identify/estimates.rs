@@ -1,4 +1,4 @@
-//! Intervals that hold as often as they say, and what the data cannot tell.
+//! Coverage of the intervals, and what is not identifiable.
 
 use etude_identify::{
     Block, Bound, Estimate, EstimateError, Evaluation, Fit, JacobianError, JacobianPlan, LmConfig, Loss,
@@ -68,7 +68,7 @@ fn intervals_hold_the_truth_95_times_in_a_hundred() {
 }
 
 #[test]
-fn correlated_noise_widens_them_as_it_must() {
+fn correlated_noise_widens_the_intervals() {
     // Without the correction, coverage would be near that of an interval three times too narrow, about 0.5.
     let share = coverage(200, 0.8, Loss::Squared, false);
     println!("persistence 0.8: {share}");
@@ -76,7 +76,7 @@ fn correlated_noise_widens_them_as_it_must() {
 }
 
 #[test]
-fn outliers_under_the_huber_loss_leave_them_true() {
+fn intervals_hold_with_outliers_under_the_huber_loss() {
     let share = coverage(200, 0.0, Loss::Huber(1.345), true);
     println!("outliers: {share}");
     assert!((0.90..=0.99).contains(&share), "{share}");
@@ -97,8 +97,8 @@ fn autocorrelation_time_is_that_of_the_process() {
 }
 
 #[test]
-fn what_moves_together_unseen_is_named_and_what_is_seen_is_not() {
-    // Only the sum of the first two matters, the third is seen well, the fourth not at all.
+fn weak_directions_name_their_parameters_and_no_others() {
+    // Only the sum of the first two matters, the third is identifiable, the fourth has no influence.
     let problem = problem(&[[0.0, 1.0]; 4], &[0.3, 0.4, 0.5, 0.6], 100);
     let residuals = |x: &[f64]| -> Vec<f64> {
         let wiggle = |k: usize| 0.9 * (1.7 * k as f64).sin();
@@ -136,8 +136,7 @@ fn intervals_follow_the_scale_and_end_at_the_bounds() {
     let estimate = estimated(&problem, &problem.space().start(), &residuals);
     let [log, low] = [&estimate.parameters[0], &estimate.parameters[1]];
     assert!((log.interval[0] * log.interval[1] - 1.0).abs() < 1e-9, "{log:?}");
-    // Each block brings its own noise: one and two standard deviations; 98 of a hundred degrees of freedom
-    // are left.
+    // Each block has its own noise, of one and two standard deviations; 98 of 100 degrees of freedom are left.
     let expected = |deviation: f64, slope: f64| deviation / slope * (100.0 / 98.0f64).sqrt() / 50f64.sqrt();
     assert!((log.standard_error - expected(1.0, 3.0)).abs() < 1e-6, "{log:?}");
     assert!((low.standard_error - expected(2.0, 10.0)).abs() < 1e-6, "{low:?}");
@@ -146,7 +145,7 @@ fn intervals_follow_the_scale_and_end_at_the_bounds() {
 }
 
 #[test]
-fn what_cannot_be_judged_is_refused() {
+fn invalid_estimates_are_refused() {
     let small = problem(&[[0.0, 1.0]; 2], &[0.5; 2], 2);
     let identity = |x: &[f64]| x.to_vec();
     let linear = linearised(&small, &[0.5, 0.5], 1e-5, &identity);

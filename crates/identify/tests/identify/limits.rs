@@ -1,5 +1,4 @@
-//! What must hold whatever the problem: candidates inside the bounds, numbers only, refusals that say what to
-//! do.
+//! Properties of all problems: candidates inside the bounds, finite numbers, clear refusals.
 
 use etude_identify::{
     Block, BoConfig, ConfigError, Evaluation, Fit, LmConfig, Loss, MethodConfig, Parameter, Problem,
@@ -33,7 +32,7 @@ fn method() -> impl Strategy<Value = MethodConfig> {
     ]
 }
 
-/// Residuals that are smooth here, rough there, sometimes not a number and sometimes not there.
+/// Residuals that are smooth, rough, NaN or missing, depending on the point.
 fn hostile(point: &[f64], seed: u64) -> Evaluation {
     let mix = point
         .iter()
@@ -52,7 +51,7 @@ proptest! {
     #![proptest_config(ProptestConfig::with_cases(120))]
 
     #[test]
-    fn candidates_lie_inside_and_what_is_no_number_is_never_best(
+    fn candidates_lie_inside_and_a_nan_is_never_best(
         space in space(), method in method(), seed in any::<u64>(),
     ) {
         let problem = Problem::new(space.clone(), vec![Block::new("all", 3)], Loss::Huber(10.0)).unwrap();
@@ -84,7 +83,7 @@ proptest! {
     }
 
     #[test]
-    fn there_and_back_again(space in space(), shares in prop::collection::vec(-0.5..1.5f64, 5)) {
+    fn normalisation_is_inverted(space in space(), shares in prop::collection::vec(-0.5..1.5f64, 5)) {
         let values = space.to_physical(&shares[..space.len()]);
         let point: Vec<f64> = shares[..space.len()].iter().map(|share| share.clamp(0.0, 1.0)).collect();
         for ((a, b), p) in space.to_normalised(&values).iter().zip(&point).zip(space.parameters()) {

@@ -15,8 +15,8 @@ fn lm() -> MethodConfig {
     MethodConfig::Lm(LmConfig::default())
 }
 
-/// Thirteen oscillators with three parameters each, and one that all share; told which influences which, or
-/// not.
+/// Thirteen oscillators with three parameters each, and one that all share; with or without the
+/// parameters' influences.
 fn joints(grouped: bool) -> Problem {
     let mut parameters = vec![Parameter::new("world.gain", 0.5, 2.0, 1.0)];
     for joint in 0..JOINTS {
@@ -53,7 +53,7 @@ fn a_jacobian_perturbed_together_is_the_one_perturbed_one_by_one() {
         assert_eq!(a.jacobian.column(parameter), b.jacobian.column(parameter), "{parameter}");
         assert!(a.jacobian.column(parameter).iter().any(|slope| *slope != 0.0));
     }
-    // And the effort: one column for the shared gain and three for all joints.
+    // The batch has one column for the shared gain and three for all joints.
     let mut fits = [together, single].map(|problem| Fit::new(problem, &lm(), 0).unwrap());
     let batches = fits.each_mut().map(|fit| {
         let start = evaluate(&fit.ask(), &joints_residuals);
@@ -97,7 +97,7 @@ fn delayed(delay_secs: f64, low_pass_secs: f64, joint: usize) -> Vec<f64> {
 }
 
 #[test]
-fn a_delay_is_found_beside_the_low_pass_that_looks_like_one() {
+fn a_delay_and_a_low_pass_are_separated() {
     for grouped in [true, false] {
         let joints = 5;
         let delay = |j: usize| 0.0125 + 0.014 * j as f64;
@@ -145,7 +145,7 @@ fn huber_forgives_an_outlier_that_squares_do_not() {
         fit.best().unwrap().values[0]
     };
     assert!((slope(Loss::Squared) - 0.3).abs() > 1.0);
-    // One bend's worth of pull, from the lever of the outlier: 1.345 · 15 over Σ k² without it.
+    // The outlier adds a constant slope of 1.345 · 15, divided by Σ k² of the others.
     let others: f64 = (0..20).filter(|k| *k != 15).map(|k| f64::from(k * k)).sum();
     let expected = 0.3 + 1.345 * 15.0 / others;
     assert!((slope(Loss::Huber(1.345)) - expected).abs() < 1e-6);
@@ -153,7 +153,7 @@ fn huber_forgives_an_outlier_that_squares_do_not() {
 
 #[test]
 fn failures_beside_the_optimum_and_on_the_way_are_survived() {
-    // Whatever is beyond 0.7 in the first parameter cannot be simulated; the optimum is just before.
+    // Beyond 0.7 in the first parameter the simulation fails; the optimum is just below.
     let problem = problem(&[[0.0, 1.0], [0.0, 1.0]], &[0.1, 0.1], 3);
     for differences in [Differences::Forward, Differences::Central] {
         let config = LmConfig { differences, ..LmConfig::default() };

@@ -51,8 +51,8 @@ pub fn estimated(problem: &Problem, point: &[f64], residuals: &Residuals<'_>) ->
     Estimate::new(problem, &linearised(problem, point, 1e-5, residuals)).unwrap()
 }
 
-/// Places of a damped oscillator (stiffness, damping, cubic stiffness) let go at one, by the classical
-/// Runge–Kutta method.
+/// Positions of a damped oscillator (stiffness, damping, cubic stiffness) released at one, by the classical Runge–Kutta
+/// method.
 pub fn oscillate(values: &[f64], step_secs: f64, steps: usize) -> Vec<f64> {
     let slope = |p: f64, v: f64| (v, -values[0] * p - values[1] * v - values[2] * p * p * p);
     let (mut p, mut v, h) = (1.0, 0.0, step_secs);
@@ -69,13 +69,13 @@ pub fn oscillate(values: &[f64], step_secs: f64, steps: usize) -> Vec<f64> {
     places
 }
 
-/// Residuals of the oscillator with these numbers against recorded places.
+/// Residuals of the oscillator with these parameters against recorded positions.
 pub fn oscillator_residuals(values: &[f64], data: &[f64], step_secs: f64, noise: f64) -> Vec<f64> {
     let places = oscillate(values, step_secs, data.len());
     places.iter().zip(data).map(|(place, datum)| (place - datum) / noise).collect()
 }
 
-/// The valley, as residuals: ten times how far off the parabola, and how far from one.
+/// Rosenbrock's function as residuals.
 pub fn rosenbrock(values: &[f64]) -> Vec<f64> {
     let steep = values.windows(2).map(|pair| 10.0 * (pair[1] - pair[0] * pair[0]));
     steep.chain(values[..values.len() - 1].iter().map(|x| 1.0 - x)).collect()

@@ -1,4 +1,4 @@
-//! Known numbers come back: see [`crate::synthetic`].
+//! Known parameters are recovered: see [`crate::synthetic`].
 
 use crate::synthetic::recover;
 
@@ -13,7 +13,7 @@ fn the_known_numbers_of_a_finger_come_back_to_the_noise() {
         assert!(*before > 5.0 && *after < 1.1, "{joint}");
     }
     println!("median error {:.4}, coverage {:.3}", recovery.median_error(), recovery.coverage());
-    // Four joints with seven numbers each. Of 28 intervals that cover 95 % of the time fewer than 22 do once in 300.
+    // Four joints with seven parameters each. Of 28 intervals of 95 % fewer than 22 cover with a probability of 1 in 300.
     assert_eq!(recovery.numbers.len(), 28);
     assert!(recovery.median_error() < 0.02 && recovery.coverage() >= 22.0 / 28.0);
 }

@@ -1,4 +1,4 @@
-//! Known numbers, recovered: recordings made by the simulator itself, with noise on its encoders. The test tries one finger,
+//! Recovery of known parameters from the simulator's own recordings, with noise on its encoders. The test fits one finger,
 //! `examples/recovery.rs` the whole hand.
 
 use std::collections::BTreeMap;
@@ -21,18 +21,18 @@ type Error = Box<dyn std::error::Error>;
 /// Noise of the encoders, rad, and of the rail, m.
 const NOISE: [f64; 2] = [2e-4, 5e-5];
 
-/// What a recovery came to.
+/// The result of a recovery.
 pub struct Recovery {
-    /// How it went.
+    /// The stages.
     pub stages: Vec<StageEnd>,
     /// Held-out errors by joint, in multiples of its noise: before the fit and after it.
     pub held_out: Vec<(String, [f64; 2])>,
-    /// The identifiable numbers, and what they truly are.
+    /// The identifiable parameters and their true values.
     pub numbers: Vec<(ParameterEstimate, f64)>,
 }
 
 impl Recovery {
-    /// Median relative error of the identifiable numbers.
+    /// Median relative error of the identifiable parameters.
     pub fn median_error(&self) -> f64 {
         let mut errors: Vec<f64> =
             self.numbers.iter().map(|(found, truth)| (found.value / truth - 1.0).abs()).collect();
@@ -54,7 +54,7 @@ fn gauss(random: &mut Pcg64) -> f64 {
     (-2.0 * (1.0 - a).ln()).sqrt() * (std::f64::consts::TAU * b).cos()
 }
 
-/// What a robot with these numbers would have sent while these joints were moved as in a third of an excitation.
+/// Readings of a robot with these parameters whose joints follow a third of an excitation.
 fn recorded(
     params: &PhysicalParams,
     joints: &[usize],
@@ -84,7 +84,7 @@ fn recorded(
         keys: Vec::new(),
     };
     let mut replayer = Replayer::new(&StageConfig::default())?;
-    let trace = replayer.replay(params, &motion, false).ok_or("the world diverged")?;
+    let trace = replayer.replay(params, &motion, false).ok_or("the simulation diverged")?;
     let samples = (motion.secs() * 333.0) as usize;
     for sample in 1..samples {
         let at = sample as f64 / 333.0;
@@ -99,7 +99,7 @@ fn recorded(
     Ok(motion)
 }
 
-/// A robot whose joints are some way from the numbers with which a fit starts.
+/// A robot whose parameters differ from the start of a fit.
 fn truth(joints: &[usize], seed: u64) -> PhysicalParams {
     let mut random = Pcg64::seed_from_u64(seed);
     let mut params = shaping_params(&RigConfig::default().limits);
@@ -123,7 +123,7 @@ fn truth(joints: &[usize], seed: u64) -> PhysicalParams {
     params
 }
 
-/// Draws a robot, moves these joints of it, and fits.
+/// Draws a robot, records motion of these joints, and fits.
 pub fn recover(joints: &[usize], seed: u64) -> Result<Recovery, Error> {
     let truth = truth(joints, seed);
     let parts = [(Excitation::OpenClose, 1), (Excitation::Chirp, 2), (Excitation::Rail, 1)];
