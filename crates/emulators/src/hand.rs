@@ -1,9 +1,8 @@
-//! A hand that is not there: answers frames like an Allegro v4 (hardware §1.12).
+//! An emulated Allegro v4: answers frames as the real hand does.
 //!
-//! It streams by a clock of its own, which may run fast or slow, and holds the torques that it was given. It
-//! has no joints: its owner moves some (a physics world, or [`FreeHand`](crate::FreeHand)) by
-//! [`pwm`](HandEmulator::pwm) and tells it where they are. What real firmware leaves open (does OFF cut the
-//! torque, does torque time out) is a setting.
+//! It streams with its own clock, which may run fast or slow, and holds the last torques. It has no joints: its owner (a
+//! physics world, or [`FreeHand`](crate::FreeHand)) moves them by [`pwm`](HandEmulator::pwm) and sets the positions. Where
+//! the behaviour of real firmware is not known (does servo off cut the torque, does torque time out), it is a setting.
 
 use std::time::Duration;
 

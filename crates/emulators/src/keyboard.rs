@@ -1,7 +1,7 @@
-//! A keyboard that is not there: says what a real one would, in the same bytes at the same speed.
+//! An emulated keyboard: the same bytes as a real one, at the same speed.
 //!
-//! How the Keystation codes releases and whether it sends active sensing is not documented (fact sheet
-//! hardware §3), so both are settings, and the driver is tested under all of them.
+//! It is not documented how the Keystation codes releases and whether it sends active sensing, so both are settings, and
+//! the driver is tested with all of them.
 
 use std::{collections::VecDeque, time::Duration};
 
@@ -14,7 +14,7 @@ use etude_robot::setting::SettingError;
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum ReleaseCoding {
-    /// Note-on with velocity 0, which the paper's authors' code relies on (fact sheet hardware §3).
+    /// Note-on with velocity 0, which lasr-lab/learning-to-play-piano relies on.
     #[default]
     ZeroVelocity,
     /// Note-off.
@@ -93,7 +93,7 @@ const MEMORY: Duration = Duration::from_secs(10);
 /// Later than anything that happens; a century.
 const FOREVER: Duration = Duration::from_secs(3_155_760_000);
 
-/// A keyboard that says over the line which keys are moved.
+/// Sends the presses and releases of its keys over the line.
 ///
 /// Time must not go back from one call to the next.
 #[derive(Clone, Debug)]

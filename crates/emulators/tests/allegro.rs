@@ -17,7 +17,7 @@ use proptest::prelude::*;
 use rand::SeedableRng as _;
 use rand_pcg::Pcg64;
 
-/// Positions (deg) that the maker calls home (hardware §1.10).
+/// Positions (deg) that the maker calls home (allegro_hand_ros_v4).
 const HOME_DEG: [f64; JOINTS] =
     [0.0, -10.0, 45.0, 45.0, 0.0, -10.0, 45.0, 45.0, 5.0, -5.0, 50.0, 45.0, 60.0, 25.0, 15.0, 45.0];
 const TICK: Duration = Duration::from_micros(500);

@@ -29,8 +29,7 @@ use crate::keys::{Keys, Say};
 use crate::numbers::STEP;
 use crate::truth::Truth;
 
-/// Where the flange stands over the middle key, mm, and how it is turned, degrees: the paper's C3 (fact sheet
-/// "hardware" §0).
+/// Where the flange stands over the middle key, mm, and how it is turned, degrees: the paper's C3 (lasr-lab/learning-to-play-piano).
 const MIDDLE_MM: [f64; 3] = [485.0, -2.83, 170.51];
 const ORIENTATION_DEG: [f64; 3] = [-90.0, 225.0, -90.0];
 /// The keys that a calibration shows: the outer Cs and the middle one.

@@ -1,7 +1,7 @@
-//! A controller and an arm that are not there, but answer and report with the same bytes.
+//! An emulated arm and its controller, which answer and report with the same bytes as the real ones.
 //!
-//! What is known of the real one is in the fact sheet (hardware §2.2 to §2.10). Where nothing is known, what
-//! is harder for a driver was chosen.
+//! The behaviour follows the sources that `etude_robot::xarm` names. Where they say nothing, the behaviour that is harder
+//! for a driver was chosen.
 
 mod answers;
 mod motion;
@@ -27,7 +27,7 @@ const MAX_RESTING_MS: u64 = 1000;
 /// A longer leap of the clock is cut even while the arm moves, ms: nothing leaves a moving arm alone for so
 /// long.
 const MAX_MOVING_MS: u64 = 600_000;
-/// Tool speed at which the controller stops the arm in servo mode, m/s (fact sheet hardware §2.5).
+/// Tool speed at which the controller stops the arm in servo mode, m/s (xArm user manual).
 const MAX_TOOL_SPEED: f64 = 1.2;
 /// Motors, all of them.
 const ALL: u8 = 0x7F;
@@ -47,7 +47,7 @@ pub struct ArmEmulatorConfig {
 }
 
 impl Default for ArmEmulatorConfig {
-    /// At the paper's home. Delay and bandwidth are guesses: no figure is public (fact sheet hardware §10).
+    /// At the paper's home. Delay and bandwidth are guesses: no figure is published.
     fn default() -> Self {
         Self {
             firmware: "v2.4.0".into(),
@@ -67,11 +67,11 @@ struct Connection {
     id: ConnectionId,
     parser: FrameParser,
     out: Vec<u8>,
-    /// What it wants to be told unasked (register 254).
+    /// Mask of the feedback that it wants (register 254).
     wants: u8,
 }
 
-/// What a client hears of a command when it is over.
+/// The client that is notified when a command is over.
 #[derive(Clone, Copy, Debug)]
 struct Receipt {
     client: ConnectionId,
@@ -90,7 +90,7 @@ struct Planned {
     receipt: Receipt,
 }
 
-/// The states that a controller is told to be in, or falls into.
+/// The states of the controller.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Condition {
     /// 1 or 2 in feedback.
@@ -128,7 +128,7 @@ pub struct ArmEmulator {
 
 impl ArmEmulator {
     /// An arm that has just been switched on: planned mode, motors off, stopped; the limits of its moves are those of the
-    /// fact sheet (hardware §2.6), and no box is watched.
+    /// xArm user manual, and no box is switched on.
     pub fn new(config: ArmEmulatorConfig) -> Self {
         Self {
             clock: 0,
@@ -173,7 +173,7 @@ impl ArmEmulator {
         id
     }
 
-    /// A client is gone. The arm does not care (fact sheet hardware §2.5).
+    /// Removes a client that is gone. The arm keeps its motion: servo mode has no timeout (xArm user manual).
     pub fn disconnect(&mut self, id: ConnectionId) {
         self.connections.retain(|connection| connection.id != id);
     }
@@ -230,7 +230,7 @@ impl ArmEmulator {
         self.tool_at = None;
     }
 
-    /// State as the controller reports it (fact sheet hardware §2.4).
+    /// State as the controller reports it (ufactory_docs).
     pub fn state(&self) -> u8 {
         match self.condition {
             Condition::Running if self.motion.moving() => 1,

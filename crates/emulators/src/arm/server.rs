@@ -1,7 +1,7 @@
-//! The emulator on TCP sockets, for clients that know nothing of it.
+//! Serves the emulated arm on TCP sockets.
 //!
-//! It never listens on a Unix socket: the official SDK would prefer such a socket to the real robot (fact
-//! sheet hardware §2.11). Outside this machine it is reachable only when asked to be.
+//! It never listens on a Unix socket, because xArm-Python-SDK prefers such a socket to the real robot. Without
+//! [`Reach::Everyone`] only programs on this machine can connect.
 
 use std::io::{self, ErrorKind};
 use std::net::{IpAddr, SocketAddr, TcpListener, TcpStream};
@@ -36,7 +36,7 @@ impl ArmPorts {
 }
 
 impl Default for ArmPorts {
-    /// The robot's own ones (fact sheet hardware §2.1). The first of them needs more than a user's rights.
+    /// The robot's own ones (ufactory_docs). The first of them needs more than a user's rights.
     fn default() -> Self {
         let [real, normal, rich] = ReportKind::ALL.map(ReportKind::port);
         Self { command: 502, normal, rich, real }

@@ -1,4 +1,4 @@
-//! What can go wrong with a twin's devices and wires, what it is called, and what the devices know of it.
+//! The kinds of faults that can be ordered, their names, and their effect on the emulated devices.
 
 use std::fmt;
 use std::str::FromStr;
@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::{Devices, HandEmulatorConfig};
 
-/// Codes of the arm's emergency buttons (fact sheet "hardware" §2.8), which stay pressed until they are released.
+/// Codes of the arm's emergency buttons (xArm user manual), which stay pressed until they are released.
 const BUTTONS: std::ops::RangeInclusive<u8> = 1..=3;
 
 /// Something that goes wrong.
@@ -87,7 +87,7 @@ pub(crate) const KINDS: [Row; 16] = [
     ("hand-off", "", |value| none(value, FaultKind::HandOff)),
 ];
 
-/// A fault cannot be ordered as it was.
+/// The order of a fault is not valid.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum FaultError {
     /// No fault is called so, or it has another value.

@@ -20,5 +20,5 @@ pub use transport::open;
 
 /// Keys of the keyboard, four octaves and a C.
 ///
-/// Source: fact sheet hardware §3.
+/// As on the paper's M-Audio Keystation 49e.
 pub const KEYS: usize = 49;

@@ -1,4 +1,4 @@
-//! What the slow reports (30001, 30002) tell beside the motion (fact sheet hardware §2.7).
+//! The additional content of the slow reports (30001, 30002; ufactory_docs).
 
 use super::kinematics::JOINTS;
 

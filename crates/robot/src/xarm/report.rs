@@ -1,5 +1,4 @@
-//! What the controller tells unasked, over and over: 30003 at 100 Hz, 30001 and 30002 at 5 Hz (fact sheet
-//! hardware §2.7).
+//! The periodic reports of the controller: port 30003 at 100 Hz, 30001 and 30002 at 5 Hz (ufactory_docs).
 
 use super::codec::{floats, push_floats};
 pub use super::details::{Details, MotionLimits};
@@ -100,7 +99,7 @@ impl Report {
             out.extend(firmware.bytes().chain(std::iter::repeat(0)).take(30));
             push_floats(out, &details.tcp_limits_mm.to_wire());
             push_floats(out, &details.joint_limits_rad.to_wire());
-            // Jerk and acceleration of turns, which the fact sheet does not know.
+            // Jerk and acceleration of turns, which are not documented.
             push_floats(out, &[0.0; 2]);
             out.extend(details.servos.as_flattened());
         }
@@ -250,7 +249,7 @@ mod tests {
     }
 
     #[test]
-    fn the_offsets_of_the_fact_sheet() {
+    fn the_documented_offsets() {
         let report = Report {
             state: 2,
             mode: 1,
@@ -315,7 +314,7 @@ mod tests {
             report.write(ReportKind::Real, "", &mut frame);
             Report::read(ReportKind::Real, &frame).is_some()
         };
-        // Fact sheet §2.6, degrees, the models' widest.
+        // Degrees, the widest of all models (xArm user manual).
         let degrees =
             [[-360, 360], [-118, 120], [-360, 360], [-11, 225], [-360, 360], [-97, 180], [-360, 360]];
         for (joint, [low, high]) in degrees.into_iter().enumerate() {

@@ -25,8 +25,8 @@ const ARRIVED_RAD: f64 = 0.02;
 const IDLE_LIMIT: u32 = 50;
 /// Acceleration of a planned move, rad/s².
 const HOME_ACCELERATION: f64 = 2.0;
-/// Places of the box and of its switch in the reply of the reduced mode's settings (fact sheet "hardware" §2.3, §2.7:
-/// in the order of the report from its byte 495 on).
+/// Offsets of the box and of its switch in the reply of register 53, which has the order of the report from its byte 495
+/// on (ufactory_docs).
 const BOX_AT: usize = 1;
 const FENCE_AT: usize = 77;
 
@@ -282,8 +282,7 @@ impl Arm {
         }
     }
 
-    /// Whether the settings of the reduced mode (fact sheet "hardware" §2.3, register 53) say that the box is ours and
-    /// watched.
+    /// Whether the settings of the reduced mode (register 53) have our box, switched on.
     fn is_fenced(&self, params: &[u8]) -> bool {
         let sides = params.get(BOX_AT..BOX_AT + 12).map(|bytes| bytes.as_chunks::<2>().0);
         let sides = sides.unwrap_or_default().iter().map(|side| i32::from(i16::from_be_bytes(*side)));

@@ -62,7 +62,7 @@ pub enum ArmFault {
          close UFACTORY Studio, look after the arm, then start again"
     )]
     UnexpectedState {
-        /// State of the arm (fact sheet hardware §2.4).
+        /// State of the arm (ufactory_docs, states and modes).
         state: u8,
         /// Mode of the arm.
         mode: u8,
