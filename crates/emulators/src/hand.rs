@@ -16,13 +16,13 @@ use etude_robot::allegro::{
 };
 use etude_robot::can::CanFrame;
 
-/// What the emulated hand is like.
+/// Settings of the emulated hand.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct HandEmulatorConfig {
     /// Its number on the bus.
     pub device_id: DeviceId,
-    /// The side that it says it is.
+    /// The side that it reports.
     pub side: HandSide,
     /// Hardware version; the upper byte is the generation.
     pub hardware: u16,
@@ -206,7 +206,7 @@ impl HandEmulator {
         &mut self.config
     }
 
-    /// The hand's own time. It never goes back, whatever its owner says.
+    /// Sets the hand's own clock, which never goes back.
     fn set_clock(&mut self, now: Duration) {
         let rate = (1.0 + self.config.clock_skew).clamp(0.5, 2.0);
         let clock = if rate == 1.0 {

@@ -25,7 +25,7 @@ use etude_stage::{JOINTS, Side, StageConfig, StageError, World};
 
 use crate::drives::{Drives, Encoders};
 use crate::error::TruthError;
-use crate::keys::{Keys, Say};
+use crate::keys::{KeyEvent, Keys};
 use crate::numbers::STEP;
 use crate::truth::Truth;
 
@@ -52,7 +52,7 @@ pub enum TwinError {
     Keyboard(#[from] SettingError),
 }
 
-/// A robot that is not there.
+/// An emulated robot.
 pub struct Twin {
     pub(crate) truth: Truth,
     pub(crate) world: World,
@@ -112,7 +112,7 @@ impl Twin {
             now: Duration::ZERO,
             collisions: 0,
         };
-        // Fingers straight, clear of the keys, as a hand is left by whoever mounted it.
+        // Fingers straight, clear of the keys, as a hand is mounted.
         let mut pose = [0.0; JOINTS];
         pose[RAIL] = twin.rail;
         twin.world.reset_to(&pose);
@@ -131,9 +131,9 @@ impl Twin {
         self.keys.look(
             now,
             |key| world.key_travel(key),
-            |key, say| match say {
-                Say::Press(velocity) => keyboard.press(now, key, velocity),
-                Say::Release => keyboard.release(now, key),
+            |key, event| match event {
+                KeyEvent::Press(velocity) => keyboard.press(now, key, velocity),
+                KeyEvent::Release => keyboard.release(now, key),
             },
         );
         self.show_joints();
@@ -162,7 +162,7 @@ impl Twin {
         self.world.drive(torques)
     }
 
-    /// Tells the hand where its joints are.
+    /// Sets the measured positions of the hand.
     fn show_joints(&mut self) {
         let thumb: [f64; 4] = std::array::from_fn(|joint| self.thumb.positions()[FINGER_JOINTS + joint]);
         self.devices.hand.set_positions(&to_wire(&self.encoders.read(&self.world.joints()), &thumb));
@@ -173,7 +173,7 @@ impl Twin {
         self.now
     }
 
-    /// Where the joints are, rad, the rail in m: for whoever watches it, no controller.
+    /// Where the joints are, rad, the rail in m: for observers, not for the controller.
     pub fn joints(&self) -> [f64; JOINTS] {
         self.world.joints()
     }

@@ -40,7 +40,7 @@ pub struct ArmEmulatorConfig {
     pub firmware: String,
     /// Where the joints are at the beginning, rad.
     pub joints_rad: [f64; JOINTS],
-    /// Time from a servo target's arrival until the joints know of it, s.
+    /// Time from a servo target's arrival until it takes effect, s.
     pub delay_secs: f64,
     /// How fast the joints close in on a servo target, Hz.
     pub bandwidth_hz: f64,
@@ -265,17 +265,17 @@ impl ArmEmulator {
         self.details.warning = code;
     }
 
-    /// Whether the joints are held by something.
+    /// Blocks the joints, or releases them.
     pub fn set_stuck(&mut self, stuck: bool) {
         self.motion.stuck = stuck;
     }
 
-    /// Whether it does what it is told without a reply.
+    /// Makes it obey without a reply, or ends that.
     pub fn set_silent(&mut self, silent: bool) {
         self.silent = silent;
     }
 
-    /// Whether reports stop.
+    /// Stops its reports, or ends that.
     pub fn set_mute(&mut self, mute: bool) {
         self.mute = mute;
     }
@@ -298,7 +298,7 @@ impl ArmEmulator {
             self.current = Some(next.receipt);
             self.receipt(1, 0);
         }
-        // While it stands it is let alone, or it could never be led inside again.
+        // No error while it is stopped, or it could never be led inside again.
         if self.fenced
             && self.condition == Condition::Running
             && !self.fence.contains(&self.tool().position_m)
@@ -329,7 +329,7 @@ impl ArmEmulator {
         }
     }
 
-    /// Tells the client of the current move that it began (1) or ended (2), if it wants to know.
+    /// Notifies the client of the current move that it began (1) or ended (2), if the client wants that.
     fn receipt(&mut self, kind: u8, result: u8) {
         let Some(receipt) = self.current else { return };
         if kind == 2 {

@@ -36,7 +36,7 @@ pub enum CodecError {
         /// Bytes that it should have.
         wanted: &'static str,
     },
-    /// Neither 0 nor 1 where the side is said.
+    /// The byte of the side is neither 0 nor 1.
     #[error("the hand calls its side {0}, neither right (0) nor left (1): is it an Allegro v4?")]
     Side(u8),
 }

@@ -236,9 +236,9 @@ impl Hand {
         for (joint, counts) in (first..).zip(counts) {
             match self.known.encoders.get_mut(joint).map(|encoder| encoder.take(now, joint, counts)) {
                 Some(Ok(true)) | None => {}
-                Some(Ok(false)) => self.counters.disbelieved += 1,
+                Some(Ok(false)) => self.counters.rejected += 1,
                 Some(Err(fault)) => {
-                    self.counters.disbelieved += 1;
+                    self.counters.rejected += 1;
                     self.fail(fault);
                 }
             }
@@ -320,8 +320,8 @@ impl Hand {
             }
             Step::Wait { .. } => {
                 let moving = self.known.positions_at.is_some();
-                let believed = self.known.encoders.iter().all(|encoder| encoder.rad().is_some());
-                if moving && believed && self.known.servo_was_on && self.stale_finger(now).is_none() {
+                let valid = self.known.encoders.iter().all(|encoder| encoder.rad().is_some());
+                if moving && valid && self.known.servo_was_on && self.stale_finger(now).is_none() {
                     self.state = HandState::Ready;
                 } else if now >= self.next_heartbeat {
                     // Frames may be lost; repeating the command does no harm.

@@ -91,7 +91,7 @@ registers! {
     FeedbackType = 254, "feedback type";
 }
 
-/// The byte of a reply that says how it went.
+/// The state byte of a reply.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct ReplyState(pub u8);
 

@@ -31,7 +31,7 @@ pub struct Details {
     pub servos: [[u8; 2]; JOINTS],
 }
 
-/// What 30002 tells of the limits of planned moves.
+/// The limits of planned moves in 30002.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct MotionLimits {
     /// Jerk.

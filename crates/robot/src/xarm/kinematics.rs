@@ -155,7 +155,7 @@ pub fn inverse(target: &Pose, near: &[f64; JOINTS]) -> Result<[f64; JOINTS], Kin
     Err(KinematicsError::OutOfReach { short_by_m })
 }
 
-/// The first joint beyond its limits, as the error that says so.
+/// Checks that every joint is within its limits; the error names the first that is not.
 pub(crate) fn within_limits(joints_rad: &[f64; JOINTS]) -> Result<(), KinematicsError> {
     for (index, (&angle_rad, (lowest_rad, highest_rad))) in
         joints_rad.iter().zip(JOINT_LIMITS_RAD).enumerate()

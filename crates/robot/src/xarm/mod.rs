@@ -1,4 +1,4 @@
-//! The xArm7 over TCP: what its controller says and understands, where its flange is, and its driver.
+//! The xArm7 over TCP: its protocol, its kinematics and its driver.
 //!
 //! Sources: the private TCP protocol, reports, states and kinematics in `ufactory_docs`
 //! (<https://github.com/xArm-Developer/ufactory_docs>), the xArm user manual, and xArm-Python-SDK 1.18.4 and xArm-CPLUS-SDK

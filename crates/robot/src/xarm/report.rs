@@ -44,7 +44,7 @@ impl ReportKind {
     }
 }
 
-/// Largest size word that is believed; the longest known report has 587 bytes.
+/// Largest plausible size word; the longest known report has 587 bytes.
 const MAX_SIZE: usize = 1024;
 
 /// One report.
@@ -69,7 +69,7 @@ pub struct Report {
 /// Beyond what any model's joints reach, rad: encoders and stops have some play. An angle farther out was not measured.
 const SLACK_RAD: f64 = 0.2;
 
-/// Whether every joint may be where a report says.
+/// Whether every reported joint angle is possible.
 fn possible_joints(joints_rad: &[f32; JOINTS]) -> bool {
     joints_rad.iter().zip(WIDEST_LIMITS_RAD).all(|(angle, (lowest, highest))| {
         (lowest - SLACK_RAD..=highest + SLACK_RAD).contains(&f64::from(*angle))
@@ -140,7 +140,7 @@ impl Report {
             report.details.joint_limits_rad = MotionLimits::from_wire(floats(at(201)?)?);
             report.details.servos.as_flattened_mut().copy_from_slice(frame.get(229..243)?);
         }
-        // Modes and states as the official SDK believes them.
+        // The modes and states that xArm-Python-SDK accepts.
         let possible = report.state <= 9 && report.mode <= 11;
         let details = &report.details;
         let sensible = details.collision_sensitivity <= 5 && details.teach_sensitivity <= 5;
@@ -296,9 +296,9 @@ mod tests {
         assert_eq!(sizes, [(30003, 87), (30001, 145), (30002, 245)]);
     }
 
-    /// A joint is believed up to its stop and a little farther, and no joint where its neighbour may be.
+    /// An angle is valid up to its stop and a little farther, and each joint has its own range.
     #[test]
-    fn angles_that_no_arm_has_are_not_believed() {
+    fn impossible_angles_are_rejected() {
         let report = |joint: usize, angle: f64| {
             let mut report = Report {
                 state: 2,

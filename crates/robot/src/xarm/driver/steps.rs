@@ -19,9 +19,9 @@ pub(super) enum Step {
     Fenced,
     /// Reads the error: there must be none.
     NoError,
-    /// Reads the state: somebody may have stopped the arm, and setting the state anew would undo that.
+    /// Reads the state: another client may have stopped the arm, and setting the state would undo that.
     Unstopped,
-    /// Reads the state until it and a fresh report say that the arm is ready in this mode.
+    /// Reads the state until it and a fresh report confirm that the arm is ready in this mode.
     Await(u8),
     /// Begins the move home.
     Move,
