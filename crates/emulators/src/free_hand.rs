@@ -6,8 +6,8 @@ use etude_robot::allegro::{FULL_SCALE_PWM, JOINT_LIMITS_RAD, JOINTS};
 /// Inertia at a joint, duty / (rad/s²). With the default gains a joint is damped a little more than
 /// critically.
 const INERTIA: f64 = 0.002;
-/// Damping at a joint, duty / (rad/s): the strongest joint at its limit of 0.5625 runs 7 rad/s (hardware
-/// §1.4).
+/// Damping at a joint, duty / (rad/s): the strongest joint at its limit of 0.5625 runs 7 rad/s (URDF in
+/// allegro_hand_ros2).
 const DAMPING: f64 = 0.08;
 /// Longest step of the integration, s.
 const STEP_SECS: f64 = 0.0005;

@@ -1,9 +1,8 @@
-//! A hand that is not there: answers frames like an Allegro v4 (hardware §1.12).
+//! An emulated Allegro v4: answers frames as the real hand does.
 //!
-//! It streams by a clock of its own, which may run fast or slow, and holds the torques that it was given. It
-//! has no joints: its owner moves some (a physics world, or [`FreeHand`](crate::FreeHand)) by
-//! [`pwm`](HandEmulator::pwm) and tells it where they are. What real firmware leaves open (does OFF cut the
-//! torque, does torque time out) is a setting.
+//! It streams with its own clock, which may run fast or slow, and holds the last torques. It has no joints: its owner (a
+//! physics world, or [`FreeHand`](crate::FreeHand)) moves them by [`pwm`](HandEmulator::pwm) and sets the positions. Where
+//! the behaviour of real firmware is not known (does servo off cut the torque, does torque time out), it is a setting.
 
 use std::time::Duration;
 
@@ -17,13 +16,13 @@ use etude_robot::allegro::{
 };
 use etude_robot::can::CanFrame;
 
-/// What the emulated hand is like.
+/// Settings of the emulated hand.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct HandEmulatorConfig {
     /// Its number on the bus.
     pub device_id: DeviceId,
-    /// The side that it says it is.
+    /// The side that it reports.
     pub side: HandSide,
     /// Hardware version; the upper byte is the generation.
     pub hardware: u16,
@@ -207,7 +206,7 @@ impl HandEmulator {
         &mut self.config
     }
 
-    /// The hand's own time. It never goes back, whatever its owner says.
+    /// Sets the hand's own clock, which never goes back.
     fn set_clock(&mut self, now: Duration) {
         let rate = (1.0 + self.config.clock_skew).clamp(0.5, 2.0);
         let clock = if rate == 1.0 {

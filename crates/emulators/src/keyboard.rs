@@ -1,7 +1,7 @@
-//! A keyboard that is not there: says what a real one would, in the same bytes at the same speed.
+//! An emulated keyboard: the same bytes as a real one, at the same speed.
 //!
-//! How the Keystation codes releases and whether it sends active sensing is not documented (fact sheet
-//! hardware §3), so both are settings, and the driver is tested under all of them.
+//! It is not documented how the Keystation codes releases and whether it sends active sensing, so both are settings, and
+//! the driver is tested with all of them.
 
 use std::{collections::VecDeque, time::Duration};
 
@@ -10,11 +10,11 @@ use serde::{Deserialize, Serialize};
 use etude_robot::keyboard::{KEYS, check_lowest_pitch, positive_secs};
 use etude_robot::setting::SettingError;
 
-/// How a release is said.
+/// How a release is coded.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum ReleaseCoding {
-    /// Note-on with velocity 0, which the paper's authors' code relies on (fact sheet hardware §3).
+    /// Note-on with velocity 0, which lasr-lab/learning-to-play-piano relies on.
     #[default]
     ZeroVelocity,
     /// Note-off.
@@ -25,7 +25,7 @@ pub enum ReleaseCoding {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Line {
-    /// Whole messages, at the next millisecond frame; a packet knows no running status.
+    /// Whole messages, at the next millisecond frame; USB packets have no running status.
     #[default]
     Usb,
     /// A five-pin cable of 31,250 baud: 320 µs a byte, real-time bytes between the bytes of a message.
@@ -61,7 +61,7 @@ impl Line {
 pub struct KeyboardEmulatorConfig {
     /// MIDI number of the leftmost key without shift.
     pub lowest_pitch: u8,
-    /// How releases are said.
+    /// How releases are coded.
     pub release: ReleaseCoding,
     /// Whether a status byte that stays the same is left out; on a [`Line::Din`] only.
     pub running_status: bool,
@@ -88,12 +88,12 @@ impl Default for KeyboardEmulatorConfig {
 
 /// Bytes that wait for the line at most; a message that finds no room is dropped and counted.
 const QUEUE_BYTES: usize = 1024;
-/// An emulator that was not asked for longer than this leaves out what its clock would have said before.
+/// After a longer pause between polls, older clock bytes are left out.
 const MEMORY: Duration = Duration::from_secs(10);
 /// Later than anything that happens; a century.
 const FOREVER: Duration = Duration::from_secs(3_155_760_000);
 
-/// A keyboard that says over the line which keys are moved.
+/// Sends the presses and releases of its keys over the line.
 ///
 /// Time must not go back from one call to the next.
 #[derive(Clone, Debug)]
@@ -155,13 +155,13 @@ impl KeyboardEmulator {
             return;
         };
         *sounding = Some(note);
-        self.say(now, [0x90, note, velocity.clamp(1, 127)]);
+        self.send(now, [0x90, note, velocity.clamp(1, 127)]);
     }
 
     /// A key comes up. Nothing happens if it is up already.
     pub fn release(&mut self, now: Duration, key: usize) {
         let Some(note) = self.notes.get_mut(key).and_then(Option::take) else { return };
-        self.say(
+        self.send(
             now,
             match self.release {
                 ReleaseCoding::ZeroVelocity => [0x90, note, 0],
@@ -175,7 +175,7 @@ impl KeyboardEmulator {
         self.shift_semitones = semitones;
     }
 
-    /// Pulls the plug: what was on its way is lost, and nothing is said until [`plug`](Self::plug).
+    /// Unplugs it: bytes on their way are lost, and nothing is sent until [`plug`](Self::plug).
     pub fn unplug(&mut self) {
         self.plugged = false;
         self.queue.clear();
@@ -183,7 +183,7 @@ impl KeyboardEmulator {
         self.status = None;
     }
 
-    /// Plugs it in again. A key that is still down is silent until it is pressed anew.
+    /// Plugs it in again. A key that is still down sends nothing until it is pressed again.
     pub fn plug(&mut self, now: Duration) {
         if !self.plugged {
             self.plugged = true;
@@ -237,7 +237,7 @@ impl KeyboardEmulator {
         [clock, queued, sensing].into_iter().flatten().min_by_key(|&(start, _)| start)
     }
 
-    fn say(&mut self, now: Duration, message: [u8; 3]) {
+    fn send(&mut self, now: Duration, message: [u8; 3]) {
         if self.queue.len() + message.len() > QUEUE_BYTES {
             self.dropped += 1;
             return;
@@ -255,7 +255,7 @@ enum Next {
     Sensing,
 }
 
-/// An interval of at least a millisecond: bounds what one poll may have to say.
+/// An interval of at least a millisecond: bounds the bytes of one poll.
 fn interval(name: &'static str, secs: f64) -> Result<Duration, SettingError> {
     positive_secs(name, secs).map(|time| time.max(Duration::from_millis(1)))
 }

@@ -37,10 +37,10 @@ impl MidiServer {
         Ok(Self { path: path.to_owned(), listener, driver: None })
     }
 
-    /// Sends bytes to the driver, if there is one: like a real keyboard, it does not care whether anybody
-    /// listens. A driver that went away or does not read any more is let go. Never blocks.
+    /// Sends bytes to the driver, if there is one: as with a real keyboard, nothing
+    /// depends on whether a driver is connected. A driver that is gone or does not read is disconnected. Never blocks.
     pub fn send(&mut self, bytes: &[u8]) {
-        // A driver says nothing: there is something to read only once it has gone.
+        // A driver sends nothing: a read succeeds only after it has closed the socket.
         let gone = |driver: &mut UnixStream| {
             driver.read(&mut [0]).map_or_else(|error| error.kind() != ErrorKind::WouldBlock, |_| true)
         };
@@ -69,7 +69,7 @@ impl MidiServer {
 
 impl Drop for MidiServer {
     fn drop(&mut self) {
-        // Nobody is left to be told if this fails; the next emulator replaces the file.
+        // If this fails, the next emulator replaces the file.
         let _ = fs::remove_file(&self.path);
     }
 }

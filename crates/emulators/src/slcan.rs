@@ -8,7 +8,7 @@ use etude_robot::can::{CanFrame, SlcanLines, SlcanReply, encode_frame, parse_fra
 pub(crate) struct SlcanAdapter {
     lines: SlcanLines,
     channel: Channel,
-    /// `S8`, 1 Mbit/s, is the speed of the bus; at any other nothing is heard and nothing acknowledged.
+    /// `S8`, 1 Mbit/s, is the speed of the bus; at any other speed it receives and acknowledges nothing.
     right_speed: bool,
 }
 
@@ -37,7 +37,7 @@ impl SlcanAdapter {
         }
     }
 
-    /// Appends a frame of the bus as the host gets it: not at all while the channel is closed.
+    /// Appends a frame of the bus for the host; nothing while the channel is closed.
     pub fn send_frame(&self, frame: &CanFrame, bytes: &mut Vec<u8>) {
         if self.channel != Channel::Closed && self.right_speed {
             encode_frame(frame, bytes);

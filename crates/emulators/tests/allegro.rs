@@ -17,7 +17,7 @@ use proptest::prelude::*;
 use rand::SeedableRng as _;
 use rand_pcg::Pcg64;
 
-/// Positions (deg) that the maker calls home (hardware §1.10).
+/// Positions (deg) that the maker calls home (allegro_hand_ros_v4).
 const HOME_DEG: [f64; JOINTS] =
     [0.0, -10.0, 45.0, 45.0, 0.0, -10.0, 45.0, 45.0, 5.0, -5.0, 50.0, 45.0, 60.0, 25.0, 15.0, 45.0];
 const TICK: Duration = Duration::from_micros(500);
@@ -192,7 +192,7 @@ fn the_loop_settles_at_a_pose() {
         assert!(bench.free.positions().iter().all(|rad| rad.is_finite()));
         let rate = f64::from(bench.ticks - ticks) / (bench.now - start).as_secs_f64();
         assert!((rate - 1000.0 / 3.0 * (1.0 + clock_skew)).abs() < 1.0, "{rate}");
-        assert_eq!((bench.hand.counters().lost, bench.hand.counters().disbelieved), (0, 0));
+        assert_eq!((bench.hand.counters().lost, bench.hand.counters().rejected), (0, 0));
     }
 }
 
@@ -453,7 +453,7 @@ fn encoders_that_cannot_be_right() {
         assert_eq!(with_joint(&mut hand, now, [counts[0], counts[1], wild, counts[3]]), HandState::Ready);
         assert!((hand.positions()[6] - rest[6]).abs() < 1e-3);
     }
-    assert_eq!(hand.counters().disbelieved, 2);
+    assert_eq!(hand.counters().rejected, 2);
     assert_eq!(with_joint(&mut hand, bench.now + ms(9), counts), HandState::Ready);
     // Three in a row are a fault: outside the stops, or a jump.
     for (wild, range) in [(32_000, true), (counts[2] - 9000, false)] {
@@ -476,7 +476,7 @@ fn encoders_that_cannot_be_right() {
         let now = bench.now + ms(6 * (n as u64).div_ceil(2));
         with_joint(&mut hand, now, [counts[0], counts[1], counts[2] + n * counts_from_rad(0.039), counts[3]]);
     }
-    assert_eq!((hand.state(), hand.counters().disbelieved), (HandState::Ready, 0));
+    assert_eq!((hand.state(), hand.counters().rejected), (HandState::Ready, 0));
 }
 
 #[test]

@@ -263,8 +263,8 @@ proptest! {
 }
 
 #[test]
-fn the_bytes_of_the_fact_sheet() {
-    // Fact sheet hardware §3: 90 3C 64 is note on 60, velocity 100.
+fn the_bytes_of_midi() {
+    // MIDI 1.0: 90 3C 64 is note on 60, velocity 100.
     let mut emulator = emulator(KeyboardEmulatorConfig::default());
     let mut wire = Vec::new();
     emulator.press(Duration::ZERO, 60 - 36, 100);
@@ -275,7 +275,7 @@ fn the_bytes_of_the_fact_sheet() {
 
 #[test]
 fn a_five_pin_line_takes_its_time() {
-    // Fact sheet hardware §3: 320 µs a byte, 0.96 ms a note; running status saves a third.
+    // MIDI 1.0: 320 µs a byte, 0.96 ms a note; running status saves a third.
     for (running_status, micros, expected) in
         [(false, 959, 2), (false, 960, 3), (false, 1920, 6), (true, 1599, 4), (true, 1600, 5)]
     {

@@ -5,9 +5,9 @@
 //! | is | index finger | middle finger | ring finger | the rail, which the arm makes |
 //! | on the wire (4 · finger + joint) | 0…3 | 4…7 | 8…11 | none |
 //!
-//! Within a finger: rotation at the palm, proximal, medial, distal; angles have the same sign on both sides, for either
-//! hand (fact sheet "hardware" §1.5 and §1.9). The wire's joints 12…15 are the thumb, which does not play. The authors'
-//! simulator lists a left hand from ring to index and had to reorder (§0); ours lists it as the wire does.
+//! Within a finger: rotation at the palm, proximal, medial, distal. Angles have the same sign for a left and a right hand
+//! (URDF in Wonik's `allegro_hand_ros2`). The wire's joints 12…15 are the thumb, which does not play. The simulator lists
+//! the joints in the order of the wire.
 
 use crate::allegro;
 

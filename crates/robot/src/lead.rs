@@ -1,4 +1,4 @@
-//! The arm alone: asked where it is, or led by hand, for calibration.
+//! The arm alone, for calibration: reads its joints, or lets an operator lead it by hand.
 
 use std::time::{Duration, Instant};
 
@@ -11,7 +11,7 @@ const READY: Duration = Duration::from_secs(8);
 /// Time between two polls.
 const POLL: Duration = Duration::from_millis(1);
 
-/// The arm could not be asked or led.
+/// The arm could not be read or led.
 #[derive(Debug, thiserror::Error)]
 pub enum LeadError {
     /// It cannot be reached.
@@ -23,10 +23,10 @@ pub enum LeadError {
     /// It stopped itself.
     #[error(transparent)]
     Fault(#[from] ArmFault),
-    /// It would not do what it was asked.
+    /// It refused a request.
     #[error(transparent)]
     Refused(#[from] ArmError),
-    /// It does not come up.
+    /// It does not get ready.
     #[error("the arm did not get ready within {} s: look at its control box", READY.as_secs())]
     Slow,
 }
@@ -109,11 +109,11 @@ impl Leader {
 }
 
 impl Drop for Leader {
-    /// However it ends, the arm is left standing and not free or in servo mode without anybody who commands it.
+    /// Always leaves the arm stopped, and never free or in servo mode without a program that commands it.
     fn drop(&mut self) {
         self.bytes.clear();
         self.arm.stop(self.begun.elapsed(), &mut self.bytes);
-        // There is nobody left to tell if the connection is gone.
+        // If the connection is gone, nothing more can be done.
         let _ = self.wire.send(&self.bytes);
         std::thread::sleep(POLL);
         let _ = self.wire.send(&[]);

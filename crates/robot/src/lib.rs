@@ -1,9 +1,9 @@
 //! The robot: an Allegro hand on CAN, an xArm7 on TCP, a keyboard on MIDI, and what limits them. Their emulators are in `etude-emulators`.
 //!
-//! Everything that decides is a state machine without input or output of its own: it is given bytes or frames and the
-//! time, and says which bytes or frames to send. Time is a [`Duration`](std::time::Duration) since the start of the
-//! program, handed in by the caller, so that hours pass in milliseconds in a test and the same inputs always give the
-//! same outputs. Sockets, serial ports and sound devices are thin shells around these machines.
+//! Drivers and controller are state machines without input or output of their own: they receive bytes or frames and the
+//! time, and return the bytes or frames to send. Time is a [`Duration`](std::time::Duration) since the start of the
+//! program, passed in by the caller, so that tests run faster than real time and the same inputs always give the same
+//! outputs. Sockets, serial ports and sound devices are thin shells around these machines.
 //!
 //! | module | what |
 //! |---|---|
@@ -19,7 +19,7 @@
 //! | [`setting`] | the ranges of settings |
 //! | [`stream`] | reading and writing without blocking |
 //!
-//! Numbers and byte layouts are those of the fact sheet "hardware".
+//! The modules of the devices name the published sources of their numbers and byte layouts.
 
 pub mod allegro;
 pub mod calibration;

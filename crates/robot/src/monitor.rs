@@ -1,4 +1,4 @@
-//! Looking without touching: what each device of a rig says, asked only for what it may always be asked.
+//! Watches the devices of a rig without changing anything: sends only requests that are always allowed.
 
 use std::time::Duration;
 
@@ -10,10 +10,10 @@ use crate::setting::SettingError;
 use crate::xarm::report::{Report, ReportKind, ReportParser};
 use crate::xarm::{ArmConnection, ArmLinkError};
 
-/// What the devices of a rig have said last. `Err` says why one is not there.
+/// The last data of each device. `Err` holds the reason why a device is not connected.
 #[derive(Debug)]
 pub struct Seen {
-    /// Angles of the hand's joints as on the wire, rad, and what it tells about itself.
+    /// Angles of the hand's joints as on the wire, rad, and its Information reply.
     pub hand: Result<(Option<[f64; JOINTS]>, Option<Information>), String>,
     /// The newest report of the arm.
     pub arm: Result<Option<Report>, String>,
@@ -21,7 +21,7 @@ pub struct Seen {
     pub keyboard: Result<u64, String>,
 }
 
-/// Watches the devices of a rig. It never sends what moves or switches one.
+/// Watches the devices of a rig. It never sends a command that moves or switches one.
 pub struct Monitor {
     config: RigConfig,
     bus: Result<Box<dyn CanTransport>, String>,
@@ -37,8 +37,8 @@ pub struct Monitor {
 }
 
 impl Monitor {
-    /// Opens whatever of the rig is there. Most keyboards have one reader: without `keyboard_too` it is left to a
-    /// controller.
+    /// Opens the devices that are connected. Most keyboards have one reader: without `keyboard_too` the keyboard is left to
+    /// a controller.
     ///
     /// # Errors
     /// If the keyboard's settings are not sound.
@@ -69,7 +69,7 @@ impl Monitor {
         })
     }
 
-    /// Asks the hand where it is and what it is, which it may always be asked.
+    /// Requests the hand's positions and its Information.
     pub fn ask(&mut self) {
         let fingers = Finger::ALL.map(Request::Position);
         for request in fingers.into_iter().chain([Request::Information]) {
@@ -81,7 +81,7 @@ impl Monitor {
         }
     }
 
-    /// Takes in what has come by `now`.
+    /// Receives what has arrived by `now`.
     pub fn poll(&mut self, now: Duration) {
         self.poll_hand();
         self.bytes.clear();
@@ -127,7 +127,7 @@ impl Monitor {
         }
     }
 
-    /// What was seen last.
+    /// The last data of each device.
     pub fn seen(&self) -> Seen {
         let angles = || {
             let mut angles = [0.0; JOINTS];

@@ -65,7 +65,7 @@ impl Default for WiresConfig {
 /// What joints, rail and operator are held to. Fingers: rad and s. Rail: m and s.
 ///
 /// No limit can be set above what the devices bear. Servo mode, in which the arm makes the rail, documents no jerk limit
-/// of its own; the arm's planned moves use 100 m/s³ at the flange at most (fact sheet "hardware" §2.6).
+/// of its own; the arm's planned moves use 100 m/s³ at the flange at most (xArm user manual).
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct LimitsConfig {
@@ -102,25 +102,25 @@ pub struct LimitsConfig {
 impl Default for LimitsConfig {
     fn default() -> Self {
         Self {
-            // The v4 description's velocity (fact sheet §1.4); acceleration and jerk are above what the simulated
+            // The velocity in the v4 URDF; acceleration and jerk are above what the simulated
             // fingers do in a song, so that mirroring them passes unchanged.
             finger_velocity: 7.0,
             finger_acceleration: 500.0,
             finger_jerk: 100_000.0,
             rail_range_m: [-0.337, 0.337],
-            // 1.2 m/s is where the arm stops itself with error 60 (§2.5).
+            // 1.2 m/s is where the arm stops itself with error 60 (xArm user manual).
             rail_velocity: 0.8,
-            // The arm's 1145 °/s² over the 2.57 rad that joint 4 turns a metre (§2.6, §2.12).
+            // The arm's 1145 °/s² over the 2.57 rad that joint 4 turns a metre.
             rail_acceleration: 7.5,
             // The full acceleration in one set-point, as the arm itself would take it in servo mode.
             rail_jerk: 1500.0,
-            // The authors' unused thumb (§0).
+            // The unused thumb in lasr-lab/learning-to-play-piano.
             thumb_rad: [0.363, 0.0, 0.0, 0.0],
             start_finger_rad: 0.2,
             start_rail_m: 0.01,
             // Three control steps.
             stale_command_secs: 0.15,
-            // Three times where the joint loop already pushes as hard as it may (675 of 3600 PWM a rad, §1.4). Policies
+            // Three times where the joint loop already pushes as hard as it may (675 of 3600 PWM a rad). Policies
             // press by asking for far below a key: 1.2 rad for as long as a note is held, and no note of the songs is
             // held for five seconds.
             following_rad: 0.6,
@@ -131,10 +131,10 @@ impl Default for LimitsConfig {
 }
 
 impl LimitsConfig {
-    /// What no rig's file may exceed (fact sheet "hardware" §1.4, §2.5, §2.6, §2.12).
+    /// The largest values that a rig's file may have (sources at each).
     fn ceilings(&self) -> [Ceiling; 11] {
         [
-            // The vendor's "high maximum".
+            // The highest speed that allegro_hand_ros_v4 names.
             ("finger_velocity", self.finger_velocity, 13.0),
             // From rest to that in 6.5 ms, two periods of the hand; and all of it within one set-point.
             ("finger_acceleration", self.finger_acceleration, 2000.0),

@@ -1,7 +1,7 @@
-//! Stopping a robot from outside its controller: another terminal, or the guard that outlives it.
+//! Stops a robot from outside its controller: from another terminal, or from the guard process.
 //!
-//! It opens wires of its own, and neither device waits for the other. The hand is let go (zero torque three times, servo
-//! off); the arm is put into state 4 and asked whether it is. What no protocol can promise: that a hand whose cable is
+//! It opens wires of its own, and neither device waits for the other. The hand is released (zero torque three times, servo
+//! off); the arm is put into state 4, which is read back. What no protocol can promise: that a hand whose cable is
 //! out stops pushing (it holds its last torque), and that an arm whose network is out stops moving. Both need the
 //! hardware stop within the operator's reach.
 
@@ -17,7 +17,7 @@ const CONFIRM: Duration = Duration::from_secs(1);
 /// Frames are given this long to leave the adapter.
 const SETTLE: Duration = Duration::from_millis(50);
 
-/// What became of a stop. `Err` says what an operator must do now.
+/// The result of a stop. `Err` names what an operator must do now.
 #[derive(Debug)]
 pub struct Stopped {
     /// The hand: whether the frames could be sent.
@@ -27,7 +27,7 @@ pub struct Stopped {
 }
 
 impl Stopped {
-    /// Whether both were told, and the arm confirmed.
+    /// Whether both were commanded to stop, and the arm confirmed it.
     pub fn is_sure(&self) -> bool {
         self.hand.is_ok() && self.arm.is_ok()
     }
@@ -52,7 +52,7 @@ fn stop_hand(config: &RigConfig) -> Result<(), String> {
     frames.push(HostMessage::Request(Request::Information).encode(config.hand.device_id));
     let told = can::join(spec).and_then(|mut bus| tell(&mut *bus, &frames));
     let told = match told {
-        // Nobody heard, perhaps because nobody has opened the adapter's channel.
+        // No answer: perhaps the adapter's channel is not open.
         Ok(false) | Err(_) if can::is_serial(spec) => {
             can::open(spec).and_then(|mut bus| tell(&mut *bus, &frames))
         }
@@ -61,7 +61,7 @@ fn stop_hand(config: &RigConfig) -> Result<(), String> {
     told.map(drop).map_err(|error| error.to_string())
 }
 
-/// Sends the frames; says whether anything came from the bus.
+/// Sends the frames; returns whether anything came from the bus.
 fn tell(bus: &mut dyn CanTransport, frames: &[CanFrame]) -> Result<bool, CanError> {
     for frame in frames {
         bus.send(*frame)?;

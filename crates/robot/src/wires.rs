@@ -1,4 +1,4 @@
-//! The wires of a robot, as its controller sees them: frames and bytes that have come, and frames and bytes to send.
+//! The connections between a controller and its devices: received and sent frames and bytes.
 
 use std::time::Instant;
 
@@ -47,7 +47,7 @@ pub trait Wires {
     fn receive_midi(&mut self, bytes: &mut Vec<u8>) -> Result<(), MidiError>;
 }
 
-/// The wires that a rig's file names.
+/// The connections that a rig's file names.
 pub struct OpenWires {
     can: Box<dyn CanTransport>,
     arm: ArmConnection,
@@ -59,7 +59,7 @@ impl OpenWires {
     /// Opens all three.
     ///
     /// # Errors
-    /// If one of them is not there; the message says what to do.
+    /// If one of them cannot be opened; the message names the remedy.
     pub fn open(config: &WiresConfig) -> Result<Self, RobotError> {
         Ok(Self {
             can: can::open(&config.can)?,

@@ -128,8 +128,7 @@ impl VectorEnvironment for VectorPiano {
 
     fn save_state(&self) -> Vec<u8> {
         let states: Vec<Vec<u8>> = self.environments.iter().map(|slot| slot.environment.save()).collect();
-        let texts: Vec<&str> = states.iter().filter_map(|s| std::str::from_utf8(s).ok()).collect();
-        texts.join("\n").into_bytes()
+        states.join(&b'\n')
     }
 
     fn load_state(&mut self, state: &[u8]) -> Result<(), EnvironmentError> {

@@ -17,7 +17,7 @@ pub enum TruthError {
         /// Why.
         message: String,
     },
-    /// The text is no truth.
+    /// The text does not describe a truth.
     #[error("this is no truth of a twin: {0}; configs/truths has examples")]
     Text(String),
     /// A physical number is unknown or out of range.

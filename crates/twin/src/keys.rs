@@ -1,7 +1,7 @@
 //! Keys with two contacts, as a real keyboard's. The first closes early in a key's travel, the second deeper.
 //!
-//! A key sounds when its second contact closes; the sooner that comes after the first, the louder. It falls silent when its
-//! first contact opens again, and not before that can it sound anew. The contacts are looked at once a millisecond.
+//! A key sounds when its second contact closes; the sooner that comes after the first, the louder. It stops sounding when its
+//! first contact opens again; only then can it sound again. The contacts are sampled once a millisecond.
 
 use std::time::Duration;
 
@@ -12,12 +12,12 @@ use crate::numbers::{KeysTruth, STEP};
 /// Largest MIDI velocity.
 const LOUDEST: f64 = 127.0;
 
-/// What a key begins to say.
+/// An event of a key.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Say {
+pub(crate) enum KeyEvent {
     /// It sounds, with this MIDI velocity.
     Press(u8),
-    /// It falls silent.
+    /// It stops sounding.
     Release,
 }
 
@@ -54,12 +54,12 @@ impl Keys {
         }
     }
 
-    /// Looks at all keys, which are down by `travel` (a share), and tells what they say.
+    /// Samples all keys, which are down by `travel` (a share), and passes their events to `emit`.
     pub(crate) fn look(
         &mut self,
         now: Duration,
         travel: impl Fn(usize) -> f64,
-        mut say: impl FnMut(usize, Say),
+        mut emit: impl FnMut(usize, KeyEvent),
     ) {
         for key in 0..KEYS {
             let travel = travel(key);
@@ -71,11 +71,11 @@ impl Keys {
             self.contacts[key] = match self.contacts[key] {
                 Contacts::Sounding if first => Contacts::Sounding,
                 Contacts::Sounding => {
-                    say(key, Say::Release);
+                    emit(key, KeyEvent::Release);
                     Contacts::Open
                 }
                 _ if second => {
-                    say(key, Say::Press(self.velocity(now.saturating_sub(begun))));
+                    emit(key, KeyEvent::Press(self.velocity(now.saturating_sub(begun))));
                     Contacts::Sounding
                 }
                 _ if first => Contacts::First(begun),
@@ -102,7 +102,7 @@ mod tests {
     }
 
     /// What key 7 says while it goes through these places, one a millisecond.
-    fn said(places: &[f64]) -> Vec<(usize, Say)> {
+    fn said(places: &[f64]) -> Vec<(usize, KeyEvent)> {
         let (mut keys, mut said) = (keys(), Vec::new());
         for (millis, place) in places.iter().enumerate() {
             let travel = |key: usize| if key == 7 { *place } else { 0.1 };
@@ -119,8 +119,8 @@ mod tests {
         let places = [0.0, 0.2, 0.35, 0.45, 0.55, 0.9, 0.45, 0.6, 0.31, 0.29, 0.0];
         let said = said(&places);
         assert_eq!(said.len(), 2, "{said:?}");
-        assert!(matches!(said[0], (4, Say::Press(_))));
-        assert_eq!(said[1], (9, Say::Release));
+        assert!(matches!(said[0], (4, KeyEvent::Press(_))));
+        assert_eq!(said[1], (9, KeyEvent::Release));
     }
 
     #[test]
@@ -137,7 +137,9 @@ mod tests {
         assert!((63..=65).contains(&keys.velocity(Duration::from_secs_f64((0.004f64 * 0.15).sqrt()))));
         let slow: Vec<_> = (0..100).map(|step| f64::from(step) * 0.01).collect();
         let fast: Vec<_> = (0..20).map(|step| f64::from(step) * 0.05).collect();
-        let (Say::Press(slow), Say::Press(fast)) = (said(&slow)[0].1, said(&fast)[0].1) else { panic!() };
+        let (KeyEvent::Press(slow), KeyEvent::Press(fast)) = (said(&slow)[0].1, said(&fast)[0].1) else {
+            panic!()
+        };
         assert!(slow < fast, "{slow} {fast}");
     }
 
@@ -147,8 +149,8 @@ mod tests {
             let said = said(&places);
             for (number, (_, say)) in said.iter().enumerate() {
                 match say {
-                    Say::Press(velocity) => prop_assert!(number % 2 == 0 && (1..=127).contains(velocity)),
-                    Say::Release => prop_assert!(number % 2 == 1),
+                    KeyEvent::Press(velocity) => prop_assert!(number % 2 == 0 && (1..=127).contains(velocity)),
+                    KeyEvent::Release => prop_assert!(number % 2 == 1),
                 }
             }
         }

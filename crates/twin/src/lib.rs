@@ -1,6 +1,6 @@
-//! The twin: a robot that is not there. Its devices are those of `etude-emulators`, which speak the same bytes as the
-//! real ones; what moves them is a MuJoCo world with a [`Truth`] of its own, finer in time than the simulator and unknown
-//! to whoever plays on it.
+//! The twin: an emulated robot. Its devices are those of `etude-emulators`, which use the same bytes as the real ones. They
+//! are moved by a MuJoCo world with a [`Truth`] of its own, which has shorter steps than the simulator and is hidden from the
+//! controller.
 //!
 //! [`Lockstep`] lets a controller and a twin run against each other without sockets or clocks; [`TwinServer`] puts a twin
 //! on sockets, by the wall clock.

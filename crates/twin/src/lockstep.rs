@@ -72,30 +72,30 @@ impl Lockstep {
         Ok(Self { twin, wires, client, frames: Vec::new(), bytes: Vec::new() })
     }
 
-    /// Something goes wrong now, whatever the truth has ordered.
+    /// Begins a fault now, in addition to those that the truth orders.
     pub fn begin(&mut self, fault: FaultKind) {
         let now = self.twin.now();
         self.wires.faults.begin(fault, &mut self.twin.devices, now);
     }
 
-    /// One fault like this is over.
+    /// Ends one fault of this kind.
     pub fn end(&mut self, fault: FaultKind) {
         let now = self.twin.now();
         self.wires.faults.end(fault, &mut self.twin.devices, now);
     }
 
-    /// Everything that has gone wrong so is over.
+    /// Ends all faults.
     pub fn end_all(&mut self) {
         let now = self.twin.now();
         self.wires.faults.end_all(&mut self.twin.devices, now);
     }
 
-    /// Whether something like this is wrong now.
+    /// Whether this fault is active now.
     pub(crate) fn has(&self, fault: FaultKind) -> bool {
         self.wires.faults.has(fault)
     }
 
-    /// One step of the twin without its controller: what has arrived reaches its devices, and what they say sets out.
+    /// One step of the twin without its controller: delivers what has arrived to its devices, and sends their answers.
     pub fn step(&mut self) {
         let now = self.wires.now + STEP;
         self.bytes.clear();
@@ -112,7 +112,7 @@ impl Lockstep {
         });
     }
 
-    /// The same for whoever serves the arm by other means.
+    /// The same without the arm's connections, for the server.
     pub(crate) fn step_apart_from_the_arm(&mut self) {
         let now = self.wires.now + STEP;
         self.wires.now = now;
@@ -145,7 +145,7 @@ fn finger_of(frame: &CanFrame) -> Option<usize> {
     }
 }
 
-/// Sends on what a device has to say.
+/// Sends what a device has written.
 fn send(link: &mut FaultyBytes, now: Duration, bytes: &mut Vec<u8>, say: impl FnOnce(&mut Vec<u8>)) {
     bytes.clear();
     say(bytes);
@@ -172,8 +172,8 @@ impl Pace for Lockstep {
 }
 
 impl Links {
-    /// Whether the controller's end of the bus works, as SocketCAN would tell.
-    fn can_holds(&self, link: &FaultyFrames) -> Result<(), CanError> {
+    /// Whether the controller's end of the bus works, with the error that SocketCAN would give.
+    fn check_can(&self, link: &FaultyFrames) -> Result<(), CanError> {
         if self.faults.has(FaultKind::CanBusOff) {
             return Err(CanError::off("twin", "can0"));
         }
@@ -183,7 +183,7 @@ impl Links {
         Err(CanError::Broken { bus: "twin".into(), message: "the link is cut".into() })
     }
 
-    fn arm_holds(&self, link: &FaultyBytes) -> Result<(), ArmLinkError> {
+    fn check_arm(&self, link: &FaultyBytes) -> Result<(), ArmLinkError> {
         if link.is_connected(self.now) && !self.faults.has(FaultKind::ArmDisconnect) {
             return Ok(());
         }
@@ -194,7 +194,7 @@ impl Links {
 
 impl Wires for Links {
     fn send_frame(&mut self, frame: CanFrame) -> Result<(), CanError> {
-        self.can_holds(&self.to_hand)?;
+        self.check_can(&self.to_hand)?;
         self.to_hand.push(self.now, frame);
         Ok(())
     }
@@ -204,34 +204,34 @@ impl Wires for Links {
             // What was on its way is lost.
             while self.from_hand.pop(self.now).is_some() {}
         }
-        self.can_holds(&self.from_hand)?;
+        self.check_can(&self.from_hand)?;
         Ok(self.from_hand.pop(self.now))
     }
 
     fn send_arm(&mut self, bytes: &[u8]) -> Result<(), ArmLinkError> {
-        self.arm_holds(&self.to_arm)?;
+        self.check_arm(&self.to_arm)?;
         self.to_arm.push(self.now, bytes);
         Ok(())
     }
 
     fn receive_arm(&mut self, bytes: &mut Vec<u8>) -> Result<(), ArmLinkError> {
-        let held = self.arm_holds(&self.from_arm);
+        let state = self.check_arm(&self.from_arm);
         let had = bytes.len();
         self.from_arm.pop(self.now, bytes);
         if self.faults.has(FaultKind::ArmDisconnect) {
             bytes.truncate(had);
         }
-        held
+        state
     }
 
     fn receive_report(&mut self, bytes: &mut Vec<u8>) -> Result<(), ArmLinkError> {
-        let held = self.arm_holds(&self.reports);
+        let state = self.check_arm(&self.reports);
         let had = bytes.len();
         self.reports.pop(self.now, bytes);
         if self.faults.has(FaultKind::ArmDisconnect) {
             bytes.truncate(had);
         }
-        held
+        state
     }
 
     fn receive_midi(&mut self, bytes: &mut Vec<u8>) -> Result<(), MidiError> {

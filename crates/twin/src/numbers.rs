@@ -36,7 +36,7 @@ pub(crate) struct Numbers {
     pub(crate) hand: HandTruth,
     /// The arm.
     pub(crate) arm: ArmTruth,
-    /// What the keyboard says over its line.
+    /// The keyboard's line.
     pub(crate) keyboard: KeyboardEmulatorConfig,
     /// The keys and their contacts.
     pub(crate) keys: KeysTruth,
@@ -47,7 +47,7 @@ pub(crate) struct Numbers {
     pub(crate) faults: Vec<OrderedFault>,
 }
 
-/// The truth of a world beside its physical numbers.
+/// The truth of a world, in addition to its physical numbers.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub(crate) struct WorldTruth {
@@ -107,7 +107,7 @@ impl Default for HandTruth {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub(crate) struct ArmTruth {
-    /// Time from a servo target's arrival until the joints know of it, s.
+    /// Time from a servo target's arrival until it takes effect, s.
     pub(crate) delay_secs: f64,
     /// How fast the joints close in on a servo target, Hz.
     pub(crate) bandwidth_hz: f64,
@@ -123,7 +123,7 @@ impl Default for ArmTruth {
     }
 }
 
-/// The truth of the keys beside their physical numbers. Each has two contacts: the second is at the physical
+/// The truth of the keys, in addition to their physical numbers. Each has two contacts: the second is at the physical
 /// `key.threshold`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]

@@ -1,6 +1,6 @@
-//! What is true of a twin and hidden from whoever plays on it: its world's physical numbers, its drives, its wires.
+//! The truth of a twin: the physical numbers of its world, its drives and its links, hidden from the controller.
 //!
-//! Nobody outside this crate can read a [`Truth`]: it has a name and can be handed to a twin, no more.
+//! A [`Truth`] cannot be read outside this crate: it has a name and can be passed to a twin.
 
 use std::fmt;
 use std::path::Path;
@@ -60,7 +60,7 @@ impl Truth {
         })
     }
 
-    /// The truth that this TOML text tells; what it leaves out is as in an unworn robot of default numbers.
+    /// The truth in this TOML text; what it leaves out has default values, those of a robot without wear.
     ///
     /// # Errors
     /// If it is not sound.
@@ -70,7 +70,7 @@ impl Truth {
         Ok(Self { numbers, run: 0 })
     }
 
-    /// The same truth but for what this TOML text tells: how a test has a known one with a fault of its own.
+    /// The same truth with the changes in this TOML text, for tests.
     ///
     /// # Errors
     /// If the outcome is not sound.
@@ -104,7 +104,7 @@ impl Truth {
         crc32c::crc32c(text.as_bytes())
     }
 
-    /// The same twin in another run: its noise and its links throw other dice, its keys and all else stay as they are.
+    /// The same twin in another run: its noise and its links use another seed; its keys and everything else stay the same.
     #[must_use]
     pub fn with_seed_added(&self, run: u64) -> Self {
         Self { run: self.run.wrapping_add(run), ..self.clone() }

@@ -25,12 +25,11 @@ use etude_stage::{JOINTS, Side, StageConfig, StageError, World};
 
 use crate::drives::{Drives, Encoders};
 use crate::error::TruthError;
-use crate::keys::{Keys, Say};
+use crate::keys::{KeyEvent, Keys};
 use crate::numbers::STEP;
 use crate::truth::Truth;
 
-/// Where the flange stands over the middle key, mm, and how it is turned, degrees: the paper's C3 (fact sheet
-/// "hardware" §0).
+/// Where the flange stands over the middle key, mm, and how it is turned, degrees: the paper's C3 (lasr-lab/learning-to-play-piano).
 const MIDDLE_MM: [f64; 3] = [485.0, -2.83, 170.51];
 const ORIENTATION_DEG: [f64; 3] = [-90.0, 225.0, -90.0];
 /// The keys that a calibration shows: the outer Cs and the middle one.
@@ -53,7 +52,7 @@ pub enum TwinError {
     Keyboard(#[from] SettingError),
 }
 
-/// A robot that is not there.
+/// An emulated robot.
 pub struct Twin {
     pub(crate) truth: Truth,
     pub(crate) world: World,
@@ -113,7 +112,7 @@ impl Twin {
             now: Duration::ZERO,
             collisions: 0,
         };
-        // Fingers straight, clear of the keys, as a hand is left by whoever mounted it.
+        // Fingers straight, clear of the keys, as a hand is mounted.
         let mut pose = [0.0; JOINTS];
         pose[RAIL] = twin.rail;
         twin.world.reset_to(&pose);
@@ -132,9 +131,9 @@ impl Twin {
         self.keys.look(
             now,
             |key| world.key_travel(key),
-            |key, say| match say {
-                Say::Press(velocity) => keyboard.press(now, key, velocity),
-                Say::Release => keyboard.release(now, key),
+            |key, event| match event {
+                KeyEvent::Press(velocity) => keyboard.press(now, key, velocity),
+                KeyEvent::Release => keyboard.release(now, key),
             },
         );
         self.show_joints();
@@ -163,7 +162,7 @@ impl Twin {
         self.world.drive(torques)
     }
 
-    /// Tells the hand where its joints are.
+    /// Sets the measured positions of the hand.
     fn show_joints(&mut self) {
         let thumb: [f64; 4] = std::array::from_fn(|joint| self.thumb.positions()[FINGER_JOINTS + joint]);
         self.devices.hand.set_positions(&to_wire(&self.encoders.read(&self.world.joints()), &thumb));
@@ -174,7 +173,7 @@ impl Twin {
         self.now
     }
 
-    /// Where the joints are, rad, the rail in m: for whoever watches it, no controller.
+    /// Where the joints are, rad, the rail in m: for observers, not for the controller.
     pub fn joints(&self) -> [f64; JOINTS] {
         self.world.joints()
     }

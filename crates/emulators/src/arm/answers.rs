@@ -1,5 +1,4 @@
-//! What the emulated controller does with each register, and what it replies (fact sheet hardware §2.3, §2.4,
-//! §2.10).
+//! The effect of each register of the emulated controller, and its reply (ufactory_docs, registers).
 
 use super::motion::{MAX_ACCELERATION, MAX_SPEED};
 use super::{ALL, ArmEmulator, Condition, ConnectionId, Planned, Receipt};
@@ -19,7 +18,7 @@ const MAX_QUEUE: usize = 256;
 /// Room that the version and the serial numbers take.
 const TEXT: usize = 40;
 
-/// What became of a request.
+/// The outcome of a request.
 enum Answer {
     /// Done; with these parameters.
     Done(Vec<u8>),
@@ -200,7 +199,7 @@ impl ArmEmulator {
         Some(Answer::Done(reply))
     }
 
-    /// A limit of planned moves waits for its turn as they do. `None` for one that no arm has (fact sheet hardware §2.6).
+    /// A limit of planned moves waits for its turn as they do. `None` beyond the range in the xArm user manual.
     fn limit(&mut self, register: Register, params: &[u8]) -> Option<Answer> {
         let [value] = floats::<1>(params)?;
         let (limit, most) = match register {
@@ -220,7 +219,7 @@ impl ArmEmulator {
         Some(Answer::Done(self.queue_length().into()))
     }
 
-    /// Settings of the reduced mode, in the order of the report from its byte 495 on (fact sheet hardware §2.7): off, the
+    /// Settings of the reduced mode, in the order of the report from its byte 495 on (ufactory_docs): off, the
     /// box, speeds, ranges of the joints, whether the box is watched, no rebound.
     fn reduced_mode(&self) -> Vec<u8> {
         let mut reply = vec![0];

@@ -1,7 +1,7 @@
-//! A controller and an arm that are not there, but answer and report with the same bytes.
+//! An emulated arm and its controller, which answer and report with the same bytes as the real ones.
 //!
-//! What is known of the real one is in the fact sheet (hardware §2.2 to §2.10). Where nothing is known, what
-//! is harder for a driver was chosen.
+//! The behaviour follows the sources that `etude_robot::xarm` names. Where they say nothing, the behaviour that is harder
+//! for a driver was chosen.
 
 mod answers;
 mod motion;
@@ -27,7 +27,7 @@ const MAX_RESTING_MS: u64 = 1000;
 /// A longer leap of the clock is cut even while the arm moves, ms: nothing leaves a moving arm alone for so
 /// long.
 const MAX_MOVING_MS: u64 = 600_000;
-/// Tool speed at which the controller stops the arm in servo mode, m/s (fact sheet hardware §2.5).
+/// Tool speed at which the controller stops the arm in servo mode, m/s (xArm user manual).
 const MAX_TOOL_SPEED: f64 = 1.2;
 /// Motors, all of them.
 const ALL: u8 = 0x7F;
@@ -40,14 +40,14 @@ pub struct ArmEmulatorConfig {
     pub firmware: String,
     /// Where the joints are at the beginning, rad.
     pub joints_rad: [f64; JOINTS],
-    /// Time from a servo target's arrival until the joints know of it, s.
+    /// Time from a servo target's arrival until it takes effect, s.
     pub delay_secs: f64,
     /// How fast the joints close in on a servo target, Hz.
     pub bandwidth_hz: f64,
 }
 
 impl Default for ArmEmulatorConfig {
-    /// At the paper's home. Delay and bandwidth are guesses: no figure is public (fact sheet hardware §10).
+    /// At the paper's home. Delay and bandwidth are guesses: no figure is published.
     fn default() -> Self {
         Self {
             firmware: "v2.4.0".into(),
@@ -67,11 +67,11 @@ struct Connection {
     id: ConnectionId,
     parser: FrameParser,
     out: Vec<u8>,
-    /// What it wants to be told unasked (register 254).
+    /// Mask of the feedback that it wants (register 254).
     wants: u8,
 }
 
-/// What a client hears of a command when it is over.
+/// The client that is notified when a command is over.
 #[derive(Clone, Copy, Debug)]
 struct Receipt {
     client: ConnectionId,
@@ -90,7 +90,7 @@ struct Planned {
     receipt: Receipt,
 }
 
-/// The states that a controller is told to be in, or falls into.
+/// The states of the controller.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Condition {
     /// 1 or 2 in feedback.
@@ -128,7 +128,7 @@ pub struct ArmEmulator {
 
 impl ArmEmulator {
     /// An arm that has just been switched on: planned mode, motors off, stopped; the limits of its moves are those of the
-    /// fact sheet (hardware §2.6), and no box is watched.
+    /// xArm user manual, and no box is switched on.
     pub fn new(config: ArmEmulatorConfig) -> Self {
         Self {
             clock: 0,
@@ -173,7 +173,7 @@ impl ArmEmulator {
         id
     }
 
-    /// A client is gone. The arm does not care (fact sheet hardware §2.5).
+    /// Removes a client that is gone. The arm keeps its motion: servo mode has no timeout (xArm user manual).
     pub fn disconnect(&mut self, id: ConnectionId) {
         self.connections.retain(|connection| connection.id != id);
     }
@@ -230,7 +230,7 @@ impl ArmEmulator {
         self.tool_at = None;
     }
 
-    /// State as the controller reports it (fact sheet hardware §2.4).
+    /// State as the controller reports it (ufactory_docs).
     pub fn state(&self) -> u8 {
         match self.condition {
             Condition::Running if self.motion.moving() => 1,
@@ -265,17 +265,17 @@ impl ArmEmulator {
         self.details.warning = code;
     }
 
-    /// Whether the joints are held by something.
+    /// Blocks the joints, or releases them.
     pub fn set_stuck(&mut self, stuck: bool) {
         self.motion.stuck = stuck;
     }
 
-    /// Whether it does what it is told without a reply.
+    /// Makes it obey without a reply, or ends that.
     pub fn set_silent(&mut self, silent: bool) {
         self.silent = silent;
     }
 
-    /// Whether reports stop.
+    /// Stops its reports, or ends that.
     pub fn set_mute(&mut self, mute: bool) {
         self.mute = mute;
     }
@@ -298,7 +298,7 @@ impl ArmEmulator {
             self.current = Some(next.receipt);
             self.receipt(1, 0);
         }
-        // While it stands it is let alone, or it could never be led inside again.
+        // No error while it is stopped, or it could never be led inside again.
         if self.fenced
             && self.condition == Condition::Running
             && !self.fence.contains(&self.tool().position_m)
@@ -329,7 +329,7 @@ impl ArmEmulator {
         }
     }
 
-    /// Tells the client of the current move that it began (1) or ended (2), if it wants to know.
+    /// Notifies the client of the current move that it began (1) or ended (2), if the client wants that.
     fn receipt(&mut self, kind: u8, result: u8) {
         let Some(receipt) = self.current else { return };
         if kind == 2 {

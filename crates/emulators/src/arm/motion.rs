@@ -9,9 +9,9 @@ use etude_robot::xarm::kinematics::JOINTS;
 
 /// Length of a step, s.
 const STEP_SECS: f64 = 1e-3;
-/// Fastest that a joint turns, rad/s (fact sheet hardware §2.6: 180 deg/s).
+/// Fastest that a joint turns, rad/s (xArm user manual: 180 deg/s).
 pub(super) const MAX_SPEED: f64 = PI;
-/// Fastest that a joint's speed changes, rad/s² (fact sheet hardware §2.6: 1145 deg/s²).
+/// Fastest that a joint's speed changes, rad/s² (xArm user manual: 1145 deg/s²).
 pub(super) const MAX_ACCELERATION: f64 = 1145.0 * PI / 180.0;
 /// Targets that are on their way at most: a second of them.
 const MAX_TARGETS: usize = 256;

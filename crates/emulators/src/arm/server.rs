@@ -1,7 +1,7 @@
-//! The emulator on TCP sockets, for clients that know nothing of it.
+//! Serves the emulated arm on TCP sockets.
 //!
-//! It never listens on a Unix socket: the official SDK would prefer such a socket to the real robot (fact
-//! sheet hardware §2.11). Outside this machine it is reachable only when asked to be.
+//! It never listens on a Unix socket, because xArm-Python-SDK prefers such a socket to the real robot. Without
+//! [`Reach::Everyone`] only programs on this machine can connect.
 
 use std::io::{self, ErrorKind};
 use std::net::{IpAddr, SocketAddr, TcpListener, TcpStream};
@@ -36,19 +36,19 @@ impl ArmPorts {
 }
 
 impl Default for ArmPorts {
-    /// The robot's own ones (fact sheet hardware §2.1). The first of them needs more than a user's rights.
+    /// The robot's own ones (ufactory_docs). The first of them needs more than a user's rights.
     fn default() -> Self {
         let [real, normal, rich] = ReportKind::ALL.map(ReportKind::port);
         Self { command: 502, normal, rich, real }
     }
 }
 
-/// Who may reach an emulator.
+/// Which programs may connect.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Reach {
     /// Programs on this machine.
     ThisMachine,
-    /// Whoever reaches the address.
+    /// Any program that reaches the address.
     Everyone,
 }
 
@@ -101,7 +101,7 @@ impl ArmServer {
     /// The ports that it listens on.
     ///
     /// # Errors
-    /// If the system does not tell.
+    /// If the system does not report them.
     pub fn ports(&self) -> io::Result<ArmPorts> {
         let number = |port: &TcpListener| port.local_addr().map(|address| address.port());
         let [(_, real), (_, normal), (_, rich)] = &self.reports;
@@ -113,8 +113,8 @@ impl ArmServer {
         })
     }
 
-    /// Takes the place of [`serve_once`](Self::serve_once) while nobody is to be served: all connections end, and new
-    /// ones end at once.
+    /// In place of [`serve_once`](Self::serve_once) while connections are refused: closes all connections, and new ones at
+    /// once.
     pub fn refuse_once(&mut self, now: Duration, emulator: &mut ArmEmulator) {
         emulator.advance(now);
         self.commands.hang_up(|id| emulator.disconnect(id));
@@ -164,7 +164,7 @@ impl<T> Client<T> {
 }
 
 impl<T: Copy> Port<T> {
-    /// Lets go of everybody who is there or waits to be let in.
+    /// Closes all connections, and those that wait to be accepted.
     fn hang_up(&mut self, mut gone: impl FnMut(T)) {
         self.clients.drain(..).for_each(|client| gone(client.tag));
         while self.listener.accept().is_ok() {}
@@ -199,7 +199,7 @@ impl<T: Copy> Port<T> {
         }
     }
 
-    /// Sends what fits, and lets go of clients that are gone or do not read.
+    /// Sends what fits, and closes clients that are gone or do not read.
     fn flush(&mut self, mut gone: impl FnMut(T)) {
         self.clients.retain_mut(|client| {
             client.gone |= client.outbox.flush(&mut client.stream).is_err();

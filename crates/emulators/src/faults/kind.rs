@@ -1,4 +1,4 @@
-//! What can go wrong with a twin's devices and wires, what it is called, and what the devices know of it.
+//! The kinds of faults that can be ordered, their names, and their effect on the emulated devices.
 
 use std::fmt;
 use std::str::FromStr;
@@ -9,16 +9,16 @@ use serde::{Deserialize, Serialize};
 
 use crate::{Devices, HandEmulatorConfig};
 
-/// Codes of the arm's emergency buttons (fact sheet "hardware" §2.8), which stay pressed until they are released.
+/// Codes of the arm's emergency buttons (xArm user manual), which stay pressed until they are released.
 const BUTTONS: std::ops::RangeInclusive<u8> = 1..=3;
 
-/// Something that goes wrong.
+/// A fault.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(try_from = "String", into = "String")]
 pub enum FaultKind {
-    /// The hand's bus is in bus-off: its controller says so, and nothing is sent or heard.
+    /// The hand's bus is in bus-off: its controller reports it, and nothing is sent or received.
     CanBusOff,
-    /// Nothing is heard on the hand's bus, and nobody says so.
+    /// The hand's bus carries nothing, and no error is reported.
     CanSilent,
     /// A finger's positions (0 index … 3 thumb) are lost.
     FingerSilent(u8),
@@ -28,17 +28,17 @@ pub enum FaultKind {
     Estop,
     /// The arm's connections end.
     ArmDisconnect,
-    /// The arm does what it is told without a reply.
+    /// The arm obeys without a reply.
     ArmSilent,
     /// The arm's reports stop.
     ArmMute,
-    /// Something holds the arm's joints.
+    /// The arm's joints are blocked.
     ArmStuck,
     /// Another client stops the arm: state 4.
     ArmStopped,
     /// The keyboard's plug is out.
     KeyboardUnplugged,
-    /// What the keyboard says is lost, and nobody says so.
+    /// The keyboard's bytes are lost, and no error is reported.
     KeyboardSilent,
     /// A finger's joints (0 index … 3 thumb) are so hot, °C.
     HandHot(u8, u8),
@@ -46,7 +46,7 @@ pub enum FaultKind {
     BoardHot(u8),
     /// These bits of the hand's status are set.
     HandFault(u8),
-    /// Somebody switches the hand's servo off.
+    /// The hand's servo is switched off.
     HandOff,
 }
 
@@ -87,7 +87,7 @@ pub(crate) const KINDS: [Row; 16] = [
     ("hand-off", "", |value| none(value, FaultKind::HandOff)),
 ];
 
-/// A fault cannot be ordered as it was.
+/// The order of a fault is not valid.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum FaultError {
     /// No fault is called so, or it has another value.
@@ -138,7 +138,7 @@ impl FaultKind {
         }
     }
 
-    /// Happens to the devices.
+    /// Begins on the devices.
     pub(crate) fn begin(self, devices: &mut Devices, now: Duration) {
         let hand = devices.hand.config_mut();
         match self {
@@ -171,7 +171,7 @@ impl FaultKind {
         }
     }
 
-    /// Is over for the devices.
+    /// Ends on the devices.
     pub(crate) fn end(self, devices: &mut Devices, now: Duration) {
         let cool = HandEmulatorConfig::default();
         let hand = devices.hand.config_mut();

@@ -1,4 +1,4 @@
-//! Bad links on purpose: delays, losses and cut cables between a driver and its emulator.
+//! Faults of links (delay, loss, cut cables) and faults of devices that are ordered for a time.
 //!
 //! [`FaultyFrames`] stands for a CAN bus, [`FaultyBytes`] for a serial line or a TCP connection. Both are
 //! given items and the time, and hand them out again as the [`FaultPlan`] says: the same plan and the same

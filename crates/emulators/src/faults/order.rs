@@ -18,7 +18,7 @@ pub struct OrderedFault {
     pub kind: FaultKind,
     /// When, s since the twin was switched on.
     pub at_secs: f64,
-    /// For how long, s; for good if not given.
+    /// For how long, s; without an end if not given.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub for_secs: Option<f64>,
 }

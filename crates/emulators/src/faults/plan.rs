@@ -25,7 +25,7 @@ pub struct FaultPlan {
     pub truncate: f64,
     /// When the link is cut, in seconds. None: never.
     pub disconnect_at_secs: Option<f64>,
-    /// For how long it is cut, in seconds. None: for good.
+    /// For how long it is cut, in seconds. None: without an end.
     pub disconnect_for_secs: Option<f64>,
     /// Seed of this link's own randomness.
     pub seed: u64,

@@ -1,4 +1,4 @@
-//! The emulator, held against the fact sheet.
+//! The emulator, against the documented protocol.
 
 use std::time::Duration;
 
@@ -80,7 +80,7 @@ impl Client {
 }
 
 #[test]
-fn the_emulator_has_the_states_of_the_sheet() {
+fn the_emulator_has_the_documented_states() {
     let mut client = Client::new();
     assert_eq!((client.emulator.state(), client.emulator.mode()), (4, 0));
     for (register, params) in
@@ -121,7 +121,7 @@ fn the_emulator_has_the_states_of_the_sheet() {
 }
 
 #[test]
-fn the_emulator_raises_the_errors_of_the_sheet() {
+fn the_emulator_raises_the_documented_errors() {
     let servo = |spoil: fn(&mut [f64; JOINTS])| {
         let mut client = Client::running(1);
         let mut target = home();

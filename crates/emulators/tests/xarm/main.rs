@@ -1,5 +1,5 @@
 //! The arm's driver against the arm's emulator, in virtual time, on sockets, and under bytes that make no
-//! sense; the emulator against the fact sheet and against UFACTORY's own client.
+//! sense; the emulator against the documented protocol and against UFACTORY's own client.
 
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
 

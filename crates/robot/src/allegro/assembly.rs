@@ -1,17 +1,16 @@
 //! Four position frames become one period: the clock of the joint loop.
 //!
-//! The hand sends its four frames back to back, and any of them may be lost, doubled, swapped or late. A
-//! period is over when all four are in, or half a period after the first, or when a finger comes again with
-//! other angles. What came is used, a finger that did not come keeps its last angles, and the loop goes on.
-//! An adapter that delivers two periods at once would tick twice: ends closer together than half a period
-//! tick once.
+//! The hand sends its four frames back to back; any of them may be lost, duplicated, swapped or late. A period ends when
+//! all four have arrived, or half a period after the first, or when a finger sends other angles. A finger whose frame is
+//! missing keeps its last angles. An adapter may deliver two periods at once: ends closer together than half a period tick
+//! once.
 
 use std::time::Duration;
 
-/// What became of a position frame.
+/// The effect of a position frame.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) struct Taken {
-    /// The frame says nothing new.
+    /// The frame is a duplicate.
     pub duplicate: bool,
     /// Frames of an ended period that never came.
     pub lost: u8,
@@ -64,7 +63,7 @@ impl Assembly {
         taken
     }
 
-    /// Ends a period whose missing frames are not to be expected any more.
+    /// Ends a period whose missing frames are overdue.
     pub fn expire(&mut self, now: Duration) -> Taken {
         let late = self.missing() < 4 && now.saturating_sub(self.opened) > self.half_period;
         if late { self.close() } else { Taken::default() }

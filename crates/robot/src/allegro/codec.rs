@@ -1,7 +1,6 @@
-//! The hand's messages and their frames, both ways (hardware §1.2 and §1.3).
+//! The hand's messages and their frames, both ways (Wonik's "CAN Protocol v4.0").
 //!
-//! Identifiers are (message << 2) | device. A request is a remote frame, answered by a data frame on the same
-//! identifier.
+//! An identifier is (message << 2) | device. A request is a remote frame; the answer is a data frame with the same identifier.
 
 use super::messages::{
     DeviceId, Finger, HandMessage, HandSide, HostMessage, Information, Periods, Raw, Request, Serial,
@@ -37,7 +36,7 @@ pub enum CodecError {
         /// Bytes that it should have.
         wanted: &'static str,
     },
-    /// Neither 0 nor 1 where the side is said.
+    /// The byte of the side is neither 0 nor 1.
     #[error("the hand calls its side {0}, neither right (0) nor left (1): is it an Allegro v4?")]
     Side(u8),
 }
@@ -215,8 +214,7 @@ impl HandMessage {
                 if let Some(finger) = finger(message, POSITION) {
                     Self::Position { finger, counts: words_of(exactly(frame, "8")?) }
                 } else if let Some(finger) = finger(message, TEMPERATURE) {
-                    // Four bytes one a joint, or one 32-bit number whose low byte is joint 0: alike at room
-                    // temperature.
+                    // One byte a joint, or one 32-bit number whose low byte is joint 0.
                     let celsius = frame.payload().first_chunk().ok_or(length(frame, "4"))?;
                     Self::Temperature { finger, celsius: *celsius }
                 } else {
@@ -235,7 +233,7 @@ mod tests {
     use crate::allegro::counts_from_rad;
 
     #[test]
-    fn the_sheets_frames() {
+    fn frames_have_the_documented_bytes() {
         let device = DeviceId::default();
         let periods = HostMessage::Periods(Periods { position_ms: 3, ..Periods::default() });
         assert_eq!(format!("{:?}", periods.encode(device)), "204#03 00 00 00 00 00");

@@ -1,4 +1,4 @@
-//! What an operator may set about the hand, and what is refused.
+//! Settings of the hand, and their ranges.
 
 use serde::{Deserialize, Serialize};
 
@@ -16,7 +16,7 @@ pub struct HandConfig {
     pub side: HandSide,
     /// Period of the position frames, and so of the joint loop, ms.
     pub period_ms: u16,
-    /// Largest PWM of each flat joint; at most the table of hardware §1.4.
+    /// Largest PWM of each flat joint; at most [`PWM_LIMITS`].
     pub pwm_limit: [i16; JOINTS],
     /// Longest start, from the first question to the first positions with the servo on, s.
     pub start_timeout_secs: f64,

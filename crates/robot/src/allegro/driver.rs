@@ -1,13 +1,12 @@
 //! The driver of the hand: starts it, watches it, and is the only path for torques.
 //!
-//! One turn of its owner's loop: give every frame that has arrived to [`Hand::receive`], call [`Hand::poll`],
-//! and if either said [`HandEvent::Positions`], compute once and call [`Hand::torque`]. The hand's position
-//! frames are thus the clock. How lost, doubled and late ones are treated is told in `assembly`, which
-//! readings are believed in `encoder`.
+//! In each cycle, pass every frame that has arrived to [`Hand::receive`] and call [`Hand::poll`]. If either returns
+//! [`HandEvent::Positions`], compute torques once and call [`Hand::torque`]. The hand's position frames are thus the
+//! clock. `assembly` handles lost, duplicate and late frames; `encoder` rejects implausible readings.
 //!
-//! What a hand does when torques stop coming is not known (hardware §1.7), so the driver assumes the worst:
-//! the last torque is held. When its owner stops asking for torques it sends zeros, and in a fault it sends
-//! zeros and OFF again and again, because the link that failed may come back.
+//! No public source says what a hand does when torque frames stop, so the driver assumes the worst: the hand holds the last
+//! torque. When no torque is requested any more, the driver sends zeros. In a fault it repeats zeros and servo off, because
+//! the link may come back.
 
 use std::time::Duration;
 
@@ -21,15 +20,15 @@ use super::state::{HandCounters, HandEvent, HandState, Known, Step};
 use crate::can::CanFrame;
 use crate::setting::SettingError;
 
-/// A hand that streamed before has fallen silent by then, and its last frames are read away.
+/// After this time a hand that was streaming is silent, and its last frames have been discarded.
 const DRAIN: Duration = Duration::from_millis(50);
-/// Between two questions for state and temperature, and between two repeats of zero torque in a fault.
+/// Time between two requests for state and temperature, and between two repeats of zero torque in a fault.
 const HEARTBEAT: Duration = Duration::from_millis(100);
-/// Ten questions without an answer.
+/// Ten requests without an answer.
 const INFORMATION_STALE: Duration = Duration::from_secs(1);
-/// A torque that nobody renews is replaced by zero after this.
+/// A torque that is not renewed is replaced by zero after this time.
 const TORQUE_HELD: Duration = Duration::from_millis(50);
-/// Zero torque is said this often when the hand is let go: a frame may be lost.
+/// Number of zero-torque commands when the hand is released: a frame may be lost.
 const REPEATS: usize = 3;
 const GENERATION: u8 = 4;
 
@@ -72,8 +71,7 @@ impl Hand {
         })
     }
 
-    /// Starts, or starts again after a stop or a fault: an operator's act. [`poll`](Self::poll) does the
-    /// rest.
+    /// Starts, or restarts after a stop or a fault. Only an operator may ask for this. [`poll`](Self::poll) does the rest.
     pub fn start(&mut self, now: Duration) {
         self.known = Known::nothing(&self.config);
         self.state = HandState::Starting;
@@ -84,7 +82,7 @@ impl Hand {
         self.driven = None;
     }
 
-    /// Takes a frame that arrived at `now`. Frames of other devices and damaged ones are counted, no more.
+    /// Takes a frame that arrived at `now`. Frames of other devices and damaged frames are only counted.
     pub fn receive(&mut self, now: Duration, frame: &CanFrame) -> HandEvent {
         let message = match HandMessage::decode(self.config.device_id, frame) {
             Ok(Some(message)) if self.listens() => message,
@@ -107,9 +105,8 @@ impl Hand {
         HandEvent::Nothing
     }
 
-    /// Lets time pass: goes on with the start, asks for state and temperature, watches all ages, and lets the
-    /// hand go in a fault. Call it at least each millisecond, after all frames that have arrived were
-    /// received.
+    /// Advances to `now`: continues the start, requests state and temperature, checks timeouts, and releases the hand in a
+    /// fault. Call it at least each millisecond, after all frames that have arrived were received.
     pub fn poll(&mut self, now: Duration, out: &mut Vec<CanFrame>) -> HandEvent {
         let event = if self.listens() {
             let taken = self.known.assembly.expire(now);
@@ -120,7 +117,7 @@ impl Hand {
         self.watch(now);
         match self.state {
             HandState::Off | HandState::Stopped => {}
-            HandState::Starting => self.go_on(now, out),
+            HandState::Starting => self.continue_start(now, out),
             HandState::Ready => {
                 self.ask(now, out);
                 if self.driven.is_some_and(|at| now.saturating_sub(at) > TORQUE_HELD) {
@@ -143,9 +140,9 @@ impl Hand {
         event
     }
 
-    /// Sends torques: `wanted` PWM of each flat joint, cut to the configured limit and, last of all, to the
-    /// table of hardware §1.4; what is not a finite number is 0. Returns what was really sent: all zeros, and
-    /// nothing sent, unless the hand is [`HandState::Ready`].
+    /// Sends torques: the `wanted` PWM of each flat joint, clamped to the configured limit and to [`PWM_LIMITS`]; a number
+    /// that is not finite becomes 0. Returns what was sent. Unless the hand is [`HandState::Ready`], sends nothing and
+    /// returns zeros.
     pub fn torque(
         &mut self,
         now: Duration,
@@ -166,8 +163,7 @@ impl Hand {
         sent
     }
 
-    /// Lets the hand go: zero torque three times, OFF, streams off. Allowed at any time, as often as wanted;
-    /// a fault stays a fault.
+    /// Releases the hand: zero torque three times, servo off, streams off. Allowed at any time; a fault stays a fault.
     pub fn stop(&mut self, _now: Duration, out: &mut Vec<CanFrame>) {
         self.commands.release(REPEATS, out);
         self.commands.silence(out);
@@ -177,17 +173,17 @@ impl Hand {
         }
     }
 
-    /// Where the driver stands.
+    /// The state of the driver.
     pub fn state(&self) -> HandState {
         self.state
     }
 
-    /// Last believed angle of each flat joint, rad; 0 before the first.
+    /// Last valid angle of each flat joint, rad; 0 before the first.
     pub fn positions(&self) -> [f64; JOINTS] {
         self.known.encoders.each_ref().map(|encoder| encoder.rad().unwrap_or(0.0))
     }
 
-    /// When the newest angles of the last ended period arrived: the time to give to the joint loop.
+    /// When the newest angles of the last complete period arrived: the time to pass to the joint loop.
     pub fn positions_at(&self) -> Option<Duration> {
         self.known.positions_at
     }
@@ -197,23 +193,23 @@ impl Hand {
         self.known.information.map(|(_, information)| information)
     }
 
-    /// The serial number, once it was told since the start.
+    /// The serial number, if received since the start.
     pub fn serial(&self) -> Option<Serial> {
         self.known.serial
     }
 
-    /// Temperature of each flat joint, °C, once told since the start. Older firmware tells joint 0 of each
-    /// finger only and 0 for the others.
+    /// Temperature of each flat joint, °C, if received since the start. Older firmware reports joint 0 of each finger and 0
+    /// for the others.
     pub fn joint_celsius(&self) -> [Option<u8>; JOINTS] {
         self.known.celsius
     }
 
-    /// What went by or was left out.
+    /// Counts of ignored, damaged and lost frames.
     pub fn counters(&self) -> HandCounters {
         self.counters
     }
 
-    /// Before the drain is over, frames are those of the time before the start.
+    /// Until the drain is over, frames may be from before the start.
     fn listens(&self) -> bool {
         match self.state {
             HandState::Off | HandState::Stopped => false,
@@ -229,10 +225,10 @@ impl Hand {
         let taken = self.known.assembly.take(now, finger.number(), counts);
         let event = self.count(taken);
         if event == HandEvent::Positions {
-            // This frame's angles count already, whether or not it ended the period itself.
+            // The angles of this frame are used at once, whether or not it completed the period.
             self.known.positions_at = Some(now);
         }
-        // The same again is no second opinion of a reading that was not believed.
+        // A duplicate must not count as a second implausible reading.
         if taken.duplicate {
             return event;
         }
@@ -240,9 +236,9 @@ impl Hand {
         for (joint, counts) in (first..).zip(counts) {
             match self.known.encoders.get_mut(joint).map(|encoder| encoder.take(now, joint, counts)) {
                 Some(Ok(true)) | None => {}
-                Some(Ok(false)) => self.counters.disbelieved += 1,
+                Some(Ok(false)) => self.counters.rejected += 1,
                 Some(Err(fault)) => {
-                    self.counters.disbelieved += 1;
+                    self.counters.rejected += 1;
                     self.fail(fault);
                 }
             }
@@ -301,7 +297,7 @@ impl Hand {
     }
 
     /// The next step of the start.
-    fn go_on(&mut self, now: Duration, out: &mut Vec<CanFrame>) {
+    fn continue_start(&mut self, now: Duration, out: &mut Vec<CanFrame>) {
         match self.step {
             Step::Silence => {
                 self.commands.release(1, out);
@@ -324,11 +320,11 @@ impl Hand {
             }
             Step::Wait { .. } => {
                 let moving = self.known.positions_at.is_some();
-                let believed = self.known.encoders.iter().all(|encoder| encoder.rad().is_some());
-                if moving && believed && self.known.servo_was_on && self.stale_finger(now).is_none() {
+                let valid = self.known.encoders.iter().all(|encoder| encoder.rad().is_some());
+                if moving && valid && self.known.servo_was_on && self.stale_finger(now).is_none() {
                     self.state = HandState::Ready;
                 } else if now >= self.next_heartbeat {
-                    // Frames may be lost, and saying it again does nothing to a hand that has heard (hardware §1.12).
+                    // Frames may be lost; repeating the command does no harm.
                     if !moving {
                         self.commands.periods(out);
                     }
@@ -341,7 +337,7 @@ impl Hand {
         }
     }
 
-    /// Asks for state and temperature when it is time.
+    /// Requests state and temperature when due.
     fn ask(&mut self, now: Duration, out: &mut Vec<CanFrame>) {
         if now < self.next_heartbeat {
             return;
@@ -357,7 +353,7 @@ impl Hand {
         }
     }
 
-    /// Looks at all ages.
+    /// Checks all timeouts.
     fn watch(&mut self, now: Duration) {
         match self.state {
             HandState::Starting => {
@@ -387,7 +383,7 @@ impl Hand {
         }
     }
 
-    /// The finger that is silent for longest, if for too long, and its age; no age if it never spoke.
+    /// The finger whose positions are oldest, if too old, and their age; no age if none ever came.
     fn stale_finger(&self, now: Duration) -> Option<(usize, Option<Duration>)> {
         let ages = self.known.finger_at.iter().map(|at| at.map(|at| now.saturating_sub(at)));
         let (finger, age) = ages.enumerate().max_by_key(|(_, age)| age.unwrap_or(Duration::MAX))?;
@@ -395,7 +391,7 @@ impl Hand {
         (!fresh).then_some((finger, age))
     }
 
-    /// The first fault stays; frames in flight may show others.
+    /// Latches the first fault; frames that are still on their way may show others.
     fn fail(&mut self, fault: HandFault) {
         if !matches!(self.state, HandState::Fault(_)) {
             self.state = HandState::Fault(fault);

@@ -1,11 +1,10 @@
-//! Which encoder readings are believed.
+//! Rejects encoder readings that are impossible.
 //!
-//! Frames carry a checksum, so a wild reading is no damaged frame but an encoder that fails. The stops of a
-//! joint lie a little outside its limits in the URDF (the paper's own rig clips up to 0.13 rad outside,
-//! hardware §0), and zeros differ from hand to hand: half a radian outside is impossible. The highest speed
-//! in any source is 13 rad/s (hardware §1.4); more than twice that, beyond what adapters that deliver two
-//! periods at once explain, is impossible too. One such reading is left out and the last believed angle
-//! stands; several in a row are a fault.
+//! Frames carry a checksum, so an impossible reading means a failing encoder and not a damaged frame. The mechanical stops
+//! lie a little outside the limits in the URDF (the paper's code clips up to 0.13 rad outside), and zeros differ from hand
+//! to hand: half a radian outside is impossible. The highest speed in any source is 13 rad/s (allegro_hand_ros_v4); more
+//! than twice that is impossible too, except where an adapter delivers two periods at once. A single impossible reading is
+//! dropped and the last valid angle stays; several in a row are a fault.
 
 use std::time::Duration;
 
@@ -14,27 +13,27 @@ use super::limits::{JOINT_LIMITS_RAD, rad_from_counts};
 
 /// Beyond the limits of the URDF, rad.
 const MARGIN_RAD: f64 = 0.5;
-/// Fastest believed motion, rad/s.
+/// Fastest possible motion, rad/s.
 const MAX_SPEED: f64 = 30.0;
-/// Believed at any speed, rad: one period at 13 rad/s, delivered together with the one before.
+/// Valid at any speed, rad: one period at 13 rad/s, delivered together with the one before.
 const MAX_STEP_RAD: f64 = 0.05;
-/// Unbelievable readings in a row that make a fault.
+/// Impossible readings in a row that make a fault.
 const PATIENCE: u8 = 3;
 
 /// One joint's encoder.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Encoder {
-    believed: Option<(Duration, f64)>,
+    valid: Option<(Duration, f64)>,
     rejected: u8,
 }
 
 impl Encoder {
-    /// The last believed angle, rad.
+    /// The last valid angle, rad.
     pub fn rad(&self) -> Option<f64> {
-        self.believed.map(|(_, rad)| rad)
+        self.valid.map(|(_, rad)| rad)
     }
 
-    /// Takes a reading of the flat joint `joint`; says whether it is believed.
+    /// Takes a reading of the flat joint `joint`; returns whether it is valid.
     ///
     /// # Errors
     /// If the last readings were all impossible.
@@ -43,7 +42,7 @@ impl Encoder {
         let [lower, upper] = JOINT_LIMITS_RAD.get(joint).copied().unwrap_or_default();
         let fault = if rad < lower - MARGIN_RAD || rad > upper + MARGIN_RAD {
             Some(HandFault::EncoderRange { joint, rad })
-        } else if let Some((at, last)) = self.believed {
+        } else if let Some((at, last)) = self.valid {
             let within = now.saturating_sub(at);
             let possible = MAX_STEP_RAD + MAX_SPEED * within.as_secs_f64();
             ((rad - last).abs() > possible).then_some(HandFault::EncoderJump {
@@ -55,7 +54,7 @@ impl Encoder {
             None
         };
         let Some(fault) = fault else {
-            *self = Self { believed: Some((now, rad)), rejected: 0 };
+            *self = Self { valid: Some((now, rad)), rejected: 0 };
             return Ok(true);
         };
         self.rejected = self.rejected.saturating_add(1);

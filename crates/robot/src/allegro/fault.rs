@@ -1,10 +1,10 @@
-//! Why the hand was let go. A fault stays until an operator starts the hand again.
+//! The faults of the hand. A fault stays until an operator starts the hand again.
 
 use std::time::Duration;
 
 use super::messages::HandSide;
 
-/// Why the driver let the hand go.
+/// Why the driver released the hand.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 pub enum HandFault {
     /// No answer while starting.
@@ -12,7 +12,7 @@ pub enum HandFault {
     NoInformation,
     /// No more answers while running.
     #[error(
-        "the hand has not told its state for {} ms and may still push with its last torque: use the hardware stop, \
+        "the hand has not reported its state for {} ms and may still push with its last torque: use the hardware stop, \
          check the CAN cable, then start the hand again",
         age.as_millis()
     )]
@@ -23,13 +23,13 @@ pub enum HandFault {
     /// Another generation of the hand, whose torques and frames differ.
     #[error("this is an Allegro Hand of generation {generation}; this driver is for v4: connect a v4 hand")]
     WrongVersion {
-        /// What it says it is.
+        /// The reported generation.
         generation: u8,
     },
     /// The other hand.
     #[error("this is the {found} hand: connect the other one, or set hand.side = \"{found}\"")]
     WrongSide {
-        /// What it says it is.
+        /// The reported side.
         found: HandSide,
     },
     /// No positions, or too old ones.
@@ -94,9 +94,9 @@ pub enum HandFault {
     EncoderJump {
         /// The flat joint.
         joint: usize,
-        /// From the last believed angle.
+        /// From the last valid angle.
         jump_rad: f64,
-        /// Since the last believed angle.
+        /// Since the last valid angle.
         within: Duration,
     },
 }

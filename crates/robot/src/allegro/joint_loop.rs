@@ -1,9 +1,8 @@
 //! Joint angles become torques, at the hand's own clock.
 //!
-//! A plain PD law, pwm = kp·(wanted − measured) − kd·velocity, like every public driver of this hand. What
-//! those got wrong (hardware §1.10) is the velocity: a fixed or wrapping time step. Here it is the difference
-//! over the true time between frames, so that a lost period neither doubles nor halves it, and then a
-//! first-order low-pass whose share follows from that time too.
+//! A PD law, pwm = kp·(wanted − measured) − kd·velocity, as in all public drivers of this hand. Those divide by a fixed or
+//! wrapping time step. Here the velocity is the difference over the true time between frames, so that a lost period does
+//! not distort it, followed by a first-order low-pass with the same time step.
 
 use std::time::Duration;
 

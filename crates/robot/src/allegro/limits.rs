@@ -1,24 +1,23 @@
-//! What the hand's joints may do: units, ranges and torques, one entry a flat joint (index = 4 × finger +
-//! joint).
+//! Units, ranges and torque limits of the hand's joints, one entry per flat joint (index = 4 × finger + joint).
 
 /// Joints of the hand: four fingers of four.
 pub const JOINTS: usize = 16;
 
-/// PWM of full duty on a v4 hand (hardware §1.4). Torque on the wire is a duty, never a measured N·m.
+/// PWM of full duty on a v4 hand (allegro_hand_ros_v4). Torque on the wire is a duty, never a measured N·m.
 pub const FULL_SCALE_PWM: i16 = 1200;
 
-/// Angle of one encoder count, rad (hardware §1.4).
+/// Angle of one encoder count, rad (allegro_hand_ros_v4).
 pub const RAD_PER_COUNT: f64 = 333.3 / 65536.0 * std::f64::consts::PI / 180.0;
 
-/// Largest allowed PWM of each joint, either direction, for the hand on 12 V (hardware §1.4).
+/// Largest allowed PWM of each joint, either direction, for the hand on 12 V (allegro_hand_ros_v4).
 pub const PWM_LIMITS: [i16; JOINTS] =
     [375, 675, 450, 285, 375, 675, 450, 285, 375, 675, 450, 285, 525, 405, 270, 270];
 
 const FINGER: [[f64; 2]; 4] = [[-0.47, 0.47], [-0.196, 1.61], [-0.174, 1.709], [-0.227, 1.618]];
 const THUMB: [[f64; 2]; 4] = [[0.263, 1.396], [-0.105, 1.163], [-0.189, 1.644], [-0.162, 1.719]];
 
-/// Lower and upper limit of each joint, rad: the same numbers for the left and the right hand (hardware
-/// §1.8).
+/// Lower and upper limit of each joint, rad: the same for the left and the right hand (URDF in
+/// allegro_hand_ros2).
 pub const JOINT_LIMITS_RAD: [[f64; 2]; JOINTS] = {
     let mut limits = [[0.0; 2]; JOINTS];
     let mut joint = 0;
@@ -29,7 +28,7 @@ pub const JOINT_LIMITS_RAD: [[f64; 2]; JOINTS] = {
     limits
 };
 
-/// The angle of an encoder reading, rad. No zero offsets: a v4 hand applies its own (hardware §1.4).
+/// The angle of an encoder reading, rad. No zero offsets: a v4 hand applies its own (allegro_hand_ros_v4).
 pub fn rad_from_counts(counts: i16) -> f64 {
     f64::from(counts) * RAD_PER_COUNT
 }
@@ -53,7 +52,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_sheets_counts() {
+    fn counts_by_hand() {
         for (rad, counts) in [(0.1, 1126), (0.5, 5632), (1.0, 11265), (-0.2, -2253)] {
             assert_eq!(counts_from_rad(rad), counts);
         }
@@ -66,7 +65,7 @@ mod tests {
     }
 
     #[test]
-    fn the_sheets_shares_of_full_scale() {
+    fn limits_as_shares_of_full_scale() {
         let shares = PWM_LIMITS.map(|limit| f64::from(limit) / f64::from(FULL_SCALE_PWM));
         assert_eq!(shares[..4], [0.3125, 0.5625, 0.375, 0.2375]);
         assert_eq!(shares[12..], [0.4375, 0.3375, 0.225, 0.225]);

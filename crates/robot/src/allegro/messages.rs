@@ -1,4 +1,4 @@
-//! What the hand and the host say to each other (hardware §1.2 and §1.3); `codec` has the bytes.
+//! The messages between hand and host; `codec` has the bytes.
 
 use serde::{Deserialize, Serialize};
 
@@ -132,7 +132,7 @@ pub enum Request {
 pub enum HostMessage {
     /// Servo on.
     ServoOn,
-    /// Servo off. Some hands are said to ignore it (hardware §1.7): never enough alone.
+    /// Servo off. Users report hands that ignore it (fairo's Allegro client), so it is never sent alone.
     ServoOff,
     /// The torque of a finger's four joints, as PWM.
     Torque {
@@ -150,14 +150,14 @@ pub enum HostMessage {
     },
     /// Starts and stops the streams.
     Periods(Periods),
-    /// Device number and serial speed, in one of two public layouts (hardware §1.6); never sent by the
-    /// driver.
+    /// Device number and serial speed, in one of two public layouts (allegro_hand_linux_v4, allegro_hand_ros_v4). The
+    /// driver never sends it.
     Config([u8; 6]),
     /// Asks for an answer.
     Request(Request),
 }
 
-/// The status byte of the Information reply (hardware §1.3).
+/// The status byte of the Information reply (allegro_hand_ros2, and fairo's Allegro client, which differ).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct StatusBits(pub u8);
 

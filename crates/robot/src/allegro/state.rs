@@ -1,4 +1,4 @@
-//! Where the driver of the hand stands, and what it knows since the last start.
+//! The state of the hand's driver, and the data received since the last start.
 
 use std::time::Duration;
 
@@ -9,7 +9,7 @@ use super::fault::HandFault;
 use super::limits::JOINTS;
 use super::messages::{Information, Serial};
 
-/// Where the driver stands.
+/// The state of the driver.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub enum HandState {
     /// Never started.
@@ -19,23 +19,23 @@ pub enum HandState {
     Starting,
     /// Torques are sent.
     Ready,
-    /// Let go on request.
+    /// Released on request.
     Stopped,
-    /// Let go for this reason, until started again.
+    /// Released because of this fault, until it is started again.
     Fault(HandFault),
 }
 
-/// What a frame or the time brought.
+/// The result of a frame or of a poll.
 #[must_use]
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum HandEvent {
     /// Nothing to act on.
     Nothing,
-    /// A period's positions are in: time for the joint loop.
+    /// The positions of a period are complete: time for the joint loop.
     Positions,
 }
 
-/// What went by or was left out, since the driver was made.
+/// Counts since the driver was created.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct HandCounters {
     /// Frames of other devices, of no known kind, or while the driver does not listen.
@@ -44,11 +44,11 @@ pub struct HandCounters {
     pub damaged: u64,
     /// Position frames that never came.
     pub lost: u64,
-    /// Position frames that said the same twice in one period.
+    /// Duplicates of position frames in one period.
     pub duplicates: u64,
-    /// Encoder readings that were not believed.
-    pub disbelieved: u64,
-    /// Times that the driver sent zero because no torque was asked for.
+    /// Encoder readings that were rejected.
+    pub rejected: u64,
+    /// Times that the driver sent zero because no torque was requested.
     pub unattended: u64,
 }
 
@@ -73,7 +73,7 @@ pub(super) struct Known {
     pub serial: Option<Serial>,
     pub celsius: [Option<u8>; JOINTS],
     pub servo_was_on: bool,
-    /// The hand's own watchdog may still be complaining about the time before the start.
+    /// The hand's own watchdog may still report the time before the start.
     pub host_timeout_cleared: bool,
 }
 

@@ -65,7 +65,7 @@ pub struct Calibration {
 #[derive(Debug, thiserror::Error)]
 pub enum CalibrationError {
     /// There is no file yet.
-    #[error("{path} is not there; show the arm where the keyboard is with `etude robot calibrate`")]
+    #[error("{path} does not exist; show the arm where the keyboard is with `etude robot calibrate`")]
     Missing {
         /// The file.
         path: PathBuf,
@@ -90,7 +90,7 @@ pub enum CalibrationError {
     },
     /// It is too old to be trusted.
     #[error(
-        "the calibration is {days} days old and the rig allows {allowed}; calibrate anew with `etude robot calibrate`"
+        "the calibration is {days} days old and the rig allows {allowed}; calibrate again with `etude robot calibrate`"
     )]
     OutOfDate {
         /// Its age.
@@ -100,7 +100,7 @@ pub enum CalibrationError {
     },
     /// It was made after today.
     #[error(
-        "a point of the calibration is dated {days} days after today: set this computer's clock, then calibrate anew \
+        "a point of the calibration is dated {days} days after today: set this computer's clock, then calibrate again \
          with `etude robot calibrate`"
     )]
     FromTheFuture {

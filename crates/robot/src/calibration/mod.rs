@@ -1,7 +1,7 @@
 //! Where the keyboard stands before the arm, and with it the way from the policy's one rail to seven joint angles.
 //!
 //! An operator guides the hand to three keys and each time the arm's pose is kept: the paper's C1, C3 and C5. Between
-//! them the flange moves on straight lines with a fixed orientation (fact sheet "hardware" §0).
+//! them the flange moves on straight lines with a fixed orientation (lasr-lab/learning-to-play-piano).
 
 mod file;
 mod path;

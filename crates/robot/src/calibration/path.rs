@@ -179,9 +179,9 @@ mod tests {
     }
 
     #[test]
-    fn the_papers_path_has_the_sheets_joints() {
+    fn the_papers_path_has_the_joints_of_an_independent_program() {
         let path = RailPath::new(&papers(), [-0.3393, 0.3337], &home()).unwrap();
-        // Fact sheet §2.12, degrees. What the seventh joint leaves free depends on the way there.
+        // Degrees, from an independent program. The redundant joint depends on the way there.
         let rows = [
             (0.0, [-0.48, 23.04, 0.10, 50.14, 179.56, 62.90, -224.84]),
             (-0.3393, [23.56, 39.75, 16.95, 74.83, 219.55, 67.36, -255.95]),

@@ -1,4 +1,4 @@
-//! One classic CAN frame with a standard identifier, and the trait of whatever carries frames.
+//! One classic CAN frame with a standard identifier, and the trait of its transports.
 
 /// A classic CAN frame with an 11-bit identifier: data of at most eight bytes, or a remote request.
 #[derive(Clone, Copy, PartialEq, Eq)]
@@ -79,7 +79,7 @@ pub enum CanError {
         /// Why, and what to do.
         message: String,
     },
-    /// Its controller has counted too many errors and has switched itself off: nothing is sent or heard until it is reset.
+    /// Its controller has counted too many errors and has switched itself off: nothing is sent or received until it is reset.
     #[error(
         "the CAN controller of {bus} is in bus-off, after too many errors: check the hand's supply, the cable, its \
          terminator and the bit rate, then type {reset}, and start again"

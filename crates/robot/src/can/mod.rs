@@ -1,4 +1,4 @@
-//! CAN frames, and what carries them.
+//! CAN frames, and the transports that carry them.
 //!
 //! | carrier | for |
 //! |---|---|
@@ -27,7 +27,7 @@ const SERIAL: &str = "slcan:";
 /// the serial speed may follow as `@115200`), or `bus:/path/to/socket` (a hub).
 ///
 /// # Errors
-/// If there is no such bus; the message says what to type.
+/// If there is no such bus; the message names the command to type.
 pub fn open(spec: &str) -> Result<Box<dyn CanTransport>, CanError> {
     if let Some(port) = spec.strip_prefix(SERIAL) {
         return Ok(Box::new(SlcanTransport::open(port)?));
@@ -43,11 +43,11 @@ pub(crate) fn is_serial(spec: &str) -> bool {
     spec.starts_with(SERIAL)
 }
 
-/// Joins the bus that `spec` names, for one who comes in beside a program that may be using it: a serial adapter's
-/// channel is neither closed, set up nor opened, now or in the end. Everything else is as in [`open`].
+/// Joins the bus that `spec` names while another program may be using it: a serial adapter's channel is neither set up,
+/// opened nor closed. Everything else is as in [`open`].
 ///
 /// # Errors
-/// If there is no such bus; the message says what to type.
+/// If there is no such bus; the message names the command to type.
 pub fn join(spec: &str) -> Result<Box<dyn CanTransport>, CanError> {
     match spec.strip_prefix(SERIAL) {
         Some(port) => Ok(Box::new(SlcanTransport::join(port)?)),

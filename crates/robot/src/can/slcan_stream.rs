@@ -16,7 +16,7 @@ const DEFAULT_BAUD: u32 = 115_200;
 const WAITING: usize = 2048;
 /// Refusals in a row, without a frame sent or received between them, after which the adapter is given up.
 const REFUSALS: u32 = 16;
-/// Ends a line left half written by somebody before, closes, sets 1 Mbit/s, opens.
+/// Ends a half-written line of an earlier program, closes, sets 1 Mbit/s, opens.
 const OPEN: &[u8] = b"\rC\rS8\rO\r";
 /// Ends such a line, no more.
 const END_OF_LINE: &[u8] = b"\r";
@@ -54,13 +54,13 @@ impl SlcanTransport<SlcanPort> {
     /// If the port cannot be opened.
     pub fn open(spec: &str) -> Result<Self, CanError> {
         let port = SlcanPort::open(spec)?;
-        // What an earlier session left there is none of ours.
+        // Discards what an earlier session left.
         let _ = port.settings.clear(ClearBuffer::All);
         Self::over(&format!("slcan:{spec}"), port)
     }
 
     /// Joins the program that has opened the adapter on this port: frames go out on the channel as it is, which is left
-    /// as it is in the end. What the adapter says goes to whichever of the two reads it first.
+    /// as it is in the end. The adapter's answers go to the program that reads them first.
     ///
     /// # Errors
     /// If the port cannot be opened.
@@ -180,7 +180,7 @@ impl<S: Read + Write + Send> CanTransport for SlcanTransport<S> {
 }
 
 impl<S: Read + Write + Send> Drop for SlcanTransport<S> {
-    /// Closes the channel if it is ours, so that the adapter does not go on sending into nowhere.
+    /// Closes the channel if it is ours, so that the adapter stops sending.
     fn drop(&mut self) {
         if !self.joined {
             self.outbox.push(b"C\r");

@@ -33,7 +33,7 @@ impl SocketCanTransport {
     /// Opens an interface that is up, such as `can0`.
     ///
     /// # Errors
-    /// If the kernel has no CAN, or the interface is absent or down; the message says what to type.
+    /// If the kernel has no CAN, or the interface is absent or down; the message names the command to type.
     pub fn open(name: &str) -> Result<Self, CanError> {
         let refuse = |message: String| CanError::Open { bus: name.to_owned(), message };
         if name.is_empty()
@@ -58,8 +58,8 @@ impl SocketCanTransport {
         Ok(Self { name: name.to_owned(), socket, waiting: VecDeque::new(), off: false })
     }
 
-    /// The kernel tells of bus-off once, by an error frame, and from then on takes frames in that go nowhere. Whether it
-    /// is over only the interface tells. What waits meanwhile is dropped: a torque must not come late.
+    /// Reports bus-off until it is over. The kernel signals bus-off once, by an error frame, and then accepts frames without
+    /// sending them; only the interface shows when it is over. Waiting frames are dropped: a torque must not come late.
     fn watch(&mut self) -> Result<(), CanError> {
         if !self.off {
             return Ok(());
@@ -136,13 +136,13 @@ impl CanTransport for SocketCanTransport {
     }
 }
 
-/// Whether the interface has no carrier, which of one that is up means bus-off. One that is down does not tell.
+/// Whether the interface has no carrier, which for an interface that is up means bus-off.
 fn is_off(name: &str) -> bool {
     let carrier = std::fs::read_to_string(format!("/sys/class/net/{name}/carrier")).unwrap_or_default();
     carrier.trim() == "0"
 }
 
-/// Whether the kernel says so; if it does not tell, the first frame will.
+/// Whether the interface is up; if the kernel does not report it, the first frame will show it.
 fn is_up(name: &str) -> bool {
     let flags = std::fs::read_to_string(format!("/sys/class/net/{name}/flags")).unwrap_or_default();
     u32::from_str_radix(flags.trim().trim_start_matches("0x"), 16).map_or(true, |flags| flags & 1 != 0)

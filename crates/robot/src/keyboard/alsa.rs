@@ -1,7 +1,6 @@
 //! The keyboard through the ALSA sequencer, by part of its port's name.
 //!
-//! The sequencer says nothing to its listeners when a keyboard is unplugged, so the port is looked for now
-//! and then.
+//! The sequencer does not notify its listeners when a keyboard is unplugged, so the port is checked periodically.
 
 use std::{
     collections::VecDeque,
@@ -31,7 +30,7 @@ pub(super) struct AlsaSource {
 }
 
 impl AlsaSource {
-    /// Connects to the only port whose name contains `name`, whatever the case of its letters.
+    /// Connects to the only port whose name contains `name`, ignoring case.
     pub(super) fn open(spec: &str, name: &str) -> Result<Self, MidiError> {
         let fail = |message: String| MidiError::Open { spec: spec.to_owned(), message };
         let no_sequencer = |_| fail("there is no ALSA sequencer: load it with `modprobe snd-seq`".to_owned());

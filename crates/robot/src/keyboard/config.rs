@@ -20,8 +20,7 @@ pub struct KeyboardConfig {
 }
 
 impl Default for KeyboardConfig {
-    /// The Keystation 49e as it is switched on (fact sheet hardware §3); no key of our songs is held for ten
-    /// seconds.
+    /// The Keystation 49e as it is switched on; no note of our songs is held for ten seconds.
     fn default() -> Self {
         Self { lowest_pitch: 36, stuck_after_secs: 10.0, sensing_timeout_secs: 0.3 }
     }

@@ -6,10 +6,9 @@
 //! sees, so a policy that plays on would act on silence; and a keyboard whose cable was pulled may have been
 //! moved, so that the hand would come down on a frame where keys are expected. Everything else is a *warning*
 //! ([`KeyboardWarning`]): a shifted, stuck or noisy keyboard spoils the music and the score, but the hand
-//! moves within the same limits over the same keys, and a sudden stop would help nobody. Warnings stay until
-//! the operator [acknowledges](Keyboard::acknowledge) them, so that none is missed; whoever starts a
-//! performance should refuse to start while there are any. A loss ends by itself when the keyboard is back,
-//! and [`KeyboardCounts::losses`] still tells of it: the supervisor that stopped the robot decides when it
+//! moves within the same limits over the same keys, and a sudden stop would not help. Warnings stay until the operator
+//! [acknowledges](Keyboard::acknowledge) them; no performance should start while there are any. A loss ends when the
+//! keyboard is back, and [`KeyboardCounts::losses`] keeps its count: the controller that stopped the robot decides when it
 //! may move again.
 
 use std::{fmt, time::Duration};
@@ -23,10 +22,10 @@ use crate::setting::SettingError;
 
 /// A key went down or came up.
 ///
-/// Presses and releases of one key always alternate, whatever the stream did.
+/// Presses and releases of one key always alternate, even if the stream was damaged.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct KeyChange {
-    /// When we learnt of it.
+    /// When it was received.
     pub at: Duration,
     /// From the left, 0 to 48.
     pub key: usize,
@@ -34,12 +33,12 @@ pub struct KeyChange {
     pub velocity: u8,
 }
 
-/// Whether the keyboard can be trusted to tell which keys are down.
+/// Whether the state of the keys is known.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum KeyboardState {
-    /// It was never there.
+    /// It was never connected.
     Absent,
-    /// It is there.
+    /// It is connected.
     Present,
     /// It was there and is gone: a fault that stops the robot.
     Lost {
@@ -64,7 +63,7 @@ impl fmt::Display for KeyboardState {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Absent => write!(f, "no keyboard yet: plug it in and switch it on"),
-            Self::Present => write!(f, "the keyboard is there"),
+            Self::Present => write!(f, "the keyboard is connected"),
             Self::Lost { at, reason } => {
                 let how = match reason {
                     LossReason::Disconnected => "was unplugged",
@@ -81,7 +80,7 @@ impl fmt::Display for KeyboardState {
     }
 }
 
-/// Something that the operator should know and that does not stop the robot.
+/// A warning for the operator, which does not stop the robot.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum KeyboardWarning {
     /// Notes came that no key of an unshifted keyboard gives. They were left out; nothing is corrected by
@@ -175,7 +174,7 @@ pub struct Keyboard {
 }
 
 impl Keyboard {
-    /// The driver of a keyboard that is not there yet.
+    /// The driver of a keyboard that is not connected yet.
     ///
     /// # Errors
     /// If a setting makes no sense.
@@ -235,7 +234,7 @@ impl Keyboard {
         self.counts.damaged = self.parser.damaged();
     }
 
-    /// Time passes: notices silence and stuck keys. Hand over all bytes that are there first.
+    /// Time passes: notices silence and stuck keys. Pass all received bytes first.
     pub fn poll(&mut self, now: Duration, changes: &mut Vec<KeyChange>) {
         let silent = self.sensed_at.is_some_and(|at| now.saturating_sub(at) > self.sensing_timeout);
         if silent && self.state == KeyboardState::Present {
@@ -255,7 +254,7 @@ impl Keyboard {
         self.pressed
     }
 
-    /// Whether the keyboard is there; [`KeyboardState::Lost`] is a fault.
+    /// Whether the keyboard is connected; [`KeyboardState::Lost`] is a fault.
     pub fn state(&self) -> KeyboardState {
         self.state
     }
@@ -265,7 +264,7 @@ impl Keyboard {
         self.counts
     }
 
-    /// What the operator should know, until [acknowledged](Self::acknowledge).
+    /// The warnings, until they are [acknowledged](Self::acknowledge).
     pub fn warnings(&self) -> impl Iterator<Item = KeyboardWarning> + '_ {
         let (new, old) = (&self.counts, &self.acknowledged);
         let pieces = new.damaged - old.damaged;

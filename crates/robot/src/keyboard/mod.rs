@@ -1,4 +1,4 @@
-//! The MIDI keyboard: what its bytes say about which keys are down, and what carries the bytes.
+//! The MIDI keyboard: its byte stream, which keys are down, and the transports of the bytes.
 
 #[cfg(all(feature = "hardware", target_os = "linux"))]
 mod alsa;
@@ -20,5 +20,5 @@ pub use transport::open;
 
 /// Keys of the keyboard, four octaves and a C.
 ///
-/// Source: fact sheet hardware §3.
+/// As on the paper's M-Audio Keystation 49e.
 pub const KEYS: usize = 49;

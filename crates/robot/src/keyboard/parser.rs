@@ -1,9 +1,8 @@
-//! Bytes to key events: a streaming MIDI parser that survives whatever a bad cable makes of the stream.
+//! Bytes to key events: a streaming MIDI parser that recovers from any damage of the stream.
 //!
-//! Source of the byte layouts: fact sheet hardware §3, and the MIDI 1.0 specification for the lengths of
-//! system messages.
+//! Source of the byte layouts: the MIDI 1.0 specification.
 
-/// What the keyboard said that we care about; everything else is skipped.
+/// The events that are used; all others are skipped.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum MidiEvent {
     /// A key went down.
@@ -22,7 +21,7 @@ pub enum MidiEvent {
         /// MIDI number, 0 to 127.
         note: u8,
     },
-    /// "I am still here": after the first of these, silence means that the link is gone.
+    /// Active sensing: after the first of these, silence means that the link is gone.
     ActiveSensing,
 }
 
@@ -42,7 +41,7 @@ enum Expecting {
 
 /// Takes the bytes of one MIDI stream, one at a time.
 ///
-/// A damaged stream never makes it stop: it counts the damage and goes on at the next status byte.
+/// It counts damage in the stream and continues at the next status byte.
 #[derive(Clone, Debug, Default)]
 pub struct MidiParser {
     expecting: Expecting,

@@ -5,7 +5,7 @@ use std::time::Duration;
 use super::source::{MidiError, MidiSource};
 use super::transport::open;
 
-/// Time between two attempts to open a keyboard that is not there.
+/// Time between two attempts to open a keyboard that is not connected.
 const TRY_AGAIN: Duration = Duration::from_secs(1);
 
 /// A keyboard at the end of a cable that may come and go.
@@ -33,7 +33,7 @@ impl MidiPort {
     /// Appends the bytes that have come. A keyboard that is gone is looked for once a second. Never blocks.
     ///
     /// # Errors
-    /// As long as it is not there; bytes that came before it went are appended still.
+    /// As long as it is not connected; bytes that came before are still appended.
     pub fn receive(&mut self, now: Duration, out: &mut Vec<u8>) -> Result<(), MidiError> {
         if self.source.is_none() {
             if now < self.again {

@@ -5,7 +5,7 @@ use std::fmt;
 
 use super::KEYS;
 
-/// By how much the notes of the keyboard are shifted, as far as the notes heard so far tell.
+/// By how much the notes of the keyboard are shifted, as far as the notes so far show.
 ///
 /// The notes of an unshifted keyboard go from `lowest_pitch` to `lowest_pitch` + 48. A note beyond them says
 /// that the shift is *at least* so many semitones; a note at the other end says that it is *at most* so many.
@@ -13,16 +13,16 @@ use super::KEYS;
 /// to be sure.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Shift {
-    /// Lowest shift that explains every note heard, in semitones.
+    /// Lowest shift that explains every note so far, in semitones.
     pub lowest_semitones: i16,
-    /// Highest shift that explains every note heard, in semitones.
+    /// Highest shift that explains every note so far, in semitones.
     pub highest_semitones: i16,
     /// What the lowest key gives when nothing is shifted.
     lowest_pitch: u8,
 }
 
 impl Shift {
-    /// What one note tells.
+    /// The bounds from one note.
     fn of(note: u8, lowest_pitch: u8) -> Self {
         let above_lowest = i16::from(note) - i16::from(lowest_pitch);
         Self {
@@ -82,7 +82,7 @@ impl fmt::Display for Shift {
     }
 }
 
-/// Gathers what the notes tell about the shift.
+/// Collects the bounds of the shift from the notes.
 #[derive(Clone, Debug)]
 pub(super) struct ShiftWatch {
     lowest_pitch: u8,

@@ -12,7 +12,7 @@ pub enum MidiError {
         /// As given.
         spec: String,
     },
-    /// It is not there, or something else uses it.
+    /// It is not connected, or another program uses it.
     #[error("cannot open the keyboard {spec}: {message}")]
     Open {
         /// As given.
@@ -28,7 +28,7 @@ pub enum MidiError {
     Gone {
         /// As given.
         spec: String,
-        /// How we know.
+        /// How this was noticed.
         message: String,
     },
     /// ALSA was left out of this program.

@@ -10,7 +10,7 @@ const SEARCH: usize = 20;
 /// Which limit kept a set-point from being where it was asked to be.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Clamp {
-    /// It is no number; the last target stands.
+    /// It is NaN; the last target is kept.
     NotANumber,
     /// It lies outside the position range.
     Position,
@@ -47,7 +47,7 @@ pub struct Axis {
     limits: AxisLimits,
     step_secs: f64,
     state: Motion,
-    /// The last three targets, newest first: what tells a moving target from one that jumped.
+    /// The last three targets, newest first: they distinguish a moving target from one that jumped.
     targets: [f64; 3],
 }
 
@@ -82,7 +82,7 @@ impl Axis {
         self.state.velocity
     }
 
-    /// Moves the set-point one step toward `target`; says what kept it from getting there whenever it is elsewhere.
+    /// Moves the set-point one step toward `target`; returns the limit that kept it from reaching it, if it did not.
     pub fn step(&mut self, target: f64) -> Option<Clamp> {
         let [low, high] = self.limits.position;
         let asked = if target.is_nan() { self.targets[0] } else { target };

@@ -1,11 +1,11 @@
-//! What a set-point may do.
+//! The limits of a set-point.
 
 use serde::{Deserialize, Serialize};
 
 /// Longest time that stopping from full speed may take, s.
 const LONGEST_STOP_SECS: f64 = 10.0;
 
-/// What a set-point may do. Rad and s; m and s for the rail.
+/// The limits of a set-point. Rad and s; m and s for the rail.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct AxisLimits {
@@ -20,10 +20,10 @@ pub struct AxisLimits {
 }
 
 impl AxisLimits {
-    /// Whether these are limits at all.
+    /// Checks that these are limits.
     ///
     /// # Errors
-    /// Says which is not.
+    /// Names the first that is not.
     pub fn check(&self) -> Result<(), String> {
         let [low, high] = self.position;
         if !(low.is_finite() && high.is_finite() && low < high) {

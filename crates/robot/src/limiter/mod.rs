@@ -1,7 +1,7 @@
 //! The limiter: the only way from a policy, a simulation or an operator to a set-point that a device is asked to follow.
 //!
 //! One [`Axis`] per joint moves a set-point on a fixed time grid. Position, velocity, acceleration and jerk, all taken
-//! as differences of what was sent on that grid, stay within [`AxisLimits`] whatever is asked, NaN and infinity
+//! as differences of what was sent on that grid, stay within [`AxisLimits`] for any target, NaN and infinity
 //! included. A stream that keeps the limits passes through unchanged; one that does not is followed as fast as the
 //! limits allow. A target that jumps and then stands still is not passed, except by what the jerk limit moves an axis in
 //! one step when the jump is as small as that (jerk · step³): the first step of a stream looks the same.

@@ -1,4 +1,4 @@
-//! What time brings: phases that end, set-points on their grid, torques at the hand's clock, and what has gone wrong.
+//! The controller's cycle: phases that end, set-points on their grid, torques at the hand's clock, and fault checks.
 
 use std::time::Duration;
 
@@ -18,14 +18,13 @@ use crate::xarm::ArmState;
 const ON_PATH_M: f64 = 0.005;
 /// The same for its orientation, rad.
 const ON_PATH_RAD: f64 = 0.03;
-/// Farthest outside its range at which a joint of the hand may begin, rad: play and a stop that gives a little. What is
-/// farther out was not reached by itself.
+/// Largest distance from its range at which a joint of the hand may start, rad: play, and some give of the stop.
 const OUTSIDE_RAD: f64 = 0.1;
 /// Longest time between two polls while torques are on. The hand holds the last torque meanwhile.
 const LONGEST_GAP: Duration = Duration::from_millis(100);
 
 impl Robot {
-    /// What has gone wrong, if anything.
+    /// The fault that is present now, if any.
     pub(super) fn watch(&mut self, now: Duration, gap: Duration) -> Option<Fault> {
         if !self.is_used() {
             return None;
@@ -50,13 +49,13 @@ impl Robot {
         (age.as_secs_f64() > self.config.limits.stale_command_secs).then_some(Fault::StaleCommand { age })
     }
 
-    /// Whether the devices are to be there.
+    /// Whether the devices must be connected.
     pub(super) fn is_used(&self) -> bool {
         self.is_live() || self.phase == Phase::Starting
     }
 
-    /// Whether hand and arm were told to stop.
-    pub(super) fn is_let_go(&self) -> bool {
+    /// Whether hand and arm were commanded to stop.
+    pub(super) fn is_released(&self) -> bool {
         matches!(self.phase, Phase::Stopped | Phase::Fault)
     }
 
@@ -83,7 +82,7 @@ impl Robot {
             return Ok(());
         }
         self.advance_plan(now)?;
-        // After a gap the grid starts anew: set-points are never made up for.
+        // After a gap the grid restarts: missed set-points are not made up for.
         if now.saturating_sub(self.stepped) > 4 * period() {
             self.stepped = now.saturating_sub(period());
         }
@@ -94,7 +93,7 @@ impl Robot {
         Ok(())
     }
 
-    /// Whether this is the arm that was shown where the keyboard is.
+    /// Whether this is the arm of the calibration.
     fn check_arm(&self) -> Result<(), Fault> {
         let (found, expected) = (self.arm.serial().unwrap_or_default(), self.path.arm_serial());
         if found == expected {
@@ -103,7 +102,7 @@ impl Robot {
         Err(Fault::OtherArm { found: found.to_string(), expected: expected.to_string() })
     }
 
-    /// Set-points to rest where the robot is. Where that is a little outside their ranges, they ease from there into them.
+    /// Sets the set-points to the measured positions, at rest. Positions slightly outside a range are eased into it.
     fn settle(&mut self, now: Duration) -> Result<(), Fault> {
         let place = self.place();
         let mut outside = [0.0; AXES];

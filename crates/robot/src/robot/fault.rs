@@ -1,4 +1,4 @@
-//! Why the whole robot was stopped, and why it would not move.
+//! The faults of the whole robot, and the reasons for which a request is refused.
 
 use std::time::Duration;
 
@@ -13,10 +13,10 @@ use crate::xarm::{ArmError, ArmFault, ArmLinkError, OutsideFence};
 /// Why the robot was stopped. It stays until an operator starts the robot again.
 #[derive(Debug, thiserror::Error)]
 pub enum Fault {
-    /// The hand let go.
+    /// A fault of the hand.
     #[error("hand: {0}")]
     Hand(#[from] HandFault),
-    /// The arm stopped.
+    /// A fault of the arm.
     #[error("arm: {0}")]
     Arm(#[from] ArmFault),
     /// The keyboard is gone.
@@ -54,12 +54,12 @@ pub enum Fault {
         /// Largest allowed angle, rad.
         high: f64,
     },
-    /// The arm would not do what it was asked.
+    /// The arm refused a request.
     #[error("arm: {0}")]
     ArmRefused(#[from] ArmError),
     /// The calibration is another arm's.
     #[error(
-        "this is arm {found}, and the calibration was made with arm {expected}; calibrate anew with `etude robot calibrate`"
+        "this is arm {found}, and the calibration was made with arm {expected}; calibrate again with `etude robot calibrate`"
     )]
     OtherArm {
         /// Serial number of the arm at hand.
@@ -67,16 +67,16 @@ pub enum Fault {
         /// Serial number in the calibration.
         expected: String,
     },
-    /// Nobody has commanded for too long.
+    /// No command has come for too long.
     #[error(
-        "no new command for {} ms: the policy is too slow or has stopped; close what else runs on this machine",
+        "no new command for {} ms: the policy is too slow or has stopped; close other programs on this machine",
         age.as_millis()
     )]
     StaleCommand {
         /// Since the last command ran out.
         age: Duration,
     },
-    /// The arm would have to be where it cannot.
+    /// The arm cannot reach the set-point.
     #[error("at {rail_m:+.3} m on the rail: {source}")]
     Reach {
         /// The set-point.
@@ -84,9 +84,9 @@ pub enum Fault {
         /// Why.
         source: KinematicsError,
     },
-    /// The controller was not polled for too long to go on.
+    /// The controller was not polled for too long.
     #[error(
-        "the controller did not run for {} ms, so nobody watched the robot; close what else runs on this machine",
+        "the controller did not run for {} ms, and the robot was not watched; close other programs on this machine",
         gap.as_millis()
     )]
     Stalled {

@@ -1,4 +1,4 @@
-//! What the controller hears and says: bytes and frames in, computed once, bytes and frames out.
+//! The controller's input and output: receives bytes and frames, computes once, sends bytes and frames.
 
 use std::time::Duration;
 
@@ -7,14 +7,14 @@ use crate::allegro::HandEvent;
 use crate::wires::Wires;
 use crate::xarm::ArmState;
 
-/// Time between two times that a stopped hand is let go: a frame may be lost, and a bus that failed come back.
-const LET_GO_AGAIN: Duration = Duration::from_millis(100);
+/// Time between two releases of a stopped hand: a frame may be lost, and a failed bus may come back.
+const RELEASE_AGAIN: Duration = Duration::from_millis(100);
 
 impl Robot {
-    /// Takes in what has come, computes what is due, and sends it. To be called at least every few milliseconds.
+    /// Receives what has arrived, computes what is due, and sends it. Call it at least every few milliseconds.
     pub fn poll(&mut self, now: Duration, wires: &mut dyn Wires) {
-        self.take_in_midi(now, wires);
-        if let Err(fault) = self.take_in(now, wires) {
+        self.receive_midi(now, wires);
+        if let Err(fault) = self.receive(now, wires) {
             self.fail_if_used(now, fault, wires);
         }
         let gap = now.saturating_sub(self.polled.unwrap_or(now));
@@ -24,7 +24,7 @@ impl Robot {
         if let Some(fault) = fault {
             self.fail(now, fault, wires);
         }
-        self.explain(now);
+        self.update_fault(now);
         self.frames.clear();
         self.bytes.clear();
         let mut frames = std::mem::take(&mut self.frames);
@@ -32,8 +32,8 @@ impl Robot {
         if std::mem::take(&mut self.measured) {
             self.drive(now, &mut frames);
         }
-        if self.is_let_go() && now.saturating_sub(self.let_go_at) >= LET_GO_AGAIN {
-            self.let_go_at = now;
+        if self.is_released() && now.saturating_sub(self.released_at) >= RELEASE_AGAIN {
+            self.released_at = now;
             self.hand.stop(now, &mut frames);
         }
         self.frames = frames;
@@ -43,17 +43,17 @@ impl Robot {
         }
     }
 
-    /// All frames are taken in before torques are computed, once and from the newest angles: after a late poll, a
-    /// torque from each of the periods that had waited would see the joints leap.
-    fn take_in(&mut self, now: Duration, wires: &mut dyn Wires) -> Result<(), Fault> {
-        let arm = self.take_in_arm(now, wires);
+    /// Receives all frames before torques are computed, once and from the newest angles. After a late poll, torques from
+    /// older periods would be computed from outdated angles.
+    fn receive(&mut self, now: Duration, wires: &mut dyn Wires) -> Result<(), Fault> {
+        let arm = self.receive_arm(now, wires);
         while let Some(frame) = wires.next_frame()? {
             self.measured |= self.hand.receive(now, &frame) == HandEvent::Positions;
         }
         arm
     }
 
-    fn take_in_midi(&mut self, now: Duration, wires: &mut dyn Wires) {
+    fn receive_midi(&mut self, now: Duration, wires: &mut dyn Wires) {
         self.bytes.clear();
         self.changes.clear();
         let connected = wires.receive_midi(&mut self.bytes).is_ok();
@@ -74,7 +74,7 @@ impl Robot {
         }
     }
 
-    fn take_in_arm(&mut self, now: Duration, wires: &mut dyn Wires) -> Result<(), Fault> {
+    fn receive_arm(&mut self, now: Duration, wires: &mut dyn Wires) -> Result<(), Fault> {
         self.bytes.clear();
         let connected = wires.receive_arm(&mut self.bytes).and_then(|()| {
             self.arm.receive_command(now, &self.bytes);
@@ -88,8 +88,8 @@ impl Robot {
             } else {
                 self.arm.disconnected(now)
             }
-            if self.arm_connected && self.is_let_go() {
-                // It has not heard of the stop, and may be on its way still.
+            if self.arm_connected && self.is_released() {
+                // It may not have received the stop, and may still be moving.
                 let mut stop = Vec::new();
                 self.arm.stop(now, &mut stop);
                 wires.send_arm(&stop)?;
@@ -116,7 +116,7 @@ impl Robot {
     }
 
     fn send(&mut self, wires: &mut dyn Wires) -> Result<(), Fault> {
-        // A wire that fails must not keep the other from being used.
+        // A failed connection must not keep the other from being used.
         let frames = self.frames.iter().try_for_each(|frame| wires.send_frame(*frame));
         if !self.bytes.is_empty() {
             wires.send_arm(&self.bytes)?;
@@ -124,7 +124,7 @@ impl Robot {
         Ok(frames?)
     }
 
-    /// A wire that is gone is a fault only of a robot that is in use.
+    /// A lost connection is a fault only while the robot is in use.
     fn fail_if_used(&mut self, now: Duration, fault: Fault, wires: &mut dyn Wires) {
         if self.is_used() {
             self.fail(now, fault, wires);
@@ -136,13 +136,13 @@ impl Robot {
             return;
         }
         self.journal.push(Record::Note { at: now, kind: "fault", text: fault.to_string() });
-        self.let_go(now, wires);
+        self.release(now, wires);
         self.fault = Some(fault);
         self.enter(now, Phase::Fault);
     }
 
-    /// The arm is asked for the number of its error only after it was stopped.
-    fn explain(&mut self, now: Duration) {
+    /// Updates the fault when the arm has reported the number of its error, which is requested after the stop.
+    fn update_fault(&mut self, now: Duration) {
         if let (Some(Fault::Arm(told)), ArmState::Fault(known)) = (&mut self.fault, self.arm.state())
             && *told != known
         {
@@ -151,14 +151,14 @@ impl Robot {
         }
     }
 
-    /// Zero torque and servo off for the hand, state 4 for the arm, whatever the wires say.
-    pub(super) fn let_go(&mut self, now: Duration, wires: &mut dyn Wires) {
-        self.let_go_at = now;
+    /// Zero torque and servo off for the hand, state 4 for the arm; errors of the connections are ignored.
+    pub(super) fn release(&mut self, now: Duration, wires: &mut dyn Wires) {
+        self.released_at = now;
         self.frames.clear();
         self.bytes.clear();
         self.hand.stop(now, &mut self.frames);
         self.arm.stop(now, &mut self.bytes);
-        // A wire that fails must not keep the other from being told.
+        // A failed connection must not keep the other device from being stopped.
         for frame in &self.frames {
             let _ = wires.send_frame(*frame);
         }

@@ -1,8 +1,8 @@
 //! The controller of a whole robot: hand, arm and keyboard, their limits, and what happens when one of them fails.
 //!
-//! [`Robot`] is polled with the time and its [`Wires`]; in between, whoever plays asks it to [`follow`](Robot::follow) a
-//! stream. Set-points go through the limiter on a grid of [`SETPOINT_HZ`]; from there the rail becomes joint angles of
-//! the arm, and the fingers become torques at the hand's own clock. There is no other way to either wire.
+//! [`Robot`] is polled with the time and its [`Wires`]; between polls the caller gives it a stream to
+//! [`follow`](Robot::follow). Set-points go through the limiter on a grid of [`SETPOINT_HZ`]; from there the rail becomes joint angles of
+//! the arm, and the fingers become torques at the hand's own clock. There is no other way to either device.
 //!
 //! ```text
 //! off ─start─► starting ─► holding ◄──────► following
@@ -11,7 +11,7 @@
 //!  any of them ──────stop────┴─► stopped      any of them ──fault──► fault (latched until start)
 //! ```
 //!
-//! A fault of any device lets go of the hand and stops the arm in the same poll.
+//! A fault of any device releases the hand and stops the arm in the same poll.
 
 mod advance;
 mod axes;
@@ -49,11 +49,11 @@ const CLEAR_FINGERS: [f64; FINGER_JOINTS] = [0.0; FINGER_JOINTS];
 /// What the robot is doing.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Phase {
-    /// Nothing was asked of it yet.
+    /// It was not started yet.
     Off,
-    /// The devices come up.
+    /// The devices are starting.
     Starting,
-    /// It stands and holds.
+    /// It stands still and holds its pose.
     Holding,
     /// It moves slowly to a pose.
     Moving,
@@ -95,19 +95,19 @@ pub struct Robot {
     stream: Option<Stretch>,
     /// Set-points before the last step, for the joint loop in between.
     before: [f64; AXES],
-    /// The way from where the joints were at first into their ranges.
+    /// The offsets of joints that started outside their ranges, which fade out.
     easing: Easing,
     following: Following,
-    /// A period's angles are in, and no torque was computed from them.
+    /// New angles have arrived, from which no torque was computed yet.
     measured: bool,
     stepped: Duration,
     polled: Option<Duration>,
-    /// When the hand was let go last.
-    let_go_at: Duration,
+    /// When the hand was released last.
+    released_at: Duration,
     /// Joints that the arm was last asked for; `None` while the arm is not on its path.
     arm_sent: Option<[f64; kinematics::JOINTS]>,
     arm_seen: Option<Duration>,
-    /// Whether the drivers know of their connections, and whether the arm was told to start.
+    /// Whether the drivers were told that they are connected, and whether the arm was started.
     arm_connected: bool,
     keyboard_connected: bool,
     arm_told: bool,
@@ -147,7 +147,7 @@ impl Robot {
             measured: false,
             stepped: Duration::ZERO,
             polled: None,
-            let_go_at: Duration::ZERO,
+            released_at: Duration::ZERO,
             arm_sent: None,
             arm_seen: None,
             arm_connected: false,
@@ -161,7 +161,7 @@ impl Robot {
         })
     }
 
-    /// Begins to bring the devices up; also the operator's way out of a fault.
+    /// Starts the devices. This also clears a fault, and only an operator may ask for it.
     pub fn start(&mut self, now: Duration) {
         self.fault = None;
         self.plan = None;
@@ -174,9 +174,9 @@ impl Robot {
         self.arm_told = false;
     }
 
-    /// Lets go of the hand and stops the arm, at once and in any state.
+    /// Releases the hand and stops the arm, at once and in any state.
     pub fn stop(&mut self, now: Duration, wires: &mut dyn Wires) {
-        self.let_go(now, wires);
+        self.release(now, wires);
         if self.phase != Phase::Fault {
             self.enter(now, Phase::Stopped);
         }
@@ -184,11 +184,11 @@ impl Robot {
 
     /// Brings the robot slowly to a pose, from wherever it is: fingers straight, the arm over its home and from above
     /// to the middle of the keyboard unless it is at the keyboard already, then fingers and rail to `goal`, or the
-    /// nearest that their ranges allow. From beside the keys the arm goes straight up first; it sets out only when the
+    /// nearest that their ranges allow. From beside the keys the arm goes straight up first; it starts only when the
     /// fingers are straight.
     ///
     /// # Errors
-    /// If the robot does not hold still, the goal holds what is no number, or the way would lead out of the arm's box.
+    /// If the robot does not hold still, the goal is not finite, or the way would leave the arm's box.
     pub fn home(&mut self, now: Duration, goal: &[f64; DRIVEN]) -> Result<(), Refused> {
         let station = if self.arm_sent.is_some() { None } else { Some(self.first_station()) };
         station.map_or(Ok(()), |station| self.check_way(station))?;
@@ -198,7 +198,7 @@ impl Robot {
     /// Brings fingers and rail slowly to a pose, or the nearest that their ranges allow.
     ///
     /// # Errors
-    /// If the robot does not hold still at the keyboard, or the goal holds what is no number.
+    /// If the robot does not hold still at the keyboard, or the goal holds a number that is not finite.
     pub fn approach(&mut self, now: Duration, goal: &[f64; DRIVEN]) -> Result<(), Refused> {
         if self.arm_sent.is_none() {
             let remedy = "not at the keyboard: `etude robot home` brings it there";
@@ -243,9 +243,9 @@ impl Robot {
     ///
     /// # Errors
     /// If the robot is neither holding nor following, or is not near the first waypoint when it begins, or its
-    /// keyboard has a warning that nobody has acknowledged by a start.
+    /// keyboard has a warning that no start has acknowledged.
     pub fn follow(&mut self, begun: Duration, waypoints: &[[f64; DRIVEN]]) -> Result<(), Refused> {
-        // One that began far ahead would keep the watch on the age of commands quiet.
+        // A beginning in the future would delay the check of the age of commands.
         let ahead = Duration::from_secs_f64(self.config.limits.stale_command_secs);
         let begun = self.polled.map_or(begun, |polled| begun.min(polled.saturating_add(ahead)));
         if self.phase != Phase::Following {
@@ -266,7 +266,7 @@ impl Robot {
         Ok(())
     }
 
-    /// Ends a stream or a slow move: brakes and holds. A move that the arm makes by itself goes on to its end: only
+    /// Ends a stream or a slow move: brakes and holds. A planned move of the arm continues to its end: only
     /// [`stop`](Self::stop) ends that.
     pub fn hold(&mut self, now: Duration) {
         if self.plan.as_ref().is_some_and(|plan| plan.station.is_some()) {
@@ -373,7 +373,7 @@ impl Robot {
         self.journal.take()
     }
 
-    /// Records that were lost because nobody took them.
+    /// Records that were dropped because they were not taken.
     pub fn lost_records(&self) -> u64 {
         self.journal.lost()
     }

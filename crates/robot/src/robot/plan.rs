@@ -1,4 +1,4 @@
-//! Slow moves: the way of the arm from anywhere to the keyboard, and the fingers that are out of the way before it.
+//! Slow moves: the stations of the arm's way to the keyboard.
 
 use std::time::Duration;
 
@@ -17,7 +17,7 @@ pub(super) const PATIENCE: Duration = Duration::from_secs(2);
 /// The stations of the arm's way from anywhere to the middle of the keyboard.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Station {
-    /// Straight up, from beside the keys.
+    /// Straight up, away from the keys.
     Up,
     /// The paper's home, high above.
     Home,
@@ -32,7 +32,7 @@ pub(super) enum Station {
 pub(super) struct Plan {
     /// The move that is under way.
     pub slow: SlowMove,
-    /// Where the arm goes next by moves of its own, and whether it was told.
+    /// Where the arm goes next by planned moves, and whether that move was commanded.
     pub station: Option<(Station, bool)>,
     /// When the fingers must have come to where they do not hinder the arm.
     pub arrived_by: Duration,
@@ -73,7 +73,7 @@ pub(super) fn check_fence(fence: &Fence, path: &RailPath, range: [f64; 2]) -> Re
         (Station::Above, "above the keyboard"),
         (Station::Home, "the way between home and the keyboard"),
     ] {
-        // Nothing is refused here that cannot be reached: setting out for it is.
+        // A station that cannot be reached is refused when the arm starts for it.
         let Ok(joints) = station.joints(path, &standing) else { return Ok(()) };
         let held = fence.holds_way(&standing, &joints);
         held.map_err(|source| RobotError::OutsideFence { place: place.to_string(), source })?;

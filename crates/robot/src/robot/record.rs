@@ -1,4 +1,4 @@
-//! What the controller has done and seen, for whoever keeps recordings.
+//! The controller's records, for recordings.
 
 use std::collections::VecDeque;
 use std::time::Duration;
@@ -36,7 +36,7 @@ pub enum Record {
         /// What was sent.
         pwm: [i16; allegro::JOINTS],
     },
-    /// The arm told where it is.
+    /// A report of the arm.
     Arm {
         /// When.
         at: Duration,
@@ -49,7 +49,7 @@ pub enum Record {
     },
     /// A key was struck or released.
     Key(KeyChange),
-    /// Something that an operator should read: a new phase, a warning, a fault.
+    /// A message for the operator: a new phase, a warning, a fault.
     Note {
         /// When.
         at: Duration,
@@ -60,7 +60,7 @@ pub enum Record {
     },
 }
 
-/// Records that nobody has taken yet. The oldest go first if nobody ever does.
+/// Records that were not taken yet. When full, the oldest are dropped.
 #[derive(Debug, Default)]
 pub(super) struct Journal {
     records: VecDeque<Record>,

@@ -1,5 +1,4 @@
-//! The frames of the command port: requests to the arm's controller and its replies (fact sheet hardware
-//! §2.2, §2.9).
+//! The frames of the command port: requests to the arm's controller and its replies (ufactory_docs, private protocol).
 //!
 //! A frame has a header of three big-endian words (transaction, protocol, length) and a body that starts with
 //! the register. Floats in the body are little-endian, 16-bit counts big-endian.
@@ -16,9 +15,9 @@ pub const PROTOCOL_PRIVATE: u16 = 2;
 pub const PROTOCOL_KEEP_ALIVE: u16 = 3;
 /// First firmware that understands [`PROTOCOL_KEEP_ALIVE`].
 pub const KEEP_ALIVE_FROM: (u16, u16, u16) = (1, 8, 6);
-/// State that stops an arm, and in which it then stands still and takes no motion (fact sheet hardware §2.4).
+/// The state that stops an arm: it stands still and refuses motions (ufactory_docs).
 pub const STOPPED: u8 = 4;
-/// Register of a frame that nobody asked for.
+/// Register of a frame that answers no request.
 pub const FEEDBACK: u8 = 0xFF;
 
 const HEADER: usize = 6;
@@ -26,7 +25,7 @@ const HEADER: usize = 6;
 /// Makes an enum of registers and the table that names them.
 macro_rules! registers {
     ($($variant:ident = $number:literal, $name:literal;)*) => {
-        /// A register of the controller (fact sheet hardware §2.3).
+        /// A register of the controller (ufactory_docs).
         #[derive(Clone, Copy, Debug, PartialEq, Eq)]
         #[repr(u8)]
         pub enum Register { $(#[doc = $name] $variant = $number,)* }
@@ -92,7 +91,7 @@ registers! {
     FeedbackType = 254, "feedback type";
 }
 
-/// The byte of a reply that says how it went.
+/// The state byte of a reply.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct ReplyState(pub u8);
 
@@ -196,7 +195,7 @@ fn word(bytes: &[u8], at: usize) -> u16 {
     bytes.get(at..at + 2).map_or(0, |pair| u16::from_be_bytes([pair[0], pair[1]]))
 }
 
-/// Says that a command has begun or ended, unasked (fact sheet hardware §2.9).
+/// Reports that a command has begun or ended (xArm-CPLUS-SDK; register 254 switches these frames on).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Feedback {
     /// What happened: the bit of the mask under which it was ordered.
@@ -266,7 +265,7 @@ mod tests {
     }
 
     #[test]
-    fn the_samples_of_the_fact_sheet() {
+    fn samples_by_hand() {
         let version = Frame::new(1, 2, &[&[Register::Version as u8]]).unwrap();
         assert_eq!(bytes(&version), [0, 1, 0, 2, 0, 1, 1]);
         let enable = Frame::new(2, 3, &[&[Register::MotionEnable as u8], &[8, 1]]).unwrap();

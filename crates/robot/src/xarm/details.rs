@@ -1,4 +1,4 @@
-//! What the slow reports (30001, 30002) tell beside the motion (fact sheet hardware §2.7).
+//! The additional content of the slow reports (30001, 30002; ufactory_docs).
 
 use super::kinematics::JOINTS;
 
@@ -31,7 +31,7 @@ pub struct Details {
     pub servos: [[u8; 2]; JOINTS],
 }
 
-/// What 30002 tells of the limits of planned moves.
+/// The limits of planned moves in 30002.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct MotionLimits {
     /// Jerk.

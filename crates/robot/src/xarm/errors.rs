@@ -1,6 +1,7 @@
-//! What the controller's error, warning and servo codes mean, and what the operator does about them.
+//! The controller's error codes, and what the operator does about each.
 //!
-//! Numbers and meanings are those of the fact sheet (hardware §2.8); what to do is our advice.
+//! Numbers and meanings are those of UFACTORY's manual and of `xarm/core/config/x_code.py` in xArm-Python-SDK; the
+//! remedies are our advice.
 
 /// One code, explained.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -97,7 +98,7 @@ const ERRORS: &[(u8, &str, &str)] = &[
 mod tests {
     use super::*;
 
-    /// The codes of `ControllerErrorCodeMap` in the official SDK (`xarm/core/config/x_code.py`), in its order.
+    /// The codes of `ControllerErrorCodeMap` in the official SDK (`x_code.py`), in its order.
     const LISTED: &str = "1 2 3 10 11 12 13 14 15 16 17 18 19 21 22 23 24 25 26 27 28 30 31 32 33 34 35 36 37 38 \
         39 40 41 42 43 44 50 51 52 53 60 110 111";
 

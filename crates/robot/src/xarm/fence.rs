@@ -1,7 +1,7 @@
-//! The box that the flange stays in: the controller's "safety boundary" (fact sheet "hardware" §2.3, registers 52 and
-//! 59), which stops the arm with error 35 when it is left.
+//! The box that the flange stays in: the controller's "safety boundary" (registers 52 and 59), which stops the arm with
+//! error 35 when the flange leaves it.
 //!
-//! What we send keeps a little away from its sides, so that the controller's check stays the second one.
+//! Our own set-points keep a margin from its sides, so that the controller's check is the second one.
 
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
@@ -10,7 +10,7 @@ use super::kinematics::{JOINTS, forward};
 
 /// How far from the sides our own motion stays, mm: a servoed arm rounds its corners.
 const MARGIN_MM: f64 = 5.0;
-/// Where the official SDK lets a tool be, mm (fact sheet "hardware" §2.6).
+/// Range of the tool in xArm-Python-SDK, mm.
 const WIDEST_MM: [[i32; 2]; 3] = [[-750, 750], [-750, 750], [-400, 1000]];
 /// Thinnest box, mm: less leaves nothing between its margins.
 const THINNEST_MM: i32 = 50;

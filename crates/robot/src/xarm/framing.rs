@@ -1,4 +1,4 @@
-//! Cuts a stream of bytes into frames that announce their size, in whatever pieces the bytes come.
+//! Cuts a stream of bytes into frames that announce their size, independent of how the bytes are split.
 
 /// The beginning of a frame whose rest has not come yet.
 #[derive(Debug, Default)]

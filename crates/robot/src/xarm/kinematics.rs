@@ -15,8 +15,7 @@ pub const JOINTS: usize = 7;
 /// Derivative of the pose with respect to the joints: three rows in m/rad, then three in rad/rad.
 pub type Jacobian = SMatrix<f64, 6, JOINTS>;
 
-/// What every hardware model of the arm can reach, rad (fact sheet hardware §2.6: the narrower of the two
-/// rows).
+/// What every hardware model of the arm can reach, rad (joint limits in xArm-Python-SDK, models from 1305).
 pub const JOINT_LIMITS_RAD: [(f64, f64); JOINTS] = [
     (-2.0 * PI, 2.0 * PI),
     (-2.042035, 2.024581),
@@ -27,7 +26,7 @@ pub const JOINT_LIMITS_RAD: [(f64, f64); JOINTS] = [
     (-2.0 * PI, 2.0 * PI),
 ];
 
-/// What some hardware model of the arm can reach, rad (fact sheet hardware §2.6: the wider of the two rows).
+/// What some hardware model of the arm can reach, rad (joint limits in xArm-Python-SDK, other models).
 pub const WIDEST_LIMITS_RAD: [(f64, f64); JOINTS] = [
     (-2.0 * PI, 2.0 * PI),
     (-2.059488, 2.094395),
@@ -38,11 +37,11 @@ pub const WIDEST_LIMITS_RAD: [(f64, f64); JOINTS] = [
     (-2.0 * PI, 2.0 * PI),
 ];
 
-/// Where the paper's rig begins and ends, degrees (fact sheet hardware §0).
+/// Where the paper's rig begins and ends, degrees (lasr-lab/learning-to-play-piano).
 pub const PAPER_HOME_DEG: [f64; JOINTS] = [0.0, 10.0, 0.0, 107.3, 180.0, -10.9, -225.0];
 
 /// Modified Denavit-Hartenberg rows: angle to the previous axis (rad), distance from it (m), offset along the
-/// own (m) (fact sheet hardware §2.12).
+/// own (m) (ufactory_docs, kinematics).
 const LINKS: [(f64, f64, f64); JOINTS] = [
     (0.0, 0.0, 0.267),
     (-FRAC_PI_2, 0.0, 0.0),
@@ -53,7 +52,7 @@ const LINKS: [(f64, f64, f64); JOINTS] = [
     (-FRAC_PI_2, 0.076, 0.097),
 ];
 
-/// Farthest that one iteration of the inverse moves its target (fact sheet hardware §2.12).
+/// Largest shift of the target in one iteration of the inverse, m (our choice).
 const STEP_M: f64 = 0.02;
 /// The same for the orientation.
 const STEP_RAD: f64 = 0.1;
@@ -156,7 +155,7 @@ pub fn inverse(target: &Pose, near: &[f64; JOINTS]) -> Result<[f64; JOINTS], Kin
     Err(KinematicsError::OutOfReach { short_by_m })
 }
 
-/// The first joint beyond its limits, as the error that says so.
+/// Checks that every joint is within its limits; the error names the first that is not.
 pub(crate) fn within_limits(joints_rad: &[f64; JOINTS]) -> Result<(), KinematicsError> {
     for (index, (&angle_rad, (lowest_rad, highest_rad))) in
         joints_rad.iter().zip(JOINT_LIMITS_RAD).enumerate()
@@ -231,8 +230,7 @@ mod tests {
 
     use super::*;
 
-    /// The points of the slide's path, as the fact sheet computed them: y and z in mm, joints in degrees
-    /// (hardware §2.12).
+    /// Points of the slide's path, computed by an independent program: y and z in mm, joints in degrees.
     const SLIDE_DEG: [(f64, f64, [f64; JOINTS]); 5] = [
         (336.5, 169.0, [23.56, 39.75, 16.95, 74.83, 219.55, 67.36, -255.95]),
         (166.835, 169.755, [11.94, 27.38, 9.63, 56.29, 202.81, 64.28, -240.06]),
@@ -268,7 +266,7 @@ mod tests {
     }
 
     #[test]
-    fn the_poses_of_the_fact_sheet() {
+    fn poses_of_an_independent_program() {
         let zero = forward(&[0.0; JOINTS]);
         close(zero.position_m.as_slice(), &[0.206, 0.0, 0.1205], 1e-12);
         close(&zero.rpy_rad().map(f64::abs), &[PI, 0.0, 0.0], 1e-12);
@@ -282,7 +280,7 @@ mod tests {
     }
 
     #[test]
-    fn the_slide_of_the_fact_sheet() {
+    fn the_slide_of_an_independent_program() {
         let (y, z, listed) = SLIDE_DEG[2];
         let at_centre = inverse(&over_keys(y, z), &radians(listed)).unwrap();
         // The redundant joint makes the answer depend on the path from home, of which the table does not say

@@ -15,7 +15,7 @@ pub struct Pose {
 
 impl Pose {
     /// From a position and roll, pitch and yaw about the fixed axes x, y and z (rad), which is the arm's
-    /// convention (fact sheet hardware §2.12).
+    /// convention (ufactory_docs).
     pub fn from_rpy(position_m: [f64; 3], rpy_rad: [f64; 3]) -> Self {
         let [roll, pitch, yaw] = rpy_rad;
         Self {

@@ -1,5 +1,4 @@
-//! What the controller tells unasked, over and over: 30003 at 100 Hz, 30001 and 30002 at 5 Hz (fact sheet
-//! hardware §2.7).
+//! The periodic reports of the controller: port 30003 at 100 Hz, 30001 and 30002 at 5 Hz (ufactory_docs).
 
 use super::codec::{floats, push_floats};
 pub use super::details::{Details, MotionLimits};
@@ -45,7 +44,7 @@ impl ReportKind {
     }
 }
 
-/// Largest size word that is believed; the longest known report has 587 bytes.
+/// Largest plausible size word; the longest known report has 587 bytes.
 const MAX_SIZE: usize = 1024;
 
 /// One report.
@@ -70,7 +69,7 @@ pub struct Report {
 /// Beyond what any model's joints reach, rad: encoders and stops have some play. An angle farther out was not measured.
 const SLACK_RAD: f64 = 0.2;
 
-/// Whether every joint may be where a report says.
+/// Whether every reported joint angle is possible.
 fn possible_joints(joints_rad: &[f32; JOINTS]) -> bool {
     joints_rad.iter().zip(WIDEST_LIMITS_RAD).all(|(angle, (lowest, highest))| {
         (lowest - SLACK_RAD..=highest + SLACK_RAD).contains(&f64::from(*angle))
@@ -100,7 +99,7 @@ impl Report {
             out.extend(firmware.bytes().chain(std::iter::repeat(0)).take(30));
             push_floats(out, &details.tcp_limits_mm.to_wire());
             push_floats(out, &details.joint_limits_rad.to_wire());
-            // Jerk and acceleration of turns, which the fact sheet does not know.
+            // Jerk and acceleration of turns, which are not documented.
             push_floats(out, &[0.0; 2]);
             out.extend(details.servos.as_flattened());
         }
@@ -141,7 +140,7 @@ impl Report {
             report.details.joint_limits_rad = MotionLimits::from_wire(floats(at(201)?)?);
             report.details.servos.as_flattened_mut().copy_from_slice(frame.get(229..243)?);
         }
-        // Modes and states as the official SDK believes them.
+        // The modes and states that xArm-Python-SDK accepts.
         let possible = report.state <= 9 && report.mode <= 11;
         let details = &report.details;
         let sensible = details.collision_sensitivity <= 5 && details.teach_sensitivity <= 5;
@@ -250,7 +249,7 @@ mod tests {
     }
 
     #[test]
-    fn the_offsets_of_the_fact_sheet() {
+    fn the_documented_offsets() {
         let report = Report {
             state: 2,
             mode: 1,
@@ -297,9 +296,9 @@ mod tests {
         assert_eq!(sizes, [(30003, 87), (30001, 145), (30002, 245)]);
     }
 
-    /// A joint is believed up to its stop and a little farther, and no joint where its neighbour may be.
+    /// An angle is valid up to its stop and a little farther, and each joint has its own range.
     #[test]
-    fn angles_that_no_arm_has_are_not_believed() {
+    fn impossible_angles_are_rejected() {
         let report = |joint: usize, angle: f64| {
             let mut report = Report {
                 state: 2,
@@ -315,7 +314,7 @@ mod tests {
             report.write(ReportKind::Real, "", &mut frame);
             Report::read(ReportKind::Real, &frame).is_some()
         };
-        // Fact sheet §2.6, degrees, the models' widest.
+        // Degrees, the widest of all models (xArm user manual).
         let degrees =
             [[-360, 360], [-118, 120], [-360, 360], [-11, 225], [-360, 360], [-97, 180], [-360, 360]];
         for (joint, [low, high]) in degrees.into_iter().enumerate() {

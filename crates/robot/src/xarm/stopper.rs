@@ -1,7 +1,7 @@
-//! Stops an arm over its command port alone, from whatever it is doing, and asks it whether it stands.
+//! Stops an arm over its command port alone, in any state, and reads back whether it stands still.
 //!
-//! Nothing is known of the arm and nothing is waited for: the stop is the first thing that it hears. Its reply proves
-//! nothing (fact sheet "hardware" §2.2), so the state is read back.
+//! The stop is the first request; nothing is read before. A reply does not prove that a command was carried out, so the
+//! state is read back.
 
 use std::time::Duration;
 
@@ -9,20 +9,20 @@ use super::codec::{Frame, FrameParser, PROTOCOL_PRIVATE, Register, STOPPED};
 
 /// Time between two stop commands until the arm has confirmed.
 const STOP_AGAIN: Duration = Duration::from_millis(100);
-/// Time between two questions about the state.
+/// Time between two requests for the state.
 const ASK_AGAIN: Duration = Duration::from_millis(20);
-/// The arm must have stood for so long: an order of its controller may have been on its way and undone the stop.
+/// The arm must report the stop for this long: another command may have been on its way and undone it.
 const STANDS: Duration = Duration::from_millis(60);
 
-/// Stops an arm, and knows when it has confirmed.
+/// Stops an arm and waits for its confirmation.
 #[derive(Debug, Default)]
 pub struct Stopper {
     replies: FrameParser,
     transaction: u16,
-    /// When to say the stop, and when to ask, if ever.
+    /// When to repeat the stop, and when to request the state.
     say: Duration,
     ask: Option<Duration>,
-    /// Since when it says that it stands.
+    /// Since when it has reported the stop.
     since: Option<Duration>,
     stopped: bool,
 }
@@ -48,7 +48,7 @@ impl Stopper {
         while let Some(frame) = self.replies.next(&mut bytes) {
             let Some((_, params)) = frame.reply() else { continue };
             match Register::from_number(frame.register()) {
-                // Asked only after a stop was taken, the answer is about the time after it.
+                // Requested after the stop was accepted, so that the answer is from after it.
                 Some(Register::SetState) => self.ask = Some(now),
                 Some(Register::GetState) => self.take_state(now, params.first().copied()),
                 _ => {}
@@ -62,12 +62,12 @@ impl Stopper {
             let since = *self.since.get_or_insert(now);
             self.stopped = now.saturating_sub(since) >= STANDS;
         } else if self.since.take().is_some() {
-            // It stood, and somebody set it going.
+            // It had stopped, and another client started it.
             self.say = now;
         }
     }
 
-    /// Whether the arm has confirmed that it stands.
+    /// Whether the arm has confirmed that it stands still.
     pub fn is_stopped(&self) -> bool {
         self.stopped
     }

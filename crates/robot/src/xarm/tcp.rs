@@ -6,7 +6,7 @@ use std::time::Duration;
 
 use crate::stream::{Outbox, read_available};
 
-/// Ports of commands and of reports (fact sheet hardware §2.1).
+/// Ports of commands and of reports (ufactory_docs).
 const PORTS: (u16, u16) = (502, 30003);
 /// Longest time to connect, as in the official SDK.
 const CONNECT_TIMEOUT: Duration = Duration::from_secs(1);

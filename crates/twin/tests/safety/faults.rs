@@ -176,7 +176,7 @@ pub const ROWS: &[Row] = &[
         name: "arm stopped by another client (state 4)",
         // A start that is under way sets the state anew.
         ends: [GoesOn, Fault(15), Fault(30), Fault(15), Fault(15), GoesOn],
-        says: "nobody here asked for that",
+        says: "which this program did not request",
         lost: Lost::Nothing,
         stays: false,
         strike: |b| b.begin(FaultKind::ArmStopped),
@@ -291,7 +291,7 @@ pub const ROWS: &[Row] = &[
     Row {
         name: "another arm than the calibration's",
         ends: [Fault(150), Never, Never, Never, Never, Never],
-        says: "calibrate anew",
+        says: "calibrate again",
         lost: Lost::Nothing,
         stays: true,
         strike: |b| {

@@ -16,7 +16,7 @@ use crate::dice::Dice;
 /// Frames, and bytes, at random in each test.
 const AMOUNT: u64 = 10_000_000;
 
-/// Identifiers of the hand's messages, both ways (fact sheet "hardware" §1.2).
+/// Identifiers of the hand's messages, both ways (Wonik's "CAN Protocol v4.0").
 const IDS: [u16; 24] = [
     0x100, 0x104, 0x180, 0x184, 0x188, 0x18C, 0x380, 0x384, 0x388, 0x38C, 0x204, 0x1A0, 0x200, 0x220, 0x080,
     0x084, 0x088, 0x08C, 0x0C0, 0x0E0, 0x0E4, 0x0E8, 0x0EC, 0x040,

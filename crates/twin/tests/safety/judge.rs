@@ -1,6 +1,6 @@
 //! Listens in on all that the controller sends, and fails the test at the first thing that is out of bounds.
 //!
-//! Decoding and limits are its own, from the fact sheet "hardware": what the crate's codecs and tables had
+//! Decoding and limits are its own, from the published sources: what the crate's codecs and tables had
 //! wrong, it would not share.
 
 use std::f64::consts::PI;
@@ -12,10 +12,10 @@ use etude_robot::rig::RigConfig;
 use etude_robot::xarm::kinematics::forward;
 use etude_robot::{Phase, Record};
 
-/// Largest PWM of a finger's and the thumb's joints (§1.4).
+/// Largest PWM of a finger's and the thumb's joints (allegro_hand_ros_v4).
 const FINGER_PWM: [i16; 4] = [375, 675, 450, 285];
 const THUMB_PWM: [i16; 4] = [525, 405, 270, 270];
-/// Ranges of the arm's joints, degrees (§2.6).
+/// Ranges of the arm's joints, degrees (xArm user manual).
 const ARM_DEG: [[f64; 2]; 7] = [
     [-360.0, 360.0],
     [-118.0, 120.0],
@@ -25,12 +25,12 @@ const ARM_DEG: [[f64; 2]; 7] = [
     [-97.0, 180.0],
     [-360.0, 360.0],
 ];
-/// Fastest flange, m/s, and fastest joint, rad/s (§2.6).
+/// Fastest flange, m/s, and fastest joint, rad/s (xArm user manual).
 const FLANGE_M_S: f64 = 1.0;
 const JOINT_RAD_S: f64 = PI;
 /// Fastest joint in a move that the arm plans itself: the controller's own choice, far below the limit.
 const PLANNED_RAD_S: f64 = 0.3;
-/// Time between two targets: shorter ones would not make the arm any faster (§2.5).
+/// Time between two targets: shorter ones would not make the arm any faster (xArm user manual).
 const TARGET_SECS: f64 = 0.005;
 /// A target repeated after a longer pause than this still may not leap.
 const LONGEST_SECS: f64 = 0.02;
@@ -98,7 +98,7 @@ impl Judge {
         }
     }
 
-    /// A frame goes to the hand (§1.2, device 0).
+    /// A frame goes to the hand (device 0).
     pub fn frame(&mut self, frame: &CanFrame) {
         self.frames += 1;
         let (id, data) = (frame.id(), frame.payload());
@@ -129,7 +129,7 @@ impl Judge {
         }
     }
 
-    /// Bytes go to the arm (§2.2).
+    /// Bytes go to the arm.
     pub fn arm_bytes(&mut self, now: Duration, bytes: &[u8]) {
         self.partial.extend_from_slice(bytes);
         while self.partial.len() >= 6 {
@@ -155,7 +155,7 @@ impl Judge {
             11 => assert_eq!(params, [8, 1]),
             12 => assert!(params == [0] || params == [4], "{params:?}"),
             19 => assert!(first <= 2 && params.len() <= 2, "{params:?}"),
-            // What the arm takes for jerks and accelerations of its own moves, mm and rad (§2.6).
+            // What the arm takes for jerks and accelerations of its own moves, mm and rad (xArm user manual).
             31..=34 => {
                 let most = [100_000.0, 50_000.0, 500.0, 20.0][usize::from(register - 31)];
                 assert!(params.len() == 4 && (1e-3..=most).contains(&floats[0]), "{register}: {floats:?}");

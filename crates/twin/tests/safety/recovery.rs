@@ -112,7 +112,7 @@ fn another_arm_than_the_calibrations_never_moves() {
     bench.start();
     bench.until_phase(Phase::Fault, 3000);
     let fault = bench.robot.fault().unwrap().to_string();
-    assert!(fault.contains("XS130424A01A09") && fault.contains("calibrate anew"), "{fault}");
+    assert!(fault.contains("XS130424A01A09") && fault.contains("calibrate again"), "{fault}");
     bench.run(20);
     assert!(bench.hand_is_off() && bench.arm_is_stopped());
     assert_eq!((bench.judge.targets, bench.judge.set_points), (0, 0));

@@ -47,17 +47,16 @@ pub struct ArmConfig {
 }
 
 impl Default for ArmConfig {
-    /// Payload: the paper's hand (fact sheet hardware §0). Limits: the arm's own (§2.6), for the flange below
-    /// the speed at which the controller stops. Rates: §2.5.
+    /// Payload: the paper's hand (lasr-lab/learning-to-play-piano). Limits and rates: the xArm user manual; for the flange,
+    /// below the speed at which the controller stops.
     fn default() -> Self {
         Self {
             payload_kg: 1.091,
             payload_centre_mm: [-9.72, 18.38, 157.69],
             collision_sensitivity: 3,
             fence_mm: None,
-            // The controller's own default jerks and full accelerations (§2.6): what another program left behind does
-            // not stay, and nothing slows the servo mode down, whose acceleration is documented as the maximum and
-            // perhaps is this one.
+            // The controller's default jerks and largest accelerations (xArm user manual). They replace what another
+            // program has set. Servo mode is documented to use the largest acceleration, which may be this one.
             tcp_jerk_m_s3: 7.0,
             tcp_acceleration_m_s2: 50.0,
             joint_jerk_rad_s3: 200.0,
@@ -86,7 +85,7 @@ impl ArmConfig {
             ("payload_centre_mm (y)", y, -500.0, 500.0),
             ("payload_centre_mm (z)", z, -500.0, 500.0),
             ("collision_sensitivity", self.collision_sensitivity.into(), 0.0, 5.0),
-            // Up to what the controller takes (§2.6); below the least of them a move home would take minutes.
+            // The largest values are the controller's; with smaller ones than the least a move home would take minutes.
             ("tcp_jerk_m_s3", self.tcp_jerk_m_s3, 0.1, 100.0),
             ("tcp_acceleration_m_s2", self.tcp_acceleration_m_s2, 0.1, 50.0),
             ("joint_jerk_rad_s3", self.joint_jerk_rad_s3, 1.0, 499.9),

@@ -16,17 +16,17 @@ const STOP_AGAIN: Duration = Duration::from_millis(100);
 /// Longest that a change of the set-up may take: enabling the motors releases brakes. The official SDK waits
 /// as long.
 const CHANGE_TIMEOUT: Duration = Duration::from_secs(5);
-/// Time between two questions about the state.
+/// Time between two requests for the state.
 const ASK_AGAIN: Duration = Duration::from_millis(20);
 /// A planned move counts as over when every joint is this near, rad.
 const ARRIVED_RAD: f64 = 0.02;
-/// Answers "ready" without having arrived after which a planned move counts as failed: the arm may need some
-/// time to begin, and its reports some to say so.
+/// Number of "ready" answers before the arm has arrived after which a planned move counts as failed: the arm and its
+/// reports may need some time.
 const IDLE_LIMIT: u32 = 50;
 /// Acceleration of a planned move, rad/s².
 const HOME_ACCELERATION: f64 = 2.0;
-/// Places of the box and of its switch in the reply of the reduced mode's settings (fact sheet "hardware" §2.3, §2.7:
-/// in the order of the report from its byte 495 on).
+/// Offsets of the box and of its switch in the reply of register 53, which has the order of the report from its byte 495
+/// on (ufactory_docs).
 const BOX_AT: usize = 1;
 const FENCE_AT: usize = 77;
 
@@ -58,8 +58,8 @@ impl Arm {
         }
     }
 
-    /// Repeats the stop when it is time to, whatever is outstanding.
-    pub(super) fn say_halt(&mut self, now: Duration, out: &mut Vec<u8>) {
+    /// Repeats the stop when due, even if a request is outstanding.
+    pub(super) fn send_halt(&mut self, now: Duration, out: &mut Vec<u8>) {
         let Some(halt) = &mut self.halt else { return };
         if now < halt.again {
             return;
@@ -70,7 +70,7 @@ impl Arm {
         self.request(now, Purpose::Stop, Register::SetState, &[STOPPED], out);
     }
 
-    /// Gives up on what was not answered, and on reports that stopped.
+    /// Fails if a request was not answered in time, or if reports stopped.
     pub(super) fn check_times(&mut self, now: Duration) {
         if let Some(outstanding) = self.outstanding {
             let question = matches!(outstanding.register, Register::GetState | Register::Errors);
@@ -131,7 +131,7 @@ impl Arm {
             Step::Version => self.protocol = PROTOCOL_PRIVATE,
             Step::Mode(mode) => {
                 params.push(mode);
-                // Whether to look for collisions with itself: only newer firmware knows that byte.
+                // The check for self-collisions: only newer firmware has this byte.
                 if self.version.as_ref().is_some_and(|version| version.firmware >= (1, 10, 0)) {
                     params.push(0);
                 }
@@ -202,14 +202,14 @@ impl Arm {
         } else if moves && state.has(ReplyState::NOT_READY) {
             self.fail(ArmFault::NotReady);
         } else if asked.purpose == Purpose::WhichError {
-            self.name_the_error(params);
+            self.set_error_code(params);
         } else if let (Purpose::Step, Phase::Working(work)) = (asked.purpose, self.phase) {
             self.finish_step(now, work, params);
         }
     }
 
     /// The number of the error behind a fault, unless the fault has a reason of its own.
-    fn name_the_error(&mut self, params: &[u8]) {
+    fn set_error_code(&mut self, params: &[u8]) {
         let Phase::Fault(fault, true) = &mut self.phase else { return };
         let unexplained = matches!(
             fault,
@@ -282,8 +282,7 @@ impl Arm {
         }
     }
 
-    /// Whether the settings of the reduced mode (fact sheet "hardware" §2.3, register 53) say that the box is ours and
-    /// watched.
+    /// Whether the settings of the reduced mode (register 53) have our box, switched on.
     fn is_fenced(&self, params: &[u8]) -> bool {
         let sides = params.get(BOX_AT..BOX_AT + 12).map(|bytes| bytes.as_chunks::<2>().0);
         let sides = sides.unwrap_or_default().iter().map(|side| i32::from(i16::from_be_bytes(*side)));
@@ -291,7 +290,7 @@ impl Arm {
         watched && self.config.fence_mm.is_some_and(|fence| sides.eq(fence.to_wire()))
     }
 
-    /// Whether the arm is ready in this mode: its reply and a report that came after the change both say so.
+    /// Whether the arm is ready in this mode: its reply and a report from after the change both confirm it.
     fn awaited(&self, now: Duration, work: &Work, mode: u8, state: u8) -> Result<bool, ArmFault> {
         let fresh = self.report.filter(|(_, at)| *at > work.since);
         let ready = fresh.is_some_and(|(report, _)| report.mode == mode && (1..=2).contains(&report.state));
@@ -312,7 +311,7 @@ impl Arm {
         let Some((report, _)) = self.report else { return Ok(false) };
         let (joint, by_rad) = largest_turn(&report.joints_rad.map(f64::from), &work.home);
         match state {
-            // Moving, or paused by somebody at the arm.
+            // Moving, or paused by an operator.
             1 | 3 => work.idle = 0,
             2 if by_rad < ARRIVED_RAD => return Ok(true),
             2 | 5 => work.idle += 1,

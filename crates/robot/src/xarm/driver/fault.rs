@@ -56,20 +56,20 @@ pub enum ArmFault {
         /// Its error; `None` until it has been asked for.
         code: Option<u8>,
     },
-    /// The arm is not in the state or mode that it was told to be in.
+    /// The arm is not in the commanded state or mode.
     #[error(
-        "the arm is in state {state}, mode {mode}, though nobody here asked for that: \
+        "the arm is in state {state}, mode {mode}, which this program did not request: \
          close UFACTORY Studio, look after the arm, then start again"
     )]
     UnexpectedState {
-        /// State of the arm (fact sheet hardware §2.4).
+        /// State of the arm (ufactory_docs, states and modes).
         state: u8,
         /// Mode of the arm.
         mode: u8,
     },
     /// The arm replied that it is not ready to move.
     #[error(
-        "the arm has stopped taking targets, though nobody here asked for that: \
+        "the arm has stopped taking targets, which this program did not request: \
          close UFACTORY Studio, look after the arm, then start again"
     )]
     NotReady,
@@ -102,7 +102,7 @@ pub enum ArmFault {
     /// The connection is gone.
     #[error("the connection to the arm is lost: check cable and control box, connect and start again")]
     Disconnected,
-    /// The other side does not speak as an xArm7 does.
+    /// The other side does not use the xArm7's protocol.
     #[error("what answers is not an xArm7 as known here ({0}): check the address, connect and start again")]
     ProtocolNonsense(&'static str),
 }
@@ -110,7 +110,7 @@ pub enum ArmFault {
 fn describe(code: Option<u8>) -> String {
     match code {
         Some(code) => format!("error {}", controller_error(code)),
-        None => "an error whose number it has not told: read it in UFACTORY Studio, then start again".into(),
+        None => "an error without its number: read it in UFACTORY Studio, then start again".into(),
     }
 }
 
@@ -119,7 +119,7 @@ fn describe(code: Option<u8>) -> String {
 pub enum ArmState {
     /// There is no connection.
     Disconnected,
-    /// On the way to `Ready` or `Manual`.
+    /// Changing to `Ready` or `Manual`.
     Starting,
     /// Follows targets.
     Ready,
@@ -127,7 +127,7 @@ pub enum ArmState {
     MovingHome,
     /// Led by hand.
     Manual,
-    /// Connected, and told to stand still or not told anything yet.
+    /// Connected; stopped, or not started yet.
     Stopped,
     /// Stopped because of a fault.
     Fault(ArmFault),

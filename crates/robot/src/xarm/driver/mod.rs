@@ -1,8 +1,8 @@
-//! The driver of the arm: turns what the arm says into what to send next, and stops it when anything is odd.
+//! The driver of the arm: computes from the arm's replies and reports what to send next, and stops it on any deviation.
 //!
-//! It is given the bytes of the command port and of the report port with the time of their arrival, and asked
-//! by [`poll`](Arm::poll) what to send. One request is outstanding at a time; only a stop does not wait for
-//! its turn. After a fault the arm is told to stop, again and again until its reports show that it has, and
+//! It receives the bytes of the command port and of the report port with the time of their arrival;
+//! [`poll`](Arm::poll) returns what to send. One request is outstanding at a time; only a stop does not wait for
+//! its turn. After a fault the stop is repeated until the arm's reports confirm it, and
 //! nothing else is sent until [`start`](Arm::start).
 
 mod config;
@@ -28,7 +28,7 @@ use state::{Halt, Phase, Purpose, Target, Work};
 use steps::{MANUAL, SERVO, Step};
 
 impl Arm {
-    /// Both ports are connected anew. Nothing is sent until [`start`](Self::start); a fault stays.
+    /// Both ports are connected. Nothing is sent until [`start`](Self::start); a fault stays.
     pub fn connected(&mut self, _now: Duration) {
         self.commands = FrameParser::default();
         self.reports = ReportParser::new(ReportKind::Real);
@@ -49,7 +49,7 @@ impl Arm {
         };
     }
 
-    /// Clears faults and makes the arm ready to follow targets, from whatever it is doing.
+    /// Clears faults and makes the arm ready to follow targets, from any state.
     ///
     /// # Errors
     /// If there is no connection.
@@ -126,7 +126,7 @@ impl Arm {
         Ok(())
     }
 
-    /// Stops the arm: appends the command at once, in every state and whatever is outstanding. A fault stays
+    /// Stops the arm: appends the command at once, in every state, even if a request is outstanding. A fault stays
     /// a fault.
     pub fn stop(&mut self, now: Duration, out: &mut Vec<u8>) {
         if self.active() {
@@ -135,9 +135,9 @@ impl Arm {
         (self.target, self.sent) = (None, None);
         let since = self.halt.and_then(|halt| halt.since);
         self.halt = Some(Halt { since, again: now });
-        self.say_halt(now, out);
+        self.send_halt(now, out);
         if matches!(self.phase, Phase::Disconnected | Phase::Fault(_, false)) {
-            // Perhaps only the reports are gone, and this arrives; nobody will answer.
+            // Only the reports may be lost, and the command may arrive; no answer is expected.
             (self.halt, self.outstanding) = (None, None);
         }
     }
@@ -147,7 +147,7 @@ impl Arm {
         while let Some(report) = self.reports.next(&mut bytes) {
             self.counters.reports += 1;
             self.report = Some((report, now));
-            self.judge(&report, now);
+            self.check_report(&report, now);
         }
         if self.reports.skipped() > 0 && self.active() {
             self.fail(ArmFault::ProtocolNonsense("its reports are not"));
@@ -164,7 +164,7 @@ impl Arm {
         } else if matches!(self.phase, Phase::Ready) && self.target.is_some() {
             self.tick(now, out);
         }
-        self.say_halt(now, out);
+        self.send_halt(now, out);
         if self.ask_error && self.outstanding.is_none() {
             self.ask_error = false;
             self.request(now, Purpose::WhichError, Register::Errors, &[], out);
@@ -209,7 +209,7 @@ impl Arm {
         self.sent.filter(|sent| sent.at.is_some()).map(|sent| sent.joints)
     }
 
-    /// Who the arm says that it is; known once started.
+    /// The version that the arm reports; known once started.
     pub fn version(&self) -> Option<&ArmVersion> {
         self.version.as_ref()
     }
@@ -240,7 +240,7 @@ impl Arm {
         matches!(self.phase, Phase::Working(_) | Phase::Ready | Phase::Manual)
     }
 
-    /// Latches a fault: the arm is told to stop, and asked why if it may know.
+    /// Latches a fault: commands the stop, and requests the error number.
     fn fail(&mut self, fault: ArmFault) {
         if !self.active() {
             return;
@@ -251,8 +251,8 @@ impl Arm {
         self.ask_error = true;
     }
 
-    /// Holds a new report against what the arm should be doing.
-    fn judge(&mut self, report: &Report, now: Duration) {
+    /// Compares a new report with the expected state.
+    fn check_report(&mut self, report: &Report, now: Duration) {
         let (state, mode) = (report.state, report.mode);
         if self.halt.is_some_and(|halt| halt.since.is_some_and(|since| now > since)) && state >= 4 {
             self.halt = None;

@@ -16,7 +16,7 @@ pub(super) fn way_m(from: &[f64; JOINTS], to: &[f64; JOINTS]) -> f64 {
     (kinematics::forward(to).position_m - kinematics::forward(from).position_m).norm()
 }
 
-/// Whether the arm can be there at all.
+/// Whether the arm can reach these joints.
 pub(super) fn possible(joints: &[f64; JOINTS]) -> Result<(), TargetError> {
     if !joints.iter().all(|angle| angle.is_finite()) {
         return Err(TargetError::NotFinite);

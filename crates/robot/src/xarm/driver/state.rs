@@ -1,4 +1,4 @@
-//! What the driver of the arm knows: its phase, its targets, and the request whose reply it waits for.
+//! The state of the arm's driver: its phase, its targets, and the request whose reply it waits for.
 
 use std::time::Duration;
 
@@ -45,9 +45,9 @@ pub struct ArmCounters {
     pub shortened: u64,
     /// Replies to what was asked.
     pub replies: u64,
-    /// Replies to nothing, or to what had been given up.
+    /// Replies to no request, or to one that had timed out.
     pub stray_replies: u64,
-    /// Feedback frames, which nobody asked for.
+    /// Feedback frames, which answer no request.
     pub feedback: u64,
     /// Replies that mention a warning.
     pub warnings: u64,
@@ -64,12 +64,12 @@ pub(super) struct Target {
     pub at: Option<Duration>,
 }
 
-/// The arm is to stop, and its reports do not yet say that it has.
+/// The arm was commanded to stop, and its reports do not show it yet.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Halt {
     /// When the first stop was sent.
     pub since: Option<Duration>,
-    /// When to say it again.
+    /// When to repeat it.
     pub again: Duration,
 }
 

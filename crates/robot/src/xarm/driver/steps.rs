@@ -1,7 +1,6 @@
 //! What is sent, one request after the other, to bring the arm from one condition to the next.
 //!
-//! A reply to a command proves nothing (fact sheet hardware §2.2): each list ends by reading back state and
-//! mode.
+//! A reply does not prove that a command was carried out, so each list ends by reading back state and mode.
 
 use crate::xarm::codec::Register;
 
@@ -20,9 +19,9 @@ pub(super) enum Step {
     Fenced,
     /// Reads the error: there must be none.
     NoError,
-    /// Reads the state: somebody may have stopped the arm, and setting the state anew would undo that.
+    /// Reads the state: another client may have stopped the arm, and setting the state would undo that.
     Unstopped,
-    /// Reads the state until it and a fresh report say that the arm is ready in this mode.
+    /// Reads the state until it and a fresh report confirm that the arm is ready in this mode.
     Await(u8),
     /// Begins the move home.
     Move,
@@ -30,8 +29,8 @@ pub(super) enum Step {
     Arrive,
 }
 
-/// From any condition to following targets. Limits are taken in by the queue of planned moves, which runs in its mode only
-/// (fact sheet "hardware" §2.4); the box is set last, when a report has told where the arm stands. A stored offset of
+/// From any condition to following targets. Limits pass through the queue of planned moves, which runs in its own
+/// mode only (ufactory_docs); the box is set last, when a report has shown where the arm stands. A stored offset of
 /// the tool would move the box against the flange.
 pub(super) const START: &[Step] = &[
     Step::Version,
@@ -107,8 +106,7 @@ impl Step {
     }
 }
 
-/// Who the arm says that it is: axis, type, prefixes of two serial numbers, firmware (fact sheet hardware
-/// §2.3).
+/// The version that the arm reports: axes, type, prefixes of two serial numbers, firmware (register 1).
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct ArmVersion {
     /// Number of joints.
