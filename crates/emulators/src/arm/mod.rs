@@ -24,8 +24,7 @@ pub use server::{ArmPorts, ArmServer, Reach};
 const MAX_WAITING: usize = 1 << 14;
 /// After a longer pause at rest only the last part of it is reported, ms.
 const MAX_RESTING_MS: u64 = 1000;
-/// A longer leap of the clock is cut even while the arm moves, ms: nothing leaves a moving arm alone for so
-/// long.
+/// Longest leap of the clock while the arm moves, ms.
 const MAX_MOVING_MS: u64 = 600_000;
 /// Tool speed at which the controller stops the arm in servo mode, m/s (xArm user manual).
 const MAX_TOOL_SPEED: f64 = 1.2;

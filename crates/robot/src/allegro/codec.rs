@@ -214,7 +214,6 @@ impl HandMessage {
                 if let Some(finger) = finger(message, POSITION) {
                     Self::Position { finger, counts: words_of(exactly(frame, "8")?) }
                 } else if let Some(finger) = finger(message, TEMPERATURE) {
-                    // One byte a joint, or one 32-bit number whose low byte is joint 0.
                     let celsius = frame.payload().first_chunk().ok_or(length(frame, "4"))?;
                     Self::Temperature { finger, celsius: *celsius }
                 } else {

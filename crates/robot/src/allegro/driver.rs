@@ -225,10 +225,8 @@ impl Hand {
         let taken = self.known.assembly.take(now, finger.number(), counts);
         let event = self.count(taken);
         if event == HandEvent::Positions {
-            // The angles of this frame are used at once, whether or not it completed the period.
             self.known.positions_at = Some(now);
         }
-        // A duplicate must not count as a second implausible reading.
         if taken.duplicate {
             return event;
         }
