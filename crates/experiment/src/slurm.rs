@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use anyhow::{anyhow, bail};
+use etude_perform::write_file;
 
 use crate::outcome::{RESULT, TrialState};
 use crate::trial::{Trial, slug};
@@ -99,12 +100,15 @@ exit "$code"
     text
 }
 
-/// Submits a script; returns the id of the job.
+/// Writes the script beside the plan and submits it; returns the id of the job.
 ///
 /// # Errors
-/// If there is no Slurm or it refuses.
-pub fn submit(script: &Path) -> anyhow::Result<String> {
-    let output = Command::new("sbatch").arg("--parsable").arg(script).output().map_err(|error| {
+/// If a file cannot be written, there is no Slurm, or it refuses.
+pub fn submit(script: &str, plan: &Path) -> anyhow::Result<String> {
+    let file = plan.with_extension("sbatch");
+    std::fs::create_dir_all(plan.with_extension("slurm"))?;
+    write_file(&file, script)?;
+    let output = Command::new("sbatch").arg("--parsable").arg(&file).output().map_err(|error| {
         anyhow!(
             "cannot run sbatch: {error}; is this a node of a cluster? `--launcher local` runs the tasks here, `--dry-run` shows the script"
         )

@@ -8,7 +8,7 @@ use etude_experiment::{
     TrialState, launch_local, names, open_trials, plan_file, plan_text, read_plan, run_trial, slurm_script,
     submit, write_plan,
 };
-use etude_perform::{Job, write_file};
+use etude_perform::Job;
 use serde_json::json as object;
 
 use super::{json, line, note};
@@ -213,18 +213,10 @@ fn launch(args: &RunArgs) -> anyhow::Result<Ending> {
     }
 }
 
-fn make_runs(runs: &Path) -> anyhow::Result<()> {
-    let why = |error| {
-        anyhow::anyhow!("cannot create {}: {error}; choose another folder with --runs", runs.display())
-    };
-    std::fs::create_dir_all(runs).map_err(why)
-}
-
 fn local(args: &RunArgs, trials: &[Trial], plan: &Path, program: PathBuf) -> anyhow::Result<Ending> {
     if args.dry_run || args.throttle.is_some() || !args.sbatch.is_empty() {
         anyhow::bail!("--dry-run, --throttle and --sbatch are for the cluster: add --launcher slurm");
     }
-    make_runs(&args.runs)?;
     write_plan(plan, trials)?;
     let cores = std::thread::available_parallelism().map_or(1, usize::from);
     let threads = usize::from(args.threads);
@@ -293,12 +285,8 @@ fn slurm(
         line(script.trim_end())?;
         return Ok(Ending::Done);
     }
-    make_runs(&args.runs)?;
     write_plan(plan, trials)?;
-    let file = plan.with_extension("sbatch");
-    std::fs::create_dir_all(plan.with_extension("slurm"))?;
-    write_file(&file, &script)?;
-    let job = submit(&file)?;
+    let job = submit(&script, plan)?;
     line(format!(
         "job {job}: {} tasks; squeue --job {job} shows them, scancel {job} ends them",
         indices.len()

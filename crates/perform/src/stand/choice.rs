@@ -187,11 +187,3 @@ pub fn start_pose(side: Side) -> Result<[f64; JOINTS], StageError> {
     let stage = StageConfig { side, ..StageConfig::default() };
     Ok(World::new(&stage, &PhysicalParams::default())?.start_pose())
 }
-
-/// Tries whether the arm reaches the whole keyboard by this calibration, starting from where it is.
-///
-/// # Errors
-/// If it does not, or the points do not lie as the keys do.
-pub fn try_path(rig: &RigConfig, place: &Calibration, near: &[f64; 7]) -> Result<(), CalibrationError> {
-    RailPath::new(place, rig.limits.rail_range_m, near).map(|_| ())
-}

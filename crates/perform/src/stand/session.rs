@@ -1,5 +1,6 @@
 //! A robot with its controller and whatever lets its time pass. It ends with the robot let go, whichever way it ends.
 
+use std::sync::atomic::AtomicBool;
 use std::time::Duration;
 
 use etude_robot::wires::{OpenWires, Wires};
@@ -9,6 +10,7 @@ use etude_twin::Lockstep;
 
 use super::claim::Claim;
 use super::guard::Guard;
+use crate::performer::{PerformError, prepare};
 
 /// Longest time between two beats to the guard, and between two looks for a request to stop.
 const BEAT_PERIOD: Duration = Duration::from_millis(50);
@@ -45,6 +47,18 @@ impl Live {
 }
 
 impl Stand {
+    /// Brings the robot up and holds it still for `time`. Returns the fault if the robot stopped itself meanwhile.
+    ///
+    /// # Errors
+    /// If the robot does not get ready.
+    pub fn hold(&mut self, time: Duration, interrupt: &AtomicBool) -> Result<Option<String>, PerformError> {
+        let Self { robot, pace } = self;
+        prepare(robot, pace, None, None, interrupt)?;
+        let until = pace.now() + time;
+        pace.run_until(robot, until);
+        Ok(robot.fault().map(ToString::to_string))
+    }
+
     /// Lets go of the hand, stops the arm, and waits until the arm says that it stands still.
     ///
     /// # Errors
