@@ -48,7 +48,6 @@ test: setup
 	$(CARGO) clippy --workspace --all-targets --locked -- -D warnings
 	@if pkg-config --exists alsa 2>/dev/null; then set -x; $(CARGO) clippy --package etude --features hardware --locked -- -D warnings; \
 	else echo "not checked: --features hardware (Debian, Ubuntu: apt-get install -y pkg-config libasound2-dev)"; fi
-	$(CARGO) clippy --package etude --features viewer --locked -- -D warnings
 	RUSTDOCFLAGS="-D warnings" $(CARGO) doc --workspace --no-deps --locked --quiet
 	$(PYTHON) scripts/check_links.py docs README.md ARCHITECTURE.md
 	$(PYTHON) scripts/python_packages.py

@@ -1,29 +1,24 @@
 #!/usr/bin/env python3
-"""Golden numbers for crates/identify, from SciPy and pycma.
+"""Golden numbers for crates/identify, from SciPy.
 
     python3 -m venv /tmp/venv-identify
-    /tmp/venv-identify/bin/pip install numpy==2.4.6 scipy==1.17.1 cma==4.5.0
+    /tmp/venv-identify/bin/pip install numpy==2.4.6 scipy==1.17.1
     /tmp/venv-identify/bin/python scripts/golden_identify.py
 
 Writes crates/identify/tests/golden/fits.json. `least_squares`: three problems with their data, the optimum that SciPy's
 trust-region method finds within the bounds, its cost, and the covariance there from slopes measured to high order, as if
-there were no bounds. `cma`: two functions as sums of squares, their optimum, and the evaluations that pycma needs to
-come down to a cost, for each of five seeds. Everything is drawn from fixed seeds; run twice, same bytes.
+there were no bounds. Everything is drawn from fixed seeds; run twice, same bytes.
 """
 
 import json
 import math
 import pathlib
 
-import cma
 import numpy as np
 from scipy.optimize import least_squares
 
 OUT = pathlib.Path(__file__).resolve().parent.parent / "crates/identify/tests/golden/fits.json"
 TIGHT = {"xtol": 1e-15, "ftol": 1e-15, "gtol": 1e-15, "max_nfev": 2000}
-
-
-# ------------------------------------------------------------------------------------------ least squares
 
 
 def decay(x, case):
@@ -104,69 +99,12 @@ def least_squares_cases():
     ]
 
 
-# ------------------------------------------------------------------------------------------------ CMA-ES
-
-
-def ellipsoid(x, case):
-    turned = np.array(case["rotation"]) @ (np.array(x) - np.array(case["optimum"]))
-    return np.array(case["lengths"]) * turned
-
-
-def rosenbrock(x, case):
-    x = np.array(x)
-    return np.concatenate([10 * (x[1:] - x[:-1] ** 2), 1 - x[:-1]])
-
-
-def evaluations(function, case):
-    """Evaluations until pycma first meets a cost below the target, in the unit cube and with our spread and constants."""
-    low, high = np.array(case["bounds"]).T
-    counts = []
-    for seed in range(1, 6):
-        start = ((np.array(case["start"]) - low) / (high - low)).tolist()
-        options = {"seed": seed, "bounds": [0, 1], "verbose": -9, "maxfevals": 50_000, "tolfun": 0, "tolx": 0, "tolfunhist": 0}
-        search, count = cma.CMAEvolutionStrategy(start, case["spread"], options), 0
-        met = False
-        while not met:
-            points = search.ask()
-            residuals = [function(low + np.array(point) * (high - low), case) for point in points]
-            costs = [0.5 * float(r @ r) for r in residuals]
-            for cost in costs:
-                count += 1
-                if cost < case["target"]:
-                    met = True
-                    break
-            search.tell(points, costs)
-            assert count < 50_000
-        counts.append(count)
-    return counts
-
-
-def cma_cases():
-    random = np.random.default_rng(11)
-    n = 8
-    rotation, _ = np.linalg.qr(random.normal(size=(n, n)))
-    cases = [
-        {
-            "name": "ellipsoid", "rotation": rotation.tolist(), "lengths": [1000 ** (i / (n - 1)) for i in range(n)],
-            "optimum": [0.1 * (i - 3) for i in range(n)], "start": [1.5] * n, "bounds": [[-2.0, 3.0]] * n,
-        },
-        {"name": "rosenbrock", "optimum": [1.0] * 5, "start": [0.0] * 5, "bounds": [[-2.0, 2.0]] * 5},
-    ]
-    functions = {"ellipsoid": ellipsoid, "rosenbrock": rosenbrock}
-    for case in cases:
-        case.update({"spread": 0.2, "target": 1e-8})
-        case["evaluations"] = evaluations(functions[case["name"]], case)
-    return cases
-
-
 def main():
     OUT.parent.mkdir(parents=True, exist_ok=True)
-    golden = {"least_squares": least_squares_cases(), "cma": cma_cases()}
+    golden = {"least_squares": least_squares_cases()}
     for case in golden["least_squares"]:
         assert all(math.isfinite(value) for row in case["covariance"] for value in row), case["name"]
         print(case["name"], case["optimum"], case["cost"])
-    for case in golden["cma"]:
-        print(case["name"], case["evaluations"])
     OUT.write_text(json.dumps(golden, indent=1) + "\n")
 
 

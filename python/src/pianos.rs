@@ -68,19 +68,22 @@ impl Row<'_> {
         let Slot { environment, tally, over } = self.slot;
         let action: &[f32; ACTION_LEN] = self.action.first_chunk().expect("rows have an action's length");
         let due = piece.due(environment.position());
-        let step = environment.step(action, self.terms);
-        tally.push(due, environment.pressed());
+        let begins_anew = self.last_observation.is_some();
+        let step = match self.last_observation {
+            Some(last) => environment.advance(action, self.terms, self.observation, last),
+            None => {
+                let step = environment.step(action, self.terms);
+                environment.observe(self.observation);
+                step
+            }
+        };
+        tally.push(due, step.pressed);
         let scores = tally.scores();
         self.scores.copy_from_slice(&[scores.precision, scores.recall, scores.f1]);
         (*self.reward, *self.over, *self.collided) = (step.reward, step.song_over, step.collided);
         *over = step.song_over;
-        match self.last_observation {
-            Some(last) if step.song_over => {
-                environment.observe(last);
-                self.slot.begin(None);
-                self.slot.environment.observe(self.observation);
-            }
-            _ => environment.observe(self.observation),
+        if step.song_over && begins_anew {
+            (*tally, *over) = (FrameTally::default(), false);
         }
     }
 }

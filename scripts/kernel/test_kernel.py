@@ -1,7 +1,7 @@
 """Tries the drivers on the kernel's own CAN and MIDI, in a small emulated computer.
 
 Neither a hand nor a keyboard nor root is needed: a guest of QEMU boots Debian's stock kernel, makes a virtual CAN bus
-and a USB MIDI keyboard out of nothing, and runs crates/robot/examples/kernel_probe.rs on them. Without QEMU, busybox
+and a USB MIDI keyboard out of nothing, and runs crates/emulators/examples/kernel_probe.rs on them. Without QEMU, busybox
 or the kernel package it says why and ends well: a machine that cannot run this test has not failed it.
 """
 
@@ -96,7 +96,7 @@ def build_probe():
     alsa = shutil.which("pkg-config") and subprocess.run(["pkg-config", "--exists", "alsa"]).returncode == 0
     features = ["--features", "hardware"] if alsa else []
     cargo = os.environ.get("CARGO", "cargo")
-    command = [cargo, "build", "--locked", "--package", "etude-robot", "--example", "kernel_probe", *features]
+    command = [cargo, "build", "--locked", "--package", "etude-emulators", "--example", "kernel_probe", *features]
     if subprocess.run(command, cwd=ROOT).returncode != 0:
         fail("the probe does not build (the compiler's message is above)")
     target = pathlib.Path(os.environ.get("CARGO_TARGET_DIR", ROOT / "target"))

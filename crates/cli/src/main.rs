@@ -51,8 +51,6 @@ enum Verb {
     Render(verbs::render::Args),
     /// A policy for programs other than Étude
     Export(verbs::export::Args),
-    /// The world in a window, with a policy playing (a build with --features viewer)
-    View(verbs::view::Args),
     /// Play a song in many simulated worlds: how robust a policy is
     Evaluate(verbs::evaluate::Args),
     /// Play a song on a robot or its twin, in one of three modes
@@ -96,7 +94,6 @@ fn main() -> ExitCode {
         Verb::Gallery(args) => verbs::gallery::run(args),
         Verb::Render(args) => verbs::render::run(args),
         Verb::Export(args) => verbs::export::run(args),
-        Verb::View(args) => verbs::view::run(args),
         Verb::Evaluate(args) => verbs::evaluate::run(args),
         Verb::Perform(args) => verbs::perform::run(args),
         Verb::Robot(args) => verbs::robot::run(args),

@@ -20,11 +20,11 @@ use etude_identify::Progress;
 use etude_lab::machine::processor;
 use etude_lab::{
     Identification, IdentifyMethod, RehearsalConfig, RehearsalStep, RobotPlay, Run, find_song,
-    identify_robot, in_simulation, load_player, play_on_robot, record_excitations, rehearse_on_robot,
+    identify_robot, load_player, play_on_robot, record_excitations, rehearse_on_robot, scores_in_simulation,
 };
 use etude_learn::{EvaluationRow, LogRow, StopReason, TrainingObserver};
 use etude_perform::stand::{TWIN, rig_choice, unix_secs};
-use etude_perform::{Job, Mode, write_file};
+use etude_perform::{Job, Mode, gap, write_file};
 use etude_show::RehearsalPage;
 use etude_task::Piece;
 use serde::Serialize;
@@ -160,9 +160,9 @@ impl Doing<'_, '_> {
         if outcome.stopped.is_some() {
             bail!(STOPPED);
         }
-        let mut player = load_player(&training.song, "", Some(&folder), Path::new("runs"))?;
+        let player = load_player(&training.song, "", Some(&folder), Path::new("runs"))?;
         let piece = Piece::new(&song, player.config.task.initial_silence_secs)?;
-        let sim = in_simulation(&mut player, &piece)?;
+        let sim = scores_in_simulation(&player, &piece)?.frame;
         let of_sim = [("sim_f1", sim.f1), ("sim_precision", sim.precision), ("sim_recall", sim.recall)];
         let mut rows = Vec::new();
         match perform {
@@ -176,19 +176,18 @@ impl Doing<'_, '_> {
                     let play = RobotPlay { mode: *mode, runs, home: true, seed };
                     let report = play_on_robot(
                         &song,
-                        &mut player,
+                        &player,
                         &rig,
                         &play,
                         None,
                         None,
-                        self.job.interrupt(),
-                        &mut |_, _| {},
+                        &mut Job::new(&mut |_| {}, self.job.interrupt()),
                     )?;
                     if self.job.is_interrupted() {
                         bail!(STOPPED);
                     }
                     for (run, played) in report.runs.iter().enumerate() {
-                        let frame = &played.frame;
+                        let frame = &played.scores.frame;
                         let whole = if played.steps[0] == played.steps[1] { 1.0 } else { 0.0 };
                         let of_twin = [
                             ("f1", frame.f1),
@@ -308,11 +307,6 @@ impl Doing<'_, '_> {
         ];
         Ok((self.result(vec![row(&[], &values)], course.points), self.times(secs, Vec::new())))
     }
-}
-
-/// The gap as the paper has it: what of the F1 in simulation is lost on the robot. Not a number where there was none to lose.
-fn gap(sim_f1: f64, f1: f64) -> f64 {
-    1.0 - f1 / sim_f1
 }
 
 fn row(labels: &[(&str, String)], values: &[(&str, f64)]) -> Row {

@@ -1,4 +1,4 @@
-//! The three methods on the same recordings, from the same starts: how many replays and seconds each needs to come to the same
+//! The two methods on the same recordings, from the same starts: how many replays and seconds each needs to come to the same
 //! error. Prints the table of docs/results/identification.md:
 //! `cargo run --release -p etude-identify --example methods -- chirp.mcap [--seeds N]`.
 #![allow(clippy::print_stdout, clippy::print_stderr, reason = "printing is what it is for")]
@@ -9,9 +9,9 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
 
 use etude_identify::{
-    BoConfig, CmaConfig, IdentifyConfig, IdentifyError, LmConfig, MethodConfig, Motion, Progress, Stage,
-    identify,
+    BoConfig, IdentifyConfig, IdentifyError, LmConfig, MethodConfig, Motion, Progress, Stage, identify,
 };
+use etude_perform::Job;
 use etude_stage::params::Joint;
 use etude_stage::{JOINT_NAMES, PhysicalParams};
 use rand::{RngExt as _, SeedableRng as _};
@@ -30,12 +30,8 @@ struct Point {
     rms: f64,
 }
 
-fn methods() -> [(&'static str, MethodConfig); 3] {
-    [
-        ("lm", MethodConfig::Lm(LmConfig::for_replays())),
-        ("cma", MethodConfig::Cma(CmaConfig::for_replays())),
-        ("bo", MethodConfig::Bo(BoConfig::default())),
-    ]
+fn methods() -> [(&'static str, MethodConfig); 2] {
+    [("lm", MethodConfig::Lm(LmConfig::for_replays())), ("bo", MethodConfig::Bo(BoConfig::default()))]
 }
 
 /// Numbers of each joint to begin with, drawn by `seed`.
@@ -75,7 +71,7 @@ fn course(motions: &[Motion], method: MethodConfig, seed: u64) -> Result<Vec<Poi
             interrupt.store(true, Ordering::Relaxed);
         }
     };
-    let ended = identify(motions, &config, &state, &mut tell, &interrupt);
+    let ended = identify(motions, &config, &state, &mut Job::new(&mut tell, &interrupt));
     let _ = std::fs::remove_file(&state);
     match ended {
         Ok(_) | Err(IdentifyError::Interrupted) => Ok(points),

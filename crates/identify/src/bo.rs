@@ -8,7 +8,7 @@
 use serde::{Deserialize, Serialize};
 
 use crate::config::BoConfig;
-use crate::fit::{Method, Outcome, Reason};
+use crate::method::{Method, Outcome, Reason};
 use crate::problem::Problem;
 use crate::process::Process;
 use crate::random::Draws;

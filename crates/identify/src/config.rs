@@ -1,4 +1,4 @@
-//! Every constant of the three methods, with defaults that suit residuals in standard deviations of the
+//! Every constant of the two methods, with defaults that suit residuals in standard deviations of the
 //! noise.
 
 use serde::{Deserialize, Serialize};
@@ -21,10 +21,8 @@ pub enum ConfigError {
     },
     /// More parameters than a Gaussian process can search.
     #[error(
-        "Bayesian optimisation of {0} parameters would learn little: it copes with {BO_MOST_PARAMETERS} \
-        at most and is good \
-         up to about 10. Fit joint by joint, or choose the method `lm`, or `cma` if the residuals are \
-         not smooth"
+        "Bayesian optimisation takes at most {BO_MOST_PARAMETERS} parameters, not {0}, and works well up to about \
+         10. Fit joint by joint, or choose the method `lm`"
     )]
     TooManyForBo(usize),
 }
@@ -44,8 +42,6 @@ fn require(
 pub enum MethodConfig {
     /// Levenberg–Marquardt: for smooth residuals; tens of Jacobians.
     Lm(LmConfig),
-    /// CMA-ES: for rough ones; thousands of evaluations.
-    Cma(CmaConfig),
     /// Bayesian optimisation: for few parameters and dear evaluations; hundreds of them.
     Bo(BoConfig),
 }
@@ -55,7 +51,6 @@ impl MethodConfig {
     pub(crate) fn validate(&self, parameters: usize) -> Result<(), ConfigError> {
         match self {
             Self::Lm(config) => config.validate(),
-            Self::Cma(config) => config.validate(),
             Self::Bo(config) => config.validate(parameters),
         }
     }
@@ -63,7 +58,6 @@ impl MethodConfig {
     pub(crate) fn max_evaluations(&self) -> u64 {
         match self {
             Self::Lm(config) => config.max_evaluations,
-            Self::Cma(config) => config.max_evaluations,
             Self::Bo(config) => config.max_evaluations,
         }
     }
@@ -158,65 +152,6 @@ impl LmConfig {
         }
         let least = self.least_curvature;
         require((0.0..=1e12).contains(&least), "least_curvature", least, "it must lie in 0 … 1e12")?;
-        Ok(())
-    }
-}
-
-/// Constants of CMA-ES. Lengths are in normalised coordinates.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(default, deny_unknown_fields)]
-pub struct CmaConfig {
-    /// Evaluations after which no new generation is begun.
-    pub max_evaluations: u64,
-    /// Candidates a generation; 0 takes 4 + 3 ln n.
-    pub population: usize,
-    /// Standard deviation of the first generation (PACE's, fact sheet §5).
-    pub initial_spread: f64,
-    /// Times that the search begins anew at a random point with twice the population, once it has settled
-    /// (IPOP).
-    pub restarts: u32,
-    /// Settles when the standard deviation of every continuous coordinate is smaller.
-    pub spread_tolerance: f64,
-    /// Settles when the best costs of the last generations differ by a smaller share.
-    pub cost_tolerance: f64,
-}
-
-impl Default for CmaConfig {
-    fn default() -> Self {
-        Self {
-            max_evaluations: 100_000,
-            population: 0,
-            initial_spread: 0.25,
-            restarts: 0,
-            spread_tolerance: 1e-6,
-            cost_tolerance: 1e-10,
-        }
-    }
-}
-
-impl CmaConfig {
-    /// Constants that suit replays of a robot: beyond these evaluations the cost of a joint no longer falls by a thousandth.
-    pub fn for_replays() -> Self {
-        Self { max_evaluations: 1500, cost_tolerance: 1e-4, spread_tolerance: 1e-4, ..Self::default() }
-    }
-
-    pub(crate) fn validate(&self) -> Result<(), ConfigError> {
-        require(self.max_evaluations > 0, "max_evaluations", self.max_evaluations, "it must be positive")?;
-        let (population, spread) = (self.population, self.initial_spread);
-        let rule = "it must be 0 or lie in 4 … 100000";
-        require(population == 0 || (4..=100_000).contains(&population), "population", population, rule)?;
-        require((1e-6..=1.0).contains(&spread), "initial_spread", spread, "it must lie in 1e-6 … 1")?;
-        require(
-            self.restarts <= 12,
-            "restarts",
-            self.restarts,
-            "12 is the most (4096 times the population)",
-        )?;
-        for (field, value) in
-            [("spread_tolerance", self.spread_tolerance), ("cost_tolerance", self.cost_tolerance)]
-        {
-            require((0.0..1.0).contains(&value), field, value, "it must lie in 0 … 1, without 1")?;
-        }
         Ok(())
     }
 }

@@ -6,28 +6,11 @@
 use serde::{Deserialize, Serialize};
 
 use crate::bo::Bo;
-use crate::cma::Cma;
 use crate::config::{ConfigError, MethodConfig};
 use crate::lm::Lm;
+use crate::method::{Candidate, Method, Outcome, Reason};
 use crate::problem::{Evaluation, Problem};
-use crate::space::{all_inside, is_point};
-
-/// A point to be evaluated.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Candidate {
-    /// Normalised coordinates in [0, 1], one a parameter.
-    pub point: Vec<f64>,
-    /// Physical values in the order of the parameters, SI units.
-    pub values: Vec<f64>,
-}
-
-impl Candidate {
-    /// The candidate at a normalised point, or at the nearest one inside the bounds.
-    pub fn at(problem: &Problem, point: &[f64]) -> Self {
-        let point = all_inside(point);
-        Self { values: problem.space().to_physical(&point), point }
-    }
-}
+use crate::space::is_point;
 
 /// The candidate with the lowest cost so far.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -41,40 +24,6 @@ pub struct Best {
     pub cost: f64,
     /// Which evaluation it was, counted from zero.
     pub evaluation: u64,
-}
-
-/// Why a fit ended.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Reason {
-    /// Residuals are at right angles to everything that a free parameter can do.
-    Gradient,
-    /// No parameter would move any farther.
-    Step,
-    /// Steps no longer lower the cost.
-    Cost,
-    /// All candidates have come together in one place.
-    Spread,
-    /// No step lowers the cost, however short: the residuals are rougher than the differences taken of them.
-    Damping,
-    /// As many evaluations as were allowed.
-    Budget,
-    /// The start could not be evaluated, or too many candidates in a row.
-    Failures,
-}
-
-impl std::fmt::Display for Reason {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.write_str(match self {
-            Self::Gradient => "converged: no free parameter can lower the cost",
-            Self::Step => "converged: the parameters no longer move",
-            Self::Cost => "converged: the cost no longer falls",
-            Self::Spread => "converged: all candidates have come together",
-            Self::Damping => "stopped: no step lowers the cost, however short; try a larger difference_step",
-            Self::Budget => "stopped: max_evaluations are used up; raise it to go on",
-            Self::Failures => "stopped: the simulation fails there; start elsewhere or narrow the bounds",
-        })
-    }
 }
 
 /// Evaluations that do not answer the last batch.
@@ -110,33 +59,10 @@ pub enum TellError {
     Finished,
 }
 
-/// What came of a candidate, ready for a method.
-pub(crate) struct Outcome<'a> {
-    pub residuals: &'a [f64],
-    pub cost: f64,
-}
-
-/// What a method has to do. Its state must survive JSON: finite numbers only.
-pub(crate) trait Method {
-    /// The next batch, a function of the state alone; coordinates may lie anywhere, [`Fit`] moves them to
-    /// allowed ones.
-    fn propose(&self, problem: &Problem) -> Vec<Vec<f64>>;
-    /// Takes in what came of `points`, which are those that were proposed; `None` for a failure.
-    fn learn(
-        &mut self,
-        problem: &Problem,
-        points: &[Vec<f64>],
-        outcomes: &[Option<Outcome<'_>>],
-    ) -> Option<Reason>;
-    /// Whether the state fits the problem, as that from a damaged file may not.
-    fn is_sound(&self, problem: &Problem) -> bool;
-}
-
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 enum State {
     Lm(Box<Lm>),
-    Cma(Box<Cma>),
     Bo(Box<Bo>),
 }
 
@@ -144,7 +70,6 @@ impl State {
     fn method(&self) -> &dyn Method {
         match self {
             Self::Lm(lm) => lm.as_ref(),
-            Self::Cma(cma) => cma.as_ref(),
             Self::Bo(bo) => bo.as_ref(),
         }
     }
@@ -152,7 +77,6 @@ impl State {
     fn method_mut(&mut self) -> &mut dyn Method {
         match self {
             Self::Lm(lm) => lm.as_mut(),
-            Self::Cma(cma) => cma.as_mut(),
             Self::Bo(bo) => bo.as_mut(),
         }
     }
@@ -218,7 +142,6 @@ impl Fit {
         method.validate(problem.space().len())?;
         let state = match method {
             MethodConfig::Lm(config) => State::Lm(Box::new(Lm::new(&problem, config.clone()))),
-            MethodConfig::Cma(config) => State::Cma(Box::new(Cma::new(&problem, config.clone(), seed))),
             MethodConfig::Bo(config) => State::Bo(Box::new(Bo::new(config.clone(), seed))),
         };
         Ok(Self {

@@ -3,7 +3,7 @@
 //! 104.
 
 use crate::config::Differences;
-use crate::fit::Candidate;
+use crate::method::Candidate;
 use crate::problem::{Evaluation, Problem};
 use crate::space::all_inside;
 

@@ -1,8 +1,8 @@
 //! Parameter estimation: which physical numbers make a simulation repeat what was recorded, and how surely.
 //!
 //! A [`Problem`] is a [`Space`] of parameters, the [`Block`]s of residuals between simulation and recording,
-//! and a [`Loss`]. A [`Fit`] searches it by one of three methods ([`MethodConfig`]): Levenberg–Marquardt
-//! ([`LmConfig`]), CMA-ES ([`CmaConfig`]) or Bayesian optimisation ([`BoConfig`], the paper's). The caller
+//! and a [`Loss`]. A [`Fit`] searches it by one of two methods ([`MethodConfig`]): Levenberg–Marquardt
+//! ([`LmConfig`]) or Bayesian optimisation ([`BoConfig`], the paper's). The caller
 //! evaluates: [`Fit::ask`] gives a batch of candidates, in whatever order and on however many threads they
 //! are simulated, and [`Fit::tell`] takes what came of them. An [`Estimate`] says what the end is worth:
 //! intervals, correlations, what the data cannot tell.
@@ -26,19 +26,20 @@
 //! Promises, each with a test: the same seed and evaluations give the same candidates, whatever the number of
 //! threads; a fit that is saved after any tell and loaded is the fit that went on; candidates lie inside the
 //! bounds; a failed evaluation, or one that is not a number, is survived and never becomes the best; optima
-//! and covariances agree with SciPy's and the effort of CMA-ES with pycma's (`scripts/golden_identify.py`).
+//! and covariances agree with SciPy's (`scripts/golden_identify.py`).
 
 mod assessment;
 mod autocorrelation;
 mod bo;
-mod cma;
 mod config;
 mod estimate;
 mod fit;
 mod group;
+pub mod html;
 mod identification;
 mod jacobian;
 mod lm;
+mod method;
 mod motion;
 mod problem;
 mod process;
@@ -50,14 +51,15 @@ mod space;
 
 pub use assessment::{Assessment, JointErrors};
 pub use autocorrelation::integrated_autocorrelation;
-pub use config::{BoConfig, CmaConfig, ConfigError, Differences, LmConfig, MethodConfig};
+pub use config::{BoConfig, ConfigError, Differences, LmConfig, MethodConfig};
 pub use estimate::{BlockStatistics, Bound, Estimate, EstimateError, ParameterEstimate, WeakDirection};
-pub use fit::{Best, Candidate, Fit, Reason, TellError};
+pub use fit::{Best, Fit, TellError};
 pub use group::{Group, GroupError};
 pub use identification::{Identified, IdentifyConfig, IdentifyError, Progress, Stage, StageEnd, identify};
 pub use jacobian::{Jacobian, JacobianError, JacobianPlan, Linearisation};
+pub use method::{Candidate, Reason};
 pub use motion::{Commands, Motion, MotionError};
 pub use problem::{Block, Evaluation, Loss, Problem, ProblemError};
 pub use replay::{Replayer, Trace};
-pub use report::{Report, ReportInput, html};
+pub use report::{Curve, Element, Figure, Report, ReportInput, Section, Table};
 pub use space::{Parameter, Scale, Space, SpaceError};

@@ -7,8 +7,8 @@
 use serde::{Deserialize, Serialize};
 
 use crate::config::LmConfig;
-use crate::fit::{Method, Outcome, Reason};
 use crate::jacobian::{assemble, probes};
+use crate::method::{Method, Outcome, Reason};
 use crate::problem::Problem;
 use crate::space::{all_inside, is_point};
 

@@ -7,7 +7,7 @@
 use std::path::{Path, PathBuf};
 
 use etude_music::{CONTROL_HZ, KEYS, KeyEvent, LOWEST_PITCH};
-use etude_perform::{Mode, Recording, RecordingError};
+use etude_perform::{Activity, Recording, RecordingError};
 use etude_robot::allegro::RAD_PER_COUNT;
 use etude_robot::joints::FINGER_JOINTS;
 use etude_robot::rig::{RigConfig, SETPOINT_HZ};
@@ -143,7 +143,7 @@ impl Motion {
     /// As [`load`](Self::load).
     pub fn new(path: &Path, recording: &Recording) -> Result<Self, String> {
         let header = &recording.header;
-        let rig = serde_json::from_value(header.config["rig"].clone()).map_err(|_| {
+        let rig = header.rig_config.clone().ok_or_else(|| {
             "it does not say what rig it was made on: record it anew with `etude record` or `etude perform`".to_string()
         })?;
         if header.joints != JOINT_NAMES {
@@ -186,7 +186,7 @@ impl Motion {
         Ok(Self {
             path: path.to_path_buf(),
             rig,
-            mode: header.mode.clone(),
+            mode: header.activity.to_string(),
             commands,
             start,
             fingers,
@@ -196,6 +196,12 @@ impl Motion {
             saturates,
             keys,
         })
+    }
+
+    /// Name of its file.
+    pub fn file_name(&self) -> String {
+        let name = self.path.file_name();
+        name.map_or_else(|| self.path.display().to_string(), |name| name.to_string_lossy().into_owned())
     }
 
     /// How long it is, s.
@@ -232,7 +238,7 @@ fn thirteen(values: &[f64]) -> Result<[f64; JOINTS], String> {
 
 /// The commands of every control step that was played to its end.
 fn commands(recording: &Recording) -> Result<Commands, String> {
-    let mirrored = recording.header.mode.parse::<Mode>().is_ok_and(Mode::has_simulation);
+    let mirrored = matches!(recording.header.activity, Activity::Mode(mode) if mode.has_simulation());
     let played = recording.steps.len();
     if recording.targets.is_empty() {
         return Err("no joint was told anything in it: it is of a robot at rest, or of a simulation, or from an earlier \

@@ -26,10 +26,4 @@ impl Draws {
     pub(crate) fn below(&mut self, bound: usize) -> usize {
         ((u128::from(self.0.next_u64()) * bound as u128) >> 64) as usize
     }
-
-    /// Standard normal, by Box and Muller: it always ends, whatever the generator's state.
-    pub(crate) fn normal(&mut self) -> f64 {
-        let (radius, angle) = ((-2.0 * self.uniform().ln()).sqrt(), std::f64::consts::TAU * self.uniform());
-        radius * angle.cos()
-    }
 }

@@ -8,7 +8,7 @@ use etude_perform::stand::RigChoice;
 use etude_perform::{Ending, Excitation};
 
 use crate::errors::{Interrupted, unusable};
-use crate::record::{Activity, record_robot};
+use crate::record::{Motion, record_robot};
 
 /// Records all excitations into `folder`, except those that are there already, and returns their paths. `tell` is called after each
 /// new one.
@@ -28,9 +28,9 @@ pub fn record_excitations(
         let path = folder.join(excitation_file(excitation));
         if !path.is_file() {
             let partial = path.with_extension("partial");
-            let activity = Activity::Excitation(excitation);
+            let motion = Motion::Excitation(excitation);
             let seed = seed.wrapping_add(index as u64);
-            match record_robot(rig, activity, true, seed, &partial, interrupt)?.ending {
+            match record_robot(rig, motion, true, seed, &partial, interrupt)?.ending {
                 Ending::Complete => {}
                 Ending::Interrupted => return Err(Interrupted::resumable().into()),
                 Ending::Fault(fault) => return Err(stopped_itself(0, &fault)),

@@ -8,17 +8,15 @@ use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 
-use etude_learn::Policy;
 use etude_music::Song;
-use etude_perform::write_file;
+use etude_perform::{PerformError, Performance, Scores, SimRig, perform, write_file};
 use etude_stage::PhysicalParams;
-use etude_task::scripted::ScriptedPlayer;
-use etude_task::{Performance, Piece, Randomisation, TaskConfig, TaskError, rehearse_in};
+use etude_task::{Piece, Randomisation, TaskError};
 use rayon::prelude::*;
 use serde::Serialize;
 
 use crate::play::PlayError;
-use crate::player::{Mind, Player};
+use crate::player::Player;
 
 /// Which grid.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -115,22 +113,22 @@ pub fn evaluate_grid(
     let randomisation = Randomisation::new(nominal.clone(), &task.randomisation, task.stage.actuation)?;
     let mut worlds = vec![nominal];
     worlds.extend(randomisation.grid(grid.worlds, grid.seed));
-    let actor = match &player.mind {
-        Mind::Script => Actor::Script(Box::new(ScriptedPlayer::new(&task, &piece)?)),
-        Mind::Policy(policy, _) => Actor::Policy(policy),
-    };
+    let ready = player.ready(&task, &piece)?;
+    let never = AtomicBool::new(false);
 
     let (done, stopped) = (AtomicUsize::new(0), AtomicBool::new(false));
-    let played = worlds.par_iter().with_max_len(1).map(|params| -> Result<Option<WorldScores>, TaskError> {
-        if stopped.load(Ordering::Relaxed) {
-            return Ok(None);
-        }
-        let scores = scores(&actor.play(&task, &piece, params)?);
-        if !watch(done.fetch_add(1, Ordering::Relaxed) + 1) {
-            stopped.store(true, Ordering::Relaxed);
-        }
-        Ok(Some(scores))
-    });
+    let played =
+        worlds.par_iter().with_max_len(1).map(|params| -> Result<Option<WorldScores>, PerformError> {
+            if stopped.load(Ordering::Relaxed) {
+                return Ok(None);
+            }
+            let mut rig = SimRig::in_world(&task, &piece, params)?;
+            let scores = scores(&perform(&mut rig, &mut ready.clone(), &task, &piece, None, &never)?);
+            if !watch(done.fetch_add(1, Ordering::Relaxed) + 1) {
+                stopped.store(true, Ordering::Relaxed);
+            }
+            Ok(Some(scores))
+        });
     let played: Vec<Option<WorldScores>> = played.collect::<Result<_, _>>()?;
     let played: Option<Vec<WorldScores>> = played.into_iter().collect();
     let Some(mut scores) = played.filter(|_| !stopped.load(Ordering::Relaxed)) else { return Ok(None) };
@@ -162,42 +160,15 @@ pub fn evaluate_grid(
     }))
 }
 
-/// Who plays, shared by the threads.
-enum Actor<'a> {
-    Policy(&'a Policy),
-    Script(Box<ScriptedPlayer>),
-}
-
-impl Actor<'_> {
-    fn play(
-        &self,
-        task: &TaskConfig,
-        piece: &Piece,
-        params: &PhysicalParams,
-    ) -> Result<Performance, TaskError> {
-        match self {
-            Self::Policy(policy) => {
-                let mut policy = (*policy).clone();
-                rehearse_in(task, piece, params, &mut |_, observation, action| {
-                    policy.act(observation, action)
-                })
-            }
-            Self::Script(script) => rehearse_in(task, piece, params, &mut |environment, _, action| {
-                *action = script.action(environment.position());
-            }),
-        }
-    }
-}
-
 fn scores(performance: &Performance) -> WorldScores {
-    let frame = performance.frame_scores();
+    let Scores { frame, note } = performance.scores();
     WorldScores {
         f1: frame.f1,
         precision: frame.precision,
         recall: frame.recall,
         pooled_f1: frame.pooled_f1,
-        onset_f1: performance.note_scores().onset_f1,
-        collision_free: performance.collision_free,
+        onset_f1: note.onset_f1,
+        collision_free: performance.simulation.unwrap_or_default().collision_free,
     }
 }
 

@@ -1,26 +1,26 @@
-//! Fitting the simulator to a robot's recordings, with all results in one folder.
+//! Fits the simulator to a robot's recordings and writes the results into a folder.
 
 use std::path::{Path, PathBuf};
 
 use anyhow::bail;
 use etude_identify::{
-    Assessment, BoConfig, CmaConfig, Identified, IdentifyConfig, LmConfig, MethodConfig, Motion, Progress,
-    Report, ReportInput, identify,
+    Assessment, BoConfig, Identified, IdentifyConfig, LmConfig, MethodConfig, Motion, Progress, Report,
+    ReportInput, identify,
 };
 use etude_perform::{Excitation, Job, write_file};
 use etude_stage::PhysicalParams;
+use serde::de::IntoDeserializer as _;
 use serde::{Deserialize, Serialize};
 
 use crate::errors::cannot_create;
 
 /// Name of the identified simulator in its folder: a layer for `--config`.
 pub const IDENTIFIED: &str = "identified.toml";
-/// Name of the result, for programs.
+/// Name of the results as data.
 const RESULT: &str = "identification.json";
-/// Names of the report, for readers.
-const PAGE: &str = "report.html";
-const TEXT: &str = "report.txt";
-/// Name of the state from which an interrupted fit is resumed.
+/// Name of the report; its figures lie beside it.
+const REPORT: &str = "report.md";
+/// Name of the state from which an interrupted fit resumes.
 const STATE: &str = "state.json";
 
 /// A method by name.
@@ -29,73 +29,60 @@ const STATE: &str = "state.json";
 pub enum IdentifyMethod {
     /// Levenberg–Marquardt.
     Lm,
-    /// CMA-ES.
-    Cma,
-    /// Bayesian optimisation, the paper's.
+    /// Bayesian optimisation, the paper's method.
     Bo,
 }
 
 impl IdentifyMethod {
     fn config(self, evaluations: Option<u64>) -> MethodConfig {
-        let mut config = self.defaults();
-        let most = match &mut config {
-            MethodConfig::Lm(config) => &mut config.max_evaluations,
-            MethodConfig::Cma(config) => &mut config.max_evaluations,
-            MethodConfig::Bo(config) => &mut config.max_evaluations,
-        };
-        *most = evaluations.unwrap_or(*most);
-        config
+        let most = |default: u64| evaluations.unwrap_or(default);
+        match self {
+            Self::Lm => {
+                let config = LmConfig::for_replays();
+                MethodConfig::Lm(LmConfig { max_evaluations: most(config.max_evaluations), ..config })
+            }
+            Self::Bo => {
+                let config = BoConfig::default();
+                MethodConfig::Bo(BoConfig { max_evaluations: most(config.max_evaluations), ..config })
+            }
+        }
     }
 
     /// Its name on the command line and in files.
     pub fn name(self) -> &'static str {
         match self {
             Self::Lm => "lm",
-            Self::Cma => "cma",
             Self::Bo => "bo",
-        }
-    }
-
-    fn defaults(self) -> MethodConfig {
-        match self {
-            Self::Lm => MethodConfig::Lm(LmConfig::for_replays()),
-            Self::Cma => MethodConfig::Cma(CmaConfig::for_replays()),
-            Self::Bo => MethodConfig::Bo(BoConfig::default()),
         }
     }
 }
 
 impl std::str::FromStr for IdentifyMethod {
-    type Err = String;
+    type Err = serde::de::value::Error;
 
-    fn from_str(text: &str) -> Result<Self, String> {
-        match text {
-            "lm" => Ok(Self::Lm),
-            "cma" => Ok(Self::Cma),
-            "bo" => Ok(Self::Bo),
-            _ => Err(format!("no method is called `{text}`; there are: lm, cma, bo")),
-        }
+    fn from_str(text: &str) -> Result<Self, Self::Err> {
+        Self::deserialize(text.into_deserializer())
     }
 }
 
 /// What to fit, and how.
 #[derive(Clone, Debug)]
 pub struct Identification {
-    /// Recordings. Those of the excitation `held-out` are not fitted to.
+    /// Recordings. Those of the excitation `held-out` are not fitted.
     pub recordings: Vec<PathBuf>,
-    /// More recordings to try the fit on.
+    /// More recordings that only test the fit.
     pub held_out: Vec<PathBuf>,
     /// The method.
     pub method: IdentifyMethod,
-    /// Evaluations of a joint, a finger or the keyboard after which its fit ends; the method's own number if not given.
+    /// Evaluations of a joint, a finger or the keyboard after which its fit ends; by default the method's own.
     pub evaluations: Option<u64>,
     /// Owns every random draw.
     pub seed: u64,
-    /// Where to start: rows other than the defaults.
+    /// Start values that differ from the defaults, by path.
     pub start: std::collections::BTreeMap<String, f64>,
 }
 
-/// The result. Its keys are those of `etude identify --json`.
+/// The results. Its keys are those of `etude identify --json`.
 #[derive(Clone, Debug, Serialize)]
 pub struct IdentifyReport {
     /// The rig.
@@ -106,23 +93,23 @@ pub struct IdentifyReport {
     pub seed: u64,
     /// Recordings that were fitted.
     pub fitted: Vec<PathBuf>,
-    /// Recordings that it was tried on.
+    /// Recordings that test the fit.
     pub held_out: Vec<PathBuf>,
-    /// Errors in those of the ones that touch no key.
+    /// Errors in the fitted recordings that touch no key.
     pub fit_errors: Assessment,
-    /// Errors in the others.
+    /// Errors in the held-out recordings.
     pub held_out_errors: Assessment,
-    /// The numbers and what they are worth.
+    /// The parameters and their uncertainty.
     pub identified: Identified,
-    /// The identified simulator.
+    /// File of the identified simulator.
     pub file: PathBuf,
 }
 
-/// Fits the simulator and writes the result into `folder`. After an interruption the same call resumes.
+/// Fits the simulator and writes the results into `folder`. After an interruption the same call resumes the fit.
 ///
 /// # Errors
-/// If a recording cannot be used, the fit fails, or a file cannot be written; [`IdentifyError::Interrupted`](etude_identify::IdentifyError)
-/// if the job is interrupted.
+/// If a recording cannot be used, the fit fails, or a file cannot be written;
+/// [`IdentifyError::Interrupted`](etude_identify::IdentifyError) if the job is interrupted.
 pub fn identify_robot(
     what: &Identification,
     folder: &Path,
@@ -134,7 +121,7 @@ pub fn identify_robot(
         |motion: &Motion| motion.mode == Excitation::Held.name() || what.held_out.contains(&motion.path);
     let (held_out, fitted): (Vec<Motion>, Vec<Motion>) = all.into_iter().partition(is_held_out);
     let Some(first) = fitted.first() else {
-        bail!("all recordings are held out; give some to fit to (`etude record --excitation chirp`)");
+        bail!("all recordings are held out; give some to fit (`etude record --excitation chirp`)");
     };
     std::fs::create_dir_all(folder).map_err(|error| cannot_create(folder, error))?;
     let config = IdentifyConfig {
@@ -142,13 +129,12 @@ pub fn identify_robot(
         seed: what.seed,
         start: what.start.clone(),
     };
-    let interrupt = job.interrupt();
-    let identified = identify(&fitted, &config, &folder.join(STATE), &mut |at| job.tell(at), interrupt)?;
+    let identified = identify(&fitted, &config, &folder.join(STATE), job)?;
     let with = |rows| PhysicalParams::default().with(rows);
     let (before, after) = (with(&identified.before)?, with(&identified.physics)?);
     let air: Vec<Motion> = fitted.iter().filter(|motion| motion.keys.is_empty()).cloned().collect();
     let names = |motions: &[Motion]| motions.iter().map(|motion| motion.path.clone()).collect();
-    let report = IdentifyReport {
+    let result = IdentifyReport {
         rig: first.rig.name.clone(),
         method: what.method,
         seed: what.seed,
@@ -159,35 +145,33 @@ pub fn identify_robot(
         file: folder.join(IDENTIFIED),
         identified,
     };
-    write_file(&report.file, &layer(&report))?;
-    write_file(&folder.join(RESULT), &(serde_json::to_string_pretty(&report)? + "\n"))?;
-    let text = Report::new(&ReportInput {
+    write_file(&result.file, &layer(&result))?;
+    write_file(&folder.join(RESULT), &(serde_json::to_string_pretty(&result)? + "\n"))?;
+    let report = Report::new(&ReportInput {
         fitted: &fitted,
         held_out: &held_out,
         config: &config,
         before: &before,
         after: &after,
-        identified: &report.identified,
-        fit_errors: &report.fit_errors,
-        held_out_errors: &report.held_out_errors,
+        identified: &result.identified,
+        fit_errors: &result.fit_errors,
+        held_out_errors: &result.held_out_errors,
     })?;
-    write_file(&folder.join(PAGE), &text.html())?;
-    write_file(&folder.join(TEXT), &text.text())?;
-    Ok(report)
+    for figure in report.figures() {
+        write_file(&folder.join(format!("{}.svg", figure.name)), &figure.svg())?;
+    }
+    write_file(&folder.join(REPORT), &report.markdown())?;
+    Ok(result)
 }
 
 /// The identified simulator as a layer of a run's configuration.
-fn layer(report: &IdentifyReport) -> String {
-    use std::fmt::Write as _;
-    let mut text = format!(
+fn layer(result: &IdentifyReport) -> String {
+    let rows = result.identified.physics.iter().map(|(path, value)| format!("\"{path}\" = {value:?}\n"));
+    format!(
         "# The simulator as identified from {} recordings of the rig `{}`. Use it with `etude train SONG --config` this file.\n\
-         [task.physics]\n",
-        report.fitted.len(),
-        report.rig
-    );
-    for (path, value) in &report.identified.physics {
-        // Writing to a string cannot fail.
-        let _ = writeln!(text, "\"{path}\" = {value:?}");
-    }
-    text
+         [task.physics]\n{}",
+        result.fitted.len(),
+        result.rig,
+        rows.collect::<String>()
+    )
 }

@@ -1,7 +1,7 @@
 //! Runs: from names and files to a trained policy, its scores, and a simulator fitted to the robot.
 //!
 //! [`RunConfig`] is everything that decides a training; it comes in layers (preset, file, overrides) and is written
-//! into the run's folder, where it is itself a valid config file. A [`Run`] makes policies, [`perform`] plays them in simulation,
+//! into the run's folder, where it is itself a valid config file. A [`Run`] makes policies, [`play`](play()) plays them in simulation,
 //! [`play_on_robot`] on a robot or its twin, [`identify_robot`] fits the simulator to recordings, and [`rehearse_on_robot`] does
 //! all of it in rounds.
 
@@ -12,7 +12,6 @@ mod errors;
 mod excitations;
 mod grid;
 mod identify;
-mod live;
 pub mod machine;
 mod play;
 mod player;
@@ -27,10 +26,9 @@ pub use errors::Interrupted;
 pub use excitations::record_excitations;
 pub use grid::{GridConfig, GridReport, Marginal, WorldScores, evaluate_grid};
 pub use identify::{IDENTIFIED, Identification, IdentifyMethod, IdentifyReport, identify_robot};
-pub use live::play_live;
-pub use play::{Files, PlayError, Report, perform};
+pub use play::{Files, PlayError, Report, play, scores_in_simulation};
 pub use player::{Player, load_player, shipped_policies};
-pub use record::{Activity, Recorded, record_robot};
+pub use record::{Motion, Recorded, record_robot};
 pub use rehearse::{RehearsalConfig, RehearsalStep, Round, rehearse_on_robot};
-pub use robot::{RobotPlay, RobotReport, RobotRun, RunFiles, in_simulation, play_on_robot};
+pub use robot::{RobotPlay, RobotReport, RobotRun, RunEnded, play_on_robot};
 pub use run::{CONFIG, META, Run, SONG, find_song};

@@ -1,21 +1,19 @@
 //! Playing a song with a policy and keeping what came of it: scores, MIDI, sound, frames, recording.
 
-use std::cell::RefCell;
 use std::path::{Path, PathBuf};
+use std::sync::atomic::AtomicBool;
 
-use etude_music::metrics::{FrameScores, NoteScores};
 use etude_music::sound::{self, SoundError, SoundFont};
-use etude_music::{CONTROL_HZ, Note, Song, SongError};
+use etude_music::{CONTROL_HZ, Song, SongError};
 use etude_perform::{
-    FileError, Header, KeyMessage, PerformError, RecordingError, RecordingWriter, RewardMessage, StepMessage,
+    FileError, Header, PerformError, Performance, RecordingError, RecordingWriter, Scores, SimRig, perform,
     write_file, write_frames_csv,
 };
-use etude_stage::{FINGERS, JOINT_NAMES};
-use etude_task::{Performance, Piece, TaskError, rehearse};
+use etude_robot::rig::RigConfig;
+use etude_stage::JOINT_NAMES;
+use etude_task::{Piece, TaskError};
 use serde::Serialize;
-use serde_json::json;
 
-use crate::config::RunConfig;
 use crate::player::Player;
 use etude_perform::stand::StandError;
 
@@ -96,12 +94,9 @@ pub struct Report {
     pub player: String,
     /// Control steps.
     pub steps: usize,
-    /// Scores by control step: `precision`, `recall`, `f1`, `pooled_…`.
+    /// Scores by control step and by note.
     #[serde(flatten)]
-    pub frame: FrameScores,
-    /// Scores by note: `onset_…`, `onset_offset_…`, `matched`, `missed`, `wrong`.
-    #[serde(flatten)]
-    pub note: NoteScores,
+    pub scores: Scores,
     /// Sum of the rewards.
     pub reward: f64,
     /// Fraction of control steps without a collision.
@@ -124,138 +119,106 @@ pub struct Files {
     pub frames: PathBuf,
     /// Every control step, as MCAP.
     pub recording: PathBuf,
-    /// This report, as JSON.
-    pub report: PathBuf,
+    /// The report, as JSON; absent where it is of several performances.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub report: Option<PathBuf>,
 }
 
 /// Plays the whole song and, if a `folder` is given, writes the files into it.
 ///
 /// # Errors
 /// If the song does not fit the keyboard, or a file cannot be written.
-pub fn perform(
+pub fn play(
     song: &Song,
-    player: &mut Player,
+    player: &Player,
     folder: Option<&Path>,
     font: Option<&SoundFont>,
 ) -> Result<Report, PlayError> {
-    let config = player.config.clone();
-    let piece = Piece::new(song, config.task.initial_silence_secs)?;
-    if let Some(folder) = folder {
-        std::fs::create_dir_all(folder)
-            .map_err(|source| PlayError::Folder { path: folder.to_path_buf(), source })?;
+    let task = &player.config.task;
+    let piece = Piece::new(song, task.initial_silence_secs)?;
+    let files = folder.map(|folder| Files {
+        midi: folder.join("performance.mid"),
+        wav: folder.join("performance.wav"),
+        frames: folder.join("frames.csv"),
+        recording: folder.join("recording.mcap"),
+        report: Some(folder.join(REPORT)),
+    });
+    let mut writer = None;
+    if let (Some(folder), Some(files)) = (folder, &files) {
+        make_folder(folder)?;
+        let header = header(&piece, player, "simulation", None);
+        writer = Some(RecordingWriter::create(&files.recording, &header)?);
     }
-    let name = player.name();
-    let recorder = folder.map(|folder| recorder(folder, &piece, &name, &config)).transpose()?;
-    let recorder = RefCell::new((recorder, Ok(())));
-    let (mut act, limits) = player.mind.act(&config.task, &piece)?;
-    let performance =
-        rehearse(&config.task, &piece, config.trainer.seed, &mut *act, &mut |environment, action, parts| {
-            let (writer, outcome) = &mut *recorder.borrow_mut();
-            if let (Some(writer), Ok(())) = (writer, &outcome) {
-                *outcome = record(writer, environment, action, parts);
-            }
-        })?;
-    let (writer, outcome) = recorder.into_inner();
-    outcome?;
+    let mut ready = player.ready(task, &piece)?;
+    let mut rig = SimRig::new(task, &piece, player.config.trainer.seed)?;
+    let never = AtomicBool::new(false);
+    let performance = perform(&mut rig, &mut ready, task, &piece, writer.as_mut(), &never)?;
     if let Some(writer) = writer {
         writer.finish()?;
     }
-    let mut report = Report {
+    let simulated = performance.simulation.unwrap_or_default();
+    let report = Report {
         song: song.title().to_string(),
-        player: name,
+        player: player.name(),
         steps: performance.pressed.len(),
-        frame: performance.frame_scores(),
-        note: performance.note_scores(),
-        reward: performance.reward,
-        collision_free: performance.collision_free,
-        limits,
-        files: None,
+        scores: performance.scores(),
+        reward: simulated.reward,
+        collision_free: simulated.collision_free,
+        limits: ready.limits(),
+        files,
     };
-    if let Some(folder) = folder {
-        report.files = Some(keep(folder, song, &performance, font)?);
-        // A report is plain numbers and strings: writing it as JSON cannot fail.
-        let text = serde_json::to_string_pretty(&report).unwrap_or_default();
-        write_file(&folder.join(REPORT), &(text + "\n"))?;
+    if let (Some(folder), Some(files)) = (folder, &report.files) {
+        keep(files, &performance, font)?;
+        write_report(folder, &report)?;
     }
     Ok(report)
 }
 
 const REPORT: &str = "report.json";
 
-fn recorder(
-    folder: &Path,
-    piece: &Piece,
-    player: &str,
-    config: &RunConfig,
-) -> Result<RecordingWriter, RecordingError> {
-    let header = Header {
+/// Scores of the player in simulation alone, in the nominal world: one drawn world would flatter it or not.
+pub fn scores_in_simulation(player: &Player, piece: &Piece) -> Result<Scores, PlayError> {
+    let task = &player.config.task;
+    let mut rig = SimRig::nominal(task, piece)?;
+    let mut ready = player.ready(task, piece)?;
+    Ok(perform(&mut rig, &mut ready, task, piece, None, &AtomicBool::new(false))?.scores())
+}
+
+/// The header of a recording in which `player` plays `piece` on the rig that is called `rig`.
+pub(crate) fn header(piece: &Piece, player: &Player, rig: &str, config: Option<RigConfig>) -> Header {
+    Header {
         song: piece.title().to_string(),
-        player: player.to_string(),
-        rig: "simulation".to_string(),
+        player: player.name(),
+        rig: rig.to_string(),
         control_hz: CONTROL_HZ,
         joints: JOINT_NAMES.map(str::to_string).to_vec(),
         due: piece.frames().iter().map(|keys| keys.pitches().collect()).collect(),
         bar_secs: piece.bars().to_vec(),
-        config: json!(config),
+        run: Some(serde_json::to_value(&player.config).expect("a configuration is plain data")),
+        rig_config: config,
         ..Header::default()
-    };
-    RecordingWriter::create(&folder.join("recording.mcap"), &header)
-}
-
-fn record(
-    writer: &mut RecordingWriter,
-    environment: &etude_task::Environment,
-    action: &[f32; etude_task::ACTION_LEN],
-    parts: &[f32],
-) -> Result<(), RecordingError> {
-    let world = environment.world();
-    for event in world.events() {
-        let pitch = etude_music::LOWEST_PITCH + event.key as u8;
-        writer.key(&KeyMessage { secs: event.secs, pitch, velocity: event.velocity })?;
     }
-    let message = StepMessage {
-        step: environment.position() as u64 - 1,
-        targets: environment.range().targets(action).to_vec(),
-        positions: world.joints().to_vec(),
-        velocities: world.joint_velocities().to_vec(),
-        torques: world.torques().to_vec(),
-        fingertips: (0..FINGERS).map(|finger| world.fingertip(finger)).collect(),
-        pressed: world.pressed().pitches().collect(),
-    };
-    writer.step(world.time_secs(), &message)?;
-    let terms = environment.reward().names().zip(parts);
-    let terms = terms.map(|(name, part)| (name.to_string(), f64::from(*part))).collect();
-    writer.reward(world.time_secs(), &RewardMessage { step: message.step, terms })
 }
 
-fn keep(
-    folder: &Path,
-    song: &Song,
+/// Makes the folder of a performance.
+pub(crate) fn make_folder(folder: &Path) -> Result<(), PlayError> {
+    std::fs::create_dir_all(folder).map_err(|source| PlayError::Folder { path: folder.to_path_buf(), source })
+}
+
+/// Writes what was played as MIDI, as sound and as a table of keys.
+pub(crate) fn keep(
+    files: &Files,
     performance: &Performance,
     font: Option<&SoundFont>,
-) -> Result<Files, PlayError> {
-    let files = Files {
-        midi: folder.join("performance.mid"),
-        wav: folder.join("performance.wav"),
-        frames: folder.join("frames.csv"),
-        recording: folder.join("recording.mcap"),
-        report: folder.join(REPORT),
-    };
-    let secs = performance.pressed.len() as f64 / CONTROL_HZ;
-    keep_music(&files.midi, &files.wav, song.title(), performance.notes(), secs, font)?;
-    write_frames_csv(&files.frames, &performance.due, Some(&performance.pressed))?;
-    Ok(files)
+) -> Result<(), PlayError> {
+    let (notes, piece) = (performance.notes(), &performance.piece);
+    sound::write_wav(&files.wav, &sound::render(&notes, font)?)?;
+    Song::new(piece.title(), notes, performance.secs())?.save(&files.midi)?;
+    Ok(write_frames_csv(&files.frames, piece.frames(), Some(&performance.every_step()))?)
 }
 
-/// Writes what was played as MIDI and as sound.
-pub(crate) fn keep_music(
-    midi: &Path,
-    wav: &Path,
-    title: &str,
-    notes: Vec<Note>,
-    secs: f64,
-    font: Option<&SoundFont>,
-) -> Result<(), PlayError> {
-    sound::write_wav(wav, &sound::render(&notes, font)?)?;
-    Ok(Song::new(title, notes, secs)?.save(midi)?)
+/// Writes a report beside the files of a performance.
+pub(crate) fn write_report(folder: &Path, report: &impl Serialize) -> Result<(), PlayError> {
+    let text = serde_json::to_string_pretty(report).expect("a report is plain numbers and strings");
+    Ok(write_file(&folder.join(REPORT), &(text + "\n"))?)
 }

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use etude_learn::Policy;
 use etude_music::Song;
-use etude_task::{ACTION_LEN, Act, Environment, Piece, ScriptedPlayer, TaskConfig, TaskError, layout};
+use etude_task::{ACTION_LEN, Piece, ScriptedPlayer, TaskConfig, TaskError, layout};
 
 use crate::config::{RunConfig, change};
 use crate::play::PlayError;
@@ -18,25 +18,28 @@ pub(crate) enum Mind {
     Script,
 }
 
-impl Mind {
-    /// What decides the actions in a simulation of `piece`, and what limits it there, if that is known.
-    pub(crate) fn act(
-        &mut self,
-        task: &TaskConfig,
-        piece: &Piece,
-    ) -> Result<(Box<Act<'_>>, Option<String>), TaskError> {
+/// A player that is ready for one piece.
+#[derive(Clone)]
+pub(crate) enum Ready {
+    Policy(Box<Policy>),
+    Script(Box<ScriptedPlayer>),
+}
+
+impl Ready {
+    /// What limits the scripted player on the piece; unknown of a policy.
+    pub(crate) fn limits(&self) -> Option<String> {
         match self {
-            Self::Policy(policy, _) => {
-                Ok((Box::new(|_, observation, action| policy.act(observation, action)), None))
-            }
-            Self::Script => {
-                let script = ScriptedPlayer::new(task, piece)?;
-                let limits = script.limits().to_string();
-                let act = move |environment: &Environment, _: &[f32], action: &mut [f32; ACTION_LEN]| {
-                    *action = script.action(environment.position());
-                };
-                Ok((Box::new(act), Some(limits)))
-            }
+            Self::Policy(_) => None,
+            Self::Script(script) => Some(script.limits().to_string()),
+        }
+    }
+}
+
+impl etude_task::Player for Ready {
+    fn act(&mut self, step: usize, observation: &[f32], action: &mut [f32; ACTION_LEN]) {
+        match self {
+            Self::Policy(policy) => policy.act(observation, action),
+            Self::Script(script) => *action = script.action(step),
         }
     }
 }
@@ -159,6 +162,14 @@ impl Player {
             Mind::Policy(_, path) => other_notes(path.parent()?, song),
             Mind::Script => None,
         }
+    }
+
+    /// The player of `piece` in `task`.
+    pub(crate) fn ready(&self, task: &TaskConfig, piece: &Piece) -> Result<Ready, TaskError> {
+        Ok(match &self.mind {
+            Mind::Policy(policy, _) => Ready::Policy(policy.clone()),
+            Mind::Script => Ready::Script(Box::new(ScriptedPlayer::new(task, piece)?)),
+        })
     }
 
     /// Changes the world that the policy is played in, by overrides of the form `a.b=value`.

@@ -27,7 +27,7 @@ use crate::errors::{Interrupted, unusable};
 use crate::excitations::{excitation_file, record_excitations, stopped_itself};
 use crate::identify::{Identification, IdentifyMethod, IdentifyReport, identify_robot};
 use crate::player::load_player;
-use crate::robot::{RobotPlay, RobotReport, RobotRun, play_on_robot};
+use crate::robot::{RobotPlay, RobotReport, RunEnded, play_on_robot};
 use crate::run::Run;
 
 /// What to rehearse, and how.
@@ -74,7 +74,7 @@ pub struct Round {
     pub robot_f1: f64,
     /// Its standard deviation.
     pub robot_f1_std: f64,
-    /// `sim_f1` − `robot_f1`.
+    /// The share of `sim_f1` that is lost on the robot.
     pub gap: f64,
     /// Errors of the simulator in the held-out excitation, finger joints, rad: before the fit and after.
     pub held_out_rad: Option<[f64; 2]>,
@@ -301,24 +301,26 @@ impl Rehearsal<'_> {
         folder: &Path,
         job: &mut Job<'_, RehearsalStep>,
     ) -> anyhow::Result<RobotReport> {
-        let mut player = load_player(&self.config.song, "", Some(policy), Path::new("runs"))?;
+        let player = load_player(&self.config.song, "", Some(policy), Path::new("runs"))?;
         let play = RobotPlay {
             mode: self.config.mode,
             runs: self.config.runs,
             home: true,
             seed: self.config.seed.wrapping_add(1000 * round as u64),
         };
-        let interrupt = job.interrupt();
-        let mut tell = |run: usize, played: &RobotRun| {
-            job.tell(&RehearsalStep::Performed { round, run, f1: played.frame.f1 })
+        let performed = |ended: &RunEnded| RehearsalStep::Performed {
+            round,
+            run: ended.index,
+            f1: ended.run.scores.frame.f1,
         };
-        let report =
-            play_on_robot(self.song, &mut player, self.rig, &play, Some(folder), None, interrupt, &mut tell)?;
+        let report = job.part(performed, |job| {
+            play_on_robot(self.song, &player, self.rig, &play, Some(folder), None, job)
+        })?;
         if job.is_interrupted() {
             return Err(Interrupted::resumable().into());
         }
         match report.runs.iter().find(|run| run.steps[0] < run.steps[1]) {
-            Some(run) => Err(stopped_itself(round, &run.ending)),
+            Some(run) => Err(stopped_itself(round, &run.ending.to_string())),
             None => Ok(report),
         }
     }

@@ -1,24 +1,21 @@
 //! Playing a song on a robot: what it is worth there, what it is worth in simulation, and the gap between the two.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::sync::atomic::AtomicBool;
 
-use etude_music::metrics::{FrameScores, NoteScores, frame_scores, note_scores};
+use etude_music::Song;
 use etude_music::sound::SoundFont;
-use etude_music::{CONTROL_HZ, KeySet, Song, notes_from_key_events};
 use etude_perform::{
-    Ending, Header, Mode, Performer, Played, RecordingWriter, TimingReport, prepare, write_file,
-    write_frames_csv,
+    Activity, Ending, Header, Job, Mode, Performance, RecordingWriter, RobotRig, Scores, TimingReport, gap,
+    perform, prepare,
 };
-use etude_stage::JOINT_NAMES;
-use etude_task::{Piece, ScriptedPlayer, rehearse};
+use etude_stage::{JOINTS, World};
+use etude_task::{Piece, TaskError};
 use serde::Serialize;
-use serde_json::json;
 
-use crate::play::{PlayError, keep_music};
-use crate::player::{Mind, Player};
-use etude_perform::stand::RigChoice;
-use etude_perform::stand::Stand;
+use crate::play::{Files, PlayError, header, keep, make_folder, scores_in_simulation, write_report};
+use crate::player::Player;
+use etude_perform::stand::{RigChoice, Stand};
 
 /// How to play.
 #[derive(Clone, Debug)]
@@ -53,7 +50,7 @@ pub struct RobotReport {
     pub robot_f1: f64,
     /// Their standard deviation; 0 for one run.
     pub robot_f1_std: f64,
-    /// `sim_f1` − `robot_f1`.
+    /// The share of `sim_f1` that is lost on the robot.
     pub gap: f64,
     /// The runs.
     pub runs: Vec<RobotRun>,
@@ -62,19 +59,16 @@ pub struct RobotReport {
 /// One run.
 #[derive(Clone, Debug, Serialize)]
 pub struct RobotRun {
-    /// Scores by control step; steps after an early end count as silent.
+    /// Scores by control step and by note; control steps after an early end count as silent.
     #[serde(flatten)]
-    pub frame: FrameScores,
-    /// Scores by note.
-    #[serde(flatten)]
-    pub note: NoteScores,
+    pub scores: Scores,
     /// F1 of the simulation that played along; absent in a mode without one.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub alongside_f1: Option<f64>,
     /// Control steps played, of those in the song.
     pub steps: [usize; 2],
-    /// `complete`, `interrupted`, or the fault.
-    pub ending: String,
+    /// How it ended.
+    pub ending: Ending,
     /// Set-points that the limiter clamped, counted by joint.
     pub clamped: u64,
     /// Records that are missing in the recording.
@@ -83,196 +77,144 @@ pub struct RobotRun {
     pub timing: TimingReport,
     /// The files that were written.
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub files: Option<RunFiles>,
-}
-
-/// Files of one run.
-#[derive(Clone, Debug, Serialize)]
-pub struct RunFiles {
-    /// Everything, as MCAP.
-    pub recording: PathBuf,
-    /// What was played, as MIDI.
-    pub midi: PathBuf,
-    /// What was played, as sound.
-    pub wav: PathBuf,
-    /// Keys due and pressed at each control step.
-    pub frames: PathBuf,
+    pub files: Option<Files>,
 }
 
 impl RobotReport {
     /// Whether every run reached the end of the song.
     pub fn is_complete(&self) -> bool {
-        self.runs.iter().all(|run| run.ending == COMPLETE)
+        self.runs.iter().all(|run| run.ending == Ending::Complete)
     }
 }
 
-const COMPLETE: &str = "complete";
+/// A run that has ended, of a performance on a robot.
+#[derive(Clone, Debug)]
+pub struct RunEnded {
+    /// Which one, from 0.
+    pub index: usize,
+    /// Its result.
+    pub run: RobotRun,
+}
 
-/// Plays the song on the robot and, if a `folder` is given, writes the files into it. `tell` hears of each run as it
+/// Plays the song on the robot and, if a `folder` is given, writes the files into it. `job` receives each run when it
 /// ends. After a run that was cut short no other begins.
 ///
 /// # Errors
-/// If the robot does not get ready, or a file cannot be written. A fault on the way is told in the report.
-#[allow(clippy::too_many_arguments)] // What is played, on what, how, and who hears of it.
+/// If the robot does not get ready, or a file cannot be written. A fault during a run is in the report.
 pub fn play_on_robot(
     song: &Song,
-    player: &mut Player,
+    player: &Player,
     rig: &RigChoice,
     play: &RobotPlay,
     folder: Option<&Path>,
     font: Option<&SoundFont>,
-    interrupt: &AtomicBool,
-    tell: &mut dyn FnMut(usize, &RobotRun),
+    job: &mut Job<'_, RunEnded>,
 ) -> Result<RobotReport, PlayError> {
     if play.runs > 1 && !play.home {
         return Err(PlayError::RunsWithoutHome);
     }
-    let task = player.config.task.clone();
+    let task = &player.config.task;
     let piece = Piece::new(song, task.initial_silence_secs)?;
     if let Some(folder) = folder {
-        std::fs::create_dir_all(folder)
-            .map_err(|source| PlayError::Folder { path: folder.to_path_buf(), source })?;
+        make_folder(folder)?;
     }
-    let name = player.name();
+    let sim_f1 = scores_in_simulation(player, &piece)?.frame.f1;
+    let start = World::new(&task.stage, &task.params().map_err(TaskError::from)?)
+        .map_err(TaskError::from)?
+        .start_pose();
     let header = Header {
-        song: piece.title().to_string(),
-        player: name.clone(),
-        rig: rig.name().to_string(),
-        control_hz: CONTROL_HZ,
-        joints: JOINT_NAMES.map(str::to_string).to_vec(),
-        due: piece.frames().iter().map(|keys| keys.pitches().collect()).collect(),
-        bar_secs: piece.bars().to_vec(),
-        mode: play.mode.name().to_string(),
-        config: json!({ "run": player.config, "rig": rig.config() }),
-        ..Header::default()
+        activity: Activity::Mode(play.mode),
+        ..header(&piece, player, rig.name(), Some(rig.config()))
     };
-    let mut report = RobotReport {
-        song: song.title().to_string(),
-        player: name,
-        mode: play.mode,
-        robot: header.rig.clone(),
-        truth: match rig {
-            RigChoice::Twin(truth) => Some(truth.name().to_string()),
-            RigChoice::File { .. } => None,
-        },
-        sim_f1: in_simulation(player, &piece)?.f1,
-        robot_f1: 0.0,
-        robot_f1_std: 0.0,
-        gap: 0.0,
-        runs: Vec::new(),
-    };
-    let mut performer = Performer::new(&task, &piece, play.mode)?;
-    let script = match &player.mind {
-        Mind::Script => Some(ScriptedPlayer::new(&task, &piece)?),
-        Mind::Policy(..) => None,
-    };
-    for run in 0..play.runs {
-        let prefix = folder.map(|folder| folder.join(format!("run-{}", run + 1)));
-        let recording = prefix.as_ref().map(|prefix| prefix.with_extension("mcap"));
-        let mut writer = recording.as_ref().map(|path| RecordingWriter::create(path, &header)).transpose()?;
-        let mut stand = rig.open(task.stage.side, play.seed.wrapping_add(run as u64))?;
-        let pose = play.home.then(|| performer.start_pose());
-        let Stand { robot, pace } = &mut stand;
-        prepare(robot, pace, pose.as_ref(), writer.as_mut(), interrupt)?;
-        let played = performer.play(
-            robot,
-            pace,
-            &mut |step, observation, action| match (&script, &mut player.mind) {
-                (Some(script), _) => *action = script.action(step),
-                (None, Mind::Policy(policy, _)) => policy.act(observation, action),
-                (None, Mind::Script) => {}
-            },
-            writer.as_mut(),
-            interrupt,
-        )?;
+    let mut runs = Vec::new();
+    for index in 0..play.runs {
+        let files = folder.map(|folder| {
+            let file = |kind: &str| folder.join(format!("run-{}.{kind}", index + 1));
+            let (midi, wav, frames, recording) = (file("mid"), file("wav"), file("csv"), file("mcap"));
+            Files { midi, wav, frames, recording, report: None }
+        });
+        let mut writer =
+            files.as_ref().map(|files| RecordingWriter::create(&files.recording, &header)).transpose()?;
+        let mut stand = rig.open(task.stage.side, play.seed.wrapping_add(index as u64))?;
+        let performance =
+            one_run(&mut stand, player, &piece, play, &start, writer.as_mut(), job.interrupt())?;
         stand.let_go().map_err(PlayError::NotLetGo)?;
-        // Nobody needs to watch a robot that was let go while the files are written.
+        // The guard is not needed beside a stopped robot while the files are written.
         drop(stand);
         if let Some(writer) = writer {
             writer.finish()?;
         }
-        let files = prefix.map(|prefix| keep(&prefix, song, &piece, &played, font)).transpose()?;
-        let result = judge(&piece, &played, files);
-        tell(run, &result);
-        report.runs.push(result);
-        if played.ending != Ending::Complete {
+        if let Some(files) = &files {
+            keep(files, &performance, font)?;
+        }
+        let run = RobotRun::new(performance, files);
+        job.tell(&RunEnded { index, run: run.clone() });
+        runs.push(run);
+        if runs.last().is_some_and(|run| run.ending != Ending::Complete) {
             break;
         }
     }
-    summarise(&mut report);
+    let (robot_f1, robot_f1_std) = mean_and_deviation(&runs);
+    let report = RobotReport {
+        song: song.title().to_string(),
+        player: player.name(),
+        mode: play.mode,
+        robot: rig.name().to_string(),
+        truth: match rig {
+            RigChoice::Twin(truth) => Some(truth.name().to_string()),
+            RigChoice::File { .. } => None,
+        },
+        sim_f1,
+        robot_f1,
+        robot_f1_std,
+        gap: gap(sim_f1, robot_f1),
+        runs,
+    };
     if let Some(folder) = folder {
-        // A report is plain numbers and strings: writing it as JSON cannot fail.
-        let text = serde_json::to_string_pretty(&report).unwrap_or_default();
-        write_file(&folder.join("report.json"), &(text + "\n"))?;
+        write_report(folder, &report)?;
     }
     Ok(report)
 }
 
-/// Scores of the player in simulation alone, in the nominal world: one drawn world would flatter it or not.
-///
-/// # Errors
-/// If the world cannot be built.
-pub fn in_simulation(player: &mut Player, piece: &Piece) -> Result<FrameScores, PlayError> {
-    let mut config = player.config.clone();
-    config.task.randomisation.intensity = 0.0;
-    let (mut act, _) = player.mind.act(&config.task, piece)?;
-    let performance = rehearse(&config.task, piece, config.trainer.seed, &mut *act, &mut |_, _, _| {})?;
-    Ok(performance.frame_scores())
-}
-
-/// Keys at each control step of the piece, silent where it was not played.
-fn all_steps(piece: &Piece, pressed: &[KeySet]) -> Vec<KeySet> {
-    (0..piece.steps()).map(|step| pressed.get(step).copied().unwrap_or_default()).collect()
-}
-
-fn judge(piece: &Piece, played: &Played, files: Option<RunFiles>) -> RobotRun {
-    let pressed = all_steps(piece, &played.pressed);
-    let alongside = all_steps(piece, &played.simulated);
-    let notes = notes_from_key_events(&played.events, piece.steps() as f64 / CONTROL_HZ);
-    RobotRun {
-        frame: frame_scores(piece.frames(), &pressed),
-        note: note_scores(piece.notes(), &notes),
-        alongside_f1: (!played.simulated.is_empty()).then(|| frame_scores(piece.frames(), &alongside).f1),
-        steps: [played.pressed.len(), piece.steps()],
-        ending: match &played.ending {
-            Ending::Complete => COMPLETE.to_string(),
-            Ending::Interrupted => "interrupted".to_string(),
-            Ending::Fault(fault) => fault.clone(),
-        },
-        clamped: played.clamped,
-        lost_records: played.lost_records,
-        timing: played.timing.report(),
-        files,
-    }
-}
-
-fn keep(
-    prefix: &Path,
-    song: &Song,
+/// Brings the robot to the keyboard and plays once.
+fn one_run(
+    stand: &mut Stand,
+    player: &Player,
     piece: &Piece,
-    played: &Played,
-    font: Option<&SoundFont>,
-) -> Result<RunFiles, PlayError> {
-    let files = RunFiles {
-        recording: prefix.with_extension("mcap"),
-        midi: prefix.with_extension("mid"),
-        wav: prefix.with_extension("wav"),
-        frames: prefix.with_extension("csv"),
-    };
-    let secs = piece.steps() as f64 / CONTROL_HZ;
-    let notes = notes_from_key_events(&played.events, secs);
-    keep_music(&files.midi, &files.wav, song.title(), notes, secs, font)?;
-    write_frames_csv(&files.frames, piece.frames(), Some(&all_steps(piece, &played.pressed)))?;
-    Ok(files)
+    play: &RobotPlay,
+    start: &[f64; JOINTS],
+    mut writer: Option<&mut RecordingWriter>,
+    interrupt: &AtomicBool,
+) -> Result<Performance, PlayError> {
+    let task = &player.config.task;
+    let Stand { robot, pace } = stand;
+    prepare(robot, pace, play.home.then_some(start), writer.as_deref_mut(), interrupt)?;
+    let mut rig = play.mode.rig(task, RobotRig::new(robot, pace, start))?;
+    let mut ready = player.ready(task, piece)?;
+    Ok(perform(&mut *rig, &mut ready, task, piece, writer, interrupt)?)
 }
 
-fn summarise(report: &mut RobotReport) {
-    let scores: Vec<f64> = report.runs.iter().map(|run| run.frame.f1).collect();
-    let count = scores.len() as f64;
-    report.robot_f1 = scores.iter().sum::<f64>() / count.max(1.0);
-    if scores.len() > 1 {
-        let squares: f64 = scores.iter().map(|f1| (f1 - report.robot_f1).powi(2)).sum();
-        report.robot_f1_std = (squares / (count - 1.0)).sqrt();
+impl RobotRun {
+    fn new(performance: Performance, files: Option<Files>) -> Self {
+        let robot = performance.robot.clone().unwrap_or_default();
+        Self {
+            scores: performance.scores(),
+            alongside_f1: performance.alongside_f1(),
+            steps: [performance.pressed.len(), performance.piece.steps()],
+            clamped: robot.clamped,
+            lost_records: robot.lost_records,
+            timing: robot.timing.report(),
+            ending: performance.ending,
+            files,
+        }
     }
-    report.gap = report.sim_f1 - report.robot_f1;
+}
+
+/// Of the runs' F1 by control step; the deviation of one run is 0.
+fn mean_and_deviation(runs: &[RobotRun]) -> (f64, f64) {
+    let count = runs.len() as f64;
+    let f1 = || runs.iter().map(|run| run.scores.frame.f1);
+    let mean = f1().sum::<f64>() / count.max(1.0);
+    let squares: f64 = f1().map(|f1| (f1 - mean).powi(2)).sum();
+    (mean, if runs.len() > 1 { (squares / (count - 1.0)).sqrt() } else { 0.0 })
 }

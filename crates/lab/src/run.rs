@@ -6,8 +6,8 @@ use std::path::{Path, PathBuf};
 use anyhow::{anyhow, bail};
 use etude_learn::{Outcome, Parts, TrainError, Trainer, TrainerConfig, TrainingObserver, WarmStart, seed};
 use etude_music::{Song, SongError};
-use etude_perform::write_file;
-use etude_task::{Piece, ScriptedPlayer, SongEvaluator, TaskConfig, VectorPiano};
+use etude_perform::{SongEvaluator, write_file};
+use etude_task::{Piece, ScriptedPlayer, TaskConfig, VectorPiano};
 use serde_json::json;
 
 use crate::config::{RunConfig, change_free, resolve as resolve_config};

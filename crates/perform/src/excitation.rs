@@ -8,11 +8,15 @@ use std::f64::consts::TAU;
 use etude_music::CONTROL_HZ;
 use etude_stage::hand::{FINGER_JOINTS, FINGERS};
 use etude_stage::{JOINTS, RAIL};
+use etude_task::{ACTION_LEN, Piece, Player, TargetRange};
 use rand::{RngExt as _, SeedableRng as _};
 use rand_pcg::Pcg64;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
 
 /// A sequence.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
 pub enum Excitation {
     /// Hands open and close, slowly and fast: the paper's initial sequence.
     OpenClose,
@@ -22,6 +26,7 @@ pub enum Excitation {
     Rail,
     /// All joints and the rail at once, by sums of sines with random phases and random steps in between: other motion than
     /// that of the others, to try a fit on.
+    #[serde(rename = "held-out")]
     Held,
 }
 
@@ -71,6 +76,27 @@ impl Excitation {
             Self::Rail => rail(),
             Self::Held => held_out(),
         }
+    }
+}
+
+/// The player of a sequence: it gives one target after the other, whatever it observes.
+pub struct ExcitationPlayer {
+    targets: Vec<[f64; JOINTS]>,
+    range: TargetRange,
+}
+
+impl ExcitationPlayer {
+    /// A player of `excitation`, and the silent piece that is as long.
+    pub fn new(excitation: Excitation) -> (Self, Piece) {
+        let targets = excitation.targets();
+        let piece = Piece::silent(targets.len());
+        (Self { targets, range: TargetRange::new(&piece) }, piece)
+    }
+}
+
+impl Player for ExcitationPlayer {
+    fn act(&mut self, step: usize, _: &[f32], action: &mut [f32; ACTION_LEN]) {
+        *action = self.range.action(&self.targets[step]);
     }
 }
 

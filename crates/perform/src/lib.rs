@@ -1,35 +1,47 @@
-//! Performances: playing on a robot in the three execution modes, recordings of what a rig did, and the files that people
-//! take away from a song that was played.
+//! Performances: rigs, the one loop that plays, recordings of what a rig did, and the files beside a performance.
 //!
-//! A [`Recording`] is an MCAP file with JSON messages, so Foxglove, the Python `mcap` package and Étude itself read it.
-//! A [`Performer`] plays on a [`Robot`](etude_robot::Robot), whatever moves its devices.
+//! [`perform`] joins a [`Rig`] and an [`etude_task::Player`]. [`SimRig`] is the simulator, [`RobotRig`] a robot, whatever moves its
+//! devices; an execution [`Mode`] puts them together. A [`Recording`] is an MCAP file with JSON messages, so Foxglove, the Python
+//! `mcap` package and Étude itself read it.
 
+mod evaluate;
 mod excitation;
-mod excite;
 mod files;
 mod job;
 mod messages;
+mod mirrored;
 mod mode;
-mod performer;
+#[allow(clippy::module_inception)] // The loop has the crate's name because it is what the crate is for.
+mod perform;
+mod performance;
+mod prepare;
+mod recorder;
 mod recording;
-mod robot_records;
+mod rig;
+mod robot_rig;
 mod shaping;
+mod sim_rig;
 pub mod stand;
 mod timing;
 mod writer;
 
-pub use excitation::Excitation;
-pub use excite::excite;
+pub use evaluate::SongEvaluator;
+pub use excitation::{Excitation, ExcitationPlayer};
 pub use files::{FileError, write_file, write_frames_csv};
 pub use job::Job;
 pub use messages::{
-    ArmMessage, HandMessage, Header, KeyMessage, NoteMessage, PolicyMessage, RewardMessage, SetPointMessage,
-    StepMessage, TargetMessage,
+    Activity, ArmMessage, HandMessage, Header, KeyMessage, Message, NoteMessage, PolicyMessage,
+    RewardMessage, SetPointMessage, StepMessage, TargetMessage,
 };
 pub use mode::Mode;
-pub use performer::{Choose, Ending, PerformError, Performer, Played, keys, prepare};
+pub use perform::{PerformError, perform};
+pub use performance::{Executed, Performance, Scores, Simulated, gap};
+pub use prepare::prepare;
+pub use recorder::Recorder;
 pub use recording::{Recording, RecordingError};
-pub use robot_records::RobotRecords;
+pub use rig::{Command, Ending, Rig, Seen, Stepped};
+pub use robot_rig::{RobotRig, keys};
 pub use shaping::shaping_params;
+pub use sim_rig::SimRig;
 pub use timing::{Timing, TimingReport};
 pub use writer::RecordingWriter;

@@ -2,37 +2,106 @@
 
 use std::collections::BTreeMap;
 
+use etude_robot::rig::RigConfig;
+use schemars::{JsonSchema, Schema};
+use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 
+use crate::{Excitation, Mode};
+
+/// One kind of message, which has a topic of its own.
+pub trait Message: Serialize + DeserializeOwned + JsonSchema {
+    /// The topic.
+    const TOPIC: &'static str;
+    /// Name of the schema.
+    const SCHEMA: &'static str;
+}
+
+/// Each kind of message: its type, its topic and the name of its schema. Another kind is another row.
+macro_rules! messages {
+    ($($message:ty => $topic:literal, $schema:literal;)*) => {
+        $(impl Message for $message {
+            const TOPIC: &'static str = $topic;
+            const SCHEMA: &'static str = $schema;
+        })*
+
+        /// Topic, name of the schema and schema of every kind of message.
+        pub(crate) fn topics() -> Vec<(&'static str, &'static str, Schema)> {
+            vec![$(($topic, $schema, schemars::schema_for!($message))),*]
+        }
+    };
+}
+
+messages! {
+    Header => "/header", "etude.Header";
+    StepMessage => "/step", "etude.Step";
+    KeyMessage => "/key", "etude.Key";
+    TargetMessage => "/target", "etude.Target";
+    PolicyMessage => "/policy", "etude.Policy";
+    SetPointMessage => "/setpoint", "etude.SetPoint";
+    HandMessage => "/hand", "etude.Hand";
+    ArmMessage => "/arm", "etude.Arm";
+    NoteMessage => "/note", "etude.Note";
+    RewardMessage => "/reward", "etude.Reward";
+}
+
+/// What a rig did while it was recorded.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(tag = "kind", content = "name", rename_all = "kebab-case")]
+pub enum Activity {
+    /// A simulation played a piece.
+    #[default]
+    Simulation,
+    /// A robot played a piece in this execution mode.
+    Mode(Mode),
+    /// A robot moved through this sequence, clear of the keyboard.
+    Excitation(Excitation),
+    /// A robot held still.
+    Rest,
+}
+
+impl std::fmt::Display for Activity {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Self::Simulation => f.write_str("simulation"),
+            Self::Mode(mode) => mode.fmt(f),
+            Self::Excitation(excitation) => excitation.fmt(f),
+            Self::Rest => f.write_str("rest"),
+        }
+    }
+}
+
 /// What was played, by whom, on what.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Header {
     /// Version of the messages.
     pub schema: u32,
-    /// Title of the song.
+    /// Title of the song; empty without one.
     pub song: String,
-    /// Who played: a policy file or `scripted`.
+    /// Who played: a policy file, `scripted`, or `nobody`.
     pub player: String,
     /// Which rig: `simulation`, `twin`, or the name of a robot.
     pub rig: String,
-    /// The execution mode on a robot; `excitation` or `rest` without a song; empty in simulation.
-    #[serde(default)]
-    pub mode: String,
+    /// What the rig did.
+    pub activity: Activity,
     /// Control steps per second.
     pub control_hz: f64,
     /// Names of the joints, in the order of every list below.
     pub joints: Vec<String>,
     /// MIDI numbers of the keys due at each control step.
     pub due: Vec<Vec<u8>>,
-    /// Times of the score's bar lines, s; absent in older recordings.
-    #[serde(default)]
+    /// Times of the score's bar lines, s.
     pub bar_secs: Vec<f64>,
-    /// The resolved configuration.
-    pub config: serde_json::Value,
+    /// The resolved configuration of the run that the player comes from, as in the run's `config.toml`; without one for an excitation and
+    /// at rest.
+    pub run: Option<serde_json::Value>,
+    /// The rig's file, resolved; none in simulation.
+    #[schemars(with = "Option<serde_json::Value>")]
+    pub rig_config: Option<RigConfig>,
 }
 
 /// One control step, as it stood at its end. Rad and N·m; the rail in m and N.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct StepMessage {
     /// Index of the step.
     pub step: u64,
@@ -51,7 +120,7 @@ pub struct StepMessage {
 }
 
 /// A key was struck or released.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct KeyMessage {
     /// Time since the start, s.
     pub secs: f64,
@@ -62,7 +131,7 @@ pub struct KeyMessage {
 }
 
 /// What a control step in simulation earned.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct RewardMessage {
     /// Index of the step.
     pub step: u64,
@@ -72,7 +141,7 @@ pub struct RewardMessage {
 
 /// The joint targets that were chosen for a control step, as they were before anything shaped them: what a simulated joint's
 /// controller is given. Rad, the rail in m.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct TargetMessage {
     /// Index of the step.
     pub step: u64,
@@ -81,7 +150,7 @@ pub struct TargetMessage {
 }
 
 /// What the policy saw and chose at the beginning of a control step, and how late it was.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct PolicyMessage {
     /// Index of the step.
     pub step: u64,
@@ -94,7 +163,7 @@ pub struct PolicyMessage {
 }
 
 /// A set-point of a robot: what was asked, and what the limiter let through.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct SetPointMessage {
     /// Asked positions of the driven joints.
     pub asked: Vec<f64>,
@@ -105,7 +174,7 @@ pub struct SetPointMessage {
 }
 
 /// One period of the hand's joint loop: sixteen joints in the order of the wire.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct HandMessage {
     /// Measured angles.
     pub positions: Vec<f64>,
@@ -118,7 +187,7 @@ pub struct HandMessage {
 }
 
 /// A report of the arm.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct ArmMessage {
     /// Measured joints.
     pub measured: Vec<f64>,
@@ -129,7 +198,7 @@ pub struct ArmMessage {
 }
 
 /// Something that an operator should read.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct NoteMessage {
     /// `phase`, `warning` or `fault`.
     pub kind: String,

@@ -1,9 +1,16 @@
 //! The three ways to let a policy that was learned in simulation play on a robot (paper, appendix "Execution Modes").
 
+use etude_stage::World;
+use etude_task::{TaskConfig, TaskError};
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use crate::mirrored::{Keys, Mirrored};
+use crate::rig::Rig;
+use crate::robot_rig::RobotRig;
+
 /// Where the policy's observation comes from, and what the robot is asked to do.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum Mode {
     /// Everything observed is the simulation's, and the robot mirrors the simulation's joints: the same motion every
@@ -28,14 +35,17 @@ impl Mode {
         }
     }
 
-    /// Whether the policy sees the robot's keys.
-    pub fn sees_robot_keys(self) -> bool {
-        self != Self::JointMirroring
-    }
-
-    /// Whether the policy sees the robot's joints.
-    pub fn sees_robot_joints(self) -> bool {
-        self == Self::Real
+    /// Puts the rig of this mode together: `robot` alone, or with the simulation of `task` beside it.
+    ///
+    /// # Errors
+    /// If the task's configuration is not sound.
+    pub fn rig<'a>(self, task: &TaskConfig, robot: RobotRig<'a>) -> Result<Box<dyn Rig + 'a>, TaskError> {
+        let world = || -> Result<World, TaskError> { Ok(World::new(&task.stage, &task.params()?)?) };
+        Ok(match self {
+            Self::JointMirroring => Box::new(Mirrored::new(world()?, robot, Keys::Simulated)),
+            Self::Hybrid => Box::new(Mirrored::new(world()?, robot, Keys::Robot)),
+            Self::Real => Box::new(robot),
+        })
     }
 
     /// Whether a simulation plays along, whose joints the robot mirrors.

@@ -25,12 +25,12 @@
 use std::path::{Path, PathBuf};
 
 use crate::messages::{
-    ArmMessage, HandMessage, Header, KeyMessage, NoteMessage, PolicyMessage, RewardMessage, SetPointMessage,
-    StepMessage, TargetMessage,
+    ArmMessage, HandMessage, Header, KeyMessage, Message, NoteMessage, PolicyMessage, RewardMessage,
+    SetPointMessage, StepMessage, TargetMessage,
 };
 
 /// Version of the messages below.
-pub(crate) const SCHEMA: u32 = 1;
+pub(crate) const SCHEMA: u32 = 2;
 
 /// A recording could not be written or read.
 #[derive(Debug, thiserror::Error)]
@@ -116,7 +116,10 @@ impl Recording {
         match recording.header.schema {
             SCHEMA => Ok(recording),
             0 => Err("it has no header".to_string()),
-            other => Err(format!("its messages are version {other}, and this Étude reads {SCHEMA}")),
+            other => Err(format!(
+                "its messages are version {other}, and this Étude reads {SCHEMA}: record it again, or read it with \
+                 the version that wrote it"
+            )),
         }
     }
 
@@ -132,16 +135,18 @@ impl Recording {
             let data: &[u8] = &message.data;
             let secs = message.log_time as f64 * 1e-9;
             let taken = match message.channel.topic.as_str() {
-                "/header" => serde_json::from_slice(data).map(|header| self.header = header),
-                "/step" => serde_json::from_slice(data).map(|step| self.steps.push(step)),
-                "/key" => serde_json::from_slice(data).map(|key| self.keys.push(key)),
-                "/reward" => serde_json::from_slice(data).map(|reward| self.rewards.push(reward)),
-                "/target" => serde_json::from_slice(data).map(|target| self.targets.push(target)),
-                "/policy" => serde_json::from_slice(data).map(|policy| self.policy.push(policy)),
-                "/setpoint" => serde_json::from_slice(data).map(|point| self.setpoints.push((secs, point))),
-                "/hand" => serde_json::from_slice(data).map(|hand| self.hand.push((secs, hand))),
-                "/arm" => serde_json::from_slice(data).map(|arm| self.arm.push((secs, arm))),
-                "/note" => serde_json::from_slice(data).map(|note| self.notes.push((secs, note))),
+                Header::TOPIC => serde_json::from_slice(data).map(|header| self.header = header),
+                StepMessage::TOPIC => serde_json::from_slice(data).map(|step| self.steps.push(step)),
+                KeyMessage::TOPIC => serde_json::from_slice(data).map(|key| self.keys.push(key)),
+                RewardMessage::TOPIC => serde_json::from_slice(data).map(|reward| self.rewards.push(reward)),
+                TargetMessage::TOPIC => serde_json::from_slice(data).map(|target| self.targets.push(target)),
+                PolicyMessage::TOPIC => serde_json::from_slice(data).map(|policy| self.policy.push(policy)),
+                SetPointMessage::TOPIC => {
+                    serde_json::from_slice(data).map(|point| self.setpoints.push((secs, point)))
+                }
+                HandMessage::TOPIC => serde_json::from_slice(data).map(|hand| self.hand.push((secs, hand))),
+                ArmMessage::TOPIC => serde_json::from_slice(data).map(|arm| self.arm.push((secs, arm))),
+                NoteMessage::TOPIC => serde_json::from_slice(data).map(|note| self.notes.push((secs, note))),
                 _ => Ok(()),
             };
             taken.map_err(|error| format!("a message on {} is damaged: {error}", message.channel.topic))?;
@@ -175,16 +180,16 @@ mod tests {
                 pressed: vec![60],
                 ..Default::default()
             };
-            writer.step(step as f64 * 0.05, &message).unwrap();
+            writer.write(step as f64 * 0.05, &message).unwrap();
             steps.push(message);
         }
         let key = KeyMessage { secs: 0.125, pitch: 60, velocity: 90 };
-        writer.key(&key).unwrap();
+        writer.write(key.secs, &key).unwrap();
         let note = NoteMessage { kind: "fault".to_string(), text: "hot".to_string() };
-        writer.note(21.5, &note).unwrap();
+        writer.write(21.5, &note).unwrap();
         let [positions, reference, wanted] = [0.1, 0.2, -7.3].map(|value| vec![value; 16]);
         let hand = HandMessage { positions, reference, wanted, pwm: vec![-7; 16] };
-        writer.hand(-0.003, &hand).unwrap();
+        writer.write(-0.003, &hand).unwrap();
         writer.finish().unwrap();
         let recording = Recording {
             header,

@@ -2,10 +2,9 @@
 
 use std::time::Duration;
 
+use etude_music::CONTROL_HZ;
 use etude_robot::rig::SETPOINT_HZ;
 use serde::Serialize;
-
-use crate::performer::control_period;
 
 /// Times of a performance, s.
 #[derive(Clone, Debug, Default)]
@@ -43,6 +42,8 @@ pub struct TimingReport {
     pub hand_late_worst_ms: f64,
 }
 
+/// Length of a control step.
+pub(crate) const CONTROL_PERIOD: Duration = Duration::from_nanos((1e9 / CONTROL_HZ) as u64);
 /// A set-point's time.
 const SETPOINT: Duration = Duration::from_nanos((1e9 / SETPOINT_HZ) as u64);
 
@@ -67,7 +68,7 @@ impl Timing {
         let median = at(&periods, 0.5);
         TimingReport {
             commands: late.len(),
-            missed: later(control_period()),
+            missed: later(CONTROL_PERIOD),
             late: later(SETPOINT),
             late_median_ms: at(&late, 0.5) * 1e3,
             late_p999_ms: at(&late, 0.999) * 1e3,

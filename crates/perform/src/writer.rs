@@ -10,41 +10,9 @@ use std::sync::{Arc, OnceLock};
 use std::thread::JoinHandle;
 
 use mcap::records::MessageHeader;
-use serde::Serialize;
 
-use crate::messages::{
-    ArmMessage, HandMessage, Header, KeyMessage, NoteMessage, PolicyMessage, RewardMessage, SetPointMessage,
-    StepMessage, TargetMessage,
-};
+use crate::messages::{Header, Message, topics};
 use crate::recording::{RecordingError, SCHEMA};
-
-/// Topics and the names of their schemas, in the order of [`Topic`].
-const TOPICS: [(&str, &str); 10] = [
-    ("/header", "etude.Header"),
-    ("/step", "etude.Step"),
-    ("/key", "etude.Key"),
-    ("/target", "etude.Target"),
-    ("/policy", "etude.Policy"),
-    ("/setpoint", "etude.SetPoint"),
-    ("/hand", "etude.Hand"),
-    ("/arm", "etude.Arm"),
-    ("/note", "etude.Note"),
-    ("/reward", "etude.Reward"),
-];
-
-#[derive(Clone, Copy)]
-enum Topic {
-    Header,
-    Step,
-    Key,
-    Target,
-    Policy,
-    SetPoint,
-    Hand,
-    Arm,
-    Note,
-    Reward,
-}
 
 /// Time after which what was written is handed to the system, s.
 const FLUSH_SECS: f64 = 1.0;
@@ -63,7 +31,7 @@ struct Line {
 /// Writes a recording front to back.
 pub struct RecordingWriter {
     path: PathBuf,
-    channels: [u16; TOPICS.len()],
+    channels: Vec<(&'static str, u16)>,
     sequence: u32,
     flushed_secs: f64,
     /// Absent when the file is complete.
@@ -86,12 +54,13 @@ impl RecordingWriter {
             .profile("")
             .library(concat!("etude ", env!("CARGO_PKG_VERSION")))
             .chunk_size(Some(64 * 1024));
-        let open = || -> mcap::McapResult<(McapFile, [u16; TOPICS.len()])> {
+        let open = || -> mcap::McapResult<(McapFile, Vec<(&'static str, u16)>)> {
             let mut writer = options.create(BufWriter::new(file))?;
-            let mut channels = [0; TOPICS.len()];
-            for (id, (topic, name)) in channels.iter_mut().zip(TOPICS) {
-                let schema = writer.add_schema(name, "jsonschema", br#"{"type":"object"}"#)?;
-                *id = writer.add_channel(schema, topic, "json", &BTreeMap::new())?;
+            let mut channels = Vec::new();
+            for (topic, name, schema) in topics() {
+                let schema =
+                    writer.add_schema(name, "jsonschema", schema.to_value().to_string().as_bytes())?;
+                channels.push((topic, writer.add_channel(schema, topic, "json", &BTreeMap::new())?));
             }
             Ok((writer, channels))
         };
@@ -117,80 +86,8 @@ impl RecordingWriter {
             thread: Some(thread),
             failed,
         };
-        recording.write(Topic::Header, 0.0, &Header { schema: SCHEMA, ..header.clone() })?;
+        recording.write(0.0, &Header { schema: SCHEMA, ..header.clone() })?;
         Ok(recording)
-    }
-
-    /// Adds the control step that ended at `secs`.
-    ///
-    /// # Errors
-    /// If writing fails.
-    pub fn step(&mut self, secs: f64, message: &StepMessage) -> Result<(), RecordingError> {
-        self.write(Topic::Step, secs, message)
-    }
-
-    /// Adds a key event.
-    ///
-    /// # Errors
-    /// If writing fails.
-    pub fn key(&mut self, message: &KeyMessage) -> Result<(), RecordingError> {
-        self.write(Topic::Key, message.secs, message)
-    }
-
-    /// Adds what the control step that ended at `secs` earned.
-    ///
-    /// # Errors
-    /// If writing fails.
-    pub fn reward(&mut self, secs: f64, message: &RewardMessage) -> Result<(), RecordingError> {
-        self.write(Topic::Reward, secs, message)
-    }
-
-    /// Adds the targets of the control step that begins at `secs`.
-    ///
-    /// # Errors
-    /// If writing fails.
-    pub fn target(&mut self, secs: f64, message: &TargetMessage) -> Result<(), RecordingError> {
-        self.write(Topic::Target, secs, message)
-    }
-
-    /// Adds what the policy saw and chose at `secs`.
-    ///
-    /// # Errors
-    /// If writing fails.
-    pub fn policy(&mut self, secs: f64, message: &PolicyMessage) -> Result<(), RecordingError> {
-        self.write(Topic::Policy, secs, message)
-    }
-
-    /// Adds a set-point at `secs`.
-    ///
-    /// # Errors
-    /// If writing fails.
-    pub fn setpoint(&mut self, secs: f64, message: &SetPointMessage) -> Result<(), RecordingError> {
-        self.write(Topic::SetPoint, secs, message)
-    }
-
-    /// Adds a period of the hand at `secs`.
-    ///
-    /// # Errors
-    /// If writing fails.
-    pub fn hand(&mut self, secs: f64, message: &HandMessage) -> Result<(), RecordingError> {
-        self.write(Topic::Hand, secs, message)
-    }
-
-    /// Adds a report of the arm at `secs`.
-    ///
-    /// # Errors
-    /// If writing fails.
-    pub fn arm(&mut self, secs: f64, message: &ArmMessage) -> Result<(), RecordingError> {
-        self.write(Topic::Arm, secs, message)
-    }
-
-    /// Adds something to read at `secs`.
-    ///
-    /// # Errors
-    /// If writing fails.
-    pub fn note(&mut self, secs: f64, message: &NoteMessage) -> Result<(), RecordingError> {
-        self.write(Topic::Note, secs, message)
     }
 
     /// Messages written so far.
@@ -215,14 +112,18 @@ impl RecordingWriter {
         }
     }
 
-    fn write(&mut self, topic: Topic, secs: f64, message: &impl Serialize) -> Result<(), RecordingError> {
+    /// Adds a message at `secs` since the beginning of the performance; times before it count as 0.
+    ///
+    /// # Errors
+    /// If writing fails, or failed before.
+    pub fn write<M: Message>(&mut self, secs: f64, message: &M) -> Result<(), RecordingError> {
         self.sequence += 1;
-        let channel_id = self.channels[topic as usize];
+        let channel = self.channels.iter().find(|(topic, _)| *topic == M::TOPIC);
+        let channel_id = channel.expect("every kind of message has a channel").1;
         let nanos = (secs.max(0.0) * 1e9).round() as u64;
         let header =
             MessageHeader { channel_id, sequence: self.sequence, log_time: nanos, publish_time: nanos };
-        // Plain numbers and strings: writing them as JSON cannot fail.
-        let text = serde_json::to_vec(message).unwrap_or_default();
+        let text = serde_json::to_vec(message).expect("messages are plain numbers and strings");
         let flush = secs >= self.flushed_secs + FLUSH_SECS;
         if flush {
             self.flushed_secs = secs;
@@ -268,6 +169,7 @@ fn write_lines(mut writer: McapFile, lines: &Receiver<Line>) -> mcap::McapResult
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::StepMessage;
 
     /// Whoever records hears of a full disk while there is time to stop, and again at the end.
     #[test]
@@ -278,7 +180,7 @@ mod tests {
         let error = match RecordingWriter::create(full, &Header::default()) {
             Err(error) => error,
             Ok(mut writer) => (0..1_000_000)
-                .find_map(|step| writer.step(f64::from(step), &message).err())
+                .find_map(|step| writer.write(f64::from(step), &message).err())
                 .expect("it says so before long"),
         };
         assert!(error.to_string().contains("No space left"), "{error}");

@@ -19,7 +19,7 @@ pub enum LeadError {
     Link(#[from] ArmLinkError),
     /// Its settings are not sound.
     #[error(transparent)]
-    Config(#[from] crate::xarm::ArmConfigError),
+    Config(#[from] crate::setting::SettingError),
     /// It stopped itself.
     #[error(transparent)]
     Fault(#[from] ArmFault),

@@ -1,4 +1,4 @@
-//! The robot: an Allegro hand on CAN, an xArm7 on TCP, a keyboard on MIDI, what limits them, and emulators of all three.
+//! The robot: an Allegro hand on CAN, an xArm7 on TCP, a keyboard on MIDI, and what limits them. Their emulators are in `etude-emulators`.
 //!
 //! Everything that decides is a state machine without input or output of its own: it is given bytes or frames and the
 //! time, and says which bytes or frames to send. Time is a [`Duration`](std::time::Duration) since the start of the
@@ -8,22 +8,22 @@
 //! | module | what |
 //! |---|---|
 //! | [`can`] | CAN frames and what carries them |
-//! | [`allegro`] | the Allegro Hand v4: messages, driver, emulator |
-//! | [`xarm`] | the xArm7: messages, kinematics, driver, emulator |
-//! | [`keyboard`] | the MIDI keyboard: parser, driver, emulator |
+//! | [`allegro`] | the Allegro Hand v4: messages, driver |
+//! | [`xarm`] | the xArm7: messages, kinematics, driver |
+//! | [`keyboard`] | the MIDI keyboard: parser, driver |
 //! | [`joints`] | the order of joints, stated once |
 //! | [`limiter`] | what every set-point goes through |
 //! | [`calibration`] | where the keyboard stands, and the arm's way along it |
 //! | [`rig`] | a rig's file |
 //! | [`Robot`] | the controller of all three devices |
-//! | [`faults`] | links that lose, delay and damage what they carry, for tests and the twin |
+//! | [`setting`] | the ranges of settings |
+//! | [`stream`] | reading and writing without blocking |
 //!
 //! Numbers and byte layouts are those of the fact sheet "hardware".
 
 pub mod allegro;
 pub mod calibration;
 pub mod can;
-pub mod faults;
 pub mod joints;
 pub mod keyboard;
 pub mod lead;
@@ -32,7 +32,9 @@ pub mod monitor;
 mod pace;
 pub mod rig;
 mod robot;
+pub mod setting;
 pub mod stop;
+pub mod stream;
 pub mod wires;
 pub mod xarm;
 

@@ -6,6 +6,7 @@ use crate::allegro::{Finger, HandMessage, HostMessage, Information, JOINTS, Requ
 use crate::can::{self, CanTransport};
 use crate::keyboard::{self, KeyChange, Keyboard, MidiSource};
 use crate::rig::RigConfig;
+use crate::setting::SettingError;
 use crate::xarm::report::{Report, ReportKind, ReportParser};
 use crate::xarm::{ArmConnection, ArmLinkError};
 
@@ -41,7 +42,7 @@ impl Monitor {
     ///
     /// # Errors
     /// If the keyboard's settings are not sound.
-    pub fn open(config: &RigConfig, keyboard_too: bool) -> Result<Self, keyboard::KeyboardConfigError> {
+    pub fn open(config: &RigConfig, keyboard_too: bool) -> Result<Self, SettingError> {
         let wires = &config.wires;
         let mut keyboard = Keyboard::new(&config.keyboard)?;
         let mut changes = Vec::new();

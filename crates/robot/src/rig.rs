@@ -4,13 +4,12 @@ use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
 
-use crate::allegro::{
-    HandConfig, HandConfigError, JOINT_LIMITS_RAD, JOINTS, JointLoopConfig, JointLoopError,
-};
+use crate::allegro::{HandConfig, JOINT_LIMITS_RAD, JOINTS, JointLoopConfig};
 use crate::joints::{DRIVEN, FINGER_JOINTS, RAIL};
-use crate::keyboard::{Keyboard, KeyboardConfig, KeyboardConfigError};
+use crate::keyboard::{Keyboard, KeyboardConfig};
 use crate::limiter::AxisLimits;
-use crate::xarm::{ArmConfig, ArmConfigError};
+use crate::setting::{POSITIVE, SettingError, check_range};
+use crate::xarm::ArmConfig;
 
 /// Set-points per second: the physics steps of the simulator that a policy is trained in.
 pub const SETPOINT_HZ: f64 = 200.0;
@@ -20,7 +19,7 @@ type Ceiling = (&'static str, f64, f64);
 /// Farthest end of the rail, m from the middle: the keyboard's own end and some room.
 const RAIL_END_M: f64 = 0.40;
 /// Oldest calibration that a rig's file may allow, days.
-const MOST_DAYS: u64 = 365;
+const MOST_DAYS: f64 = 365.0;
 
 /// A rig as its file describes it.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -177,18 +176,9 @@ pub enum RigError {
     /// Something else is not sound.
     #[error("{0}")]
     Value(String),
-    /// The hand's settings are not sound.
+    /// A setting is out of its range.
     #[error(transparent)]
-    Hand(#[from] HandConfigError),
-    /// The joint loop's gains are not sound.
-    #[error(transparent)]
-    JointLoop(#[from] JointLoopError),
-    /// The arm's settings are not sound.
-    #[error(transparent)]
-    Arm(#[from] ArmConfigError),
-    /// The keyboard's settings are not sound.
-    #[error(transparent)]
-    Keyboard(#[from] KeyboardConfigError),
+    Setting(#[from] SettingError),
 }
 
 impl RigConfig {
@@ -224,10 +214,7 @@ impl RigConfig {
         }
         let limits = &self.limits;
         for (name, value, most) in limits.ceilings() {
-            if !(value > 0.0 && value <= most) {
-                let message = format!("limits.{name} is {value}: set it above 0, and to {most} at most");
-                return Err(RigError::Value(message));
-            }
+            check_range(format!("limits.{name}"), value, POSITIVE, most)?;
         }
         let [low, high] = limits.rail_range_m;
         if low < -RAIL_END_M || high > RAIL_END_M {
@@ -235,18 +222,9 @@ impl RigConfig {
                 "limits.rail_range_m is {low} to {high}: set it within {RAIL_END_M} m of the middle"
             )));
         }
-        if limits.calibration_days > MOST_DAYS {
-            return Err(RigError::Value(format!(
-                "limits.calibration_days is {}: set it to {MOST_DAYS} at most",
-                limits.calibration_days
-            )));
-        }
-        for (angle, [low, high]) in limits.thumb_rad.iter().zip(&JOINT_LIMITS_RAD[FINGER_JOINTS..]) {
-            if !(low..=high).contains(&angle) {
-                return Err(RigError::Value(format!(
-                    "limits.thumb_rad has {angle}, and this joint goes from {low} to {high} rad"
-                )));
-            }
+        check_range("limits.calibration_days", limits.calibration_days as f64, 0.0, MOST_DAYS)?;
+        for (&angle, &[low, high]) in limits.thumb_rad.iter().zip(&JOINT_LIMITS_RAD[FINGER_JOINTS..]) {
+            check_range("limits.thumb_rad", angle, low, high)?;
         }
         self.hand.check()?;
         self.joint_loop.check()?;

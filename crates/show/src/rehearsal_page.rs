@@ -86,7 +86,14 @@ fn scores(body: &mut String, rounds: &[Round]) {
             };
             let robot = format!("{:.3} ± {:.3}", round.robot_f1, round.robot_f1_std);
             let number = |value: f64| format!("{value:.3}");
-            vec![round.round.to_string(), number(round.sim_f1), robot, number(round.gap), before, after]
+            vec![
+                round.round.to_string(),
+                number(round.sim_f1),
+                robot,
+                format!("{:.1} %", 100.0 * round.gap),
+                before,
+                after,
+            ]
         }),
     );
 }
@@ -194,7 +201,7 @@ mod tests {
         for part in [
             "&lt;b&gt;&amp;.mid",
             "truth worn",
-            "<td>0.900 ± 0.010</td><td>0.060</td><td>13.00</td><td>1.70</td>",
+            "<td>0.900 ± 0.010</td><td>6.0 %</td><td>13.00</td><td>1.70</td>",
             "src=\"round-1/performance/run-1.wav\"",
             "<td>joint.index_1.delay</td><td>s</td><td>0</td><td>0.01230</td>",
         ] {

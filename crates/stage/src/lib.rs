@@ -24,8 +24,6 @@ pub mod params;
 mod picture;
 mod scene;
 mod snapshot;
-#[cfg(feature = "viewer")]
-mod window;
 mod world;
 
 pub use config::{Cone, Integrator, KeyFactors, ModelOptions, PHYSICS_STEPS, StageConfig};
@@ -36,6 +34,4 @@ pub use params::{ParamError, PhysicalParams};
 pub use picture::{LARGEST_PICTURE, Painter, PictureError, View, picture_size};
 pub use scene::{Scene, SceneBody, SceneGeom, SceneJoint};
 pub use snapshot::{Snapshot, SnapshotError};
-#[cfg(feature = "viewer")]
-pub use window::{Window, WindowError};
 pub use world::{StageError, StepOutcome, World, joint_range, mujoco_version};

@@ -5,15 +5,14 @@
 #![allow(clippy::print_stdout)] // An example talks to the terminal.
 
 use std::error::Error;
+use std::sync::atomic::AtomicBool;
 
 use etude_music::{CONTROL_HZ, LOWEST_PITCH, pitch_name, repertoire};
+use etude_perform::{Performance, Scores, SimRig};
 use etude_stage::geometry::{KeyShape, key_target};
 use etude_stage::hand::{FINGER_JOINTS, TIP_RADIUS};
 use etude_stage::{RAIL, World, kinematics};
-use etude_task::{
-    ACTION_LEN, Environment, Performance, Piece, ScriptedConfig, ScriptedPlayer, TaskConfig, TaskError,
-    rehearse,
-};
+use etude_task::{Piece, ScriptedConfig, ScriptedPlayer, TaskConfig, TaskError};
 
 fn main() -> Result<(), Box<dyn Error>> {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
@@ -26,14 +25,13 @@ fn main() -> Result<(), Box<dyn Error>> {
     }
 }
 
-fn perform(config: &TaskConfig, id: &str) -> Result<(ScriptedPlayer, Performance), Box<dyn Error>> {
+fn play(config: &TaskConfig, id: &str) -> Result<(ScriptedPlayer, Performance), Box<dyn Error>> {
     let song = repertoire::get(id).ok_or("no such song")?;
     let piece = Piece::new(&song, config.initial_silence_secs)?;
-    let player = ScriptedPlayer::new(config, &piece)?;
-    let mut act = |environment: &Environment, _: &[f32], action: &mut [f32; ACTION_LEN]| {
-        *action = player.action(environment.position());
-    };
-    let performance = rehearse(config, &piece, 0, &mut act, &mut |_, _, _| {})?;
+    let mut player = ScriptedPlayer::new(config, &piece)?;
+    let mut rig = SimRig::nominal(config, &piece)?;
+    let never = AtomicBool::new(false);
+    let performance = etude_perform::perform(&mut rig, &mut player, config, &piece, None, &never)?;
     Ok((player, performance))
 }
 
@@ -43,15 +41,15 @@ fn table(config: &TaskConfig) -> Result<(), Box<dyn Error>> {
         "song", "f1", "precision", "recall", "onset_f1", "free"
     );
     for id in repertoire::ids() {
-        let (player, performance) = perform(config, id)?;
-        let (frame, note) = (performance.frame_scores(), performance.note_scores());
+        let (player, performance) = play(config, id)?;
+        let Scores { frame, note } = performance.scores();
         println!(
             "{id:18} {:6.3} {:9.3} {:6.3} {:8.3} {:6.3}  {}",
             frame.f1,
             frame.precision,
             frame.recall,
             note.onset_f1,
-            performance.collision_free,
+            performance.simulation.unwrap_or_default().collision_free,
             player.limits()
         );
     }
@@ -59,11 +57,11 @@ fn table(config: &TaskConfig) -> Result<(), Box<dyn Error>> {
 }
 
 fn detail(config: &TaskConfig, id: &str) -> Result<(), Box<dyn Error>> {
-    let (player, performance) = perform(config, id)?;
+    let (player, performance) = play(config, id)?;
     for limit in &player.limits().notes {
         println!("{limit}");
     }
-    for (step, (due, pressed)) in performance.due.iter().zip(&performance.pressed).enumerate() {
+    for (step, (due, pressed)) in performance.piece.frames().iter().zip(&performance.pressed).enumerate() {
         if due != pressed {
             println!("step {step}: due {due}, pressed {pressed}");
         }

@@ -101,6 +101,13 @@ impl TaskConfig {
         PhysicalParams::default().with(&self.physics)
     }
 
+    /// The same task without anything random: from the beginning of the song, in the nominal world.
+    pub fn without_randomness(&self) -> Self {
+        let mut config = Self { random_start: false, ..self.clone() };
+        config.randomisation.intensity = 0.0;
+        config
+    }
+
     /// Checks the numbers that only the task knows.
     ///
     /// # Errors

@@ -25,6 +25,8 @@ pub struct Step {
     pub song_over: bool,
     /// Whether anything but fingertips on the keyboard touched, whatever the reward makes of it.
     pub collided: bool,
+    /// Keys that sound at its end.
+    pub pressed: KeySet,
 }
 
 /// A world, a piece, and the place in it.
@@ -94,7 +96,7 @@ impl Environment {
 
     /// Starts an episode in the world `params`. For environments without randomisation: the next reset of another would
     /// draw a world again.
-    pub(crate) fn reset_in(&mut self, params: &PhysicalParams) {
+    pub fn reset_in(&mut self, params: &PhysicalParams) {
         self.world.set_params(params);
         self.reset();
     }
@@ -154,7 +156,8 @@ impl Environment {
         self.previous_action = *action;
         self.step += 1;
         self.steps_made = self.steps_made.saturating_add(1);
-        Step { reward, song_over: self.step >= self.piece.steps(), collided: outcome.collided }
+        let song_over = self.step >= self.piece.steps();
+        Step { reward, song_over, collided: outcome.collided, pressed: self.world.pressed() }
     }
 
     /// Writes the current observation.
@@ -164,9 +167,24 @@ impl Environment {
         observe(&self.config, &joints, &self.previous_joints, pressed, &self.piece, self.step, out);
     }
 
-    /// Keys that sound now.
-    pub fn pressed(&self) -> KeySet {
-        self.world.pressed()
+    /// Plays one control step and writes the observation after it into `last`. When the song is over the next episode begins.
+    /// `observation` receives what the next action is chosen from.
+    pub fn advance(
+        &mut self,
+        action: &[f32; ACTION_LEN],
+        parts: &mut [f32],
+        observation: &mut [f32],
+        last: &mut [f32],
+    ) -> Step {
+        let step = self.step(action, parts);
+        self.observe(last);
+        if step.song_over {
+            self.reset();
+            self.observe(observation);
+        } else {
+            observation.copy_from_slice(last);
+        }
+        step
     }
 
     /// The next control step to be played.

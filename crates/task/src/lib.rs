@@ -1,17 +1,15 @@
 //! The task: what the agent sees, does and is paid for, on top of a [`World`](etude_stage::World).
 //!
 //! A [`Piece`] is the sheet music in control steps. An [`Environment`] plays it once per episode; [`VectorPiano`] runs
-//! many of them over threads for the learner; [`rehearse`] plays the whole song with a fixed policy and returns a
-//! [`Performance`] with its scores.
+//! many of them over threads for the learner. A [`Player`] chooses the actions.
 
 mod assignment;
 pub mod bench;
 mod config;
 mod environment;
-mod evaluate;
 mod observation;
-mod performance;
 mod piece;
+mod player;
 mod randomise;
 mod range;
 pub mod reward;
@@ -21,10 +19,9 @@ mod vector;
 pub use assignment::assign;
 pub use config::{TaskConfig, TaskError};
 pub use environment::{Environment, Step};
-pub use evaluate::{SongEvaluator, rehearse_in, still};
 pub use observation::{ObservationScale, layout, observe};
-pub use performance::{Act, Performance, Watch, rehearse};
 pub use piece::Piece;
+pub use player::Player;
 pub use randomise::{Full, RANDOMISED, Randomisation, RandomisationConfig, Widths};
 pub use range::TargetRange;
 pub use scripted::{ScriptedConfig, ScriptedPlayer};

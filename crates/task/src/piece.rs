@@ -29,6 +29,12 @@ impl Piece {
         })
     }
 
+    /// `steps` control steps in which no key is due, for motions without a song.
+    pub fn silent(steps: usize) -> Self {
+        let (notes, bars) = ([].into(), [].into());
+        Self { title: String::new(), due: vec![KeySet::EMPTY; steps].into(), notes, bars }
+    }
+
     /// Title of the song.
     pub fn title(&self) -> &str {
         &self.title

@@ -66,16 +66,9 @@ impl Row<'_> {
         let action: &[f32; ACTION_LEN] =
             self.action.first_chunk().expect("an action has one value per joint");
         let Slot { environment, parts } = self.slot;
-        let step = environment.step(action, parts);
+        let step = environment.advance(action, parts, self.observation, self.next_observation);
         *self.reward = step.reward as f32;
         *self.truncated = step.song_over;
-        environment.observe(self.next_observation);
-        if step.song_over {
-            environment.reset();
-            environment.observe(self.observation);
-        } else {
-            self.observation.copy_from_slice(self.next_observation);
-        }
     }
 }
 

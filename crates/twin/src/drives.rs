@@ -8,8 +8,7 @@ use etude_robot::joints::FINGER_JOINTS;
 use etude_stage::params::Joint;
 use etude_stage::{JOINTS, PhysicalParams, RAIL};
 
-use crate::numbers::{FINGER, HandTruth};
-use crate::twin::STEP;
+use crate::numbers::{FINGER, HandTruth, STEP};
 
 /// Speed at which a joint has mostly broken loose from the friction that held it, rad/s: our choice, slower than any
 /// key is struck.

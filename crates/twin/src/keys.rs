@@ -7,8 +7,7 @@ use std::time::Duration;
 
 use etude_music::KEYS;
 
-use crate::numbers::KeysTruth;
-use crate::twin::STEP;
+use crate::numbers::{KeysTruth, STEP};
 
 /// Largest MIDI velocity.
 const LOUDEST: f64 = 127.0;

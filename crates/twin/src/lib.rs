@@ -1,4 +1,4 @@
-//! The twin: a robot that is not there. Its devices are the emulators of `etude-robot`, which speak the same bytes as the
+//! The twin: a robot that is not there. Its devices are those of `etude-emulators`, which speak the same bytes as the
 //! real ones; what moves them is a MuJoCo world with a [`Truth`] of its own, finer in time than the simulator and unknown
 //! to whoever plays on it.
 //!
@@ -6,8 +6,7 @@
 //! on sockets, by the wall clock.
 
 mod drives;
-mod fault_kind;
-mod faults;
+mod error;
 mod keys;
 mod lockstep;
 mod numbers;
@@ -15,9 +14,11 @@ mod server;
 mod truth;
 mod twin;
 
-pub use fault_kind::{FaultError, FaultKind};
-pub use faults::OrderedFault;
+pub use error::TruthError;
+pub use etude_emulators::ArmPorts;
+pub use etude_emulators::faults::{FaultError, FaultKind, OrderedFault};
 pub use lockstep::Lockstep;
+pub use numbers::STEP;
 pub use server::{ServeError, TwinServer};
-pub use truth::{Truth, TruthError};
-pub use twin::{ARM_SERIAL, SHOWN_KEYS, STEP, Twin, TwinError, calibration, stage_side};
+pub use truth::Truth;
+pub use twin::{ARM_SERIAL, SHOWN_KEYS, Twin, TwinError, calibration, stage_side};

@@ -3,20 +3,19 @@
 
 use std::time::Duration;
 
+use etude_emulators::ConnectionId;
+use etude_emulators::faults::{FaultKind, FaultPlan, FaultPlanError, Faults, FaultyBytes, FaultyFrames};
 use etude_robot::allegro::{DeviceId, HandMessage};
 use etude_robot::can::{CanError, CanFrame};
-use etude_robot::faults::{FaultPlan, FaultPlanError, FaultyBytes, FaultyFrames};
 use etude_robot::keyboard::MidiError;
 use etude_robot::wires::Wires;
+use etude_robot::xarm::ArmLinkError;
 use etude_robot::xarm::report::ReportKind;
-use etude_robot::xarm::{ArmLinkError, ConnectionId};
 use etude_robot::{Pace, Robot};
 
-use crate::fault_kind::FaultKind;
-use crate::faults::Faults;
-use crate::numbers::LinksTruth;
-use crate::truth::TruthError;
-use crate::twin::{STEP, Twin, TwinError};
+use crate::error::TruthError;
+use crate::numbers::{LinksTruth, STEP};
+use crate::twin::{Twin, TwinError};
 
 /// A twin at the other end of a controller's wires.
 pub struct Lockstep {
@@ -66,7 +65,7 @@ impl Lockstep {
     /// # Errors
     /// If the faults of the links make no sense.
     pub fn new(mut twin: Twin) -> Result<Self, TwinError> {
-        let client = twin.arm.connect();
+        let client = twin.devices.arm.connect();
         let numbers = &twin.truth.numbers;
         let wires = Links::new(&numbers.links, Faults::new(&numbers.faults), twin.truth.run_seed())
             .map_err(TruthError::from)?;
@@ -75,17 +74,20 @@ impl Lockstep {
 
     /// Something goes wrong now, whatever the truth has ordered.
     pub fn begin(&mut self, fault: FaultKind) {
-        self.wires.faults.begin(fault, &mut self.twin);
+        let now = self.twin.now();
+        self.wires.faults.begin(fault, &mut self.twin.devices, now);
     }
 
     /// One fault like this is over.
     pub fn end(&mut self, fault: FaultKind) {
-        self.wires.faults.end(fault, &mut self.twin);
+        let now = self.twin.now();
+        self.wires.faults.end(fault, &mut self.twin.devices, now);
     }
 
     /// Everything that has gone wrong so is over.
     pub fn end_all(&mut self) {
-        self.wires.faults.end_all(&mut self.twin);
+        let now = self.twin.now();
+        self.wires.faults.end_all(&mut self.twin.devices, now);
     }
 
     /// Whether something like this is wrong now.
@@ -101,11 +103,13 @@ impl Lockstep {
         if self.has(FaultKind::ArmDisconnect) {
             self.bytes.clear();
         }
-        self.twin.arm.receive(now, self.client, &self.bytes);
+        self.twin.devices.arm.receive(now, self.client, &self.bytes);
         self.step_apart_from_the_arm();
         let (twin, wires, client) = (&mut self.twin, &mut self.wires, self.client);
-        send(&mut wires.from_arm, now, &mut self.bytes, |out| twin.arm.take(client, out));
-        send(&mut wires.reports, now, &mut self.bytes, |out| twin.arm.take_reports(ReportKind::Real, out));
+        send(&mut wires.from_arm, now, &mut self.bytes, |out| twin.devices.arm.take(client, out));
+        send(&mut wires.reports, now, &mut self.bytes, |out| {
+            twin.devices.arm.take_reports(ReportKind::Real, out)
+        });
     }
 
     /// The same for whoever serves the arm by other means.
@@ -113,22 +117,23 @@ impl Lockstep {
         let now = self.wires.now + STEP;
         self.wires.now = now;
         let (twin, wires) = (&mut self.twin, &mut self.wires);
-        wires.faults.advance(twin);
+        let began = twin.now();
+        wires.faults.advance(&mut twin.devices, began);
         let silent = wires.faults.has(FaultKind::CanSilent) || wires.faults.has(FaultKind::CanBusOff);
         self.frames.clear();
         while let Some(frame) = wires.to_hand.pop(now) {
             if !silent {
-                twin.hand.receive(now, &frame, &mut self.frames);
+                twin.devices.hand.receive(now, &frame, &mut self.frames);
             }
         }
         twin.step();
-        twin.hand.tick(now, &mut self.frames);
+        twin.devices.hand.tick(now, &mut self.frames);
         for frame in &self.frames {
             if !silent && !finger_of(frame).is_some_and(|finger| wires.faults.silences(finger)) {
                 wires.from_hand.push(now, *frame);
             }
         }
-        send(&mut wires.midi, now, &mut self.bytes, |out| twin.keyboard.poll(now, out));
+        send(&mut wires.midi, now, &mut self.bytes, |out| twin.devices.keyboard.poll(now, out));
     }
 }
 

@@ -1,18 +1,20 @@
 //! The numbers of a [`Truth`](crate::Truth): what may stand in its file. They do not leave this crate.
 
 use std::collections::BTreeMap;
+use std::time::Duration;
 
+use etude_emulators::KeyboardEmulatorConfig;
+use etude_emulators::faults::{FaultPlan, OrderedFault};
 use etude_music::KEYS;
-use etude_robot::faults::FaultPlan;
-use etude_robot::keyboard;
+use etude_robot::setting::check_range;
 use etude_stage::params::World as Quantity;
 use etude_stage::{Cone, Integrator, KeyFactors, ModelOptions, ParamError, PhysicalParams};
 use serde::{Deserialize, Serialize};
 
-use crate::faults::OrderedFault;
-use crate::truth::TruthError;
-use crate::twin::STEP;
+use crate::error::TruthError;
 
+/// One step of the twin: a third of the hand's period, a fifth of the simulator's physics step.
+pub const STEP: Duration = Duration::from_millis(1);
 /// Joints of a finger.
 pub(crate) const FINGER: usize = 4;
 /// How far apart the two contacts of a key are at least, and the second from the stop, as a share of its travel.
@@ -35,7 +37,7 @@ pub(crate) struct Numbers {
     /// The arm.
     pub(crate) arm: ArmTruth,
     /// What the keyboard says over its line.
-    pub(crate) keyboard: keyboard::EmulatorConfig,
+    pub(crate) keyboard: KeyboardEmulatorConfig,
     /// The keys and their contacts.
     pub(crate) keys: KeysTruth,
     /// What happens on the wires.
@@ -223,9 +225,7 @@ impl Numbers {
         ];
         let torques = hand.full_torque_nm.map(|torque| ("hand.full_torque_nm", torque, 0.0, 10.0));
         for (name, value, low, high) in rows.into_iter().chain(torques) {
-            if !(low..=high).contains(&value) {
-                return Err(TruthError::OutOfRange { name, value, low, high });
-            }
+            check_range(name, value, low, high)?;
         }
         Ok(self.faults.iter().try_for_each(OrderedFault::check)?)
     }

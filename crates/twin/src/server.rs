@@ -10,17 +10,18 @@ use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
+use etude_emulators::faults::FaultKind;
+use etude_emulators::{ArmPorts, ArmServer, Hub, MidiServer, Reach};
 use etude_robot::Pace as _;
 use etude_robot::calibration::CalibrationError;
-use etude_robot::can::{CanError, CanTransport as _, Hub, HubTransport};
-use etude_robot::keyboard::{MidiError, MidiOutlet};
+use etude_robot::can::{CanError, CanTransport as _, HubTransport};
+use etude_robot::keyboard::MidiError;
 use etude_robot::rig::{RigConfig, WiresConfig};
-use etude_robot::xarm::{ArmPorts, ArmServer, Reach};
 
-use crate::fault_kind::FaultKind;
 use crate::lockstep::Lockstep;
+use crate::numbers::STEP;
 use crate::truth::Truth;
-use crate::twin::{STEP, Twin, TwinError, calibration};
+use crate::twin::{Twin, TwinError, calibration};
 
 /// Name of the rig and of its file.
 const RIG: &str = "twin";
@@ -61,7 +62,7 @@ pub struct TwinServer {
     bus: HubTransport,
     arm: ArmServer,
     /// Gone with its socket while the keyboard is unplugged.
-    midi: Option<MidiOutlet>,
+    midi: Option<MidiServer>,
     midi_path: PathBuf,
     rig: PathBuf,
     bytes: Vec<u8>,
@@ -81,7 +82,7 @@ impl TwinServer {
         let (can, midi) = (folder.join("can.sock"), folder.join("midi.sock"));
         let hub = Hub::bind(&can)?;
         let bus = HubTransport::connect(&can)?;
-        let outlet = MidiOutlet::bind(&midi)?;
+        let outlet = MidiServer::bind(&midi)?;
         let port_error = |error: std::io::Error| file(Path::new("127.0.0.1"), error.to_string());
         let arm = ArmServer::bind(IpAddr::V4(Ipv4Addr::LOCALHOST), ports, Reach::ThisMachine)
             .map_err(port_error)?;
@@ -163,7 +164,7 @@ impl TwinServer {
             }
         }
         let gone = self.lockstep.has(FaultKind::ArmDisconnect);
-        let arm = &mut self.lockstep.twin.arm;
+        let arm = &mut self.lockstep.twin.devices.arm;
         if gone {
             self.arm.refuse_once(now, arm);
         } else {
@@ -181,7 +182,7 @@ impl TwinServer {
         self.bytes.clear();
         match (wires.receive_midi(&mut self.bytes), &mut self.midi) {
             (Ok(()), Some(midi)) => midi.send(&self.bytes),
-            (Ok(()), None) => self.midi = Some(MidiOutlet::bind(&self.midi_path)?),
+            (Ok(()), None) => self.midi = Some(MidiServer::bind(&self.midi_path)?),
             (Err(_), _) => self.midi = None,
         }
         Ok(())

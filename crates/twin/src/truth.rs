@@ -3,14 +3,11 @@
 //! Nobody outside this crate can read a [`Truth`]: it has a name and can be handed to a twin, no more.
 
 use std::fmt;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
-use etude_robot::faults::FaultPlanError;
-use etude_robot::keyboard::KeyboardConfigError;
-use etude_stage::ParamError;
+use etude_emulators::faults::OrderedFault;
 
-use crate::fault_kind::FaultError;
-use crate::faults::OrderedFault;
+use crate::error::TruthError;
 use crate::numbers::Numbers;
 
 /// The truth of one twin. Its numbers are for the twin alone:
@@ -34,46 +31,6 @@ pub struct Truth {
     pub(crate) numbers: Numbers,
     /// Added to the seed of what changes from run to run.
     run: u64,
-}
-
-/// A truth that no twin can have.
-#[derive(Debug, thiserror::Error)]
-pub enum TruthError {
-    /// The file cannot be read.
-    #[error("cannot read the truth {path}: {message}")]
-    Read {
-        /// The file.
-        path: PathBuf,
-        /// Why.
-        message: String,
-    },
-    /// The text is no truth.
-    #[error("this is no truth of a twin: {0}; configs/truths has examples")]
-    Text(String),
-    /// A physical number is unknown or out of range.
-    #[error("the twin's physics: {0}")]
-    Physics(#[from] ParamError),
-    /// A number is out of range.
-    #[error("the twin's {name} = {value} must lie in {low} … {high}")]
-    OutOfRange {
-        /// Which.
-        name: &'static str,
-        /// Its value.
-        value: f64,
-        /// Smallest value.
-        low: f64,
-        /// Largest value.
-        high: f64,
-    },
-    /// The faults of a link make no sense.
-    #[error("the twin's links: {0}")]
-    Link(#[from] FaultPlanError),
-    /// A fault cannot be ordered as it is.
-    #[error("the twin's faults: {0}")]
-    Fault(#[from] FaultError),
-    /// The keyboard's settings make no sense.
-    #[error("the twin's keyboard: {0}")]
-    Keyboard(#[from] KeyboardConfigError),
 }
 
 /// The truths that come with Étude, by name.

@@ -11,22 +11,24 @@
 
 use std::time::Duration;
 
+use etude_emulators::{
+    ArmEmulator, ArmEmulatorConfig, Devices, FreeHand, HandEmulator, HandEmulatorConfig, KeyboardEmulator,
+};
 use etude_music::KEYS;
-use etude_robot::allegro::{self, FreeHand, HandEmulator, HandSide};
+use etude_robot::allegro::HandSide;
 use etude_robot::calibration::{Calibration, CalibrationError, Point, RailPath};
 use etude_robot::joints::{FINGER_JOINTS, RAIL, to_wire};
-use etude_robot::keyboard::{KeyboardConfigError, KeyboardEmulator};
-use etude_robot::xarm::emulator::{self, ArmEmulator};
+use etude_robot::setting::SettingError;
 use etude_robot::xarm::kinematics::PAPER_HOME_DEG;
 use etude_stage::geometry::{HALF_WIDTH, key_lateral};
 use etude_stage::{JOINTS, Side, StageConfig, StageError, World};
 
 use crate::drives::{Drives, Encoders};
+use crate::error::TruthError;
 use crate::keys::{Keys, Say};
-use crate::truth::{Truth, TruthError};
+use crate::numbers::STEP;
+use crate::truth::Truth;
 
-/// One step of the twin: a third of the hand's period, a fifth of the simulator's physics step.
-pub const STEP: Duration = Duration::from_millis(1);
 /// Where the flange stands over the middle key, mm, and how it is turned, degrees: the paper's C3 (fact sheet
 /// "hardware" §0).
 const MIDDLE_MM: [f64; 3] = [485.0, -2.83, 170.51];
@@ -48,7 +50,7 @@ pub enum TwinError {
     Calibration(#[from] CalibrationError),
     /// Its keyboard's settings make no sense.
     #[error(transparent)]
-    Keyboard(#[from] KeyboardConfigError),
+    Keyboard(#[from] SettingError),
 }
 
 /// A robot that is not there.
@@ -59,12 +61,8 @@ pub struct Twin {
     encoders: Encoders,
     keys: Keys,
     path: RailPath,
-    /// The emulated hand.
-    pub hand: HandEmulator,
-    /// The emulated arm.
-    pub arm: ArmEmulator,
-    /// The emulated keyboard.
-    pub keyboard: KeyboardEmulator,
+    /// The emulated devices.
+    pub devices: Devices,
     thumb: FreeHand,
     rail: f64,
     now: Duration,
@@ -80,18 +78,18 @@ impl Twin {
         let numbers = &truth.numbers;
         let params = numbers.params().map_err(TruthError::from)?;
         let stage = StageConfig { side: stage_side(side), ..StageConfig::default() };
-        let hand = allegro::EmulatorConfig {
+        let hand = HandEmulatorConfig {
             side,
             noise_counts: numbers.hand.noise_counts,
             clock_skew: numbers.hand.clock_skew,
             torque_timeout_secs: numbers.hand.torque_timeout_secs,
             seed: truth.run_seed(),
-            ..allegro::EmulatorConfig::default()
+            ..HandEmulatorConfig::default()
         };
-        let arm = ArmEmulator::new(emulator::EmulatorConfig {
+        let arm = ArmEmulator::new(ArmEmulatorConfig {
             delay_secs: numbers.arm.delay_secs,
             bandwidth_hz: numbers.arm.bandwidth_hz,
-            ..emulator::EmulatorConfig::default()
+            ..ArmEmulatorConfig::default()
         });
         let path = RailPath::new(
             &calibration("twin"),
@@ -105,9 +103,11 @@ impl Twin {
             keys: Keys::new(&numbers.keys, numbers.second_contacts(&params)),
             rail: path.place(&arm.joints()).rail_m,
             path,
-            hand: HandEmulator::new(&hand),
-            arm,
-            keyboard: KeyboardEmulator::new(&numbers.keyboard)?,
+            devices: Devices {
+                hand: HandEmulator::new(&hand),
+                arm,
+                keyboard: KeyboardEmulator::new(&numbers.keyboard)?,
+            },
             thumb: FreeHand::default(),
             truth: truth.clone(),
             now: Duration::ZERO,
@@ -124,11 +124,11 @@ impl Twin {
     /// Moves on by one [`STEP`].
     pub fn step(&mut self) {
         self.now += STEP;
-        self.arm.advance(self.now);
+        self.devices.arm.advance(self.now);
         let torques = self.torques();
         self.collisions += u64::from(self.drive(&torques));
-        self.thumb.step(STEP.as_secs_f64(), &self.hand.pwm());
-        let (now, world, keyboard) = (self.now, &self.world, &mut self.keyboard);
+        self.thumb.step(STEP.as_secs_f64(), &self.devices.hand.pwm());
+        let (now, world, keyboard) = (self.now, &self.world, &mut self.devices.keyboard);
         self.keys.look(
             now,
             |key| world.key_travel(key),
@@ -142,8 +142,8 @@ impl Twin {
 
     /// What the drives do to the world's joints.
     fn torques(&mut self) -> [f64; JOINTS] {
-        let duty = self.hand.pwm();
-        let rail = self.path.place(&self.arm.joints()).rail_m;
+        let duty = self.devices.hand.pwm();
+        let rail = self.path.place(&self.devices.arm.joints()).rail_m;
         let speed = (rail - self.rail) / STEP.as_secs_f64();
         self.rail = rail;
         let (joints, velocities) = (self.world.joints(), self.world.joint_velocities());
@@ -166,7 +166,7 @@ impl Twin {
     /// Tells the hand where its joints are.
     fn show_joints(&mut self) {
         let thumb: [f64; 4] = std::array::from_fn(|joint| self.thumb.positions()[FINGER_JOINTS + joint]);
-        self.hand.set_positions(&to_wire(&self.encoders.read(&self.world.joints()), &thumb));
+        self.devices.hand.set_positions(&to_wire(&self.encoders.read(&self.world.joints()), &thumb));
     }
 
     /// Time since it was switched on.
@@ -225,7 +225,7 @@ pub fn stage_side(side: HandSide) -> Side {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use etude_robot::allegro::{DeviceId, Finger, HandMessage, HostMessage, Request};
+    use etude_robot::allegro::{self, DeviceId, Finger, HandMessage, HostMessage, Request};
     use etude_stage::geometry::KeyShape;
     use etude_stage::params::World as Quantity;
 
@@ -241,12 +241,12 @@ mod tests {
         twin.world.reset_to(&pose);
         let torque = HostMessage::Torque { finger: Finger::Middle, pwm: [0, pwm, 0, 0] };
         for message in [HostMessage::ServoOn, torque] {
-            twin.hand.receive(twin.now, &message.encode(DeviceId::default()), &mut Vec::new());
+            twin.devices.hand.receive(twin.now, &message.encode(DeviceId::default()), &mut Vec::new());
         }
         let mut said = Vec::new();
         for _ in 0..500 {
             twin.step();
-            twin.keyboard.poll(twin.now, &mut said);
+            twin.devices.keyboard.poll(twin.now, &mut said);
         }
         said
     }
@@ -380,7 +380,7 @@ mod tests {
         let mut answer = Vec::new();
         let device = DeviceId::default();
         let question = HostMessage::Request(Request::Position(Finger::Middle)).encode(device);
-        loose.hand.receive(loose.now, &question, &mut answer);
+        loose.devices.hand.receive(loose.now, &question, &mut answer);
         let Ok(Some(HandMessage::Position { counts, .. })) = HandMessage::decode(device, &answer[0]) else {
             panic!("{answer:?}");
         };

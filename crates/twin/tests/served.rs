@@ -8,10 +8,9 @@ use std::time::{Duration, Instant};
 use etude_robot::calibration::{Calibration, RailPath};
 use etude_robot::rig::RigConfig;
 use etude_robot::wires::OpenWires;
-use etude_robot::xarm::ArmPorts;
 use etude_robot::xarm::kinematics::PAPER_HOME_DEG;
 use etude_robot::{Phase, Robot};
-use etude_twin::{Truth, TwinServer};
+use etude_twin::{ArmPorts, Truth, TwinServer};
 
 /// Nothing here should take so long: a test that waits for it fails instead of hanging.
 const PATIENCE: Duration = Duration::from_secs(60);

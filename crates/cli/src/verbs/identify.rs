@@ -12,12 +12,12 @@ use crate::Ending;
 use crate::progress::stop_flag;
 use crate::status::Status;
 
-/// Which recordings, and how.
+/// Arguments of the verb.
 #[derive(clap::Args)]
 #[command(after_help = "\
 Fits joint by joint, then finger by finger, to recordings that touch no key; then the keyboard to those that do. \
-Recordings of the excitation `held-out` are not fitted to: the fit is tried on them. The folder receives identified.toml \
-(a layer for `etude train --config`), a report, and what is needed to go on after Ctrl-C or a kill with the same command.
+Recordings of the excitation `held-out` are not fitted: they test the fit. The folder receives identified.toml (a layer for \
+`etude train --config`), report.md with its figures, and a state from which the same command resumes after Ctrl-C or a kill.
 
 Examples:
   etude record --robot twin --excitation open-close -o open-close.mcap
@@ -30,22 +30,22 @@ pub struct Args {
     /// Recordings of one robot (`etude record --excitation`, `etude perform`)
     #[arg(required = true, value_name = "RECORDING")]
     recordings: Vec<PathBuf>,
-    /// A recording to try the fit on, not to fit to; may be repeated
+    /// A recording that tests the fit and is not fitted; may be repeated
     #[arg(long, value_name = "RECORDING")]
     held_out: Vec<PathBuf>,
-    /// `lm` (Levenberg–Marquardt), `cma` (CMA-ES) or `bo` (Bayesian optimisation, as in the paper)
+    /// `lm` (Levenberg–Marquardt) or `bo` (Bayesian optimisation, as in the paper)
     #[arg(long, default_value = "lm", value_name = "METHOD")]
     method: IdentifyMethod,
-    /// End the fit of a joint, a finger or the keyboard after so many evaluations, settled or not
+    /// Most evaluations of the fit of a joint, a finger or the keyboard
     #[arg(long, value_parser = clap::value_parser!(u64).range(1..))]
     evaluations: Option<u64>,
     /// Seed of every random draw
     #[arg(long, default_value_t = 0)]
     seed: u64,
-    /// Begin at the numbers of this file, such as an earlier identified.toml
+    /// Start from the values of this file, such as an earlier identified.toml
     #[arg(long, value_name = "FILE")]
     from: Option<PathBuf>,
-    /// Where everything goes
+    /// Folder of the results
     #[arg(short = 'o', long = "out", default_value = "out/identified", value_name = "DIR")]
     out: PathBuf,
     /// Print nothing but one JSON object at the end: rig, method, fit_errors, held_out_errors, identified, file, …

@@ -18,7 +18,6 @@ pub mod robot;
 pub mod songs;
 pub mod train;
 pub mod twin;
-pub mod view;
 pub mod watch;
 
 use std::path::{Path, PathBuf};

@@ -2,10 +2,10 @@
 
 use std::path::PathBuf;
 
-use etude_lab::{RobotPlay, RobotReport, RobotRun, find_song, play_on_robot};
+use etude_lab::{RobotPlay, RobotReport, RunEnded, find_song, play_on_robot};
 use etude_music::sound::SoundFont;
-use etude_perform::Mode;
 use etude_perform::stand::{RigChoice, rig_choice};
+use etude_perform::{Ending as Played, Job, Mode};
 use etude_twin::OrderedFault;
 
 use super::{PlayerArgs, json, line, note, slug};
@@ -71,7 +71,7 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
     let song = find_song(&args.song)?;
     song.check_range()?;
     let name = slug(&args.song);
-    let mut player = args.player.load(&args.song, &song)?;
+    let player = args.player.load(&args.song, &song)?;
     let rig = with_faults(rig_choice(&args.robot, &args.truth)?, &args.faults)?;
     let font = args.soundfont.as_deref().map(SoundFont::load).transpose()?;
     let folder =
@@ -84,22 +84,22 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
     };
     let stop = stop_flag()?;
     let quiet = args.json;
-    let mut tell = |index: usize, run: &RobotRun| {
+    let mut tell = |RunEnded { index, run }: &RunEnded| {
         if !quiet {
-            note(format!("run {}: F1 {:.3}, {}", index + 1, run.frame.f1, run.ending));
+            note(format!("run {}: F1 {:.3}, {}", index + 1, run.scores.frame.f1, run.ending));
         }
     };
-    let report =
-        play_on_robot(&song, &mut player, &rig, &play, Some(&folder), font.as_ref(), &stop, &mut tell)?;
+    let mut job = Job::new(&mut tell, &stop);
+    let report = play_on_robot(&song, &player, &rig, &play, Some(&folder), font.as_ref(), &mut job)?;
     if args.json {
         json(&report)?;
     } else {
         print(&report)?;
     }
-    match report.runs.iter().find(|run| run.ending != "complete").map(|run| run.ending.as_str()) {
-        None => Ok(Ending::Done),
-        Some("interrupted") => Ok(Ending::Stopped),
-        Some(fault) => anyhow::bail!("the performance was cut short: {fault}"),
+    match report.runs.last().map(|run| &run.ending) {
+        None | Some(Played::Complete) => Ok(Ending::Done),
+        Some(Played::Interrupted) => Ok(Ending::Stopped),
+        Some(Played::Fault(fault)) => anyhow::bail!("the performance was cut short: {fault}"),
     }
 }
 
@@ -128,18 +128,21 @@ fn print(report: &RobotReport) -> anyhow::Result<()> {
     line(format!("{:22} {:>9} {:>9} {:>9}", "by control step", "precision", "recall", "F1"))?;
     line(format!("{:22} {:>9} {:>9} {:>9.3}", "simulation alone", "", "", report.sim_f1))?;
     for (index, run) in report.runs.iter().enumerate() {
-        let frame = &run.frame;
+        let frame = &run.scores.frame;
         let name = format!("{}, run {}", report.robot, index + 1);
         line(format!("{name:22} {:>9.3} {:>9.3} {:>9.3}", frame.precision, frame.recall, frame.f1))?;
     }
     let spread =
         if report.runs.len() > 1 { format!(" ± {:.3}", report.robot_f1_std) } else { String::new() };
     line(format!(
-        "F1 {:.3} in simulation, {:.3}{spread} on {}: a gap of {:.3}",
-        report.sim_f1, report.robot_f1, report.robot, report.gap
+        "F1 {:.3} in simulation, {:.3}{spread} on {}: a gap of {:.1} %",
+        report.sim_f1,
+        report.robot_f1,
+        report.robot,
+        100.0 * report.gap
     ))?;
     for run in &report.runs {
-        let (notes, times) = (&run.note, &run.timing);
+        let (notes, times) = (&run.scores.note, &run.timing);
         line(format!(
             "{} notes right, {} missed, {} wrong; {} set-points clamped; {} of {} deadlines missed, {} commands late (worst {:.1} ms)",
             notes.matched,

@@ -3,8 +3,9 @@
 use std::path::PathBuf;
 
 use anyhow::Context as _;
-use etude_lab::{Report, find_song, perform};
+use etude_lab::{Report, find_song, play};
 use etude_music::sound::SoundFont;
+use etude_perform::Scores;
 
 use super::{PlayerArgs, json, line, slug};
 use crate::Ending;
@@ -41,10 +42,10 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
     let song = find_song(&args.song)?;
     song.check_range()?;
     let name = slug(&args.song);
-    let mut player = args.player.load(&args.song, &song)?;
+    let player = args.player.load(&args.song, &song)?;
     let font = args.soundfont.as_deref().map(SoundFont::load).transpose().context("no sound")?;
     let folder = args.out.unwrap_or_else(|| PathBuf::from("out").join(&name));
-    let report = perform(&song, &mut player, Some(&folder), font.as_ref())?;
+    let report = play(&song, &player, Some(&folder), font.as_ref())?;
     if args.json {
         json(&report)?
     } else {
@@ -54,7 +55,7 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
 }
 
 fn print(report: &Report) -> anyhow::Result<()> {
-    let (frame, note) = (&report.frame, &report.note);
+    let Scores { frame, note } = &report.scores;
     line(format!("{} played by {}, {} control steps", report.song, report.player, report.steps))?;
     line(format!("{:22} {:>9} {:>9} {:>9}", "", "precision", "recall", "F1"))?;
     let row = |name: &str, values: [f64; 3]| {
@@ -76,7 +77,7 @@ fn print(report: &Report) -> anyhow::Result<()> {
     }
     if let Some(files) = &report.files {
         line(format!("Listen: {}", files.wav.display()))?;
-        for path in [&files.midi, &files.frames, &files.recording, &files.report] {
+        for path in [&files.midi, &files.frames, &files.recording].into_iter().chain(&files.report) {
             line(format!("        {}", path.display()))?;
         }
     }

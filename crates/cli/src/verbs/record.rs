@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 use std::time::Duration;
 
-use etude_lab::{Activity, record_robot};
+use etude_lab::{Motion, record_robot};
 use etude_perform::Excitation;
 use etude_perform::stand::rig_choice;
 
@@ -50,21 +50,21 @@ pub struct Args {
 pub fn run(args: Args) -> anyhow::Result<Ending> {
     let rig = rig_choice(&args.robot, &args.truth)?;
     let stop = stop_flag()?;
-    let activity = match (args.excitation, args.secs) {
-        (Some(excitation), _) => Activity::Excitation(excitation),
+    let motion = match (args.excitation, args.secs) {
+        (Some(excitation), _) => Motion::Excitation(excitation),
         (None, None) if rig.is_twin() => {
             anyhow::bail!("a twin in lockstep knows no time of day: say how long with --secs")
         }
-        (None, secs) => Activity::Rest(secs.map(Duration::from_secs_f64)),
+        (None, secs) => Motion::Rest(secs.map(Duration::from_secs_f64)),
     };
     let home = args.home || rig.is_twin();
-    let recorded = record_robot(&rig, activity, home, args.seed, &args.out, &stop)?;
+    let recorded = record_robot(&rig, motion, home, args.seed, &args.out, &stop)?;
     line(format!("{} messages in {}", recorded.messages, args.out.display()))?;
     match recorded.ending {
         etude_perform::Ending::Complete => Ok(Ending::Done),
         etude_perform::Ending::Fault(fault) => Err(etude_perform::PerformError::Fault(fault).into()),
         // Whoever records until Ctrl-C has what was wanted.
-        etude_perform::Ending::Interrupted if matches!(activity, Activity::Rest(None)) => Ok(Ending::Done),
+        etude_perform::Ending::Interrupted if matches!(motion, Motion::Rest(None)) => Ok(Ending::Done),
         etude_perform::Ending::Interrupted => Ok(Ending::Stopped),
     }
 }

@@ -53,7 +53,7 @@ pub struct Args {
     /// The policy to begin with; the shipped one if not given, and without one the song is learned first
     #[arg(long, value_name = "FILE|DIR")]
     policy: Option<PathBuf>,
-    /// Method of identification: lm, cma or bo
+    /// Method of identification: `lm` or `bo`
     #[arg(long, default_value = "lm", value_name = "METHOD")]
     method: IdentifyMethod,
     /// End each fit of the identification after so many evaluations, settled or not
@@ -137,8 +137,11 @@ fn show(status: &mut Status, step: &RehearsalStep) {
             status.now(&format!("round {round}: run {} played, F1 {f1:.3}", run + 1), "");
         }
         RehearsalStep::Round(round) => status.done(&format!(
-            "round {}: F1 {:.3} in simulation, {:.3} on the robot: a gap of {:.3}",
-            round.round, round.sim_f1, round.robot_f1, round.gap
+            "round {}: F1 {:.3} in simulation, {:.3} on the robot: a gap of {:.1} %",
+            round.round,
+            round.sim_f1,
+            round.robot_f1,
+            100.0 * round.gap
         )),
     }
 }
@@ -156,11 +159,11 @@ fn print(rounds: &[Round], mode: Mode) -> anyhow::Result<()> {
             .held_out_rad
             .map_or_else(String::new, |[before, after]| format!("{:.2} → {:.2}", before * 1e3, after * 1e3));
         line(format!(
-            "{:<8}{:>12.3}{:>16}{:>8.3}   {held_out}",
+            "{:<8}{:>12.3}{:>16}{:>8}   {held_out}",
             round.round,
             round.sim_f1,
             format!("{:.3} ± {:.3}", round.robot_f1, round.robot_f1_std),
-            round.gap
+            format!("{:.1} %", 100.0 * round.gap)
         ))?;
     }
     Ok(())

@@ -3,8 +3,7 @@
 use std::path::PathBuf;
 
 use etude_robot::rig::RigConfig;
-use etude_robot::xarm::ArmPorts;
-use etude_twin::{OrderedFault, Truth, TwinServer};
+use etude_twin::{ArmPorts, OrderedFault, Truth, TwinServer};
 use serde_json::json;
 
 use super::line;

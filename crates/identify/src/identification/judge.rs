@@ -1,80 +1,93 @@
-//! What the numbers are worth where the fits have ended.
+//! The uncertainty of the result.
 
 use std::collections::BTreeMap;
 use std::sync::atomic::AtomicBool;
 
 use etude_stage::PhysicalParams;
+use serde::{Deserialize, Serialize};
 
-use super::{ESTIMATE_STEP, Identified, IdentifyError, Stage, Work, set};
+use super::error::IdentifyError;
+use super::scene::{Scene, set};
+use super::stage::{ESTIMATE_STEP, Stage, StageEnd};
+use super::state::State;
 use crate::estimate::Estimate;
-use crate::fit::Candidate;
 use crate::group::Group;
 use crate::jacobian::JacobianPlan;
+use crate::method::Candidate;
 use crate::problem::Evaluation;
 
-impl Work<'_> {
-    /// Judges where the fits have ended.
-    pub(super) fn finish(self) -> Result<Identified, IdentifyError> {
-        let still = AtomicBool::new(false);
-        let done = |stage: Stage| self.state.ended.iter().any(|end| end.stage == stage);
-        // The estimate of a finger is that of its joints with their correlations.
-        let air = if done(Stage::Fingers) { Stage::Fingers } else { Stage::Joints };
-        let judged = [air, Stage::Contact].into_iter().filter(|stage| done(*stage));
-        let mut estimates = Vec::new();
-        let began = self.before.clone();
-        for stage in judged {
-            let motions = self.motions_of(stage);
-            let mut problems = Vec::new();
-            // What the recordings tell, without what was believed before them.
-            for group in stage.groups().into_iter().map(|group| Group { believes: false, ..group }) {
-                if motions.iter().any(|motion| group.learns_from(motion)) {
-                    let params = &self.state.params;
-                    let parameters = self.parameters(stage, &group, &motions);
-                    let problem = group.problem(parameters, &motions)?;
-                    let values: Vec<f64> = problem
-                        .space()
-                        .parameters()
-                        .iter()
-                        .map(|parameter| params.get(&parameter.path))
-                        .collect::<Result<_, _>>()?;
-                    let plan =
-                        JacobianPlan::new(&problem, &problem.space().to_normalised(&values), ESTIMATE_STEP);
-                    problems.push((group, problem, plan));
-                }
-            }
-            let asked: Vec<Vec<Candidate>> =
-                problems.iter().map(|(_, problem, plan)| plan.candidates(problem)).collect();
-            let batch = asked.iter().map(Vec::len).max().unwrap_or(0);
-            let worlds: Vec<PhysicalParams> = (0..batch)
-                .map(|index| {
-                    let mut params = self.state.params.clone();
-                    for ((_, problem, _), candidates) in problems.iter().zip(&asked) {
-                        if let Some(candidate) = candidates.get(index) {
-                            set(&mut params, problem, &candidate.values);
-                        }
-                    }
-                    params
-                })
-                .collect();
-            let traces = self.replay(&worlds, &motions, stage == Stage::Contact, &still)?;
-            for ((group, problem, plan), candidates) in problems.iter().zip(&asked) {
-                let evaluations: Vec<Evaluation> = (0..candidates.len())
-                    .map(|index| group.evaluate(&began, &worlds[index], &motions, &traces[index]))
-                    .collect();
-                let linear = plan.finish(problem, &evaluations)?;
-                estimates.push((group.name.clone(), Estimate::new(problem, &linear)?));
-            }
-        }
-        Ok(Identified {
-            physics: changed(&self.state.params),
-            before: changed(&self.before),
-            stages: self.state.ended,
-            estimates,
-        })
-    }
+/// The result of an identification.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Identified {
+    /// Parameters that differ from the defaults, by path: the identified simulator.
+    pub physics: BTreeMap<String, f64>,
+    /// The same at the start of the fit.
+    pub before: BTreeMap<String, f64>,
+    /// The stages.
+    pub stages: Vec<StageEnd>,
+    /// Name of each group and the estimates of its last stage.
+    pub estimates: Vec<(String, Estimate)>,
 }
 
-/// Rows other than the defaults.
+/// Estimates the parameters' uncertainty at the end of the fits.
+pub(super) fn judge(scene: &Scene<'_>, state: State) -> Result<Identified, IdentifyError> {
+    let done = |stage: Stage| state.ended.iter().any(|end| end.stage == stage);
+    // A finger's estimate is that of its joints with their correlations.
+    let air = if done(Stage::Fingers) { Stage::Fingers } else { Stage::Joints };
+    let mut estimates = Vec::new();
+    for stage in [air, Stage::Contact].into_iter().filter(|stage| done(*stage)) {
+        estimates.extend(judge_stage(scene, &state.params, stage)?);
+    }
+    Ok(Identified {
+        physics: changed(&state.params),
+        before: changed(&scene.before),
+        stages: state.ended,
+        estimates,
+    })
+}
+
+fn judge_stage(
+    scene: &Scene<'_>,
+    params: &PhysicalParams,
+    stage: Stage,
+) -> Result<Vec<(String, Estimate)>, IdentifyError> {
+    let motions = scene.motions(stage == Stage::Contact);
+    let mut problems = Vec::new();
+    // From the recordings alone, without the prior.
+    let groups = stage.groups().into_iter().map(|group| Group { believes: false, ..group });
+    for group in groups.filter(|group| motions.iter().any(|motion| group.learns_from(motion))) {
+        let problem = group.problem(scene.parameters(&group, &motions), &motions)?;
+        let values = problem.space().parameters().iter().map(|parameter| params.get(&parameter.path));
+        let point = problem.space().to_normalised(&values.collect::<Result<Vec<_>, _>>()?);
+        let plan = JacobianPlan::new(&problem, &point, ESTIMATE_STEP);
+        let candidates = plan.candidates(&problem);
+        problems.push((group, problem, plan, candidates));
+    }
+    let batch = problems.iter().map(|(.., candidates)| candidates.len()).max().unwrap_or(0);
+    let world = |index: usize| {
+        let mut params = params.clone();
+        for (_, problem, _, candidates) in &problems {
+            if let Some(Candidate { values, .. }) = candidates.get(index) {
+                set(&mut params, problem, values);
+            }
+        }
+        params
+    };
+    let worlds: Vec<PhysicalParams> = (0..batch).map(world).collect();
+    // Too short to be interrupted.
+    let traces = scene.replay(&worlds, &motions, stage == Stage::Contact, &AtomicBool::new(false))?;
+    let mut estimates = Vec::new();
+    for (group, problem, plan, candidates) in problems {
+        let evaluations: Vec<Evaluation> = (0..candidates.len())
+            .map(|index| group.evaluate(&scene.before, &worlds[index], &motions, &traces[index]))
+            .collect();
+        let linear = plan.finish(&problem, &evaluations)?;
+        estimates.push((group.name.clone(), Estimate::new(&problem, &linear)?));
+    }
+    Ok(estimates)
+}
+
+/// Parameters that differ from the defaults.
 fn changed(params: &PhysicalParams) -> BTreeMap<String, f64> {
     PhysicalParams::rows()
         .filter_map(|(path, _, default)| {

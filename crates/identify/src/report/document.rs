@@ -1,62 +1,158 @@
-//! What a report says, apart from how it looks: the page and the text are two renderings of the same
-//! document.
+//! A report as data, and its Markdown rendering.
 
-/// A report.
-#[derive(Clone, Debug, PartialEq)]
-pub(super) struct Document {
+use serde::Serialize;
+
+/// A report: sections in the order in which they are read. Strings are plain text; renderings escape them.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Report {
+    /// Title.
     pub title: String,
+    /// Sections.
     pub sections: Vec<Section>,
 }
 
-/// One part of it, with a heading.
-#[derive(Clone, Debug, PartialEq)]
-pub(super) struct Section {
+/// A part of a report with a heading.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Section {
+    /// Heading.
     pub title: &'static str,
+    /// Content.
     pub elements: Vec<Element>,
 }
 
-/// What a section is made of. Strings are plain text: renderings escape them.
-#[derive(Clone, Debug, PartialEq)]
-pub(super) enum Element {
+/// Content of a section.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Element {
+    /// Prose.
     Paragraph(String),
+    /// Items.
     List(Vec<String>),
+    /// A table.
     Table(Table),
-    /// The text leaves them out.
-    Pictures(Vec<Picture>),
+    /// A chart.
+    Figure(Figure),
 }
 
-/// Rows of cells under a line of headings.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub(super) struct Table {
+/// A table. Each row has one cell a column.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Table {
+    /// Caption.
     pub caption: String,
-    pub columns: Vec<Column>,
-    /// As many cells a row as there are columns.
+    /// Names of the columns.
+    pub columns: &'static [&'static str],
+    /// Rows.
     pub rows: Vec<Vec<String>>,
 }
 
-/// A column of a table.
-#[derive(Clone, Debug, PartialEq)]
-pub(super) struct Column {
-    pub name: &'static str,
-    /// Numbers stand at the right, words at the left.
-    pub is_number: bool,
-}
-
-/// A drawing.
-#[derive(Clone, Debug, PartialEq)]
-pub(super) struct Picture {
-    /// A whole `<svg>` element, escaped already.
-    pub svg: String,
-    /// What it shows.
+/// A chart of curves over time.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Figure {
+    /// Name of its file, without extension.
+    pub name: String,
+    /// Caption.
     pub caption: String,
+    /// Unit of the values.
+    pub unit: &'static str,
+    /// Curves: measured, before the fit, after the fit.
+    pub curves: [Curve; 3],
 }
 
-/// A column of words.
-pub(super) fn words(name: &'static str) -> Column {
-    Column { name, is_number: false }
+/// A curve. Without points where the simulation diverged.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Curve {
+    /// Name.
+    pub name: &'static str,
+    /// Time, s, and value.
+    pub points: Vec<[f64; 2]>,
 }
 
-/// A column of numbers.
-pub(super) fn numbers(name: &'static str) -> Column {
-    Column { name, is_number: true }
+impl Report {
+    /// All figures.
+    pub fn figures(&self) -> impl Iterator<Item = &Figure> {
+        self.sections.iter().flat_map(|section| &section.elements).filter_map(|element| match element {
+            Element::Figure(figure) => Some(figure),
+            _ => None,
+        })
+    }
+
+    /// The report as Markdown. It links each figure as `NAME.svg`.
+    pub fn markdown(&self) -> String {
+        let mut out = format!("# {}\n", escape(&self.title));
+        for section in &self.sections {
+            out += &format!("\n## {}\n", section.title);
+            for element in &section.elements {
+                out += &format!("\n{}", element.markdown());
+            }
+        }
+        out
+    }
+}
+
+impl Element {
+    fn markdown(&self) -> String {
+        match self {
+            Self::Paragraph(text) => format!("{}\n", escape(text)),
+            Self::List(items) => items.iter().map(|item| format!("- {}\n", escape(item))).collect(),
+            Self::Figure(figure) => format!("![{}]({}.svg)\n", escape(&figure.caption), figure.name),
+            Self::Table(Table { caption, columns, rows }) => {
+                let line = |cells: Vec<String>| format!("| {} |\n", cells.join(" | "));
+                let head = line(columns.iter().map(|name| escape(name)).collect());
+                let rows = rows.iter().map(|row| line(row.iter().map(|cell| escape(cell)).collect()));
+                let rule = line(vec!["---".to_string(); columns.len()]);
+                format!("**{}**\n\n{head}{rule}{}", escape(caption), rows.collect::<String>())
+            }
+        }
+    }
+}
+
+impl Figure {
+    /// The chart as an SVG file.
+    pub fn svg(&self) -> String {
+        let all = || self.curves.iter().flat_map(|curve| &curve.points);
+        let range = |axis: usize| {
+            let extent = all()
+                .map(|point| point[axis])
+                .fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], v| [low.min(v), high.max(v)]);
+            if extent[0] < extent[1] { extent } else { [-1.0, 1.0] }
+        };
+        let [[left, right], [low, high]] = [range(0), range(1)];
+        let place = |[secs, value]: &[f64; 2]| {
+            let (x, y) = ((secs - left) / (right - left), (value - low) / (high - low));
+            format!("{:.1},{:.1} ", 60.0 + 410.0 * x, 250.0 - 220.0 * y)
+        };
+        let text = |x: f64, y: f64, text: String| format!("<text x=\"{x}\" y=\"{y}\">{text}</text>\n");
+        // Okabe and Ito's colours, which colour-blind readers can tell apart.
+        let strokes = ["#bbb\" stroke-width=\"5", "#d55e00\" stroke-dasharray=\"6 4", "#0072b2"]
+            .into_iter()
+            .zip([130.0, 240.0, 350.0]);
+        let mut out = "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 480 280\" font-size=\"12\" fill=\"none\">\n\
+                       <style>text{font-family:sans-serif;fill:#111}</style>\n"
+            .to_string();
+        for (curve, (stroke, x)) in self.curves.iter().zip(strokes) {
+            let points: String = curve.points.iter().map(place).collect();
+            out += &format!(
+                "<polyline stroke=\"{stroke}\" points=\"{points}\"/>\n<path stroke=\"{stroke}\" d=\"M{x} 14h30\"/>\n"
+            );
+            let diverged = if curve.points.is_empty() { " (diverged)" } else { "" };
+            out += &text(x + 36.0, 18.0, format!("{}{diverged}", curve.name));
+        }
+        out += "<path stroke=\"#999\" d=\"M60 30V250H470\"/>\n";
+        out += &text(4.0, 34.0, format!("{high:.1} {}", self.unit));
+        out += &text(4.0, 250.0, format!("{low:.1}"));
+        out += &text(60.0, 270.0, format!("{left:.2} s"));
+        out + &text(430.0, 270.0, format!("{right:.2} s")) + "</svg>\n"
+    }
+}
+
+/// Plain text as Markdown that shows the same characters. A file's name may hold markup and control characters.
+fn escape(text: &str) -> String {
+    let mut out = String::with_capacity(text.len());
+    for c in text.chars() {
+        if "\\`*[]<>|&".contains(c) {
+            out.push('\\');
+        }
+        out.push(if c.is_control() { '\u{fffd}' } else { c });
+    }
+    out
 }

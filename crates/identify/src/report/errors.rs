@@ -1,41 +1,31 @@
-//! Errors joint by joint: before, after, and how far from the noise.
+//! Errors by joint: before and after the fit, and how far from the noise.
 
 use etude_stage::JOINT_NAMES;
 
-use super::ReportInput;
-use super::document::{Element, Table, numbers, words};
+use super::document::{Element, Table};
+use super::input::ReportInput;
 use super::number::{factor, milli, milli_unit, number};
 use crate::assessment::Assessment;
 
 /// Tables of the errors in held-out and in fitted motions.
 pub(super) fn elements(input: &ReportInput<'_>) -> Vec<Element> {
     let mut elements = vec![Element::Paragraph(
-        "Root mean square of simulated less measured positions. The noise is that of readings of the joint \
-         at rest: no simulator can do better."
+        "Root mean square of simulated minus measured positions. The noise is that of the joint's readings at rest: no \
+         simulator can do better."
             .to_string(),
     )];
-    for (caption, errors) in
-        [("Held-out recordings", input.held_out_errors), ("Fitted recordings", input.fit_errors)]
-    {
-        if !errors.joints.is_empty() {
-            elements.push(Element::Table(table(caption, errors)));
-        }
-    }
+    let both = [("Held-out recordings", input.held_out_errors), ("Fitted recordings", input.fit_errors)];
+    let both = both.into_iter().filter(|(_, errors)| !errors.joints.is_empty());
+    elements.extend(both.map(|(caption, errors)| Element::Table(table(caption, errors))));
     elements
 }
 
 fn table(caption: &str, errors: &Assessment) -> Table {
     let line = |name: &str, unit: &str, [before, after]: [f64; 2], noise: f64| {
-        let over = if noise > 0.0 { number(after / noise) } else { "–".to_string() };
-        vec![
-            name.to_string(),
-            unit.to_string(),
-            milli(before),
-            milli(after),
-            factor([before, after]),
-            milli(noise),
-            if after.is_finite() { over } else { "–".to_string() },
-        ]
+        let is_known = noise > 0.0 && after.is_finite();
+        let over = if is_known { number(after / noise) } else { "–".to_string() };
+        let numbers = [milli(before), milli(after), factor([before, after]), milli(noise), over];
+        [name.to_string(), unit.to_string()].into_iter().chain(numbers).collect()
     };
     let mut rows: Vec<Vec<String>> = errors
         .joints
@@ -50,15 +40,7 @@ fn table(caption: &str, errors: &Assessment) -> Table {
     }
     Table {
         caption: caption.to_string(),
-        columns: vec![
-            words("joint"),
-            words("unit"),
-            numbers("before"),
-            numbers("after"),
-            numbers("times less"),
-            numbers("noise"),
-            numbers("after / noise"),
-        ],
+        columns: &["joint", "unit", "before", "after", "times less", "noise", "after / noise"],
         rows,
     }
 }

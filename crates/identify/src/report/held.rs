@@ -1,13 +1,13 @@
-//! Which physical numbers a fit left as they were, and why.
+//! Which parameters were not estimated, and why.
 
 use std::collections::{BTreeMap, BTreeSet};
 
 use etude_stage::{JOINT_NAMES, JOINTS, PhysicalParams, RAIL};
 
-use super::document::{Table, numbers, words};
+use super::document::Table;
 use super::number::{number, unit};
 
-/// A table of the rows that no estimate has: row, of how many joints, value, unit, why.
+/// A table of the parameters without an estimate.
 pub(super) fn held(estimated: &BTreeSet<&str>, params: &PhysicalParams) -> Table {
     // Rows of joints that are held for the same reason are one line; the order is that of the rows.
     let mut lines: Vec<(String, String, &'static str)> = Vec::new();
@@ -45,13 +45,7 @@ pub(super) fn held(estimated: &BTreeSet<&str>, params: &PhysicalParams) -> Table
     };
     Table {
         caption: "Held at these values".to_string(),
-        columns: vec![
-            words("row"),
-            words("joints"),
-            numbers("value"),
-            words("unit"),
-            words("why it was held"),
-        ],
+        columns: &["row", "joints", "value", "unit", "why it was held"],
         rows: lines.into_iter().map(line).collect(),
     }
 }
@@ -67,7 +61,7 @@ fn why(path: &str, estimated: &BTreeSet<&str>) -> &'static str {
     let Some(joint) = joint_of(path) else {
         return match path {
             "keyboard.depth" | "key.armature" | "key.friction" | "hand.start" => {
-                "hardly changes which keys sound, and when"
+                "it hardly changes which keys sound, and when"
             }
             _ if touches => "no fit estimates it",
             _ => "no recording that was fitted touches a key",
@@ -75,24 +69,20 @@ fn why(path: &str, estimated: &BTreeSet<&str>) -> &'static str {
     };
     match super::advice::row_of(path) {
         "velocity_limit" | "acceleration_limit" => {
-            "Étude itself imposes it on a robot's commands; as the rig's file says"
+            "Étude limits a robot's commands to it; it is the value of the rig's file"
         }
-        "viscosity" => "nothing tells it from the damping while the drive is below its limit",
+        "viscosity" => "it has the same effect as the damping while the drive is below its limit",
         "encoder_bias" if joint == RAIL || joint % etude_stage::hand::FINGER_JOINTS == 0 => {
-            "sideways it is the same as keyboard.lateral"
+            "it has the same effect as keyboard.lateral"
         }
-        "encoder_bias" if !touches => "only touching keys tells it, and no recording that was fitted does",
-        "encoder_bias" => {
-            "one bias a finger is looked for: keys tell no more of it than the height of its tip"
-        }
-        "armature" if joint == RAIL => "scales with the rail's gains: one of them must be given",
+        "encoder_bias" if !touches => "only recordings that touch keys identify it, and none was fitted",
+        "encoder_bias" => "one bias a finger is estimated: keys identify only the height of its tip",
+        "armature" if joint == RAIL => "it scales with the rail's gains: one of them must be given",
         "torque_limit" if joint == RAIL => "the arm does not report when its drive is at its limit",
         _ if !estimated.contains(format!("joint.{}.stiffness", JOINT_NAMES[joint]).as_str()) => {
             "the joint does not move in any recording that was fitted without touching keys"
         }
-        "torque_limit" => {
-            "its drive was hardly ever at its limit; it follows the stiffness, a duty of the same motor"
-        }
+        "torque_limit" => "its drive was hardly ever at its limit; it is scaled with the stiffness",
         _ => "no fit estimates it",
     }
 }

@@ -1,4 +1,4 @@
-//! Numbers and units as a reader wants them: four digits, milliradians and millimetres.
+//! Numbers and units in a report: four digits, milliradians and millimetres.
 
 use etude_stage::RAIL;
 use etude_stage::params::Row;
@@ -8,7 +8,7 @@ const DIGITS: i32 = 4;
 /// Powers of ten that are printed without an exponent.
 const PLAIN: std::ops::Range<i32> = -3..6;
 
-/// Four significant digits without idle zeros; `∞` and `–` for what is infinite and what is no number.
+/// Four significant digits without trailing zeros; `∞` for infinity and `–` for NaN.
 pub(super) fn number(value: f64) -> String {
     if value.is_nan() {
         return "–".to_string();
@@ -47,7 +47,7 @@ pub(super) fn factor([before, after]: [f64; 2]) -> String {
     }
 }
 
-/// A number as prose has it: two digits.
+/// Two digits, for prose.
 pub(super) fn about(value: f64) -> String {
     format!("{value:.1e}").parse().map_or_else(|_| number(value), number)
 }
@@ -62,7 +62,7 @@ pub(super) fn milli_unit(joint: usize) -> &'static str {
     if joint == RAIL { "mm" } else { "mrad" }
 }
 
-/// The unit of a row of a joint: the table of rows has that of a finger.
+/// The unit of a parameter. The table of rows has the unit of a finger joint.
 pub(super) fn unit(path: &str, row: &Row) -> String {
     if !path.starts_with("joint.rail.") {
         return row.unit.to_string();

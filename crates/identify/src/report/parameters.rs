@@ -1,41 +1,39 @@
-//! The numbers: estimated with their intervals, and held with the reason.
+//! The parameters: estimates with their intervals, and held values with the reason.
 
 use std::collections::BTreeSet;
 
 use etude_stage::PhysicalParams;
 
-use super::ReportInput;
-use super::document::{Element, Table, numbers, words};
+use super::document::{Element, Table};
 use super::held::held;
+use super::input::ReportInput;
 use super::number::{number, unit};
-use crate::estimate::{Bound, Estimate};
+use crate::estimate::{Bound, Estimate, ParameterEstimate};
 
-/// Tables of what was estimated, one a group, and of what was held.
+/// Tables of the estimates, one a group, and of the parameters that were held.
 pub(super) fn elements(input: &ReportInput<'_>) -> Vec<Element> {
     let mut elements = vec![Element::Paragraph(
-        "Intervals are cut at the bounds; that of a number at a bound is computed as if the bound were not \
-         there. They count correlated residuals once and say how closely these recordings tie the number \
-         down in this simulator; where what is left is far above the noise, the simulator is another machine \
-         than the robot, and its best number need not be the robot's. Those of the keyboard include what was \
-         believed before any key was touched: that each lies near where it started."
+        "Intervals are cut at the bounds. The interval of a parameter at a bound is computed as if there were no bound. \
+         Intervals account for correlated residuals and say how closely these recordings determine the parameter of this \
+         simulator. Where the remaining error is far above the noise, the simulator cannot express what the robot does, and \
+         its best value need not be the robot's. Intervals of the keyboard's parameters include the prior: that each \
+         lies near its start value."
             .to_string(),
     )];
-    for (group, estimate) in &input.identified.estimates {
-        elements.push(Element::Table(table(group, estimate, input.before)));
-    }
-    let estimated: BTreeSet<&str> = (input.identified.estimates.iter())
-        .flat_map(|(_, estimate)| &estimate.parameters)
-        .map(|parameter| parameter.path.as_str())
-        .collect();
+    let estimates = &input.identified.estimates;
+    elements.extend(
+        estimates.iter().map(|(group, estimate)| Element::Table(table(group, estimate, input.before))),
+    );
+    let paths = estimates.iter().flat_map(|(_, estimate)| &estimate.parameters);
+    let estimated: BTreeSet<&str> = paths.map(|parameter| parameter.path.as_str()).collect();
     elements.push(Element::Table(held(&estimated, input.after)));
     elements
 }
 
 fn table(group: &str, estimate: &Estimate, before: &PhysicalParams) -> Table {
-    let row = |parameter: &crate::ParameterEstimate| {
+    let row = |parameter: &ParameterEstimate| {
         let path = &parameter.path;
-        let unit =
-            PhysicalParams::rows().find(|(known, ..)| known == path).map(|(_, row, _)| unit(path, row));
+        let known = PhysicalParams::rows().find(|(known, ..)| known == path);
         let bound = match parameter.at_bound {
             None => "",
             Some(Bound::Low) => "lower",
@@ -43,7 +41,7 @@ fn table(group: &str, estimate: &Estimate, before: &PhysicalParams) -> Table {
         };
         vec![
             path.clone(),
-            unit.unwrap_or_default(),
+            known.map_or_else(String::new, |(_, row, _)| unit(path, row)),
             before.get(path).map_or_else(|_| "–".to_string(), number),
             number(parameter.value),
             number(parameter.interval[0]),
@@ -54,16 +52,7 @@ fn table(group: &str, estimate: &Estimate, before: &PhysicalParams) -> Table {
     };
     Table {
         caption: group.to_string(),
-        columns: vec![
-            words("parameter"),
-            words("unit"),
-            numbers("before"),
-            numbers("after"),
-            numbers("95 % from"),
-            numbers("to"),
-            words("at bound"),
-            words("identifiable"),
-        ],
+        columns: &["parameter", "unit", "before", "after", "95 % from", "to", "at bound", "identifiable"],
         rows: estimate.parameters.iter().map(row).collect(),
     }
 }

@@ -1,14 +1,13 @@
-//! Against SciPy and pycma (`scripts/golden_identify.py`).
+//! Against SciPy (`scripts/golden_identify.py`).
 
-use etude_identify::{CmaConfig, Differences, Fit, LmConfig, MethodConfig, Problem};
+use etude_identify::{Differences, LmConfig, MethodConfig, Problem};
 use serde::Deserialize;
 
-use crate::problems::{estimated, evaluate, fitted, oscillator_residuals, problem, rosenbrock};
+use crate::problems::{estimated, fitted, oscillator_residuals, problem, rosenbrock};
 
 #[derive(Deserialize)]
 struct Golden {
     least_squares: Vec<LeastSquares>,
-    cma: Vec<Search>,
 }
 
 #[derive(Deserialize)]
@@ -29,21 +28,6 @@ struct LeastSquares {
     optimum: Vec<f64>,
     cost: f64,
     covariance: Vec<Vec<f64>>,
-}
-
-#[derive(Deserialize)]
-struct Search {
-    name: String,
-    #[serde(default)]
-    rotation: Vec<Vec<f64>>,
-    #[serde(default)]
-    lengths: Vec<f64>,
-    optimum: Vec<f64>,
-    start: Vec<f64>,
-    bounds: Vec<[f64; 2]>,
-    spread: f64,
-    target: f64,
-    evaluations: Vec<u64>,
 }
 
 fn golden() -> Golden {
@@ -100,7 +84,7 @@ fn covariances_are_those_of_scipys_jacobian() {
         let problem = case.problem();
         let point = problem.space().to_normalised(&case.optimum);
         let estimate = estimated(&problem, &point, &|x: &[f64]| case.residuals(x));
-        // SciPy's covariance knows nothing of autocorrelation.
+        // SciPy's covariance assumes independent residuals.
         let block = &estimate.blocks[0];
         let white = block.samples as f64 / block.effective_samples;
         let ranges: Vec<f64> = case.bounds.iter().map(|[low, high]| high - low).collect();
@@ -117,40 +101,5 @@ fn covariances_are_those_of_scipys_jacobian() {
         assert!(
             (estimate.residual_variance / (2.0 * case.cost) * (block.samples - 3) as f64 - 1.0).abs() < 1e-9
         );
-    }
-}
-
-#[test]
-fn cma_needs_as_many_evaluations_as_pycma() {
-    for case in golden().cma {
-        let residuals = |x: &[f64]| -> Vec<f64> {
-            if case.name == "rosenbrock" {
-                return rosenbrock(x);
-            }
-            let away: Vec<f64> = x.iter().zip(&case.optimum).map(|(x, o)| x - o).collect();
-            let turned =
-                case.rotation.iter().map(|row| row.iter().zip(&away).map(|(r, a)| r * a).sum::<f64>());
-            turned.zip(&case.lengths).map(|(t, l)| t * l).collect()
-        };
-        let problem = problem(&case.bounds, &case.start, residuals(&case.start).len());
-        let config = CmaConfig { initial_spread: case.spread, ..CmaConfig::default() };
-        let mut counts = Vec::new();
-        for seed in 1..=case.evaluations.len() as u64 {
-            let mut fit = Fit::new(problem.clone(), &MethodConfig::Cma(config.clone()), seed).unwrap();
-            while fit.best().is_none_or(|best| best.cost >= case.target) {
-                assert_eq!(fit.finished(), None, "{} {seed}: {:?}", case.name, fit.best());
-                let evaluations = evaluate(&fit.ask(), &residuals);
-                fit.tell(&evaluations).unwrap();
-            }
-            let best = fit.best().unwrap();
-            counts.push(best.evaluation + 1);
-            for (value, optimum) in best.values.iter().zip(&case.optimum) {
-                assert!((value - optimum).abs() < 1e-3, "{}: {best:?}", case.name);
-            }
-        }
-        let mean = |counts: &[u64]| counts.iter().sum::<u64>() as f64 / counts.len() as f64;
-        println!("{}: {counts:?}, pycma {:?}", case.name, case.evaluations);
-        let ratio = mean(&counts) / mean(&case.evaluations);
-        assert!((0.5..2.0).contains(&ratio), "{}: {counts:?} {:?}", case.name, case.evaluations);
     }
 }

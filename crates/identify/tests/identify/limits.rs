@@ -2,8 +2,8 @@
 //! do.
 
 use etude_identify::{
-    Block, BoConfig, CmaConfig, ConfigError, Evaluation, Fit, LmConfig, Loss, MethodConfig, Parameter,
-    Problem, ProblemError, Scale, Space, SpaceError, TellError,
+    Block, BoConfig, ConfigError, Evaluation, Fit, LmConfig, Loss, MethodConfig, Parameter, Problem,
+    ProblemError, Scale, Space, SpaceError, TellError,
 };
 use proptest::prelude::*;
 
@@ -29,9 +29,6 @@ fn space() -> impl Strategy<Value = Space> {
 fn method() -> impl Strategy<Value = MethodConfig> {
     prop_oneof![
         4 => Just(MethodConfig::Lm(LmConfig { difference_step: 1e-3, ..LmConfig::default() })),
-        4 => (0.01..1.0f64).prop_map(|initial_spread| {
-            MethodConfig::Cma(CmaConfig { initial_spread, restarts: 2, ..CmaConfig::default() })
-        }),
         1 => Just(MethodConfig::Bo(BoConfig { initial: 5, batch: 2, ..BoConfig::default() })),
     ]
 }
@@ -141,14 +138,6 @@ fn configurations_are_checked_field_by_field() {
     assert_eq!(lm(&|c| c.difference_step = f64::NAN), "difference_step");
     assert_eq!(lm(&|c| c.initial_damping = 0.0), "initial_damping");
     assert_eq!(lm(&|c| c.gradient_tolerance = 1.0), "gradient_tolerance");
-    let cma = |change: &dyn Fn(&mut CmaConfig)| {
-        let mut config = CmaConfig::default();
-        change(&mut config);
-        refused(MethodConfig::Cma(config))
-    };
-    assert_eq!(cma(&|c| c.population = 3), "population");
-    assert_eq!(cma(&|c| c.initial_spread = 0.0), "initial_spread");
-    assert_eq!(cma(&|c| c.restarts = 13), "restarts");
     let bo = |change: &dyn Fn(&mut BoConfig)| {
         let mut config = BoConfig::default();
         change(&mut config);
@@ -168,7 +157,7 @@ fn configurations_are_checked_field_by_field() {
 #[test]
 fn evaluations_that_do_not_answer_the_batch_change_nothing() {
     let mut fit =
-        Fit::new(problem(&[[0.0, 1.0]], &[0.5], 2), &MethodConfig::Cma(CmaConfig::default()), 0).unwrap();
+        Fit::new(problem(&[[0.0, 1.0]], &[0.5], 2), &MethodConfig::Bo(BoConfig::default()), 0).unwrap();
     let batch = fit.ask();
     assert_eq!(fit.tell(&[]), Err(TellError::Count { asked: batch.len(), given: 0 }));
     let mut short = vec![Evaluation::Residuals(vec![0.0, 0.0]); batch.len()];

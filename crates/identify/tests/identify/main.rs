@@ -4,7 +4,6 @@
 #![allow(clippy::unwrap_used, clippy::print_stdout)]
 
 mod bo;
-mod cma;
 mod continued;
 mod estimates;
 mod golden;

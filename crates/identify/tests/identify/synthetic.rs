@@ -9,7 +9,7 @@ use etude_identify::{
     Assessment, Commands, IdentifyConfig, LmConfig, MethodConfig, Motion, ParameterEstimate, Replayer,
     StageEnd, identify,
 };
-use etude_perform::{Excitation, shaping_params};
+use etude_perform::{Excitation, Job, shaping_params};
 use etude_robot::rig::RigConfig;
 use etude_stage::params::Joint;
 use etude_stage::{JOINTS, PhysicalParams, RAIL, StageConfig};
@@ -140,8 +140,12 @@ pub fn recover(joints: &[usize], seed: u64) -> Result<Recovery, Error> {
     let config = IdentifyConfig { method: MethodConfig::Lm(method), seed, start: BTreeMap::default() };
     let folder = std::env::temp_dir().join(format!("etude-recovery-{seed}-{}", std::process::id()));
     std::fs::create_dir_all(&folder)?;
-    let identified =
-        identify(&motions, &config, &folder.join("state.json"), &mut |_| {}, &AtomicBool::new(false));
+    let identified = identify(
+        &motions,
+        &config,
+        &folder.join("state.json"),
+        &mut Job::new(&mut |_| {}, &AtomicBool::new(false)),
+    );
     std::fs::remove_dir_all(&folder)?;
     let identified = identified?;
     let held_out = [recorded(&truth, joints, (Excitation::Held, 1), 10 * seed + 9)?];

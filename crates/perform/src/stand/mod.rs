@@ -11,3 +11,5 @@ pub use choice::{RigChoice, StandError, TWIN, claim, load_calibration, rig_choic
 pub use claim::{Claim, tell_to_stop};
 pub use guard::{READY, stand_guard};
 pub use session::{Live, Stand, StandPace};
+
+pub use etude_twin::stage_side;

@@ -10,7 +10,8 @@ use etude_twin::Lockstep;
 
 use super::claim::Claim;
 use super::guard::Guard;
-use crate::performer::{PerformError, prepare};
+use crate::perform::PerformError;
+use crate::prepare::prepare;
 
 /// Longest time between two beats to the guard, and between two looks for a request to stop.
 const BEAT_PERIOD: Duration = Duration::from_millis(50);

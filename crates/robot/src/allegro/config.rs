@@ -4,6 +4,7 @@ use serde::{Deserialize, Serialize};
 
 use super::limits::{JOINTS, PWM_LIMITS};
 use super::messages::{DeviceId, HandSide};
+use crate::setting::{SettingError, check_range};
 
 /// Settings of the hand.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -42,64 +43,26 @@ impl Default for HandConfig {
     }
 }
 
-/// A setting that the hand must not run with.
-#[derive(Clone, Debug, PartialEq, thiserror::Error)]
-pub enum HandConfigError {
-    /// Outside its range.
-    #[error("hand.{name} is {value}: set it to {wanted}")]
-    Range {
-        /// The setting.
-        name: &'static str,
-        /// What it is.
-        value: f64,
-        /// What it may be.
-        wanted: &'static str,
-    },
-    /// Above the table.
-    #[error("hand.pwm_limit[{joint}] is {value}: set it to 0 to {limit}, what this joint bears")]
-    Pwm {
-        /// The flat joint.
-        joint: usize,
-        /// What it is.
-        value: i16,
-        /// What it may be.
-        limit: i16,
-    },
-}
-
 impl HandConfig {
-    /// Refuses what the hand must not run with.
+    /// Checks every setting.
     ///
     /// # Errors
-    /// Names the first setting out of its range.
-    pub fn check(&self) -> Result<(), HandConfigError> {
+    /// Names the first one that is out of its range.
+    pub fn check(&self) -> Result<(), SettingError> {
         for (joint, (&value, limit)) in self.pwm_limit.iter().zip(PWM_LIMITS).enumerate() {
-            if !(0..=limit).contains(&value) {
-                return Err(HandConfigError::Pwm { joint, value, limit });
-            }
+            check_range(format!("hand.pwm_limit[{joint}]"), value.into(), 0.0, limit.into())?;
         }
-        let range = |name, value: f64, good: bool, wanted| {
-            // A NaN is in no range.
-            if good { Ok(()) } else { Err(HandConfigError::Range { name, value, wanted }) }
-        };
-        let period = f64::from(self.period_ms);
-        range(
-            "period_ms",
-            period,
-            (1..=20).contains(&self.period_ms),
-            "1 to 20 ms (the hand is made for 3)",
-        )?;
-        let (start, stale) = (self.start_timeout_secs, self.stale_after_secs);
-        range("start_timeout_secs", start, (0.5..=30.0).contains(&start), "0.5 to 30 s")?;
-        let shortest = 3.0 * period / 1000.0;
-        // Longer than this, and a held torque could run a joint at 7 rad/s through half its range.
-        let wanted = "at least three periods and at most 0.1 s";
-        range("stale_after_secs", stale, (shortest - 1e-9..=0.1).contains(&stale), wanted)?;
-        let wanted = "30 to 85 °C";
-        for (name, celsius) in
-            [("max_board_celsius", self.max_board_celsius), ("max_joint_celsius", self.max_joint_celsius)]
-        {
-            range(name, f64::from(celsius), (30..=85).contains(&celsius), wanted)?;
+        let three_periods = f64::from(3 * u32::from(self.period_ms)) / 1000.0;
+        for (name, value, lowest, highest) in [
+            // The hand is made for 3 ms.
+            ("hand.period_ms", self.period_ms.into(), 1.0, 20.0),
+            ("hand.start_timeout_secs", self.start_timeout_secs, 0.5, 30.0),
+            // Longer than this, and a held torque could run a joint at 7 rad/s through half its range.
+            ("hand.stale_after_secs", self.stale_after_secs, three_periods, 0.1),
+            ("hand.max_board_celsius", self.max_board_celsius.into(), 30.0, 85.0),
+            ("hand.max_joint_celsius", self.max_joint_celsius.into(), 30.0, 85.0),
+        ] {
+            check_range(name, value, lowest, highest)?;
         }
         Ok(())
     }
@@ -116,13 +79,15 @@ mod tests {
             |text: &str| toml::from_str::<HandConfig>(text).unwrap().check().unwrap_err().to_string();
         assert!(refused("period_ms = 0").contains("period_ms"));
         assert!(refused("stale_after_secs = nan").contains("stale_after_secs"));
-        assert!(refused("stale_after_secs = 0.008").contains("three periods"));
+        assert!(refused("stale_after_secs = 0.008").contains("0.009 to 0.1"), "three periods");
         assert!(refused("max_joint_celsius = 90").contains("85"));
         for (joint, limit) in PWM_LIMITS.iter().enumerate() {
             for value in [limit + 1, -1] {
                 let mut config = HandConfig::default();
                 config.pwm_limit[joint] = value;
-                assert_eq!(config.check(), Err(HandConfigError::Pwm { joint, value, limit: *limit }));
+                let refused = config.check().unwrap_err();
+                assert_eq!((refused.name, refused.value), (format!("hand.pwm_limit[{joint}]"), value.into()));
+                assert_eq!(refused.highest, f64::from(*limit));
             }
         }
         assert_eq!(toml::from_str::<HandConfig>("side = \"right\"").unwrap().side, HandSide::Right);

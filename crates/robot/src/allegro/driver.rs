@@ -12,12 +12,14 @@
 use std::time::Duration;
 
 use super::assembly::Taken;
-use super::config::{HandConfig, HandConfigError};
+use super::commands::Commands;
+use super::config::HandConfig;
 use super::fault::HandFault;
 use super::limits::{JOINTS, PWM_LIMITS, clamp_pwm};
-use super::messages::{Finger, HandMessage, HostMessage, Information, Periods, Request, Serial, StatusBits};
+use super::messages::{Finger, HandMessage, HostMessage, Information, Request, Serial, StatusBits};
 use super::state::{HandCounters, HandEvent, HandState, Known, Step};
 use crate::can::CanFrame;
+use crate::setting::SettingError;
 
 /// A hand that streamed before has fallen silent by then, and its last frames are read away.
 const DRAIN: Duration = Duration::from_millis(50);
@@ -35,6 +37,7 @@ const GENERATION: u8 = 4;
 #[derive(Clone, Debug)]
 pub struct Hand {
     config: HandConfig,
+    commands: Commands,
     state: HandState,
     step: Step,
     started: Duration,
@@ -52,11 +55,12 @@ impl Hand {
     ///
     /// # Errors
     /// If a setting is out of its range.
-    pub fn new(config: &HandConfig) -> Result<Self, HandConfigError> {
+    pub fn new(config: &HandConfig) -> Result<Self, SettingError> {
         config.check()?;
         Ok(Self {
             known: Known::nothing(config),
             config: config.clone(),
+            commands: Commands { device: config.device_id, period_ms: config.period_ms },
             state: HandState::Off,
             step: Step::Silence,
             started: Duration::ZERO,
@@ -122,16 +126,16 @@ impl Hand {
                 if self.driven.is_some_and(|at| now.saturating_sub(at) > TORQUE_HELD) {
                     self.driven = None;
                     self.counters.unattended += 1;
-                    self.push_zero(out);
+                    self.commands.zero(out);
                 }
             }
             HandState::Fault(_) => {
                 if !self.released {
-                    self.let_go(REPEATS, out);
+                    self.commands.release(REPEATS, out);
                     self.released = true;
                     self.next_heartbeat = now.saturating_add(HEARTBEAT);
                 } else if now >= self.next_heartbeat {
-                    self.let_go(1, out);
+                    self.commands.release(1, out);
                     self.next_heartbeat = now.saturating_add(HEARTBEAT);
                 }
             }
@@ -158,15 +162,15 @@ impl Hand {
             *pwm = clamp_pwm(wanted, configured.min(limit));
         }
         self.driven = sent.iter().any(|&pwm| pwm != 0).then_some(now);
-        self.push_torque(&sent, out);
+        self.commands.torque(&sent, out);
         sent
     }
 
     /// Lets the hand go: zero torque three times, OFF, streams off. Allowed at any time, as often as wanted;
     /// a fault stays a fault.
     pub fn stop(&mut self, _now: Duration, out: &mut Vec<CanFrame>) {
-        self.let_go(REPEATS, out);
-        self.push(HostMessage::Periods(Periods::default()), out);
+        self.commands.release(REPEATS, out);
+        self.commands.silence(out);
         self.driven = None;
         if !matches!(self.state, HandState::Fault(_)) {
             self.state = HandState::Stopped;
@@ -300,8 +304,8 @@ impl Hand {
     fn go_on(&mut self, now: Duration, out: &mut Vec<CanFrame>) {
         match self.step {
             Step::Silence => {
-                self.let_go(1, out);
-                self.push(HostMessage::Periods(Periods::default()), out);
+                self.commands.release(1, out);
+                self.commands.silence(out);
                 self.step = Step::Drain { until: now.saturating_add(DRAIN) };
             }
             Step::Drain { until } if now < until => {}
@@ -312,8 +316,8 @@ impl Hand {
             }
             Step::Ask => self.ask(now, out),
             Step::SwitchOn => {
-                self.push_periods(out);
-                self.push_on(out);
+                self.commands.periods(out);
+                self.commands.on(out);
                 self.step = Step::Wait { since: now };
                 self.next_heartbeat = now;
                 self.ask(now, out);
@@ -326,10 +330,10 @@ impl Hand {
                 } else if now >= self.next_heartbeat {
                     // Frames may be lost, and saying it again does nothing to a hand that has heard (hardware §1.12).
                     if !moving {
-                        self.push_periods(out);
+                        self.commands.periods(out);
                     }
                     if !self.known.servo_was_on {
-                        self.push_on(out);
+                        self.commands.on(out);
                     }
                 }
                 self.ask(now, out);
@@ -343,13 +347,13 @@ impl Hand {
             return;
         }
         self.next_heartbeat = now.saturating_add(HEARTBEAT);
-        self.push(HostMessage::Request(Request::Information), out);
+        self.commands.message(HostMessage::Request(Request::Information), out);
         if self.known.serial.is_none() {
-            self.push(HostMessage::Request(Request::Serial), out);
+            self.commands.message(HostMessage::Request(Request::Serial), out);
         }
         self.heartbeats = (self.heartbeats + 1) % Finger::ALL.len();
         if let Some(&finger) = Finger::ALL.get(self.heartbeats) {
-            self.push(HostMessage::Request(Request::Temperature(finger)), out);
+            self.commands.message(HostMessage::Request(Request::Temperature(finger)), out);
         }
     }
 
@@ -398,38 +402,5 @@ impl Hand {
             self.released = false;
             self.driven = None;
         }
-    }
-
-    fn let_go(&self, times: usize, out: &mut Vec<CanFrame>) {
-        for _ in 0..times {
-            self.push_zero(out);
-        }
-        self.push(HostMessage::ServoOff, out);
-    }
-
-    fn push_periods(&self, out: &mut Vec<CanFrame>) {
-        let periods = Periods { position_ms: self.config.period_ms, ..Periods::default() };
-        self.push(HostMessage::Periods(periods), out);
-    }
-
-    /// Zero torque goes before: the hand may remember another one.
-    fn push_on(&self, out: &mut Vec<CanFrame>) {
-        self.push_zero(out);
-        self.push(HostMessage::ServoOn, out);
-    }
-
-    fn push_zero(&self, out: &mut Vec<CanFrame>) {
-        self.push_torque(&[0; JOINTS], out);
-    }
-
-    fn push_torque(&self, pwm: &[i16; JOINTS], out: &mut Vec<CanFrame>) {
-        let (fingers, _) = pwm.as_chunks::<4>();
-        for (&finger, &pwm) in Finger::ALL.iter().zip(fingers) {
-            self.push(HostMessage::Torque { finger, pwm }, out);
-        }
-    }
-
-    fn push(&self, message: HostMessage, out: &mut Vec<CanFrame>) {
-        out.push(message.encode(self.config.device_id));
     }
 }

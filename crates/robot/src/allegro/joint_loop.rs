@@ -10,6 +10,7 @@ use std::time::Duration;
 use serde::{Deserialize, Serialize};
 
 use super::limits::JOINTS;
+use crate::setting::{SettingError, check_range};
 
 /// Differences over less than this are noise: the older reading is kept until more time has passed.
 const SHORTEST_SECS: f64 = 0.0005;
@@ -32,36 +33,15 @@ impl Default for JointLoopConfig {
     }
 }
 
-/// A gain that no loop can run with.
-#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
-#[error("joint_loop.{name} is {value}: set it to {wanted}")]
-pub struct JointLoopError {
-    /// The setting.
-    pub name: &'static str,
-    /// What it is.
-    pub value: f64,
-    /// What it may be.
-    pub wanted: &'static str,
-}
-
 impl JointLoopConfig {
-    /// Refuses gains that no loop can run with.
+    /// Checks every gain.
     ///
     /// # Errors
-    /// Names the first gain out of its range.
-    pub fn check(&self) -> Result<(), JointLoopError> {
-        let hz = self.velocity_filter_hz;
-        let all = [("kp", &self.kp, 20_000.0, "0 to 20000"), ("kd", &self.kd, 1_000.0, "0 to 1000")];
-        for (name, gains, most, wanted) in all {
-            if let Some(&value) = gains.iter().find(|gain| !(0.0..=most).contains(*gain)) {
-                return Err(JointLoopError { name, value, wanted });
-            }
-        }
-        if !(1.0..=1000.0).contains(&hz) {
-            let wanted = "1 to 1000 Hz";
-            return Err(JointLoopError { name: "velocity_filter_hz", value: hz, wanted });
-        }
-        Ok(())
+    /// Names the first one that is out of its range.
+    pub fn check(&self) -> Result<(), SettingError> {
+        self.kp.iter().try_for_each(|&gain| check_range("joint_loop.kp", gain, 0.0, 20_000.0))?;
+        self.kd.iter().try_for_each(|&gain| check_range("joint_loop.kd", gain, 0.0, 1_000.0))?;
+        check_range("joint_loop.velocity_filter_hz", self.velocity_filter_hz, 1.0, 1000.0)
     }
 }
 
@@ -78,7 +58,7 @@ impl JointLoop {
     ///
     /// # Errors
     /// If a gain is out of its range.
-    pub fn new(config: &JointLoopConfig) -> Result<Self, JointLoopError> {
+    pub fn new(config: &JointLoopConfig) -> Result<Self, SettingError> {
         config.check()?;
         Ok(Self { config: config.clone(), last: None, velocities: [0.0; JOINTS] })
     }

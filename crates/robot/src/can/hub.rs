@@ -1,223 +1,125 @@
-//! A bus between processes over a Unix socket, for the emulators and for machines without CAN.
+//! The client of a hub (`bus:PATH`), a CAN bus between processes over a Unix socket for emulators and for machines without
+//! CAN; the hub itself is in `etude-emulators`.
 //!
-//! Each frame is a record of 16 bytes, laid out like Linux's `struct can_frame` with a little-endian
-//! identifier: identifier and flags (4), length (1), padding (3), data (8). As a kernel, a [`Hub`] tells of bus-off by
-//! error frames. A client whose records make no sense has lost its place in the stream and is dropped: a torque must
-//! never be read out of the middle of something else.
+//! Each frame is a record of 16 bytes with the layout of Linux's `struct can_frame` and a little-endian identifier:
+//! identifier and flags (4 bytes), length (1), padding (3), data (8). A hub reports bus-off by error frames, as the kernel
+//! does.
 
 use std::collections::VecDeque;
 use std::io;
-use std::os::unix::fs::FileTypeExt as _;
-use std::os::unix::net::{UnixListener, UnixStream};
-use std::path::{Path, PathBuf};
-use std::time::Duration;
+use std::os::unix::net::UnixStream;
+use std::path::Path;
 
-use super::outbox::{Heard, Outbox, hear};
 use super::{CanError, CanFrame, CanTransport};
+use crate::stream::{Outbox, read_once};
 
-const RECORD: usize = 16;
 const REMOTE_FLAG: u32 = 0x4000_0000;
-/// Of error frames, in whose identifier stands what has happened (Linux's `can/error.h`).
+/// Marks an error frame, whose identifier holds the class of the error (Linux's `can/error.h`).
 const ERROR_FLAG: u32 = 0x2000_0000;
 const BUS_OFF: u32 = 0x40;
 const RESTARTED: u32 = 0x100;
-const MAX_CLIENTS: usize = 32;
-/// Frames that wait for a client that does not read; later ones are lost to it.
+/// Records that wait for an end that does not read; later ones are lost.
 const QUEUE: usize = 4096;
-/// Bytes read of one client in one turn: nobody can keep the hub from the others.
-const READ: usize = 64 * RECORD;
-/// Between two turns without a frame.
-const IDLE: Duration = Duration::from_micros(200);
+/// Records read of one link in one call, so that no client keeps the hub from the others.
+const READ: usize = 64;
 
-fn record_of(frame: &CanFrame) -> [u8; RECORD] {
-    let flag = if frame.is_remote() { REMOTE_FLAG } else { 0 };
-    let [a, b, c, d] = (u32::from(frame.id()) | flag).to_le_bytes();
-    let [d0, d1, d2, d3, d4, d5, d6, d7] = frame.data();
-    [a, b, c, d, frame.payload().len() as u8, 0, 0, 0, d0, d1, d2, d3, d4, d5, d6, d7]
-}
-
-/// An error frame: eight bytes, of which nothing is used.
-fn error_of(what: u32) -> [u8; RECORD] {
-    let mut record = [0; RECORD];
-    record[..4].copy_from_slice(&(ERROR_FLAG | what).to_le_bytes());
-    record[4] = 8;
-    record
-}
-
-/// What a record says.
-enum Said {
+/// What a record of the hub's socket holds.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum HubRecord {
+    /// A frame of the bus.
     Frame(CanFrame),
-    /// Whether the bus is in bus-off from now on.
-    Off(bool),
+    /// The bus goes into bus-off (`true`) or comes out of it.
+    BusOff(bool),
 }
 
-fn read_record(record: &[u8; RECORD]) -> Option<Said> {
-    let [a, b, c, d, ..] = record;
-    match u32::from_le_bytes([*a, *b, *c, *d]).checked_sub(ERROR_FLAG) {
-        Some(BUS_OFF) => Some(Said::Off(true)),
-        Some(RESTARTED) => Some(Said::Off(false)),
-        _ => frame_of(record).map(Said::Frame),
+impl HubRecord {
+    /// Bytes of a record.
+    pub const SIZE: usize = 16;
+
+    /// Its bytes.
+    pub fn encode(&self) -> [u8; Self::SIZE] {
+        let mut record = [0; Self::SIZE];
+        let word = match self {
+            Self::Frame(frame) => {
+                record[4] = frame.payload().len() as u8;
+                record[8..].copy_from_slice(&frame.data());
+                u32::from(frame.id()) | if frame.is_remote() { REMOTE_FLAG } else { 0 }
+            }
+            Self::BusOff(off) => {
+                record[4] = 8;
+                ERROR_FLAG | if *off { BUS_OFF } else { RESTARTED }
+            }
+        };
+        record[..4].copy_from_slice(&word.to_le_bytes());
+        record
+    }
+
+    /// Reads a record; `None` if it holds neither.
+    pub fn decode(record: &[u8; Self::SIZE]) -> Option<Self> {
+        let [a, b, c, d, len, _, _, _, data @ ..] = record;
+        let word = u32::from_le_bytes([*a, *b, *c, *d]);
+        match word.checked_sub(ERROR_FLAG) {
+            Some(BUS_OFF) => return Some(Self::BusOff(true)),
+            Some(RESTARTED) => return Some(Self::BusOff(false)),
+            _ => {}
+        }
+        let id = u16::try_from(word & !REMOTE_FLAG).ok()?;
+        let payload = data.get(..usize::from(*len))?;
+        let frame = if word & REMOTE_FLAG != 0 { CanFrame::remote(id) } else { CanFrame::new(id, payload) };
+        frame.map(Self::Frame)
     }
 }
 
-fn frame_of(record: &[u8; RECORD]) -> Option<CanFrame> {
-    let [a, b, c, d, len, _, _, _, data @ ..] = record;
-    let word = u32::from_le_bytes([*a, *b, *c, *d]);
-    let id = u16::try_from(word & !REMOTE_FLAG).ok()?;
-    let payload = data.get(..usize::from(*len))?;
-    if word & REMOTE_FLAG != 0 { CanFrame::remote(id) } else { CanFrame::new(id, payload) }
-}
-
-/// One end of a stream of records.
+/// One end of a connection between a hub and a client.
 #[derive(Debug)]
-struct Link {
+pub struct HubLink {
     stream: UnixStream,
     /// The beginning of a record whose rest has not come yet.
     partial: Vec<u8>,
     outbox: Outbox,
 }
 
-impl Link {
-    fn new(stream: UnixStream) -> io::Result<Self> {
+impl HubLink {
+    /// An end of this stream.
+    ///
+    /// # Errors
+    /// If the stream cannot be set not to block.
+    pub fn new(stream: UnixStream) -> io::Result<Self> {
         stream.set_nonblocking(true)?;
-        Ok(Self { stream, partial: Vec::with_capacity(RECORD), outbox: Outbox::new(QUEUE * RECORD) })
+        let partial = Vec::with_capacity(HubRecord::SIZE);
+        Ok(Self { stream, partial, outbox: Outbox::new(QUEUE * HubRecord::SIZE) })
     }
 
-    /// Appends what has arrived; `false` if the other end is gone or talks nonsense.
-    fn read(&mut self, said: &mut Vec<Said>) -> bool {
-        let mut bytes = [0; READ];
-        let heard = match hear(&mut self.stream, &mut bytes) {
-            Heard::Nothing => return true,
-            Heard::Gone => return false,
-            Heard::Bytes(len) => bytes.get(..len).unwrap_or(&bytes),
-        };
-        self.partial.extend_from_slice(heard);
-        let (records, rest) = self.partial.as_chunks();
-        for record in records {
-            let Some(record) = read_record(record) else { return false };
-            said.push(record);
+    /// Appends the records that have come. Returns `false` if the other end is gone or has sent something else than records.
+    pub fn read(&mut self, records: &mut Vec<HubRecord>) -> bool {
+        let mut bytes = [0; READ * HubRecord::SIZE];
+        let Ok(len) = read_once(&mut self.stream, &mut bytes) else { return false };
+        self.partial.extend_from_slice(bytes.get(..len).unwrap_or_default());
+        let (complete, rest) = self.partial.as_chunks();
+        for record in complete {
+            let Some(record) = HubRecord::decode(record) else { return false };
+            records.push(record);
         }
         self.partial = rest.to_vec();
         true
     }
 
-    /// Queues a record; says whether there was room.
-    fn push(&mut self, record: &[u8; RECORD]) -> bool {
-        self.outbox.push(record)
+    /// Queues a record. Returns `false` if there is no room.
+    pub fn push(&mut self, record: &HubRecord) -> bool {
+        self.outbox.push(&record.encode())
     }
 
-    /// Writes what can be written; `false` if the other end is gone.
-    fn flush(&mut self) -> bool {
+    /// Writes what the stream takes now. Returns `false` if the other end is gone.
+    pub fn flush(&mut self) -> bool {
         self.outbox.flush(&mut self.stream).is_ok()
     }
 }
 
-/// Serves the bus: each frame of a client reaches all other clients.
-#[derive(Debug)]
-pub struct Hub {
-    path: PathBuf,
-    listener: UnixListener,
-    clients: Vec<Link>,
-    off: bool,
-}
-
-impl Hub {
-    /// Opens the bus at `path`. A socket file left there by a hub that died is replaced.
-    ///
-    /// # Errors
-    /// If a hub serves there already, or the file cannot be made.
-    pub fn bind(path: impl AsRef<Path>) -> Result<Self, CanError> {
-        let path = path.as_ref().to_path_buf();
-        let open = |message: String| CanError::Open { bus: path.display().to_string(), message };
-        // Another kind of file is never removed.
-        if std::fs::symlink_metadata(&path).is_ok_and(|file| file.file_type().is_socket()) {
-            if UnixStream::connect(&path).is_ok() {
-                return Err(open("another hub serves there: stop it, or choose another path".to_owned()));
-            }
-            std::fs::remove_file(&path).map_err(|error| open(format!("{error}: remove this old socket")))?;
-        }
-        let hint = "choose a path that does not exist in a folder that you may write";
-        let listener = UnixListener::bind(&path)
-            .and_then(|listener| listener.set_nonblocking(true).map(|()| listener))
-            .map_err(|error| open(format!("{error}: {hint}")))?;
-        Ok(Self { listener, clients: Vec::new(), path, off: false })
-    }
-
-    /// Accepts who waits, passes on what has arrived, drops who is gone. Never blocks. Returns the frames
-    /// passed on.
-    pub fn turn(&mut self) -> usize {
-        while self.clients.len() < MAX_CLIENTS {
-            let Ok((stream, _)) = self.listener.accept() else { break };
-            self.clients.extend(Link::new(stream).ok());
-            if let (true, Some(client)) = (self.off, self.clients.last_mut()) {
-                client.push(&error_of(BUS_OFF));
-            }
-        }
-        let mut passed = 0;
-        let mut from = 0;
-        let mut said = Vec::new();
-        while from < self.clients.len() {
-            said.clear();
-            let alive = self.clients.get_mut(from).is_some_and(|client| client.read(&mut said));
-            // What is off is the hub's word alone.
-            let alive = alive && said.iter().all(|said| matches!(said, Said::Frame(_)));
-            let frames: Vec<_> = said
-                .iter()
-                .filter_map(|said| match said {
-                    Said::Frame(frame) if !self.off => Some(record_of(frame)),
-                    _ => None,
-                })
-                .collect();
-            passed += frames.len();
-            for (_, client) in self.clients.iter_mut().enumerate().filter(|(to, _)| *to != from) {
-                // One that does not read loses frames, whole ones.
-                frames.iter().for_each(|frame| _ = client.push(frame));
-            }
-            if alive {
-                from += 1;
-            } else {
-                self.clients.remove(from);
-            }
-        }
-        self.clients.retain_mut(Link::flush);
-        passed
-    }
-
-    /// Puts the bus into bus-off, or ends it: every client is told, and meanwhile no frame reaches anybody.
-    pub fn set_off(&mut self, off: bool) {
-        if self.off != off {
-            self.off = off;
-            let told = error_of(if off { BUS_OFF } else { RESTARTED });
-            self.clients.iter_mut().for_each(|client| _ = client.push(&told));
-        }
-    }
-
-    /// Serves as long as `go_on` says so.
-    pub fn serve(&mut self, mut go_on: impl FnMut() -> bool) {
-        while go_on() {
-            if self.turn() == 0 {
-                std::thread::sleep(IDLE);
-            }
-        }
-    }
-
-    /// How many clients there are.
-    pub fn clients(&self) -> usize {
-        self.clients.len()
-    }
-}
-
-impl Drop for Hub {
-    fn drop(&mut self) {
-        let _ = std::fs::remove_file(&self.path);
-    }
-}
-
-/// A client of a [`Hub`].
+/// A client of a hub.
 #[derive(Debug)]
 pub struct HubTransport {
     bus: String,
-    link: Link,
+    link: HubLink,
     arrived: VecDeque<CanFrame>,
     off: bool,
 }
@@ -230,32 +132,22 @@ impl HubTransport {
     pub fn connect(path: impl AsRef<Path>) -> Result<Self, CanError> {
         let bus = path.as_ref().display().to_string();
         let hint = "start the emulator that serves this bus first, and give both the same path";
-        match UnixStream::connect(path.as_ref()).and_then(Link::new) {
+        match UnixStream::connect(path.as_ref()).and_then(HubLink::new) {
             Ok(link) => Ok(Self { bus, link, arrived: VecDeque::new(), off: false }),
             Err(error) => Err(CanError::Open { bus, message: format!("{error}: {hint}") }),
         }
     }
 
+    fn broken(&self, message: &str) -> CanError {
+        CanError::Broken { bus: self.bus.clone(), message: message.to_owned() }
+    }
+
     fn gone(&self) -> CanError {
-        let message = "its hub is gone: start it again, then this program".to_owned();
-        CanError::Broken { bus: self.bus.clone(), message }
+        self.broken("its hub is gone: start it again, then this program")
     }
 
-    /// Takes in what has come; `false` if the hub is gone.
-    fn take_in(&mut self) -> bool {
-        let mut said = Vec::new();
-        let alive = self.link.flush() && self.link.read(&mut said);
-        for said in said {
-            match said {
-                Said::Frame(frame) => self.arrived.push_back(frame),
-                Said::Off(off) => self.off = off,
-            }
-        }
-        alive
-    }
-
-    /// What an operator would do about it with the interface of a real bus.
-    fn is_off(&self) -> CanError {
+    /// Bus-off, with the commands that reset the interface of a real bus.
+    fn bus_off(&self) -> CanError {
         CanError::off(&self.bus, "can0")
     }
 }
@@ -263,11 +155,10 @@ impl HubTransport {
 impl CanTransport for HubTransport {
     fn send(&mut self, frame: CanFrame) -> Result<(), CanError> {
         if self.off {
-            return Err(self.is_off());
+            return Err(self.bus_off());
         }
-        if !self.link.push(&record_of(&frame)) {
-            let message = "its hub takes no more frames: it hangs; start it again".to_owned();
-            return Err(CanError::Broken { bus: self.bus.clone(), message });
+        if !self.link.push(&HubRecord::Frame(frame)) {
+            return Err(self.broken("its hub takes no more frames: it hangs; start it again"));
         }
         if self.link.flush() { Ok(()) } else { Err(self.gone()) }
     }
@@ -276,11 +167,18 @@ impl CanTransport for HubTransport {
         if let Some(frame) = self.arrived.pop_front() {
             return Ok(Some(frame));
         }
-        let alive = self.take_in();
+        let mut records = Vec::new();
+        let alive = self.link.flush() && self.link.read(&mut records);
+        for record in records {
+            match record {
+                HubRecord::Frame(frame) => self.arrived.push_back(frame),
+                HubRecord::BusOff(off) => self.off = off,
+            }
+        }
         match self.arrived.pop_front() {
             Some(frame) => Ok(Some(frame)),
             None if !alive => Err(self.gone()),
-            None if self.off => Err(self.is_off()),
+            None if self.off => Err(self.bus_off()),
             None => Ok(None),
         }
     }
@@ -293,23 +191,23 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_kernels_layout() {
-        let torque = CanFrame::new(0x180, &[0x77, 0x01, 0xa3]).unwrap();
+    fn records_have_the_layout_of_the_kernel() {
+        let torque = HubRecord::Frame(CanFrame::new(0x180, &[0x77, 0x01, 0xa3]).unwrap());
         let record = [0x80, 1, 0, 0, 3, 0, 0, 0, 0x77, 0x01, 0xa3, 0, 0, 0, 0, 0];
-        assert_eq!((record_of(&torque), frame_of(&record)), (record, Some(torque)));
-        let request = CanFrame::remote(0x200).unwrap();
+        assert_eq!((torque.encode(), HubRecord::decode(&record)), (record, Some(torque)));
+        let request = HubRecord::Frame(CanFrame::remote(0x200).unwrap());
         let record = [0, 2, 0, 0x40, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0];
-        assert_eq!((record_of(&request), frame_of(&record)), (record, Some(request)));
+        assert_eq!((request.encode(), HubRecord::decode(&record)), (record, Some(request)));
         let mut extended = record;
         extended[3] = 0x80;
-        assert_eq!(frame_of(&extended), None);
+        assert_eq!(HubRecord::decode(&extended), None);
     }
 
     proptest! {
         #[test]
-        fn any_record_is_a_frame_or_refused(record: [u8; RECORD]) {
-            if let Some(frame) = frame_of(&record) {
-                prop_assert_eq!(frame_of(&record_of(&frame)), Some(frame));
+        fn any_record_is_read_or_refused(record: [u8; HubRecord::SIZE]) {
+            if let Some(read) = HubRecord::decode(&record) {
+                prop_assert_eq!(HubRecord::decode(&read.encode()), Some(read));
             }
         }
     }

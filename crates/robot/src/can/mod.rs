@@ -4,23 +4,19 @@
 //! |---|---|
 //! | [`SocketCanTransport`] | the kernel's CAN (`can0`), Linux only |
 //! | [`SlcanTransport`] | a serial adapter (`slcan:/dev/ttyUSB0`), any Unix |
-//! | [`HubTransport`] | a bus between processes without any hardware (`bus:/path`), served by a [`Hub`] |
-//! | [`LocalBus`] | a bus inside one process, for tests and the twin |
+//! | [`HubTransport`] | a bus between processes without any hardware (`bus:/path`), served by the hub in `etude-emulators` |
 
 mod frame;
 mod hub;
-mod local;
-mod outbox;
 mod slcan;
 mod slcan_stream;
 #[cfg(target_os = "linux")]
 mod socket;
 
 pub use frame::{CanError, CanFrame, CanTransport};
-pub use hub::{Hub, HubTransport};
-pub use local::{LocalBus, LocalEndpoint};
-pub use slcan::{SlcanAdapter, SlcanError, SlcanLines, SlcanReply, encode_frame, parse_frame};
-pub use slcan_stream::{Pty, SlcanDevice, SlcanPort, SlcanTransport};
+pub use hub::{HubLink, HubRecord, HubTransport};
+pub use slcan::{SlcanError, SlcanLines, SlcanReply, encode_frame, parse_frame};
+pub use slcan_stream::{SlcanPort, SlcanTransport};
 #[cfg(target_os = "linux")]
 pub use socket::SocketCanTransport;
 
@@ -28,7 +24,7 @@ pub use socket::SocketCanTransport;
 const SERIAL: &str = "slcan:";
 
 /// Opens the bus that `spec` names: `can0` or `vcan0` (the kernel's), `slcan:/dev/ttyUSB0` (a serial adapter;
-/// the serial speed may follow as `@115200`), or `bus:/path/to/socket` (a [`Hub`]).
+/// the serial speed may follow as `@115200`), or `bus:/path/to/socket` (a hub).
 ///
 /// # Errors
 /// If there is no such bus; the message says what to type.

@@ -1,24 +1,19 @@
-//! Serial adapters on real streams: the host's end on a serial port, and the adapter's end on a pseudo
-//! terminal.
+//! A bus behind a serial adapter, on a serial port.
 
 use std::collections::VecDeque;
 use std::fs::File;
 use std::io::{self, Read, Write};
 use std::os::unix::fs::OpenOptionsExt;
-use std::path::PathBuf;
-use std::time::Duration;
 
 use serialport::{ClearBuffer, SerialPort, TTYPort};
 
-use super::outbox::{Heard, Outbox, hear};
-use super::slcan::{SlcanAdapter, SlcanLines, SlcanReply, encode_frame, parse_frame};
+use super::slcan::{SlcanLines, SlcanReply, encode_frame, parse_frame};
 use super::{CanError, CanFrame, CanTransport};
+use crate::stream::{Outbox, read_once};
 
 const DEFAULT_BAUD: u32 = 115_200;
 /// Bytes that wait for a stream that takes none: some 80 frames.
 const WAITING: usize = 2048;
-/// The same in the emulated adapter: half a second of a hand at 333 Hz, for a host that other work holds up.
-const WAITING_FOR_HOST: usize = 16 * 1024;
 /// Refusals in a row, without a frame sent or received between them, after which the adapter is given up.
 const REFUSALS: u32 = 16;
 /// Ends a line left half written by somebody before, closes, sets 1 Mbit/s, opens.
@@ -172,11 +167,9 @@ impl<S: Read + Write + Send> CanTransport for SlcanTransport<S> {
         }
         self.flush()?;
         let mut bytes = [0; 1024];
-        match hear(&mut self.stream, &mut bytes) {
-            Heard::Nothing => {}
-            Heard::Gone => return Err(self.broken("the adapter is gone: plug it in again, then start again")),
-            Heard::Bytes(len) => bytes.iter().take(len).for_each(|&byte| self.take(byte)),
-        }
+        let read = read_once(&mut self.stream, &mut bytes);
+        let len = read.map_err(|_| self.broken("the adapter is gone: plug it in again, then start again"))?;
+        bytes.iter().take(len).for_each(|&byte| self.take(byte));
         if self.refusals >= REFUSALS {
             let message = "the adapter refuses every frame: check that the hand has power and the bus its \
                            terminator, and that no other program uses the adapter";
@@ -209,121 +202,5 @@ impl Write for SlcanPort {
 
     fn flush(&mut self) -> io::Result<()> {
         self.file.flush()
-    }
-}
-
-/// The adapter's end: for an emulated device behind an emulated adapter. It receives what the host sends to
-/// the bus.
-#[derive(Debug)]
-pub struct SlcanDevice<S: Read + Write + Send> {
-    name: String,
-    stream: S,
-    adapter: SlcanAdapter,
-    outbox: Outbox,
-    arrived: VecDeque<CanFrame>,
-}
-
-impl SlcanDevice<Pty> {
-    /// An adapter on a new pseudo terminal, and the path that a host opens.
-    ///
-    /// # Errors
-    /// If the system gives no pseudo terminal.
-    pub fn on_pty() -> Result<(Self, PathBuf), CanError> {
-        let (pty, path) = Pty::open()?;
-        Ok((Self::over(&path.display().to_string(), pty), path))
-    }
-}
-
-impl<S: Read + Write + Send> SlcanDevice<S> {
-    /// An adapter at this end of a stream that does not block. `name` is for messages.
-    pub fn over(name: &str, stream: S) -> Self {
-        Self {
-            name: name.to_owned(),
-            stream,
-            adapter: SlcanAdapter::new(),
-            outbox: Outbox::new(WAITING_FOR_HOST),
-            arrived: VecDeque::new(),
-        }
-    }
-
-    fn gone(&self) -> CanError {
-        let message = "its host is gone: open the adapter again".to_owned();
-        CanError::Broken { bus: self.name.clone(), message }
-    }
-}
-
-impl<S: Read + Write + Send> CanTransport for SlcanDevice<S> {
-    /// A host that does not read loses frames, as with a real adapter.
-    fn send(&mut self, frame: CanFrame) -> Result<(), CanError> {
-        let mut bytes = Vec::with_capacity(32);
-        self.adapter.to_host(&frame, &mut bytes);
-        self.outbox.push(&bytes);
-        self.outbox.flush(&mut self.stream).map_err(|_| self.gone())
-    }
-
-    fn receive(&mut self) -> Result<Option<CanFrame>, CanError> {
-        if let Some(frame) = self.arrived.pop_front() {
-            return Ok(Some(frame));
-        }
-        let mut bytes = [0; 1024];
-        match hear(&mut self.stream, &mut bytes) {
-            Heard::Nothing => {}
-            Heard::Gone => return Err(self.gone()),
-            Heard::Bytes(len) => {
-                let (mut frames, mut answers) = (Vec::new(), Vec::new());
-                self.adapter.from_host(bytes.get(..len).unwrap_or(&bytes), &mut frames, &mut answers);
-                self.arrived.extend(frames);
-                self.outbox.push(&answers);
-            }
-        }
-        self.outbox.flush(&mut self.stream).map_err(|_| self.gone())?;
-        Ok(self.arrived.pop_front())
-    }
-}
-
-/// The device's end of a pseudo terminal, without blocking.
-#[derive(Debug)]
-pub struct Pty {
-    master: TTYPort,
-    /// Kept open so that hosts may come and go.
-    _slave: TTYPort,
-}
-
-impl Pty {
-    /// A new pseudo terminal, and the path of its other end.
-    ///
-    /// # Errors
-    /// If the system gives none.
-    pub fn open() -> Result<(Self, PathBuf), CanError> {
-        let refuse = |message: String| CanError::Open { bus: "pty".to_owned(), message };
-        let hint = "is /dev/pts mounted?";
-        let (mut master, slave) = TTYPort::pair().map_err(|error| refuse(format!("{error}: {hint}")))?;
-        master.set_timeout(Duration::ZERO).map_err(|error| refuse(error.to_string()))?;
-        let path = slave.name().ok_or_else(|| refuse(format!("it has no name: {hint}")))?;
-        Ok((Self { master, _slave: slave }, PathBuf::from(path)))
-    }
-}
-
-impl Read for Pty {
-    fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
-        self.master.read(buffer)
-    }
-}
-
-impl Write for Pty {
-    /// Byte by byte: a pseudo terminal that is ready has room for one, and more than there is room for would block.
-    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
-        for (written, byte) in bytes.iter().enumerate() {
-            match self.master.write(std::slice::from_ref(byte)) {
-                Ok(1) => {}
-                Err(error) if written == 0 => return Err(error),
-                _ => return Ok(written),
-            }
-        }
-        Ok(bytes.len())
-    }
-
-    fn flush(&mut self) -> io::Result<()> {
-        Ok(())
     }
 }

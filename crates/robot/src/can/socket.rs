@@ -6,8 +6,8 @@ use std::io;
 use socketcan::{CanSocket, EmbeddedFrame, Frame as _, Socket as _, SocketOptions as _, StandardId};
 
 use super::frame::bring_up;
-use super::outbox::not_now;
 use super::{CanError, CanFrame, CanTransport};
+use crate::stream::is_not_ready;
 
 /// Linux numbers of the errors that an operator can do something about.
 const NO_DEVICE: i32 = 19;
@@ -86,7 +86,9 @@ impl SocketCanTransport {
             };
             match made.map(|made| self.socket.write_frame(&made)) {
                 Some(Ok(())) | None => drop(self.waiting.pop_front()),
-                Some(Err(error)) if not_now(error.kind()) || error.raw_os_error() == Some(NO_BUFFERS) => {
+                Some(Err(error))
+                    if is_not_ready(error.kind()) || error.raw_os_error() == Some(NO_BUFFERS) =>
+                {
                     break;
                 }
                 Some(Err(error)) => return Err(self.broken(explain(&self.name, &error))),
@@ -114,7 +116,7 @@ impl CanTransport for SocketCanTransport {
         loop {
             let frame = match self.socket.read_frame() {
                 Ok(frame) => frame,
-                Err(error) if not_now(error.kind()) => return Ok(None),
+                Err(error) if is_not_ready(error.kind()) => return Ok(None),
                 Err(error) => return Err(self.broken(explain(&self.name, &error))),
             };
             if let socketcan::CanFrame::Error(_) = frame {

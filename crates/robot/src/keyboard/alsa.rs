@@ -11,7 +11,7 @@ use std::{
 
 use midir::{Ignore, MidiInput, MidiInputConnection, MidiInputPort};
 
-use super::transport::{MidiError, MidiSource};
+use super::source::{MidiError, MidiSource};
 
 const CLIENT: &str = "etude";
 /// Time between two looks; a keyboard takes longer than this to be found by the system after it is plugged in

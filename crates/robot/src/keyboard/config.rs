@@ -5,6 +5,7 @@ use std::time::Duration;
 use serde::{Deserialize, Serialize};
 
 use super::KEYS;
+use crate::setting::{DAY_SECS, POSITIVE, SettingError, check_range};
 
 /// What can be set of a [`Keyboard`](super::Keyboard).
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -27,44 +28,33 @@ impl Default for KeyboardConfig {
 }
 
 impl KeyboardConfig {
-    /// The pitches of the keys and the two times, or what is wrong.
-    pub(super) fn resolve(&self) -> Result<(u8, Duration, Duration), KeyboardConfigError> {
-        if usize::from(self.lowest_pitch) + KEYS > 128 {
-            return Err(KeyboardConfigError::LowestPitch { lowest_pitch: self.lowest_pitch });
-        }
-        let stuck_after = positive("stuck_after_secs", self.stuck_after_secs)?;
-        let sensing_timeout = positive("sensing_timeout_secs", self.sensing_timeout_secs)?;
+    /// The MIDI number of the leftmost key and the two times.
+    ///
+    /// # Errors
+    /// Names the first setting that is out of its range.
+    pub(super) fn resolve(&self) -> Result<(u8, Duration, Duration), SettingError> {
+        check_lowest_pitch(self.lowest_pitch)?;
+        let stuck_after = positive_secs("keyboard.stuck_after_secs", self.stuck_after_secs)?;
+        let sensing_timeout = positive_secs("keyboard.sensing_timeout_secs", self.sensing_timeout_secs)?;
         Ok((self.lowest_pitch, stuck_after, sensing_timeout))
     }
 }
 
-/// A time that must be positive and at most a day.
-pub(super) fn positive(name: &'static str, secs: f64) -> Result<Duration, KeyboardConfigError> {
-    const DAY_SECS: f64 = 86_400.0;
-    let time = Duration::try_from_secs_f64(secs).ok().filter(|time| !time.is_zero() && secs <= DAY_SECS);
-    time.ok_or(KeyboardConfigError::Time { name, secs })
+/// Checks that the rightmost key has a MIDI number.
+///
+/// # Errors
+/// If not.
+pub fn check_lowest_pitch(pitch: u8) -> Result<(), SettingError> {
+    check_range("keyboard.lowest_pitch", pitch.into(), 0.0, (128 - KEYS) as f64)
 }
 
-/// A setting of the keyboard or its emulator that makes no sense.
-#[derive(Clone, Debug, PartialEq, thiserror::Error)]
-pub enum KeyboardConfigError {
-    /// The rightmost key would have no MIDI number.
-    #[error(
-        "lowest_pitch = {lowest_pitch} puts the rightmost key beyond MIDI number 127; set it to at most 79 \
-         (36 is usual)"
-    )]
-    LowestPitch {
-        /// As set.
-        lowest_pitch: u8,
-    },
-    /// A time is not a positive number of seconds.
-    #[error("{name} = {secs} is no time; set it to seconds above 0 and at most 86400")]
-    Time {
-        /// Name of the setting.
-        name: &'static str,
-        /// As set.
-        secs: f64,
-    },
+/// The time of a setting, which must be positive and at most a day.
+///
+/// # Errors
+/// If it is not.
+pub fn positive_secs(name: &str, secs: f64) -> Result<Duration, SettingError> {
+    check_range(name, secs, POSITIVE, DAY_SECS)?;
+    Ok(Duration::from_secs_f64(secs))
 }
 
 #[cfg(test)]

@@ -15,10 +15,11 @@
 use std::{fmt, time::Duration};
 
 use super::{
-    KEYS, KeyboardConfig, KeyboardConfigError,
+    KEYS, KeyboardConfig,
     parser::{MidiEvent, MidiParser},
     shift::{Shift, ShiftWatch},
 };
+use crate::setting::SettingError;
 
 /// A key went down or came up.
 ///
@@ -178,7 +179,7 @@ impl Keyboard {
     ///
     /// # Errors
     /// If a setting makes no sense.
-    pub fn new(config: &KeyboardConfig) -> Result<Self, KeyboardConfigError> {
+    pub fn new(config: &KeyboardConfig) -> Result<Self, SettingError> {
         let (lowest_pitch, stuck_after, sensing_timeout) = config.resolve()?;
         Ok(Self {
             lowest_pitch,

@@ -2,7 +2,8 @@
 
 use std::time::Duration;
 
-use super::transport::{MidiError, MidiSource, open};
+use super::source::{MidiError, MidiSource};
+use super::transport::open;
 
 /// Time between two attempts to open a keyboard that is not there.
 const TRY_AGAIN: Duration = Duration::from_secs(1);
@@ -47,38 +48,5 @@ impl MidiPort {
             self.source = None;
             self.again = now.saturating_add(TRY_AGAIN);
         })
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::keyboard::MidiOutlet;
-
-    #[test]
-    fn an_unplugged_keyboard_is_opened_again() {
-        let folder = tempfile::tempdir().unwrap();
-        let path = folder.path().join("keys");
-        let spec = format!("midi:{}", path.display());
-        assert!(MidiPort::open(&spec).is_err(), "it must be there");
-        let mut port = MidiPort::new(&spec);
-        let mut bytes = Vec::new();
-        let secs = Duration::from_secs_f64;
-        let nobody = port.receive(secs(0.0), &mut bytes).unwrap_err().to_string();
-        assert!(nobody.contains("start the emulator"), "{nobody}");
-        let mut outlet = MidiOutlet::bind(&path).unwrap();
-        let waits = port.receive(secs(0.9), &mut bytes).unwrap_err().to_string();
-        assert!(waits.contains("not found again yet"), "{waits}");
-        port.receive(secs(1.0), &mut bytes).unwrap();
-        outlet.send(&[0x90, 36, 100]);
-        port.receive(secs(1.1), &mut bytes).unwrap();
-        assert_eq!(bytes, [0x90, 36, 100]);
-
-        outlet.send(&[0xFE]);
-        outlet.disconnect();
-        assert!(port.receive(secs(1.2), &mut bytes).is_err());
-        assert_eq!(bytes.last(), Some(&0xFE), "what came before the end");
-        assert!(port.receive(secs(2.1), &mut bytes).is_err());
-        port.receive(secs(2.2), &mut bytes).unwrap();
     }
 }

@@ -17,6 +17,7 @@ mod advance;
 mod axes;
 mod fault;
 mod following;
+mod homing;
 mod io;
 mod motion;
 mod plan;

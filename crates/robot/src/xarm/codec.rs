@@ -4,6 +4,8 @@
 //! A frame has a header of three big-endian words (transaction, protocol, length) and a body that starts with
 //! the register. Floats in the body are little-endian, 16-bit counts big-endian.
 
+use super::framing::Framing;
+
 /// Longest body that is understood. The longest one in use is a joint position with velocity and effort (86
 /// bytes).
 pub const MAX_BODY: usize = 256;
@@ -170,63 +172,28 @@ impl std::fmt::Debug for Frame {
 
 /// Finds the frames in a stream of bytes, however it is cut up.
 #[derive(Debug, Default)]
-pub struct FrameParser {
-    buffer: Vec<u8>,
-    skipped: u64,
-}
+pub struct FrameParser(Framing);
 
 impl FrameParser {
-    /// The next frame. Takes bytes off the front of `bytes` as it needs them: call it again until it returns
-    /// `None`.
+    /// The next frame. Takes bytes off the front of `bytes` as it needs them: call it again until it returns `None`.
     pub fn next(&mut self, bytes: &mut &[u8]) -> Option<Frame> {
-        loop {
-            let wanted = match self.length() {
-                Some(length) => HEADER + length,
-                None => HEADER,
-            };
-            let taken = wanted.saturating_sub(self.buffer.len()).min(bytes.len());
-            let (now, later) = bytes.split_at(taken);
-            self.buffer.extend_from_slice(now);
-            *bytes = later;
-            if self.buffer.len() < HEADER {
-                return None;
-            }
-            match self.length() {
-                // Not a header: look for one a byte later.
-                None => {
-                    self.buffer.remove(0);
-                    self.skipped += 1;
-                }
-                Some(length) if self.buffer.len() >= HEADER + length => {
-                    let frame =
-                        Frame::new(self.word(0), self.word(2), &[&self.buffer[HEADER..HEADER + length]]);
-                    self.buffer.drain(..HEADER + length);
-                    return frame;
-                }
-                Some(_) if bytes.is_empty() => return None,
-                Some(_) => {}
-            }
-        }
+        let size = |header: &[u8]| {
+            let length = usize::from(word(header, 4));
+            let possible = word(header, 2) <= PROTOCOL_KEEP_ALIVE && (1..=MAX_BODY).contains(&length);
+            possible.then_some(HEADER + length)
+        };
+        let read = |frame: &[u8]| Frame::new(word(frame, 0), word(frame, 2), &[frame.get(HEADER..)?]);
+        self.0.next(bytes, HEADER, size, read)
     }
 
-    /// Bytes that belonged to no frame. A TCP stream loses nothing: anything but 0 means that the other side
-    /// speaks something else.
+    /// Bytes that belonged to no frame: anything but 0 means that the other side speaks something else.
     pub fn skipped(&self) -> u64 {
-        self.skipped
+        self.0.skipped()
     }
+}
 
-    /// Length of the body, if the buffer starts with a possible header.
-    fn length(&self) -> Option<usize> {
-        let length = usize::from(self.word(4));
-        let possible = self.buffer.len() >= HEADER
-            && self.word(2) <= PROTOCOL_KEEP_ALIVE
-            && (1..=MAX_BODY).contains(&length);
-        possible.then_some(length)
-    }
-
-    fn word(&self, at: usize) -> u16 {
-        self.buffer.get(at..at + 2).map_or(0, |pair| u16::from_be_bytes([pair[0], pair[1]]))
-    }
+fn word(bytes: &[u8], at: usize) -> u16 {
+    bytes.get(at..at + 2).map_or(0, |pair| u16::from_be_bytes([pair[0], pair[1]]))
 }
 
 /// Says that a command has begun or ended, unasked (fact sheet hardware §2.9).
@@ -355,7 +322,7 @@ mod tests {
         fn garbage_passes(garbage in prop::collection::vec(any::<u8>(), 0..2000)) {
             let mut parser = FrameParser::default();
             parse(&mut parser, &garbage);
-            prop_assert!(parser.buffer.len() <= HEADER + MAX_BODY);
+            prop_assert!(parser.0.buffered() <= HEADER + MAX_BODY);
             // Whatever was read as the start of a frame ends, and the next ones are seen again.
             let frame = Frame::new(7, 2, &[&[13, 0, 2]]).unwrap();
             let again: Vec<u8> = std::iter::repeat_n(bytes(&frame), 60).flatten().collect();

@@ -33,11 +33,10 @@ const OURS: &str =
 const CLEAR: &str =
     "clear what the arm touched, check payload and collision sensitivity in the config, then start again";
 const FILES: &str = "restore the controller's configuration in UFACTORY Studio, then switch it off and on";
-const COOL: &str = "let it cool down, check the payload, then switch the control box off and on";
 
-/// Finds a code in a table, or says that it is not there.
-fn find(table: &[(u8, &'static str, &'static str)], code: u8) -> Advice {
-    let (meaning, remedy) = match table.iter().find(|row| row.0 == code) {
+/// Explains an error of the controller. 0 is none.
+pub fn controller_error(code: u8) -> Advice {
+    let (meaning, remedy) = match ERRORS.iter().find(|row| row.0 == code) {
         Some(&(_, meaning, remedy)) => (meaning, remedy),
         None if code == 0 => ("none", "nothing to do"),
         None => (
@@ -46,21 +45,6 @@ fn find(table: &[(u8, &'static str, &'static str)], code: u8) -> Advice {
         ),
     };
     Advice { code, meaning, remedy }
-}
-
-/// Explains an error of the controller. 0 is none.
-pub fn controller_error(code: u8) -> Advice {
-    find(ERRORS, code)
-}
-
-/// Explains a warning of the controller. 0 is none.
-pub fn controller_warning(code: u8) -> Advice {
-    find(WARNINGS, code)
-}
-
-/// Explains the code of one servo. 0 is none.
-pub fn servo_code(code: u8) -> Advice {
-    find(SERVOS, code)
 }
 
 const ERRORS: &[(u8, &str, &str)] = &[
@@ -109,69 +93,23 @@ const ERRORS: &[(u8, &str, &str)] = &[
     (111, "the external RS-485 device does not answer", UNUSED),
 ];
 
-const WARNINGS: &[(u8, &str, &str)] = &[
-    (11, "the queue is full", OURS),
-    (12, "a parameter is wrong", OURS),
-    (13, "the command is not known", "update the controller's firmware in UFACTORY Studio"),
-    (14, "there is no solution", NEARER),
-    (15, "the Modbus queue is full", OURS),
-];
-
-const SERVOS: &[(u8, &str, &str)] = &[
-    (10, "the current cannot be measured", REBOOT),
-    (11, "too much current", CLEAR),
-    (12, "too fast", SLOWER),
-    (14, "the commanded position is beyond the limit", NEARER),
-    (15, "too hot", COOL),
-    (16, "the encoder does not start", REBOOT),
-    (17, "the single-turn encoder fails", REBOOT),
-    (18, "the multi-turn encoder fails", REBOOT),
-    (19, "the battery of the encoder is low", SUPPORT),
-    (20, "the driver chip fails", REBOOT),
-    (21, "the driver does not start", REBOOT),
-    (22, "the encoder is configured wrongly", REBOOT),
-    (23, "the joint is far from where it should be", CLEAR),
-    (26, "the joint overran its positive end", NEARER),
-    (27, "the joint overran its negative end", NEARER),
-    (28, "the joint got a wrong command", REBOOT),
-    (33, "the drive is overloaded", COOL),
-    (34, "the motor is overloaded", COOL),
-    (35, "the motor is of the wrong type", SUPPORT),
-    (36, "the driver is of the wrong type", SUPPORT),
-    (39, "too much voltage", CABLES),
-    (40, "too little voltage", CABLES),
-    (49, "the memory fails", SUPPORT),
-    (52, "the angle cannot be initialised", REBOOT),
-    (58, "torque commands stopped coming", REBOOT),
-];
-
 #[cfg(test)]
 mod tests {
     use super::*;
 
-    /// The numbers of the fact sheet, §2.8, in its order.
-    const SHEET_ERRORS: &str = "1 2 3 10 11 12 13 14 15 16 17 18 19 21 22 23 24 25 26 27 28 30 31 32 33 34 35 36 37 38 \
+    /// The codes of `ControllerErrorCodeMap` in the official SDK (`xarm/core/config/x_code.py`), in its order.
+    const LISTED: &str = "1 2 3 10 11 12 13 14 15 16 17 18 19 21 22 23 24 25 26 27 28 30 31 32 33 34 35 36 37 38 \
         39 40 41 42 43 44 50 51 52 53 60 110 111";
-    const SHEET_WARNINGS: &str = "11 12 13 14 15";
-    const SHEET_SERVOS: &str = "10 11 12 14 15 16 17 18 19 20 21 22 23 26 27 28 33 34 35 36 39 40 49 52 58";
 
     #[test]
-    fn every_code_of_the_fact_sheet_is_explained_and_no_other() {
-        type Explain = fn(u8) -> Advice;
-        let tables: [(&str, Explain); 3] = [
-            (SHEET_ERRORS, controller_error),
-            (SHEET_WARNINGS, controller_warning),
-            (SHEET_SERVOS, servo_code),
-        ];
-        for (sheet, explain) in tables {
-            let listed: Vec<u8> = sheet.split_whitespace().map(|code| code.parse().unwrap()).collect();
-            for code in 0..=u8::MAX {
-                let advice = explain(code);
-                assert_eq!(advice.code, code);
-                assert!(!advice.meaning.is_empty() && !advice.remedy.is_empty());
-                let known = !["none", "not listed"].contains(&advice.meaning);
-                assert_eq!(known, listed.contains(&code), "{advice}");
-            }
+    fn every_listed_code_is_explained_and_no_other() {
+        let listed: Vec<u8> = LISTED.split_whitespace().map(|code| code.parse().unwrap()).collect();
+        for code in 0..=u8::MAX {
+            let advice = controller_error(code);
+            assert_eq!(advice.code, code);
+            assert!(!advice.meaning.is_empty() && !advice.remedy.is_empty());
+            let known = !["none", "not listed"].contains(&advice.meaning);
+            assert_eq!(known, listed.contains(&code), "{advice}");
         }
     }
 }

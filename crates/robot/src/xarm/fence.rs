@@ -43,7 +43,7 @@ pub struct OutsideFence {
 
 impl Fence {
     /// The largest one.
-    pub(super) const WIDEST: Self = Self(WIDEST_MM);
+    pub const WIDEST: Self = Self(WIDEST_MM);
 
     /// What [`ArmConfig`](super::ArmConfig) checks: name, value, least and greatest value of each side.
     pub(super) fn sides(&self) -> [(&'static str, i32, i32, i32); 6] {
@@ -96,7 +96,7 @@ impl Fence {
     }
 
     /// Whether the controller itself leaves the arm alone here: there is no margin.
-    pub(super) fn contains(&self, position_m: &Vector3<f64>) -> bool {
+    pub fn contains(&self, position_m: &Vector3<f64>) -> bool {
         position_m
             .iter()
             .zip(self.0)
@@ -104,13 +104,13 @@ impl Fence {
     }
 
     /// As register 52 has it: highest and lowest x, y and z.
-    pub(super) fn to_wire(self) -> [i32; 6] {
+    pub fn to_wire(self) -> [i32; 6] {
         let [[x_low, x_high], [y_low, y_high], [z_low, z_high]] = self.0;
         [x_high, x_low, y_high, y_low, z_high, z_low]
     }
 
     /// Reads what [`to_wire`](Self::to_wire) writes.
-    pub(super) fn from_wire(wire: [i32; 6]) -> Self {
+    pub fn from_wire(wire: [i32; 6]) -> Self {
         let [x_high, x_low, y_high, y_low, z_high, z_low] = wire;
         Self([[x_low, x_high], [y_low, y_high], [z_low, z_high]])
     }

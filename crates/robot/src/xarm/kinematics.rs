@@ -7,6 +7,8 @@ use std::f64::consts::{FRAC_PI_2, PI};
 
 use nalgebra::{Cholesky, Matrix3, Matrix6, Rotation3, SMatrix, SVector, Vector3, Vector6};
 
+pub use super::pose::{Pose, logarithm};
+
 /// Joints of the arm.
 pub const JOINTS: usize = 7;
 
@@ -66,58 +68,6 @@ const RESIDUAL: f64 = 1e-10;
 const SINGULAR: f64 = 0.02;
 /// Keeps the linear system solvable at singular joints; far below what moves an answer elsewhere.
 const DAMPING: f64 = 1e-9;
-
-/// Position and orientation of the flange in the frame of the robot's base.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Pose {
-    /// Position, m.
-    pub position_m: Vector3<f64>,
-    /// Orientation: turns flange coordinates into base coordinates.
-    pub rotation: Rotation3<f64>,
-}
-
-impl Pose {
-    /// From a position and roll, pitch and yaw about the fixed axes x, y and z (rad), which is the arm's
-    /// convention (fact sheet hardware §2.12).
-    pub fn from_rpy(position_m: [f64; 3], rpy_rad: [f64; 3]) -> Self {
-        let [roll, pitch, yaw] = rpy_rad;
-        Self {
-            position_m: Vector3::from(position_m),
-            rotation: Rotation3::from_euler_angles(roll, pitch, yaw),
-        }
-    }
-
-    /// Roll, pitch and yaw about the fixed axes, rad.
-    pub fn rpy_rad(&self) -> [f64; 3] {
-        let matrix = self.rotation.matrix();
-        let level = matrix[(2, 1)].hypot(matrix[(2, 2)]);
-        let pitch = (-matrix[(2, 0)]).atan2(level);
-        if level < 1e-6 {
-            // Straight up or down, roll and yaw turn about the same axis: all of it is called roll.
-            return [(-matrix[(1, 2)]).atan2(matrix[(1, 1)]), pitch, 0.0];
-        }
-        [matrix[(2, 1)].atan2(matrix[(2, 2)]), pitch, matrix[(1, 0)].atan2(matrix[(0, 0)])]
-    }
-
-    /// As the arm writes it: x, y, z in mm, then roll, pitch, yaw in rad.
-    pub fn to_wire(&self) -> [f32; 6] {
-        let ([x, y, z], [roll, pitch, yaw]) = (self.position_m.into(), self.rpy_rad());
-        [x * 1e3, y * 1e3, z * 1e3, roll, pitch, yaw].map(|value| value as f32)
-    }
-
-    /// Reads what [`to_wire`](Self::to_wire) writes.
-    pub fn from_wire(wire: [f32; 6]) -> Self {
-        let [x, y, z, roll, pitch, yaw] = wire.map(f64::from);
-        Self::from_rpy([x * 1e-3, y * 1e-3, z * 1e-3], [roll, pitch, yaw])
-    }
-
-    /// What leads from here to `target`: a shift (m) and a turn about a base-frame axis (rad).
-    fn twist_to(&self, target: &Self) -> Vector6<f64> {
-        let shift = target.position_m - self.position_m;
-        let turn = logarithm(&(target.rotation * self.rotation.inverse()));
-        Vector6::new(shift.x, shift.y, shift.z, turn.x, turn.y, turn.z)
-    }
-}
 
 /// The pose cannot be reached as asked.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
@@ -231,34 +181,6 @@ fn accept(joints: [f64; JOINTS], jacobian: &Jacobian) -> Result<[f64; JOINTS], K
         return Err(KinematicsError::NearSingular { singular_value });
     }
     Ok(joints)
-}
-
-/// Axis times angle (rad) of a rotation, to the last digit for small angles, where the arc cosine of the
-/// trace is not.
-pub(crate) fn logarithm(rotation: &Rotation3<f64>) -> Vector3<f64> {
-    let matrix = rotation.matrix();
-    let sines = Vector3::new(
-        matrix[(2, 1)] - matrix[(1, 2)],
-        matrix[(0, 2)] - matrix[(2, 0)],
-        matrix[(1, 0)] - matrix[(0, 1)],
-    ) / 2.0;
-    let (sin, cos) = (sines.norm(), (matrix.trace() - 1.0) / 2.0);
-    if sin > 1e-6 {
-        return sines * (sin.atan2(cos) / sin);
-    }
-    if cos > 0.0 {
-        return sines;
-    }
-    // Half a turn: matrix + 1 is twice the axis times its transpose.
-    let doubled = matrix + Matrix3::identity();
-    let longest = if doubled[(0, 0)] > 0.5 {
-        0
-    } else if doubled[(1, 1)] > 0.5 {
-        1
-    } else {
-        2
-    };
-    doubled.column(longest).normalize() * PI
 }
 
 /// Lengths of the shift (m) and the turn (rad) of a twist.

@@ -1,5 +1,4 @@
-//! The xArm7 over TCP: what its controller says and understands, where its flange is, its driver and an
-//! emulator.
+//! The xArm7 over TCP: what its controller says and understands, where its flange is, and its driver.
 //!
 //! The driver never looks for Unix sockets, as the official SDK does: whatever listens there would silently
 //! take the place of the robot (fact sheet hardware §2.11).
@@ -7,20 +6,16 @@
 pub mod codec;
 mod details;
 pub mod driver;
-pub mod emulator;
 pub mod errors;
 mod fence;
+mod framing;
 pub mod kinematics;
+mod pose;
 pub mod report;
-pub mod server;
 mod stopper;
 pub mod tcp;
 
-pub use driver::{
-    Arm, ArmConfig, ArmConfigError, ArmCounters, ArmError, ArmFault, ArmState, ArmVersion, TargetError,
-};
-pub use emulator::{ArmEmulator, ConnectionId, EmulatorConfig};
+pub use driver::{Arm, ArmConfig, ArmCounters, ArmError, ArmFault, ArmState, ArmVersion, TargetError};
 pub use fence::{Fence, OutsideFence};
-pub use server::{ArmPorts, ArmServer, Reach};
 pub use stopper::Stopper;
 pub use tcp::{ArmCommands, ArmConnection, ArmLinkError};

@@ -3,6 +3,7 @@
 
 use super::codec::{floats, push_floats};
 pub use super::details::{Details, MotionLimits};
+use super::framing::Framing;
 use super::kinematics::{JOINTS, WIDEST_LIMITS_RAD};
 
 /// Which of the report ports.
@@ -39,7 +40,7 @@ impl ReportKind {
     }
 
     /// Time from one frame to the next, ms.
-    pub(crate) fn period_ms(self) -> u64 {
+    pub fn period_ms(self) -> u64 {
         if self == Self::Real { 10 } else { 200 }
     }
 }
@@ -152,68 +153,34 @@ impl Report {
 #[derive(Debug)]
 pub struct ReportParser {
     kind: ReportKind,
-    buffer: Vec<u8>,
-    /// What the first report had; all later ones have the same.
+    framing: Framing,
+    /// The size of the first report, which all later ones have too.
     size: Option<usize>,
-    skipped: u64,
 }
 
 impl ReportParser {
     /// For the stream of one port.
     pub fn new(kind: ReportKind) -> Self {
-        Self { kind, buffer: Vec::new(), size: None, skipped: 0 }
+        Self { kind, framing: Framing::default(), size: None }
     }
 
-    /// The next report. Takes bytes off the front of `bytes` as it needs them: call it again until it returns
-    /// `None`.
+    /// The next report. Takes bytes off the front of `bytes` as it needs them: call it again until it returns `None`.
     pub fn next(&mut self, bytes: &mut &[u8]) -> Option<Report> {
-        loop {
-            let wanted = self.announced().unwrap_or(4);
-            let taken = wanted.saturating_sub(self.buffer.len()).min(bytes.len());
-            let (now, later) = bytes.split_at(taken);
-            self.buffer.extend_from_slice(now);
-            *bytes = later;
-            if self.buffer.len() < 4 {
-                return None;
-            }
-            let Some(size) = self.announced() else {
-                self.skip();
-                continue;
-            };
-            if self.buffer.len() < size {
-                if bytes.is_empty() {
-                    return None;
-                }
-                continue;
-            }
-            if let Some(report) = Report::read(self.kind, &self.buffer[..size]) {
-                self.buffer.drain(..size);
-                self.size = Some(size);
-                return Some(report);
-            }
-            self.skip();
-        }
-    }
-
-    /// Bytes that belonged to no report; anything but 0 means that the other side speaks something else.
-    pub fn skipped(&self) -> u64 {
-        self.skipped
-    }
-
-    /// The size word at the start of the buffer, if it is a possible one.
-    fn announced(&self) -> Option<usize> {
-        let word: [u8; 4] = self.buffer.get(..4)?.try_into().ok()?;
-        let size = u32::from_be_bytes(word) as usize;
-        let possible = match self.size {
-            Some(first) => size == first,
-            None => (self.kind.size()..=MAX_SIZE).contains(&size),
+        let (kind, first) = (self.kind, self.size);
+        let size = |header: &[u8]| {
+            let size = u32::from_be_bytes(*header.first_chunk()?) as usize;
+            let possible = first.map_or((kind.size()..=MAX_SIZE).contains(&size), |first| size == first);
+            possible.then_some(size)
         };
-        possible.then_some(size)
+        let read = |frame: &[u8]| Some((Report::read(kind, frame)?, frame.len()));
+        let (report, size) = self.framing.next(bytes, 4, size, read)?;
+        self.size = Some(size);
+        Some(report)
     }
 
-    fn skip(&mut self) {
-        self.buffer.remove(0);
-        self.skipped += 1;
+    /// Bytes that belonged to no report: anything but 0 means that the other side speaks something else.
+    pub fn skipped(&self) -> u64 {
+        self.framing.skipped()
     }
 }
 
@@ -398,7 +365,7 @@ mod tests {
             while let Some(report) = parser.next(&mut bytes) {
                 prop_assert!(possible_joints(&report.joints_rad));
             }
-            prop_assert!(bytes.is_empty() && parser.buffer.len() <= MAX_SIZE);
+            prop_assert!(bytes.is_empty() && parser.framing.buffered() <= MAX_SIZE);
         }
     }
 }

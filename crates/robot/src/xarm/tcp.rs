@@ -1,8 +1,10 @@
 //! The two sockets between the driver and an arm, real or emulated.
 
-use std::io::{self, ErrorKind, Read as _, Write as _};
+use std::io::{self, ErrorKind};
 use std::net::{TcpStream, ToSocketAddrs as _};
 use std::time::Duration;
+
+use crate::stream::{Outbox, read_available};
 
 /// Ports of commands and of reports (fact sheet hardware §2.1).
 const PORTS: (u16, u16) = (502, 30003);
@@ -47,7 +49,7 @@ pub enum ArmLinkError {
 #[derive(Debug)]
 pub struct ArmCommands {
     stream: TcpStream,
-    unsent: Vec<u8>,
+    outbox: Outbox,
 }
 
 impl ArmCommands {
@@ -57,7 +59,7 @@ impl ArmCommands {
     /// If the address cannot be read, or nothing answers there within a second.
     pub fn open(host: &str) -> Result<Self, ArmLinkError> {
         let (name, (command, _)) = parse(host).ok_or_else(|| ArmLinkError::Address(host.into()))?;
-        Ok(Self { stream: connect(name, command)?, unsent: Vec::new() })
+        Ok(Self { stream: connect(name, command)?, outbox: Outbox::new(MAX_UNSENT) })
     }
 
     /// Appends what has come. Never waits.
@@ -66,7 +68,7 @@ impl ArmCommands {
     /// If the connection is gone.
     pub fn receive(&mut self, bytes: &mut Vec<u8>) -> Result<(), ArmLinkError> {
         let broken = |source| ArmLinkError::Broken { doing: "reading replies", source };
-        read(&mut self.stream, |piece| bytes.extend_from_slice(piece)).map_err(broken)
+        read_available(&mut self.stream, |piece| bytes.extend_from_slice(piece)).map_err(broken)
     }
 
     /// Sends, after what the network has not taken yet. Never waits: call it again with nothing to send the rest.
@@ -74,23 +76,12 @@ impl ArmCommands {
     /// # Errors
     /// If the connection is gone, or the arm does not take commands any more.
     pub fn send(&mut self, bytes: &[u8]) -> Result<(), ArmLinkError> {
-        self.unsent.extend_from_slice(bytes);
         let broken = |source| ArmLinkError::Broken { doing: "sending", source };
-        while !self.unsent.is_empty() {
-            match self.stream.write(&self.unsent) {
-                Ok(0) => return Err(broken(ErrorKind::WriteZero.into())),
-                Ok(count) => {
-                    self.unsent.drain(..count);
-                }
-                Err(error) if error.kind() == ErrorKind::Interrupted => {}
-                Err(error) if error.kind() == ErrorKind::WouldBlock => break,
-                Err(error) => return Err(broken(error)),
-            }
-        }
-        if self.unsent.len() > MAX_UNSENT {
+        self.outbox.flush(&mut self.stream).map_err(broken)?;
+        if !self.outbox.push(bytes) {
             return Err(broken(ErrorKind::TimedOut.into()));
         }
-        Ok(())
+        self.outbox.flush(&mut self.stream).map_err(broken)
     }
 }
 
@@ -125,7 +116,7 @@ impl ArmConnection {
     /// If the connection is gone.
     pub fn receive_reports(&mut self, bytes: &mut Vec<u8>) -> Result<(), ArmLinkError> {
         let broken = |source| ArmLinkError::Broken { doing: "reading reports", source };
-        read(&mut self.reports, |piece| bytes.extend_from_slice(piece)).map_err(broken)
+        read_available(&mut self.reports, |piece| bytes.extend_from_slice(piece)).map_err(broken)
     }
 
     /// Sends to the command port, after what the network has not taken yet. Never waits: call it again with
@@ -166,20 +157,6 @@ fn connect(host: &str, port: u16) -> Result<TcpStream, ArmLinkError> {
         Err(last)
     };
     attempt().map_err(|source| ArmLinkError::Connect { host: host.into(), port, source })
-}
-
-/// Reads what is there.
-fn read(stream: &mut TcpStream, mut take: impl FnMut(&[u8])) -> io::Result<()> {
-    let mut buffer = [0; 2048];
-    loop {
-        match stream.read(&mut buffer) {
-            Ok(0) => return Err(ErrorKind::UnexpectedEof.into()),
-            Ok(count) => take(buffer.get(..count).unwrap_or_default()),
-            Err(error) if error.kind() == ErrorKind::Interrupted => {}
-            Err(error) if error.kind() == ErrorKind::WouldBlock => return Ok(()),
-            Err(error) => return Err(error),
-        }
-    }
 }
 
 #[cfg(test)]

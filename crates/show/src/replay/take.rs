@@ -5,7 +5,8 @@ use std::collections::BTreeMap;
 use etude_music::metrics::{FrameScores, FrameTally, frame_scores};
 use etude_music::sound::{self, SoundError};
 use etude_music::{CONTROL_HZ, HIGHEST_PITCH, KeyEvent, KeySet, LOWEST_PITCH, Note, notes_from_key_events};
-use etude_perform::Recording;
+use etude_perform::stand::stage_side;
+use etude_perform::{Header, Recording};
 use etude_stage::{JOINTS, Scene, StageConfig, World};
 use etude_task::TaskConfig;
 use serde::Serialize;
@@ -132,10 +133,10 @@ impl Take {
     /// If its world cannot be built.
     pub fn new(recording: &Recording, name: String) -> anyhow::Result<Self> {
         let header = &recording.header;
-        let task = task_of(&header.config);
+        let task = task_of(header);
         let mut world = world_of(&task)?;
         let scene = world.scene();
-        let in_simulation = header.rig == "simulation";
+        let in_simulation = header.activity == etude_perform::Activity::Simulation;
         let start = in_simulation.then(|| world.start_pose().map(rounded).to_vec());
 
         let whole = |step: &&etude_perform::StepMessage| step.positions.len() == JOINTS;
@@ -165,7 +166,7 @@ impl Take {
             song: header.song.clone(),
             player: header.player.clone(),
             rig: header.rig.clone(),
-            mode: header.mode.clone(),
+            mode: if in_simulation { String::new() } else { header.activity.to_string() },
             control_hz: hz,
             bar_secs: header.bar_secs.iter().copied().filter(|secs| secs.is_finite()).collect(),
             incomplete: incomplete(recording, steps.len(), due.len()),
@@ -219,13 +220,11 @@ fn world_of(task: &TaskConfig) -> anyhow::Result<World> {
     Ok(World::new(&task.stage, &params)?)
 }
 
-/// The task of a recording's configuration; of one that says nothing about a task, the usual one with the rig's hand.
-fn task_of(config: &serde_json::Value) -> TaskConfig {
-    let run = config.get("run").unwrap_or(config);
-    let task = run.get("task").and_then(|task| serde_json::from_value(task.clone()).ok());
+/// The task of a recording; without one in its header the default task with the rig's hand.
+fn task_of(header: &Header) -> TaskConfig {
+    let task = header.run.as_ref().and_then(|run| serde_json::from_value(run.get("task")?.clone()).ok());
     task.unwrap_or_else(|| {
-        let side =
-            config.pointer("/rig/hand/side").and_then(|side| serde_json::from_value(side.clone()).ok());
+        let side = header.rig_config.as_ref().map(|rig| stage_side(rig.hand.side));
         let stage = StageConfig { side: side.unwrap_or_default(), ..StageConfig::default() };
         TaskConfig { stage, ..TaskConfig::default() }
     })

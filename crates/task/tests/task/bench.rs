@@ -1,8 +1,11 @@
 //! What the tests share: short songs, configurations that stress the promise of reproducibility, and random actions.
 
+use std::sync::atomic::AtomicBool;
+
 use etude_learn::{StepBatch, VectorEnvironment};
 use etude_music::{Note, Song};
-use etude_task::{ACTION_LEN, Piece, RandomisationConfig, TaskConfig, VectorPiano};
+use etude_perform::{Performance, SimRig, perform};
+use etude_task::{ACTION_LEN, Piece, Player, RandomisationConfig, TaskConfig, VectorPiano};
 use rand::{RngExt as _, SeedableRng as _};
 use rand_pcg::Pcg64;
 
@@ -25,6 +28,16 @@ pub fn restless() -> TaskConfig {
         random_start: true,
         ..nominal()
     }
+}
+
+/// Plays `piece` once on `rig`.
+pub fn play_on(rig: &mut SimRig, config: &TaskConfig, piece: &Piece, player: &mut dyn Player) -> Performance {
+    perform(rig, player, config, piece, None, &AtomicBool::new(false)).unwrap()
+}
+
+/// Plays `piece` once in the nominal world.
+pub fn play_nominal(config: &TaskConfig, piece: &Piece, player: &mut dyn Player) -> Performance {
+    play_on(&mut SimRig::nominal(config, piece).unwrap(), config, piece, player)
 }
 
 /// Actions near the middle of the keyboard that change every few steps, the same for the same seed.

@@ -10,4 +10,5 @@ mod randomisation;
 mod replica;
 mod rewards;
 mod saved;
+mod scripted;
 mod vectors;

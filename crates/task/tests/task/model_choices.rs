@@ -11,8 +11,9 @@ use etude_music::{KEYS, KeySet, repertoire};
 use etude_stage::geometry::KeyShape;
 use etude_stage::params::World as Quantity;
 use etude_stage::{PhysicalParams, RAIL, StageConfig, World, joint_range};
-use etude_task::{ACTION_LEN, Piece, TargetRange, TaskConfig, layout, observe, rehearse};
+use etude_task::{ACTION_LEN, Piece, TargetRange, TaskConfig, layout, observe};
 
+use crate::bench::play_nominal;
 use crate::replica::{Moment, Replica, swap};
 
 /// Another model than ours.
@@ -103,9 +104,7 @@ impl Player {
 
     /// Keys pressed at the end of each control step in the environment.
     fn play(&mut self) -> Vec<KeySet> {
-        let (config, piece) = (self.config.clone(), self.piece.clone());
-        let mut act = |_: &_, observation: &[f32], action: &mut _| *action = self.act(observation);
-        rehearse(&config, &piece, 0, &mut act, &mut |_, _, _| ()).unwrap().pressed
+        play_nominal(&self.config, &self.piece, &mut self.policy).pressed
     }
 
     /// The same in a replica, and what moved on the way.

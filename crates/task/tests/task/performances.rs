@@ -3,11 +3,12 @@
 
 use etude_learn::Evaluator as _;
 use etude_music::{CONTROL_HZ, KeyEvent, KeySet, repertoire};
+use etude_perform::{Ending, Performance, SimRig, SongEvaluator};
 use etude_stage::hand::{TIP_RADIUS, root_lateral};
-use etude_stage::{RAIL, kinematics};
-use etude_task::{Performance, Piece, SongEvaluator, TaskConfig, rehearse};
+use etude_stage::{RAIL, World, kinematics};
+use etude_task::{ACTION_LEN, Piece, TargetRange, TaskConfig};
 
-use crate::bench::{nominal, restless, short_piece};
+use crate::bench::{nominal, play_nominal, play_on, restless, short_piece};
 
 /// A performance that pressed these keys at these control steps.
 fn played(piece: &Piece, pressed: Vec<KeySet>) -> Performance {
@@ -19,14 +20,7 @@ fn played(piece: &Piece, pressed: Vec<KeySet>) -> Performance {
         events.extend(before.difference(*now).iter().map(|key| KeyEvent { secs, key, velocity: 0 }));
         before = *now;
     }
-    Performance {
-        due: piece.frames().to_vec(),
-        pressed,
-        events,
-        reference: piece.notes().to_vec(),
-        reward: 0.0,
-        collision_free: 1.0,
-    }
+    Performance { pressed, events, ending: Ending::Complete, ..Performance::new(piece) }
 }
 
 #[test]
@@ -34,48 +28,46 @@ fn playing_what_is_due_is_perfect_for_every_song() {
     for id in repertoire::ids() {
         let piece = Piece::new(&repertoire::get(id).unwrap(), 1.0).unwrap();
         let perfect = played(&piece, piece.frames().to_vec());
-        let scores = perfect.frame_scores();
+        let scores = perfect.scores().frame;
         assert_eq!(
             (scores.f1, scores.pooled_f1, scores.precision, scores.recall),
             (1.0, 1.0, 1.0, 1.0),
             "{id}"
         );
-        let notes = perfect.note_scores();
+        let notes = perfect.scores().note;
         assert_eq!((notes.onset_f1, notes.missed, notes.wrong), (1.0, 0, 0), "{id}");
         let silent = played(&piece, vec![KeySet::EMPTY; piece.steps()]);
         let rests = piece.frames().iter().filter(|due| due.is_empty()).count();
         let expected = rests as f64 / piece.steps() as f64;
-        assert!((silent.frame_scores().f1 - expected).abs() < 1e-12, "silence earns the rests");
-        assert_eq!(silent.frame_scores().pooled_recall, 0.0);
-        assert_eq!(silent.note_scores().onset_f1, 0.0);
+        assert!((silent.scores().frame.f1 - expected).abs() < 1e-12, "silence earns the rests");
+        assert_eq!(silent.scores().frame.pooled_recall, 0.0);
+        assert_eq!(silent.scores().note.onset_f1, 0.0);
     }
 }
 
 #[test]
-fn a_rehearsal_records_every_step_and_event() {
+fn a_performance_holds_every_step_and_event() {
     let piece = short_piece();
+    let task = restless();
+    let mut rig = SimRig::new(&task, &piece, 7).unwrap();
+    let world = World::new(&task.stage, rig.world().params()).unwrap();
+    let range = TargetRange::new(&piece);
     let mut watched = 0;
-    let performance = rehearse(
-        &restless(),
-        &piece,
-        7,
-        &mut |environment, observation, act| {
-            assert_eq!(observation.len(), 369);
-            // A finger over middle C, down every other half second.
-            let world = environment.world();
-            let [x, y, z] = world.key_target(24);
-            let side = world.config().side;
-            let mut targets = world.start_pose();
-            targets[RAIL] = y - root_lateral(side, 1);
-            let height = if environment.position() % 20 > 10 { -0.01 } else { 0.02 };
-            let angles = kinematics::reach(side, 1, [x, y, z + TIP_RADIUS + height], targets[RAIL]);
-            targets[4..8].copy_from_slice(&angles.expect("in reach"));
-            *act = environment.range().action(&targets);
-        },
-        &mut |_, _, _| watched += 1,
-    )
-    .unwrap();
-    assert_eq!((watched, performance.pressed.len(), performance.due.len()), (31, 31, 31));
+    let mut player = |step: usize, observation: &[f32], act: &mut [f32; ACTION_LEN]| {
+        assert_eq!((observation.len(), step), (369, watched));
+        watched += 1;
+        // A finger over middle C, down every other half second.
+        let [x, y, z] = world.key_target(24);
+        let side = world.config().side;
+        let mut targets = world.start_pose();
+        targets[RAIL] = y - root_lateral(side, 1);
+        let height = if step % 20 > 10 { -0.01 } else { 0.02 };
+        let angles = kinematics::reach(side, 1, [x, y, z + TIP_RADIUS + height], targets[RAIL]);
+        targets[4..8].copy_from_slice(&angles.expect("in reach"));
+        *act = range.action(&targets);
+    };
+    let performance = play_on(&mut rig, &task, &piece, &mut player);
+    assert_eq!((watched, performance.pressed.len(), performance.piece.steps()), (31, 31, 31));
     let mut down = KeySet::EMPTY;
     for event in &performance.events {
         assert_eq!(event.velocity > 0, !down.contains(event.key), "strikes and releases alternate");
@@ -87,7 +79,7 @@ fn a_rehearsal_records_every_step_and_event() {
     }
     assert_eq!(Some(&down), performance.pressed.last());
     assert!(!performance.events.is_empty(), "the motion is meant to press something");
-    assert!(performance.reward.is_finite());
+    assert!(performance.simulation.unwrap().reward.is_finite());
 }
 
 /// Still hands collide with nothing, whatever the reward pays for.
@@ -97,19 +89,11 @@ fn collisions_are_counted_without_the_collision_term_too() {
     for weight in [1.0, 0.0, -1.0] {
         let mut config = nominal();
         config.reward.insert("collision".into(), weight);
-        let performance = rehearse(
-            &config,
-            &piece,
-            0,
-            &mut |environment, _, act| *act = environment.range().action(&environment.world().start_pose()),
-            &mut |_, _, _| {},
-        )
-        .unwrap();
-        assert!(
-            (performance.collision_free - 1.0).abs() < 1e-9,
-            "weight {weight}: {}",
-            performance.collision_free
-        );
+        let start = World::new(&config.stage, &config.params().unwrap()).unwrap().start_pose();
+        let still = TargetRange::new(&piece).action(&start);
+        let mut player = |_: usize, _: &[f32], act: &mut [f32; ACTION_LEN]| *act = still;
+        let free = play_nominal(&config, &piece, &mut player).simulation.unwrap().collision_free;
+        assert!((free - 1.0).abs() < 1e-9, "weight {weight}: {free}");
     }
 }
 

@@ -4,14 +4,13 @@
 use std::collections::BTreeMap;
 
 use etude_learn::VectorEnvironment as _;
+use etude_perform::SimRig;
 use etude_stage::{Actuation, JOINTS, PhysicalParams, RAIL, World, joint_range};
-use etude_task::{
-    Environment, Randomisation, RandomisationConfig, TaskConfig, VectorPiano, Widths, rehearse, rehearse_in,
-};
+use etude_task::{Environment, Randomisation, RandomisationConfig, TaskConfig, VectorPiano, Widths};
 use rand::{RngExt as _, SeedableRng as _};
 use rand_pcg::Pcg64;
 
-use crate::bench::{Actions, nominal, play, restless, short_piece};
+use crate::bench::{Actions, nominal, play, play_on, restless, short_piece};
 
 fn worlds(config: &TaskConfig, seed: u64, episodes: usize) -> Vec<PhysicalParams> {
     let mut environment = Environment::new(config, &short_piece(), seed).unwrap();
@@ -57,7 +56,7 @@ fn a_drawn_world_is_in_force_from_the_first_step() {
     for _ in 0..piece.steps() {
         assert_eq!(drawn.step(&press, &mut parts), built.step(&press, &mut parts));
         assert_eq!(drawn.world().joints(), built.world().joints());
-        assert_eq!(drawn.pressed(), built.pressed());
+        assert_eq!(drawn.world().pressed(), built.world().pressed());
     }
 }
 
@@ -156,13 +155,10 @@ fn the_curriculum_counts_the_steps_of_the_training() {
         let most = 0.9 * intensity;
         assert!((0.8 * most..=most + 1e-12).contains(&farthest), "episode {episode}: {farthest} of {most}");
     }
-    // What has no training has no curriculum: a rehearsal is in the world that its seed draws.
-    let mut seen = None;
-    rehearse(&config, &piece, 5, &mut |_, _, _| {}, &mut |environment, _, _| {
-        seen.get_or_insert_with(|| environment.world().params().clone());
-    })
-    .unwrap();
-    assert_ne!(seen, Some(nominal));
+    // What has no training has no curriculum: a performance is in the world that its seed draws.
+    let mut rig = SimRig::new(&config, &piece, 5).unwrap();
+    play_on(&mut rig, &config, &piece, &mut |_: usize, _: &[f32], _: &mut [f32; 13]| {});
+    assert_ne!(*rig.world().params(), nominal);
 }
 
 /// Without a curriculum a state from before there was one still loads, to the same continuation.
@@ -180,19 +176,23 @@ fn states_without_a_step_count_still_load() {
 }
 
 #[test]
-fn a_rehearsal_in_a_world_is_one_where_it_is_nominal() {
+fn a_performance_in_a_world_is_one_where_it_is_nominal() {
     let piece = short_piece();
     let params = worlds(&restless(), 3, 1).remove(0);
     let mut fixed = nominal();
     for (path, _, _) in PhysicalParams::rows() {
         fixed.physics.insert(path.clone(), params.get(&path).unwrap());
     }
-    let mut press = |_: &Environment, _: &[f32], action: &mut [f32; 13]| {
+    let mut press = |_: usize, _: &[f32], action: &mut [f32; 13]| {
         *action = [0.0, 0.3, 0.2, 0.1, 0.0, 0.4, 0.2, 0.1, 0.0, 0.3, 0.2, 0.1, 0.05];
     };
-    let chosen = rehearse_in(&restless(), &piece, &params, &mut press).unwrap();
-    let built = rehearse(&fixed, &piece, 0, &mut press, &mut |_, _, _| {}).unwrap();
-    assert_eq!((chosen.pressed, chosen.events, chosen.reward), (built.pressed, built.events, built.reward));
+    let mut in_world = SimRig::in_world(&restless(), &piece, &params).unwrap();
+    let chosen = play_on(&mut in_world, &restless(), &piece, &mut press);
+    let built = play_on(&mut SimRig::nominal(&fixed, &piece).unwrap(), &fixed, &piece, &mut press);
+    assert_eq!(
+        (chosen.pressed, chosen.events, chosen.simulation),
+        (built.pressed, built.events, built.simulation)
+    );
 }
 
 /// Steps `world` under random targets all over the joints' ranges, which change every other control step.

@@ -5,9 +5,9 @@ use std::collections::VecDeque;
 use std::sync::OnceLock;
 use std::time::Duration;
 
+use etude_emulators::faults::FaultPlan;
 use etude_robot::calibration::{Calibration, RailPath};
 use etude_robot::can::{CanError, CanFrame};
-use etude_robot::faults::FaultPlan;
 use etude_robot::joints::{DRIVEN, RAIL};
 use etude_robot::keyboard::MidiError;
 use etude_robot::rig::RigConfig;
@@ -210,13 +210,13 @@ impl Bench {
 
     /// Leads the arm to the middle of the keyboard by hand.
     pub fn place_arm_at_the_keyboard(&mut self) {
-        self.lockstep.twin.arm.place(*path(&calibration("twin")).middle());
+        self.lockstep.twin.devices.arm.place(*path(&calibration("twin")).middle());
         self.run(200);
     }
 
     /// Leads the arm home by hand.
     pub fn place_arm_at_home(&mut self) {
-        self.lockstep.twin.arm.place(PAPER_HOME_DEG.map(f64::to_radians));
+        self.lockstep.twin.devices.arm.place(PAPER_HOME_DEG.map(f64::to_radians));
         self.run(200);
     }
 
@@ -253,7 +253,7 @@ impl Bench {
 
     /// Lets the controller do what is due now.
     pub fn poll(&mut self) {
-        self.judge.arm = Some(self.lockstep.twin.arm.joints());
+        self.judge.arm = Some(self.lockstep.twin.devices.arm.joints());
         self.at_the_wires(|robot, now, wires| robot.poll(now, wires));
         self.judge.settled(self.robot.phase());
         let (judge, notes) = (&mut self.judge, &mut self.notes);
@@ -335,17 +335,17 @@ impl Bench {
 
     /// The hand's emulator feels no torque.
     pub fn hand_is_free(&self) -> bool {
-        self.lockstep.twin.hand.pwm() == [0; 16]
+        self.lockstep.twin.devices.hand.pwm() == [0; 16]
     }
 
     /// The hand's emulator feels no torque and its servo is off.
     pub fn hand_is_off(&self) -> bool {
-        self.hand_is_free() && !self.lockstep.twin.hand.servo_on()
+        self.hand_is_free() && !self.lockstep.twin.devices.hand.servo_on()
     }
 
     /// The arm's emulator is stopped, and takes no orders to move.
     pub fn arm_is_stopped(&self) -> bool {
-        self.lockstep.twin.arm.state() == 4
+        self.lockstep.twin.devices.arm.state() == 4
     }
 
     /// Largest speed of a joint of the world: rad/s, the rail in m/s.

@@ -2,7 +2,7 @@
 
 use std::time::{Duration, Instant};
 
-use etude_robot::faults::FaultPlan;
+use etude_emulators::faults::FaultPlan;
 use etude_robot::{Pace as _, Phase, Record};
 use etude_twin::{Lockstep, Truth, Twin, calibration};
 
@@ -70,7 +70,7 @@ fn the_same_mischief_gives_the_same_frames() {
         bench.start_and_hold();
         bench.follow(Policy::Jumps);
         bench.run(300);
-        bench.lockstep.twin.arm.inject_error(31);
+        bench.lockstep.twin.devices.arm.inject_error(31);
         bench.run(300);
         bench.start_and_hold();
         bench.follow(Policy::Nonsense);

@@ -282,9 +282,9 @@ pub const ROWS: &[Row] = &[
         strike: |b| {
             // What is on its way arrives.
             b.stall(2);
-            let held = b.lockstep.twin.hand.pwm();
+            let held = b.lockstep.twin.devices.hand.pwm();
             b.stall(198);
-            assert_eq!(b.lockstep.twin.hand.pwm(), held);
+            assert_eq!(b.lockstep.twin.devices.hand.pwm(), held);
         },
         mend: nothing,
     },

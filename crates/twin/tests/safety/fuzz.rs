@@ -3,15 +3,13 @@
 
 use std::time::Duration;
 
-use etude_robot::allegro::{
-    EmulatorConfig, Hand, HandConfig, HandEmulator, HandEvent, HandState, JointLoop, JointLoopConfig,
-    PWM_LIMITS,
-};
+use etude_emulators::{ArmEmulator, ArmEmulatorConfig, ConnectionId, HandEmulator, HandEmulatorConfig};
+use etude_robot::allegro::{Hand, HandConfig, HandEvent, HandState, JointLoop, JointLoopConfig, PWM_LIMITS};
 use etude_robot::can::CanFrame;
 use etude_robot::keyboard::{Keyboard, KeyboardConfig, MidiParser};
 use etude_robot::xarm::codec::FrameParser;
 use etude_robot::xarm::report::{ReportKind, ReportParser};
-use etude_robot::xarm::{Arm, ArmConfig, ArmEmulator, ArmState, ConnectionId};
+use etude_robot::xarm::{Arm, ArmConfig, ArmState};
 
 use crate::dice::Dice;
 
@@ -60,7 +58,7 @@ fn frames_at_random() {
     let mut dice = Dice::new(11);
     let mut hand = Hand::new(&HandConfig::default()).unwrap();
     let mut joints = JointLoop::new(&JointLoopConfig::default()).unwrap();
-    let mut emulator = HandEmulator::new(&EmulatorConfig::default());
+    let mut emulator = HandEmulator::new(&HandEmulatorConfig::default());
     let (mut now, mut out, mut answers) = (Duration::ZERO, Vec::new(), Vec::new());
     let (mut driven, mut ready, mut said) = (0u64, 0u64, 0u64);
     let (mut count, mut random) = (0u64, 0u64);
@@ -110,7 +108,8 @@ fn frames_at_random() {
         answers.clear();
         if count % 65_536 == 0 {
             hand.stop(now, &mut out);
-            emulator = HandEmulator::new(&EmulatorConfig { noise_counts: 2, ..EmulatorConfig::default() });
+            emulator =
+                HandEmulator::new(&HandEmulatorConfig { noise_counts: 2, ..HandEmulatorConfig::default() });
         }
     }
     println!(
@@ -170,7 +169,7 @@ enum Talk {
 #[test]
 fn bytes_at_random_at_the_arm() {
     let mut dice = Dice::new(12);
-    let new = || ArmEmulator::new(etude_robot::xarm::EmulatorConfig::default());
+    let new = || ArmEmulator::new(ArmEmulatorConfig::default());
     let mut emulator = new();
     let mut client: ConnectionId = emulator.connect();
     let mut arm = Arm::new(ArmConfig::default()).unwrap();

@@ -3,9 +3,9 @@
 
 use std::time::Duration;
 
+use etude_emulators::faults::FaultPlan;
 use etude_robot::Phase;
 use etude_robot::can::CanFrame;
-use etude_robot::faults::FaultPlan;
 use etude_robot::joints::DRIVEN;
 use etude_twin::{FaultKind, Truth, calibration};
 use proptest::prelude::*;
@@ -171,7 +171,7 @@ fn happen(bench: &mut Bench, event: &Event) {
         Event::Device(number) => misbehave(bench, *number),
         Event::Mend => {
             bench.lockstep.end_all();
-            bench.lockstep.twin.arm.inject_error(0);
+            bench.lockstep.twin.devices.arm.inject_error(0);
             if bench.robot.phase() == Phase::Fault {
                 // Only a new connection clears what made no sense.
                 bench.begin(FaultKind::ArmDisconnect);
@@ -185,7 +185,7 @@ fn happen(bench: &mut Bench, event: &Event) {
 
 fn misbehave(bench: &mut Bench, number: u8) {
     let now = bench.now();
-    let arm = &mut bench.lockstep.twin.arm;
+    let arm = &mut bench.lockstep.twin.devices.arm;
     let fault = match number % 12 {
         0 => FaultKind::ArmStuck,
         1 => FaultKind::ArmSilent,

@@ -36,8 +36,9 @@ fn bring(bench: &mut Bench, when: When) {
         When::Starting | When::Holding => {}
         When::Homing => {
             bench.robot.home(bench.now(), &goal).unwrap();
-            let way =
-                bench.until(5000, |b| b.lockstep.twin.arm.mode() == 0 && b.lockstep.twin.arm.state() == 1);
+            let way = bench.until(5000, |b| {
+                b.lockstep.twin.devices.arm.mode() == 0 && b.lockstep.twin.devices.arm.state() == 1
+            });
             assert!(way.is_some(), "{:?}", bench.notes);
             bench.run(100);
         }
@@ -122,7 +123,7 @@ fn rests(bench: &mut Bench, lost: Lost, within: u32, place: &str) -> u32 {
         told && hand && (b.arm_is_stopped() || lost == Lost::Arm)
     });
     let took = took.unwrap_or_else(|| {
-        let arm = &bench.lockstep.twin.arm;
+        let arm = &bench.lockstep.twin.devices.arm;
         panic!(
             "{place}: {:?}, hand off {}, arm in state {}, {:?}",
             bench.robot.phase(),
@@ -138,16 +139,16 @@ fn rests(bench: &mut Bench, lost: Lost, within: u32, place: &str) -> u32 {
 /// Nothing moves any more, and nobody may command; what a cut wire cannot prevent is what it is.
 fn stands_still(bench: &mut Bench, lost: Lost, place: &str) {
     let phase = bench.robot.phase();
-    let held = bench.lockstep.twin.hand.pwm();
+    let held = bench.lockstep.twin.devices.hand.pwm();
     bench.run(if lost == Lost::Arm { 6000 } else { 500 });
     match lost {
-        Lost::HandHolds => assert_eq!(bench.lockstep.twin.hand.pwm(), held, "{place}"),
+        Lost::HandHolds => assert_eq!(bench.lockstep.twin.devices.hand.pwm(), held, "{place}"),
         Lost::HandTimesOut => assert!(bench.hand_is_free(), "{place}"),
         Lost::Nothing | Lost::Arm => assert!(bench.hand_is_off(), "{place}"),
     }
-    let joints = bench.lockstep.twin.arm.joints();
+    let joints = bench.lockstep.twin.devices.arm.joints();
     bench.run(100);
-    assert_eq!(bench.lockstep.twin.arm.joints(), joints, "{place}: the arm moves");
+    assert_eq!(bench.lockstep.twin.devices.arm.joints(), joints, "{place}: the arm moves");
     if lost != Lost::HandHolds {
         assert!(bench.fastest() < 0.05, "{place}: {:?}", bench.lockstep.twin.joint_velocities());
     }

@@ -29,7 +29,7 @@ fn every_kind_ends_a_performance() {
         // What the wire still carries arrives within milliseconds.
         bench.run(20);
         let deaf = matches!(kind, FaultKind::CanBusOff | FaultKind::CanSilent);
-        assert_eq!(bench.hand_is_off(), !deaf, "{kind}: {:?}", bench.lockstep.twin.hand.pwm());
+        assert_eq!(bench.hand_is_off(), !deaf, "{kind}: {:?}", bench.lockstep.twin.devices.hand.pwm());
         assert_eq!(bench.arm_is_stopped(), kind != FaultKind::ArmDisconnect, "{kind}");
         let fault = bench.robot.fault().unwrap().to_string();
         println!("{kind}: {took} ms, {fault}");

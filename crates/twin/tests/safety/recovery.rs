@@ -26,7 +26,8 @@ fn homing() -> Bench {
     let mut bench = Bench::new(&truth(), &calibration("twin"));
     bench.start_and_hold();
     bench.robot.home(bench.now(), &[0.0; DRIVEN]).unwrap();
-    let way = bench.until(5000, |b| b.lockstep.twin.arm.mode() == 0 && b.lockstep.twin.arm.state() == 1);
+    let way = bench
+        .until(5000, |b| b.lockstep.twin.devices.arm.mode() == 0 && b.lockstep.twin.devices.arm.state() == 1);
     assert!(way.is_some());
     bench.run(100);
     bench
@@ -40,7 +41,7 @@ fn a_hand_whose_bus_comes_back_is_let_go_without_being_asked() {
     assert!(!bench.hand_is_free(), "the test wants a hand that holds a torque");
     bench.end(FaultKind::CanBusOff);
     let took = bench.until(150, Bench::hand_is_off);
-    assert!(took.is_some(), "the hand still holds {:?}", bench.lockstep.twin.hand.pwm());
+    assert!(took.is_some(), "the hand still holds {:?}", bench.lockstep.twin.devices.hand.pwm());
     assert_eq!(bench.robot.phase(), Phase::Fault);
 }
 
@@ -54,7 +55,11 @@ fn an_arm_whose_link_comes_back_is_stopped_without_being_asked() {
     bench.begin(FaultKind::CanBusOff);
     bench.run(10);
     bench.end(FaultKind::ArmDisconnect);
-    assert!(bench.until(20, Bench::arm_is_stopped).is_some(), "state {}", bench.lockstep.twin.arm.state());
+    assert!(
+        bench.until(20, Bench::arm_is_stopped).is_some(),
+        "state {}",
+        bench.lockstep.twin.devices.arm.state()
+    );
     bench.run(1000);
     assert!(bench.arm_is_stopped());
     assert_eq!(bench.robot.phase(), Phase::Fault);
@@ -116,10 +121,10 @@ fn another_arm_than_the_calibrations_never_moves() {
 #[test]
 fn the_first_fault_stays() {
     let mut bench = following();
-    bench.lockstep.twin.hand.config_mut().board_celsius = 80;
+    bench.lockstep.twin.devices.hand.config_mut().board_celsius = 80;
     bench.until_phase(Phase::Fault, 150);
     let first = bench.robot.fault().unwrap().to_string();
-    bench.lockstep.twin.arm.inject_error(31);
+    bench.lockstep.twin.devices.arm.inject_error(31);
     bench.begin(FaultKind::KeyboardUnplugged);
     bench.begin(FaultKind::CanBusOff);
     bench.run(300);
@@ -139,9 +144,9 @@ fn it_never_holds_while_the_arm_moves() {
         assert!(bench.now() < Duration::from_secs(60));
     }
     assert_eq!(bench.robot.arm().state(), ArmState::Ready);
-    let joints = bench.lockstep.twin.arm.joints();
+    let joints = bench.lockstep.twin.devices.arm.joints();
     bench.run(200);
-    let moved = joints.iter().zip(bench.lockstep.twin.arm.joints()).map(|(a, b)| (a - b).abs());
+    let moved = joints.iter().zip(bench.lockstep.twin.devices.arm.joints()).map(|(a, b)| (a - b).abs());
     assert!(moved.fold(0.0, f64::max) < 1e-3);
 }
 

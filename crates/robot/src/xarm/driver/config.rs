@@ -5,6 +5,7 @@ use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
 
+use crate::setting::{SettingError, check_range};
 use crate::xarm::fence::Fence;
 
 /// Settings of the arm's driver.
@@ -72,26 +73,12 @@ impl Default for ArmConfig {
     }
 }
 
-/// A setting is outside what the arm allows.
-#[derive(Clone, Debug, PartialEq, thiserror::Error)]
-#[error("the arm's {name} is {value}; set it to {lowest} or more, and {highest} at most")]
-pub struct ArmConfigError {
-    /// Which setting.
-    pub name: &'static str,
-    /// Its value.
-    pub value: f64,
-    /// Smallest allowed value.
-    pub lowest: f64,
-    /// Largest allowed value.
-    pub highest: f64,
-}
-
 impl ArmConfig {
     /// Checks every setting.
     ///
     /// # Errors
     /// Names the first one that is out of range.
-    pub fn check(&self) -> Result<(), ArmConfigError> {
+    pub fn check(&self) -> Result<(), SettingError> {
         let [x, y, z] = self.payload_centre_mm;
         let rows = [
             ("payload_kg", self.payload_kg, 0.0, 3.5),
@@ -117,9 +104,7 @@ impl ArmConfig {
             (name, f64::from(value), f64::from(lowest), f64::from(highest))
         });
         for (name, value, lowest, highest) in rows.into_iter().chain(sides) {
-            if !(lowest..=highest).contains(&value) {
-                return Err(ArmConfigError { name, value, lowest, highest });
-            }
+            check_range(format!("arm.{name}"), value, lowest, highest)?;
         }
         Ok(())
     }
@@ -157,7 +142,7 @@ mod tests {
         for (name, spoil) in odd {
             let mut config = ArmConfig::default();
             spoil(&mut config);
-            assert_eq!(config.check().unwrap_err().name, name);
+            assert_eq!(config.check().unwrap_err().name, format!("arm.{name}"));
         }
         assert!(toml::from_str::<ArmConfig>("servo_hz = 100.0").unwrap().check().is_ok());
         assert!(toml::from_str::<ArmConfig>("servo_speed = 100.0").is_err());

@@ -2,14 +2,17 @@
 
 use std::time::Duration;
 
-use super::gate::largest_turn;
-use super::steps::{ArmVersion, MANUAL, SERVO, Step, text};
-use super::{Arm, ArmFault, Phase, STOP_AGAIN, Target, Work};
+use super::fault::ArmFault;
+use super::reach::largest_turn;
+use super::state::{Arm, Outstanding, Phase, Purpose, Target, Work};
+use super::steps::{self, ArmVersion, MANUAL, SERVO, Step, text};
 use crate::xarm::codec::{
     FEEDBACK, Frame, KEEP_ALIVE_FROM, PROTOCOL_KEEP_ALIVE, PROTOCOL_PRIVATE, Register, ReplyState, STOPPED,
 };
 use crate::xarm::kinematics::JOINTS;
 
+/// Time between two stop commands until the reports show that the arm has stopped.
+const STOP_AGAIN: Duration = Duration::from_millis(100);
 /// Longest that a change of the set-up may take: enabling the motors releases brakes. The official SDK waits
 /// as long.
 const CHANGE_TIMEOUT: Duration = Duration::from_secs(5);
@@ -26,25 +29,6 @@ const HOME_ACCELERATION: f64 = 2.0;
 /// in the order of the report from its byte 495 on).
 const BOX_AT: usize = 1;
 const FENCE_AT: usize = 77;
-
-/// The request whose reply is awaited.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Outstanding {
-    transaction: u16,
-    protocol: u16,
-    register: Register,
-    purpose: Purpose,
-    at: Duration,
-}
-
-/// What a request is for.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Purpose {
-    Step,
-    Target,
-    Stop,
-    WhichError,
-}
 
 impl Arm {
     /// Bytes from the command port.
@@ -102,7 +86,7 @@ impl Arm {
         }
         let watched = match self.phase {
             Phase::Ready | Phase::Manual => true,
-            Phase::Working(work) => work.steps != super::steps::START,
+            Phase::Working(work) => work.steps != steps::START,
             _ => false,
         };
         if watched && self.stale(now) {

@@ -3,8 +3,10 @@
 
 use std::time::Duration;
 
-use super::{Arm, Target, TargetError};
-use crate::xarm::kinematics::{self, JOINTS};
+use super::fault::TargetError;
+use super::reach::{largest_turn, possible, way_m};
+use super::state::{Arm, Target};
+use crate::xarm::kinematics;
 
 /// Longest time between two targets that still allows a longer step: the arm takes each at full speed, and
 /// would jump. Also how far in time the first target may be from where the arm stands.
@@ -76,27 +78,6 @@ impl Arm {
         };
         passed.clamp(period, LONGEST_GAP.max(period)).as_secs_f64()
     }
-}
-
-/// The joint (counted from 1) that turns most between two places, and by how much, rad.
-pub(super) fn largest_turn(from: &[f64; JOINTS], to: &[f64; JOINTS]) -> (usize, f64) {
-    let turns = to.iter().zip(from).map(|(to, from)| (to - from).abs());
-    turns
-        .enumerate()
-        .fold((1, 0.0), |most, (index, turn)| if turn > most.1 { (index + 1, turn) } else { most })
-}
-
-/// Distance between the flange's positions at two places, m.
-fn way_m(from: &[f64; JOINTS], to: &[f64; JOINTS]) -> f64 {
-    (kinematics::forward(to).position_m - kinematics::forward(from).position_m).norm()
-}
-
-/// Whether the arm can be there at all.
-pub(super) fn possible(joints: &[f64; JOINTS]) -> Result<(), TargetError> {
-    if !joints.iter().all(|angle| angle.is_finite()) {
-        return Err(TargetError::NotFinite);
-    }
-    kinematics::within_limits(joints).map_err(TargetError::BeyondLimit)
 }
 
 #[cfg(test)]

@@ -9,147 +9,25 @@ mod config;
 mod exchange;
 mod fault;
 mod gate;
+mod reach;
+mod state;
 mod steps;
 
 use std::time::Duration;
 
-pub use config::{ArmConfig, ArmConfigError};
+pub use config::ArmConfig;
 pub use fault::{ArmError, ArmFault, ArmState, TargetError};
+pub use state::{Arm, ArmCounters};
 pub use steps::ArmVersion;
 
-use super::codec::{FrameParser, Register, STOPPED};
+use super::codec::{FrameParser, Register};
 use super::kinematics::{self, JOINTS, Pose};
 use super::report::{Report, ReportKind, ReportParser};
-use exchange::{Outstanding, Purpose};
-use gate::{largest_turn, possible};
+use reach::{largest_turn, possible};
+use state::{Halt, Phase, Purpose, Target, Work};
 use steps::{MANUAL, SERVO, Step};
 
-/// Time between two stop commands until the reports show that the arm has stopped.
-const STOP_AGAIN: Duration = Duration::from_millis(100);
-
-/// The arm's driver.
-#[derive(Debug)]
-pub struct Arm {
-    config: ArmConfig,
-    phase: Phase,
-    protocol: u16,
-    transaction: u16,
-    outstanding: Option<Outstanding>,
-    commands: FrameParser,
-    reports: ReportParser,
-    report: Option<(Report, Duration)>,
-    version: Option<ArmVersion>,
-    serial: Option<String>,
-    halt: Option<Halt>,
-    /// Whether the error number is still to be read.
-    ask_error: bool,
-    /// The newest target.
-    target: Option<Target>,
-    /// What was sent last, or where the arm was when it became ready.
-    sent: Option<Target>,
-    next_tick: Option<Duration>,
-    counters: ArmCounters,
-}
-
-/// What has happened so far.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct ArmCounters {
-    /// Servo targets sent.
-    pub targets: u64,
-    /// Times at which a target was due and none was sent: a reply was outstanding, or `poll` came late.
-    pub skipped_ticks: u64,
-    /// Targets sent in part, because late replies had left too far a way to the whole.
-    pub shortened: u64,
-    /// Replies to what was asked.
-    pub replies: u64,
-    /// Replies to nothing, or to what had been given up.
-    pub stray_replies: u64,
-    /// Feedback frames, which nobody asked for.
-    pub feedback: u64,
-    /// Replies that mention a warning.
-    pub warnings: u64,
-    /// Reports.
-    pub reports: u64,
-    /// Commands to stop.
-    pub stops: u64,
-}
-
-#[derive(Clone, Copy, Debug)]
-struct Target {
-    joints: [f64; JOINTS],
-    /// When it was given or sent; `None` for where the arm was standing.
-    at: Option<Duration>,
-}
-
-/// The arm is to stop, and its reports do not yet say that it has.
-#[derive(Clone, Copy, Debug)]
-struct Halt {
-    /// When the first stop was sent.
-    since: Option<Duration>,
-    /// When to say it again.
-    again: Duration,
-}
-
-#[derive(Clone, Copy, Debug)]
-enum Phase {
-    Disconnected,
-    Stopped,
-    Working(Work),
-    Ready,
-    Manual,
-    /// The flag says whether there still is a connection.
-    Fault(ArmFault, bool),
-}
-
-/// A list of steps on the way.
-#[derive(Clone, Copy, Debug)]
-struct Work {
-    steps: &'static [Step],
-    at: usize,
-    /// When the present step began.
-    since: Duration,
-    /// When its question may be asked again.
-    ask_at: Duration,
-    /// Answers "ready" while not yet arrived.
-    idle: u32,
-    home: [f64; JOINTS],
-    speed_rad_s: f64,
-}
-
-impl Work {
-    /// Whether the arm must not be in this state: a change of mode leads to state 5, and only a start begins at a stop.
-    fn forbids(&self, state: u8) -> bool {
-        state == STOPPED && self.steps != steps::START
-    }
-}
-
 impl Arm {
-    /// A driver without a connection.
-    ///
-    /// # Errors
-    /// If a setting is out of range.
-    pub fn new(config: ArmConfig) -> Result<Self, ArmConfigError> {
-        config.check()?;
-        Ok(Self {
-            config,
-            phase: Phase::Disconnected,
-            protocol: 0,
-            transaction: 0,
-            outstanding: None,
-            commands: FrameParser::default(),
-            reports: ReportParser::new(ReportKind::Real),
-            report: None,
-            version: None,
-            serial: None,
-            halt: None,
-            ask_error: false,
-            target: None,
-            sent: None,
-            next_tick: None,
-            counters: ArmCounters::default(),
-        })
-    }
-
     /// Both ports are connected anew. Nothing is sent until [`start`](Self::start); a fault stays.
     pub fn connected(&mut self, _now: Duration) {
         self.commands = FrameParser::default();

@@ -1,0 +1,401 @@
+//! A controller and an arm that are not there, but answer and report with the same bytes.
+//!
+//! What is known of the real one is in the fact sheet (hardware §2.2 to §2.10). Where nothing is known, what
+//! is harder for a driver was chosen.
+
+mod answers;
+mod motion;
+mod server;
+
+use std::collections::VecDeque;
+use std::time::Duration;
+
+use serde::{Deserialize, Serialize};
+
+use etude_robot::xarm::Fence;
+use etude_robot::xarm::codec::{Feedback, Frame, FrameParser, ReplyState};
+use etude_robot::xarm::kinematics::{self, JOINTS, PAPER_HOME_DEG, Pose};
+use etude_robot::xarm::report::{Details, MotionLimits, Report, ReportKind};
+use motion::Motion;
+
+pub use server::{ArmPorts, ArmServer, Reach};
+
+/// Reports of each kind that wait to be taken at most, in bytes.
+const MAX_WAITING: usize = 1 << 14;
+/// After a longer pause at rest only the last part of it is reported, ms.
+const MAX_RESTING_MS: u64 = 1000;
+/// A longer leap of the clock is cut even while the arm moves, ms: nothing leaves a moving arm alone for so
+/// long.
+const MAX_MOVING_MS: u64 = 600_000;
+/// Tool speed at which the controller stops the arm in servo mode, m/s (fact sheet hardware §2.5).
+const MAX_TOOL_SPEED: f64 = 1.2;
+/// Motors, all of them.
+const ALL: u8 = 0x7F;
+
+/// What the emulated arm is like.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct ArmEmulatorConfig {
+    /// Version of its firmware, as `v2.4.0`.
+    pub firmware: String,
+    /// Where the joints are at the beginning, rad.
+    pub joints_rad: [f64; JOINTS],
+    /// Time from a servo target's arrival until the joints know of it, s.
+    pub delay_secs: f64,
+    /// How fast the joints close in on a servo target, Hz.
+    pub bandwidth_hz: f64,
+}
+
+impl Default for ArmEmulatorConfig {
+    /// At the paper's home. Delay and bandwidth are guesses: no figure is public (fact sheet hardware §10).
+    fn default() -> Self {
+        Self {
+            firmware: "v2.4.0".into(),
+            joints_rad: PAPER_HOME_DEG.map(f64::to_radians),
+            delay_secs: 0.02,
+            bandwidth_hz: 8.0,
+        }
+    }
+}
+
+/// One client of the command port.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct ConnectionId(u64);
+
+#[derive(Debug)]
+struct Connection {
+    id: ConnectionId,
+    parser: FrameParser,
+    out: Vec<u8>,
+    /// What it wants to be told unasked (register 254).
+    wants: u8,
+}
+
+/// What a client hears of a command when it is over.
+#[derive(Clone, Copy, Debug)]
+struct Receipt {
+    client: ConnectionId,
+    transaction: u16,
+    protocol: u16,
+    register: u8,
+    wants: u8,
+}
+
+/// A planned move that waits for its turn.
+#[derive(Clone, Copy, Debug)]
+struct Planned {
+    to: [f64; JOINTS],
+    speed: f64,
+    acceleration: f64,
+    receipt: Receipt,
+}
+
+/// The states that a controller is told to be in, or falls into.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Condition {
+    /// 1 or 2 in feedback.
+    Running,
+    /// 3
+    Paused,
+    /// 4
+    Stopped,
+    /// 5
+    Reset,
+}
+
+/// The emulator.
+#[derive(Debug)]
+pub struct ArmEmulator {
+    config: ArmEmulatorConfig,
+    /// Milliseconds that have passed.
+    clock: u64,
+    motion: Motion,
+    tool_at: Option<nalgebra::Vector3<f64>>,
+    queue: VecDeque<Planned>,
+    current: Option<Receipt>,
+    condition: Condition,
+    mode: u8,
+    details: Details,
+    /// The safety boundary, and whether it is watched.
+    fence: Fence,
+    fenced: bool,
+    connections: Vec<Connection>,
+    next_id: u64,
+    waiting: [Vec<u8>; 3],
+    silent: bool,
+    mute: bool,
+}
+
+impl ArmEmulator {
+    /// An arm that has just been switched on: planned mode, motors off, stopped; the limits of its moves are those of the
+    /// fact sheet (hardware §2.6), and no box is watched.
+    pub fn new(config: ArmEmulatorConfig) -> Self {
+        Self {
+            clock: 0,
+            motion: Motion::new(config.joints_rad, config.bandwidth_hz),
+            tool_at: None,
+            queue: VecDeque::new(),
+            current: None,
+            condition: Condition::Stopped,
+            mode: 0,
+            details: Details {
+                collision_sensitivity: 3,
+                teach_sensitivity: 3,
+                gravity: [0.0, 0.0, -1.0],
+                tcp_limits_mm: MotionLimits {
+                    jerk: 7000.0,
+                    acceleration: [0.0, 50_000.0],
+                    speed: [0.0, 1000.0],
+                },
+                joint_limits_rad: MotionLimits {
+                    jerk: 11_459_f32.to_radians(),
+                    acceleration: [0.0, 1145_f32.to_radians()],
+                    speed: [0.0, std::f32::consts::PI],
+                },
+                ..Details::default()
+            },
+            fence: Fence::WIDEST,
+            fenced: false,
+            connections: Vec::new(),
+            next_id: 0,
+            waiting: [Vec::new(), Vec::new(), Vec::new()],
+            silent: false,
+            mute: false,
+            config,
+        }
+    }
+
+    /// A new client of the command port.
+    pub fn connect(&mut self) -> ConnectionId {
+        let id = ConnectionId(self.next_id);
+        self.next_id += 1;
+        self.connections.push(Connection { id, parser: FrameParser::default(), out: Vec::new(), wants: 0 });
+        id
+    }
+
+    /// A client is gone. The arm does not care (fact sheet hardware §2.5).
+    pub fn disconnect(&mut self, id: ConnectionId) {
+        self.connections.retain(|connection| connection.id != id);
+    }
+
+    /// Bytes from a client.
+    pub fn receive(&mut self, now: Duration, id: ConnectionId, mut bytes: &[u8]) {
+        self.advance(now);
+        loop {
+            let Some(connection) = self.connection(id) else { return };
+            let Some(frame) = connection.parser.next(&mut bytes) else { return };
+            self.answer(id, &frame);
+        }
+    }
+
+    /// Moves what a client is to be sent to the end of `out`.
+    pub fn take(&mut self, id: ConnectionId, out: &mut Vec<u8>) {
+        if let Some(connection) = self.connection(id) {
+            out.append(&mut connection.out);
+        }
+    }
+
+    /// Moves the reports that have become due since the last call to the end of `out`.
+    pub fn take_reports(&mut self, kind: ReportKind, out: &mut Vec<u8>) {
+        if let Some(waiting) = self.waiting.get_mut(kind as usize) {
+            out.append(waiting);
+        }
+    }
+
+    /// Lets time pass until `now`.
+    pub fn advance(&mut self, now: Duration) {
+        let until = u64::try_from(now.as_millis()).unwrap_or(u64::MAX);
+        let rests = !self.motion.moving() && self.queue.is_empty();
+        let longest = if rests { MAX_RESTING_MS } else { MAX_MOVING_MS };
+        self.clock = self.clock.max(until.saturating_sub(longest));
+        while self.clock < until {
+            self.clock += 1;
+            self.step();
+            for kind in ReportKind::ALL {
+                if self.clock.is_multiple_of(kind.period_ms()) {
+                    self.tell(kind);
+                }
+            }
+        }
+    }
+
+    /// Where the joints are, rad.
+    pub fn joints(&self) -> [f64; JOINTS] {
+        self.motion.joints
+    }
+
+    /// Leads the joints to another place by hand, rad.
+    pub fn place(&mut self, joints_rad: [f64; JOINTS]) {
+        self.motion.place(joints_rad);
+        self.tool_at = None;
+    }
+
+    /// State as the controller reports it (fact sheet hardware §2.4).
+    pub fn state(&self) -> u8 {
+        match self.condition {
+            Condition::Running if self.motion.moving() => 1,
+            Condition::Running => 2,
+            Condition::Paused => 3,
+            Condition::Stopped => 4,
+            Condition::Reset => 5,
+        }
+    }
+
+    /// Mode as the controller reports it.
+    pub fn mode(&self) -> u8 {
+        self.mode
+    }
+
+    /// Error of the controller, 0 for none.
+    pub fn error(&self) -> u8 {
+        self.details.error
+    }
+
+    /// Raises an error. The emergency buttons (1 to 3) stay pressed until error 0 releases them; others go
+    /// when cleaned.
+    pub fn inject_error(&mut self, code: u8) {
+        self.details.error = code;
+        if code != 0 {
+            self.halt(Condition::Stopped);
+        }
+    }
+
+    /// Raises a warning.
+    pub fn inject_warning(&mut self, code: u8) {
+        self.details.warning = code;
+    }
+
+    /// Whether the joints are held by something.
+    pub fn set_stuck(&mut self, stuck: bool) {
+        self.motion.stuck = stuck;
+    }
+
+    /// Whether it does what it is told without a reply.
+    pub fn set_silent(&mut self, silent: bool) {
+        self.silent = silent;
+    }
+
+    /// Whether reports stop.
+    pub fn set_mute(&mut self, mute: bool) {
+        self.mute = mute;
+    }
+
+    fn connection(&mut self, id: ConnectionId) -> Option<&mut Connection> {
+        self.connections.iter_mut().find(|connection| connection.id == id)
+    }
+
+    /// One millisecond.
+    fn step(&mut self) {
+        let was_planned = self.motion.planned();
+        self.motion.step(self.clock, self.condition == Condition::Paused);
+        if was_planned && !self.motion.planned() {
+            self.receipt(2, 0);
+        }
+        let free = !self.motion.planned() && self.condition == Condition::Running;
+        if let (true, Some(next)) = (free, self.queue.front().copied()) {
+            self.queue.pop_front();
+            self.motion.plan(next.to, next.speed, next.acceleration);
+            self.current = Some(next.receipt);
+            self.receipt(1, 0);
+        }
+        // While it stands it is let alone, or it could never be led inside again.
+        if self.fenced
+            && self.condition == Condition::Running
+            && !self.fence.contains(&self.tool().position_m)
+        {
+            self.inject_error(35);
+        }
+        if self.mode != 1 || !self.motion.moving() {
+            self.tool_at = None;
+            return;
+        }
+        let tool = kinematics::forward(&self.motion.joints).position_m;
+        let before = self.tool_at.replace(tool);
+        if before.is_some_and(|before| (tool - before).norm() > MAX_TOOL_SPEED * 1e-3)
+            && self.condition == Condition::Running
+        {
+            self.inject_error(60);
+        }
+    }
+
+    /// Stops the arm and drops everything.
+    fn halt(&mut self, condition: Condition) {
+        self.condition = condition;
+        self.motion.brake();
+        self.receipt(2, 2);
+        while let Some(dropped) = self.queue.pop_front() {
+            self.current = Some(dropped.receipt);
+            self.receipt(2, 2);
+        }
+    }
+
+    /// Tells the client of the current move that it began (1) or ended (2), if it wants to know.
+    fn receipt(&mut self, kind: u8, result: u8) {
+        let Some(receipt) = self.current else { return };
+        if kind == 2 {
+            self.current = None;
+        }
+        self.feedback(&receipt, kind, result);
+    }
+
+    fn feedback(&mut self, receipt: &Receipt, kind: u8, result: u8) {
+        if receipt.wants & kind == 0 {
+            return;
+        }
+        let feedback =
+            Feedback { kind, register: receipt.register, task: 0, result, at_us: self.clock * 1000 };
+        let frame = feedback.frame(receipt.transaction, receipt.protocol, self.reply_state());
+        self.send(receipt.client, frame);
+    }
+
+    fn send(&mut self, id: ConnectionId, frame: Option<Frame>) {
+        let Some(frame) = frame.filter(|_| !self.silent) else { return };
+        if let Some(connection) = self.connection(id).filter(|connection| connection.out.len() < MAX_WAITING)
+        {
+            frame.write(&mut connection.out);
+        }
+    }
+
+    fn reply_state(&self) -> ReplyState {
+        let mut bits = 0;
+        if !matches!(self.condition, Condition::Running | Condition::Paused) {
+            bits |= ReplyState::NOT_READY;
+        }
+        if self.details.warning != 0 {
+            bits |= ReplyState::WARNING;
+        }
+        if self.details.error != 0 {
+            bits |= ReplyState::ERROR;
+        }
+        ReplyState(bits)
+    }
+
+    /// Where the tool is: the flange with the offset that was set.
+    fn tool(&self) -> Pose {
+        let (flange, offset) = (kinematics::forward(&self.motion.joints), self.offset());
+        Pose {
+            position_m: flange.position_m + flange.rotation * offset.position_m,
+            rotation: flange.rotation * offset.rotation,
+        }
+    }
+
+    fn offset(&self) -> Pose {
+        Pose::from_wire(self.details.tcp_offset_mm_rad)
+    }
+
+    fn tell(&mut self, kind: ReportKind) {
+        let report = Report {
+            state: self.state(),
+            mode: self.mode,
+            queue: self.queue.len() as u16,
+            joints_rad: self.motion.joints.map(|angle| angle as f32),
+            pose_mm_rad: self.tool().to_wire(),
+            torques_nm: [0.0; JOINTS],
+            details: self.details,
+        };
+        let Some(waiting) = self.waiting.get_mut(kind as usize) else { return };
+        if !self.mute && waiting.len() < MAX_WAITING {
+            report.write(kind, &self.config.firmware, waiting);
+        }
+    }
+}

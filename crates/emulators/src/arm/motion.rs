@@ -1,0 +1,248 @@
+//! How the emulated joints move: after servo targets, along planned moves, and to a stop.
+//!
+//! Time passes in steps of a millisecond, so that a motion does not depend on how often it is looked at.
+
+use std::collections::VecDeque;
+use std::f64::consts::PI;
+
+use etude_robot::xarm::kinematics::JOINTS;
+
+/// Length of a step, s.
+const STEP_SECS: f64 = 1e-3;
+/// Fastest that a joint turns, rad/s (fact sheet hardware §2.6: 180 deg/s).
+pub(super) const MAX_SPEED: f64 = PI;
+/// Fastest that a joint's speed changes, rad/s² (fact sheet hardware §2.6: 1145 deg/s²).
+pub(super) const MAX_ACCELERATION: f64 = 1145.0 * PI / 180.0;
+/// Targets that are on their way at most: a second of them.
+const MAX_TARGETS: usize = 256;
+
+type Joints = [f64; JOINTS];
+
+/// The joints and what moves them.
+#[derive(Debug)]
+pub(super) struct Motion {
+    pub(super) joints: Joints,
+    speeds: Joints,
+    drive: Drive,
+    /// Servo targets that have not arrived at the joints yet, each with the step of its arrival.
+    coming: VecDeque<(u64, Joints)>,
+    bandwidth: f64,
+    /// The joints are held by something.
+    pub(super) stuck: bool,
+}
+
+#[derive(Clone, Copy, Debug)]
+enum Drive {
+    Hold,
+    Follow(Joints),
+    Brake,
+    Plan(Plan),
+}
+
+/// A move along a straight line in joint space, with a trapezoid of speed.
+#[derive(Clone, Copy, Debug)]
+struct Plan {
+    from: Joints,
+    to: Joints,
+    /// Share of the way that is done, 0 to 1, and its rate.
+    share: f64,
+    rate: f64,
+    /// Largest rate and change of rate, in shares.
+    top: f64,
+    slope: f64,
+}
+
+impl Motion {
+    pub(super) fn new(joints: Joints, bandwidth_hz: f64) -> Self {
+        let bandwidth = bandwidth_hz * 2.0 * PI;
+        let (speeds, coming) = ([0.0; JOINTS], VecDeque::new());
+        Self { joints, speeds, drive: Drive::Hold, coming, bandwidth, stuck: false }
+    }
+
+    /// Whether a joint moves or will.
+    pub(super) fn moving(&self) -> bool {
+        let due = match self.drive {
+            Drive::Hold => false,
+            Drive::Follow(target) => self.joints != target,
+            Drive::Brake | Drive::Plan(_) => true,
+        };
+        due || !self.coming.is_empty() || self.speeds != [0.0; JOINTS]
+    }
+
+    /// Whether a planned move is under way.
+    pub(super) fn planned(&self) -> bool {
+        matches!(self.drive, Drive::Plan(_))
+    }
+
+    /// Where the arm is being sent, as far as is known.
+    pub(super) fn aim(&self) -> Joints {
+        match (self.coming.back(), self.drive) {
+            (Some(&(_, target)), _) | (None, Drive::Follow(target)) => target,
+            (None, Drive::Plan(plan)) => plan.to,
+            (None, Drive::Hold | Drive::Brake) => self.joints,
+        }
+    }
+
+    /// A servo target that arrives at this step.
+    pub(super) fn follow(&mut self, at: u64, target: Joints) {
+        if self.coming.len() == MAX_TARGETS {
+            self.coming.pop_front();
+        }
+        self.coming.push_back((at, target));
+    }
+
+    /// Begins a planned move. Speed in rad/s and acceleration in rad/s² are those of the joint with the
+    /// longest way.
+    pub(super) fn plan(&mut self, to: Joints, speed: f64, acceleration: f64) {
+        let longest = to.iter().zip(&self.joints).map(|(to, from)| (to - from).abs()).fold(1e-9, f64::max);
+        let (top, slope) = (speed / longest, acceleration / longest);
+        self.drive = Drive::Plan(Plan { from: self.joints, to, share: 0.0, rate: 0.0, top, slope });
+    }
+
+    /// Drops every target and comes to a stop.
+    pub(super) fn brake(&mut self) {
+        self.coming.clear();
+        self.drive = if self.speeds == [0.0; JOINTS] { Drive::Hold } else { Drive::Brake };
+    }
+
+    /// Somebody leads the arm to these joints.
+    pub(super) fn place(&mut self, joints: Joints) {
+        (self.joints, self.speeds, self.drive) = (joints, [0.0; JOINTS], Drive::Hold);
+        self.coming.clear();
+    }
+
+    /// One millisecond: the one numbered `now`. A paused arm slows down along its way.
+    pub(super) fn step(&mut self, now: u64, paused: bool) {
+        while self.coming.front().is_some_and(|(at, _)| *at <= now) {
+            if let Some((_, target)) = self.coming.pop_front() {
+                self.drive = Drive::Follow(target);
+            }
+        }
+        if self.stuck {
+            self.speeds = [0.0; JOINTS];
+            return;
+        }
+        let before = self.joints;
+        match &mut self.drive {
+            Drive::Hold => return,
+            Drive::Plan(plan) => {
+                self.joints = plan.step(paused);
+                if plan.share >= 1.0 {
+                    self.drive = Drive::Hold;
+                }
+            }
+            Drive::Follow(target) => {
+                let target = *target;
+                for joint in 0..JOINTS {
+                    let apart = target[joint] - before[joint];
+                    // As fast as allowed, but so that it can still stop at the target.
+                    let wanted = (self.bandwidth * apart.abs())
+                        .min((2.0 * MAX_ACCELERATION * apart.abs()).sqrt())
+                        .min(MAX_SPEED)
+                        .copysign(apart);
+                    self.turn(joint, wanted);
+                    if apart.abs() < 1e-6 && self.speeds[joint].abs() < 1e-3 {
+                        (self.joints[joint], self.speeds[joint]) = (target[joint], 0.0);
+                    }
+                }
+                return;
+            }
+            Drive::Brake => {
+                for joint in 0..JOINTS {
+                    self.turn(joint, 0.0);
+                }
+                if self.speeds == [0.0; JOINTS] {
+                    self.drive = Drive::Hold;
+                }
+                return;
+            }
+        }
+        let planned = matches!(self.drive, Drive::Plan(_));
+        for (speed, (now, before)) in self.speeds.iter_mut().zip(self.joints.iter().zip(before)) {
+            *speed = if planned { (now - before) / STEP_SECS } else { 0.0 };
+        }
+    }
+
+    /// Turns one joint for a step, with its speed as near to `wanted` as its acceleration allows.
+    fn turn(&mut self, joint: usize, wanted: f64) {
+        let change = MAX_ACCELERATION * STEP_SECS;
+        let speed = &mut self.speeds[joint];
+        *speed += (wanted - *speed).clamp(-change, change);
+        self.joints[joint] += *speed * STEP_SECS;
+    }
+}
+
+impl Plan {
+    fn step(&mut self, paused: bool) -> Joints {
+        let (change, left) = (self.slope * STEP_SECS, 1.0 - self.share);
+        let top = if paused { 0.0 } else { self.top.min((2.0 * self.slope * left).sqrt()) };
+        self.rate = top.clamp((self.rate - change).max(0.0), self.rate + change);
+        self.share += self.rate * STEP_SECS;
+        if 1.0 - self.share <= change * STEP_SECS {
+            self.share = 1.0;
+            return self.to;
+        }
+        std::array::from_fn(|joint| self.from[joint] + (self.to[joint] - self.from[joint]) * self.share)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    #[test]
+    fn a_planned_move_arrives_in_the_time_of_its_trapezoid() {
+        let mut motion = Motion::new([0.0; JOINTS], 8.0);
+        let to = [1.0, -0.5, 0.0, 0.3, 0.0, 0.0, 0.2];
+        motion.plan(to, 0.5, 2.0);
+        let steps = (1..10_000).find(|&step| {
+            motion.step(step, false);
+            !motion.planned()
+        });
+        // 1 rad at 0.5 rad/s, and 0.25 s for each of both ramps of half the speed.
+        assert!((2200..2320).contains(&steps.unwrap()), "{steps:?}");
+        assert_eq!(motion.joints, to);
+        assert!(!motion.moving());
+    }
+
+    #[test]
+    fn it_holds_at_the_last_target() {
+        let mut motion = Motion::new([0.0; JOINTS], 8.0);
+        motion.follow(20, [0.3; JOINTS]);
+        (0..20).for_each(|step| motion.step(step, false));
+        assert_eq!(motion.joints, [0.0; JOINTS]);
+        (20..3000).for_each(|step| motion.step(step, false));
+        assert_eq!((motion.joints, motion.moving()), ([0.3; JOINTS], false));
+    }
+
+    proptest! {
+        #[test]
+        fn speed_and_acceleration_stay_within_the_arms(
+            targets in prop::collection::vec(prop::array::uniform7(-2.0..2.0), 1..20),
+            stop_after in 1..2000_u64,
+        ) {
+            let mut motion = Motion::new([0.0; JOINTS], 8.0);
+            for (index, target) in targets.iter().enumerate() {
+                motion.follow(index as u64 * 50, *target);
+            }
+            let (mut before, mut speeds) = (motion.joints, [0.0; JOINTS]);
+            for step in 0..3000 {
+                if step == stop_after {
+                    motion.brake();
+                }
+                motion.step(step, false);
+                for joint in 0..JOINTS {
+                    let speed = (motion.joints[joint] - before[joint]) / STEP_SECS;
+                    prop_assert!(speed.abs() <= MAX_SPEED + 1e-9);
+                    let change = (speed - speeds[joint]).abs() / STEP_SECS;
+                    prop_assert!(change <= MAX_ACCELERATION + 2.0, "{change}");
+                    speeds[joint] = speed;
+                }
+                before = motion.joints;
+            }
+            prop_assert!(!motion.moving());
+        }
+    }
+}

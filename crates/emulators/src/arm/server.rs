@@ -1,0 +1,212 @@
+//! The emulator on TCP sockets, for clients that know nothing of it.
+//!
+//! It never listens on a Unix socket: the official SDK would prefer such a socket to the real robot (fact
+//! sheet hardware §2.11). Outside this machine it is reachable only when asked to be.
+
+use std::io::{self, ErrorKind};
+use std::net::{IpAddr, SocketAddr, TcpListener, TcpStream};
+use std::time::Duration;
+
+use etude_robot::stream::{Outbox, read_available};
+use etude_robot::xarm::report::ReportKind;
+
+use super::{ArmEmulator, ConnectionId};
+
+/// Clients of one port at most.
+const MAX_CLIENTS: usize = 16;
+/// A client that leaves more than this unread is cut off, bytes.
+const MAX_UNREAD: usize = 1 << 16;
+
+/// The ports of the controller; 0 takes any that is free.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct ArmPorts {
+    /// Commands.
+    pub command: u16,
+    /// Reports at 5 Hz.
+    pub normal: u16,
+    /// Longer reports at 5 Hz.
+    pub rich: u16,
+    /// Reports at 100 Hz.
+    pub real: u16,
+}
+
+impl ArmPorts {
+    /// Any free ports.
+    pub const FREE: Self = Self { command: 0, normal: 0, rich: 0, real: 0 };
+}
+
+impl Default for ArmPorts {
+    /// The robot's own ones (fact sheet hardware §2.1). The first of them needs more than a user's rights.
+    fn default() -> Self {
+        let [real, normal, rich] = ReportKind::ALL.map(ReportKind::port);
+        Self { command: 502, normal, rich, real }
+    }
+}
+
+/// Who may reach an emulator.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Reach {
+    /// Programs on this machine.
+    ThisMachine,
+    /// Whoever reaches the address.
+    Everyone,
+}
+
+/// One port and its clients.
+#[derive(Debug)]
+struct Port<T> {
+    listener: TcpListener,
+    clients: Vec<Client<T>>,
+}
+
+#[derive(Debug)]
+struct Client<T> {
+    stream: TcpStream,
+    outbox: Outbox,
+    gone: bool,
+    tag: T,
+}
+
+/// Serves one emulator to many clients.
+#[derive(Debug)]
+pub struct ArmServer {
+    commands: Port<ConnectionId>,
+    reports: [(ReportKind, Port<()>); 3],
+}
+
+impl ArmServer {
+    /// Listens on four ports of an address.
+    ///
+    /// # Errors
+    /// If the address is of a network and only this machine is meant, or a port is taken or not allowed.
+    pub fn bind(address: IpAddr, ports: ArmPorts, reach: Reach) -> io::Result<Self> {
+        if reach == Reach::ThisMachine && !address.is_loopback() {
+            return Err(io::Error::new(
+                ErrorKind::PermissionDenied,
+                format!(
+                    "{address} can be reached from other machines; use 127.0.0.1, or allow that explicitly"
+                ),
+            ));
+        }
+        let numbers = [ports.real, ports.normal, ports.rich];
+        let mut bound = numbers.into_iter().map(|number| Port::bind(address, number));
+        let mut next = || bound.next().unwrap_or_else(|| Err(ErrorKind::InvalidInput.into()));
+        let [real, normal, rich] = ReportKind::ALL;
+        Ok(Self {
+            commands: Port::bind(address, ports.command)?,
+            reports: [(real, next()?), (normal, next()?), (rich, next()?)],
+        })
+    }
+
+    /// The ports that it listens on.
+    ///
+    /// # Errors
+    /// If the system does not tell.
+    pub fn ports(&self) -> io::Result<ArmPorts> {
+        let number = |port: &TcpListener| port.local_addr().map(|address| address.port());
+        let [(_, real), (_, normal), (_, rich)] = &self.reports;
+        Ok(ArmPorts {
+            command: number(&self.commands.listener)?,
+            normal: number(&normal.listener)?,
+            rich: number(&rich.listener)?,
+            real: number(&real.listener)?,
+        })
+    }
+
+    /// Takes the place of [`serve_once`](Self::serve_once) while nobody is to be served: all connections end, and new
+    /// ones end at once.
+    pub fn refuse_once(&mut self, now: Duration, emulator: &mut ArmEmulator) {
+        emulator.advance(now);
+        self.commands.hang_up(|id| emulator.disconnect(id));
+        let mut unheard = Vec::new();
+        for (kind, port) in &mut self.reports {
+            emulator.take_reports(*kind, &mut unheard);
+            port.hang_up(|()| {});
+        }
+    }
+
+    /// Takes what clients have sent, lets the emulator's time pass until `now`, and sends what is due. Never
+    /// waits; call it every millisecond or so.
+    pub fn serve_once(&mut self, now: Duration, emulator: &mut ArmEmulator) {
+        emulator.advance(now);
+        let mut replies = Vec::new();
+        for client in &mut self.commands.clients {
+            let id = client.tag;
+            client.read(|bytes| emulator.receive(now, id, bytes));
+            replies.clear();
+            emulator.take(id, &mut replies);
+            client.push(&replies);
+        }
+        self.commands.flush(|id| emulator.disconnect(id));
+        self.commands.accept(|| emulator.connect());
+        let mut frames = Vec::new();
+        for (kind, port) in &mut self.reports {
+            frames.clear();
+            emulator.take_reports(*kind, &mut frames);
+            for client in &mut port.clients {
+                client.read(|_| {});
+                client.push(&frames);
+            }
+            port.flush(|()| {});
+            port.accept(|| ());
+        }
+    }
+}
+
+impl<T> Client<T> {
+    fn read(&mut self, take: impl FnMut(&[u8])) {
+        self.gone |= read_available(&mut self.stream, take).is_err();
+    }
+
+    fn push(&mut self, bytes: &[u8]) {
+        self.gone |= !self.outbox.push(bytes);
+    }
+}
+
+impl<T: Copy> Port<T> {
+    /// Lets go of everybody who is there or waits to be let in.
+    fn hang_up(&mut self, mut gone: impl FnMut(T)) {
+        self.clients.drain(..).for_each(|client| gone(client.tag));
+        while self.listener.accept().is_ok() {}
+    }
+
+    fn bind(address: IpAddr, number: u16) -> io::Result<Self> {
+        let address = SocketAddr::new(address, number);
+        let explain = |error: io::Error| {
+            let advice = match error.kind() {
+                ErrorKind::PermissionDenied => "ports below 1024 need root; choose others",
+                ErrorKind::AddrInUse => "another program has it; stop that or choose another",
+                _ => "choose another address",
+            };
+            io::Error::new(error.kind(), format!("cannot listen on {address}: {error}; {advice}"))
+        };
+        let listener = TcpListener::bind(address).map_err(explain)?;
+        listener.set_nonblocking(true).map_err(explain)?;
+        Ok(Self { listener, clients: Vec::new() })
+    }
+
+    fn accept(&mut self, mut tag: impl FnMut() -> T) {
+        while let Ok((stream, _)) = self.listener.accept() {
+            let ready = stream.set_nonblocking(true).and_then(|()| stream.set_nodelay(true));
+            if ready.is_ok() && self.clients.len() < MAX_CLIENTS {
+                self.clients.push(Client {
+                    stream,
+                    outbox: Outbox::new(MAX_UNREAD),
+                    gone: false,
+                    tag: tag(),
+                });
+            }
+        }
+    }
+
+    /// Sends what fits, and lets go of clients that are gone or do not read.
+    fn flush(&mut self, mut gone: impl FnMut(T)) {
+        self.clients.retain_mut(|client| {
+            client.gone |= client.outbox.flush(&mut client.stream).is_err();
+            if client.gone {
+                gone(client.tag);
+            }
+            !client.gone
+        });
+    }
+}

@@ -1,0 +1,19 @@
+//! Bad links on purpose: delays, losses and cut cables between a driver and its emulator.
+//!
+//! [`FaultyFrames`] stands for a CAN bus, [`FaultyBytes`] for a serial line or a TCP connection. Both are
+//! given items and the time, and hand them out again as the [`FaultPlan`] says: the same plan and the same
+//! calls always give the same result.
+
+mod bytes;
+mod frames;
+mod kind;
+mod link;
+mod order;
+mod plan;
+
+pub use bytes::FaultyBytes;
+pub use frames::FaultyFrames;
+pub use kind::{FaultError, FaultKind};
+pub use link::FaultyLink;
+pub use order::{Faults, OrderedFault};
+pub use plan::{FaultCounts, FaultPlan, FaultPlanError};

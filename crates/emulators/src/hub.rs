@@ -1,0 +1,93 @@
+//! A hub: a CAN bus between processes over a Unix socket. Each frame of a client reaches all other clients.
+//!
+//! A client whose records make no sense has lost its place in the stream and is dropped: a torque must never be read out of
+//! the middle of another record.
+
+use std::os::unix::fs::FileTypeExt as _;
+use std::os::unix::net::{UnixListener, UnixStream};
+use std::path::{Path, PathBuf};
+
+use etude_robot::can::{CanError, HubLink, HubRecord};
+
+const MAX_CLIENTS: usize = 32;
+
+/// Serves a bus.
+#[derive(Debug)]
+pub struct Hub {
+    path: PathBuf,
+    listener: UnixListener,
+    clients: Vec<HubLink>,
+    off: bool,
+}
+
+impl Hub {
+    /// Opens the bus at `path`. A socket file that a dead hub left there is replaced.
+    ///
+    /// # Errors
+    /// If another hub serves there, or the file cannot be made.
+    pub fn bind(path: impl AsRef<Path>) -> Result<Self, CanError> {
+        let path = path.as_ref().to_path_buf();
+        let open = |message: String| CanError::Open { bus: path.display().to_string(), message };
+        // Another kind of file is never removed.
+        if std::fs::symlink_metadata(&path).is_ok_and(|file| file.file_type().is_socket()) {
+            if UnixStream::connect(&path).is_ok() {
+                return Err(open("another hub serves there: stop it, or choose another path".to_owned()));
+            }
+            std::fs::remove_file(&path).map_err(|error| open(format!("{error}: remove this old socket")))?;
+        }
+        let hint = "choose a path that does not exist in a folder that you may write";
+        let listener = UnixListener::bind(&path)
+            .and_then(|listener| listener.set_nonblocking(true).map(|()| listener))
+            .map_err(|error| open(format!("{error}: {hint}")))?;
+        Ok(Self { listener, clients: Vec::new(), path, off: false })
+    }
+
+    /// Accepts new clients, passes on what has arrived, and drops clients that are gone. Never blocks.
+    pub fn turn(&mut self) {
+        while self.clients.len() < MAX_CLIENTS {
+            let Ok((stream, _)) = self.listener.accept() else { break };
+            self.clients.extend(HubLink::new(stream).ok());
+            if let (true, Some(client)) = (self.off, self.clients.last_mut()) {
+                client.push(&HubRecord::BusOff(true));
+            }
+        }
+        let mut from = 0;
+        let mut records = Vec::new();
+        while from < self.clients.len() {
+            records.clear();
+            let alive = self.clients.get_mut(from).is_some_and(|client| client.read(&mut records));
+            // Bus-off comes from the hub alone.
+            let alive = alive && records.iter().all(|record| matches!(record, HubRecord::Frame(_)));
+            records.retain(|record| matches!(record, HubRecord::Frame(_)) && !self.off);
+            for (_, client) in self.clients.iter_mut().enumerate().filter(|(to, _)| *to != from) {
+                // A client that does not read loses whole frames.
+                records.iter().for_each(|record| _ = client.push(record));
+            }
+            if alive {
+                from += 1;
+            } else {
+                self.clients.remove(from);
+            }
+        }
+        self.clients.retain_mut(HubLink::flush);
+    }
+
+    /// Puts the bus into bus-off, or ends it. Every client receives an error frame; during bus-off no frame is passed on.
+    pub fn set_off(&mut self, off: bool) {
+        if self.off != off {
+            self.off = off;
+            self.clients.iter_mut().for_each(|client| _ = client.push(&HubRecord::BusOff(off)));
+        }
+    }
+
+    /// How many clients there are.
+    pub fn clients(&self) -> usize {
+        self.clients.len()
+    }
+}
+
+impl Drop for Hub {
+    fn drop(&mut self) {
+        let _ = std::fs::remove_file(&self.path);
+    }
+}

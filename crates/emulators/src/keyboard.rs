@@ -1,0 +1,261 @@
+//! A keyboard that is not there: says what a real one would, in the same bytes at the same speed.
+//!
+//! How the Keystation codes releases and whether it sends active sensing is not documented (fact sheet
+//! hardware §3), so both are settings, and the driver is tested under all of them.
+
+use std::{collections::VecDeque, time::Duration};
+
+use serde::{Deserialize, Serialize};
+
+use etude_robot::keyboard::{KEYS, check_lowest_pitch, positive_secs};
+use etude_robot::setting::SettingError;
+
+/// How a release is said.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum ReleaseCoding {
+    /// Note-on with velocity 0, which the paper's authors' code relies on (fact sheet hardware §3).
+    #[default]
+    ZeroVelocity,
+    /// Note-off.
+    NoteOff,
+}
+
+/// What the bytes travel on.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Line {
+    /// Whole messages, at the next millisecond frame; a packet knows no running status.
+    #[default]
+    Usb,
+    /// A five-pin cable of 31,250 baud: 320 µs a byte, real-time bytes between the bytes of a message.
+    Din,
+}
+
+impl Line {
+    /// Time that one byte takes.
+    const fn byte_time(self) -> Duration {
+        match self {
+            Self::Usb => Duration::ZERO,
+            Self::Din => Duration::from_micros(320),
+        }
+    }
+
+    /// When something that is ready may start at the earliest.
+    fn start(self, ready: Duration) -> Duration {
+        const FRAME_NANOS: u128 = 1_000_000;
+        match self {
+            Self::Din => ready,
+            Self::Usb => {
+                let rest = ready.as_nanos() % FRAME_NANOS;
+                let wait = if rest == 0 { 0 } else { FRAME_NANOS - rest };
+                ready.saturating_add(Duration::from_nanos(wait as u64))
+            }
+        }
+    }
+}
+
+/// What can be set of a [`KeyboardEmulator`].
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct KeyboardEmulatorConfig {
+    /// MIDI number of the leftmost key without shift.
+    pub lowest_pitch: u8,
+    /// How releases are said.
+    pub release: ReleaseCoding,
+    /// Whether a status byte that stays the same is left out; on a [`Line::Din`] only.
+    pub running_status: bool,
+    /// What the bytes travel on.
+    pub line: Line,
+    /// Active sensing after so much silence, in seconds; at least a millisecond. None: never.
+    pub sensing_secs: Option<f64>,
+    /// A timing clock byte every so often, in seconds; at least a millisecond. None: never.
+    pub clock_secs: Option<f64>,
+}
+
+impl Default for KeyboardEmulatorConfig {
+    fn default() -> Self {
+        Self {
+            lowest_pitch: 36,
+            release: ReleaseCoding::default(),
+            running_status: false,
+            line: Line::default(),
+            sensing_secs: None,
+            clock_secs: None,
+        }
+    }
+}
+
+/// Bytes that wait for the line at most; a message that finds no room is dropped and counted.
+const QUEUE_BYTES: usize = 1024;
+/// An emulator that was not asked for longer than this leaves out what its clock would have said before.
+const MEMORY: Duration = Duration::from_secs(10);
+/// Later than anything that happens; a century.
+const FOREVER: Duration = Duration::from_secs(3_155_760_000);
+
+/// A keyboard that says over the line which keys are moved.
+///
+/// Time must not go back from one call to the next.
+#[derive(Clone, Debug)]
+pub struct KeyboardEmulator {
+    lowest_pitch: u8,
+    release: ReleaseCoding,
+    running_status: bool,
+    line: Line,
+    sensing: Option<Duration>,
+    clock: Option<Duration>,
+    plugged: bool,
+    shift_semitones: i8,
+    /// The note that each key that is down was announced with: a shift in between must not change its
+    /// release.
+    notes: [Option<u8>; KEYS],
+    status: Option<u8>,
+    queue: VecDeque<(Duration, u8)>,
+    line_free_at: Duration,
+    clock_at: Duration,
+    dropped: u64,
+}
+
+impl KeyboardEmulator {
+    /// A keyboard that is plugged in at time zero, no key down.
+    ///
+    /// # Errors
+    /// If a setting makes no sense.
+    pub fn new(config: &KeyboardEmulatorConfig) -> Result<Self, SettingError> {
+        let KeyboardEmulatorConfig { lowest_pitch, release, running_status, line, sensing_secs, clock_secs } =
+            *config;
+        check_lowest_pitch(lowest_pitch)?;
+        let sensing = sensing_secs.map(|secs| interval("sensing_secs", secs)).transpose()?;
+        let clock = clock_secs.map(|secs| interval("clock_secs", secs)).transpose()?;
+        Ok(Self {
+            lowest_pitch,
+            release,
+            running_status: running_status && line == Line::Din,
+            line,
+            sensing,
+            clock,
+            plugged: true,
+            shift_semitones: 0,
+            notes: [None; KEYS],
+            status: None,
+            queue: VecDeque::new(),
+            line_free_at: Duration::ZERO,
+            clock_at: clock.unwrap_or_default(),
+            dropped: 0,
+        })
+    }
+
+    /// A key (from the left, 0 to 48) goes down with a velocity of 1 to 127. Nothing happens if it is down
+    /// already.
+    pub fn press(&mut self, now: Duration, key: usize, velocity: u8) {
+        let note = i16::from(self.lowest_pitch) + i16::from(self.shift_semitones) + key.min(KEYS) as i16;
+        let Ok(note @ 0..=127) = u8::try_from(note) else { return };
+        let Some(sounding) = self.notes.get_mut(key).filter(|sounding| self.plugged && sounding.is_none())
+        else {
+            return;
+        };
+        *sounding = Some(note);
+        self.say(now, [0x90, note, velocity.clamp(1, 127)]);
+    }
+
+    /// A key comes up. Nothing happens if it is up already.
+    pub fn release(&mut self, now: Duration, key: usize) {
+        let Some(note) = self.notes.get_mut(key).and_then(Option::take) else { return };
+        self.say(
+            now,
+            match self.release {
+                ReleaseCoding::ZeroVelocity => [0x90, note, 0],
+                ReleaseCoding::NoteOff => [0x80, note, 64],
+            },
+        );
+    }
+
+    /// The octave and transpose buttons: keys pressed from now on are shifted by so many semitones.
+    pub fn set_shift(&mut self, semitones: i8) {
+        self.shift_semitones = semitones;
+    }
+
+    /// Pulls the plug: what was on its way is lost, and nothing is said until [`plug`](Self::plug).
+    pub fn unplug(&mut self) {
+        self.plugged = false;
+        self.queue.clear();
+        self.notes = [None; KEYS];
+        self.status = None;
+    }
+
+    /// Plugs it in again. A key that is still down is silent until it is pressed anew.
+    pub fn plug(&mut self, now: Duration) {
+        if !self.plugged {
+            self.plugged = true;
+            self.line_free_at = now;
+            self.clock_at = self.clock.map(|clock| now.saturating_add(clock)).unwrap_or_default();
+        }
+    }
+
+    /// Messages that found no room on the way to the line.
+    pub fn dropped(&self) -> u64 {
+        self.dropped
+    }
+
+    /// Appends the bytes that have arrived at the other end by `now`.
+    pub fn poll(&mut self, now: Duration, out: &mut Vec<u8>) {
+        if !self.plugged {
+            return;
+        }
+        // Times at the end of time could not be stepped beyond.
+        let now = now.min(FOREVER);
+        let memory = now.saturating_sub(MEMORY);
+        self.clock_at = self.clock_at.max(memory);
+        self.line_free_at = self.line_free_at.max(memory);
+        while let Some((start, byte)) = self.next() {
+            let arrival = start.saturating_add(self.line.byte_time());
+            if arrival > now {
+                break;
+            }
+            match byte {
+                Next::Clock => self.clock_at = self.clock_at.saturating_add(self.clock.unwrap_or(MEMORY)),
+                Next::Queued(_) => drop(self.queue.pop_front()),
+                Next::Sensing => {}
+            }
+            self.line_free_at = arrival;
+            out.push(match byte {
+                Next::Clock => 0xF8,
+                Next::Sensing => 0xFE,
+                Next::Queued(byte) => byte,
+            });
+        }
+    }
+
+    /// What the line carries next, and when that starts.
+    fn next(&self) -> Option<(Duration, Next)> {
+        let start = |ready: Duration| self.line.start(ready).max(self.line_free_at);
+        let clock = self.clock.map(|_| (start(self.clock_at), Next::Clock));
+        let queued = self.queue.front().map(|&(ready, byte)| (start(ready), Next::Queued(byte)));
+        let sensing =
+            self.sensing.map(|after| (start(self.line_free_at.saturating_add(after)), Next::Sensing));
+        // The first of those that start at the same time: real-time bytes go before the rest of a message.
+        [clock, queued, sensing].into_iter().flatten().min_by_key(|&(start, _)| start)
+    }
+
+    fn say(&mut self, now: Duration, message: [u8; 3]) {
+        if self.queue.len() + message.len() > QUEUE_BYTES {
+            self.dropped += 1;
+            return;
+        }
+        let skipped = usize::from(self.running_status && self.status == message.first().copied());
+        self.status = message.first().copied();
+        self.queue.extend(message.iter().skip(skipped).map(|&byte| (now, byte)));
+    }
+}
+
+#[derive(Clone, Copy)]
+enum Next {
+    Clock,
+    Queued(u8),
+    Sensing,
+}
+
+/// An interval of at least a millisecond: bounds what one poll may have to say.
+fn interval(name: &'static str, secs: f64) -> Result<Duration, SettingError> {
+    positive_secs(name, secs).map(|time| time.max(Duration::from_millis(1)))
+}

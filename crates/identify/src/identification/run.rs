@@ -1,0 +1,166 @@
+//! Runs a stage: its fits propose candidates, shared replays evaluate them, and the best become the new parameters.
+
+use std::path::Path;
+use std::time::Instant;
+
+use etude_perform::Job;
+use etude_stage::PhysicalParams;
+
+use super::error::IdentifyError;
+use super::scene::{Scene, saturates, set};
+use super::stage::{Stage, StageEnd};
+use super::starts::{cross_the_kinks, find_delays};
+use super::state::State;
+use crate::fit::Fit;
+use crate::group::Group;
+use crate::method::Candidate;
+use crate::motion::Motion;
+use crate::problem::Evaluation;
+use crate::rows::follow_stiffness;
+
+/// Progress of a stage.
+#[derive(Clone, Debug)]
+pub struct Progress {
+    /// The stage.
+    pub stage: Stage,
+    /// Replays of all motions so far in this stage.
+    pub replays: u64,
+    /// Root mean square of all residuals of the best candidates so far, in standard deviations of the noise.
+    pub rms: f64,
+    /// Groups that have ended, and all groups.
+    pub ended: [usize; 2],
+}
+
+/// Runs or resumes a stage to its end.
+pub(super) fn run(
+    scene: &Scene<'_>,
+    state: &mut State,
+    stage: Stage,
+    file: &Path,
+    job: &mut Job<'_, Progress>,
+) -> Result<(), IdentifyError> {
+    let motions = scene.motions(stage == Stage::Contact);
+    if state.fits.is_empty() || state.stage != stage {
+        if state.ended.is_empty() && stage == Stage::Joints {
+            find_delays(scene, &mut state.params, &motions, job.interrupt())?;
+        }
+        let mut starts = state.params.clone();
+        if stage == Stage::Restart {
+            cross_the_kinks(scene, &mut starts);
+        }
+        state.fits = fits(scene, state, stage, &starts, &motions)?;
+        (state.stage, state.replays, state.secs) = (stage, 0, 0.0);
+    }
+    let began = state.params.clone();
+    loop {
+        let begun = Instant::now();
+        let asked: Vec<Vec<Candidate>> = state.fits.iter_mut().map(|(_, fit)| fit.ask()).collect();
+        let batch = asked.iter().map(Vec::len).max().unwrap_or(0);
+        if batch == 0 {
+            break;
+        }
+        let worlds: Vec<PhysicalParams> = (0..batch).map(|index| world_of(state, &asked, index)).collect();
+        let traces = scene.replay(&worlds, &motions, stage == Stage::Contact, job.interrupt())?;
+        for ((group, fit), candidates) in state.fits.iter_mut().zip(&asked) {
+            if !candidates.is_empty() {
+                let evaluations: Vec<Evaluation> = (0..candidates.len())
+                    .map(|index| group.evaluate(&began, &worlds[index], &motions, &traces[index]))
+                    .collect();
+                fit.tell(&evaluations)?;
+            }
+        }
+        let rms = rms(&state.fits);
+        if state.replays == 0 {
+            state.rms = rms;
+        }
+        state.replays += batch as u64;
+        state.secs += begun.elapsed().as_secs_f64();
+        let ended = state.fits.iter().filter(|(_, fit)| fit.finished().is_some()).count();
+        let (replays, ended) = (state.replays, [ended, state.fits.len()]);
+        // Before the state is saved: after a kill in between the same progress is reported again, and none is lost.
+        job.tell(&Progress { stage, replays, rms, ended });
+        state.save(file)?;
+    }
+    end(scene, state, stage, &motions);
+    state.save(file)
+}
+
+/// The fits of a stage's groups. Their parameters start where an earlier stage has left them.
+fn fits(
+    scene: &Scene<'_>,
+    state: &State,
+    stage: Stage,
+    starts: &PhysicalParams,
+    motions: &[Motion],
+) -> Result<Vec<(Group, Fit)>, IdentifyError> {
+    let mut fits = Vec::new();
+    for (index, group) in stage.groups().into_iter().enumerate() {
+        if !motions.iter().any(|motion| group.learns_from(motion)) {
+            continue;
+        }
+        let mut parameters = scene.parameters(&group, motions);
+        for parameter in &mut parameters {
+            let [now, before] = [starts.get(&parameter.path)?, scene.before.get(&parameter.path)?];
+            if now != before {
+                parameter.start = now.clamp(parameter.low, parameter.high);
+            }
+        }
+        let problem = group.problem(parameters, motions)?;
+        let seed = state.config.seed.wrapping_mul(1000).wrapping_add(index as u64);
+        fits.push((group, Fit::new(problem, &stage.method(&state.config.method), seed)?));
+    }
+    if fits.is_empty() { Err(IdentifyError::Nothing) } else { Ok(fits) }
+}
+
+/// The parameters with candidate `index` of each fit, or its best so far if it has fewer candidates.
+fn world_of(state: &State, asked: &[Vec<Candidate>], index: usize) -> PhysicalParams {
+    let mut params = state.params.clone();
+    for ((_, fit), candidates) in state.fits.iter().zip(asked) {
+        let values = candidates.get(index).map(|candidate| &candidate.values);
+        if let Some(values) = values.or_else(|| fit.best().map(|best| &best.values)) {
+            set(&mut params, fit.problem(), values);
+        }
+    }
+    params
+}
+
+/// Takes the best candidates of a stage over into the parameters.
+fn end(scene: &Scene<'_>, state: &mut State, stage: Stage, motions: &[Motion]) {
+    let mut fits = std::mem::take(&mut state.fits);
+    let samples = fits.iter().map(|(_, fit)| fit.problem().samples()).sum();
+    let mut begin_rms = state.rms;
+    if stage == Stage::Restart {
+        // Fits that did not end better are dropped.
+        begin_rms = state.ended.last().map_or(begin_rms, |end| end.rms[1]);
+        fits.retain(|(group, fit)| {
+            let before = state.costs.get(&group.name).copied().unwrap_or(f64::INFINITY);
+            fit.best().is_some_and(|best| best.cost < before)
+        });
+    } else {
+        state.costs.clear();
+    }
+    for (group, fit) in &fits {
+        if let Some(best) = fit.best() {
+            state.costs.insert(group.name.clone(), best.cost);
+            set(&mut state.params, fit.problem(), &best.values);
+        }
+    }
+    if stage != Stage::Contact {
+        follow_stiffness(&scene.before, |joint| saturates(motions, joint), &mut state.params);
+    }
+    let rms = [begin_rms, root_mean_square(state.costs.values().sum(), samples)];
+    state.ended.push(StageEnd { stage, replays: state.replays, secs: state.secs, rms });
+}
+
+/// Root mean square of the residuals of the best candidates.
+fn rms(fits: &[(Group, Fit)]) -> f64 {
+    let (cost, samples) = fits.iter().fold((0.0, 0), |(cost, samples), (_, fit)| {
+        let best = fit.best().map_or(f64::INFINITY, |best| best.cost);
+        (cost + best, samples + fit.problem().samples())
+    });
+    root_mean_square(cost, samples)
+}
+
+fn root_mean_square(cost: f64, samples: usize) -> f64 {
+    f64::sqrt(2.0 * cost / samples.max(1) as f64)
+}

@@ -1,0 +1,95 @@
+//! The motions of an identification, what each group estimates from them, and their replays.
+
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use etude_perform::shaping_params;
+use etude_stage::{PhysicalParams, StageConfig};
+use rayon::prelude::*;
+
+use super::error::IdentifyError;
+use super::state::IdentifyConfig;
+use crate::group::Group;
+use crate::motion::Motion;
+use crate::problem::Problem;
+use crate::replay::{Replayer, Trace};
+use crate::rows::{contact_parameters, joint_parameters};
+use crate::space::Parameter;
+
+/// Motions of one rig and the simulation that replays them.
+pub(super) struct Scene<'a> {
+    pub motions: &'a [Motion],
+    pub world: StageConfig,
+    /// The parameters at the start.
+    pub before: PhysicalParams,
+}
+
+/// Traces of one simulation, one a motion; `None` where it diverged.
+pub(super) type Traces = Vec<Option<Trace>>;
+
+impl<'a> Scene<'a> {
+    pub fn new(motions: &'a [Motion], config: &IdentifyConfig) -> Result<Self, IdentifyError> {
+        let first = motions.first().ok_or(IdentifyError::Nothing)?;
+        let world = StageConfig { side: first.side(), ..StageConfig::default() };
+        let before = shaping_params(&first.rig.limits).with(&config.start)?;
+        Ok(Self { motions, world, before })
+    }
+
+    /// Motions that touch keys (`keys`), which the keyboard is fitted to, or the others, which the drives are fitted to.
+    pub fn motions(&self, keys: bool) -> Vec<Motion> {
+        self.motions.iter().filter(|motion| motion.keys.is_empty() != keys).cloned().collect()
+    }
+
+    /// The parameters that a group estimates, with bounds around their values before the first stage.
+    pub fn parameters(&self, group: &Group, motions: &[Motion]) -> Vec<Parameter> {
+        if group.keys {
+            return contact_parameters(&self.before);
+        }
+        let of_joint = |&joint: &usize| {
+            let influenced: Vec<String> = group.influenced(joint, motions).collect();
+            // A joint of a finger that never moves has no parameter to estimate.
+            let parameters = (!influenced.is_empty())
+                .then(|| joint_parameters(joint, saturates(motions, joint), &self.before));
+            parameters.into_iter().flatten().map(move |parameter| parameter.influencing(influenced.clone()))
+        };
+        group.joints.iter().flat_map(of_joint).collect()
+    }
+
+    /// Replays every motion in a simulation with each set of parameters. `keys` records the travel of the keys too.
+    pub fn replay(
+        &self,
+        worlds: &[PhysicalParams],
+        motions: &[Motion],
+        keys: bool,
+        interrupt: &AtomicBool,
+    ) -> Result<Vec<Traces>, IdentifyError> {
+        let jobs: Vec<(usize, usize)> = (0..worlds.len())
+            .flat_map(|world| (0..motions.len()).map(move |motion| (world, motion)))
+            .collect();
+        let traces: Traces = jobs
+            .par_iter()
+            .map_init(
+                || Replayer::new(&self.world),
+                |replayer, (world, motion)| match replayer {
+                    _ if interrupt.load(Ordering::Relaxed) => Err(IdentifyError::Interrupted),
+                    Ok(replayer) => Ok(replayer.replay(&worlds[*world], &motions[*motion], keys)),
+                    Err(error) => Err(IdentifyError::Replay(error.to_string())),
+                },
+            )
+            .collect::<Result<_, _>>()?;
+        let mut traces = traces.into_iter();
+        Ok(worlds.iter().map(|_| traces.by_ref().take(motions.len()).collect()).collect())
+    }
+}
+
+/// Whether the motions identify the limit of a joint's drive.
+pub(super) fn saturates(motions: &[Motion], joint: usize) -> bool {
+    motions.iter().any(|motion| motion.saturates[joint])
+}
+
+/// Sets the parameters of a problem to these values.
+pub(super) fn set(params: &mut PhysicalParams, problem: &Problem, values: &[f64]) {
+    for (parameter, value) in problem.space().parameters().iter().zip(values) {
+        // The path is one of the rows and the value within its bounds.
+        let _ = params.set(&parameter.path, *value);
+    }
+}

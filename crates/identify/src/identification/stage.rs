@@ -1,0 +1,103 @@
+//! The stages of an identification, their order and their methods.
+
+use serde::{Deserialize, Serialize};
+
+use crate::config::{Differences, LmConfig, MethodConfig};
+use crate::estimate::{HALF_INTERVAL, WEAK_HALF_INTERVAL};
+use crate::group::{Group, fingers, joints, keyboard};
+
+/// Rounds of fits joint by joint at most.
+const MOST_ROUNDS: usize = 6;
+/// Another round follows one that reduced the error by at least this share.
+const LEAST_GAIN: f64 = 0.01;
+/// Step of the differences for the last stage's Jacobians and for the estimates' intervals, as a share of each range.
+pub(super) const ESTIMATE_STEP: f64 = 1e-3;
+/// Curvature of the cost along a parameter whose own interval is just identifiable.
+const LEAST_CURVATURE: f64 = (HALF_INTERVAL / WEAK_HALF_INTERVAL) * (HALF_INTERVAL / WEAK_HALF_INTERVAL);
+
+/// Parts of an identification, in order.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Stage {
+    /// Every joint by itself.
+    Joints,
+    /// Every joint by itself from another start, kept where it ends better; Levenberg–Marquardt only.
+    Restart,
+    /// Every finger's joints together, and the rail; Levenberg–Marquardt only, the other method takes few parameters.
+    Fingers,
+    /// The keyboard and the encoders' biases, from motions that touch keys.
+    Contact,
+}
+
+/// The result of a stage.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct StageEnd {
+    /// The stage.
+    pub stage: Stage,
+    /// Replays of all motions.
+    pub replays: u64,
+    /// Time for replays and method, s, interruptions excluded.
+    pub secs: f64,
+    /// Root mean square of the residuals at its start and at its end, in standard deviations of the noise.
+    pub rms: [f64; 2],
+}
+
+impl Stage {
+    /// Its name in reports.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Joints => "joint by joint",
+            Self::Restart => "joint by joint, restarted",
+            Self::Fingers => "finger by finger",
+            Self::Contact => "keyboard",
+        }
+    }
+
+    pub(super) fn groups(self) -> Vec<Group> {
+        match self {
+            Self::Joints | Self::Restart => joints(),
+            Self::Fingers => fingers(),
+            Self::Contact => vec![keyboard()],
+        }
+    }
+
+    /// The stage's method. Stage [`Fingers`](Self::Fingers) decides the drives' parameters, so it uses wide central
+    /// differences, which average the roughness of the replays without a bias to one side. It starts with little damping
+    /// and a small tolerance, because a joint's scale of torque changes the cost by only one part in 250. A parameter
+    /// that the recordings do not identify stays fixed, because a step along it can leave the valley of the cost.
+    pub(super) fn method(self, method: &MethodConfig) -> MethodConfig {
+        match method {
+            MethodConfig::Lm(lm) if self == Self::Fingers => MethodConfig::Lm(LmConfig {
+                differences: Differences::Central,
+                difference_step: ESTIMATE_STEP,
+                first_difference_step: ESTIMATE_STEP,
+                initial_damping: 1e-3,
+                cost_tolerance: 0.1 * lm.cost_tolerance,
+                least_curvature: LEAST_CURVATURE,
+                ..lm.clone()
+            }),
+            method => method.clone(),
+        }
+    }
+}
+
+/// The stage that follows those that have ended. `air` and `keys`: whether there are motions without keys and with keys.
+pub(super) fn next(ended: &[StageEnd], method: &MethodConfig, air: bool, keys: bool) -> Option<Stage> {
+    let lm = matches!(method, MethodConfig::Lm(_));
+    let times = |stage: Stage| ended.iter().filter(|end| end.stage == stage).count();
+    let error = |end: &StageEnd| end.rms[1];
+    let gained = match ended {
+        [.., before, last] => error(last) < (1.0 - LEAST_GAIN) * error(before),
+        _ => true,
+    };
+    match ended.last().map(|end| end.stage) {
+        None if air => Some(Stage::Joints),
+        // All joints move while one is fitted, which disturbs its slopes. The next round starts with better neighbours.
+        Some(Stage::Joints | Stage::Restart) if lm && gained && times(Stage::Joints) < MOST_ROUNDS => {
+            Some(Stage::Joints)
+        }
+        Some(Stage::Joints) if lm && times(Stage::Restart) == 0 => Some(Stage::Restart),
+        Some(Stage::Joints | Stage::Restart) if lm => Some(Stage::Fingers),
+        _ => (keys && times(Stage::Contact) == 0).then_some(Stage::Contact),
+    }
+}

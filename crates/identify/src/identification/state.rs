@@ -1,0 +1,91 @@
+//! The saved state of an identification.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+
+use etude_perform::write_file;
+use etude_stage::{JOINTS, PhysicalParams};
+use serde::{Deserialize, Serialize};
+
+use super::error::IdentifyError;
+use super::stage::{Stage, StageEnd};
+use crate::config::MethodConfig;
+use crate::fit::Fit;
+use crate::group::Group;
+use crate::motion::Motion;
+
+/// How to identify.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct IdentifyConfig {
+    /// The method of every stage.
+    pub method: MethodConfig,
+    /// Seed of every random draw.
+    pub seed: u64,
+    /// Start values that differ from the defaults, by path.
+    pub start: BTreeMap<String, f64>,
+}
+
+/// What is saved after each batch.
+#[derive(Serialize, Deserialize)]
+pub(super) struct State {
+    pub config: IdentifyConfig,
+    /// Path, length and start of each recording, to recognise them.
+    motions: Vec<(String, usize, [f64; JOINTS])>,
+    pub params: PhysicalParams,
+    pub ended: Vec<StageEnd>,
+    /// Whether all stages have ended.
+    pub done: bool,
+    /// The current stage.
+    pub stage: Stage,
+    pub fits: Vec<(Group, Fit)>,
+    pub replays: u64,
+    pub secs: f64,
+    pub rms: f64,
+    /// Final cost of each group of the last stage.
+    pub costs: BTreeMap<String, f64>,
+}
+
+impl State {
+    /// The state in `file`, or a new one if there is none or the file is of another identification that has ended.
+    pub fn open(
+        motions: &[Motion],
+        before: &PhysicalParams,
+        config: &IdentifyConfig,
+        file: &Path,
+    ) -> Result<Self, IdentifyError> {
+        let mark =
+            |motion: &Motion| (motion.path.display().to_string(), motion.commands.steps(), motion.start);
+        let fresh = Self {
+            config: config.clone(),
+            motions: motions.iter().map(mark).collect(),
+            params: before.clone(),
+            ended: Vec::new(),
+            done: false,
+            stage: Stage::Joints,
+            fits: Vec::new(),
+            replays: 0,
+            secs: 0.0,
+            rms: 0.0,
+            costs: BTreeMap::new(),
+        };
+        let fail = |why: String| IdentifyError::State(why);
+        let bytes = match std::fs::read(file) {
+            Ok(bytes) => bytes,
+            Err(error) if error.kind() == std::io::ErrorKind::NotFound => return Ok(fresh),
+            Err(error) => return Err(fail(format!("cannot read {}: {error}", file.display()))),
+        };
+        let saved: Self = serde_json::from_slice(&bytes)
+            .map_err(|error| fail(format!("{} is damaged: {error}", file.display())))?;
+        let is_same = saved.config == fresh.config && saved.motions == fresh.motions;
+        if !is_same && !saved.done {
+            let what = "is of an unfinished identification with other recordings or settings";
+            return Err(fail(format!("{} {what}", file.display())));
+        }
+        Ok(if is_same { saved } else { fresh })
+    }
+
+    /// Writes the state to `file`.
+    pub fn save(&self, file: &Path) -> Result<(), IdentifyError> {
+        Ok(write_file(file, &serde_json::to_string(self)?)?)
+    }
+}

@@ -1,0 +1,109 @@
+//! The result in short, and what was fitted.
+
+use etude_stage::JOINTS;
+
+use super::document::{Element, Table};
+use super::input::ReportInput;
+use super::number::{about, milli, number};
+use super::remaining::{self, Part};
+use crate::config::MethodConfig;
+use crate::motion::Motion;
+
+/// The result in a few sentences.
+pub(super) fn in_short(input: &ReportInput<'_>, parts: &[Part]) -> Vec<String> {
+    let (errors, which) = match input.held_out {
+        [] => (input.fit_errors, "in the recordings that were fitted"),
+        _ => (input.held_out_errors, "in recordings that were not fitted"),
+    };
+    let [before, after] = errors.fingers;
+    let mut items = Vec::new();
+    if !after.is_finite() {
+        items.push(format!(
+            "The identified simulation diverges {which}: do not use it. Record calmer motion, or start from other values with \
+             --from."
+        ));
+    } else if !before.is_finite() {
+        items.push(format!(
+            "Before the fit the simulation diverged {which}; now the fingers' error is {} mrad (root mean square).",
+            milli(after)
+        ));
+    } else if after > 0.0 {
+        items.push(format!(
+            "The fingers' error {which} fell {}-fold, from {} to {} mrad (root mean square).",
+            about(before / after),
+            milli(before),
+            milli(after)
+        ));
+    }
+    if after.is_finite() && after > 0.0 && errors.fingers_noise > 0.0 {
+        items.push(format!(
+            "A reading at rest has a standard deviation of {} mrad: the remaining error is {} times the noise floor.",
+            milli(errors.fingers_noise),
+            about(after / errors.fingers_noise)
+        ));
+    }
+    items.extend(remaining::in_short(parts));
+    if input.held_out.is_empty() {
+        items.push(
+            "No recording was held out, so these errors are optimistic: record one more motion \
+             (etude record --excitation held-out) and pass it too."
+                .to_string(),
+        );
+    }
+    let estimates = || input.identified.estimates.iter().flat_map(|(_, estimate)| &estimate.parameters);
+    items.push(format!(
+        "{} of {} estimated parameters are identifiable from these recordings; {} are at a bound of their range.",
+        estimates().filter(|parameter| parameter.is_identifiable).count(),
+        estimates().count(),
+        estimates().filter(|parameter| parameter.at_bound.is_some()).count()
+    ));
+    items
+}
+
+/// Method, recordings and stages.
+pub(super) fn what_was_fitted(input: &ReportInput<'_>) -> Vec<Element> {
+    let config = input.config;
+    let method = match &config.method {
+        MethodConfig::Lm(_) => "Levenberg–Marquardt",
+        MethodConfig::Bo(_) => "Bayesian optimisation",
+    };
+    let start = match config.start.len() {
+        0 => "the defaults".to_string(),
+        count => format!("{count} given values and the defaults"),
+    };
+    let recording = |motion: &Motion, use_of: &str| {
+        vec![
+            motion.path.display().to_string(),
+            motion.mode.clone(),
+            number(motion.secs()),
+            format!("{} of {JOINTS}", motion.moves.iter().filter(|moves| **moves).count()),
+            motion.keys.iter().filter(|event| event.velocity > 0).count().to_string(),
+            use_of.to_string(),
+        ]
+    };
+    let fitted = input.fitted.iter().map(|motion| recording(motion, "fitted"));
+    let held_out = input.held_out.iter().map(|motion| recording(motion, "held out"));
+    let stages = input.identified.stages.iter().map(|end| {
+        let [before, after] = end.rms.map(number);
+        vec![end.stage.name().to_string(), end.replays.to_string(), number(end.secs), before, after]
+    });
+    vec![
+        Element::Paragraph(format!(
+            "Method: {method}, at most {} replays of all recordings a group; seed {}; started at {start} within the rig's \
+             limits.",
+            config.method.max_evaluations(),
+            config.seed
+        )),
+        Element::Table(Table {
+            caption: "Recordings".to_string(),
+            columns: &["recording", "motion", "seconds", "joints that move", "keys struck", "use"],
+            rows: fitted.chain(held_out).collect(),
+        }),
+        Element::Table(Table {
+            caption: "Stages; residuals are root mean squares in standard deviations of the readings' noise"
+                .to_string(),
+            columns: &["stage", "replays", "seconds", "residuals before", "after"],
+            rows: stages.collect(),
+        }),
+    ]
+}

@@ -1,0 +1,74 @@
+//! A simulation whose joints a robot mirrors: the modes *joint mirroring* and *hybrid* of the paper.
+
+use etude_stage::{JOINTS, PHYSICS_STEPS, World};
+
+use crate::performance::Performance;
+use crate::rig::{Command, Ending, Rig, Seen, Stepped};
+use crate::robot_rig::{RobotRig, Waypoints};
+use crate::{PerformError, Recorder};
+
+/// Whose keys the player sees.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Keys {
+    /// Those of the simulation.
+    Simulated,
+    /// Those of the robot.
+    Robot,
+}
+
+/// A simulation beside a robot. Joints are seen in the simulation.
+pub(crate) struct Mirrored<'a> {
+    world: World,
+    robot: RobotRig<'a>,
+    keys: Keys,
+}
+
+impl<'a> Mirrored<'a> {
+    pub(crate) fn new(world: World, robot: RobotRig<'a>, keys: Keys) -> Self {
+        Self { world, robot, keys }
+    }
+}
+
+impl Rig for Mirrored<'_> {
+    fn begin(&mut self) -> Result<(), PerformError> {
+        self.world.reset();
+        self.robot.begin()
+    }
+
+    fn seen(&self) -> Seen {
+        let keys = match self.keys {
+            Keys::Simulated => self.world.pressed(),
+            Keys::Robot => self.robot.seen().keys,
+        };
+        Seen { joints: self.world.joints(), keys }
+    }
+
+    fn step(
+        &mut self,
+        command: &Command<'_>,
+        recorder: &mut Recorder<'_>,
+    ) -> Result<Result<Stepped, Ending>, PerformError> {
+        // The robot is to be where the simulated joints were after each physics step.
+        let mut waypoints: Waypoints = [[0.0; JOINTS]; PHYSICS_STEPS];
+        let mut next = waypoints.iter_mut();
+        self.world.step_watched(&command.targets, |world| {
+            if let Some(waypoint) = next.next() {
+                *waypoint = world.joints();
+            }
+        });
+        let followed = self.robot.follow(&waypoints, command, recorder)?;
+        Ok(followed.map(|pressed| Stepped { pressed, alongside: Some(self.world.pressed()) }))
+    }
+
+    fn rest(&mut self) {
+        self.robot.rest();
+    }
+
+    fn finish(
+        &mut self,
+        performance: &mut Performance,
+        recorder: &mut Recorder<'_>,
+    ) -> Result<(), PerformError> {
+        self.robot.finish(performance, recorder)
+    }
+}

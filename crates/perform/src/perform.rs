@@ -1,0 +1,88 @@
+//! The loop that plays: observe, act, step, record.
+
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use etude_robot::Refused;
+use etude_task::{ACTION_LEN, Piece, Player, TargetRange, TaskConfig, TaskError, layout, observe};
+
+use crate::performance::Performance;
+use crate::recording::RecordingError;
+use crate::rig::{Command, Ending, Rig, Seen};
+use crate::{Recorder, RecordingWriter};
+
+/// A performance could not be given.
+#[derive(Debug, thiserror::Error)]
+pub enum PerformError {
+    /// The task could not be built.
+    #[error(transparent)]
+    Task(#[from] TaskError),
+    /// The robot refused a command.
+    #[error(transparent)]
+    Refused(#[from] Refused),
+    /// The robot did not start, or did not reach the keyboard.
+    #[error("the robot did not get ready: {0}")]
+    NotReady(String),
+    /// The robot stopped itself.
+    #[error("the robot stopped itself: {0}")]
+    Fault(String),
+    /// The recording could not be written.
+    #[error(transparent)]
+    Recording(#[from] RecordingError),
+}
+
+/// Plays `piece` once from its beginning. `task` says what `player` observes; `writer` receives the recording, if there is one;
+/// `interrupt` ends the performance before the next control step.
+///
+/// # Errors
+/// If a robot does not hold still in the starting pose, or the recording cannot be written. A fault of a robot during the
+/// performance is no error but an [`Ending`]. A robot still has power afterwards and holds its pose.
+pub fn perform(
+    rig: &mut dyn Rig,
+    player: &mut dyn Player,
+    task: &TaskConfig,
+    piece: &Piece,
+    writer: Option<&mut RecordingWriter>,
+    interrupt: &AtomicBool,
+) -> Result<Performance, PerformError> {
+    let mut performance = Performance::new(piece);
+    let mut recorder = Recorder::new(writer);
+    rig.begin()?;
+    let played = play(rig, player, task, &mut performance, &mut recorder, interrupt);
+    rig.rest();
+    performance.ending = played?;
+    rig.finish(&mut performance, &mut recorder)?;
+    performance.events = recorder.events;
+    Ok(performance)
+}
+
+/// The control steps of [`perform`].
+fn play(
+    rig: &mut dyn Rig,
+    player: &mut dyn Player,
+    task: &TaskConfig,
+    performance: &mut Performance,
+    recorder: &mut Recorder<'_>,
+    interrupt: &AtomicBool,
+) -> Result<Ending, PerformError> {
+    let piece = performance.piece.clone();
+    let range = TargetRange::new(&piece);
+    let mut observation = vec![0.0; layout(task).len()];
+    let mut action = [0.0; ACTION_LEN];
+    let mut previous = rig.seen().joints;
+    for step in 0..piece.steps() {
+        if interrupt.load(Ordering::Relaxed) {
+            return Ok(Ending::Interrupted);
+        }
+        let Seen { joints, keys } = rig.seen();
+        observe(task, &joints, &previous, keys, &piece, step, &mut observation);
+        previous = joints;
+        player.act(step, &observation, &mut action);
+        let targets = range.targets(&action);
+        let command = Command { step, observation: &observation, action: &action, targets };
+        match rig.step(&command, recorder)? {
+            Ok(stepped) => performance.push(stepped),
+            Err(ending) => return Ok(ending),
+        }
+    }
+    Ok(Ending::Complete)
+}

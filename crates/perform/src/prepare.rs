@@ -1,0 +1,69 @@
+//! Bringing a robot up and to the starting pose.
+
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Duration;
+
+use etude_robot::{Pace, Phase, Robot};
+use etude_stage::JOINTS;
+
+use crate::recorder::RobotRecords;
+use crate::timing::Timing;
+use crate::{PerformError, Recorder, RecordingWriter};
+
+/// Time that devices may take to come up, and that the slow way to the keyboard may take.
+const PREPARATION: Duration = Duration::from_secs(120);
+/// Time between two looks at the robot's phase.
+const WAIT: Duration = Duration::from_millis(20);
+/// The reason of a stop that has no fault.
+pub(crate) const STOPPED: &str = "it was stopped by `etude robot stop`, or its guard is gone";
+
+/// Starts a robot's devices, waits until it holds still, and, if there is a `pose` (rad, the rail in m), brings it slowly
+/// there. Its records go into the recording, at time 0.
+///
+/// # Errors
+/// If a device does not come up, or the robot does not get there in two minutes, or it is interrupted, or the recording
+/// cannot be written. The caller must stop the robot then.
+pub fn prepare(
+    robot: &mut Robot,
+    pace: &mut dyn Pace,
+    pose: Option<&[f64; JOINTS]>,
+    writer: Option<&mut RecordingWriter>,
+    interrupt: &AtomicBool,
+) -> Result<(), PerformError> {
+    robot.start(pace.now());
+    let ready = wait_for(robot, pace, interrupt).and_then(|()| match pose {
+        Some(pose) => {
+            robot.home(pace.now(), pose)?;
+            wait_for(robot, pace, interrupt)
+        }
+        None => Ok(()),
+    });
+    RobotRecords::since(pace.now()).take(robot, &mut Recorder::new(writer), &mut Timing::default())?;
+    ready
+}
+
+/// Waits until the robot holds still.
+fn wait_for(robot: &mut Robot, pace: &mut dyn Pace, interrupt: &AtomicBool) -> Result<(), PerformError> {
+    let begun = pace.now();
+    loop {
+        let next = pace.now() + WAIT;
+        pace.run_until(robot, next);
+        match robot.phase() {
+            Phase::Holding => return Ok(()),
+            Phase::Fault => {
+                let reason = robot.fault().map_or_else(String::new, ToString::to_string);
+                return Err(PerformError::NotReady(reason));
+            }
+            _ if interrupt.load(Ordering::Relaxed) => {
+                return Err(PerformError::NotReady("it was interrupted".into()));
+            }
+            Phase::Stopped => return Err(PerformError::NotReady(STOPPED.to_string())),
+            phase if next.saturating_sub(begun) > PREPARATION => {
+                let waiting = robot.keyboard().state();
+                let why = format!("it is still {} after two minutes ({waiting})", phase.name());
+                return Err(PerformError::NotReady(why));
+            }
+            _ => {}
+        }
+    }
+}

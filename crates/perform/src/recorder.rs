@@ -1,0 +1,118 @@
+//! Where a rig puts what it measures: key events into memory, everything into the recording if there is one.
+
+use std::time::Duration;
+
+use etude_music::{KeyEvent, LOWEST_PITCH};
+use etude_robot::{Record, Robot};
+
+use crate::messages::{ArmMessage, HandMessage, KeyMessage, Message, NoteMessage, SetPointMessage};
+use crate::recording::RecordingError;
+use crate::timing::Timing;
+use crate::writer::RecordingWriter;
+
+/// Takes what a rig measures during a performance.
+pub struct Recorder<'a> {
+    writer: Option<&'a mut RecordingWriter>,
+    /// Strikes and releases since the beginning.
+    pub events: Vec<KeyEvent>,
+}
+
+impl<'a> Recorder<'a> {
+    /// A recorder that writes into `writer`, if there is one.
+    pub fn new(writer: Option<&'a mut RecordingWriter>) -> Self {
+        Self { writer, events: Vec::new() }
+    }
+
+    /// Takes a key event. One before the beginning (of a robot that is being prepared) is only written.
+    ///
+    /// # Errors
+    /// If writing fails.
+    pub fn key(&mut self, event: KeyEvent) -> Result<(), RecordingError> {
+        if event.secs >= 0.0 {
+            self.events.push(event);
+        }
+        let KeyEvent { secs, key, velocity } = event;
+        self.write(secs, || KeyMessage { secs, pitch: LOWEST_PITCH + key as u8, velocity })
+    }
+
+    /// Writes a message; it is made only if there is a recording.
+    ///
+    /// # Errors
+    /// If writing fails.
+    pub fn write<M: Message>(
+        &mut self,
+        secs: f64,
+        message: impl FnOnce() -> M,
+    ) -> Result<(), RecordingError> {
+        self.writer.as_mut().map_or(Ok(()), |writer| writer.write(secs, &message()))
+    }
+}
+
+/// Takes the records of a robot.
+pub(crate) struct RobotRecords {
+    begun: Duration,
+}
+
+impl RobotRecords {
+    /// Times are counted from `begun`.
+    pub(crate) fn since(begun: Duration) -> Self {
+        Self { begun }
+    }
+
+    /// The robot's time that is zero in the recording.
+    pub(crate) fn begun(&self) -> Duration {
+        self.begun
+    }
+
+    /// Takes what has been recorded since the last call.
+    ///
+    /// # Errors
+    /// If writing fails.
+    pub(crate) fn take(
+        &self,
+        robot: &mut Robot,
+        recorder: &mut Recorder<'_>,
+        timing: &mut Timing,
+    ) -> Result<(), RecordingError> {
+        for record in robot.records() {
+            if let Record::Hand { at, .. } = &record
+                && *at >= self.begun
+            {
+                timing.hand(*at);
+            }
+            self.write(&record, recorder)?;
+        }
+        Ok(())
+    }
+
+    fn write(&self, record: &Record, recorder: &mut Recorder<'_>) -> Result<(), RecordingError> {
+        let secs = |at: &Duration| at.as_secs_f64() - self.begun.as_secs_f64();
+        match record {
+            Record::Key(change) => {
+                let secs = secs(&change.at);
+                recorder.key(KeyEvent { secs, key: change.key, velocity: change.velocity })
+            }
+            Record::SetPoint { at, asked, sent, clamps } => recorder.write(secs(at), || SetPointMessage {
+                asked: asked.to_vec(),
+                sent: sent.to_vec(),
+                clamps: clamps.iter().map(|(joint, clamp)| (*joint, clamp.name().to_string())).collect(),
+            }),
+            Record::Hand { at, positions, reference, wanted, pwm } => {
+                recorder.write(secs(at), || HandMessage {
+                    positions: positions.to_vec(),
+                    reference: reference.to_vec(),
+                    wanted: wanted.iter().map(|pwm| (pwm * 10.0).round() / 10.0).collect(),
+                    pwm: pwm.to_vec(),
+                })
+            }
+            Record::Arm { at, measured, sent, rail_m } => recorder.write(secs(at), || ArmMessage {
+                measured: measured.to_vec(),
+                sent: sent.map(|joints| joints.to_vec()),
+                rail_m: *rail_m,
+            }),
+            Record::Note { at, kind, text } => {
+                recorder.write(secs(at), || NoteMessage { kind: (*kind).to_string(), text: text.clone() })
+            }
+        }
+    }
+}

@@ -1,0 +1,101 @@
+//! A rig: a hand at a keyboard, simulated or real. It shows joints and keys, and it moves for one control step at a time.
+//!
+//! An execution mode (paper, appendix "Execution Modes") is a way to put a rig together: [`Mode::rig`](crate::Mode::rig).
+
+use etude_music::KeySet;
+use etude_stage::JOINTS;
+use etude_task::ACTION_LEN;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use crate::performance::Performance;
+use crate::{PerformError, Recorder};
+
+/// What a player may see of a rig.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Seen {
+    /// Joints as the encoders read them: rad, the rail in m.
+    pub joints: [f64; JOINTS],
+    /// Keys that sound.
+    pub keys: KeySet,
+}
+
+/// What a player decided for one control step.
+#[derive(Clone, Copy, Debug)]
+pub struct Command<'a> {
+    /// Index of the control step.
+    pub step: usize,
+    /// The observation that the decision was made on.
+    pub observation: &'a [f32],
+    /// The action, −1 to 1.
+    pub action: &'a [f32; ACTION_LEN],
+    /// The joint targets that the action stands for: rad, the rail in m.
+    pub targets: [f64; JOINTS],
+}
+
+/// One control step as it was played.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Stepped {
+    /// Keys that sound at its end.
+    pub pressed: KeySet,
+    /// Keys that sound at its end in the simulation beside a robot; `None` without one.
+    pub alongside: Option<KeySet>,
+}
+
+/// How a performance or a recording ended.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum Ending {
+    /// After its last control step.
+    Complete,
+    /// On request.
+    Interrupted,
+    /// The robot stopped itself, for this reason.
+    Fault(String),
+}
+
+impl std::fmt::Display for Ending {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(match self {
+            Self::Complete => "complete",
+            Self::Interrupted => "interrupted",
+            Self::Fault(reason) => reason,
+        })
+    }
+}
+
+/// Something that plays when it is given joint targets. [`perform`](crate::perform) drives it.
+pub trait Rig {
+    /// Comes to the start of a performance: the starting pose, time zero.
+    ///
+    /// # Errors
+    /// If a recording cannot be written.
+    fn begin(&mut self) -> Result<(), PerformError>;
+
+    /// What a player sees now.
+    fn seen(&self) -> Seen;
+
+    /// Moves for one control step, and gives to `recorder` every key event and what this rig measures on the way. An
+    /// `Ending` instead of the step says that the rig stopped during it.
+    ///
+    /// # Errors
+    /// If a robot refuses the command, or the recording cannot be written.
+    fn step(
+        &mut self,
+        command: &Command<'_>,
+        recorder: &mut Recorder<'_>,
+    ) -> Result<Result<Stepped, Ending>, PerformError>;
+
+    /// Comes to rest, whichever way the performance ended.
+    fn rest(&mut self);
+
+    /// Adds to `performance` what only this rig measures, and to `recorder` what has not been recorded yet.
+    ///
+    /// # Errors
+    /// If the recording cannot be written.
+    fn finish(
+        &mut self,
+        performance: &mut Performance,
+        recorder: &mut Recorder<'_>,
+    ) -> Result<(), PerformError>;
+}

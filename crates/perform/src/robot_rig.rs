@@ -1,0 +1,174 @@
+//! A robot as a rig: its joints and keys are observed, and its commands are shaped within its own limits.
+
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Duration;
+
+use etude_music::{CONTROL_HZ, KEYS, KeySet};
+use etude_robot::{Pace, Phase, Robot};
+use etude_stage::{JOINTS, PHYSICS_STEPS, RAIL};
+
+use crate::messages::{PolicyMessage, StepMessage, TargetMessage};
+use crate::performance::{Executed, Performance};
+use crate::prepare::STOPPED;
+use crate::recorder::RobotRecords;
+use crate::rig::{Command, Ending, Rig, Seen, Stepped};
+use crate::shaping::Shaping;
+use crate::timing::{CONTROL_PERIOD, Timing};
+use crate::{PerformError, Recorder};
+
+/// How long the robot holds still before the first control step.
+const SETTLE: Duration = Duration::from_millis(300);
+/// Time between two looks at the records of a robot at rest.
+const SLICE: Duration = Duration::from_millis(50);
+
+/// Positions to be at after each physics step of a control step: rad, the rail in m.
+pub(crate) type Waypoints = [[f64; JOINTS]; PHYSICS_STEPS];
+
+/// A robot that has been prepared ([`prepare`](crate::prepare())) and holds still in the starting pose.
+pub struct RobotRig<'a> {
+    robot: &'a mut Robot,
+    pace: &'a mut dyn Pace,
+    shaping: Shaping,
+    records: RobotRecords,
+    clamped_before: u64,
+    timing: Timing,
+}
+
+impl<'a> RobotRig<'a> {
+    /// A rig of `robot`, which holds still in the pose `start` (rad, the rail in m); `pace` lets its time pass.
+    pub fn new(robot: &'a mut Robot, pace: &'a mut dyn Pace, start: &[f64; JOINTS]) -> Self {
+        Self {
+            shaping: Shaping::new(&robot.config().limits, start),
+            records: RobotRecords::since(pace.now()),
+            clamped_before: robot.clamped(),
+            timing: Timing::default(),
+            robot,
+            pace,
+        }
+    }
+
+    /// Sends the set-points of one control step and waits for its end.
+    pub(crate) fn follow(
+        &mut self,
+        waypoints: &Waypoints,
+        command: &Command<'_>,
+        recorder: &mut Recorder<'_>,
+    ) -> Result<Result<KeySet, Ending>, PerformError> {
+        let step = command.step as u64;
+        let due = self.records.begun() + CONTROL_PERIOD * command.step as u32;
+        self.robot.follow(due, waypoints)?;
+        let late = self.pace.now().saturating_sub(due);
+        self.timing.command(late);
+        let begin_secs = command.step as f64 / CONTROL_HZ;
+        recorder.write(begin_secs, || TargetMessage { step, targets: command.targets.to_vec() })?;
+        recorder.write(begin_secs, || PolicyMessage {
+            step,
+            observation: command.observation.to_vec(),
+            action: command.action.to_vec(),
+            late_secs: late.as_secs_f64(),
+        })?;
+        self.pace.run_until(self.robot, due + CONTROL_PERIOD);
+        self.records.take(self.robot, recorder, &mut self.timing)?;
+        if self.robot.phase() != Phase::Following {
+            return Ok(Err(fault(self.robot)));
+        }
+        let pressed = keys(self.robot);
+        recorder.write((command.step + 1) as f64 / CONTROL_HZ, || StepMessage {
+            step,
+            targets: waypoints[PHYSICS_STEPS - 1].to_vec(),
+            positions: self.robot.joints().to_vec(),
+            pressed: pressed.pitches().collect(),
+            ..StepMessage::default()
+        })?;
+        Ok(Ok(pressed))
+    }
+
+    /// Records the robot while it holds still, until `longest` has passed or `interrupt` is set.
+    ///
+    /// # Errors
+    /// If the recording cannot be written.
+    pub fn hold(
+        &mut self,
+        longest: Option<Duration>,
+        recorder: &mut Recorder<'_>,
+        interrupt: &AtomicBool,
+    ) -> Result<Ending, PerformError> {
+        let begun = self.records.begun();
+        loop {
+            if longest.is_some_and(|longest| self.pace.now() >= begun + longest) {
+                return Ok(Ending::Complete);
+            }
+            if interrupt.load(Ordering::Relaxed) {
+                return Ok(Ending::Interrupted);
+            }
+            let next = self.pace.now() + SLICE;
+            self.pace.run_until(self.robot, next);
+            self.records.take(self.robot, recorder, &mut self.timing)?;
+            recorder.events.clear();
+            if self.robot.phase() != Phase::Holding {
+                return Ok(fault(self.robot));
+            }
+        }
+    }
+}
+
+impl Rig for RobotRig<'_> {
+    fn begin(&mut self) -> Result<(), PerformError> {
+        let begun = self.pace.now() + SETTLE;
+        self.pace.run_until(self.robot, begun);
+        self.records = RobotRecords::since(begun);
+        self.clamped_before = self.robot.clamped();
+        Ok(())
+    }
+
+    fn seen(&self) -> Seen {
+        Seen { joints: self.robot.joints(), keys: keys(self.robot) }
+    }
+
+    fn step(
+        &mut self,
+        command: &Command<'_>,
+        recorder: &mut Recorder<'_>,
+    ) -> Result<Result<Stepped, Ending>, PerformError> {
+        let mut waypoints = [[0.0; JOINTS]; PHYSICS_STEPS];
+        self.shaping.shape(&command.targets, &mut waypoints);
+        let followed = self.follow(&waypoints, command, recorder)?;
+        Ok(followed.map(|pressed| Stepped { pressed, alongside: None }))
+    }
+
+    fn rest(&mut self) {
+        self.robot.hold(self.pace.now());
+    }
+
+    fn finish(
+        &mut self,
+        performance: &mut Performance,
+        recorder: &mut Recorder<'_>,
+    ) -> Result<(), PerformError> {
+        self.records.take(self.robot, recorder, &mut self.timing)?;
+        performance.robot = Some(Executed {
+            timing: std::mem::take(&mut self.timing),
+            clamped: self.robot.clamped() - self.clamped_before,
+            lost_records: self.robot.lost_records(),
+        });
+        Ok(())
+    }
+}
+
+/// How a robot ended that no longer follows.
+fn fault(robot: &Robot) -> Ending {
+    Ending::Fault(robot.fault().map_or_else(|| STOPPED.to_string(), ToString::to_string))
+}
+
+/// Keys of the robot that are down.
+pub fn keys(robot: &Robot) -> KeySet {
+    let mut set = KeySet::EMPTY;
+    for key in (0..KEYS).filter(|key| robot.pressed() >> key & 1 == 1) {
+        set.insert(key);
+    }
+    set
+}
+
+// One way-point for each physics step is one for each set-point, and the joints are the same.
+const _: () = assert!(CONTROL_HZ * PHYSICS_STEPS as f64 == etude_robot::rig::SETPOINT_HZ);
+const _: () = assert!(JOINTS == etude_robot::joints::DRIVEN && RAIL == etude_robot::joints::RAIL);

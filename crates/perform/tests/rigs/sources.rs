@@ -1,0 +1,100 @@
+//! Which rig each column of the observation comes from, in each execution mode (paper, appendix "Execution Modes").
+
+use std::path::Path;
+use std::sync::atomic::AtomicBool;
+
+use etude_music::{KEYS, LOWEST_PITCH, repertoire};
+use etude_perform::{Header, Mode, Recording, RecordingWriter};
+use etude_stage::JOINTS;
+use etude_task::{ACTION_LEN, ObservationScale, Piece, ScriptedPlayer, TaskConfig};
+use etude_twin::Truth;
+
+use crate::bench::{Kind, play};
+
+/// Columns of the observation that show joints, now and one control step ago.
+const JOINT_COLUMNS: usize = 2 * JOINTS;
+
+/// What one rig measured at the end of a control step, as an observation would show it.
+struct Seen {
+    joints: Vec<f32>,
+    keys: Vec<f32>,
+}
+
+impl Seen {
+    fn new(joints: &[f64], pitches: impl Iterator<Item = u8>) -> Self {
+        let mut keys = vec![0.0; KEYS];
+        pitches.for_each(|pitch| keys[usize::from(pitch - LOWEST_PITCH)] = 1.0);
+        Self { joints: joints.iter().map(|joint| *joint as f32).collect(), keys }
+    }
+}
+
+/// The observations of a performance in `mode`, and what the simulation and the robot measured after each control step.
+fn observed(mode: Mode, folder: &Path) -> (Vec<Vec<f32>>, Vec<Seen>, Vec<Seen>, Piece) {
+    // The units of the paper: the columns are then the readings themselves.
+    let task = TaskConfig { scale: ObservationScale::Si, ..TaskConfig::default() };
+    let song = repertoire::get("twinkle").expect("built in");
+    let piece = Piece::new(&song, task.initial_silence_secs).unwrap();
+    // A truth whose joints and keys differ from the simulation's.
+    let truth = Truth::load("worn").unwrap();
+    let file = folder.join(format!("{mode}.mcap"));
+    let mut writer = RecordingWriter::create(&file, &Header::default()).unwrap();
+    let script = ScriptedPlayer::new(&task, &piece).unwrap();
+    let mut observations = Vec::new();
+    let mut probe = |step: usize, observation: &[f32], action: &mut [f32; ACTION_LEN]| {
+        observations.push(observation.to_vec());
+        *action = script.action(step);
+    };
+    let never = AtomicBool::new(false);
+    let played =
+        play(Kind::Twin(mode), &truth, &task, &piece, &mut probe, Some(&mut writer), &never).unwrap();
+    writer.finish().unwrap();
+
+    let recording = Recording::read(&file).unwrap();
+    let robot = recording.steps.iter().map(|step| Seen::new(&step.positions, step.pressed.iter().copied()));
+    // The robot is sent where the simulation's joints are: the last way-point is their position at the end of the step.
+    let simulated = recording
+        .steps
+        .iter()
+        .zip(&played.alongside)
+        .map(|(step, keys)| Seen::new(&step.targets, keys.pitches()));
+    (observations, simulated.collect(), robot.collect(), piece)
+}
+
+/// Control steps after which the two sources show different values.
+fn differences(a: &[Seen], b: &[Seen], of: impl Fn(&Seen) -> &Vec<f32>) -> usize {
+    a.iter().zip(b).filter(|(a, b)| of(a) != of(b)).count()
+}
+
+#[test]
+fn each_column_comes_from_the_rig_that_the_mode_names() {
+    let folder = tempfile::tempdir().unwrap();
+    for mode in Mode::ALL {
+        let (observations, simulated, robot, piece) = observed(mode, folder.path());
+        assert_eq!(observations.len(), piece.steps(), "{mode}");
+        let (joints, keys) = match mode {
+            Mode::JointMirroring => (&simulated, &simulated),
+            Mode::Hybrid => (&simulated, &robot),
+            Mode::Real => (&robot, &robot),
+        };
+        if mode != Mode::Real {
+            // Swapped sources could not be noticed if both showed the same.
+            let steps = piece.steps();
+            assert!(differences(&simulated, &robot, |seen| &seen.joints) > steps / 2, "{mode}");
+            assert!(differences(&simulated, &robot, |seen| &seen.keys) > steps / 20, "{mode}");
+        }
+        // What is observed before a step is what was measured at the end of the one before.
+        for step in 2..observations.len() {
+            let (real, binary) = observations[step].split_at(JOINT_COLUMNS);
+            let (now, before) = real.split_at(JOINTS);
+            assert_eq!(now, joints[step - 1].joints, "{mode}, step {step}: joints");
+            assert_eq!(before, joints[step - 2].joints, "{mode}, step {step}: previous joints");
+            let (pressed, sheet) = binary.split_at(KEYS);
+            assert_eq!(pressed, keys[step - 1].keys, "{mode}, step {step}: keys");
+            for (ahead, columns) in sheet.chunks_exact(KEYS).enumerate() {
+                let due = piece.due(step + ahead);
+                let shown: Vec<usize> = (0..KEYS).filter(|key| columns[*key] == 1.0).collect();
+                assert_eq!(shown, due.iter().collect::<Vec<_>>(), "{mode}, step {step}: sheet {ahead}");
+            }
+        }
+    }
+}

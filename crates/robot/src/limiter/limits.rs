@@ -1,0 +1,45 @@
+//! What a set-point may do.
+
+use serde::{Deserialize, Serialize};
+
+/// Longest time that stopping from full speed may take, s.
+const LONGEST_STOP_SECS: f64 = 10.0;
+
+/// What a set-point may do. Rad and s; m and s for the rail.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct AxisLimits {
+    /// Smallest and largest position.
+    pub position: [f64; 2],
+    /// Largest speed.
+    pub velocity: f64,
+    /// Largest acceleration, either way.
+    pub acceleration: f64,
+    /// Largest change of acceleration per second.
+    pub jerk: f64,
+}
+
+impl AxisLimits {
+    /// Whether these are limits at all.
+    ///
+    /// # Errors
+    /// Says which is not.
+    pub fn check(&self) -> Result<(), String> {
+        let [low, high] = self.position;
+        if !(low.is_finite() && high.is_finite() && low < high) {
+            return Err(format!("the position range {low} … {high} is empty"));
+        }
+        for (name, value) in
+            [("velocity", self.velocity), ("acceleration", self.acceleration), ("jerk", self.jerk)]
+        {
+            if !(value.is_finite() && value > 0.0) {
+                return Err(format!("the {name} limit {value} is not a positive number"));
+            }
+        }
+        let stopping_secs = self.velocity / self.acceleration + self.acceleration / self.jerk;
+        if stopping_secs > LONGEST_STOP_SECS {
+            return Err(format!("stopping from full speed would take {stopping_secs:.0} s"));
+        }
+        Ok(())
+    }
+}

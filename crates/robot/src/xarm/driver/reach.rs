@@ -1,0 +1,25 @@
+//! How far apart two places of the arm are, and whether it can be at one.
+
+use super::fault::TargetError;
+use crate::xarm::kinematics::{self, JOINTS};
+
+/// The joint (counted from 1) that turns most between two places, and by how much, rad.
+pub(super) fn largest_turn(from: &[f64; JOINTS], to: &[f64; JOINTS]) -> (usize, f64) {
+    let turns = to.iter().zip(from).map(|(to, from)| (to - from).abs());
+    turns
+        .enumerate()
+        .fold((1, 0.0), |most, (index, turn)| if turn > most.1 { (index + 1, turn) } else { most })
+}
+
+/// Distance between the flange's positions at two places, m.
+pub(super) fn way_m(from: &[f64; JOINTS], to: &[f64; JOINTS]) -> f64 {
+    (kinematics::forward(to).position_m - kinematics::forward(from).position_m).norm()
+}
+
+/// Whether the arm can be there at all.
+pub(super) fn possible(joints: &[f64; JOINTS]) -> Result<(), TargetError> {
+    if !joints.iter().all(|angle| angle.is_finite()) {
+        return Err(TargetError::NotFinite);
+    }
+    kinematics::within_limits(joints).map_err(TargetError::BeyondLimit)
+}

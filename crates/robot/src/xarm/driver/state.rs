@@ -1,0 +1,154 @@
+//! What the driver of the arm knows: its phase, its targets, and the request whose reply it waits for.
+
+use std::time::Duration;
+
+use super::config::ArmConfig;
+use super::fault::ArmFault;
+use super::steps::{self, ArmVersion, Step};
+use crate::setting::SettingError;
+use crate::xarm::codec::{FrameParser, Register, STOPPED};
+use crate::xarm::kinematics::JOINTS;
+use crate::xarm::report::{Report, ReportKind, ReportParser};
+
+/// The arm's driver.
+#[derive(Debug)]
+pub struct Arm {
+    pub(super) config: ArmConfig,
+    pub(super) phase: Phase,
+    pub(super) protocol: u16,
+    pub(super) transaction: u16,
+    pub(super) outstanding: Option<Outstanding>,
+    pub(super) commands: FrameParser,
+    pub(super) reports: ReportParser,
+    pub(super) report: Option<(Report, Duration)>,
+    pub(super) version: Option<ArmVersion>,
+    pub(super) serial: Option<String>,
+    pub(super) halt: Option<Halt>,
+    /// Whether the error number is still to be read.
+    pub(super) ask_error: bool,
+    /// The newest target.
+    pub(super) target: Option<Target>,
+    /// What was sent last, or where the arm was when it became ready.
+    pub(super) sent: Option<Target>,
+    pub(super) next_tick: Option<Duration>,
+    pub(super) counters: ArmCounters,
+}
+
+/// What has happened so far.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct ArmCounters {
+    /// Servo targets sent.
+    pub targets: u64,
+    /// Times at which a target was due and none was sent: a reply was outstanding, or `poll` came late.
+    pub skipped_ticks: u64,
+    /// Targets sent in part, because late replies had left too far a way to the whole.
+    pub shortened: u64,
+    /// Replies to what was asked.
+    pub replies: u64,
+    /// Replies to nothing, or to what had been given up.
+    pub stray_replies: u64,
+    /// Feedback frames, which nobody asked for.
+    pub feedback: u64,
+    /// Replies that mention a warning.
+    pub warnings: u64,
+    /// Reports.
+    pub reports: u64,
+    /// Commands to stop.
+    pub stops: u64,
+}
+
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Target {
+    pub joints: [f64; JOINTS],
+    /// When it was given or sent; `None` for where the arm was standing.
+    pub at: Option<Duration>,
+}
+
+/// The arm is to stop, and its reports do not yet say that it has.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Halt {
+    /// When the first stop was sent.
+    pub since: Option<Duration>,
+    /// When to say it again.
+    pub again: Duration,
+}
+
+#[derive(Clone, Copy, Debug)]
+pub(super) enum Phase {
+    Disconnected,
+    Stopped,
+    Working(Work),
+    Ready,
+    Manual,
+    /// The flag says whether there still is a connection.
+    Fault(ArmFault, bool),
+}
+
+/// A list of steps on the way.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Work {
+    pub steps: &'static [Step],
+    pub at: usize,
+    /// When the present step began.
+    pub since: Duration,
+    /// When its question may be asked again.
+    pub ask_at: Duration,
+    /// Answers "ready" while not yet arrived.
+    pub idle: u32,
+    pub home: [f64; JOINTS],
+    pub speed_rad_s: f64,
+}
+
+impl Work {
+    /// Whether the arm must not be in this state: a change of mode leads to state 5, and only a start begins at a stop.
+    pub fn forbids(&self, state: u8) -> bool {
+        state == STOPPED && self.steps != steps::START
+    }
+}
+
+/// The request whose reply is awaited.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Outstanding {
+    pub transaction: u16,
+    pub protocol: u16,
+    pub register: Register,
+    pub purpose: Purpose,
+    pub at: Duration,
+}
+
+/// What a request is for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Purpose {
+    Step,
+    Target,
+    Stop,
+    WhichError,
+}
+
+impl Arm {
+    /// A driver without a connection.
+    ///
+    /// # Errors
+    /// If a setting is out of range.
+    pub fn new(config: ArmConfig) -> Result<Self, SettingError> {
+        config.check()?;
+        Ok(Self {
+            config,
+            phase: Phase::Disconnected,
+            protocol: 0,
+            transaction: 0,
+            outstanding: None,
+            commands: FrameParser::default(),
+            reports: ReportParser::new(ReportKind::Real),
+            report: None,
+            version: None,
+            serial: None,
+            halt: None,
+            ask_error: false,
+            target: None,
+            sent: None,
+            next_tick: None,
+            counters: ArmCounters::default(),
+        })
+    }
+}

@@ -1,0 +1,35 @@
+//! What can be wrong with a truth.
+
+use std::path::PathBuf;
+
+use etude_emulators::faults::{FaultError, FaultPlanError};
+use etude_robot::setting::SettingError;
+use etude_stage::ParamError;
+
+/// A truth that no twin can have.
+#[derive(Debug, thiserror::Error)]
+pub enum TruthError {
+    /// The file cannot be read.
+    #[error("cannot read the truth {path}: {message}")]
+    Read {
+        /// The file.
+        path: PathBuf,
+        /// Why.
+        message: String,
+    },
+    /// The text is no truth.
+    #[error("this is no truth of a twin: {0}; configs/truths has examples")]
+    Text(String),
+    /// A physical number is unknown or out of range.
+    #[error("the twin's physics: {0}")]
+    Physics(#[from] ParamError),
+    /// A number is out of its range.
+    #[error("the twin's {0}")]
+    Setting(#[from] SettingError),
+    /// The faults of a link make no sense.
+    #[error("the twin's links: {0}")]
+    Link(#[from] FaultPlanError),
+    /// A fault cannot be ordered as it is.
+    #[error("the twin's faults: {0}")]
+    Fault(#[from] FaultError),
+}
