@@ -26,7 +26,7 @@ pub struct SlurmConfig {
     pub options: Vec<String>,
 }
 
-/// Seconds before the time limit at which a trial is told to save itself.
+/// Seconds before the time limit at which a trial receives the signal to save its state.
 const GRACE_SECS: u32 = 120;
 
 /// The lines of the plan whose trials are not done, each work once.
@@ -73,8 +73,8 @@ pub fn slurm_script(
     let _ = write!(
         text,
         r#"
-# {GRACE_SECS} s before the time is up comes USR1: the task saves itself, ends with 3 and is requeued. TERM is for good: it saves itself
-# all the same, and the same command of `etude experiment run` hands it over again.
+# {GRACE_SECS} s before the time limit Slurm sends USR1: the task saves its state, ends with 3 and is requeued. After TERM the task saves its
+# state and is not requeued; the same command of `etude experiment run` submits it again.
 again=
 trap 'again=1; kill -TERM "$task"' USR1
 trap 'kill -TERM "$task"' TERM
@@ -83,7 +83,7 @@ export RAYON_NUM_THREADS="$SLURM_CPUS_PER_TASK"
 task=$!
 wait "$task"
 code=$?
-# A signal ends the waiting, not the task.
+# A signal ends `wait`, not the task.
 while kill -0 "$task" 2>/dev/null; do
     wait "$task"
     code=$?

@@ -34,17 +34,17 @@ pub struct Args {
 
 #[derive(clap::Subcommand)]
 enum Action {
-    /// Bring hand, arm and keyboard up, hold still for half a second, say what they are, and let go
+    /// Bring hand, arm and keyboard up, hold still for half a second, print what they are, and release
     Check(Rig),
     /// Bring the robot slowly to the keyboard, fingers over the keys, from wherever it is. Stand clear
     Home(Rig),
     /// Show the arm where the keyboard is, one key at a time
     Calibrate(Calibrate),
-    /// Let go of the hand and stop the arm, at once; works beside a running performance
+    /// Release the hand and stop the arm, at once; works beside a running performance
     Stop(Rig),
-    /// Watch what the devices say, without touching anything
+    /// Print what the devices report, without moving anything
     Monitor(MonitorArgs),
-    /// Stop the robot when the controller at the other end of standard input is gone
+    /// Stop the robot when the controller at the other end of standard input has ended
     #[command(hide = true)]
     Guard(Rig),
 }
@@ -196,7 +196,7 @@ fn home(rig: &Rig) -> anyhow::Result<Ending> {
         print_json(&json!({ "rail_m": place.rail_m, "joints": robot.joints() }))?;
     } else {
         line(format!(
-            "The hand is over the keys, {:+.3} m from the middle; the arm stands, the hand is let go",
+            "The hand is over the keys, {:+.3} m from the middle; the arm stands still, the hand is released",
             place.rail_m
         ))?;
     }
@@ -242,7 +242,7 @@ fn calibrate(args: &Calibrate) -> anyhow::Result<Ending> {
 
 fn stop_now(rig: &Rig) -> anyhow::Result<Ending> {
     let config = file(&rig.robot)?;
-    // A controller that is just coming up would set the arm going again: it looks for this before it moves.
+    // A controller that is starting would move the arm again: it checks for this request before it moves.
     let told = tell_to_stop(Path::new(&rig.robot));
     let stopped = stop(&config);
     told.context("a running controller could not be told")?;
@@ -263,7 +263,7 @@ fn stop_now(rig: &Rig) -> anyhow::Result<Ending> {
 }
 
 fn guard(rig: &Rig) -> anyhow::Result<Ending> {
-    // Whatever ends the controller must not end its guard.
+    // Signals that end the controller must not end its guard.
     let ignored = Arc::new(AtomicBool::new(false));
     for signal in [SIGINT, SIGTERM, SIGHUP, SIGPIPE] {
         signal_hook::flag::register(signal, ignored.clone())?;
@@ -271,7 +271,7 @@ fn guard(rig: &Rig) -> anyhow::Result<Ending> {
     let config = file(&rig.robot)?;
     line(READY)?;
     if let Some(stopped) = stand_guard(&config) {
-        note("guard: the controller is gone or hangs; the hand was let go and the arm stopped");
+        note("guard: the controller has ended or hangs; the hand was released and the arm stopped");
         for error in [stopped.arm, stopped.hand].into_iter().filter_map(Result::err) {
             note(format!("guard: {error}"));
         }

@@ -123,7 +123,7 @@ struct Bench<'a> {
 
 impl Bench<'_> {
     fn measure(&mut self) -> anyhow::Result<()> {
-        // The peak of this process after its first training: what later ones leave behind is not one training's.
+        // The peak of this process after its first training; later ones would add to it.
         training_rate(self.song.clone(), Arithmetic::F32, self.cores, &self.folder(), self.secs)?;
         let memory = peak_memory_mib();
         let mut training = self.training(1, "train_steps_per_sec_1_core")?;

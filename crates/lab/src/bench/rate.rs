@@ -9,8 +9,8 @@ use etude_music::Song;
 use crate::config::resolve;
 use crate::run::Run;
 
-/// Steps with random actions before the first update. The `paper` preset makes 5,000, which would be all that a short
-/// measurement sees; a batch is drawn with replacement, so that fewer do.
+/// Steps with random actions before the first update. The `paper` preset makes 5,000, which would fill a short measurement. Fewer are
+/// enough, since a batch is drawn with replacement.
 const WARMUP_STEPS: u64 = 256;
 
 /// Environment steps a second of a training of `song` with the `paper` preset, which makes as many updates, in the new folder

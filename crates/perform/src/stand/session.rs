@@ -1,4 +1,4 @@
-//! A robot with its controller and whatever lets its time pass. It ends with the robot let go, whichever way it ends.
+//! A robot with its controller and its clock. When the stand is dropped, the hand is released and the arm is stopped.
 
 use std::sync::atomic::AtomicBool;
 use std::time::Duration;
@@ -13,7 +13,7 @@ use super::guard::Guard;
 use crate::perform::PerformError;
 use crate::prepare::prepare;
 
-/// Longest time between two beats to the guard, and between two looks for a request to stop.
+/// Longest time between two signs of life to the guard, and between two checks for a request to stop.
 const BEAT_PERIOD: Duration = Duration::from_millis(50);
 /// Time within which the arm must confirm that it stands still.
 const CONFIRM: Duration = Duration::from_secs(1);
@@ -60,10 +60,10 @@ impl Stand {
         Ok(robot.fault().map(ToString::to_string))
     }
 
-    /// Lets go of the hand, stops the arm, and waits until the arm says that it stands still.
+    /// Releases the hand, stops the arm, and waits until the arm reports that it stands still.
     ///
     /// # Errors
-    /// If it does not say so; the guard tries again then, and the operator must use the hardware stop.
+    /// If it does not report so. Then the guard tries again, and the operator must use the hardware stop.
     pub fn let_go(&mut self) -> Result<(), String> {
         let begun = self.pace.now();
         self.robot.stop(begun, self.pace.wires());
@@ -82,7 +82,7 @@ impl Stand {
 }
 
 impl Drop for Stand {
-    /// A panic says no farewell: the guard acts.
+    /// After a panic the guard acts.
     fn drop(&mut self) {
         if std::thread::panicking() {
             return;
