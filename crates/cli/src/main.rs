@@ -21,10 +21,10 @@ struct Cli {
 
 const EXIT_CODES: &str = "\
 First steps:
-  etude songs                 what can be played
-  etude play twinkle          hear what a trained policy makes of it
+  etude songs                 list the built-in songs
+  etude play twinkle          play it with a trained policy
   etude train my-song.mid     learn a song of your own
-  etude doctor                what this machine has and lacks
+  etude doctor                check what this machine has
 
 Exit codes:
   0  done
@@ -39,11 +39,11 @@ enum Verb {
     Songs(verbs::songs::Args),
     /// Learn to play a song
     Train(verbs::train::Args),
-    /// Show trainings as they go
+    /// Show running trainings
     Watch(verbs::watch::Args),
     /// Play a song with a trained policy and keep the MIDI, sound, frames and recording
     Play(verbs::play::Args),
-    /// A page on which one sees and hears a recording
+    /// Make a page that shows and plays a recording
     Replay(verbs::replay::Args),
     /// An index page of recordings, each with its replay
     Gallery(verbs::gallery::Args),
@@ -61,11 +61,11 @@ enum Verb {
     Record(verbs::record::Args),
     /// Fit the simulator to a robot's recordings
     Identify(verbs::identify::Args),
-    /// Sim2Real2Sim: record, identify, train, perform, and round again
+    /// Sim2Real2Sim: record, identify, train and perform, in rounds
     Rehearse(verbs::rehearse::Args),
     /// The paper's experiments and your own: plan, run here or on a cluster, report
     Experiment(verbs::experiment::Args),
-    /// Run a robot that is not there, for --robot
+    /// Run an emulated robot (the twin), for --robot
     Twin(verbs::twin::Args),
     /// Export the simulated world, or list its physical parameters
     Model(verbs::model::Args),
@@ -75,11 +75,11 @@ enum Verb {
     Doctor(verbs::doctor::Args),
 }
 
-/// How a verb ended when it did not fail.
+/// How a verb ended without failing.
 enum Ending {
     Done,
     Stopped,
-    /// Another process does what was asked for.
+    /// Another process works on it.
     Busy,
 }
 
@@ -122,7 +122,7 @@ fn main() -> ExitCode {
     }
 }
 
-/// The error and its causes in one line, each said once: many messages quote their cause already.
+/// The error and its causes in one line, each once: many messages contain their cause already.
 fn message(error: &anyhow::Error) -> String {
     let mut text = String::new();
     for cause in error.chain().map(ToString::to_string) {
@@ -134,7 +134,7 @@ fn message(error: &anyhow::Error) -> String {
     text
 }
 
-/// `etude songs | head` is no failure.
+/// `etude songs | head` must not fail.
 fn broken_pipe(error: &anyhow::Error) -> bool {
     error
         .chain()

@@ -33,7 +33,7 @@ pub fn patient_stop_flag() -> anyhow::Result<Arc<AtomicBool>> {
     Ok(flag)
 }
 
-/// Sets the flag when standard input ends: whoever holds its other end has closed it, or is gone.
+/// Sets the flag when standard input ends: the process at its other end has closed it or has ended.
 pub fn stop_when_unattended(flag: &Arc<AtomicBool>) {
     let flag = flag.clone();
     std::thread::spawn(move || {
@@ -57,7 +57,7 @@ pub struct Progress {
 }
 
 impl Progress {
-    /// Progress of `run` from where it stands; `limit` ends it early. Quiet when nobody should read it.
+    /// Progress of `run` from where it stands; `limit` ends it early. `quiet` writes nothing.
     pub fn new(run: &Run, limit: Option<Duration>, quiet: bool, stop: Arc<AtomicBool>) -> Self {
         let total = run.config().trainer.total_steps;
         let bar = (!quiet && std::io::stderr().is_terminal()).then(|| {
@@ -91,7 +91,7 @@ impl Progress {
             || "F1 not yet evaluated".to_string(),
             |f1| format!("F1 {f1:.3} (best {:.3})", self.best_f1),
         );
-        // A warm start is evaluated before its first step, when nobody knows how fast it goes.
+        // A warm start is evaluated before its first step, when its speed is not known.
         if step == self.first_step {
             return format!("{f1}  step {step}");
         }

@@ -1,5 +1,5 @@
-//! One line that says what goes on: it changes in place on a terminal; elsewhere, as in the log of a batch job, a line is
-//! written for each new phase and then once in a while.
+//! A status line. On a terminal it changes in place; elsewhere, as in the log of a batch job, a line is written for each new phase
+//! and then every 30 s.
 
 use std::io::IsTerminal as _;
 use std::time::{Duration, Instant};
@@ -8,7 +8,7 @@ use indicatif::ProgressBar;
 
 use crate::verbs::note;
 
-/// How often a phase that goes on is mentioned in a log.
+/// Time between two lines of one phase in a log.
 const MENTIONED: Duration = Duration::from_secs(30);
 
 /// The line.
@@ -20,13 +20,13 @@ pub struct Status {
 }
 
 impl Status {
-    /// Says nothing at all if `quiet`.
+    /// Writes nothing if `quiet`.
     pub fn new(quiet: bool) -> Self {
         let bar = (!quiet && std::io::stderr().is_terminal()).then(ProgressBar::new_spinner);
         Self { bar, quiet, phase: String::new(), mentioned: Instant::now() }
     }
 
-    /// What goes on now, and how far it is.
+    /// The current phase and its progress.
     pub fn now(&mut self, phase: &str, state: &str) {
         let is_new = phase != self.phase;
         match &self.bar {
@@ -45,7 +45,7 @@ impl Status {
         }
     }
 
-    /// What stays to be read.
+    /// Writes a line that stays.
     pub fn done(&self, text: &str) {
         match &self.bar {
             Some(bar) => bar.println(text),

@@ -12,7 +12,7 @@ use etude_lab::IdentifyMethod;
 // `build.rs` lists the files of `configs/experiments`: name and text of each.
 include!(concat!(env!("OUT_DIR"), "/experiments.rs"));
 
-/// An experiment, as its TOML says.
+/// An experiment, as in its TOML file.
 ///
 /// Its trials are the product of songs, variants, grid and seeds.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
@@ -36,13 +36,13 @@ pub struct Experiment {
     /// Preset of the trainings.
     #[serde(default = "fast")]
     pub preset: String,
-    /// Values of it that are set otherwise, `path=value`.
+    /// Overrides of its values, `path=value`.
     #[serde(default)]
     pub set: Vec<String>,
-    /// What is compared. The first is what the others are compared with.
+    /// The variants. The others are compared with the first.
     #[serde(default)]
     pub variants: Vec<Variant>,
-    /// Values that are tried for a key of the configuration, by its path; every combination of them.
+    /// Values for keys of the configuration, by path; all combinations are tried.
     #[serde(default)]
     pub grid: BTreeMap<String, Vec<toml::Value>>,
     /// The trained policies play on the twin.
@@ -63,13 +63,13 @@ fn fast() -> String {
     "fast".to_string()
 }
 
-/// One of several things that are compared.
+/// One variant of the configuration.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Variant {
     /// Its name in figures and tables.
     pub name: String,
-    /// What it sets otherwise, `path=value`.
+    /// Its overrides, `path=value`.
     #[serde(default)]
     pub set: Vec<String>,
     /// The modes in which it is played, if not those of `[perform]`.
@@ -84,12 +84,12 @@ pub struct PerformConfig {
     pub modes: Vec<Mode>,
     /// How often in each.
     pub runs: usize,
-    /// What is true of the twin.
+    /// Truth of the twin: a name or a file.
     #[serde(default = "standard")]
     pub truth: String,
 }
 
-/// How Sim2Real2Sim goes.
+/// How a rehearsal (Sim2Real2Sim) is done.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct RehearseConfig {
@@ -99,7 +99,7 @@ pub struct RehearseConfig {
     pub rounds: usize,
     /// Performances a round.
     pub runs: usize,
-    /// What is true of the twin.
+    /// Truth of the twin: a name or a file.
     #[serde(default = "standard")]
     pub truth: String,
     /// Evaluations of each fit at most; the method's own number if not given.
@@ -126,7 +126,7 @@ fn standard() -> String {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum FigureKind {
-    /// Measures against a number that grows in the course of a trial, such as `step`.
+    /// Measures against a number that grows during a trial, such as `step`.
     Curves,
     /// Measures for each value of a label, side by side.
     Bars,
@@ -148,9 +148,9 @@ pub struct FigureConfig {
     pub x: String,
     /// Measures.
     pub y: Vec<String>,
-    /// Label whose values are told apart.
+    /// Label with a series for each of its values.
     pub by: Option<String>,
-    /// Only what has these labels.
+    /// Only rows with these labels.
     #[serde(default, rename = "where")]
     pub filter: BTreeMap<String, String>,
 }
@@ -159,7 +159,7 @@ pub struct FigureConfig {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Published {
-    /// What it is of: labels.
+    /// Labels of what it describes.
     #[serde(default, rename = "where")]
     pub filter: BTreeMap<String, String>,
     /// The measure.
@@ -171,7 +171,7 @@ pub struct Published {
 /// Labels that a grid cannot have.
 const RESERVED: [&str; 8] = ["song", "seed", "variant", "mode", "run", "round", "truth", "method"];
 
-/// Whether a setting `path=value` is of the seed, which the plan owns.
+/// Whether a setting `path=value` sets the seed, which the plan does.
 pub(crate) fn sets_the_seed(set: &str) -> bool {
     set.split('=').next().is_some_and(|path| path.trim() == "trainer.seed")
 }
@@ -185,7 +185,7 @@ impl Experiment {
     /// The experiment of this name, or in the TOML file at this path.
     ///
     /// # Errors
-    /// If there is none, or it makes no sense; the message names the key.
+    /// If there is none, or a key is wrong; the message names the key.
     pub fn load(name_or_path: &str) -> anyhow::Result<Self> {
         if let Some((name, text)) = EXPERIMENTS.iter().find(|(name, _)| *name == name_or_path) {
             return Self::parse(name, text);

@@ -1,4 +1,4 @@
-//! How the measures of a trial came about: the evaluations of a training, or the points of a fit.
+//! The course of a trial: the evaluations of a training, or the points of a fit.
 
 use std::collections::BTreeMap;
 use std::fs::{File, OpenOptions};
@@ -30,7 +30,7 @@ pub(crate) fn evaluations(path: &Path) -> anyhow::Result<(Vec<Values>, Vec<f64>)
     Ok((points, secs))
 }
 
-/// The course of a fit, kept on the way. After an interruption a fit repeats a little, to the digit: a point that is there is
+/// The course of a fit, stored while it runs. A resumed fit repeats its last evaluations exactly; a point that is stored already is
 /// not added again.
 pub(crate) struct Course {
     file: File,
@@ -47,7 +47,7 @@ impl Course {
             Err(error) if error.kind() == std::io::ErrorKind::NotFound => String::new(),
             read => read.map_err(|error| file_error(path, &error))?,
         };
-        // The last line may be half a line: what is whole is written again.
+        // The last line may be incomplete: only complete lines are kept.
         let whole: Vec<_> = text.lines().map_while(|line| serde_json::from_str(line).ok()).collect();
         let lines: String = text.lines().take(whole.len()).map(|line| line.to_string() + "\n").collect();
         write_file(path, &lines)?;
@@ -68,7 +68,7 @@ impl Course {
         self.file.write_all(text.as_bytes()).map_err(|error| file_error(&self.path, &error))
     }
 
-    /// Replays are counted anew in each stage; here they go on.
+    /// Each stage counts its replays from 0; the course counts all.
     fn take(&mut self, point: (String, u64, f64)) {
         if let Some((stage, replays, _)) = self.seen.last()
             && (*stage != point.0 || *replays > point.1)

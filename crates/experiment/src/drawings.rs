@@ -1,4 +1,4 @@
-//! From a figure's description and the table of what is done to what is drawn.
+//! Drawings made of a figure's description and the table of results.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -7,7 +7,7 @@ use crate::figure::{Drawing, Point, Series};
 use crate::record::{Record, combinations, summary};
 use crate::stats::Summary;
 
-/// What a measure is called.
+/// The name of a measure in figures and tables.
 pub(crate) fn measure_name(measure: &str, in_course: bool) -> String {
     match measure {
         "f1" if in_course => "F1, simulation".to_string(),
@@ -23,7 +23,7 @@ pub(crate) fn measure_name(measure: &str, in_course: bool) -> String {
     }
 }
 
-/// What stands under a figure.
+/// The text below a figure.
 pub(crate) fn caption(figure: &FigureConfig, experiment: &Experiment) -> String {
     let what = match figure.kind {
         FigureKind::Curves => "Mean over songs and seeds; the band is its 95 % interval",
@@ -39,7 +39,7 @@ pub(crate) fn caption(figure: &FigureConfig, experiment: &Experiment) -> String 
     format!("{}. {what}. {twin}", figure.title)
 }
 
-/// What a figure shows of all records.
+/// The drawing of a figure.
 pub(crate) fn drawing(figure: &FigureConfig, all: &[Record]) -> Drawing {
     let in_course = figure.kind == FigureKind::Curves;
     let chosen: Vec<Record> = all.iter().filter(|record| record.has(&figure.filter)).cloned().collect();
@@ -82,8 +82,8 @@ pub(crate) fn drawing(figure: &FigureConfig, all: &[Record]) -> Drawing {
     }
 }
 
-/// A measure against a number of the course: at each value that every training has reached, or, where they look at different
-/// times, in fifty parts of the whole, each training by its last look.
+/// A measure against a number of the course: at each value at which every training was evaluated. If they were evaluated at different
+/// values: at fifty equal distances, each training with its last evaluation before.
 fn curve(all: &[Record], x: &str, measure: &str) -> Vec<Point> {
     let key =
         |record: &Record| ["song", "seed"].map(|label| record.labels.get(label).cloned().unwrap_or_default());
@@ -106,7 +106,7 @@ fn curve(all: &[Record], x: &str, measure: &str) -> Vec<Point> {
     let at_place = |place: f64| {
         let mut songs: BTreeMap<&str, Vec<f64>> = BTreeMap::new();
         for ([song, _], points) in &trainings {
-            // A training that is over stays where it ended.
+            // After its end a training keeps its last value.
             if let Some((_, value)) = points.iter().rev().find(|(at, _)| *at <= place) {
                 songs.entry(song).or_default().push(*value);
             }
@@ -160,7 +160,7 @@ mod tests {
             curve(&same, "step", "f1").iter().map(|point| (point.x, point.y)).collect();
         assert_eq!(found.iter().map(|(x, _)| *x).collect::<Vec<_>>(), [10.0, 20.0]);
         assert!((found[0].1 - 0.3).abs() < 1e-12 && (found[1].1 - 0.5).abs() < 1e-12);
-        // One looks at other times and ends earlier.
+        // One is evaluated at other steps and ends earlier.
         let other = [point("0", 10.0, 0.2), point("1", 3.0, 0.4), point("1", 100.0, 0.8)];
         let found = curve(&other, "step", "f1");
         assert!(found.first().unwrap().x >= 10.0);

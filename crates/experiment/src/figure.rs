@@ -1,5 +1,5 @@
-//! Drawings of an experiment, as SVG and PNG from the same strokes: readable in print and by colour-blind readers, since series
-//! differ in stroke, marker or hatching as well as in colour.
+//! Drawings of an experiment, as SVG and PNG. Series differ in stroke, marker or hatching as well as in colour, for print and for
+//! colour-blind readers.
 
 use std::path::Path;
 use std::sync::Once;
@@ -326,7 +326,7 @@ fn prepare_font() {
     });
 }
 
-/// As short as it can be said: `0.5`, `200k`, `3M`.
+/// A number in few characters: `0.5`, `200k`, `3M`.
 fn number(value: f64) -> String {
     let plain = |value: f64| {
         let text = format!("{value:.3}");

@@ -1,4 +1,4 @@
-//! What there is to say of a trial: what came of it, when and where, how far it is.
+//! The files of a trial: its result, when and where it ran; and its progress and state.
 
 use std::collections::BTreeMap;
 use std::fs::{File, TryLockError};
@@ -14,29 +14,29 @@ pub const TRIAL: &str = "task.json";
 pub const RESULT: &str = "result.json";
 /// See [`TRIAL`].
 pub const TIMES: &str = "times.json";
-/// Of the file that a process locks while it works on the trial. The system lets go of it at every death.
+/// Name of the file that a process locks while it works on the trial. The system releases the lock when the process ends.
 pub(crate) const LOCK: &str = "task.lock";
 
 /// Measures by name: scores between 0 and 1, errors in rad.
 pub type Values = BTreeMap<String, f64>;
 
-/// Measures of one thing, and what it is.
+/// One row of results: labels and measures.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Row {
-    /// What it is, beside the trial's own labels: `mode`, `run`, `round`.
+    /// Its labels beside those of the trial: `mode`, `run`, `round`.
     pub labels: BTreeMap<String, String>,
     /// Its measures.
     pub values: Values,
 }
 
-/// What came of a trial. The same bytes however it was run, on processors with the same vector instructions.
+/// The result of a trial: the same bytes however it was run, on processors with the same vector instructions.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct TrialResult {
     /// Which trial.
     pub id: String,
     /// Its measures.
     pub rows: Vec<Row>,
-    /// How they came about: `step` and scores of each evaluation, or `replays` and `rms` of a fit.
+    /// Its course: `step` and scores of each evaluation, or `replays` and `rms` of a fit.
     pub course: Vec<Values>,
 }
 
@@ -61,39 +61,39 @@ pub struct TrialTimes {
     pub command: String,
 }
 
-/// How far a trial has got.
+/// The progress of a trial.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct TrialProgress {
-    /// What goes on.
+    /// The current phase.
     pub phase: String,
-    /// How much of the trial is done, 0 to 1, about.
+    /// The share of the trial that is done, 0 to 1, estimated.
     pub share: f64,
     /// The best F1 so far.
     pub f1: Option<f64>,
 }
 
-/// How a trial ended that did not fail.
+/// How a trial ended without failing.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum TrialEnd {
     /// It is done.
     Done,
     /// It was done before.
     WasDone,
-    /// Another process is at work on it.
+    /// Another process works on it.
     Busy,
-    /// On request; it goes on from where it was.
+    /// It was interrupted; the next call resumes it.
     Stopped,
 }
 
-/// Where a trial stands.
+/// The state of a trial.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum TrialState {
     /// It is done.
     Done,
-    /// A process is at work on it, here or where the file system is shared.
+    /// A process works on it, on this machine or on another one with the same file system.
     Running,
-    /// It was begun, and nobody is at work on it.
+    /// It was begun, and no process works on it.
     Begun,
     /// It was not begun.
     Waiting,

@@ -4,7 +4,7 @@ use std::io::BufRead as _;
 use std::path::{Path, PathBuf};
 
 use anyhow::anyhow;
-use etude_perform::{FileError, write_file};
+use etude_perform::write_file;
 
 use crate::trial::{Trial, fnv, json, slug};
 
@@ -23,12 +23,16 @@ pub fn plan_text(trials: &[Trial]) -> String {
     trials.iter().map(|trial| json(trial) + "\n").collect()
 }
 
-/// Writes a plan.
+/// Writes a plan into its folder, which is made.
 ///
 /// # Errors
-/// If the file cannot be written.
-pub fn write_plan(path: &Path, trials: &[Trial]) -> Result<(), FileError> {
-    write_file(path, &plan_text(trials))
+/// If the folder cannot be made or the file not written.
+pub fn write_plan(path: &Path, trials: &[Trial]) -> anyhow::Result<()> {
+    let runs = path.parent().unwrap_or(Path::new(""));
+    std::fs::create_dir_all(runs).map_err(|error| {
+        anyhow!("cannot create {}: {error}; choose another folder with --runs", runs.display())
+    })?;
+    Ok(write_file(path, &plan_text(trials))?)
 }
 
 /// Reads a plan.

@@ -1,4 +1,4 @@
-//! What is done, as one long table: each row is one performance, round or fit, with all its labels and measures.
+//! The results as one table: each row is one performance, round or fit, with all its labels and measures.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write as _;
@@ -10,20 +10,20 @@ use crate::outcome::{RESULT, TIMES, TrialResult, TrialTimes};
 use crate::stats::{Summary, mean};
 use crate::trial::Trial;
 
-/// A trial that is done, and what came of it: one line of `results.jsonl`.
+/// A trial that is done, and its result: one line of `results.jsonl`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Entry {
     /// The trial.
     #[serde(rename = "task")]
     pub trial: Trial,
-    /// What came of it.
+    /// Its result.
     pub result: TrialResult,
     /// When, where and how long.
     pub times: TrialTimes,
 }
 
 impl Entry {
-    /// What came of `trial` among `runs`; `None` while it is not done.
+    /// The entry of `trial` in the folder `runs`; `None` while it is not done.
     pub fn load(trial: &Trial, runs: &Path) -> Option<Self> {
         let folder = runs.join(&trial.id);
         let read = |name: &str| std::fs::read(folder.join(name)).ok();
@@ -79,10 +79,10 @@ pub fn courses(entries: &[Entry]) -> Vec<Record> {
     entries.iter().flat_map(of_entry).collect()
 }
 
-/// Labels that tell repetitions of the same thing apart.
+/// Labels of repetitions.
 pub const REPETITIONS: [&str; 3] = ["song", "seed", "run"];
 
-/// The labels that tell apart what is compared, in the order of their names.
+/// The labels that are compared, in the order of their names.
 pub fn compared(records: &[Record]) -> Vec<String> {
     let keys: BTreeSet<&String> = records.iter().flat_map(|record| record.labels.keys()).collect();
     keys.into_iter().filter(|key| !REPETITIONS.contains(&key.as_str())).cloned().collect()

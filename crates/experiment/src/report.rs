@@ -2,11 +2,11 @@
 //!
 //! ```text
 //! OUT/index.html              the page; it needs nothing else
-//! OUT/NAME/results.jsonl      what came of each trial: the report can be made again of this alone
+//! OUT/NAME/results.jsonl      the result of each trial; the report can be made again from this file alone
 //! OUT/NAME/results.csv        one row a performance, round or fit
 //! OUT/NAME/course.csv         one row an evaluation on the way
 //! OUT/NAME/FIGURE.svg, .png   the figures
-//! OUT/NAME/notes.md           what we think of it; written by hand, taken into the page
+//! OUT/NAME/notes.md           our notes, written by hand; they become part of the page
 //! ```
 
 use std::collections::BTreeMap;

@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use anyhow::{anyhow, bail};
+use etude_perform::write_file;
 
 use crate::outcome::{RESULT, TrialState};
 use crate::trial::{Trial, slug};
@@ -25,7 +26,7 @@ pub struct SlurmConfig {
     pub options: Vec<String>,
 }
 
-/// Seconds before the time limit at which a trial is told to save itself.
+/// Seconds before the time limit at which a trial receives the signal to save its state.
 const GRACE_SECS: u32 = 120;
 
 /// The lines of the plan whose trials are not done, each work once.
@@ -72,8 +73,8 @@ pub fn slurm_script(
     let _ = write!(
         text,
         r#"
-# {GRACE_SECS} s before the time is up comes USR1: the task saves itself, ends with 3 and is requeued. TERM is for good: it saves itself
-# all the same, and the same command of `etude experiment run` hands it over again.
+# {GRACE_SECS} s before the time limit Slurm sends USR1: the task saves its state, ends with 3 and is requeued. After TERM the task saves its
+# state and is not requeued; the same command of `etude experiment run` submits it again.
 again=
 trap 'again=1; kill -TERM "$task"' USR1
 trap 'kill -TERM "$task"' TERM
@@ -82,7 +83,7 @@ export RAYON_NUM_THREADS="$SLURM_CPUS_PER_TASK"
 task=$!
 wait "$task"
 code=$?
-# A signal ends the waiting, not the task.
+# A signal ends `wait`, not the task.
 while kill -0 "$task" 2>/dev/null; do
     wait "$task"
     code=$?
@@ -99,12 +100,15 @@ exit "$code"
     text
 }
 
-/// Submits a script; returns the id of the job.
+/// Writes the script beside the plan and submits it; returns the id of the job.
 ///
 /// # Errors
-/// If there is no Slurm or it refuses.
-pub fn submit(script: &Path) -> anyhow::Result<String> {
-    let output = Command::new("sbatch").arg("--parsable").arg(script).output().map_err(|error| {
+/// If a file cannot be written, there is no Slurm, or it refuses.
+pub fn submit(script: &str, plan: &Path) -> anyhow::Result<String> {
+    let file = plan.with_extension("sbatch");
+    std::fs::create_dir_all(plan.with_extension("slurm"))?;
+    write_file(&file, script)?;
+    let output = Command::new("sbatch").arg("--parsable").arg(&file).output().map_err(|error| {
         anyhow!(
             "cannot run sbatch: {error}; is this a node of a cluster? `--launcher local` runs the tasks here, `--dry-run` shows the script"
         )

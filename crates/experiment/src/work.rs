@@ -17,7 +17,7 @@ use std::time::{Duration, Instant};
 
 use anyhow::bail;
 use etude_identify::Progress;
-use etude_lab::bench::processor;
+use etude_lab::machine::processor;
 use etude_lab::{
     Identification, IdentifyMethod, RehearsalConfig, RehearsalStep, RobotPlay, Run, find_song,
     identify_robot, load_player, play_on_robot, record_excitations, rehearse_on_robot, scores_in_simulation,

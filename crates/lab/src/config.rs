@@ -48,7 +48,7 @@ pub const PRESETS: &[(&str, &str, &str)] = &[
     ),
 ];
 
-/// What may differ between the parts of a run: none of it decides what the steps already made have led to.
+/// Settings that may change when a run is resumed: none of them affects the steps that are already made.
 const FREE: &[&str] = &[
     "trainer.total_steps",
     "trainer.log_every_steps",
@@ -59,7 +59,7 @@ const FREE: &[&str] = &[
 ];
 
 impl RunConfig {
-    /// With the weight of every reward term, so that it means the same laid over any preset.
+    /// With the weight of every reward term, so that the file has the same meaning over any preset.
     pub fn complete(mut self) -> Self {
         for term in etude_task::reward::TERMS {
             self.task.reward.entry(term.name.to_string()).or_insert(term.main);
@@ -148,14 +148,14 @@ fn override_table(path: &str, value: &str) -> toml::Table {
     };
     let mut parts: Vec<&str> =
         BY_PATH.iter().find_map(|table| within(table)).unwrap_or_else(|| path.split('.').collect());
-    // Steps are counted: `2e6` is as good as `2_000_000`. A whole number does for a real one too.
+    // Steps are integers: `2e6` is accepted for `2_000_000`.
     if let toml::Value::Float(whole) = value
         && whole.fract() == 0.0
         && (0.0..=9e15).contains(&whole)
     {
         value = toml::Value::Integer(whole as i64);
     }
-    // Physical numbers are real: `1` is as good as `1.0`.
+    // Physical numbers are real: `1` is accepted for `1.0`.
     if let (Some("physics" | "reward"), toml::Value::Integer(whole)) = (parts.get(1).copied(), &value) {
         value = toml::Value::Float(*whole as f64);
     }
@@ -193,9 +193,9 @@ mod tests {
         assert_eq!(resolve("paper", None, &[]).unwrap(), RunConfig::default());
     }
 
-    /// All values of the learner in the preset `paper`, word for word: the paper's where it prints one, else those of the code
-    /// in whose line it stands (fact sheet "simulation and learning" §1.10), and at last ours, which do not touch the
-    /// algorithm. Whoever changes a default must mean it.
+    /// All values of the learner in the preset `paper`, word for word: the paper's where it prints one, else those of the code that
+    /// it builds on (`kevinzakka/robopianist-rl`: `sac.py`, `run.sh`), and for the rest our choice, which does not affect the algorithm. A change of
+    /// a default must be deliberate.
     #[test]
     fn the_preset_paper_is_the_published_algorithm() {
         let published: toml::Table = toml::from_str(

@@ -14,7 +14,7 @@ pub struct Interrupted(pub String);
 impl Interrupted {
     /// Work that the same command resumes.
     pub(crate) fn resumable() -> Self {
-        Self("interrupted; the same command goes on from where it stopped".to_string())
+        Self("interrupted; the same command resumes".to_string())
     }
 
     /// Whether this is the reason of `error`.

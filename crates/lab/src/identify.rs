@@ -108,8 +108,8 @@ pub struct IdentifyReport {
 /// Fits the simulator and writes the results into `folder`. After an interruption the same call resumes the fit.
 ///
 /// # Errors
-/// If a recording cannot be used, the fit fails, or a file cannot be written; [`IdentifyError::Interrupted`](etude_identify::IdentifyError)
-/// if the job is interrupted.
+/// If a recording cannot be used, the fit fails, or a file cannot be written;
+/// [`IdentifyError::Interrupted`](etude_identify::IdentifyError) if the job is interrupted.
 pub fn identify_robot(
     what: &Identification,
     folder: &Path,
@@ -121,7 +121,7 @@ pub fn identify_robot(
         |motion: &Motion| motion.mode == Excitation::Held.name() || what.held_out.contains(&motion.path);
     let (held_out, fitted): (Vec<Motion>, Vec<Motion>) = all.into_iter().partition(is_held_out);
     let Some(first) = fitted.first() else {
-        bail!("all recordings are held out; give some to fit to (`etude record --excitation chirp`)");
+        bail!("all recordings are held out; give some to fit (`etude record --excitation chirp`)");
     };
     std::fs::create_dir_all(folder).map_err(|error| cannot_create(folder, error))?;
     let config = IdentifyConfig {

@@ -7,10 +7,12 @@
 
 pub mod bench;
 mod config;
+mod doctor;
 mod errors;
 mod excitations;
 mod grid;
 mod identify;
+pub mod machine;
 mod play;
 mod player;
 mod record;
@@ -19,6 +21,7 @@ mod robot;
 mod run;
 
 pub use config::{PRESETS, RunConfig, resolve};
+pub use doctor::{Finding, examine};
 pub use errors::Interrupted;
 pub use excitations::record_excitations;
 pub use grid::{GridConfig, GridReport, Marginal, WorldScores, evaluate_grid};

@@ -308,12 +308,12 @@ impl Rehearsal<'_> {
             home: true,
             seed: self.config.seed.wrapping_add(1000 * round as u64),
         };
-        let translate = |ended: &RunEnded| RehearsalStep::Performed {
+        let performed = |ended: &RunEnded| RehearsalStep::Performed {
             round,
             run: ended.index,
             f1: ended.run.scores.frame.f1,
         };
-        let report = job.part(translate, |job| {
+        let report = job.part(performed, |job| {
             play_on_robot(self.song, &player, self.rig, &play, Some(folder), None, job)
         })?;
         if job.is_interrupted() {

@@ -16,14 +16,14 @@ use crate::player::open;
 
 /// Name of the resolved configuration in a run's folder.
 pub const CONFIG: &str = "config.toml";
-/// Name of the song in a run's folder: the run needs nothing else to be continued or played.
+/// Name of the song in a run's folder. To resume or play the run, no other song file is needed.
 pub const SONG: &str = "song.mid";
 /// Name of the description of who made the run and how.
 pub const META: &str = "meta.json";
-/// Name of the file that a process locks while it works in a run's folder. The system lets go of it at every death.
+/// Name of the file that a process locks while it works in a run's folder. The system releases the lock when the process ends.
 const LOCK: &str = "run.lock";
 
-/// How far the same note may stand in two MIDI files of a song, s: files count time in ticks.
+/// Largest distance of the same note in two MIDI files of a song, s: files count time in ticks.
 const SAME_SECS: f64 = 0.01;
 
 /// How many notes the song has that the run in `folder` learned, if they are not those of `song`.
@@ -36,7 +36,7 @@ pub(crate) fn other_notes(folder: &Path, song: &Song) -> Option<usize> {
     (!same).then(|| theirs.notes().len())
 }
 
-/// A training in its folder, which no other process can work in meanwhile.
+/// A training in its folder, which is locked for other processes.
 pub struct Run {
     song: Song,
     config: RunConfig,
@@ -54,7 +54,7 @@ impl Run {
         Self::begin(song, config, folder, command, None)
     }
 
-    /// The same with what another training of the song has learned, in whatever physics, instead of random networks:
+    /// The same, but starts from what another training of the song has learned (in any physics) instead of random networks:
     /// `source` is a run's folder (its last policy with critics, targets and temperature) or a policy file (the actor
     /// alone). See [`WarmStart`].
     ///
@@ -120,8 +120,8 @@ impl Run {
         Ok(Self { song, config, trainer, _lock: lock })
     }
 
-    /// Opens the training in `folder` to continue it from its last checkpoint, bit for bit. `overrides` may change how
-    /// long it goes on and how often it is looked at, nothing that has shaped it.
+    /// Resumes the training in `folder` from its last checkpoint, bit for bit. `overrides` may change its length and how often
+    /// it is evaluated, logged and saved, but nothing that affects what it learns.
     ///
     /// # Errors
     /// If the folder holds no run or a damaged one, or an override would make another training of it.
@@ -149,7 +149,7 @@ impl Run {
         Ok(Self { song, config, trainer, _lock: lock })
     }
 
-    /// Goes on with the training in `folder`, or starts it: anew, or from `source` as [`start_from`](Self::start_from).
+    /// Resumes the training in `folder`, or starts it; with a `source` as [`start_from`](Self::start_from).
     ///
     /// # Errors
     /// As those.
@@ -287,7 +287,7 @@ fn write_config(folder: &Path, config: &RunConfig) -> anyhow::Result<()> {
     Ok(write_file(&folder.join(CONFIG), &toml::to_string(config)?)?)
 }
 
-/// Takes the lock of `folder`. Where the file system has no locks, everyone has it.
+/// Takes the lock of `folder`. Where the file system has no locks, every process gets it.
 fn lock(folder: &Path) -> anyhow::Result<File> {
     let path = folder.join(LOCK);
     let file = File::create(&path).map_err(|error| cannot_create(&path, error))?;
@@ -308,7 +308,7 @@ fn parts(song: &Song, config: &RunConfig) -> anyhow::Result<Parts> {
         environment = environment.with_demonstrator(ScriptedPlayer::new(&config.task, &piece)?);
     }
     let evaluator = SongEvaluator::new(&config.task, &piece)?;
-    // How the work is spread over threads shapes nothing, so it is no part of a policy: same seed, same bytes.
+    // Threads do not change the result, so they are not stored in a policy: same seed, same bytes.
     let defaults = TrainerConfig::default();
     let (threads, overlap) = (defaults.threads, defaults.overlap);
     let trainer = TrainerConfig { threads, overlap, ..config.trainer.clone() };

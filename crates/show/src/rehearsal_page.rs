@@ -1,4 +1,4 @@
-//! What a rehearsal came to, on one page: the gap by round, the takes to listen to, and the simulator's numbers.
+//! The page of a rehearsal: the gap by round, the performances to listen to, and the simulator's numbers.
 
 use std::fmt::Write as _;
 use std::path::Path;
@@ -11,7 +11,7 @@ use etude_stage::PhysicalParams;
 /// Name of the page in the folder of its rehearsal.
 pub const REHEARSAL_PAGE: &str = "rehearsal.html";
 
-/// The page of a rehearsal, written anew after each round.
+/// The page of a rehearsal, written again after each round.
 pub struct RehearsalPage<'a> {
     config: &'a RehearsalConfig,
     folder: &'a Path,

@@ -9,7 +9,7 @@ use anyhow::{anyhow, bail};
 use etude_lab::Interrupted;
 use etude_music::KeySet;
 use etude_music::sound;
-use etude_perform::Job;
+use etude_perform::{Job, write_file};
 use etude_stage::{JOINTS, Painter, View, World};
 
 use crate::replay::Take;
@@ -72,7 +72,7 @@ impl<'a> Studio<'a> {
         }
         let size = self.size;
         let pixels = self.paint(secs)?;
-        write_png(path, size, pixels).map_err(|error| cannot_write(path, &error))
+        write_png(path, size, pixels)
     }
 
     /// Writes the whole recording as a video with its sound; without ffmpeg as pictures in a folder. Reports
@@ -138,7 +138,7 @@ impl<'a> Studio<'a> {
             let picture = folder.join(format!("{frame:06}.png"));
             let size = self.size;
             let pixels = self.paint(f64::from(frame) / f64::from(FRAMES_PER_SEC))?;
-            write_png(&picture, size, pixels).map_err(|error| cannot_write(&picture, &error))?;
+            write_png(&picture, size, pixels)?;
             job.tell(&(f64::from(frame + 1) / f64::from(frames)));
         }
         Ok(())
@@ -221,21 +221,16 @@ fn joints_at(take: &Take, secs: f64) -> [f64; JOINTS] {
     std::array::from_fn(|joint| from[joint] + share * (to[joint] - from[joint]))
 }
 
-/// Writes rows of red, green, blue as a PNG file, which appears whole or not at all.
-fn write_png(path: &Path, [width, height]: [u32; 2], pixels: &[u8]) -> std::io::Result<()> {
-    let partial = path.with_extension("png.partial");
-    let write = || -> std::io::Result<()> {
-        let mut encoder = png::Encoder::new(BufWriter::new(std::fs::File::create(&partial)?), width, height);
-        encoder.set_color(png::ColorType::Rgb);
-        encoder.set_depth(png::BitDepth::Eight);
-        let mut writer = encoder.write_header()?;
-        writer.write_image_data(pixels)?;
-        writer.finish()?;
-        std::fs::rename(&partial, path)
-    };
-    write().inspect_err(|_| {
-        let _ = std::fs::remove_file(&partial);
-    })
+/// Writes rows of red, green, blue as a PNG file.
+fn write_png(path: &Path, [width, height]: [u32; 2], pixels: &[u8]) -> anyhow::Result<()> {
+    let mut bytes = Vec::new();
+    let mut encoder = png::Encoder::new(&mut bytes, width, height);
+    encoder.set_color(png::ColorType::Rgb);
+    encoder.set_depth(png::BitDepth::Eight);
+    let mut writer = encoder.write_header()?;
+    writer.write_image_data(pixels)?;
+    writer.finish()?;
+    Ok(write_file(path, &bytes)?)
 }
 
 #[cfg(test)]

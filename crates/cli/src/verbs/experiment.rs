@@ -8,7 +8,7 @@ use etude_experiment::{
     TrialState, launch_local, names, open_trials, plan_file, plan_text, read_plan, run_trial, slurm_script,
     submit, write_plan,
 };
-use etude_perform::{Job, write_file};
+use etude_perform::Job;
 use serde_json::json as object;
 
 use super::{json, line, note};
@@ -19,9 +19,9 @@ use crate::status::Status;
 /// What to do with experiments.
 #[derive(clap::Args)]
 #[command(after_help = "\
-An experiment is a TOML file (configs/experiments; a path works too). Its plan is a list of tasks with ids that say what is done: \
-experiments share what they have in common, a task that is done is not done again, and one that was stopped goes on. \
-Results of several machines are merged by copying the folders of tasks.
+An experiment is a TOML file (configs/experiments; a path works too). Its plan is a list of tasks. A task's id depends only on what \
+is done: experiments share common tasks, a task that is done is not done again, and a task that was stopped is resumed. \
+To merge results of several machines, copy the folders of tasks.
 
 Examples:
   etude experiment list
@@ -46,11 +46,11 @@ enum What {
     Plan(PlanArgs),
     /// Do the tasks that are not done yet
     Run(RunArgs),
-    /// Say where the tasks stand
+    /// Print the state of the tasks
     Status(StatusArgs),
-    /// Tables, figures and one page from what is done
+    /// Make tables, figures and one page from the results
     Report(ReportArgs),
-    /// Do one task of a plan: what the launchers call
+    /// Do one task of a plan; the launchers call this
     #[command(hide = true)]
     Task(TaskArgs),
 }
@@ -63,7 +63,7 @@ struct PlanArgs {
     /// This many seeds instead of the file's
     #[arg(long, value_parser = clap::value_parser!(u64).range(1..))]
     seeds: Option<u64>,
-    /// full, or smoke: everything once and as little as possible, to see that it works
+    /// full, or smoke: everything once and as short as possible, as a test
     #[arg(long, default_value = "full")]
     budget: Budget,
     /// Set a value of every training, for example --set trainer.total_steps=1e6; may be repeated
@@ -105,22 +105,22 @@ struct RunArgs {
     /// Where the work goes
     #[arg(long, value_enum, default_value = "local")]
     launcher: Launcher,
-    /// Local: tasks that go on at once; one a core if not given
+    /// Local: number of tasks at a time; one a core if not given
     #[arg(long, value_parser = clap::value_parser!(u16).range(1..), value_name = "N")]
     workers: Option<u16>,
     /// Threads of a task
     #[arg(long, default_value_t = 1, value_parser = clap::value_parser!(u16).range(1..), value_name = "N")]
     threads: u16,
-    /// Slurm: tasks that run at once at most
+    /// Slurm: largest number of tasks at a time
     #[arg(long, value_parser = clap::value_parser!(u16).range(1..), value_name = "N")]
     throttle: Option<u16>,
-    /// Slurm: time limit of a task; one that needs longer saves itself and is requeued
+    /// Slurm: time limit of a task; a task that needs longer saves its state and is requeued
     #[arg(long, default_value = "04:00:00", value_name = "TIME")]
     time: String,
     /// Slurm: an option of sbatch, as your site asks for it, for example --sbatch=--partition=short; may be repeated
     #[arg(long = "sbatch", value_name = "OPTION", allow_hyphen_values = true)]
     sbatch: Vec<String>,
-    /// Slurm: print the script and hand nothing over
+    /// Slurm: print the script and submit nothing
     #[arg(long)]
     dry_run: bool,
 }
@@ -144,7 +144,7 @@ struct ReportArgs {
     /// Where the folders of tasks are
     #[arg(long, default_value = "runs", value_name = "DIR")]
     runs: PathBuf,
-    /// Where the page goes. Results of an earlier report in it count too, so it can be made again without the runs
+    /// Folder of the page. Results of an earlier report in it are used too, so the page can be made again without the runs
     #[arg(short = 'o', long = "out", default_value = "out/experiments", value_name = "DIR")]
     out: PathBuf,
 }
@@ -161,7 +161,7 @@ struct TaskArgs {
     /// Threads
     #[arg(long, default_value_t = 1)]
     threads: usize,
-    /// Tell the launcher how far it is, and stop when the launcher is gone
+    /// Print the progress for the launcher, and stop when the launcher has ended
     #[arg(long)]
     attended: bool,
 }
@@ -213,18 +213,10 @@ fn launch(args: &RunArgs) -> anyhow::Result<Ending> {
     }
 }
 
-fn make_runs(runs: &Path) -> anyhow::Result<()> {
-    let why = |error| {
-        anyhow::anyhow!("cannot create {}: {error}; choose another folder with --runs", runs.display())
-    };
-    std::fs::create_dir_all(runs).map_err(why)
-}
-
 fn local(args: &RunArgs, trials: &[Trial], plan: &Path, program: PathBuf) -> anyhow::Result<Ending> {
     if args.dry_run || args.throttle.is_some() || !args.sbatch.is_empty() {
         anyhow::bail!("--dry-run, --throttle and --sbatch are for the cluster: add --launcher slurm");
     }
-    make_runs(&args.runs)?;
     write_plan(plan, trials)?;
     let cores = std::thread::available_parallelism().map_or(1, usize::from);
     let threads = usize::from(args.threads);
@@ -242,7 +234,7 @@ fn local(args: &RunArgs, trials: &[Trial], plan: &Path, program: PathBuf) -> any
         if report.busy > 0 { format!(", {} are under way elsewhere", report.busy) } else { String::new() };
     line(format!("{} tasks are done{busy}, {} failed", report.done, report.failed.len()))?;
     if report.stopped {
-        note("stopped; the same command goes on");
+        note("stopped; the same command resumes");
         return Ok(Ending::Stopped);
     }
     match report.failed.len() {
@@ -293,12 +285,8 @@ fn slurm(
         line(script.trim_end())?;
         return Ok(Ending::Done);
     }
-    make_runs(&args.runs)?;
     write_plan(plan, trials)?;
-    let file = plan.with_extension("sbatch");
-    std::fs::create_dir_all(plan.with_extension("slurm"))?;
-    write_file(&file, &script)?;
-    let job = submit(&file)?;
+    let job = submit(&script, plan)?;
     line(format!(
         "job {job}: {} tasks; squeue --job {job} shows them, scancel {job} ends them",
         indices.len()
@@ -320,7 +308,7 @@ fn status(args: &StatusArgs) -> anyhow::Result<Ending> {
             continue;
         }
         line(format!(
-            "{}: {} tasks, {} done, {} running, {} begun and left, {} waiting",
+            "{}: {} tasks, {} done, {} running, {} begun, {} waiting",
             experiment.name,
             trials.len(),
             count(TrialState::Done),
@@ -359,7 +347,7 @@ fn task(args: &TaskArgs) -> anyhow::Result<Ending> {
     let trial = trials.get(args.index).ok_or_else(|| {
         anyhow::anyhow!("{} has no line {}, only {count} from 0", args.plan.display(), args.index)
     })?;
-    // A cluster may ask more than once.
+    // A cluster may send the signal more than once.
     let stop = patient_stop_flag()?;
     if args.attended {
         stop_when_unattended(&stop);
@@ -367,7 +355,7 @@ fn task(args: &TaskArgs) -> anyhow::Result<Ending> {
     let attended = args.attended;
     let mut tell = move |at: &TrialProgress| {
         if attended && let Ok(text) = serde_json::to_string(at) {
-            // A launcher that is gone ends the task by other means.
+            // If the launcher has ended, standard input ends too, which stops the task.
             let _ = line(text);
         }
     };

@@ -75,12 +75,12 @@ impl PlayerArgs {
         }
         if let Some(learned) = player.song.as_deref().filter(|learned| *learned != song.title()) {
             note(format!(
-                "warning: this policy learned `{learned}`; it plays `{}` from the sheet alone",
+                "warning: this policy learned `{learned}`; it plays `{}` from the score alone",
                 song.title()
             ));
         } else if let Some(notes) = player.learned_other_notes(song) {
             note(format!(
-                "warning: this policy learned another `{}` ({notes} notes, or they stood elsewhere); it plays this one from the sheet alone",
+                "warning: this policy learned another `{}` ({notes} notes, or at other times); it plays this one from the score alone",
                 song.title()
             ));
         }
@@ -132,7 +132,7 @@ fn line(text: impl std::fmt::Display) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// Prints one line on standard error; if nobody listens there, the work goes on all the same.
+/// Prints one line on standard error; if it is closed, the work continues.
 pub fn note(text: impl std::fmt::Display) {
     use std::io::Write as _;
     let _ = writeln!(std::io::stderr(), "{text}");

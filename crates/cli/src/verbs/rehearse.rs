@@ -17,9 +17,9 @@ use crate::status::Status;
 /// What to rehearse, on which robot, how often.
 #[derive(clap::Args)]
 #[command(after_help = "\
-Round 0 plays what was learned in the simulator as it comes. Each round after it records the robot (once, moving clear of the \
-keyboard), fits the simulator to that and to what was played, trains on in it, and plays again. Stop it anywhere: the \
-same command goes on. On a robot stand clear: it goes to the keyboard by itself before each run.
+Round 0 plays what was learned in the default simulator. Each later round records the robot (once, moving clear of the \
+keyboard), fits the simulator to that and to the last performances, trains further in it, and plays again. If it is stopped, the \
+same command resumes it. Keep clear of the robot: it moves to the keyboard by itself before each run.
 
 Examples:
   etude rehearse --song c-major-scale --robot twin --rounds 2

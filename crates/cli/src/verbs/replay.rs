@@ -1,4 +1,4 @@
-//! `etude replay`: a page on which one sees and hears a recording.
+//! `etude replay`: a page that shows and plays a recording.
 
 use std::path::PathBuf;
 

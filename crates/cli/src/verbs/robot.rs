@@ -10,15 +10,13 @@ use std::time::{Duration, Instant};
 use anyhow::Context as _;
 use etude_perform::prepare;
 use etude_perform::stand::{
-    READY, RigChoice, Stand, claim, rig_choice, stand_guard, start_pose, tell_to_stop, unix_secs,
+    READY, RigChoice, Stand, TWIN, claim, pitches_to_show, rig_choice, stand_guard, start_pose, store_point,
+    tell_to_stop, try_path,
 };
-use etude_robot::Pace as _;
-use etude_robot::calibration::{Calibration, CalibrationError, Point};
 use etude_robot::lead::show;
 use etude_robot::monitor::Monitor;
 use etude_robot::rig::RigConfig;
 use etude_robot::stop::stop;
-use etude_stage::geometry::key_lateral;
 use etude_twin::SHOWN_KEYS;
 use serde_json::json;
 use signal_hook::consts::{SIGHUP, SIGINT, SIGPIPE, SIGTERM};
@@ -36,17 +34,17 @@ pub struct Args {
 
 #[derive(clap::Subcommand)]
 enum Action {
-    /// Bring hand, arm and keyboard up, hold still for half a second, say what they are, and let go
+    /// Bring hand, arm and keyboard up, hold still for half a second, print what they are, and release
     Check(Rig),
     /// Bring the robot slowly to the keyboard, fingers over the keys, from wherever it is. Stand clear
     Home(Rig),
     /// Show the arm where the keyboard is, one key at a time
     Calibrate(Calibrate),
-    /// Let go of the hand and stop the arm, at once; works beside a running performance
+    /// Release the hand and stop the arm, at once; works beside a running performance
     Stop(Rig),
-    /// Watch what the devices say, without touching anything
+    /// Print what the devices report, without moving anything
     Monitor(MonitorArgs),
-    /// Stop the robot when the controller at the other end of standard input is gone
+    /// Stop the robot when the controller at the other end of standard input has ended
     #[command(hide = true)]
     Guard(Rig),
 }
@@ -120,7 +118,7 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
 
 /// The rig's file of a verb that is of no use on a twin in lockstep, which lives and dies with one command.
 fn file(robot: &str) -> anyhow::Result<RigConfig> {
-    if robot == etude_perform::stand::TWIN {
+    if robot == TWIN {
         anyhow::bail!(
             "the twin of `--robot twin` lives only while a song is played; start one with `etude twin`"
         );
@@ -135,11 +133,7 @@ fn open(choice: &RigChoice) -> anyhow::Result<Stand> {
 fn check(rig: &Rig) -> anyhow::Result<Ending> {
     let interrupt = stop_flag()?;
     let mut stand = open(&rig_choice(&rig.robot, "standard")?)?;
-    let Stand { robot, pace } = &mut stand;
-    prepare(robot, pace, None, None, &interrupt)?;
-    let until = pace.now() + Duration::from_millis(500);
-    pace.run_until(robot, until);
-    let fault = robot.fault().map(ToString::to_string);
+    let fault = stand.hold(Duration::from_millis(500), &interrupt)?;
     stand.let_go().map_err(anyhow::Error::msg)?;
     let robot = &stand.robot;
     let (hand, arm, place) = (robot.hand().information(), robot.arm(), robot.place());
@@ -202,7 +196,7 @@ fn home(rig: &Rig) -> anyhow::Result<Ending> {
         print_json(&json!({ "rail_m": place.rail_m, "joints": robot.joints() }))?;
     } else {
         line(format!(
-            "The hand is over the keys, {:+.3} m from the middle; the arm stands, the hand is let go",
+            "The hand is over the keys, {:+.3} m from the middle; the arm stands still, the hand is released",
             place.rail_m
         ))?;
     }
@@ -234,24 +228,11 @@ fn calibrate(args: &Calibrate) -> anyhow::Result<Ending> {
     if interrupt.load(Ordering::Relaxed) {
         return Ok(Ending::Stopped);
     }
-    let mut calibration = match Calibration::load(&rig.calibration) {
-        Ok(known) if known.rig == rig.name && known.arm_serial == shown.serial => known,
-        Ok(_) | Err(CalibrationError::Missing { .. }) => {
-            Calibration { rig: rig.name.clone(), arm_serial: shown.serial.clone(), ..Calibration::default() }
-        }
-        Err(error) => return Err(error.into()),
-    };
-    calibration.show(Point::at(pitch, key_lateral(key), &shown.joints_rad, unix_secs()));
-    calibration.save(&rig.calibration)?;
-    let left: Vec<String> = SHOWN_KEYS
-        .map(|key| etude_music::LOWEST_PITCH + key as u8)
-        .into_iter()
-        .filter(|pitch| !calibration.points.iter().any(|point| point.pitch == *pitch))
-        .map(|pitch| pitch.to_string())
-        .collect();
+    let calibration = store_point(&rig, key, &shown)?;
     line(format!("Key {pitch} is kept in {}", rig.calibration.display()))?;
+    let left: Vec<String> = pitches_to_show(&calibration).iter().map(ToString::to_string).collect();
     if left.is_empty() {
-        etude_perform::stand::try_path(&rig, &calibration, &shown.joints_rad)?;
+        try_path(&rig, &calibration, &shown.joints_rad)?;
         line("All three keys are known, and the arm reaches the whole keyboard")?;
     } else {
         line(format!("Still to be shown: {}", left.join(", ")))?;
@@ -261,7 +242,7 @@ fn calibrate(args: &Calibrate) -> anyhow::Result<Ending> {
 
 fn stop_now(rig: &Rig) -> anyhow::Result<Ending> {
     let config = file(&rig.robot)?;
-    // A controller that is just coming up would set the arm going again: it looks for this before it moves.
+    // A controller that is starting would move the arm again: it checks for this request before it moves.
     let told = tell_to_stop(Path::new(&rig.robot));
     let stopped = stop(&config);
     told.context("a running controller could not be told")?;
@@ -282,7 +263,7 @@ fn stop_now(rig: &Rig) -> anyhow::Result<Ending> {
 }
 
 fn guard(rig: &Rig) -> anyhow::Result<Ending> {
-    // Whatever ends the controller must not end its guard.
+    // Signals that end the controller must not end its guard.
     let ignored = Arc::new(AtomicBool::new(false));
     for signal in [SIGINT, SIGTERM, SIGHUP, SIGPIPE] {
         signal_hook::flag::register(signal, ignored.clone())?;
@@ -290,7 +271,7 @@ fn guard(rig: &Rig) -> anyhow::Result<Ending> {
     let config = file(&rig.robot)?;
     line(READY)?;
     if let Some(stopped) = stand_guard(&config) {
-        note("guard: the controller is gone or hangs; the hand was let go and the arm stopped");
+        note("guard: the controller has ended or hangs; the hand was released and the arm stopped");
         for error in [stopped.arm, stopped.hand].into_iter().filter_map(Result::err) {
             note(format!("guard: {error}"));
         }

@@ -70,19 +70,18 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
         }
     };
     if !args.json {
-        heard_or_not(announce(&run, &args, &folder))?;
+        ignore_broken_pipe(announce(&run, &args, &folder))?;
     }
     let mut progress = Progress::new(&run, limit, args.json, stop);
     let outcome = run.run(&mut progress);
     progress.finish();
     let outcome = outcome?;
-    heard_or_not(report(&args, &folder, &run, &outcome))?;
+    ignore_broken_pipe(report(&args, &folder, &run, &outcome))?;
     Ok(if outcome.stopped == Some(StopReason::Requested) { Ending::Stopped } else { Ending::Done })
 }
 
-/// A training goes on, and ends as it ends, when whoever read standard output is gone: Ctrl-C in `etude train … | tee log` stops
-/// both.
-fn heard_or_not(said: anyhow::Result<()>) -> anyhow::Result<()> {
+/// A closed standard output does not change how a training ends: Ctrl-C in `etude train … | tee log` stops both.
+fn ignore_broken_pipe(said: anyhow::Result<()>) -> anyhow::Result<()> {
     said.or_else(|error| if broken_pipe(&error) { Ok(()) } else { Err(error) })
 }
 

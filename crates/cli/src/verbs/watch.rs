@@ -1,4 +1,4 @@
-//! `etude watch`: trainings that go on, in the terminal.
+//! `etude watch`: running trainings, in the terminal.
 
 use std::io::IsTerminal as _;
 use std::path::PathBuf;
@@ -18,7 +18,7 @@ shared file systems, and leaving it (q) ends no training. Of a folder that holds
 to in the last day, on the screen the eight last ones. Set NO_COLOR=1 for a screen without colours.
 
 Examples:
-  etude watch                                         # what goes on in runs/
+  etude watch                                         # the runs of the last day in runs/
   etude watch runs/twinkle__fast__0 runs/twinkle__fast__1
   ssh -t host 'cd etude && etude watch'
   etude watch --once --json")]

@@ -1,4 +1,4 @@
-//! What stands where on the screen.
+//! The layout of the screen.
 
 use ratatui::Frame;
 use ratatui::layout::{Alignment, Constraint, Layout, Rect};
@@ -19,7 +19,7 @@ const RUNS: u16 = 3;
 const WIDE: u16 = 110;
 
 const HELP: &[(&str, &str)] = &[
-    ("q, Esc, Ctrl-C", "leave; the trainings go on"),
+    ("q, Esc, Ctrl-C", "leave; the trainings continue"),
     ("↑ ↓, Tab", "choose a run"),
     ("s", "steps or training time on the x axis"),
     ("?", "this help"),

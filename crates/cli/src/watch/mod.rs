@@ -1,4 +1,4 @@
-//! The full-screen view of trainings that go on.
+//! The full-screen view of running trainings.
 
 mod chart;
 mod draw;
@@ -17,7 +17,7 @@ use ratatui::style::{Color, Style};
 
 pub use screen::show;
 
-/// Colours that are told apart by all sorts of eyes, on dark and on light ground, from the 256 that terminals know.
+/// Colours that colour-blind people can distinguish, on dark and on light ground, from the 256 of terminals.
 const COLOURS: [u8; 8] = [75, 208, 36, 176, 178, 33, 167, 245];
 /// So many runs are taken from a folder that is none itself: as many as there are colours.
 const MOST: usize = COLOURS.len();
@@ -63,7 +63,7 @@ impl View {
 
     /// Takes in runs that have begun since, in place of those that are no longer meant, so that the others keep place and colour.
     fn search(&mut self) {
-        // Nothing better comes of an error here than of what is shown already.
+        // After an error the runs that are shown already stay.
         let Ok(mut found) = find_runs(&self.folders, MOST, SystemTime::now()) else { return };
         let shown: Vec<_> = self.runs.iter().map(|run| run.folder().to_path_buf()).collect();
         let gone: Vec<_> = (0..shown.len()).filter(|&at| !found.contains(&shown[at])).collect();

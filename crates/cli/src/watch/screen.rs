@@ -1,4 +1,4 @@
-//! The terminal: when it is read, when it is drawn on, and that it is left as it was found.
+//! The terminal: when it is read, when it is drawn, and how it is restored.
 
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
@@ -27,7 +27,7 @@ pub fn show(view: &mut View) -> anyhow::Result<()> {
     let shown = ratatui::try_init().and_then(|mut terminal| watch(&mut terminal, view, &stop));
     ratatui::restore();
     match shown {
-        // A terminal that is gone cannot be drawn on, and nobody is left to be told.
+        // The terminal is closed: there is nothing to draw on and no one to inform.
         Err(_) if stop.load(Ordering::Relaxed) => Ok(()),
         shown => shown.context("cannot use this terminal; `etude watch --once` needs none"),
     }

@@ -119,7 +119,7 @@ fn keys_choose_and_leave() {
     }
     assert!(press(&mut view, KeyCode::Char('?')));
     let text = lines(&drawn(&view, 80, 24)).join("\n");
-    assert!(text.contains("etude watch") && text.contains("the trainings go on"), "{text}");
+    assert!(text.contains("etude watch") && text.contains("the trainings continue"), "{text}");
     assert!(press(&mut view, KeyCode::Esc), "it closes the help first");
     assert!(!press(&mut view, KeyCode::Esc) && !press(&mut view, KeyCode::Char('q')));
     assert!(!view.key(KeyEvent::new(KeyCode::Char('c'), KeyModifiers::CONTROL)));

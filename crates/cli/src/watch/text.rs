@@ -4,7 +4,7 @@ use etude_show::watch::{RunFigures, RunState};
 
 use crate::progress::clock;
 
-/// What stands for a figure that is not known.
+/// Shown for a figure that is not known.
 const UNKNOWN: &str = "-";
 
 /// A number of steps in few characters: `200k`, `1.82M`.
@@ -45,7 +45,7 @@ pub fn score(f1: Option<f64>) -> String {
     f1.map_or(UNKNOWN.to_string(), |f1| format!("{f1:.3}"))
 }
 
-/// How the run stands, in one or two words.
+/// The state of the run, in one or two words.
 pub fn state(run: &RunFigures) -> String {
     match run.state {
         RunState::Waiting => "waiting".to_string(),

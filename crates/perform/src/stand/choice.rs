@@ -27,7 +27,7 @@ pub enum RigChoice {
     File {
         /// The file.
         path: PathBuf,
-        /// What it says.
+        /// Its content.
         rig: Box<RigConfig>,
         /// The `etude` program, which is started once more as the guard of the robot.
         guard: PathBuf,
@@ -37,13 +37,13 @@ pub enum RigChoice {
 /// The rig cannot be used.
 #[derive(Debug, thiserror::Error)]
 pub enum StandError {
-    /// Its file is not sound.
+    /// Its file is not valid.
     #[error(transparent)]
     Rig(#[from] RigError),
     /// The keyboard's place is not known well enough.
     #[error(transparent)]
     Calibration(#[from] CalibrationError),
-    /// A wire cannot be opened, or a setting is not sound.
+    /// A wire cannot be opened, or a setting is not valid.
     #[error(transparent)]
     Robot(#[from] RobotError),
     /// The twin cannot be made.
@@ -57,7 +57,7 @@ pub enum StandError {
         /// Why.
         source: std::io::Error,
     },
-    /// Nobody would stop the robot if this process died.
+    /// The guard, which stops the robot if this process ends, cannot be started.
     #[error("the guard of the robot cannot be started: {0}")]
     Guard(std::io::Error),
     /// The rig has the other hand.
@@ -79,7 +79,7 @@ impl RigChoice {
         }
     }
 
-    /// What its file says, or would say for a twin.
+    /// Its configuration; the default one for a twin.
     pub fn config(&self) -> RigConfig {
         match self {
             Self::Twin(_) => RigConfig { name: TWIN.to_string(), ..RigConfig::default() },
@@ -95,7 +95,7 @@ impl RigChoice {
         }
     }
 
-    /// Whether it may be brought to the keyboard without asking: nobody stands beside a twin.
+    /// Whether it may move to the keyboard without a request: no person stands beside a twin.
     pub fn is_twin(&self) -> bool {
         matches!(self, Self::Twin(_))
     }
@@ -130,10 +130,10 @@ impl RigChoice {
     }
 }
 
-/// The rig's calibration, if it is its own and fresh.
+/// The rig's calibration, if it belongs to this rig and is recent.
 ///
 /// # Errors
-/// If it is neither, or not there.
+/// If it does not, or is missing.
 pub fn load_calibration(rig: &RigConfig) -> Result<Calibration, CalibrationError> {
     let place = Calibration::load(&rig.calibration)?;
     place.check(&rig.name, unix_secs(), rig.limits.calibration_days)?;
@@ -169,7 +169,7 @@ fn hand_side(side: Side) -> HandSide {
 /// The rig that is meant by `--robot`: `twin`, or a file.
 ///
 /// # Errors
-/// If the truth of the twin or the rig's file is not sound, or this program does not know where it lies.
+/// If the truth of the twin or the rig's file is not valid, or the path of this program is unknown.
 pub fn rig_choice(robot: &str, truth: &str) -> Result<RigChoice, StandError> {
     if robot == TWIN {
         return Ok(RigChoice::Twin(Box::new(Truth::load(truth).map_err(TwinError::from)?)));
@@ -186,12 +186,4 @@ pub fn rig_choice(robot: &str, truth: &str) -> Result<RigChoice, StandError> {
 pub fn start_pose(side: Side) -> Result<[f64; JOINTS], StageError> {
     let stage = StageConfig { side, ..StageConfig::default() };
     Ok(World::new(&stage, &PhysicalParams::default())?.start_pose())
-}
-
-/// Tries whether the arm reaches the whole keyboard by this calibration, starting from where it is.
-///
-/// # Errors
-/// If it does not, or the points do not lie as the keys do.
-pub fn try_path(rig: &RigConfig, place: &Calibration, near: &[f64; 7]) -> Result<(), CalibrationError> {
-    RailPath::new(place, rig.limits.rail_range_m, near).map(|_| ())
 }

@@ -10,7 +10,7 @@ pub struct Claim {
 }
 
 impl Claim {
-    /// Claims a rig, and forgets earlier requests to stop it.
+    /// Claims a rig and removes earlier requests to stop it.
     ///
     /// # Errors
     /// If another process has it, or the folder cannot be written to.
@@ -33,7 +33,7 @@ impl Claim {
     }
 }
 
-/// Tells whoever has claimed the rig to stop and to end.
+/// Requests the process that has claimed the rig to stop the robot and to end.
 ///
 /// # Errors
 /// If the folder cannot be written to.

@@ -1,9 +1,8 @@
-//! The guard: a process of its own that stops the robot when its controller is gone, be it by a panic or by kill -9, or
+//! The guard: a process of its own. It stops the robot when the controller has ended, for example by a panic or by kill -9, or
 //! hangs.
 //!
-//! The controller sends a byte with every slice of time that it has run. Silence, or the end of the pipe without a
-//! farewell, means that nobody controls the robot any more. The farewell is said only after the robot has confirmed that it
-//! stands still.
+//! The controller sends a byte at least every 50 ms. If no byte arrives for 300 ms, or the pipe ends without the byte for a
+//! regular end, the guard stops the robot. The controller sends that byte only after the robot has confirmed that it stands still.
 
 use std::io::{BufRead as _, BufReader, Read as _, Write as _};
 use std::path::Path;
@@ -14,23 +13,23 @@ use std::time::Duration;
 use etude_robot::rig::RigConfig;
 use etude_robot::stop::{Stopped, stop};
 
-/// Silence after which the guard acts; the controller beats six times as often.
+/// Time without a byte after which the guard acts; the controller sends six times as often.
 const SILENCE: Duration = Duration::from_millis(300);
-/// Silence that it bears before the first beat, while the controller sets itself up; nothing moves until then.
+/// The same before the first byte, while the controller starts; nothing moves until then.
 const FIRST_SILENCE: Duration = Duration::from_secs(10);
 const BEAT: u8 = b'.';
 const FAREWELL: u8 = b'q';
-/// What the guard says when it listens.
+/// The guard prints this line when it is ready.
 pub const READY: &str = "on guard";
 
-/// The controller's end.
+/// The controller's side of the pipe.
 pub(super) struct Guard {
     child: Child,
     pipe: ChildStdin,
 }
 
 impl Guard {
-    /// Starts the guard of a rig, this program with the verb for it, and waits until it listens.
+    /// Starts the guard of a rig (`PROGRAM robot guard`) and waits until it is ready.
     pub fn start(program: &Path, rig: &Path) -> std::io::Result<Self> {
         let mut command = Command::new(program);
         command.args(["robot", "guard", "--robot"]).arg(rig).stdin(Stdio::piped()).stdout(Stdio::piped());
@@ -49,21 +48,21 @@ impl Guard {
         Ok(Self { child, pipe })
     }
 
-    /// Says that the controller is alive; `false` if the guard is not.
+    /// Sends a sign of life; `false` if the guard has ended.
     pub fn beat(&mut self) -> bool {
         self.pipe.write_all(&[BEAT]).is_ok()
     }
 
-    /// Sends the guard home. To be called only when the robot stands still.
+    /// Ends the guard. To be called only when the robot stands still.
     pub fn farewell(&mut self) {
-        // A guard that is gone needs no farewell.
+        // It may have ended already.
         let _ = self.pipe.write_all(&[FAREWELL]);
         let _ = self.child.wait();
     }
 }
 
-/// The guard's end: waits for the controller's bytes on standard input; stops the robot when they stay away. `None` if the
-/// controller said farewell.
+/// The guard's side of the pipe: reads the controller's bytes from standard input and stops the robot when they stop. `None` after a
+/// regular end.
 pub fn stand_guard(rig: &RigConfig) -> Option<Stopped> {
     let (beats, heard) = channel();
     std::thread::spawn(move || {

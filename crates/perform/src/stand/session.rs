@@ -1,5 +1,6 @@
-//! A robot with its controller and whatever lets its time pass. It ends with the robot let go, whichever way it ends.
+//! A robot with its controller and its clock. When the stand is dropped, the hand is released and the arm is stopped.
 
+use std::sync::atomic::AtomicBool;
 use std::time::Duration;
 
 use etude_robot::wires::{OpenWires, Wires};
@@ -9,8 +10,10 @@ use etude_twin::Lockstep;
 
 use super::claim::Claim;
 use super::guard::Guard;
+use crate::perform::PerformError;
+use crate::prepare::prepare;
 
-/// Longest time between two beats to the guard, and between two looks for a request to stop.
+/// Longest time between two signs of life to the guard, and between two checks for a request to stop.
 const BEAT_PERIOD: Duration = Duration::from_millis(50);
 /// Time within which the arm must confirm that it stands still.
 const CONFIRM: Duration = Duration::from_secs(1);
@@ -45,10 +48,22 @@ impl Live {
 }
 
 impl Stand {
-    /// Lets go of the hand, stops the arm, and waits until the arm says that it stands still.
+    /// Brings the robot up and holds it still for `time`. Returns the fault if the robot stopped itself meanwhile.
     ///
     /// # Errors
-    /// If it does not say so; the guard tries again then, and the operator must use the hardware stop.
+    /// If the robot does not get ready.
+    pub fn hold(&mut self, time: Duration, interrupt: &AtomicBool) -> Result<Option<String>, PerformError> {
+        let Self { robot, pace } = self;
+        prepare(robot, pace, None, None, interrupt)?;
+        let until = pace.now() + time;
+        pace.run_until(robot, until);
+        Ok(robot.fault().map(ToString::to_string))
+    }
+
+    /// Releases the hand, stops the arm, and waits until the arm reports that it stands still.
+    ///
+    /// # Errors
+    /// If it does not report so. Then the guard tries again, and the operator must use the hardware stop.
     pub fn let_go(&mut self) -> Result<(), String> {
         let begun = self.pace.now();
         self.robot.stop(begun, self.pace.wires());
@@ -67,7 +82,7 @@ impl Stand {
 }
 
 impl Drop for Stand {
-    /// A panic says no farewell: the guard acts.
+    /// After a panic the guard acts.
     fn drop(&mut self) {
         if std::thread::panicking() {
             return;

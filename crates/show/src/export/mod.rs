@@ -1,4 +1,4 @@
-//! A policy's actor as an ONNX model, with what it reads and gives written into it.
+//! A policy's actor as an ONNX model, with a description of its input and output.
 
 mod proto;
 

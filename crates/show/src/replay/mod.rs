@@ -1,6 +1,6 @@
 //! Replays: recordings as one page that shows the hand, the score and the keys, and sounds; nothing else is needed to open it.
 //!
-//! [`Take`] is what the page is told of a recording; `viewer/` draws it.
+//! [`Take`] is the page's data of a recording; `viewer/` draws it.
 
 mod page;
 mod rewards;
@@ -40,7 +40,7 @@ pub fn recordings(path: &Path) -> anyhow::Result<Vec<PathBuf>> {
 fn look(folder: &Path, found: &mut Vec<PathBuf>) -> std::io::Result<()> {
     for entry in std::fs::read_dir(folder)? {
         let entry = entry?;
-        // What a link leads to is not below this folder, and may lead in a circle.
+        // Links are not followed: they may form a circle.
         if entry.file_type()?.is_dir() {
             look(&entry.path(), found)?;
         } else if entry.path().extension().is_some_and(|extension| extension == "mcap") {

@@ -1,4 +1,4 @@
-//! One recording as the page is told of it.
+//! The page's data of one recording.
 
 use std::collections::BTreeMap;
 
@@ -22,7 +22,7 @@ const LONGEST_TEXT: usize = 400;
 /// `(i + 1) / control_hz`.
 #[derive(Clone, Debug, Serialize)]
 pub struct Take {
-    /// What it is called: its path.
+    /// Its name: its path.
     pub name: String,
     /// Title of the song.
     pub song: String,
@@ -38,7 +38,7 @@ pub struct Take {
     pub bar_secs: Vec<f64>,
     /// What is missing in the recording, for the reader.
     pub incomplete: Option<String>,
-    /// The world in which it was recorded, as the simulator believes it to be.
+    /// The simulator's world of the recording.
     pub scene: Scene,
     /// Names of the joints.
     pub joints: Vec<String>,
@@ -59,11 +59,11 @@ pub struct Take {
     pub last: Option<FrameScores>,
     /// The reward's terms.
     pub rewards: Vec<RewardCurve>,
-    /// What a reader should know about them.
+    /// A note on them for the reader.
     pub rewards_note: Option<String>,
     /// Phases, warnings, faults, clamps.
     pub marks: Vec<Mark>,
-    /// What kind of world it is, for whoever draws it by MuJoCo.
+    /// The task, from which MuJoCo's world is built for pictures.
     #[serde(skip)]
     task: TaskConfig,
 }
@@ -101,7 +101,7 @@ pub struct RewardCurve {
     pub values: Vec<f64>,
 }
 
-/// What a mark on the time line is about.
+/// The kind of a mark on the time line.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum MarkKind {
@@ -109,13 +109,13 @@ pub enum MarkKind {
     Fault,
     /// Something that an operator should read.
     Warning,
-    /// The robot went on to something else.
+    /// The robot entered another phase.
     Phase,
     /// The limiter changed set-points.
     Clamp,
 }
 
-/// Something to be seen on the time line.
+/// A mark on the time line.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Mark {
     /// When.
@@ -127,7 +127,7 @@ pub struct Mark {
 }
 
 impl Take {
-    /// What the page is told of `recording`, which is called `name`.
+    /// The page's data of `recording`, with this `name`.
     ///
     /// # Errors
     /// If its world cannot be built.
@@ -186,7 +186,7 @@ impl Take {
         })
     }
 
-    /// The world in which it was recorded, as the simulator believes it to be, in its starting pose.
+    /// The simulator's world of the recording, in its start pose.
     ///
     /// # Errors
     /// If MuJoCo refuses it.
@@ -214,7 +214,7 @@ impl Take {
     }
 }
 
-/// A configuration that makes no sense is drawn as the usual world: there is still something to see.
+/// A configuration that is not valid is drawn as the default world.
 fn world_of(task: &TaskConfig) -> anyhow::Result<World> {
     let params = task.check().ok().and_then(|()| task.params().ok()).unwrap_or_default();
     Ok(World::new(&task.stage, &params)?)
@@ -230,7 +230,7 @@ fn task_of(header: &Header) -> TaskConfig {
     })
 }
 
-/// A hundredth of a milliradian and of a millimetre are less than a pixel, and make a third of the text.
+/// Rounds to 1e-5 (rad or m), which is less than a pixel and makes the text three times shorter.
 pub(super) fn rounded(value: f64) -> f64 {
     (value * 1e5).round() / 1e5
 }

@@ -1,4 +1,4 @@
-//! Which runs are meant by the folders that are named.
+//! The runs in the folders that the user names.
 
 use std::path::{Path, PathBuf};
 use std::time::{Duration, SystemTime};
@@ -7,7 +7,7 @@ use super::METRICS;
 use anyhow::bail;
 use etude_lab::{CONFIG, SONG};
 
-/// A run that was not written to for longer is not meant by the folder that it lies in.
+/// Older runs in a folder are left out.
 const RECENT: Duration = Duration::from_secs(24 * 3600);
 /// Folders between one that is named and a run in it: `runs/TASK/rehearsal/round-1/training`, and one more.
 const DEPTH: usize = 5;

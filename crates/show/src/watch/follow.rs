@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 /// So many of the last bytes are compared before reading on. A line of a training's log is shorter, and says when it was
 /// written, so another file does not have the same bytes at the same place.
 const TAIL: usize = 1024;
-/// A longer line is none of ours, for example the zeros that a crash leaves; it need not fill the memory.
+/// Longer lines are dropped, for example the zeros that a crash leaves, so that they do not fill the memory.
 const LONGEST_LINE: usize = 1 << 20;
 
 /// A file and how far it has been read.
@@ -18,9 +18,9 @@ pub(super) struct Follower {
     lines: Lines,
 }
 
-/// What one reading brought.
+/// The result of one read.
 pub(super) struct Piece {
-    /// The file is another one, or was cut back: what was read before is void.
+    /// The file is another one, or was truncated: what was read before is not valid.
     pub restarted: bool,
     /// More is there already.
     pub more: bool,

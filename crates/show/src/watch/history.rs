@@ -16,7 +16,7 @@ pub struct Point {
     pub value: f64,
 }
 
-/// What a training has logged so far.
+/// The log of a training so far.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct History {
     /// F1 of the evaluations.

@@ -1,4 +1,4 @@
-//! Trainings as others see them, in this process or not: from the files in their folders, read while they grow.
+//! Trainings, of this process or of others: read from the files in their folders while they grow.
 
 mod find;
 mod follow;
@@ -20,7 +20,7 @@ use follow::Follower;
 const METRICS: &str = "metrics.jsonl";
 /// Bytes that are read at once, so that the reader can do something else between.
 const AT_ONCE: usize = 8 << 20;
-/// A training that has logged nothing for so many of its intervals, and for so many seconds, is told apart from one that goes on.
+/// A training is `Silent` when it has logged nothing for this many of its intervals and for this many seconds.
 const PATIENCE_INTERVALS: f64 = 3.0;
 const PATIENCE_SECS: f64 = 120.0;
 
@@ -34,7 +34,7 @@ pub struct WatchedRun {
     history: History,
 }
 
-/// What a run's configuration says about its course, as far as it can be read.
+/// The lengths in a run's configuration, as far as it can be read.
 #[derive(Default)]
 struct Intervals {
     total_steps: Option<f64>,
@@ -42,7 +42,7 @@ struct Intervals {
     evaluate_every_steps: Option<f64>,
 }
 
-/// How a run stands.
+/// The state of a run.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum RunState {
