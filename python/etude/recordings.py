@@ -27,11 +27,13 @@ class Recording:
     """What was played.
 
     Attributes:
-        header: Song, player, rig, mode, joints, the keys due at each control step, the configuration.
-        topics: The messages of each topic, a column a field. Numbers come as arrays, `[messages, …]`; what differs in length from
-            message to message as an array of objects. `log_secs` is the time of each message, s. Units are those of the
+        header: `song`, `player`, `rig`, `activity` (`kind`: simulation, mode, excitation or rest; `name`: of the execution mode or the
+            excitation), `joints`, `due` (the keys due at each control step), `bar_secs`, `run` (the configuration of the player's run),
+            `rig_config` (the rig's file), `schema` (version of the messages, 2).
+        topics: The messages of each topic, a column a field. Numbers come as arrays, `[messages, …]`; values whose length differs
+            from message to message come as an array of objects. `log_secs` is the time of each message, s. Units are those of the
             recording: rad, N·m and s, the rail in m and N.
-        incomplete: What is wrong at its end, if it was broken off.
+        incomplete: What is wrong at the end of the file if it was cut short; else None.
     """
 
     header: dict[str, Any]
@@ -104,7 +106,7 @@ def _column(values: list[Any]) -> NDArray[Any]:
 
 
 def read_recording(path: str | os.PathLike[str]) -> Recording:
-    """Reads a recording; of one that was broken off, as much as is there.
+    """Reads a recording; one that was cut short, as far as it goes.
 
     Raises:
         EtudeError: If it is not a recording of Étude.

@@ -1,8 +1,8 @@
-//! A policy on a fixed grid of worlds: how well it plays where the simulator is wrong.
+//! A policy on a fixed grid of worlds: how well it plays where the simulator's parameters are off.
 //!
-//! The nominal world flatters what was trained in it. The grid is a Latin hypercube over the widths of the player's own
+//! A policy scores best in the nominal world, in which it was trained. The grid is a Latin hypercube over the widths of the player's own
 //! randomisation ([`etude_task::Randomisation::grid`]), the same for the same seed, so that policies are compared in the
-//! same worlds; its worst tenth says more about a robot than its mean (fact sheet "speed and sample efficiency" §6).
+//! same worlds; the worst tenth of them tells more about a robot than the mean (our judgement).
 
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
@@ -25,7 +25,7 @@ pub struct GridConfig {
     pub worlds: usize,
     /// The paper's C_dr: how far the worlds are from the nominal one.
     pub intensity: f64,
-    /// Another one, another grid.
+    /// Seed of the grid.
     pub seed: u64,
 }
 
@@ -94,8 +94,8 @@ pub struct GridReport {
     pub csv: Option<PathBuf>,
 }
 
-/// Plays `song` once in each world of the grid, over the threads of the current rayon pool. `watch` is told after each how
-/// many are done, on any thread, and says whether to go on; if not, there is no report.
+/// Plays `song` once in each world of the grid, over the threads of the current rayon pool. After each world `watch` is called,
+/// on any thread, with the number of worlds that are done; if it returns `false`, the work ends without a report.
 ///
 /// # Errors
 /// If the song does not fit the keyboard, or the player's task or the grid is not sound.

@@ -50,7 +50,7 @@ pub struct Files {
     pub frames: PathBuf,
     /// Every control step, as MCAP.
     pub recording: PathBuf,
-    /// The report, as JSON; absent where it is of several performances.
+    /// The report, as JSON; absent where one report covers several performances.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub report: Option<PathBuf>,
 }
@@ -107,7 +107,10 @@ pub fn play(
 
 const REPORT: &str = "report.json";
 
-/// Scores of the player in simulation alone, in the nominal world: one drawn world would flatter it or not.
+/// Scores of the player in simulation alone, always in the nominal world, so that they do not depend on a random draw.
+///
+/// # Errors
+/// If the task of the player is not sound.
 pub fn scores_in_simulation(player: &Player, piece: &Piece) -> anyhow::Result<Scores> {
     let task = &player.config.task;
     let mut rig = SimRig::nominal(task, piece)?;

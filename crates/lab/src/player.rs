@@ -1,4 +1,4 @@
-//! Who plays: a trained policy, found by song or by path, or the scripted player.
+//! The player of a song: a trained policy, found by song or by path, or the scripted player.
 
 use std::path::{Path, PathBuf};
 
@@ -26,7 +26,7 @@ pub(crate) enum Ready {
 }
 
 impl Ready {
-    /// What limits the scripted player on the piece; unknown of a policy.
+    /// What limits the scripted player on the piece; `None` for a policy.
     pub(crate) fn limits(&self) -> Option<String> {
         match self {
             Self::Policy(_) => None,
@@ -44,7 +44,7 @@ impl etude_task::Player for Ready {
     }
 }
 
-/// Who plays, and the task that it plays in.
+/// A policy or the scripted player, and the configuration that it plays in.
 pub struct Player {
     pub(crate) mind: Mind,
     /// The task; for a policy the one that it was trained with.
@@ -55,7 +55,7 @@ pub struct Player {
     pub claimed_f1: Option<f64>,
 }
 
-/// Where shipped policies are looked for: the working folder, beside an installed binary, the source tree.
+/// Folders that may hold shipped policies: `policies` in the working folder, beside an installed binary, the source tree.
 fn policy_folders() -> Vec<PathBuf> {
     let mut folders = vec![PathBuf::from("policies")];
     if let Some(prefix) =
@@ -68,7 +68,7 @@ fn policy_folders() -> Vec<PathBuf> {
     folders
 }
 
-/// The policies of the runs in `runs` that learned `slug`, and the one that comes with Étude.
+/// The policies for the song `slug`: those of the runs in the folder `runs`, then the one that comes with Étude.
 pub fn shipped_policies(slug: &str, runs: &Path) -> Vec<PathBuf> {
     let shipped = policy_folders().into_iter().map(|folder| folder.join(format!("{slug}.safetensors")));
     let mut found: Vec<PathBuf> = std::fs::read_dir(runs)
@@ -89,7 +89,7 @@ pub fn shipped_policies(slug: &str, runs: &Path) -> Vec<PathBuf> {
 }
 
 /// Loads the policy at `path` (a policy file or a run's folder), or else the best usable one that there is for `slug`,
-/// the short form of the song that was `asked` for. Of equally good ones a run's is better than the one that was shipped.
+/// the short form of the song that was `asked` for. Among equally good policies, one of a run is preferred to the shipped one.
 ///
 /// # Errors
 /// If there is none, or it cannot be used.
@@ -102,7 +102,7 @@ pub fn load_player(asked: &str, slug: &str, path: Option<&Path>, runs: &Path) ->
             format!("{} holds no policy; name the folder of a run, or a policy file", path.display())
         })?);
     }
-    // One damaged file must not keep the others from playing.
+    // A damaged file must not prevent the use of the others.
     let (mut players, mut errors) = (Vec::new(), Vec::new());
     for path in shipped_policies(slug, runs) {
         match open(&path) {
@@ -121,7 +121,7 @@ pub fn load_player(asked: &str, slug: &str, path: Option<&Path>, runs: &Path) ->
     players.into_iter().next().ok_or_else(|| errors.into_iter().next().unwrap_or_else(none))
 }
 
-/// The player that the policy file at `path` is.
+/// Opens the policy file at `path`.
 pub(crate) fn open(path: &Path) -> anyhow::Result<Player> {
     let fail = |message: String| anyhow!("cannot use the policy {}: {message}", path.display());
     let policy = Policy::load(path)?;
@@ -161,7 +161,8 @@ impl Player {
         }
     }
 
-    /// How many notes the song had that the policy learned in a run, if they were not those of `song`, whatever it is called.
+    /// Number of notes of the song that the policy was trained on, if these are not the notes of `song`; `None` if they are, or if
+    /// the policy is not in a run's folder. Titles are not compared.
     pub fn learned_other_notes(&self, song: &Song) -> Option<usize> {
         match &self.mind {
             Mind::Policy(_, path) => other_notes(path.parent()?, song),
@@ -169,7 +170,7 @@ impl Player {
         }
     }
 
-    /// The player of `piece` in `task`.
+    /// Prepares the player for `piece` in `task`.
     pub(crate) fn ready(&self, task: &TaskConfig, piece: &Piece) -> Result<Ready, TaskError> {
         Ok(match &self.mind {
             Mind::Policy(policy, _) => Ready::Policy(policy.clone()),

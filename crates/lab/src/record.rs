@@ -1,4 +1,4 @@
-//! Recording a robot that plays no song: at rest, or moved so that a simulator can be fitted to it.
+//! Records a robot that plays no song: at rest, or in an excitation for a fit of the simulator.
 
 use std::path::Path;
 use std::sync::atomic::AtomicBool;
@@ -18,7 +18,7 @@ use etude_perform::stand::{RigChoice, start_pose};
 /// What a robot does while it is recorded.
 #[derive(Clone, Copy, Debug)]
 pub enum Motion {
-    /// It holds still, for so long or until it is interrupted.
+    /// It holds still for this time, or until it is interrupted.
     Rest(Option<Duration>),
     /// It moves clear of the keyboard.
     Excitation(Excitation),
@@ -64,7 +64,7 @@ pub fn record_robot(
     let mut writer = RecordingWriter::create(path, &header)?;
     let ending = act(&mut stand, motion, &pose, home, &mut writer, interrupt);
     stand.let_go().map_err(anyhow::Error::msg)?;
-    // The guard is not needed beside a stopped robot while the file is completed.
+    // The robot is stopped: its guard is not needed while the file is completed.
     drop(stand);
     let ending = ending?;
     let messages = writer.messages();

@@ -1,4 +1,4 @@
-//! Playing a song on a robot: what it is worth there, what it is worth in simulation, and the gap between the two.
+//! Plays a song on a robot: F1 there, F1 in simulation, and the gap between the two.
 
 use std::path::Path;
 use std::sync::atomic::AtomicBool;
@@ -25,13 +25,13 @@ pub struct RobotPlay {
     pub mode: Mode,
     /// How many times.
     pub runs: usize,
-    /// Whether the robot goes slowly to the keyboard first, from wherever it is. Without that it must be there.
+    /// Whether the robot first moves slowly to the keyboard, from any pose. Otherwise it must be there already.
     pub home: bool,
     /// Added to the seed of the twin's truth; each run adds one more.
     pub seed: u64,
 }
 
-/// What came of it. Its keys are those of `etude perform --json`.
+/// The result. Its keys are those of `etude perform --json`.
 #[derive(Clone, Debug, Serialize)]
 pub struct RobotReport {
     /// Title of the song.
@@ -42,7 +42,7 @@ pub struct RobotReport {
     pub mode: Mode,
     /// The rig: `twin`, or the name in its file.
     pub robot: String,
-    /// Name of the twin's truth; absent for a rig.
+    /// Name of the twin's truth; absent for a robot with a rig file.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub truth: Option<String>,
     /// F1 by control step of the same player in simulation.
@@ -63,7 +63,7 @@ pub struct RobotRun {
     /// Scores by control step and by note; control steps after an early end count as silent.
     #[serde(flatten)]
     pub scores: Scores,
-    /// F1 of the simulation that played along; absent in a mode without one.
+    /// F1 of the simulation beside the robot; absent in a mode without one.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub alongside_f1: Option<f64>,
     /// Control steps played, of those in the song.
@@ -88,7 +88,7 @@ impl RobotReport {
     }
 }
 
-/// A run that has ended, of a performance on a robot.
+/// A run on a robot that has ended.
 #[derive(Clone, Debug)]
 pub struct RunEnded {
     /// Which one, from 0.
@@ -98,7 +98,7 @@ pub struct RunEnded {
 }
 
 /// Plays the song on the robot and, if a `folder` is given, writes the files into it. `job` receives each run when it
-/// ends. After a run that was cut short no other begins.
+/// ends. A run that ends early is the last one.
 ///
 /// # Errors
 /// If the robot does not get ready, or a file cannot be written. A fault during a run is in the report.
@@ -142,7 +142,7 @@ pub fn play_on_robot(
         let performance =
             one_run(&mut stand, player, &piece, play, &start, writer.as_mut(), job.interrupt())?;
         stand.let_go().map_err(anyhow::Error::msg)?;
-        // The guard is not needed beside a stopped robot while the files are written.
+        // The robot is stopped: its guard is not needed while the files are written.
         drop(stand);
         if let Some(writer) = writer {
             writer.finish()?;
@@ -213,7 +213,7 @@ impl RobotRun {
     }
 }
 
-/// Of the runs' F1 by control step; the deviation of one run is 0.
+/// Mean and standard deviation of the runs' F1 by control step; the deviation of one run is 0.
 fn mean_and_deviation(runs: &[RobotRun]) -> (f64, f64) {
     let count = runs.len() as f64;
     let f1 = || runs.iter().map(|run| run.scores.frame.f1);

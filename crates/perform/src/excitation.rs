@@ -1,7 +1,7 @@
 //! Motions that show what a robot's joints do: the sequences that a simulator is fitted to (paper, "Sim2Real2Sim").
 //!
-//! All of them stay clear of the keyboard: only pieces touch keys. A sequence is one joint target a control step, given to
-//! the robot through the shaping of its rig, as a policy's targets are.
+//! All of them stay clear of the keys. A sequence has one joint target a control step; the robot's rig shapes them as it shapes a
+//! policy's targets.
 
 use std::f64::consts::TAU;
 
@@ -20,17 +20,17 @@ use serde::{Deserialize, Serialize};
 pub enum Excitation {
     /// Hands open and close, slowly and fast: the paper's initial sequence.
     OpenClose,
-    /// Every finger joint swings with rising frequency, each with a sweep of its own.
+    /// Every finger joint swings with rising frequency; the sweeps differ from joint to joint.
     Chirp,
-    /// The hand goes along the rail: by steps of a key to an octave, then swinging with rising frequency.
+    /// The hand moves along the rail: steps of one key to an octave, then swings with rising frequency.
     Rail,
-    /// All joints and the rail at once, by sums of sines with random phases and random steps in between: other motion than
-    /// that of the others, to try a fit on.
+    /// All joints and the rail at the same time: sums of sines with random phases, and random steps in between. It differs from
+    /// the other sequences, so that a fit can be tested on it.
     #[serde(rename = "held-out")]
     Held,
 }
 
-/// Fingers straight but for a little: where every sequence begins and ends.
+/// Fingers almost straight: every sequence begins and ends here.
 const REST: [f64; FINGER_JOINTS] = [0.0, 0.05, 0.15, 0.15];
 /// The hand closed as far as the keys below allow.
 const CLOSED: [f64; FINGER_JOINTS] = [0.0, -0.05, 0.6, 0.75];
@@ -38,7 +38,7 @@ const CLOSED: [f64; FINGER_JOINTS] = [0.0, -0.05, 0.6, 0.75];
 const OPEN: [f64; FINGER_JOINTS] = [0.0, -0.1, -0.05, -0.1];
 /// How far each joint of a finger swings about [`REST`], rad.
 const SWING: [f64; FINGER_JOINTS] = [0.3, 0.13, 0.19, 0.27];
-/// Frequencies of a sweep of the fingers, Hz: up to where targets of 20 Hz still draw a swing.
+/// Lowest and highest frequency of a sweep of the fingers, Hz. Targets at 20 Hz still describe a swing of the highest.
 const SWEEP_HZ: [f64; 2] = [0.2, 5.0];
 /// The same of the rail, whose reach falls with the square of the frequency.
 const RAIL_SWEEP_HZ: [f64; 2] = [0.2, 2.5];
@@ -79,7 +79,7 @@ impl Excitation {
     }
 }
 
-/// The player of a sequence: it gives one target after the other, whatever it observes.
+/// The player of a sequence. It ignores the observation.
 pub struct ExcitationPlayer {
     targets: Vec<[f64; JOINTS]>,
     range: TargetRange,
@@ -149,7 +149,8 @@ fn blend(from: &[f64; FINGER_JOINTS], to: &[f64; FINGER_JOINTS], share: f64) -> 
     std::array::from_fn(|joint| from[joint] + share * (to[joint] - from[joint]))
 }
 
-/// Open and closed in turns: in one step and held, then by ramps, then finger by finger. Rolls go to and fro meanwhile.
+/// Opens and closes in turns: in one step and held, then by ramps, then finger by finger. The first joints of the fingers swing at
+/// the same time.
 fn open_close() -> Vec<[f64; JOINTS]> {
     let mut targets = Vec::new();
     let mut hold = |fingers: [[f64; FINGER_JOINTS]; FINGERS], secs: f64| {
@@ -180,7 +181,7 @@ fn open_close() -> Vec<[f64; JOINTS]> {
     targets
 }
 
-/// Every finger joint sweeps: neighbours with other lengths and directions, so that no two move alike.
+/// Every finger joint sweeps. Neighbours differ in highest frequency and direction, so that no two move alike.
 fn chirp() -> Vec<[f64; JOINTS]> {
     const SECS: f64 = 24.0;
     let count = steps(SECS);
@@ -222,7 +223,7 @@ fn rail() -> Vec<[f64; JOINTS]> {
     targets
 }
 
-/// Sums of sines at frequencies of their own, and every two seconds a step of all joints that is held for half a second.
+/// Sums of sines at four frequencies, and every two seconds a step of all joints that is held for half a second.
 fn held_out() -> Vec<[f64; JOINTS]> {
     const SECS: f64 = 16.0;
     const HZ: [f64; 4] = [0.37, 0.83, 1.71, 3.1];

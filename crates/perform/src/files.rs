@@ -1,5 +1,5 @@
 //! Small files beside a performance. Each is written under another name first and then renamed, so that a full disk or
-//! an interruption never leaves half a file where a whole one was.
+//! an interruption never replaces a complete file by half of one.
 
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};

@@ -2,8 +2,8 @@
 
 use std::sync::atomic::{AtomicBool, Ordering};
 
-/// What the caller of a long function hands in: where progress goes, and the flag that ends the work early. `E` is what the
-/// function reports.
+/// Passed to a function that runs for long: a callback for its progress, and the flag that ends it early. `E` is the type of its
+/// reports.
 pub struct Job<'a, E> {
     report: &'a mut (dyn FnMut(&E) + Send + 'a),
     interrupt: &'a AtomicBool,
@@ -20,7 +20,7 @@ impl<'a, E> Job<'a, E> {
         (self.report)(event);
     }
 
-    /// Whether the work shall end.
+    /// Whether the work must end.
     pub fn is_interrupted(&self) -> bool {
         self.interrupt.load(Ordering::Relaxed)
     }
@@ -30,7 +30,7 @@ impl<'a, E> Job<'a, E> {
         self.interrupt
     }
 
-    /// Does a part of the work whose reports become reports of this job.
+    /// Runs a part of the work; `translate` turns its reports into reports of this job.
     pub fn part<P, R>(
         &mut self,
         translate: impl Fn(&P) -> E + Send,

@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::{Excitation, Mode};
 
-/// One kind of message, which has a topic of its own.
+/// One kind of message. Each kind has its own topic.
 pub trait Message: Serialize + DeserializeOwned + JsonSchema {
     /// The topic.
     const TOPIC: &'static str;
@@ -17,7 +17,7 @@ pub trait Message: Serialize + DeserializeOwned + JsonSchema {
     const SCHEMA: &'static str;
 }
 
-/// Each kind of message: its type, its topic and the name of its schema. Another kind is another row.
+/// Each kind of message: its type, its topic and the name of its schema. To add a kind: one row here.
 macro_rules! messages {
     ($($message:ty => $topic:literal, $schema:literal;)*) => {
         $(impl Message for $message {

@@ -1,4 +1,4 @@
-//! A simulation whose joints a robot mirrors: the modes *joint mirroring* and *hybrid* of the paper.
+//! A simulation whose joints a robot follows: the paper's modes *joint mirroring* and *hybrid*.
 
 use etude_stage::{JOINTS, PHYSICS_STEPS, World};
 
@@ -7,16 +7,16 @@ use crate::rig::{Command, Ending, Rig, Seen, Stepped};
 use crate::robot_rig::{RobotRig, Waypoints};
 use crate::{PerformError, Recorder};
 
-/// Whose keys the player sees.
+/// Where the keys that the player sees come from.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Keys {
-    /// Those of the simulation.
+    /// From the simulation.
     Simulated,
-    /// Those of the robot.
+    /// From the robot.
     Robot,
 }
 
-/// A simulation beside a robot. Joints are seen in the simulation.
+/// A simulation beside a robot. The player sees the joints of the simulation, and the keys of one of the two.
 pub(crate) struct Mirrored<'a> {
     world: World,
     robot: RobotRig<'a>,
@@ -48,7 +48,7 @@ impl Rig for Mirrored<'_> {
         command: &Command<'_>,
         recorder: &mut Recorder<'_>,
     ) -> Result<Result<Stepped, Ending>, PerformError> {
-        // The robot is to be where the simulated joints were after each physics step.
+        // The set-points are the simulated joints after each physics step.
         let mut waypoints: Waypoints = [[0.0; JOINTS]; PHYSICS_STEPS];
         let mut next = waypoints.iter_mut();
         self.world.step_watched(&command.targets, |world| {

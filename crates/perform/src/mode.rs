@@ -1,4 +1,4 @@
-//! The three ways to let a policy that was learned in simulation play on a robot (paper, appendix "Execution Modes").
+//! The three ways in which a policy that was trained in simulation plays on a robot (paper, appendix "Execution Modes").
 
 use etude_stage::World;
 use etude_task::{TaskConfig, TaskError};
@@ -9,16 +9,16 @@ use crate::mirrored::{Keys, Mirrored};
 use crate::rig::Rig;
 use crate::robot_rig::RobotRig;
 
-/// Where the policy's observation comes from, and what the robot is asked to do.
+/// Where the policy's observation comes from, and what the robot follows.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum Mode {
-    /// Everything observed is the simulation's, and the robot mirrors the simulation's joints: the same motion every
-    /// time, blind to what the robot does.
+    /// The policy observes the simulation, and the robot follows the simulated joints. The robot's state has no influence, so
+    /// every run has the same motion.
     JointMirroring,
-    /// Keys are the robot's, joints the simulation's; the robot mirrors the simulation's joints.
+    /// The policy observes the robot's keys and the simulated joints; the robot follows the simulated joints.
     Hybrid,
-    /// Everything observed is the robot's, and the actions go to the robot. No simulation runs.
+    /// The policy observes the robot, and its targets go to the robot. No simulation runs.
     Real,
 }
 
@@ -48,7 +48,7 @@ impl Mode {
         })
     }
 
-    /// Whether a simulation plays along, whose joints the robot mirrors.
+    /// Whether a simulation runs beside the robot, which follows its joints.
     pub fn has_simulation(self) -> bool {
         self != Self::Real
     }

@@ -10,7 +10,7 @@ use crate::recording::RecordingError;
 use crate::rig::{Command, Ending, Rig, Seen};
 use crate::{Recorder, RecordingWriter};
 
-/// A performance could not be given.
+/// A performance failed.
 #[derive(Debug, thiserror::Error)]
 pub enum PerformError {
     /// The task could not be built.
@@ -19,7 +19,7 @@ pub enum PerformError {
     /// The robot refused a command.
     #[error(transparent)]
     Refused(#[from] Refused),
-    /// The robot did not start, or did not reach the keyboard.
+    /// The robot did not start, or did not reach its starting pose.
     #[error("the robot did not get ready: {0}")]
     NotReady(String),
     /// The robot stopped itself.
@@ -30,12 +30,13 @@ pub enum PerformError {
     Recording(#[from] RecordingError),
 }
 
-/// Plays `piece` once from its beginning. `task` says what `player` observes; `writer` receives the recording, if there is one;
-/// `interrupt` ends the performance before the next control step.
+/// Plays `piece` once from its beginning. `task` is the task that `player` was trained in and `rig` was made for: it decides the
+/// columns of the observation. `writer` receives the recording, if there is one; `interrupt` ends the performance before the next
+/// control step.
 ///
 /// # Errors
 /// If a robot does not hold still in the starting pose, or the recording cannot be written. A fault of a robot during the
-/// performance is no error but an [`Ending`]. A robot still has power afterwards and holds its pose.
+/// performance is not an error but an [`Ending`]. Without a fault the robot still has power afterwards and holds its pose.
 pub fn perform(
     rig: &mut dyn Rig,
     player: &mut dyn Player,

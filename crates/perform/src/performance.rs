@@ -1,4 +1,4 @@
-//! What was played, and its scores.
+//! The result of a performance, and its scores.
 
 use etude_music::metrics::{FrameScores, NoteScores, frame_scores, note_scores};
 use etude_music::{CONTROL_HZ, KeyEvent, KeySet, Note, notes_from_key_events};
@@ -8,14 +8,14 @@ use serde::Serialize;
 use crate::rig::{Ending, Stepped};
 use crate::timing::Timing;
 
-/// A piece as it was played, to its end or until it was cut short.
+/// A piece as it was played, to its end or until the performance ended early.
 #[derive(Clone, Debug)]
 pub struct Performance {
-    /// What was due.
+    /// The piece, with the keys that were due.
     pub piece: Piece,
     /// Keys that sounded at the end of each control step that was played.
     pub pressed: Vec<KeySet>,
-    /// The same of the simulation beside a robot; empty without one.
+    /// The same in the simulation beside a robot; empty without one.
     pub alongside: Vec<KeySet>,
     /// Strikes and releases, at times since the beginning.
     pub events: Vec<KeyEvent>,

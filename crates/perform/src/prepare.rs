@@ -1,4 +1,4 @@
-//! Bringing a robot up and to the starting pose.
+//! Starts a robot and moves it to the starting pose.
 
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
@@ -10,19 +10,19 @@ use crate::recorder::RobotRecords;
 use crate::timing::Timing;
 use crate::{PerformError, Recorder, RecordingWriter};
 
-/// Time that devices may take to come up, and that the slow way to the keyboard may take.
+/// Time limit for the start of the devices, and again for the slow move to the keyboard.
 const PREPARATION: Duration = Duration::from_secs(120);
-/// Time between two looks at the robot's phase.
+/// Time between two checks of the robot's phase.
 const WAIT: Duration = Duration::from_millis(20);
 /// The reason of a stop that has no fault.
 pub(crate) const STOPPED: &str = "it was stopped by `etude robot stop`, or its guard is gone";
 
-/// Starts a robot's devices, waits until it holds still, and, if there is a `pose` (rad, the rail in m), brings it slowly
-/// there. Its records go into the recording, at time 0.
+/// Starts a robot's devices, waits until it holds still, and, if there is a `pose` (rad, the rail in m), moves it there
+/// slowly. Its records go into the recording, with time 0.
 ///
 /// # Errors
-/// If a device does not come up, or the robot does not get there in two minutes, or it is interrupted, or the recording
-/// cannot be written. The caller must stop the robot then.
+/// If a device does not start, the robot is not there after two minutes, `interrupt` is set, or the recording cannot be
+/// written. The caller must then stop the robot.
 pub fn prepare(
     robot: &mut Robot,
     pace: &mut dyn Pace,

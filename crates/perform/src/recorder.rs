@@ -1,4 +1,4 @@
-//! Where a rig puts what it measures: key events into memory, everything into the recording if there is one.
+//! Receives what a rig measures: keeps the key events in memory and writes everything to the recording, if there is one.
 
 use std::time::Duration;
 
@@ -10,7 +10,7 @@ use crate::recording::RecordingError;
 use crate::timing::Timing;
 use crate::writer::RecordingWriter;
 
-/// Takes what a rig measures during a performance.
+/// Receives what a rig measures during a performance.
 pub struct Recorder<'a> {
     writer: Option<&'a mut RecordingWriter>,
     /// Strikes and releases since the beginning.
@@ -23,7 +23,7 @@ impl<'a> Recorder<'a> {
         Self { writer, events: Vec::new() }
     }
 
-    /// Takes a key event. One before the beginning (of a robot that is being prepared) is only written.
+    /// Takes a key event. An event before time zero (while a robot is prepared) is written, but not kept in `events`.
     ///
     /// # Errors
     /// If writing fails.
@@ -35,7 +35,7 @@ impl<'a> Recorder<'a> {
         self.write(secs, || KeyMessage { secs, pitch: LOWEST_PITCH + key as u8, velocity })
     }
 
-    /// Writes a message; it is made only if there is a recording.
+    /// Writes a message at `secs`. `message` is called only if there is a recording.
     ///
     /// # Errors
     /// If writing fails.
@@ -48,7 +48,7 @@ impl<'a> Recorder<'a> {
     }
 }
 
-/// Takes the records of a robot.
+/// Passes the records of a robot on to a [`Recorder`].
 pub(crate) struct RobotRecords {
     begun: Duration,
 }
@@ -64,7 +64,7 @@ impl RobotRecords {
         self.begun
     }
 
-    /// Takes what has been recorded since the last call.
+    /// Passes on what the robot has recorded since the last call; `timing` receives the periods of the hand.
     ///
     /// # Errors
     /// If writing fails.

@@ -20,7 +20,7 @@
 //!
 //! Messages are JSON with a JSON schema. Log times are nanoseconds since the start of the performance; what comes before
 //! it has the time 0. The file is written front to back and flushed once a second, so a recording that was cut short,
-//! be it by kill -9, can be read as far as it goes. [`RecordingWriter`](crate::RecordingWriter) writes it, [`Recording`] reads it.
+//! even by kill -9, can be read up to its end. [`RecordingWriter`](crate::RecordingWriter) writes it, [`Recording`] reads it.
 
 use std::path::{Path, PathBuf};
 
@@ -29,7 +29,7 @@ use crate::messages::{
     SetPointMessage, StepMessage, TargetMessage,
 };
 
-/// Version of the messages below.
+/// Version of the messages ([`Header::schema`]).
 pub(crate) const SCHEMA: u32 = 2;
 
 /// A recording could not be written or read.
@@ -123,7 +123,7 @@ impl Recording {
         }
     }
 
-    /// Takes over message after message until the end or the first damage.
+    /// Adds the messages up to the end or to the first damaged record.
     fn take(&mut self, bytes: &[u8]) -> Result<(), String> {
         let options = mcap::read::Options::IgnoreEndMagic.into();
         let stream = mcap::MessageStream::new_with_options(bytes, options).map_err(|e| e.to_string())?;

@@ -20,16 +20,16 @@ pub struct Seen {
     pub keys: KeySet,
 }
 
-/// What a player decided for one control step.
+/// The action of a player in one control step.
 #[derive(Clone, Copy, Debug)]
 pub struct Command<'a> {
     /// Index of the control step.
     pub step: usize,
-    /// The observation that the decision was made on.
+    /// The observation on which the player acted.
     pub observation: &'a [f32],
     /// The action, −1 to 1.
     pub action: &'a [f32; ACTION_LEN],
-    /// The joint targets that the action stands for: rad, the rail in m.
+    /// The joint targets of the action: rad, the rail in m.
     pub targets: [f64; JOINTS],
 }
 
@@ -64,9 +64,10 @@ impl std::fmt::Display for Ending {
     }
 }
 
-/// Something that plays when it is given joint targets. [`perform`](crate::perform) drives it.
+/// Moves to joint targets at a keyboard. [`perform`](crate::perform) calls it.
 pub trait Rig {
-    /// Comes to the start of a performance: the starting pose, time zero.
+    /// Begins a performance: time zero, in the starting pose. A simulation is put there; a robot must be there already
+    /// ([`prepare`](crate::prepare())).
     ///
     /// # Errors
     /// If a recording cannot be written.
@@ -75,8 +76,8 @@ pub trait Rig {
     /// What a player sees now.
     fn seen(&self) -> Seen;
 
-    /// Moves for one control step, and gives to `recorder` every key event and what this rig measures on the way. An
-    /// `Ending` instead of the step says that the rig stopped during it.
+    /// Moves for one control step, and passes every key event and measurement to `recorder`. Returns an `Ending` if the rig
+    /// stopped during the step.
     ///
     /// # Errors
     /// If a robot refuses the command, or the recording cannot be written.
@@ -86,10 +87,10 @@ pub trait Rig {
         recorder: &mut Recorder<'_>,
     ) -> Result<Result<Stepped, Ending>, PerformError>;
 
-    /// Comes to rest, whichever way the performance ended.
+    /// Comes to rest. Called after the last control step, however the performance ended.
     fn rest(&mut self);
 
-    /// Adds to `performance` what only this rig measures, and to `recorder` what has not been recorded yet.
+    /// Adds to `performance` what only this kind of rig measures, and passes to `recorder` what is not yet recorded.
     ///
     /// # Errors
     /// If the recording cannot be written.

@@ -1,4 +1,4 @@
-//! A robot as a rig: its joints and keys are observed, and its commands are shaped within its own limits.
+//! A robot as a rig. The player sees its joints and keys; its set-points are shaped within the limits of its rig file.
 
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
@@ -18,10 +18,10 @@ use crate::{PerformError, Recorder};
 
 /// How long the robot holds still before the first control step.
 const SETTLE: Duration = Duration::from_millis(300);
-/// Time between two looks at the records of a robot at rest.
+/// Time between two readings of the records of a robot at rest.
 const SLICE: Duration = Duration::from_millis(50);
 
-/// Positions to be at after each physics step of a control step: rad, the rail in m.
+/// Set-points of one control step, one for each physics step: rad, the rail in m.
 pub(crate) type Waypoints = [[f64; JOINTS]; PHYSICS_STEPS];
 
 /// A robot that has been prepared ([`prepare`](crate::prepare())) and holds still in the starting pose.
@@ -35,7 +35,7 @@ pub struct RobotRig<'a> {
 }
 
 impl<'a> RobotRig<'a> {
-    /// A rig of `robot`, which holds still in the pose `start` (rad, the rail in m); `pace` lets its time pass.
+    /// A rig of `robot`, which holds still in the pose `start` (rad, the rail in m); `pace` advances its time.
     pub fn new(robot: &'a mut Robot, pace: &'a mut dyn Pace, start: &[f64; JOINTS]) -> Self {
         Self {
             shaping: Shaping::new(&robot.config().limits, start),
@@ -155,12 +155,12 @@ impl Rig for RobotRig<'_> {
     }
 }
 
-/// How a robot ended that no longer follows.
+/// The ending of a robot that has stopped following.
 fn fault(robot: &Robot) -> Ending {
     Ending::Fault(robot.fault().map_or_else(|| STOPPED.to_string(), ToString::to_string))
 }
 
-/// Keys of the robot that are down.
+/// Keys that are down on the robot's keyboard.
 pub fn keys(robot: &Robot) -> KeySet {
     let mut set = KeySet::EMPTY;
     for key in (0..KEYS).filter(|key| robot.pressed() >> key & 1 == 1) {
@@ -169,6 +169,6 @@ pub fn keys(robot: &Robot) -> KeySet {
     set
 }
 
-// One way-point for each physics step is one for each set-point, and the joints are the same.
+// Physics steps and set-points have the same rate, and both crates have the same driven joints.
 const _: () = assert!(CONTROL_HZ * PHYSICS_STEPS as f64 == etude_robot::rig::SETPOINT_HZ);
 const _: () = assert!(JOINTS == etude_robot::joints::DRIVEN && RAIL == etude_robot::joints::RAIL);

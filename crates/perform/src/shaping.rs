@@ -1,15 +1,15 @@
-//! How joint targets become set-points when no simulation does it: the low-pass and the bounded reference of a simulated
-//! joint with default numbers, within what the rig's limiter lets through.
+//! Turns joint targets into set-points where no simulation runs: the low-pass and the bounded reference of a simulated joint with
+//! default parameters, within the limits of the rig's limiter.
 //!
-//! It is the rig's and not the policy's: a simulator that was fitted to a robot has this shaping inside its numbers, and
-//! must not be put in front of the robot a second time.
+//! It depends on the rig and not on the policy. The parameters of a simulator that was fitted to a robot already include this
+//! shaping, so the policy's own simulator must not shape the targets a second time.
 
 use etude_robot::rig::LimitsConfig;
 use etude_stage::controller::{Actuation, Controller, Gains};
 use etude_stage::params::Joint;
 use etude_stage::{JOINTS, PHYSICS_STEPS, PhysicalParams, RAIL, StageConfig, joint_range};
 
-/// Set-points are shaped to this share of the limiter's velocity, acceleration and jerk, so that it has nothing to do.
+/// Set-points are shaped to this share of the limiter's velocity, acceleration and jerk, so that it does not clamp them.
 const WITHIN: f64 = 0.95;
 
 /// Shapes targets into set-points.
@@ -41,8 +41,8 @@ impl Shaping {
     }
 }
 
-/// Numbers of a simulated joint whose low-pass and reference are those that a rig's commands are shaped with: where the
-/// numbers of an ideal robot's joints begin.
+/// Parameters of simulated joints with the low-pass and reference that shape a rig's commands: the start values of a fit to
+/// a robot.
 pub fn shaping_params(limits: &LimitsConfig) -> PhysicalParams {
     let mut params = PhysicalParams::default();
     for joint in 0..JOINTS {

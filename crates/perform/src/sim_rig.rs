@@ -9,7 +9,7 @@ use crate::performance::{Performance, Simulated};
 use crate::rig::{Command, Ending, Rig, Seen, Stepped};
 use crate::{PerformError, Recorder};
 
-/// An [`Environment`] that plays its piece from the beginning, and the reward that the playing earns.
+/// An [`Environment`] that plays its piece from the beginning, and sums up the reward.
 pub struct SimRig {
     environment: Environment,
     seed: u64,
@@ -26,14 +26,14 @@ impl SimRig {
     /// If the configuration is not sound.
     pub fn new(task: &TaskConfig, piece: &Piece, seed: u64) -> Result<Self, TaskError> {
         let mut task = TaskConfig { random_start: false, ..task.clone() };
-        // There is no training whose steps a curriculum could count.
+        // A curriculum depends on the steps of a training: here the full widths apply.
         task.randomisation.curriculum_steps = 0;
         let environment = Environment::new(&task, piece, seed)?;
         let terms = vec![0.0; environment.reward().names().len()];
         Ok(Self { environment, seed, terms, steps: piece.steps(), simulated: Simulated::default() })
     }
 
-    /// A simulation of `piece` in the nominal world, whatever `task` randomises.
+    /// A simulation of `piece` in the nominal world, even if `task` randomises.
     ///
     /// # Errors
     /// If the configuration is not sound.
@@ -51,7 +51,7 @@ impl SimRig {
         Ok(rig)
     }
 
-    /// The world behind it.
+    /// The simulated world.
     pub fn world(&self) -> &World {
         self.environment.world()
     }

@@ -1,4 +1,4 @@
-//! How well a performance kept its times: deadlines of the policy, periods of the hand's loop.
+//! The timing of a performance: deadlines of the policy, periods of the hand's loop.
 
 use std::time::Duration;
 
@@ -14,46 +14,46 @@ pub struct Timing {
     last_period: Option<Duration>,
 }
 
-/// What the times come to, in ms.
+/// Statistics of the times, in ms.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct TimingReport {
     /// Control steps that were commanded.
     pub commands: usize,
-    /// Commands that were not there before the next control step began: their deadline.
+    /// Commands that came after the next control step had begun, which is their deadline.
     pub missed: usize,
-    /// Commands later than one set-point after the beginning of their control step: the set-point before them stood
-    /// longer than it should.
+    /// Commands more than one set-point after the beginning of their control step: the previous set-point was held for too
+    /// long.
     pub late: usize,
-    /// Median time from the beginning of a control step until its command was there.
+    /// Median time from the beginning of a control step to its command.
     pub late_median_ms: f64,
-    /// The same for the latest but one in a thousand.
+    /// The same, 99.9th percentile.
     pub late_p999_ms: f64,
-    /// The latest.
+    /// The same, maximum.
     pub late_worst_ms: f64,
-    /// How many commands were there within 0.5, 1, 2, 5, 10 and 50 ms, and how many later.
+    /// Number of commands within 0.5, 1, 2, 5, 10 and 50 ms, and later.
     pub late_histogram: [usize; 7],
     /// Periods of the hand's loop.
     pub hand_periods: usize,
     /// Median period.
     pub hand_period_median_ms: f64,
-    /// How much longer than the median the longest but one in a thousand were.
+    /// 99.9th percentile of the periods, less the median.
     pub hand_late_p999_ms: f64,
-    /// How much longer than the median the longest was.
+    /// Longest period, less the median.
     pub hand_late_worst_ms: f64,
 }
 
 /// Length of a control step.
 pub(crate) const CONTROL_PERIOD: Duration = Duration::from_nanos((1e9 / CONTROL_HZ) as u64);
-/// A set-point's time.
+/// Time between two set-points.
 const SETPOINT: Duration = Duration::from_nanos((1e9 / SETPOINT_HZ) as u64);
 
 impl Timing {
-    /// A command that was there `late` after the beginning of its control step.
+    /// Adds a command that came `late` after the beginning of its control step.
     pub(crate) fn command(&mut self, late: Duration) {
         self.late.push(late);
     }
 
-    /// A period of the hand's loop that ended at `at`.
+    /// Adds a period of the hand's loop that ended at `at`.
     pub(crate) fn hand(&mut self, at: Duration) {
         if let Some(last) = self.last_period.replace(at) {
             self.periods.push(at.saturating_sub(last).as_secs_f64());
@@ -97,7 +97,7 @@ fn sorted(values: &[f64]) -> Vec<f64> {
     values
 }
 
-/// The value that `share` of the sorted ones do not exceed; 0 for none.
+/// Quantile `share` of sorted values (nearest rank); 0 if there are none.
 fn at(sorted: &[f64], share: f64) -> f64 {
     let rank = (sorted.len() as f64 * share).ceil() as usize;
     sorted.get(rank.saturating_sub(1)).copied().unwrap_or(0.0)

@@ -1,5 +1,5 @@
-//! Writing a recording: messages become JSON where they arise, and the file is written by a thread of its own, so that a
-//! slow disk does not hold up a robot.
+//! Writing a recording: messages become JSON on the calling thread, and a separate thread writes the file, so that a slow disk
+//! does not delay a robot.
 
 use std::collections::BTreeMap;
 use std::fs::File;
@@ -14,9 +14,9 @@ use mcap::records::MessageHeader;
 use crate::messages::{Header, Message, topics};
 use crate::recording::{RecordingError, SCHEMA};
 
-/// Time after which what was written is handed to the system, s.
+/// Time between two flushes of the file to the operating system, s.
 const FLUSH_SECS: f64 = 1.0;
-/// Messages that wait for the disk at most, some two minutes of a robot; whoever has more to say waits then.
+/// Most messages that wait for the disk, about two minutes of a robot. When the queue is full, [`RecordingWriter::write`] blocks.
 const WAITING: usize = 65_536;
 
 type McapFile = mcap::Writer<BufWriter<File>>;
@@ -34,7 +34,7 @@ pub struct RecordingWriter {
     channels: Vec<(&'static str, u16)>,
     sequence: u32,
     flushed_secs: f64,
-    /// Absent when the file is complete.
+    /// `None` once the file is complete.
     lines: Option<SyncSender<Line>>,
     thread: Option<JoinHandle<()>>,
     failed: Arc<OnceLock<String>>,
@@ -72,7 +72,7 @@ impl RecordingWriter {
             .name("recording".to_string())
             .spawn(move || {
                 if let Err(error) = write_lines(writer, &waiting) {
-                    // Nobody else sets it.
+                    // Only this thread sets it while it runs.
                     let _ = told.set(cause(&error));
                 }
             })
@@ -104,7 +104,7 @@ impl RecordingWriter {
         self.failed.get().map_or(Ok(()), |message| Err(self.fail(message)))
     }
 
-    /// Waits until everything is in the file.
+    /// Waits until everything is written to the file.
     fn complete(&mut self) {
         self.lines = None;
         if let Some(Err(_)) = self.thread.take().map(JoinHandle::join) {
@@ -130,7 +130,7 @@ impl RecordingWriter {
         }
         let sent = self.lines.as_ref().map(|lines| lines.send(Line { header, text, flush }));
         if let Some(Err(_)) = sent {
-            // The thread has ended before its time; what it says is there when it is gone.
+            // The thread has ended early; its error is set once it is joined.
             self.complete();
         }
         self.failed.get().map_or(Ok(()), |message| Err(self.fail(message)))
@@ -147,7 +147,7 @@ impl Drop for RecordingWriter {
     }
 }
 
-/// What is wrong, in the system's words where it is the system's error.
+/// The message of an error; for an input or output error that of the operating system.
 fn cause(error: &mcap::McapError) -> String {
     match error {
         mcap::McapError::Io(source) => source.to_string(),
@@ -155,7 +155,7 @@ fn cause(error: &mcap::McapError) -> String {
     }
 }
 
-/// Writes line after line until no more can come, and completes the file.
+/// Writes lines until the channel closes, then completes the file.
 fn write_lines(mut writer: McapFile, lines: &Receiver<Line>) -> mcap::McapResult<()> {
     for line in lines {
         writer.write_to_known_channel(&line.header, &line.text)?;
@@ -171,7 +171,7 @@ mod tests {
     use super::*;
     use crate::StepMessage;
 
-    /// Whoever records hears of a full disk while there is time to stop, and again at the end.
+    /// A full disk is reported by `write`, while there is time to stop, and by `finish`.
     #[test]
     #[cfg(target_os = "linux")]
     fn a_full_disk_is_told_on_the_way() {

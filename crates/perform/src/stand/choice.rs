@@ -29,7 +29,7 @@ pub enum RigChoice {
         path: PathBuf,
         /// Its content.
         rig: Box<RigConfig>,
-        /// The `etude` program, which is started once more as the guard of the robot.
+        /// The `etude` program, a second process of which is the guard of the robot.
         guard: PathBuf,
     },
 }
@@ -166,7 +166,7 @@ fn hand_side(side: Side) -> HandSide {
     }
 }
 
-/// The rig that is meant by `--robot`: `twin`, or a file.
+/// The rig that `--robot` names: `twin`, or a file.
 ///
 /// # Errors
 /// If the truth of the twin or the rig's file is not valid, or the path of this program is unknown.

@@ -1,4 +1,4 @@
-//! The guard: a process of its own. It stops the robot when the controller has ended, for example by a panic or by kill -9, or
+//! The guard: a separate process. It stops the robot when the controller has ended, for example by a panic or by kill -9, or
 //! hangs.
 //!
 //! The controller sends a byte at least every 50 ms. If no byte arrives for 300 ms, or the pipe ends without the byte for a
