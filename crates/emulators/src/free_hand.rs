@@ -1,5 +1,4 @@
-//! Sixteen joints that move by themselves, each alone, without weight or contact: enough for the emulator to
-//! be driven when there is no physics at hand.
+//! Sixteen independent joints without weight or contact: enough to run the emulator without a physics engine.
 
 use etude_robot::allegro::{FULL_SCALE_PWM, JOINT_LIMITS_RAD, JOINTS};
 

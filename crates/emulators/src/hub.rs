@@ -1,7 +1,7 @@
 //! A hub: a CAN bus between processes over a Unix socket. Each frame of a client reaches all other clients.
 //!
-//! A client whose records make no sense has lost its place in the stream and is dropped: a torque must never be read out of
-//! the middle of another record.
+//! A client that sends invalid records is dropped, because its stream is out of step: a torque must never be read from the
+//! middle of another record.
 
 use std::os::unix::fs::FileTypeExt as _;
 use std::os::unix::net::{UnixListener, UnixStream};

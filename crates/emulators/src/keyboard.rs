@@ -90,7 +90,7 @@ impl Default for KeyboardEmulatorConfig {
 const QUEUE_BYTES: usize = 1024;
 /// After a longer pause between polls, older clock bytes are left out.
 const MEMORY: Duration = Duration::from_secs(10);
-/// Later than anything that happens; a century.
+/// A time later than all events: a century.
 const FOREVER: Duration = Duration::from_secs(3_155_760_000);
 
 /// Sends the presses and releases of its keys over the line.
@@ -120,7 +120,7 @@ impl KeyboardEmulator {
     /// A keyboard that is plugged in at time zero, no key down.
     ///
     /// # Errors
-    /// If a setting makes no sense.
+    /// If a setting is not valid.
     pub fn new(config: &KeyboardEmulatorConfig) -> Result<Self, SettingError> {
         let KeyboardEmulatorConfig { lowest_pitch, release, running_status, line, sensing_secs, clock_secs } =
             *config;
@@ -202,7 +202,7 @@ impl KeyboardEmulator {
         if !self.plugged {
             return;
         }
-        // Times at the end of time could not be stepped beyond.
+        // No step goes beyond the largest time.
         let now = now.min(FOREVER);
         let memory = now.saturating_sub(MEMORY);
         self.clock_at = self.clock_at.max(memory);

@@ -17,7 +17,7 @@ pub struct MidiServer {
 }
 
 impl MidiServer {
-    /// Listens at `path`. A socket that a dead emulator left there is replaced, a living one is not.
+    /// Listens at `path`. A socket left there by an emulator that has ended is replaced; one that is served is not.
     ///
     /// # Errors
     /// If the path cannot be used, or another emulator listens there.
@@ -56,7 +56,7 @@ impl MidiServer {
         }
     }
 
-    /// Pulls the plug: the driver sees its connection end, and may connect again at once.
+    /// Unplugs the keyboard: the driver's connection ends, and it may connect again.
     pub fn disconnect(&mut self) {
         self.driver = None;
     }

@@ -1,4 +1,4 @@
-//! An experiment as a file: what is trained or fitted, what is compared, which figures come of it, and what the paper found.
+//! An experiment as a file: what is trained or fitted, what is compared, which figures are drawn, and what the paper found.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -93,7 +93,7 @@ pub struct PerformConfig {
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct RehearseConfig {
-    /// In which modes; each is a rehearsal of its own.
+    /// In which modes; each is a separate rehearsal.
     pub modes: Vec<Mode>,
     /// Rounds after the first performance.
     pub rounds: usize,

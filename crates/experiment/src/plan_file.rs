@@ -8,7 +8,7 @@ use etude_perform::write_file;
 
 use crate::trial::{Trial, fnv, json, slug};
 
-/// Letters of a plan's name: all experiments at once have a long one.
+/// Longest name of a plan, characters: a plan of all experiments would have a long one.
 const LONGEST_NAME: usize = 64;
 
 /// Where a plan lies: its name ends with a fingerprint, so that another plan of the experiment never takes the place of one whose

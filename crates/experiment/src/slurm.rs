@@ -1,5 +1,5 @@
-//! The Slurm launcher: a job array over the lines of a plan. Nothing of any site is written down here: what a site asks for
-//! (partition, account, memory) comes in as options of `sbatch`.
+//! The Slurm launcher: a job array over the lines of a plan. It contains nothing specific to a site: partition,
+//! account and memory are given as options of `sbatch`.
 
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
@@ -133,7 +133,7 @@ fn ranges(indices: &[usize]) -> String {
     text
 }
 
-/// A path in which Slurm finds no pattern of its own.
+/// The path with each `%` doubled, because Slurm replaces patterns that begin with `%`.
 fn escaped(path: &Path) -> PathBuf {
     PathBuf::from(path.display().to_string().replace('%', "%%"))
 }

@@ -1,4 +1,4 @@
-//! What scores of several trainings are worth: means and interquartile means with bootstrap intervals, stratified by song as
+//! Statistics of scores of several trainings: means and interquartile means with bootstrap intervals, stratified by song as
 //! Agarwal et al. do ("Deep reinforcement learning at the edge of the statistical precipice", 2021). Checked against their
 //! package and SciPy (`scripts/golden_statistics.py`).
 
@@ -28,7 +28,7 @@ pub struct Summary {
     pub count: usize,
     /// Their mean.
     pub mean: Interval,
-    /// Mean of the middle half: what it is typically, one failed training or not.
+    /// Mean of the middle half, on which one failed training has little influence.
     pub interquartile_mean: Interval,
 }
 

@@ -68,7 +68,7 @@ pub(crate) fn against_the_paper(body: &mut String, experiment: &Experiment, all:
     }
 }
 
-/// Measures that the figures show, each once.
+/// Measures that the figures show, without duplicates.
 fn measures(experiment: &Experiment) -> Vec<String> {
     let shown = experiment.figures.iter().filter(|figure| figure.kind != FigureKind::Curves);
     let mut seen = BTreeSet::new();

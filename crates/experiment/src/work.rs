@@ -312,7 +312,7 @@ impl Doing<'_, '_> {
 fn row(labels: &[(&str, String)], values: &[(&str, f64)]) -> Row {
     Row {
         labels: labels.iter().map(|(key, value)| (key.to_string(), value.clone())).collect(),
-        // JSON has no infinities: a measure that is none is left out.
+        // JSON has no infinities: a measure that is not finite is left out.
         values: values
             .iter()
             .filter(|(_, value)| value.is_finite())

@@ -1,7 +1,7 @@
 //! Bayesian optimisation, the paper's method: a Gaussian process through all evaluations, and the candidates with the
 //! greatest expected improvement.
 //!
-//! The evaluated points are the whole state: each batch fits a new process to them, with a seed of its own. The process
+//! The evaluated points are the whole state: each batch fits a new process to them, with a seed that depends on the batch. The process
 //! models the logarithm of one plus the cost, because costs span orders of magnitude.
 
 use serde::{Deserialize, Serialize};
@@ -19,7 +19,7 @@ const EVERYWHERE: usize = 100;
 const NEAR: [f64; 3] = [0.2, 0.05, 0.01];
 /// How many of the most promising ones are improved.
 const IMPROVED: usize = 4;
-/// Points closer than this, in normalised coordinates, tell a process nothing new and spoil its matrices.
+/// Points closer than this, in normalised coordinates, add no information to a process and make its matrices ill-conditioned.
 const SAME: f64 = 1e-6;
 
 /// State of the method.

@@ -1,4 +1,4 @@
-//! The interface of all methods: ask for a batch, evaluate it anywhere, tell its residuals.
+//! The interface of all methods: ask for a batch, evaluate it anywhere, pass the residuals back.
 //!
 //! A fit holds what the methods share: the best candidate so far, counts, budget, failures, and the saved state.
 

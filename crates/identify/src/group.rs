@@ -140,7 +140,7 @@ fn key_residuals(params: &PhysicalParams, motion: &Motion, trace: &Trace, residu
     }
 }
 
-/// Every joint by itself.
+/// Every joint separately.
 pub fn joints() -> Vec<Group> {
     let group = |joint: usize| Group {
         name: JOINT_NAMES[joint].to_string(),

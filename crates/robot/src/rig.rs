@@ -14,7 +14,7 @@ use crate::xarm::ArmConfig;
 /// Set-points per second: the physics steps of the simulator that a policy is trained in.
 pub const SETPOINT_HZ: f64 = 200.0;
 
-/// A limit's name, its value, and the most that it may be.
+/// A limit's name, its value, and its largest allowed value.
 type Ceiling = (&'static str, f64, f64);
 /// Farthest end of the rail, m from the middle: the keyboard's own end and some room.
 const RAIL_END_M: f64 = 0.40;
@@ -25,13 +25,13 @@ const MOST_DAYS: f64 = 365.0;
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct RigConfig {
-    /// Its name: calibrations and recordings carry it.
+    /// Its name, which calibrations and recordings contain.
     pub name: String,
     /// Where the devices are.
     pub wires: WiresConfig,
     /// File of the keyboard's place, relative to the rig's file.
     pub calibration: PathBuf,
-    /// What joints, rail and operator are held to.
+    /// Limits of joints and rail, and of the calibration's age.
     pub limits: LimitsConfig,
     /// The hand.
     pub hand: HandConfig,
@@ -62,10 +62,10 @@ impl Default for WiresConfig {
     }
 }
 
-/// What joints, rail and operator are held to. Fingers: rad and s. Rail: m and s.
+/// Limits of joints and rail, and of the calibration's age. Fingers: rad and s. Rail: m and s.
 ///
-/// No limit can be set above what the devices bear. Servo mode, in which the arm makes the rail, documents no jerk limit
-/// of its own; the arm's planned moves use 100 m/s³ at the flange at most (xArm user manual).
+/// No limit can be set above what the devices allow. Servo mode, in which the arm makes the rail, has no documented jerk
+/// limit; the arm's planned moves use 100 m/s³ at the flange at most (xArm user manual).
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct LimitsConfig {

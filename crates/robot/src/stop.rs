@@ -1,9 +1,9 @@
 //! Stops a robot from outside its controller: from another terminal, or from the guard process.
 //!
-//! It opens wires of its own, and neither device waits for the other. The hand is released (zero torque three times, servo
-//! off); the arm is put into state 4, which is read back. What no protocol can promise: that a hand whose cable is
-//! out stops pushing (it holds its last torque), and that an arm whose network is out stops moving. Both need the
-//! hardware stop within the operator's reach.
+//! It opens its own connections, and neither device waits for the other. The hand is released (zero torque three times, servo
+//! off); the arm is put into state 4, which is read back. No protocol can stop a hand whose cable is out
+//! (it holds its last torque), or an arm whose network is out. Both cases need the hardware stop, which must be within the
+//! operator's reach.
 
 use std::time::{Duration, Instant};
 

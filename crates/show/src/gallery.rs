@@ -128,7 +128,7 @@ pub fn gallery(recordings: &[PathBuf], folder: &Path, job: &mut Job<'_, usize>) 
     Ok(gallery)
 }
 
-/// Draws a moment in which something sounds; `false` if nothing moves in the recording.
+/// Draws a moment in which a key sounds; `false` if the recording has no motion.
 fn still(take: &Take, path: &Path) -> anyhow::Result<bool> {
     if take.positions.is_empty() {
         return Ok(false);

@@ -1,4 +1,4 @@
-//! What people see and hear of a run: replay pages, galleries, pictures and videos, trainings as they go, the page of a rehearsal, and
+//! Everything that shows a run: replay pages, galleries, pictures and videos, running trainings, the page of a rehearsal, and
 //! models for other programs.
 
 pub mod export;

@@ -104,7 +104,7 @@ impl Environment {
         self.reset();
     }
 
-    /// Restarts it, including its curriculum, as a new environment with this seed.
+    /// Resets everything, including random stream and curriculum: the state of a new environment with this seed.
     pub fn restart(&mut self, seed: u64) {
         self.random = Pcg64::seed_from_u64(seed);
         self.steps_made = 0;
@@ -228,7 +228,7 @@ impl Environment {
     /// Continues from [`Environment::save`].
     ///
     /// # Errors
-    /// If the bytes are not the saved state of such an environment; the environment is then unusable until reset.
+    /// If the bytes are not the saved state of such an environment. It must then be [reset](Self::reset) before use.
     pub fn load(&mut self, bytes: &[u8]) -> Result<(), EnvironmentError> {
         let saved: Saved = serde_json::from_slice(bytes).map_err(|e| EnvironmentError::new(e.to_string()))?;
         if saved.step > self.piece.steps() {

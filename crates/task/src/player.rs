@@ -1,4 +1,4 @@
-//! Who acts.
+//! The interface of everything that chooses actions: a policy, the scripted player, an excitation.
 
 use etude_learn::Policy;
 

@@ -7,8 +7,8 @@ use crate::environment::Environment;
 use crate::observation::layout;
 use crate::{ACTION_LEN, Piece, ScriptedPlayer, TaskConfig, TaskError};
 
-/// Environments of one piece that step together. Each owns its world and its stream of randomness, so the number of
-/// threads cannot change what happens.
+/// Environments of one piece that step together. Each owns its world and its random stream, so the result
+/// does not depend on the number of threads.
 pub struct VectorPiano {
     environments: Vec<Slot>,
     layout: ObservationLayout,
@@ -45,7 +45,7 @@ impl VectorPiano {
         Ok(Self { environments, layout: layout(config), terms, demonstrator: None })
     }
 
-    /// With a player that can demonstrate the piece: what it has planned for the control step that is next.
+    /// With a demonstrator: its actions are those that it has planned for the next control step of each environment.
     pub fn with_demonstrator(self, player: ScriptedPlayer) -> Self {
         Self { demonstrator: Some(player), ..self }
     }

@@ -1,4 +1,4 @@
-//! What can be wrong with a truth.
+//! Errors of a truth.
 
 use std::path::PathBuf;
 
@@ -26,10 +26,10 @@ pub enum TruthError {
     /// A number is out of its range.
     #[error("the twin's {0}")]
     Setting(#[from] SettingError),
-    /// The faults of a link make no sense.
+    /// The faults of a link are not valid.
     #[error("the twin's links: {0}")]
     Link(#[from] FaultPlanError),
-    /// A fault cannot be ordered as it is.
+    /// An ordered fault is not valid.
     #[error("the twin's faults: {0}")]
     Fault(#[from] FaultError),
 }

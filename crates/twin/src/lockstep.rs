@@ -41,7 +41,7 @@ struct Links {
 
 impl Links {
     fn new(truth: &LinksTruth, faults: Faults, seed: u64) -> Result<Self, FaultPlanError> {
-        // Every link throws dice of its own.
+        // Every link has its own random draws.
         let plan = |plan: &FaultPlan, number: u64| FaultPlan {
             seed: plan.seed.wrapping_add(seed).wrapping_mul(8).wrapping_add(number),
             ..plan.clone()
@@ -63,7 +63,7 @@ impl Lockstep {
     /// Connects a twin by the links of its truth. Delays of less than a step of the twin, a millisecond, are one.
     ///
     /// # Errors
-    /// If the faults of the links make no sense.
+    /// If the faults of the links are not valid.
     pub fn new(mut twin: Twin) -> Result<Self, TwinError> {
         let client = twin.devices.arm.connect();
         let numbers = &twin.truth.numbers;
@@ -201,7 +201,7 @@ impl Wires for Links {
 
     fn next_frame(&mut self) -> Result<Option<CanFrame>, CanError> {
         if self.faults.has(FaultKind::CanSilent) || self.faults.has(FaultKind::CanBusOff) {
-            // What was on its way is lost.
+            // Bytes on their way are lost.
             while self.from_hand.pop(self.now).is_some() {}
         }
         self.check_can(&self.from_hand)?;

@@ -25,9 +25,9 @@ use crate::twin::{Twin, TwinError, calibration};
 
 /// Name of the rig and of its file.
 const RIG: &str = "twin";
-/// A twin shares its machine with others and may be held up for so long, as a real hand never is, s.
+/// Longest delay of a twin that shares its machine with other programs, s; a real hand has no such delays.
 const HELD_UP_SECS: f64 = 0.05;
-/// Time that is made up for at most when the machine was busy; more of it is lost, as if the world had stood still.
+/// Most time that is made up for after the machine was busy; the rest is lost, as if the world had stood still.
 const CATCH_UP: Duration = Duration::from_millis(50);
 
 /// A twin could not be served.
@@ -45,7 +45,7 @@ pub enum ServeError {
     /// Its calibration could not be written.
     #[error(transparent)]
     Calibration(#[from] CalibrationError),
-    /// A file or a port could not be had.
+    /// A file or a port could not be opened.
     #[error("{path}: {message}")]
     File {
         /// The file or folder.
@@ -61,7 +61,7 @@ pub struct TwinServer {
     hub: Hub,
     bus: HubTransport,
     arm: ArmServer,
-    /// Gone with its socket while the keyboard is unplugged.
+    /// `None`, and without a socket, while the keyboard is unplugged.
     midi: Option<MidiServer>,
     midi_path: PathBuf,
     rig: PathBuf,

@@ -18,7 +18,7 @@ use crate::numbers::Numbers;
 /// ```
 /// ```compile_fail,E0277
 /// let truth = etude_twin::Truth::load("standard").unwrap();
-/// let _ = toml::to_string(&truth); // and it cannot be written down
+/// let _ = toml::to_string(&truth); // it cannot be serialised
 /// ```
 /// ```
 /// let truth = etude_twin::Truth::load("standard")?;
@@ -41,7 +41,7 @@ const BUILT_IN: [(&str, &str); 3] = [
 ];
 
 impl Truth {
-    /// The truth that is meant by `name`: a built-in one, or a file.
+    /// The truth called `name`: a built-in one, or a file.
     ///
     /// # Errors
     /// If there is neither, or it is not sound.
@@ -86,7 +86,7 @@ impl Truth {
     /// The same truth with more faults.
     ///
     /// # Errors
-    /// If one of them cannot be.
+    /// If one of them is not valid.
     pub fn with_faults(mut self, more: &[OrderedFault]) -> Result<Self, TruthError> {
         more.iter().try_for_each(OrderedFault::check)?;
         self.numbers.faults.extend_from_slice(more);

@@ -1,4 +1,4 @@
-//! The twin: emulators of hand, arm and keyboard, moved by a world of their own in steps of a millisecond.
+//! The twin: emulators of hand, arm and keyboard, moved by a separate world in steps of a millisecond.
 //!
 //! ```text
 //! CAN ◄──► HandEmulator ─ duty ──► Drives ──►┌───────┐─ key travel ─► Keys ─► KeyboardEmulator ──► MIDI
@@ -6,8 +6,8 @@
 //! TCP ◄──► ArmEmulator ─ place on the rail ─►└───────┘
 //! ```
 //!
-//! What it leaves out: the hand stands on a rail, so height and tilt of the arm are not felt at the keys; the thumb moves
-//! freely; the arm's joints do not feel the keys' forces.
+//! What it leaves out: the hand is mounted on a rail, so height and tilt of the arm have no effect at the keys; the thumb moves
+//! freely; the keys exert no forces on the arm's joints.
 
 use std::time::Duration;
 
@@ -47,7 +47,7 @@ pub enum TwinError {
     /// Its arm does not reach its keyboard: a bug.
     #[error(transparent)]
     Calibration(#[from] CalibrationError),
-    /// Its keyboard's settings make no sense.
+    /// Its keyboard's settings are not valid.
     #[error(transparent)]
     Keyboard(#[from] SettingError),
 }
@@ -183,7 +183,7 @@ impl Twin {
         self.world.joint_velocities()
     }
 
-    /// Steps in which something else than fingertips on the keyboard touched.
+    /// Steps with a contact other than fingertips on the keyboard.
     pub fn collisions(&self) -> u64 {
         self.collisions
     }
@@ -213,7 +213,7 @@ pub fn calibration(rig: &str) -> Calibration {
 /// Serial number of the emulated arm.
 pub const ARM_SERIAL: &str = "XS130424A01A08";
 
-/// The simulator's word for a hand.
+/// The simulator's name of a hand's side.
 pub fn stage_side(side: HandSide) -> Side {
     match side {
         HandSide::Left => Side::Left,

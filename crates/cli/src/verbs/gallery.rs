@@ -15,10 +15,10 @@ use crate::Ending;
 use crate::progress::stop_flag;
 use crate::status::Status;
 
-/// Where the songs lie that the gallery itself has had played.
+/// Folder of the recordings that the gallery makes itself.
 const RECORDINGS: &str = "recordings";
 
-/// What hangs in the gallery and where it is made.
+/// What the gallery shows, and where it is written.
 #[derive(clap::Args)]
 #[command(after_help = "\
 Without recordings every built-in song is played in simulation by the best policy that there is for it.

@@ -63,7 +63,7 @@ pub struct PlayerArgs {
 }
 
 impl PlayerArgs {
-    /// The player of `song`, which was asked for as `asked`; says so if it learned another one.
+    /// The player of `song`, which the user named `asked`; prints a warning if it learned another song.
     fn load(&self, asked: &str, song: &Song) -> anyhow::Result<Player> {
         let mut player = if self.scripted {
             Player::scripted()

@@ -63,7 +63,7 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
     match recorded.ending {
         etude_perform::Ending::Complete => Ok(Ending::Done),
         etude_perform::Ending::Fault(fault) => Err(etude_perform::PerformError::Fault(fault).into()),
-        // Whoever records until Ctrl-C has what was wanted.
+        // A recording until Ctrl-C is complete.
         etude_perform::Ending::Interrupted if matches!(motion, Motion::Rest(None)) => Ok(Ending::Done),
         etude_perform::Ending::Interrupted => Ok(Ending::Stopped),
     }

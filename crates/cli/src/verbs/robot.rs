@@ -116,7 +116,7 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
     }
 }
 
-/// The rig's file of a verb that is of no use on a twin in lockstep, which lives and dies with one command.
+/// The rig's file, for a verb that needs a robot outside this process: a twin in lockstep ends with its command.
 fn file(robot: &str) -> anyhow::Result<RigConfig> {
     if robot == TWIN {
         anyhow::bail!(

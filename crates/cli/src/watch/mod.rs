@@ -19,7 +19,7 @@ pub use screen::show;
 
 /// Colours that colour-blind people can distinguish, on dark and on light ground, from the 256 of terminals.
 const COLOURS: [u8; 8] = [75, 208, 36, 176, 178, 33, 167, 245];
-/// So many runs are taken from a folder that is none itself: as many as there are colours.
+/// Most runs that are taken from a folder that is not a run itself: as many as there are colours.
 const MOST: usize = COLOURS.len();
 
 /// What is shown.
@@ -61,7 +61,7 @@ impl View {
         self.figures = self.runs.iter().map(|run| run.figures(now)).collect();
     }
 
-    /// Takes in runs that have begun since, in place of those that are no longer meant, so that the others keep place and colour.
+    /// Adds runs that have begun since, in place of those that are no longer shown, so that the others keep place and colour.
     fn search(&mut self) {
         // After an error the runs that are shown already stay.
         let Ok(mut found) = find_runs(&self.folders, MOST, SystemTime::now()) else { return };

@@ -19,11 +19,11 @@ const SEARCH: Duration = Duration::from_secs(10);
 
 /// Shows `view` until the user, SIGTERM or the end of the terminal ends it.
 pub fn show(view: &mut View) -> anyhow::Result<()> {
-    // A first look before the screen changes: what cannot be read is said where it stays to be read.
+    // Read once before the screen changes, so that errors stay visible in the terminal.
     view.read()?;
     let stop = patient_stop_flag()?;
     signal_hook::flag::register(signal_hook::consts::SIGHUP, stop.clone())?;
-    // Also has a panic put the terminal back.
+    // Also restores the terminal after a panic.
     let shown = ratatui::try_init().and_then(|mut terminal| watch(&mut terminal, view, &stop));
     ratatui::restore();
     match shown {
@@ -44,7 +44,7 @@ fn watch(terminal: &mut DefaultTerminal, view: &mut View, stop: &AtomicBool) -> 
             search_at = now + SEARCH;
         }
         if now >= read_at {
-            // A file that could be read and cannot now is tried again: file systems of networks have such moments.
+            // A file that could be read and cannot now is tried again: network file systems fail for moments.
             let more = view.read().unwrap_or(false);
             read_at = if more { now } else { now + READ };
             changed = true;

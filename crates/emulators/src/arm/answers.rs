@@ -10,8 +10,8 @@ use etude_robot::xarm::kinematics::{self, JOINTS, Pose, WIDEST_LIMITS_RAD};
 
 /// Rounding of a limit to a 32-bit float.
 const ROUNDING: f64 = 1e-6;
-/// A servo target for which a joint needs longer than this at full speed is an error, s. Never send a far
-/// one, says the manual, but not what happens: this is our guess.
+/// A servo target for which a joint needs longer than this at full speed is an error, s. The manual forbids far
+/// targets without saying what happens: this is our guess.
 const FAR_SECS: f64 = 0.1;
 /// Moves in the queue at most.
 const MAX_QUEUE: usize = 256;
@@ -192,7 +192,7 @@ impl ArmEmulator {
                 }
             }
         }
-        // Who waits for something that is no motion learns at once that it is done.
+        // A client that waits for a command without motion is notified immediately.
         if register != Register::FeedbackType && self.queue.is_empty() && !self.motion.planned() {
             self.feedback(&receipt, 4, 0);
         }

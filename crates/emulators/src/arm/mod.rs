@@ -269,7 +269,7 @@ impl ArmEmulator {
         self.motion.stuck = stuck;
     }
 
-    /// Makes it obey without a reply, or ends that.
+    /// Makes it execute commands without a reply, or ends that.
     pub fn set_silent(&mut self, silent: bool) {
         self.silent = silent;
     }

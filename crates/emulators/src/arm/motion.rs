@@ -105,7 +105,7 @@ impl Motion {
         self.drive = if self.speeds == [0.0; JOINTS] { Drive::Hold } else { Drive::Brake };
     }
 
-    /// Somebody leads the arm to these joints.
+    /// Moves the arm by hand to these joints.
     pub(super) fn place(&mut self, joints: Joints) {
         (self.joints, self.speeds, self.drive) = (joints, [0.0; JOINTS], Drive::Hold);
         self.coming.clear();

@@ -18,12 +18,12 @@ impl FaultyBytes {
     /// A stream with these faults.
     ///
     /// # Errors
-    /// If the plan makes no sense, or duplicates or reorders: a stream of bytes does neither.
+    /// If the plan is not valid, or duplicates or reorders: a stream of bytes does neither.
     pub fn new(plan: &FaultPlan) -> Result<Self, FaultPlanError> {
         Ok(Self { dice: Dice::new(plan, Link::Bytes)?, on_the_way: VecDeque::new() })
     }
 
-    /// A piece of bytes sets out; it travels together, apart from the bytes that it loses.
+    /// Sends a piece of bytes; those that are not lost arrive together.
     pub fn push(&mut self, now: Duration, piece: &[u8]) {
         if piece.is_empty() {
             return;

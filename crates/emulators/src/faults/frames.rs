@@ -25,12 +25,12 @@ impl FaultyFrames {
     /// A bus with these faults.
     ///
     /// # Errors
-    /// If the plan makes no sense, or truncates: a frame arrives whole or not at all.
+    /// If the plan is not valid, or truncates: a frame arrives whole or not at all.
     pub fn new(plan: &FaultPlan) -> Result<Self, FaultPlanError> {
         Ok(Self { dice: Dice::new(plan, Link::Frames)?, on_the_way: Frames::default() })
     }
 
-    /// A frame sets out.
+    /// Sends a frame.
     pub fn push(&mut self, now: Duration, frame: CanFrame) {
         self.dice.counts.pushed += 1;
         let fate = self.dice.throw(now);

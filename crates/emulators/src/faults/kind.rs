@@ -28,7 +28,7 @@ pub enum FaultKind {
     Estop,
     /// The arm's connections end.
     ArmDisconnect,
-    /// The arm obeys without a reply.
+    /// The arm executes commands without a reply.
     ArmSilent,
     /// The arm's reports stop.
     ArmMute,
@@ -40,9 +40,9 @@ pub enum FaultKind {
     KeyboardUnplugged,
     /// The keyboard's bytes are lost, and no error is reported.
     KeyboardSilent,
-    /// A finger's joints (0 index … 3 thumb) are so hot, °C.
+    /// Temperature of a finger's joints (0 index … 3 thumb), °C.
     HandHot(u8, u8),
-    /// The hand's board is so hot, °C.
+    /// Temperature of the hand's board, °C.
     BoardHot(u8),
     /// These bits of the hand's status are set.
     HandFault(u8),
@@ -106,7 +106,7 @@ pub enum FaultError {
         /// As given.
         given: String,
     },
-    /// It cannot be over: it is a moment.
+    /// It has a length, but faults of this kind are momentary.
     #[error("`{given}` is a moment; leave out for how long")]
     Moment {
         /// As given.

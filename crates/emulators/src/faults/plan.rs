@@ -1,4 +1,4 @@
-//! What goes wrong on a link, and the dice that decide when.
+//! What goes wrong on a link, and the random draws that decide when.
 
 use std::time::Duration;
 
@@ -27,11 +27,11 @@ pub struct FaultPlan {
     pub disconnect_at_secs: Option<f64>,
     /// For how long it is cut, in seconds. None: without an end.
     pub disconnect_for_secs: Option<f64>,
-    /// Seed of this link's own randomness.
+    /// Seed of this link's random draws.
     pub seed: u64,
 }
 
-/// A plan that makes no sense.
+/// A plan that is not valid.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum FaultPlanError {
     /// A probability or a time is out of its range.
@@ -86,7 +86,7 @@ pub(super) struct Fate {
     pub(super) kept: Option<f64>,
 }
 
-/// A checked plan with its dice.
+/// A checked plan with its random generator.
 #[derive(Clone, Debug)]
 pub(super) struct Dice {
     plan: FaultPlan,
@@ -162,7 +162,7 @@ impl Dice {
     pub(super) fn throw(&mut self, now: Duration) -> Fate {
         /// A frame is held back for at most this, about three rounds of the hand's bus.
         const HELD_SECS: f64 = 0.01;
-        // All dice are thrown every time: switching one fault on leaves the pattern of the others as it was.
+        // All random numbers are drawn every time, so that switching one fault on does not change the pattern of the others.
         let [jitter, loss, duplicate, reorder, held, truncate, kept] = self.random.random::<[f64; 7]>();
         let late = Duration::from_secs_f64(jitter * self.plan.jitter_secs);
         let due = now.saturating_add(self.delay).saturating_add(late).max(self.last_due);

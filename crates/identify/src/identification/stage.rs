@@ -19,9 +19,9 @@ const LEAST_CURVATURE: f64 = (HALF_INTERVAL / WEAK_HALF_INTERVAL) * (HALF_INTERV
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Stage {
-    /// Every joint by itself.
+    /// Every joint separately.
     Joints,
-    /// Every joint by itself from another start, kept where it ends better; Levenberg–Marquardt only.
+    /// Every joint separately, from another start, kept where it ends better; Levenberg–Marquardt only.
     Restart,
     /// Every finger's joints together, and the rail; Levenberg–Marquardt only, the other method takes few parameters.
     Fingers,
@@ -64,7 +64,7 @@ impl Stage {
     /// The stage's method. Stage [`Fingers`](Self::Fingers) decides the drives' parameters, so it uses wide central
     /// differences, which average the roughness of the replays without a bias to one side. It starts with little damping
     /// and a small tolerance, because a joint's scale of torque changes the cost by only one part in 250. A parameter
-    /// that the recordings do not identify stays fixed, because a step along it can leave the valley of the cost.
+    /// that the recordings do not identify stays fixed, because a step along it can leave the region of the minimum.
     pub(super) fn method(self, method: &MethodConfig) -> MethodConfig {
         match method {
             MethodConfig::Lm(lm) if self == Self::Fingers => MethodConfig::Lm(LmConfig {

@@ -16,7 +16,7 @@ const CROSSED: f64 = 1.4;
 const MOST_DELAY_STEPS: usize = 6;
 
 /// Sets each joint's delay to the one that repeats its motion best while its other parameters stay fixed. A fit that starts a
-/// step or two away can settle in the wrong valley, because other parameters delay a joint too.
+/// step or two away can end in the wrong local minimum, because other parameters delay a joint too.
 pub(super) fn find_delays(
     scene: &Scene<'_>,
     params: &mut PhysicalParams,

@@ -18,7 +18,7 @@ pub(super) fn held(estimated: &BTreeSet<&str>, params: &PhysicalParams) -> Table
         }
         let why = why(&path, estimated);
         let key = match joint_of(&path) {
-            // The rail has units and defaults of its own.
+            // The rail has other units and defaults than the fingers.
             Some(RAIL) | None => path.clone(),
             Some(_) => format!("joint.*.{}", row.name),
         };

@@ -2,8 +2,8 @@
 //!
 //! The hand sends its four frames back to back; any of them may be lost, duplicated, swapped or late. A period ends when
 //! all four have arrived, or half a period after the first, or when a finger sends other angles. A finger whose frame is
-//! missing keeps its last angles. An adapter may deliver two periods at once: ends closer together than half a period tick
-//! once.
+//! missing keeps its last angles. An adapter may deliver two periods at once: ends closer together than half a period count
+//! as one.
 
 use std::time::Duration;
 

@@ -53,7 +53,7 @@ pub struct JointLoop {
 }
 
 impl JointLoop {
-    /// A loop that has seen nothing.
+    /// A loop without any reading yet.
     ///
     /// # Errors
     /// If a gain is out of its range.
@@ -62,7 +62,7 @@ impl JointLoop {
         Ok(Self { config: config.clone(), last: None, velocities: [0.0; JOINTS] })
     }
 
-    /// Forgets what it has seen; for a new start of the hand.
+    /// Discards all readings, for a new start of the hand.
     pub fn reset(&mut self) {
         self.last = None;
         self.velocities = [0.0; JOINTS];

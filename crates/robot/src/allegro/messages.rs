@@ -73,7 +73,7 @@ impl Finger {
     }
 }
 
-/// Up to eight bytes whose meaning no public source settles.
+/// Up to eight bytes whose meaning is not documented in any public source.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Raw {
     len: u8,
@@ -141,7 +141,7 @@ pub enum HostMessage {
         /// PWM of its joints 0 to 3, full scale [`FULL_SCALE_PWM`](super::FULL_SCALE_PWM).
         pwm: [i16; 4],
     },
-    /// The wanted pose of a finger, which no known firmware obeys.
+    /// The wanted pose of a finger. No known firmware implements it.
     Pose {
         /// Which finger.
         finger: Finger,
@@ -234,7 +234,7 @@ pub enum HandMessage {
         /// Encoder counts of its joints 0 to 3.
         counts: [i16; 4],
     },
-    /// The inertial sensor, in a layout that no public source settles.
+    /// The inertial sensor. No public source documents its layout.
     Imu(Raw),
     /// One finger's temperatures.
     Temperature {
@@ -243,6 +243,6 @@ pub enum HandMessage {
         /// Its joints 0 to 3, °C. Older firmware fills only joint 0.
         celsius: [u8; 4],
     },
-    /// The status frame, which no public source explains.
+    /// The status frame. No public source explains it.
     Status(Raw),
 }

@@ -1,6 +1,6 @@
-//! Where the keyboard stands before the arm, and with it the way from the policy's one rail to seven joint angles.
+//! Where the keyboard stands relative to the arm, and the mapping from the policy's rail position to seven joint angles.
 //!
-//! An operator guides the hand to three keys and each time the arm's pose is kept: the paper's C1, C3 and C5. Between
+//! An operator guides the hand to three keys, and the arm's pose at each is stored: the paper's C1, C3 and C5. Between
 //! them the flange moves on straight lines with a fixed orientation (lasr-lab/learning-to-play-piano).
 
 mod file;

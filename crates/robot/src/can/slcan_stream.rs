@@ -12,7 +12,7 @@ use super::{CanError, CanFrame, CanTransport};
 use crate::stream::{Outbox, read_once};
 
 const DEFAULT_BAUD: u32 = 115_200;
-/// Bytes that wait for a stream that takes none: some 80 frames.
+/// Most bytes that wait while the stream accepts none: about 80 frames.
 const WAITING: usize = 2048;
 /// Refusals in a row, without a frame sent or received between them, after which the adapter is given up.
 const REFUSALS: u32 = 16;
@@ -115,7 +115,7 @@ impl<S: Read + Write + Send> SlcanTransport<S> {
         Ok(transport)
     }
 
-    /// Lines that made no sense so far.
+    /// Number of lines so far that could not be read.
     pub fn damaged(&self) -> u64 {
         self.damaged
     }

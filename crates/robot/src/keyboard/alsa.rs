@@ -13,8 +13,7 @@ use midir::{Ignore, MidiInput, MidiInputConnection, MidiInputPort};
 use super::source::{MidiError, MidiSource};
 
 const CLIENT: &str = "etude";
-/// Time between two looks; a keyboard takes longer than this to be found by the system after it is plugged in
-/// again.
+/// Time between two checks. The system needs longer than this to find a keyboard that is plugged in again.
 const LOOK: Duration = Duration::from_millis(100);
 /// Bytes that wait for the driver at most, several seconds of dense playing; later ones are lost.
 const QUEUE_BYTES: usize = 8192;

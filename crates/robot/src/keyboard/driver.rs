@@ -2,8 +2,8 @@
 //! it.
 //!
 //! **What stops the robot, and what only warns.** A *fault* is what makes every further step blind or unsafe,
-//! and that is one thing: the keyboard is [lost](KeyboardState::Lost). Its keys are part of what the policy
-//! sees, so a policy that plays on would act on silence; and a keyboard whose cable was pulled may have been
+//! and there is only one: the keyboard is [lost](KeyboardState::Lost). Its keys are part of what the policy
+//! sees, so a policy that continued would act on wrong observations; and a keyboard whose cable was pulled may have been
 //! moved, so that the hand would come down on a frame where keys are expected. Everything else is a *warning*
 //! ([`KeyboardWarning`]): a shifted, stuck or noisy keyboard spoils the music and the score, but the hand
 //! moves within the same limits over the same keys, and a sudden stop would not help. Warnings stay until the operator
@@ -83,15 +83,14 @@ impl fmt::Display for KeyboardState {
 /// A warning for the operator, which does not stop the robot.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum KeyboardWarning {
-    /// Notes came that no key of an unshifted keyboard gives. They were left out; nothing is corrected by
-    /// guesswork.
+    /// Notes that no key of an unshifted keyboard has. They were left out, not corrected.
     Shifted(Shift),
     /// A key was down for longer than the songs ever hold one.
     Stuck {
         /// From the left, 0 to 48.
         key: usize,
     },
-    /// Pieces of the byte stream made no sense.
+    /// Parts of the byte stream could not be read.
     Damaged {
         /// How many since the last acknowledgement.
         pieces: u64,
@@ -136,7 +135,7 @@ impl fmt::Display for KeyboardWarning {
 pub struct KeyboardCounts {
     /// Keys that went down.
     pub presses: u64,
-    /// Pieces of the stream that made no sense ([`MidiParser::damaged`]).
+    /// Parts of the stream that could not be read ([`MidiParser::damaged`]).
     pub damaged: u64,
     /// Presses of a key that was down already: its release was lost.
     pub double_presses: u64,
@@ -148,11 +147,11 @@ pub struct KeyboardCounts {
     pub losses: u64,
 }
 
-/// The driver of the keyboard, without input or output of its own.
+/// The driver of the keyboard, without input or output itself.
 ///
 /// Each cycle: hand it all bytes that have come ([`receive`](Self::receive)), then the time
 /// ([`poll`](Self::poll)). A keyboard that sends no active sensing and whose cable breaks without notice
-/// cannot be told from one on which nobody plays.
+/// looks the same as one that is not played.
 #[derive(Clone, Debug)]
 pub struct Keyboard {
     lowest_pitch: u8,
@@ -198,8 +197,8 @@ impl Keyboard {
         })
     }
 
-    /// The connection was made, for the first time or again. Keys that were down are released: who knows what
-    /// was missed.
+    /// The connection was made, for the first time or again. Keys that were down are released, because releases
+    /// may have been missed.
     pub fn connected(&mut self, now: Duration, changes: &mut Vec<KeyChange>) {
         self.release_all(now, changes);
         self.parser.restart();

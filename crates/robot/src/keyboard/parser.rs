@@ -33,7 +33,7 @@ enum Expecting {
     Status,
     /// Messages of this channel status, which stays in force (running status).
     Channel { status: u8 },
-    /// So many more data bytes of a system message that means nothing to us.
+    /// Number of data bytes left of a system message that is not used.
     System { remaining: u8 },
     /// Data up to the end mark, of any length.
     Exclusive,
@@ -56,7 +56,7 @@ impl MidiParser {
         Self::default()
     }
 
-    /// How much of the stream made no sense so far: data bytes without a status, ends of nothing, and
+    /// Number of damaged parts of the stream so far: data bytes without a status, ends of nothing, and
     /// messages cut short.
     ///
     /// A stream that is joined in the middle of a message counts the rest of that message too.
@@ -99,7 +99,7 @@ impl MidiParser {
         }
     }
 
-    /// A status byte: whatever was begun and is not complete was cut short.
+    /// A status byte: a message that was begun and is not complete was cut short.
     fn begin(&mut self, next: Expecting) {
         // Any status byte may end a system exclusive message: that is no damage.
         let cut_short = self.first.is_some() || matches!(self.expecting, Expecting::System { .. });
@@ -126,7 +126,7 @@ impl MidiParser {
     }
 
     fn channel_data(&mut self, status: u8, byte: u8) -> Option<MidiEvent> {
-        // Program change and channel pressure have one data byte: complete, and of no interest.
+        // Program change and channel pressure have one data byte: complete, and not used.
         if matches!(status >> 4, 0xC | 0xD) {
             return None;
         }

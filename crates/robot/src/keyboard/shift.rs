@@ -1,5 +1,5 @@
-//! Is the keyboard transposed? Its octave buttons send no message, so only notes beyond its keys give them
-//! away.
+//! Detects whether the keyboard is transposed. Its octave buttons send no message, so only notes beyond its keys
+//! show it.
 
 use std::fmt;
 
@@ -7,8 +7,8 @@ use super::KEYS;
 
 /// By how much the notes of the keyboard are shifted, as far as the notes so far show.
 ///
-/// The notes of an unshifted keyboard go from `lowest_pitch` to `lowest_pitch` + 48. A note beyond them says
-/// that the shift is *at least* so many semitones; a note at the other end says that it is *at most* so many.
+/// The notes of an unshifted keyboard go from `lowest_pitch` to `lowest_pitch` + 48. A note beyond them
+/// gives a lower bound of the shift; a note at the other end gives an upper bound.
 /// A shift whose notes all happen to lie on the keyboard cannot be seen: press the lowest and the highest key
 /// to be sure.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -17,7 +17,7 @@ pub struct Shift {
     pub lowest_semitones: i16,
     /// Highest shift that explains every note so far, in semitones.
     pub highest_semitones: i16,
-    /// What the lowest key gives when nothing is shifted.
+    /// Note of the lowest key without shift.
     lowest_pitch: u8,
 }
 

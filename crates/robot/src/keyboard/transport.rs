@@ -1,6 +1,6 @@
 //! What carries the bytes of the keyboard: a socket of the emulator, a raw device or serial line, or ALSA.
 //!
-//! Thin shells: no call blocks, nothing is decided here but whether the other end is still there.
+//! Thin wrappers: no call blocks, and the only decision here is whether the other end is still connected.
 
 use std::{
     fs::{File, OpenOptions},
@@ -52,7 +52,7 @@ fn open_alsa(spec: &str, _name: &str) -> Result<Box<dyn MidiSource>, MidiError> 
 fn open_raw(spec: &str, path: &str) -> io::Result<Box<dyn MidiSource>> {
     /// Opening and reading return at once.
     const O_NONBLOCK: i32 = if cfg!(target_os = "linux") { 0o4000 } else { 0x4 };
-    /// Speed of a five-pin MIDI line behind a serial port; a pty has none and does not mind.
+    /// Speed of a five-pin MIDI line behind a serial port; a pty ignores it.
     const DIN_BAUD: u32 = 31_250;
     let file = OpenOptions::new().read(true).custom_flags(O_NONBLOCK).open(path)?;
     let kind = file.metadata()?.file_type();

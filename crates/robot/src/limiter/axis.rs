@@ -7,7 +7,7 @@ use super::motion::{Motion, ROUNDING};
 /// what a device resolves.
 const SEARCH: usize = 20;
 
-/// Which limit kept a set-point from being where it was asked to be.
+/// Which limit kept a set-point from its target.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Clamp {
     /// It is NaN; the last target is kept.
@@ -59,7 +59,7 @@ impl Axis {
         axis
     }
 
-    /// Back to rest at `position`, moved into the range; the middle of the range if it is no number.
+    /// Back to rest at `position`, moved into the range; the middle of the range if it is not finite.
     pub fn rest(&mut self, position: f64) {
         let [low, high] = self.limits.position;
         let position = if position.is_nan() { (low + high) / 2.0 } else { position.clamp(low, high) };
@@ -67,7 +67,7 @@ impl Axis {
         self.targets = [position; 3];
     }
 
-    /// What it keeps.
+    /// Its limits.
     pub fn limits(&self) -> &AxisLimits {
         &self.limits
     }

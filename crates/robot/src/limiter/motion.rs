@@ -32,7 +32,7 @@ impl Motion {
         self.after(wanted.clamp(self.acceleration - ramp, self.acceleration + ramp), step_secs)
     }
 
-    /// Whether it rests, but for rounding.
+    /// Whether it is at rest, apart from rounding.
     fn rests(self, limits: &AxisLimits, step_secs: f64) -> bool {
         self.velocity.abs() <= limits.velocity * 1e-12
             && self.acceleration.abs() <= limits.jerk * step_secs * (1.0 + ROUNDING)

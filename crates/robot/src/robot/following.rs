@@ -1,4 +1,4 @@
-//! Whether the hand's joints go where they are sent: one that is held, or whose motor is dead, does not.
+//! Checks that the hand's joints follow their references: a joint that is blocked, or whose motor has failed, does not.
 
 use std::time::Duration;
 

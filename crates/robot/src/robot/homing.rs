@@ -1,4 +1,4 @@
-//! How the arm comes to the keyboard by moves of its own, after the fingers have cleared its way.
+//! Moves the arm to the keyboard by planned moves, after the fingers are out of its way.
 
 use std::time::Duration;
 
@@ -85,7 +85,7 @@ impl Robot {
         Ok(())
     }
 
-    /// Lets the rail's set-point rest where the arm has come to.
+    /// Sets the rail's set-point, at rest, to where the arm has arrived.
     fn settle_rail(&mut self) {
         let joints = self.arm.joints().unwrap_or(*self.path.middle());
         self.axes[RAIL_AXIS].rest(self.path.place(&joints).rail_m);

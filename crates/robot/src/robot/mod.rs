@@ -107,7 +107,7 @@ pub struct Robot {
     /// Joints that the arm was last asked for; `None` while the arm is not on its path.
     arm_sent: Option<[f64; kinematics::JOINTS]>,
     arm_seen: Option<Duration>,
-    /// Whether the drivers were told that they are connected, and whether the arm was started.
+    /// Whether the drivers know of their connections, and whether the arm was started.
     arm_connected: bool,
     keyboard_connected: bool,
     arm_told: bool,

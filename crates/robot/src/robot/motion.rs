@@ -1,4 +1,4 @@
-//! What the set-points are asked to do: stand, go slowly to a pose, or follow a stream.
+//! Motions of the set-points: hold, move slowly to a pose, or follow a stream.
 
 use std::time::Duration;
 
@@ -11,7 +11,7 @@ const SLOW_FINGER: f64 = 0.7;
 const SLOW_RAIL: f64 = 0.1;
 /// Shortest slow move, s.
 const SHORTEST_SECS: f64 = 0.3;
-/// Time in which a reference comes from where a joint was into its range, s.
+/// Time in which a reference moves from the joint's first position into its range, s.
 const EASING_SECS: f64 = 0.5;
 
 /// From 0 to 1 in `secs`, from rest to rest with least jerk.
@@ -69,7 +69,7 @@ impl Easing {
         Self { begun, from }
     }
 
-    /// What is left of it.
+    /// The offsets that are left at `now`.
     pub fn left(&self, now: Duration) -> [f64; AXES] {
         let left = 1.0 - smooth(now.saturating_sub(self.begun), EASING_SECS);
         self.from.map(|from| from * left)

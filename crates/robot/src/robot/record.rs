@@ -18,7 +18,7 @@ pub enum Record {
         at: Duration,
         /// What was asked: driven joints, rad and m.
         asked: [f64; DRIVEN],
-        /// What the limiter made of it.
+        /// What the limiter sent.
         sent: [f64; DRIVEN],
         /// Which joints are elsewhere than asked, and why; those of the thumb are numbered on after the driven ones.
         clamps: Vec<(usize, Clamp)>,
@@ -60,14 +60,14 @@ pub enum Record {
     },
 }
 
-/// Records that were not taken yet. When full, the oldest are dropped.
+/// Records that were not taken yet: at most [`MOST`], of which the oldest are dropped.
 #[derive(Debug, Default)]
 pub(super) struct Journal {
     records: VecDeque<Record>,
     lost: u64,
 }
 
-/// Ten seconds of a robot's records.
+/// Most records that are kept: some ten seconds of a robot.
 const MOST: usize = 8192;
 
 impl Journal {

@@ -185,7 +185,7 @@ impl FrameParser {
         self.0.next(bytes, HEADER, size, read)
     }
 
-    /// Bytes that belonged to no frame: anything but 0 means that the other side speaks something else.
+    /// Bytes that belonged to no frame: anything but 0 means that the other side uses another protocol.
     pub fn skipped(&self) -> u64 {
         self.0.skipped()
     }

@@ -40,8 +40,8 @@ impl Framing {
         }
     }
 
-    /// Bytes that belonged to no frame. A TCP stream loses nothing: anything but 0 means that the other side speaks
-    /// something else.
+    /// Bytes that belonged to no frame. A TCP stream loses nothing: anything but 0 means that the other side uses
+    /// another protocol.
     pub fn skipped(&self) -> u64 {
         self.skipped
     }

@@ -1,7 +1,7 @@
 //! Where the flange of an xArm7 is for given joints, and which joints bring it to a given pose.
 //!
-//! The arm has one joint more than a pose needs. What is left over is spent on staying near the previous
-//! joints, so that a path travelled there and back ends where it began.
+//! The arm has one joint more than a pose needs. The redundancy is used to stay near the previous
+//! joints, so that a path travelled forth and back ends where it began.
 
 use std::f64::consts::{FRAC_PI_2, PI};
 
@@ -62,8 +62,8 @@ const MAX_ITERATIONS: usize = 200;
 const SETTLED: f64 = 1e-5;
 /// An answer is one whose pose differs by less than this, in m and in rad.
 const RESIDUAL: f64 = 1e-10;
-/// An answer with a smaller singular value of the Jacobian is refused: joint speeds would be beyond any use
-/// there.
+/// An answer with a smaller singular value of the Jacobian is refused: joint speeds would be far too
+/// high there.
 const SINGULAR: f64 = 0.02;
 /// Keeps the linear system solvable at singular joints; far below what moves an answer elsewhere.
 const DAMPING: f64 = 1e-9;

@@ -177,7 +177,7 @@ impl ReportParser {
         Some(report)
     }
 
-    /// Bytes that belonged to no report: anything but 0 means that the other side speaks something else.
+    /// Bytes that belonged to no report: anything but 0 means that the other side uses another protocol.
     pub fn skipped(&self) -> u64 {
         self.framing.skipped()
     }

@@ -17,7 +17,7 @@ const MAX_UNSENT: usize = 4096;
 /// The connection to the arm fails.
 #[derive(Debug, thiserror::Error)]
 pub enum ArmLinkError {
-    /// The address makes no sense.
+    /// The address cannot be read.
     #[error("\"{0}\" is not an arm's address; write a name or address, or name:command-port:report-port")]
     Address(String),
     /// No connection.
@@ -71,7 +71,7 @@ impl ArmCommands {
         read_available(&mut self.stream, |piece| bytes.extend_from_slice(piece)).map_err(broken)
     }
 
-    /// Sends, after what the network has not taken yet. Never waits: call it again with nothing to send the rest.
+    /// Sends `bytes` after what still waits for the network. Never blocks: call it again with no bytes to send the rest.
     ///
     /// # Errors
     /// If the connection is gone, or the arm does not take commands any more.
@@ -93,7 +93,7 @@ pub struct ArmConnection {
 }
 
 impl ArmConnection {
-    /// Connects to `host`, or to `host:command-port:report-port` for an emulator on ports of its own.
+    /// Connects to `host`, or to `host:command-port:report-port` for an emulator on other ports.
     ///
     /// # Errors
     /// If the address cannot be read, or nothing answers there within a second.

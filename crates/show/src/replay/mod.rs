@@ -1,4 +1,4 @@
-//! Replays: recordings as one page that shows the hand, the score and the keys, and sounds; nothing else is needed to open it.
+//! Replays: recordings as one self-contained page that shows the hand, the score and the keys, and plays the sound.
 //!
 //! [`Take`] is the page's data of a recording; `viewer/` draws it.
 
@@ -53,7 +53,7 @@ fn look(folder: &Path, found: &mut Vec<PathBuf>) -> std::io::Result<()> {
 /// Reads a recording as the page needs it.
 ///
 /// # Errors
-/// If it cannot be read at all. A damaged or unfinished one is read as far as it goes and says so.
+/// If it cannot be read at all. A damaged or unfinished one is read as far as it goes, which its [`Take`] says.
 pub fn read_take(path: &Path) -> anyhow::Result<Take> {
     Take::new(&Recording::read(path)?, path.display().to_string())
 }

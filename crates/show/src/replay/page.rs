@@ -1,4 +1,4 @@
-//! The page: the viewer's program and looks, and beside them the takes as data.
+//! The page's HTML: the program and the styles of `viewer/`, and the takes as data.
 
 use std::path::Path;
 
@@ -8,15 +8,15 @@ use serde::Serialize;
 
 use super::take::Take;
 
-/// The viewer, as `npm run build` in `viewer/` makes it.
+/// The program of the page, built by `npm run build` in `viewer/`.
 const SCRIPT: &str = include_str!("../../../../viewer/dist/replay.js");
 const STYLE: &str = include_str!("../../../../viewer/dist/replay.css");
-/// What the page may do: run this script with these looks, and nothing else, whatever stands in its data.
+/// The content security policy: only this script and these styles, whatever the data contains.
 const POLICY: &str = include_str!("../../../../viewer/dist/csp.txt");
 
 /// Version of the data.
 const VERSION: u32 = 1;
-/// Steps in which two takes may agree for a moment and still be apart all the while.
+/// Two moments in which the takes differ are joined if they agree for at most so many steps in between.
 const TOGETHER_STEPS: usize = 2;
 
 #[derive(Serialize)]

@@ -8,7 +8,7 @@ use super::take::Take;
 const STEP: usize = 4;
 const KEY: usize = 8;
 
-/// Right is filled, missed an outline, wrong hatched, so that the three can be told apart without colours.
+/// Right is filled, missed an outline, wrong hatched, so that the three differ without colours too.
 pub(crate) fn roll_svg(take: &Take) -> String {
     let steps = take.due.len().max(take.pressed.len()).max(1);
     let sounding = || take.due.iter().chain(&take.pressed).flatten().copied();

@@ -72,7 +72,7 @@ fn recent(folder: &Path, most: usize, now: SystemTime) -> anyhow::Result<Vec<Pat
     Ok(runs.into_iter().map(|(_, run)| run).collect())
 }
 
-/// Adds the runs below `folder`. What cannot be read is passed by: it is nothing that a training writes to.
+/// Adds the runs below `folder`. A folder that cannot be read is skipped: no training writes to it.
 fn search(folder: &Path, depth: usize, runs: &mut Vec<(SystemTime, PathBuf)>) {
     let Ok(entries) = std::fs::read_dir(folder) else { return };
     for entry in entries.flatten().filter(|entry| entry.file_type().is_ok_and(|kind| kind.is_dir())) {
@@ -129,7 +129,7 @@ mod tests {
         let all = ["runs/task/training", "runs/a", "runs/deep/rehearsal/round-1/training"];
         assert_eq!(find(&["runs"], 9).unwrap(), all);
         assert_eq!(find(&["runs"], 2).unwrap(), all[..2]);
-        // What is named is meant, however old; nothing is meant twice.
+        // A run that is named itself is shown however old it is; no run is shown twice.
         assert_eq!(find(&["runs/old", "runs/task", "runs"], 1).unwrap(), ["runs/old", "runs/task/training"]);
     }
 }

@@ -62,7 +62,7 @@ fn bytes_at(path: &Path, offset: u64, most: usize) -> std::io::Result<Vec<u8>> {
     Ok(bytes)
 }
 
-/// Puts lines together from pieces; what is not yet a whole line waits.
+/// Joins pieces to lines; an incomplete line is kept for the next piece.
 #[derive(Default)]
 pub(super) struct Lines {
     begun: Vec<u8>,

@@ -19,7 +19,7 @@ pub struct ArmConfig {
     /// How easily the controller sees a collision, 0 (never) to 5.
     pub collision_sensitivity: u8,
     /// Box that the flange must stay in, mm in the frame of the arm's base: lowest and highest x, y, z. Without one,
-    /// what the controller has of its own stays as it is.
+    /// the controller keeps its own setting.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub fence_mm: Option<Fence>,
     /// Jerk of straight moves that the arm plans itself, m/s³.

@@ -1,4 +1,4 @@
-//! What can go wrong with the arm, each with what the operator does next.
+//! Faults of the arm, each with what the operator does next.
 
 use crate::xarm::errors::controller_error;
 use crate::xarm::fence::OutsideFence;

@@ -1,5 +1,5 @@
-//! What every target passes on its way to the wire: it must be possible, near the one before, and is sent no
-//! farther at once than the speed limits allow.
+//! The last check of every target before the wire: it must be reachable and close to the one before, and each step
+//! that is sent stays within the speed limits.
 
 use std::time::Duration;
 
