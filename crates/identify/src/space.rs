@@ -59,7 +59,7 @@ impl Parameter {
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum SpaceError {
     /// No parameters.
-    #[error("no parameter is to be estimated; name at least one")]
+    #[error("there is no parameter to estimate; name at least one")]
     Empty,
     /// Two parameters have the same path.
     #[error("parameter `{0}` is named twice; remove one of the two")]

@@ -81,7 +81,7 @@ impl Run {
         if Trainer::exists(folder) {
             if let Some(theirs) = other_notes(folder, &song) {
                 bail!(
-                    "{} holds a training of another `{}` ({theirs} notes, yours has {}, or they stand elsewhere): choose another \
+                    "{} holds a training of another `{}` ({theirs} notes, yours has {}, or their times differ): choose another \
                      folder with -o, or delete that one",
                     folder.display(),
                     song.title(),
@@ -238,7 +238,7 @@ fn warm_start(path: &Path, song: &Song, config: &RunConfig, parts: &Parts) -> an
     let pairs = told(learned, &theirs).into_iter().zip(told(song.title(), config));
     if let Some((theirs, ours)) = { pairs }.find(|(theirs, ours)| theirs != ours) {
         bail!(
-            "a training cannot begin with what {} has learned: that is {theirs}, this one {ours}; make this one alike, \
+            "a training cannot begin with what {} has learned: that is {theirs}, this one {ours}; set the same value, \
              or begin without --from",
             path.display()
         );

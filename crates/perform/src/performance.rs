@@ -113,7 +113,7 @@ fn padded(keys: &[KeySet], steps: usize) -> Vec<KeySet> {
 }
 
 /// The gap between simulation and robot: the share of the F1 in simulation that is lost on the robot (paper, "Results": from 0.946 to 0.881
-/// is 6.8 %). Not a number where the F1 in simulation is 0.
+/// is 6.8 %). Not finite where the F1 in simulation is 0, which JSON has as `null`.
 pub fn gap(sim_f1: f64, robot_f1: f64) -> f64 {
     1.0 - robot_f1 / sim_f1
 }

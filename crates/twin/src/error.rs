@@ -18,7 +18,7 @@ pub enum TruthError {
         message: String,
     },
     /// The text does not describe a truth.
-    #[error("this is no truth of a twin: {0}; configs/truths has examples")]
+    #[error("this is not a valid truth of a twin: {0}; configs/truths has examples")]
     Text(String),
     /// A physical number is unknown or out of range.
     #[error("the twin's physics: {0}")]

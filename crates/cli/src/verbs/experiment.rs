@@ -239,7 +239,7 @@ fn local(args: &RunArgs, trials: &[Trial], plan: &Path, program: PathBuf) -> any
     }
     match report.failed.len() {
         0 => Ok(Ending::Done),
-        _ => Err(anyhow::anyhow!("not all tasks are done; the same command tries those that failed again")),
+        _ => Err(anyhow::anyhow!("not all tasks are done; the same command runs those that failed again")),
     }
 }
 

@@ -15,14 +15,14 @@ use crate::progress::stop_flag;
 /// What to play, how, and on which robot.
 #[derive(clap::Args)]
 #[command(after_help = "\
-Modes (paper, appendix): joint-mirroring plays blind, the robot copies the simulation's joints; hybrid does too, but the \
-policy sees the robot's keys; real takes everything from the robot and runs no simulation.
+Modes (paper, appendix): in joint-mirroring the policy observes the simulation, and the robot follows the simulated \
+joints; hybrid is the same, but the policy observes the robot's keys; in real it observes the robot alone.
 
-The twin is a robot that is not there: emulated devices that speak the real ones' bytes, moved by a world of its own that \
-differs from the simulator (--truth). It runs as fast as it can be computed, and the same seed gives the same recording. \
+The twin is an emulated robot: its devices use the same bytes as the real ones, and a second simulated world that differs \
+from the simulator (--truth) moves them. It runs as fast as it can be computed, and the same seed gives the same recording. \
 For a twin by the wall clock start `etude twin` in another terminal and give its rig.
 
-Files, per run: run-N.mcap (everything that was asked, sent and measured), .mid, .wav, .csv; and report.json.
+Files, per run: run-N.mcap (what was asked, sent and measured), .mid, .wav, .csv; and report.json.
 
 Examples:
   etude perform --song twinkle --robot twin

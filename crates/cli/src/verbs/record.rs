@@ -53,7 +53,7 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
     let motion = match (args.excitation, args.secs) {
         (Some(excitation), _) => Motion::Excitation(excitation),
         (None, None) if rig.is_twin() => {
-            anyhow::bail!("a twin in lockstep knows no time of day: say how long with --secs")
+            anyhow::bail!("a twin in lockstep has no wall clock: give the length with --secs")
         }
         (None, secs) => Motion::Rest(secs.map(Duration::from_secs_f64)),
     };

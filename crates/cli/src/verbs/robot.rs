@@ -120,7 +120,7 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
 fn file(robot: &str) -> anyhow::Result<RigConfig> {
     if robot == TWIN {
         anyhow::bail!(
-            "the twin of `--robot twin` lives only while a song is played; start one with `etude twin`"
+            "the twin of `--robot twin` exists only while one command runs; start a twin with `etude twin`"
         );
     }
     Ok(RigConfig::load(Path::new(robot))?)
@@ -245,7 +245,7 @@ fn stop_now(rig: &Rig) -> anyhow::Result<Ending> {
     // A controller that is starting would move the arm again: it checks for this request before it moves.
     let told = tell_to_stop(Path::new(&rig.robot));
     let stopped = stop(&config);
-    told.context("a running controller could not be told")?;
+    told.context("a running controller could not be asked to stop")?;
     let text = |result: &Result<(), String>| result.clone().err().unwrap_or_else(|| "stopped".to_string());
     if rig.json {
         print_json(

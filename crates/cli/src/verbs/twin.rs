@@ -1,4 +1,4 @@
-//! `etude twin`: a robot that is not there, on sockets and by the wall clock.
+//! `etude twin`: an emulated robot, on sockets and by the wall clock.
 
 use std::path::PathBuf;
 
@@ -17,8 +17,8 @@ The folder holds twin.toml, the rig's file for --robot, its calibration, and the
 keyboard. The arm listens on this machine only; with --arm-ports on the robot's own ports, so that the official SDK finds \
 it at 127.0.0.1 (port 502 needs root). The twin runs until Ctrl-C.
 
-Faults happen at SECS after the twin was switched on, for good or for the seconds after the +. A truth's file orders the \
-same by [[faults]], with kind, at_secs and for_secs.
+Faults happen SECS after the twin was switched on, and last for the seconds after the + or without an end. A truth's file \
+lists them as [[faults]], with kind, at_secs and for_secs.
 
 Examples:
   etude twin

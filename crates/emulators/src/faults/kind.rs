@@ -91,7 +91,7 @@ pub(crate) const KINDS: [Row; 16] = [
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum FaultError {
     /// No fault is called so, or it has another value.
-    #[error("`{given}` is no fault; write one of {}", kinds())]
+    #[error("`{given}` is not a known fault; write one of {}", kinds())]
     Kind {
         /// As given.
         given: String,

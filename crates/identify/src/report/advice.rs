@@ -90,7 +90,7 @@ const ADVICE: &[Advice] = &[
     Advice {
         rows: &["stiffness"],
         least: 1,
-        why: "the joint followed its target whatever the gain",
+        why: "the joint followed its target equally well with any gain",
         motion: "a push against a known load or a key's spring, and sweeps through the resonance",
     },
     Advice {

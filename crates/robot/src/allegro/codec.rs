@@ -37,7 +37,7 @@ pub enum CodecError {
         wanted: &'static str,
     },
     /// The byte of the side is neither 0 nor 1.
-    #[error("the hand calls its side {0}, neither right (0) nor left (1): is it an Allegro v4?")]
+    #[error("the hand reports side {0}, which is neither right (0) nor left (1): is it an Allegro v4?")]
     Side(u8),
 }
 

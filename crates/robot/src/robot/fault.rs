@@ -30,7 +30,7 @@ pub enum Fault {
     ArmLink(#[from] ArmLinkError),
     /// A joint of the hand is not where it was sent.
     #[error(
-        "joint {joint} of the hand is {by_rad:.2} rad from where it was sent: see what holds it, and whether its motor \
+        "joint {joint} of the hand is {by_rad:.2} rad from where it was sent: see what blocks it, and whether its motor \
          turns, then start again"
     )]
     NotFollowing {
@@ -110,7 +110,7 @@ pub enum Refused {
     #[error("{0}; then start the robot again")]
     Keyboard(String),
     /// The goal is no pose.
-    #[error("the goal holds no number for driven joint {joint}: check what computes it")]
+    #[error("the goal for driven joint {joint} is not a finite number: check how it is computed")]
     NoPose {
         /// Which joint, in the order of the driven joints.
         joint: usize,

@@ -25,7 +25,7 @@ pub fn recordings(path: &Path) -> anyhow::Result<Vec<PathBuf>> {
         return Ok(vec![path.to_path_buf()]);
     }
     let mut found = Vec::new();
-    look(path, &mut found).map_err(|error| anyhow!("cannot look into {}: {error}", path.display()))?;
+    look(path, &mut found).map_err(|error| anyhow!("cannot read {}: {error}", path.display()))?;
     found.sort();
     if found.is_empty() {
         bail!(

@@ -74,7 +74,7 @@ pub enum ArmFault {
     )]
     NotReady,
     /// A joint is not where it was sent.
-    #[error("joint {joint} is {by_rad:.2} rad from where it was sent: see what holds it, then start again")]
+    #[error("joint {joint} is {by_rad:.2} rad from where it was sent: see what blocks it, then start again")]
     NotFollowing {
         /// Which joint, counted from 1.
         joint: usize,
@@ -103,7 +103,9 @@ pub enum ArmFault {
     #[error("the connection to the arm is lost: check cable and control box, connect and start again")]
     Disconnected,
     /// The other side does not use the xArm7's protocol.
-    #[error("what answers is not an xArm7 as known here ({0}): check the address, connect and start again")]
+    #[error(
+        "the device at this address does not use the xArm7's protocol ({0}): check the address, connect and start again"
+    )]
     ProtocolNonsense(&'static str),
 }
 
