@@ -34,7 +34,7 @@ build: setup
 wheel: setup
 	$(PYTHON) scripts/python_package.py wheel
 
-# A second `make demo` goes on where the first one stopped.
+# A second `make demo` resumes the first one.
 demo: build
 	@if [ -f runs/demo-$(SONG)/config.toml ]; then \
 		$(ETUDE) train --resume runs/demo-$(SONG) --minutes $(MINUTES); \

@@ -76,7 +76,7 @@ class PianoEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Observation, dict[str, Any]]:
-        """Starts the song over; a seed decides whatever is drawn from here on (randomisation, random starts)."""
+        """Restarts the song. A seed determines all later random draws (randomisation, random starts)."""
         super().reset(seed=seed)
         if seed is None and not self._begun:
             seed = int(self.np_random.integers(2**63))
@@ -105,11 +105,11 @@ class PianoEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
         return buffers.observations[0].copy(), float(buffers.rewards[0]), False, bool(buffers.over[0]), info
 
     def get_state(self) -> bytes:
-        """Everything that the episode needs to go on bit for bit."""
+        """Everything that the episode needs to continue bit for bit."""
         return self._native.state(0)
 
     def set_state(self, state: bytes) -> Observation:
-        """Goes on from `get_state`, of this environment or another of the same song and task.
+        """Continues from `get_state` of this environment, or of another one of the same song and task.
 
         Returns:
             The observation there.

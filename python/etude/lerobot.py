@@ -39,10 +39,10 @@ Columns = dict[str, np.ndarray]
 
 def _frames(recording: Recording) -> Columns:
     """The frames of an episode, `[frames]` or `[frames, width]` each."""
-    # Of a robot the targets of its steps are the last waypoints; what was chosen is a topic of its own.
+    # In recordings of a robot the targets of a step are the last waypoints; the chosen targets have a separate topic.
     chosen = recording.topics.get("/target", {"targets": recording["targets"]})["targets"]
     rewards = recording.rewards
-    # One that was broken off may end between the messages of a step.
+    # A recording that was cut short may end between the messages of a step.
     steps = min([len(recording), len(chosen), len(recording.due), *map(len, rewards.values())])
     columns = {
         "observation.state": recording["positions"][: steps - 1].astype(np.float32),
@@ -59,7 +59,7 @@ def _frames(recording: Recording) -> Columns:
 
 
 def _features(columns: Columns, joints: list[str]) -> dict[str, dict[str, Any]]:
-    """What `info.json` says about the columns."""
+    """The columns as `info.json` describes them."""
     pitches = [f"midi_{LOWEST_PITCH + key}" for key in range(KEYS)]
     names = {"observation.state": joints, "action": joints, "observation.keys": pitches, "observation.due": pitches}
     features = {
@@ -140,7 +140,7 @@ def export_dataset(
 def _write(folder: pathlib.Path, recordings: list[Recording], robot_type: str) -> None:
     episodes = [_frames(recording) for recording in recordings]
     if not all("next.reward" in columns for columns in episodes):
-        # A robot earns none.
+        # A robot has no rewards.
         for columns in episodes:
             columns.pop("next.reward", None)
     songs = [recording.header["song"] for recording in recordings]

@@ -16,12 +16,12 @@ from ._native import EtudeError
 
 SCHEMA = "etude-policy-1"
 SHIPPED = pathlib.Path(__file__).parent / "policies"
-# Of the folder of a run, the better first.
+# Policy files in the folder of a run, the best first.
 IN_A_RUN = ("policy-best.safetensors", "policy-last.safetensors")
 
 
 def _gelu(x: NDArray[np.float32]) -> NDArray[np.float32]:
-    """The tanh form, as the learner has it."""
+    """GELU in its tanh form, as in the learner."""
     share: NDArray[np.float32] = 1 + np.tanh(np.float32(np.sqrt(2 / np.pi)) * (x + np.float32(0.044715) * x**3))
     return np.float32(0.5) * x * share
 
@@ -66,7 +66,7 @@ class Policy:
 
     @property
     def task(self) -> dict[str, Any]:
-        """The task that its scores are of, for `PianoEnv(song, config=policy.task)`: what it was trained in, with nothing random."""
+        """The task of its scores, for `PianoEnv(song, config=policy.task)`: that of its training, without randomness."""
         try:
             task: dict[str, Any] = self.header["notes"]["training"]["config"]["task"]
         except (KeyError, TypeError) as error:
@@ -81,7 +81,7 @@ class Policy:
 
     @property
     def scores(self) -> dict[str, float]:
-        """What it came to when it was evaluated last."""
+        """Scores of its evaluation in training."""
         scores: dict[str, float] = (self.header["notes"] or {}).get("scores", {})
         return scores
 

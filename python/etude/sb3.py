@@ -39,7 +39,7 @@ class PianoVecEnv(VecEnv):
         self.metadata: dict[str, Any] = dict(self.envs.metadata)
 
     def reset(self) -> np.ndarray:
-        """Starts the song over in all environments."""
+        """Restarts the song in all environments."""
         seeds = None if all(seed is None for seed in self._seeds) else self._seeds
         observations, _ = self.envs.reset(seed=seeds)
         self._reset_seeds()
@@ -80,7 +80,7 @@ class PianoVecEnv(VecEnv):
         return [None] * self.num_envs if self.render_mode is None else self.envs.render() or []
 
     def close(self) -> None:
-        """Nothing is to be done."""
+        """Does nothing: there is nothing to close."""
 
     def get_attr(self, attr_name: str, indices: Any = None) -> list[Any]:
         """An attribute, which all environments share."""
@@ -96,7 +96,7 @@ class PianoVecEnv(VecEnv):
         return [method(index, *args, **keywords) for index in self._get_indices(indices)]
 
     def env_is_wrapped(self, wrapper_class: Any, indices: Any = None) -> list[bool]:
-        """None is."""
+        """Always false: no wrappers are used."""
         return [False for _ in self._get_indices(indices)]
 
     def _get_indices(self, indices: Any) -> Iterable[int]:

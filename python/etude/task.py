@@ -132,7 +132,7 @@ class Buffers:
         self.scores = np.ones((num_envs, len(SCORES)), np.float64)
 
     def step(self, native: Pianos, actions: Any) -> None:
-        """One control step. The actions are copied: nobody may change them while the interpreter's lock is released."""
+        """One control step. The actions are copied: they must not change while the interpreter's lock is released."""
         actions = np.asarray(actions)
         if actions.shape != self.actions.shape:
             raise EtudeError(f"the actions must have the shape {self.actions.shape}, not {actions.shape}")

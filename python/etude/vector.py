@@ -92,7 +92,7 @@ class PianoVectorEnv(gymnasium.vector.VectorEnv[Array, Array, Array]):
     def reset(
         self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Array, dict[str, Any]]:
-        """Starts the song over, in all environments or in those of `options["reset_mask"]`."""
+        """Restarts the song, in all environments or in those of `options["reset_mask"]`."""
         super().reset(seed=seed if isinstance(seed, int) else None)
         mask = (options or {}).get("reset_mask")
         mask = np.ones(self.num_envs, np.bool_) if mask is None else np.ascontiguousarray(mask)
@@ -102,7 +102,7 @@ class PianoVectorEnv(gymnasium.vector.VectorEnv[Array, Array, Array]):
         seeds = [None] * self.num_envs if seeds is None else list(seeds)
         if len(seeds) != self.num_envs:
             raise EtudeError(f"there must be a seed for each of {self.num_envs} environments, not {len(seeds)}")
-        # What has never been reset begins anywhere.
+        # An environment that was never reset and has no seed gets a random one.
         fresh = [one is None and not begun for one, begun in zip(seeds, self._begun)]
         seeds = [int(self.np_random.integers(2**62)) if new else one for one, new in zip(seeds, fresh)]
         self._native.reset(seeds, mask, self._buffers.observations)
@@ -127,7 +127,7 @@ class PianoVectorEnv(gymnasium.vector.VectorEnv[Array, Array, Array]):
         return observations, rewards, np.zeros(self.num_envs, np.bool_), over, info
 
     def _info(self, of: Array) -> dict[str, Any]:
-        """What there is to know of the environments `of`."""
+        """The `info` of the environments `of`."""
         buffers = self._buffers
         info: dict[str, Any] = {}
         if not of.any():
@@ -141,11 +141,11 @@ class PianoVectorEnv(gymnasium.vector.VectorEnv[Array, Array, Array]):
         return info | {f"_{name}": of for name in info}
 
     def get_state(self, index: int) -> bytes:
-        """Everything that environment `index` needs to go on bit for bit."""
+        """Everything that environment `index` needs to continue bit for bit."""
         return self._native.state(index)
 
     def set_state(self, index: int, state: bytes) -> NDArray[np.float32]:
-        """Lets environment `index` go on from a state; returns the observation there."""
+        """Restores environment `index` from a state; returns its observation."""
         row = self._buffers.observations[index : index + 1]
         self._native.set_state(index, state, row)
         self._begun[index] = True

@@ -1,4 +1,4 @@
-"""MuJoCo's own window, in step with an environment."""
+"""MuJoCo's own window, which follows an environment."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ class Window:
         import glfw
         import mujoco.viewer
 
-        # Without a screen MuJoCo's viewer ends in its own thread, and whoever opened it waits for ever.
+        # Without a screen MuJoCo's viewer ends in its own thread, and the thread that opened it waits forever.
         with warnings.catch_warnings(action="ignore"):
             if not glfw.init():
                 raise EtudeError(
@@ -37,7 +37,7 @@ class Window:
         self._next = time.monotonic()
 
     def show(self, qpos: list[float]) -> None:
-        """Shows the world so; a window that was closed stays closed."""
+        """Shows the world with these positions; a window that was closed stays closed."""
         if not self._viewer.is_running():
             return
         time.sleep(max(0.0, self._next - time.monotonic()))

@@ -1,7 +1,7 @@
 //! The native part of the Python package `etude`: environments that step together, with the interpreter's lock released.
 //!
-//! Python decides what arrays there are and hands them over; this part only fills them (python/etude/_native.pyi has the
-//! shapes). Whatever it is given, it raises an `EtudeError` and never panics.
+//! Python allocates the arrays and passes them in; this part only fills them (python/etude/_native.pyi has the
+//! shapes). Invalid input raises an `EtudeError` and never panics.
 
 mod pianos;
 mod pictures;
@@ -21,7 +21,7 @@ create_exception!(
     "Something that Étude was given cannot be used; the message says what."
 );
 
-/// The same words as in Rust.
+/// An `EtudeError` with the message of the Rust error.
 fn error(why: impl Display) -> PyErr {
     EtudeError::new_err(why.to_string())
 }
@@ -32,7 +32,7 @@ fn songs() -> Vec<(&'static str, &'static str)> {
     repertoire::PIECES.iter().map(|piece| (piece.id, piece.title)).collect()
 }
 
-/// Raises what drawing such a picture would, but for what the machine lacks.
+/// Raises the error that drawing such a picture would raise, except for a missing OpenGL.
 #[pyfunction]
 fn check_picture(width: i64, height: i64, view: &str) -> PyResult<()> {
     pictures::asked(width, height, view).map(|_| ())
@@ -44,19 +44,19 @@ pub(crate) struct Task(TaskConfig);
 
 #[pymethods]
 impl Task {
-    /// That of a preset with single values changed by `path=value`.
+    /// The task of a preset, with single values changed by `path=value`.
     #[staticmethod]
     fn of_preset(preset: &str, changes: Vec<String>) -> PyResult<Self> {
         Ok(Self(etude_lab::resolve(preset, None, &changes).map_err(error)?.task))
     }
 
-    /// From JSON; what it leaves out is as in the paper's main text.
+    /// From JSON; values that it leaves out are those of the paper's main text.
     #[staticmethod]
     fn of_json(text: &str) -> PyResult<Self> {
         Ok(Self(serde_json::from_str(text).map_err(error)?))
     }
 
-    /// Every value.
+    /// All values, as JSON.
     fn json(&self) -> PyResult<String> {
         serde_json::to_string(&self.0).map_err(error)
     }

@@ -17,23 +17,23 @@ use serde::{Deserialize, Serialize};
 
 use crate::{Task, error, pictures};
 
-/// As many as a training may have.
+/// Most environments and threads: as many as a training may have.
 const MOST_ENVS: usize = 4096;
 const MOST_THREADS: usize = 1024;
 /// Columns of the scores: precision, recall and F1 of the song so far.
 const SCORES: usize = 3;
 
-/// An environment, and what its episode has come to.
+/// An environment, and the scores of its episode so far.
 struct Slot {
     environment: Environment,
     tally: FrameTally,
     over: bool,
 }
 
-/// What a state holds.
+/// The content of a saved state.
 #[derive(Serialize, Deserialize)]
 struct Saved {
-    /// Of which song and task it is.
+    /// Fingerprint of song and task.
     fingerprint: u64,
     tally: FrameTally,
     over: bool,
@@ -94,7 +94,7 @@ pub struct Pianos {
     slots: Vec<Slot>,
     piece: Piece,
     config: TaskConfig,
-    /// Of song and task.
+    /// Fingerprint of song and task.
     fingerprint: u64,
     /// `None`: the calling thread alone.
     pool: Option<ThreadPool>,
@@ -128,13 +128,13 @@ fn column<'a, T: numpy::Element>(
     array.as_slice_mut().map_err(|_| wrong())
 }
 
-/// How many of `name`, of which there may be `most`.
+/// Checks that the count `given` of `name` is between 1 and `most`.
 fn count(name: &str, given: i64, most: usize) -> PyResult<usize> {
     let fits = usize::try_from(given).ok().filter(|count| (1..=most).contains(count));
     fits.ok_or_else(|| error(format!("{name} = {given} must lie in 1 … {most}")))
 }
 
-/// A number that another song, or another task, has not.
+/// A number that differs between songs and between tasks.
 fn fingerprint(config: &TaskConfig, piece: &Piece) -> PyResult<u64> {
     let mut hasher = DefaultHasher::new();
     serde_json::to_string(config).map_err(error)?.hash(&mut hasher);
@@ -186,7 +186,7 @@ impl Pianos {
         ACTION_LEN
     }
 
-    /// The joint targets that -1 and 1 stand for, rad, the rail's in m: a song moves the rail no further than it must.
+    /// The joint targets of the actions -1 and 1: rad, the rail in m. The range of the rail depends on the song.
     #[getter]
     fn action_range(&self) -> ([f64; ACTION_LEN], [f64; ACTION_LEN]) {
         let range = TargetRange::new(&self.piece);
@@ -209,7 +209,7 @@ impl Pianos {
         self.slots[0].environment.reward().names().collect()
     }
 
-    /// Begins episodes where `mask` says so, with a seed or going on with the random numbers that there are.
+    /// Begins an episode in each environment of `mask`: with a new random stream if it has a seed, else with its current one.
     fn reset(
         &mut self,
         py: Python<'_>,
@@ -235,8 +235,8 @@ impl Pianos {
         Ok(())
     }
 
-    /// One control step of all. With `last_observations` an episode that has ended begins anew at once; its last observation
-    /// goes there.
+    /// One control step of all environments. With `last_observations`, an episode that has ended restarts in the same step, and
+    /// its last observation is written there.
     #[allow(clippy::too_many_arguments)] // One an array.
     fn step(
         &mut self,
@@ -284,7 +284,7 @@ impl Pianos {
         let rows =
             rows.zip(observations.chunks_exact_mut(width)).zip(last).zip(rewards).zip(over).zip(collided);
         let rows = rows.zip(scores.chunks_exact_mut(SCORES));
-        // A reward may have no terms, and chunks of nothing are none.
+        // A reward may have no terms, and `chunks_exact_mut(0)` panics.
         let mut terms_left = terms;
         let rows: Vec<Row<'_>> = rows
             .map(
@@ -308,7 +308,7 @@ impl Pianos {
         Ok(())
     }
 
-    /// Everything that environment `index` needs to go on bit for bit.
+    /// Everything that environment `index` needs to continue bit for bit.
     fn state<'py>(&self, py: Python<'py>, index: usize) -> PyResult<Bound<'py, PyBytes>> {
         let Slot { environment, tally, over } = self.slot(index)?;
         let environment = String::from_utf8(environment.save()).map_err(error)?;
@@ -316,7 +316,7 @@ impl Pianos {
         Ok(PyBytes::new(py, &serde_json::to_vec(&saved).map_err(error)?))
     }
 
-    /// Lets environment `index` go on from a state, and writes its observation.
+    /// Restores environment `index` from a state, and writes its observation.
     fn set_state(
         &mut self,
         index: usize,

@@ -7,10 +7,10 @@ use pyo3::PyResult;
 
 use crate::error;
 
-/// Painters that a thread keeps: each has its buffers.
+/// Most painters that a thread keeps: each has its own buffers.
 const MOST_STUDIOS: usize = 4;
 
-/// A world to draw, and who draws it.
+/// A world to draw, and its painter.
 struct Studio {
     stage: StageConfig,
     size: [u32; 2],
