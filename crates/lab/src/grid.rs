@@ -2,7 +2,7 @@
 //!
 //! The nominal world flatters what was trained in it. The grid is a Latin hypercube over the widths of the player's own
 //! randomisation ([`etude_task::Randomisation::grid`]), the same for the same seed, so that policies are compared in the
-//! same worlds; its worst tenth says more about a robot than its mean (fact sheet "speed and sample efficiency" §6).
+//! same worlds; its worst tenth says more about a robot than its mean.
 
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
