@@ -5,6 +5,7 @@ use std::path::Path;
 
 use anyhow::anyhow;
 use etude_identify::IdentifyError;
+use etude_perform::stand::Stand;
 
 /// The work was interrupted on request. The text says what is kept.
 #[derive(Debug, thiserror::Error)]
@@ -31,4 +32,17 @@ pub(crate) fn unusable(path: &Path, why: impl Display) -> anyhow::Error {
 /// The error of a folder or file that cannot be made.
 pub(crate) fn cannot_create(path: &Path, why: impl Display) -> anyhow::Error {
     anyhow!("cannot create {}: {why}; choose another folder with -o", path.display())
+}
+
+/// Releases the robot of `stand` after `outcome`. An error of the release is never hidden by an earlier one: the operator must
+/// use the hardware stop then.
+///
+/// # Errors
+/// That of `outcome`, and that of the release.
+pub fn released<T>(stand: &mut Stand, outcome: anyhow::Result<T>) -> anyhow::Result<T> {
+    match (outcome, stand.let_go()) {
+        (outcome, Ok(())) => outcome,
+        (Ok(_), Err(why)) => Err(anyhow!(why)),
+        (Err(error), Err(why)) => Err(error.context(why)),
+    }
 }

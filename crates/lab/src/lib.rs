@@ -22,7 +22,7 @@ mod run;
 
 pub use config::{PRESETS, RunConfig, resolve};
 pub use doctor::{Finding, examine};
-pub use errors::Interrupted;
+pub use errors::{Interrupted, released};
 pub use excitations::record_excitations;
 pub use grid::{GridConfig, GridReport, Marginal, WorldScores, evaluate_grid};
 pub use identify::{IDENTIFIED, Identification, IdentifyMethod, IdentifyReport, identify_robot};

@@ -60,13 +60,12 @@ pub fn record_robot(
         rig_config: Some(rig.config()),
         ..Header::default()
     };
-    let mut stand = rig.open(side, seed)?;
     let mut writer = RecordingWriter::create(path, &header)?;
-    let ending = act(&mut stand, motion, &pose, home, &mut writer, interrupt);
-    stand.let_go().map_err(anyhow::Error::msg)?;
+    let mut stand = rig.open(side, seed)?;
+    let ending = act(&mut stand, motion, &pose, home, &mut writer, interrupt).map_err(Into::into);
+    let ending = released(&mut stand, ending)?;
     // The robot is stopped: its guard is not needed while the file is completed.
     drop(stand);
-    let ending = ending?;
     let messages = writer.messages();
     writer.finish()?;
     Ok(Recorded { messages, ending })

@@ -2,8 +2,10 @@
 //! an interruption never replaces a complete file by half of one.
 
 use std::fmt::Write as _;
+use std::io::Write as _;
 use std::path::{Path, PathBuf};
 
+use atomic_write_file::AtomicWriteFile;
 use etude_music::KeySet;
 
 /// A file could not be written.
@@ -19,14 +21,12 @@ pub struct FileError {
 /// # Errors
 /// If the folder is missing or not writable, or the disk is full.
 pub fn write_file(path: &Path, content: &(impl AsRef<[u8]> + ?Sized)) -> Result<(), FileError> {
-    let fail = |source| FileError { path: path.to_path_buf(), source };
-    let mut scratch = path.as_os_str().to_owned();
-    scratch.push(".partial");
-    let scratch = PathBuf::from(scratch);
-    std::fs::write(&scratch, content).and_then(|()| std::fs::rename(&scratch, path)).map_err(|error| {
-        let _ = std::fs::remove_file(&scratch);
-        fail(error)
-    })
+    let write = || {
+        let mut file = AtomicWriteFile::open(path)?;
+        file.write_all(content.as_ref())?;
+        file.commit()
+    };
+    write().map_err(|source| FileError { path: path.to_path_buf(), source })
 }
 
 /// Writes one line a control step: `step`, then the MIDI numbers of the keys due and, if given, of those pressed,

@@ -40,7 +40,7 @@ pub use prepare::prepare;
 pub use recorder::Recorder;
 pub use recording::{Recording, RecordingError};
 pub use rig::{Command, Ending, Rig, Seen, Stepped};
-pub use robot_rig::{RobotRig, keys};
+pub use robot_rig::RobotRig;
 pub use shaping::shaping_params;
 pub use sim_rig::SimRig;
 pub use timing::{Timing, TimingReport};

@@ -73,6 +73,7 @@ impl std::fmt::Display for Activity {
 
 /// What was played, by whom, on what.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(default)]
 pub struct Header {
     /// Version of the messages.
     pub schema: u32,

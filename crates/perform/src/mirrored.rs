@@ -3,7 +3,7 @@
 use etude_stage::{JOINTS, PHYSICS_STEPS, World};
 
 use crate::performance::Performance;
-use crate::rig::{Command, Ending, Rig, Seen, Stepped};
+use crate::rig::{Command, Ending, Rig, Seen, Stepped, UNSTABLE};
 use crate::robot_rig::{RobotRig, Waypoints};
 use crate::{PerformError, Recorder};
 
@@ -51,11 +51,15 @@ impl Rig for Mirrored<'_> {
         // The set-points are the simulated joints after each physics step.
         let mut waypoints: Waypoints = [[0.0; JOINTS]; PHYSICS_STEPS];
         let mut next = waypoints.iter_mut();
-        self.world.step_watched(&command.targets, |world| {
+        let outcome = self.world.step_watched(&command.targets, |world| {
             if let Some(waypoint) = next.next() {
                 *waypoint = world.joints();
             }
         });
+        // MuJoCo starts an unstable world over with all joints at zero, where the robot must not go.
+        if outcome.unstable {
+            return Ok(Err(Ending::Fault(UNSTABLE.to_string())));
+        }
         let followed = self.robot.follow(&waypoints, command, recorder)?;
         Ok(followed.map(|pressed| Stepped { pressed, alongside: Some(self.world.pressed()) }))
     }

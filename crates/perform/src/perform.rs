@@ -22,9 +22,6 @@ pub enum PerformError {
     /// The robot did not start, or did not reach its starting pose.
     #[error("the robot did not get ready: {0}")]
     NotReady(String),
-    /// The robot stopped itself.
-    #[error("the robot stopped itself: {0}")]
-    Fault(String),
     /// The recording could not be written.
     #[error(transparent)]
     Recording(#[from] RecordingError),
@@ -50,8 +47,10 @@ pub fn perform(
     rig.begin()?;
     let played = play(rig, player, task, &mut performance, &mut recorder, interrupt);
     rig.rest();
+    // What the robot reported must be in the recording, above all if it refused a command.
+    let finished = rig.finish(&mut performance, &mut recorder);
     performance.ending = played?;
-    rig.finish(&mut performance, &mut recorder)?;
+    finished?;
     performance.events = recorder.events;
     Ok(performance)
 }

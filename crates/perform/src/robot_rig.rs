@@ -56,6 +56,9 @@ impl<'a> RobotRig<'a> {
     ) -> Result<Result<KeySet, Ending>, PerformError> {
         let step = command.step as u64;
         let due = self.records.begun() + CONTROL_PERIOD * command.step as u32;
+        if matches!(self.robot.phase(), Phase::Fault | Phase::Stopped) {
+            return Ok(Err(fault(self.robot)));
+        }
         self.robot.follow(due, waypoints)?;
         let late = self.pace.now().saturating_sub(due);
         self.timing.command(late);

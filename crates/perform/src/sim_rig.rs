@@ -6,7 +6,7 @@ use etude_task::{Environment, Piece, TaskConfig, TaskError};
 
 use crate::messages::{RewardMessage, StepMessage};
 use crate::performance::{Performance, Simulated};
-use crate::rig::{Command, Ending, Rig, Seen, Stepped};
+use crate::rig::{Command, Ending, Rig, Seen, Stepped, UNSTABLE};
 use crate::{PerformError, Recorder};
 
 /// An [`Environment`] that plays its piece from the beginning, and sums up the reward.
@@ -101,6 +101,9 @@ impl Rig for SimRig {
         recorder: &mut Recorder<'_>,
     ) -> Result<Result<Stepped, Ending>, PerformError> {
         let step = self.environment.step(command.action, &mut self.terms);
+        if step.reward.is_nan() {
+            return Ok(Err(Ending::Fault(UNSTABLE.to_string())));
+        }
         self.simulated.reward += step.reward;
         if !step.collided {
             self.simulated.collision_free += 1.0 / self.steps as f64;

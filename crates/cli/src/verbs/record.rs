@@ -62,7 +62,7 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
     line(format!("{} messages in {}", recorded.messages, args.out.display()))?;
     match recorded.ending {
         etude_perform::Ending::Complete => Ok(Ending::Done),
-        etude_perform::Ending::Fault(fault) => Err(etude_perform::PerformError::Fault(fault).into()),
+        etude_perform::Ending::Fault(fault) => anyhow::bail!("the robot stopped itself: {fault}"),
         // A recording until Ctrl-C is complete.
         etude_perform::Ending::Interrupted if matches!(motion, Motion::Rest(None)) => Ok(Ending::Done),
         etude_perform::Ending::Interrupted => Ok(Ending::Stopped),

@@ -1,7 +1,9 @@
 //! The calibration's file: the keys that an operator has shown to the arm.
 
+use std::io::Write as _;
 use std::path::{Path, PathBuf};
 
+use atomic_write_file::AtomicWriteFile;
 use serde::{Deserialize, Serialize};
 
 use crate::xarm::kinematics::{JOINTS, KinematicsError, Pose, forward};
@@ -149,11 +151,12 @@ impl Calibration {
         let file = |message: String| CalibrationError::File { path: path.to_path_buf(), message };
         let versioned = Self { schema: SCHEMA, ..self.clone() };
         let text = toml::to_string(&versioned).map_err(|error| file(error.to_string()))?;
-        let mut scratch = path.as_os_str().to_owned();
-        scratch.push(".partial");
-        std::fs::write(&scratch, text)
-            .and_then(|()| std::fs::rename(&scratch, path))
-            .map_err(|error| file(error.to_string()))
+        let write = || {
+            let mut file = AtomicWriteFile::open(path)?;
+            file.write_all(text.as_bytes())?;
+            file.commit()
+        };
+        write().map_err(|error: std::io::Error| file(error.to_string()))
     }
 
     /// Adds a point, in place of one for the same key.
