@@ -236,12 +236,13 @@ fn write_png(path: &Path, [width, height]: [u32; 2], pixels: &[u8]) -> anyhow::R
 #[cfg(test)]
 mod tests {
     use super::*;
-    use etude_perform::{Header, Recording, StepMessage};
+    use etude_perform::{Activity, Header, Recording, StepMessage};
 
     #[test]
     fn joints_move_on_straight_lines_between_the_ends_of_steps() {
         let step = |value: f64| StepMessage { positions: vec![value; JOINTS], ..StepMessage::default() };
-        let header = Header { control_hz: 20.0, ..Header::default() };
+        // The start pose is known of a simulation only.
+        let header = Header { control_hz: 20.0, activity: Activity::Rest, ..Header::default() };
         let recording =
             Recording { header, steps: vec![step(0.1), step(0.3)], complete: true, ..Recording::default() };
         let take = Take::new(&recording, "r".to_string()).unwrap();
