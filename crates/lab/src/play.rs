@@ -3,11 +3,11 @@
 use std::path::{Path, PathBuf};
 use std::sync::atomic::AtomicBool;
 
-use anyhow::Context as _;
+use anyhow::{Context as _, bail};
 use etude_music::sound::{self, SoundFont};
 use etude_music::{CONTROL_HZ, Song};
 use etude_perform::{
-    Header, Performance, RecordingWriter, Scores, SimRig, perform, write_file, write_frames_csv,
+    Ending, Header, Performance, RecordingWriter, Scores, SimRig, perform, write_file, write_frames_csv,
 };
 use etude_robot::rig::RigConfig;
 use etude_stage::JOINT_NAMES;
@@ -86,6 +86,9 @@ pub fn play(
     let performance = perform(&mut rig, &mut ready, task, &piece, writer.as_mut(), &never)?;
     if let Some(writer) = writer {
         writer.finish()?;
+    }
+    if let Ending::Fault(why) = &performance.ending {
+        bail!("the performance was cut short: {why}");
     }
     let simulated = performance.simulation.unwrap_or_default();
     let report = Report {

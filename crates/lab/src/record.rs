@@ -5,6 +5,7 @@ use std::sync::atomic::AtomicBool;
 use std::time::Duration;
 
 use etude_music::CONTROL_HZ;
+use etude_perform::stand::{RigChoice, Stand, start_pose};
 use etude_perform::{
     Activity, Ending, Excitation, ExcitationPlayer, Header, PerformError, Recorder, RecordingWriter,
     RobotRig, perform, prepare,
@@ -12,8 +13,7 @@ use etude_perform::{
 use etude_stage::{JOINT_NAMES, JOINTS};
 use etude_task::{TaskConfig, TaskError};
 
-use etude_perform::stand::Stand;
-use etude_perform::stand::{RigChoice, start_pose};
+use crate::errors::released;
 
 /// What a robot does while it is recorded.
 #[derive(Clone, Copy, Debug)]

@@ -6,6 +6,7 @@ use std::sync::atomic::AtomicBool;
 use anyhow::bail;
 use etude_music::Song;
 use etude_music::sound::SoundFont;
+use etude_perform::stand::{RigChoice, Stand};
 use etude_perform::{
     Activity, Ending, Header, Job, Mode, Performance, RecordingWriter, RobotRig, Scores, TimingReport, gap,
     perform, prepare,
@@ -14,9 +15,9 @@ use etude_stage::{JOINTS, World};
 use etude_task::{Piece, TaskError};
 use serde::Serialize;
 
+use crate::errors::released;
 use crate::play::{Files, header, keep, make_folder, scores_in_simulation, write_report};
 use crate::player::Player;
-use etude_perform::stand::{RigChoice, Stand};
 
 /// How to play.
 #[derive(Clone, Debug)]
@@ -81,13 +82,6 @@ pub struct RobotRun {
     pub files: Option<Files>,
 }
 
-impl RobotReport {
-    /// Whether every run reached the end of the song.
-    pub fn is_complete(&self) -> bool {
-        self.runs.iter().all(|run| run.ending == Ending::Complete)
-    }
-}
-
 /// A run on a robot that has ended.
 #[derive(Clone, Debug)]
 pub struct RunEnded {
@@ -139,9 +133,8 @@ pub fn play_on_robot(
         let mut writer =
             files.as_ref().map(|files| RecordingWriter::create(&files.recording, &header)).transpose()?;
         let mut stand = rig.open(task.stage.side, play.seed.wrapping_add(index as u64))?;
-        let performance =
-            one_run(&mut stand, player, &piece, play, &start, writer.as_mut(), job.interrupt())?;
-        stand.let_go().map_err(anyhow::Error::msg)?;
+        let played = one_run(&mut stand, player, &piece, play, &start, writer.as_mut(), job.interrupt());
+        let performance = released(&mut stand, played)?;
         // The robot is stopped: its guard is not needed while the files are written.
         drop(stand);
         if let Some(writer) = writer {
@@ -199,11 +192,13 @@ fn one_run(
 
 impl RobotRun {
     fn new(performance: Performance, files: Option<Files>) -> Self {
-        let robot = performance.robot.clone().unwrap_or_default();
+        let scores = performance.scores();
+        let (alongside_f1, steps) = (performance.alongside_f1(), performance.piece.steps());
+        let robot = performance.robot.unwrap_or_default();
         Self {
-            scores: performance.scores(),
-            alongside_f1: performance.alongside_f1(),
-            steps: [performance.pressed.len(), performance.piece.steps()],
+            scores,
+            alongside_f1,
+            steps: [performance.pressed.len(), steps],
             clamped: robot.clamped,
             lost_records: robot.lost_records,
             timing: robot.timing.report(),

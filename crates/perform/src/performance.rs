@@ -113,9 +113,9 @@ fn padded(keys: &[KeySet], steps: usize) -> Vec<KeySet> {
 }
 
 /// The gap between simulation and robot: the share of the F1 in simulation that is lost on the robot (paper, "Results": from 0.946 to 0.881
-/// is 6.8 %). Not finite where the F1 in simulation is 0, which JSON has as `null`.
+/// is 6.8 %). 0 where the F1 in simulation is 0.
 pub fn gap(sim_f1: f64, robot_f1: f64) -> f64 {
-    1.0 - robot_f1 / sim_f1
+    if sim_f1 == 0.0 { 0.0 } else { 1.0 - robot_f1 / sim_f1 }
 }
 
 #[cfg(test)]
@@ -124,5 +124,6 @@ mod tests {
     fn the_gap_is_the_papers() {
         assert!((super::gap(0.946, 0.881) - 0.0687).abs() < 1e-4);
         assert!((super::gap(0.946, 0.840) - 0.112).abs() < 1e-3);
+        assert_eq!(super::gap(0.0, 0.5), 0.0);
     }
 }

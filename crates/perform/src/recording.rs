@@ -214,6 +214,20 @@ mod tests {
         assert!(Recording::from_bytes(b"MThd").is_err());
     }
 
+    #[test]
+    fn a_recording_of_another_version_is_refused_by_its_version() {
+        let older =
+            br#"{"schema":1,"song":"A","player":"scripted","rig":"twin","mode":"real","control_hz":20.0,
+            "joints":[],"due":[],"config":{}}"#;
+        let header: Header = serde_json::from_slice(older).unwrap();
+        assert_eq!((header.schema, header.activity), (1, crate::Activity::Simulation));
+        let (_, bytes) = sample();
+        let at = bytes.windows(10).position(|part| part == br#""schema":2"#).unwrap() + 9;
+        let mut older = bytes.clone();
+        older[at] = b'1';
+        assert!(Recording::from_bytes(&older).unwrap_err().contains("version 1"));
+    }
+
     proptest! {
         #![proptest_config(ProptestConfig { cases: 48, ..Default::default() })]
         #[test]

@@ -55,8 +55,7 @@ pub enum Ending {
 }
 
 /// The fault of a simulation that became unstable.
-pub(crate) const UNSTABLE: &str =
-    "the simulation became unstable; give its physical parameters values closer to the defaults (`etude model params`)";
+pub(crate) const UNSTABLE: &str = "the simulation became unstable; give its physical parameters values closer to the defaults (`etude model params`)";
 
 impl std::fmt::Display for Ending {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {

@@ -8,6 +8,7 @@ use std::sync::mpsc::{TryRecvError, channel};
 use std::time::{Duration, Instant};
 
 use anyhow::Context as _;
+use etude_lab::released;
 use etude_perform::prepare;
 use etude_perform::stand::{
     READY, RigChoice, Stand, TWIN, claim, pitches_to_show, rig_choice, stand_guard, start_pose, store_point,
@@ -133,8 +134,8 @@ fn open(choice: &RigChoice) -> anyhow::Result<Stand> {
 fn check(rig: &Rig) -> anyhow::Result<Ending> {
     let interrupt = stop_flag()?;
     let mut stand = open(&rig_choice(&rig.robot, "standard")?)?;
-    let fault = stand.hold(Duration::from_millis(500), &interrupt)?;
-    stand.let_go().map_err(anyhow::Error::msg)?;
+    let held = stand.hold(Duration::from_millis(500), &interrupt).map_err(Into::into);
+    let fault = released(&mut stand, held)?;
     let robot = &stand.robot;
     let (hand, arm, place) = (robot.hand().information(), robot.arm(), robot.place());
     let version = arm.version().map(|version| version.text.clone());
@@ -188,8 +189,8 @@ fn home(rig: &Rig) -> anyhow::Result<Ending> {
     let pose = start_pose(choice.side())?;
     let mut stand = open(&choice)?;
     let Stand { robot, pace } = &mut stand;
-    prepare(robot, pace, Some(&pose), None, &interrupt)?;
-    stand.let_go().map_err(anyhow::Error::msg)?;
+    let prepared = prepare(robot, pace, Some(&pose), None, &interrupt).map_err(Into::into);
+    released(&mut stand, prepared)?;
     let robot = &stand.robot;
     let place = robot.place();
     if rig.json {
