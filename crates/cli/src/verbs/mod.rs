@@ -100,16 +100,8 @@ fn positive(text: &str) -> Result<f64, String> {
 
 /// Folder-friendly name of what the user typed for a song: a built-in id, or a file's name without its ending.
 fn slug(song: &str) -> String {
-    let stem = if etude_music::repertoire::get(song).is_some() {
-        song.to_string()
-    } else {
-        Path::new(song)
-            .file_stem()
-            .map_or_else(|| song.to_string(), |stem| stem.to_string_lossy().into_owned())
-    };
-    let plain: String =
-        stem.chars().map(|c| if c.is_ascii_alphanumeric() { c.to_ascii_lowercase() } else { '-' }).collect();
-    plain.split('-').filter(|part| !part.is_empty()).collect::<Vec<_>>().join("-")
+    let stem = Path::new(song).file_stem().filter(|_| etude_music::repertoire::get(song).is_none());
+    etude_show::slug(&stem.map_or_else(|| song.into(), |stem| stem.to_string_lossy()))
 }
 
 /// The file `out`, whose folder is made; refused if it has not the `ending` of what is written.
