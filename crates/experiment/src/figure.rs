@@ -20,7 +20,7 @@ const COLOURS: [RGBColor; 7] = [
     RGBColor(90, 90, 90),
 ];
 /// Strokes of curves: length and gap of the dashes; none is a whole line.
-const DASHES: [Option<[u32; 2]>; 4] = [None, Some([9, 5]), Some([2, 4]), Some([14, 3])];
+const DASHES: [Option<[i32; 2]>; 4] = [None, Some([9, 5]), Some([2, 4]), Some([14, 3])];
 /// Letters of a group's name that are written upwards.
 const LONGEST_NAME: usize = 28;
 
@@ -125,13 +125,11 @@ impl Drawing {
             .x_label_area_size(if long { 160 } else { 44 })
             .y_label_area_size(56)
             .build_cartesian_2d(x[0]..x[1], y[0]..y[1])?;
-        let group = |at: &f64| {
-            let near = at.round();
-            let name =
-                (near >= 0.0 && (at - near).abs() < 1e-6).then(|| self.groups.get(near as usize)).flatten();
-            name.cloned().unwrap_or_default()
+        let group = |at: f64| self.groups.get(at.round() as usize).filter(|_| (at - at.round()).abs() < 1e-6);
+        let label = |at: &f64| match self.groups.as_slice() {
+            [] => number(*at),
+            _ => group(*at).cloned().unwrap_or_default(),
         };
-        let label = |at: &f64| if self.groups.is_empty() { number(*at) } else { group(at) };
         let mut mesh = chart.configure_mesh();
         mesh.light_line_style(TRANSPARENT)
             .bold_line_style(RGBColor(226, 226, 226))
@@ -177,7 +175,7 @@ impl Drawing {
     }
 
     fn curve(&self, chart: &mut Chart<'_, '_>, index: usize, series: &Series) -> anyhow::Result<()> {
-        let (colour, stroke) = (COLOURS[index % COLOURS.len()], 2);
+        let colour = COLOURS[index % COLOURS.len()];
         let band: Vec<(f64, [f64; 2])> =
             series.points.iter().filter_map(|point| Some((point.x, point.interval?))).collect();
         if band.len() > 1 {
@@ -186,21 +184,18 @@ impl Drawing {
             let outline: Vec<(f64, f64)> = upper.chain(lower).collect();
             chart.draw_series([Polygon::new(outline, colour.mix(0.15))])?;
         }
-        let points: Vec<(f64, f64)> = series.points.iter().map(|point| (point.x, point.y)).collect();
-        let style = colour.stroke_width(stroke);
-        match DASHES[index % DASHES.len()].map(|lengths| lengths.map(|length| (length) as i32)) {
-            None => chart.draw_series(LineSeries::new(points.clone(), style))?,
-            Some([dash, gap]) => {
-                chart.draw_series(DashedLineSeries::new(points.clone(), dash, gap, style))?
-            }
+        let points = || series.points.iter().map(|point| (point.x, point.y));
+        let style = colour.stroke_width(2);
+        match DASHES[index % DASHES.len()] {
+            None => chart.draw_series(LineSeries::new(points(), style))?,
+            Some([dash, gap]) => chart.draw_series(DashedLineSeries::new(points(), dash, gap, style))?,
         };
         if self.markers {
-            let size = 4;
             let full = colour.filled();
             match index % 3 {
-                0 => chart.draw_series(points.iter().map(|p| Circle::new(*p, size, full)))?,
-                1 => chart.draw_series(points.iter().map(|p| TriangleMarker::new(*p, size, full)))?,
-                _ => chart.draw_series(points.iter().map(|p| Cross::new(*p, size, style)))?,
+                0 => chart.draw_series(points().map(|at| Circle::new(at, 4, full)))?,
+                1 => chart.draw_series(points().map(|at| TriangleMarker::new(at, 4, full)))?,
+                _ => chart.draw_series(points().map(|at| Cross::new(at, 4, style)))?,
             };
         }
         Ok(())
@@ -229,37 +224,28 @@ impl Drawing {
     /// Names of the series in one line under the heading, with their strokes.
     fn legend(&self, area: &Area<'_>) -> anyhow::Result<()> {
         let style = ("sans-serif", 12).into_font().into_text_style(area);
-        let mut x = 76;
-        let y = 33;
-        let (right, bottom) = (area.dim_in_pixel().0 as i32, y + 7);
-        let mut row = 0;
+        let right = area.dim_in_pixel().0 as i32;
+        let [mut x, mut y] = [76, 33];
         for (index, series) in self.series.iter().enumerate() {
             let colour = COLOURS[index % COLOURS.len()];
             let wide = area.estimate_text_size(&series.name, &style)?.0 as i32 + 46;
             if x + wide > right {
-                (x, row) = (76, row + 1);
+                [x, y] = [76, y + 16];
             }
-            let shift = row * 16;
-            let sample = [(x, y + shift), (x + 22, y + shift)];
-            let backdrop = [(x - 4, y - 8 + shift), (x + wide - 8, bottom + shift)];
+            let backdrop = [(x - 4, y - 8), (x + wide - 8, y + 7)];
             area.draw(&Rectangle::new(backdrop, WHITE.mix(0.8).filled()))?;
             if self.groups.is_empty() {
-                let [dash, gap] = DASHES[index % DASHES.len()].unwrap_or([22, 0]);
-                let mut at = x;
-                while at < sample[1].0 {
-                    let end = (at + dash as i32).min(sample[1].0);
-                    area.draw(&PathElement::new(
-                        vec![(at, y + shift), (end, y + shift)],
-                        colour.stroke_width(2),
-                    ))?;
-                    at = end + (gap as i32).max(1);
+                let [dash, gap] = DASHES[index % DASHES.len()].unwrap_or([22, 1]);
+                for at in (x..x + 22).step_by((dash + gap) as usize) {
+                    let stroke = vec![(at, y), ((at + dash).min(x + 22), y)];
+                    area.draw(&PathElement::new(stroke, colour.stroke_width(2)))?;
                 }
             } else {
-                let patch = [(x + 4, y - 5 + shift), (x + 18, y + 5 + shift)];
+                let patch = [(x + 4, y - 5), (x + 18, y + 5)];
                 area.draw(&Rectangle::new(patch, colour.mix(shade(index)).filled()))?;
                 area.draw(&Rectangle::new(patch, colour.stroke_width(1)))?;
             }
-            area.draw_text(&series.name, &style, (x + 28, y - 5 + shift))?;
+            area.draw_text(&series.name, &style, (x + 28, y - 5))?;
             x += wide;
         }
         Ok(())

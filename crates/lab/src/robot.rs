@@ -82,13 +82,6 @@ pub struct RobotRun {
     pub files: Option<Files>,
 }
 
-impl RobotReport {
-    /// Whether every run reached the end of the song.
-    pub fn is_complete(&self) -> bool {
-        self.runs.iter().all(|run| run.ending == Ending::Complete)
-    }
-}
-
 /// A run that has ended, of a performance on a robot.
 #[derive(Clone, Debug)]
 pub struct RunEnded {
