@@ -2,8 +2,8 @@
 
 use std::path::{Path, PathBuf};
 
-use anyhow::{anyhow, bail};
-use etude_lab::Interrupted;
+use anyhow::bail;
+use etude_lab::{Interrupted, make_folder};
 use etude_music::sound;
 use etude_perform::{Job, write_file};
 use etude_stage::{PictureError, View};
@@ -65,9 +65,7 @@ pub struct Exhibit {
 /// # Errors
 /// If no recording can be shown, or a file cannot be written; [`Interrupted`] if the job is interrupted.
 pub fn gallery(recordings: &[PathBuf], folder: &Path, job: &mut Job<'_, usize>) -> anyhow::Result<Gallery> {
-    std::fs::create_dir_all(folder).map_err(|error| {
-        anyhow!("cannot make the folder {}: {error}; choose another with -o", folder.display())
-    })?;
+    make_folder(folder)?;
     let mut gallery = Gallery {
         index: folder.join(INDEX),
         exhibits: Vec::new(),

@@ -22,7 +22,6 @@ pub mod watch;
 
 use std::path::{Path, PathBuf};
 
-use anyhow::Context as _;
 use etude_lab::{Player, RunConfig, load_player};
 use etude_music::Song;
 
@@ -110,9 +109,7 @@ fn file_to_write(out: PathBuf, ending: &str, hint: &str) -> anyhow::Result<PathB
         anyhow::bail!("cannot write {}: {hint}", out.display());
     }
     if let Some(folder) = out.parent() {
-        std::fs::create_dir_all(folder).with_context(|| {
-            format!("cannot make the folder {}; choose another with -o", folder.display())
-        })?;
+        etude_lab::make_folder(folder)?;
     }
     Ok(out)
 }
