@@ -12,7 +12,8 @@
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-use anyhow::{anyhow, bail};
+use anyhow::{Context as _, bail};
+use etude_lab::make_folder;
 use etude_perform::write_file;
 use etude_show::html::page;
 use maud::{Markup, PreEscaped, html};
@@ -72,7 +73,7 @@ pub fn write_report(
         if entries.is_empty() {
             continue;
         }
-        std::fs::create_dir_all(&folder).map_err(|error| unusable(&folder, &error))?;
+        make_folder(&folder)?;
         let lines = entries.iter().chain(&others).map(|entry| Ok(serde_json::to_string(entry)? + "\n"));
         write_file(&folder.join(RESULTS), &lines.collect::<serde_json::Result<String>>()?)?;
         sections.push(section(experiment, (config, trials.len()), &entries, &folder)?);
@@ -96,17 +97,15 @@ pub fn write_report(
     Ok(ReportPage { file, missing })
 }
 
-fn unusable(path: &Path, why: &dyn std::fmt::Display) -> anyhow::Error {
-    anyhow!("cannot use {}: {why}; choose another folder with -o", path.display())
-}
-
 /// What is done of a plan, in its order; and what an earlier report has kept of other plans.
 fn gather(trials: &[Trial], runs: &Path, kept: &Path) -> anyhow::Result<(Vec<Entry>, Vec<Entry>)> {
     let mut before: BTreeMap<String, Entry> = BTreeMap::new();
     if let Ok(text) = std::fs::read_to_string(kept) {
         for (index, line) in text.lines().enumerate() {
-            let entry: Entry = serde_json::from_str(line)
-                .map_err(|error| unusable(kept, &format_args!("line {} is damaged: {error}", index + 1)))?;
+            let entry: Entry = serde_json::from_str(line).with_context(|| {
+                let line = index + 1;
+                format!("line {line} of {} is damaged; choose another folder with -o", kept.display())
+            })?;
             before.insert(entry.trial.id.clone(), entry);
         }
     }
