@@ -2,6 +2,8 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
+use etude_perform::stats::sorted;
+
 use crate::config::{Experiment, FigureConfig, FigureKind};
 use crate::figure::{Drawing, Point, Series};
 use crate::record::{Record, combinations, summary};
@@ -26,9 +28,8 @@ pub(crate) fn measure_name(measure: &str, in_course: bool) -> String {
 /// The text below a figure.
 pub(crate) fn caption(figure: &FigureConfig, experiment: &Experiment) -> String {
     let what = match figure.kind {
-        FigureKind::Curves => "Mean over songs and seeds; the band is its 95 % interval",
+        FigureKind::Curves | FigureKind::Lines => "Mean over songs and seeds; the band is its 95 % interval",
         FigureKind::Bars => "Mean over songs and seeds, with its 95 % interval",
-        FigureKind::Lines => "Mean over songs and seeds; the band is its 95 % interval",
     };
     let of_training = figure.kind == FigureKind::Curves && experiment.identify.is_none();
     let twin = if of_training || figure.y.iter().all(|y| y.starts_with("sim_")) {
@@ -97,9 +98,7 @@ fn curve(all: &[Record], x: &str, measure: &str) -> Vec<Point> {
     let most = trainings.values().map(Vec::len).max().unwrap_or(0);
     let end = trainings.values().flatten().fold(0.0f64, |end, (at, _)| end.max(*at));
     let places: Vec<f64> = if looks.len() <= most {
-        let mut places: Vec<f64> = looks.into_iter().map(f64::from_bits).collect();
-        places.sort_by(f64::total_cmp);
-        places
+        sorted(looks.into_iter().map(f64::from_bits))
     } else {
         (1..=50).map(|part| end * f64::from(part) / 50.0).collect()
     };

@@ -1,19 +1,14 @@
-//! Drawings of an experiment, as SVG and PNG. Series differ in stroke, marker or hatching as well as in colour, for print and for
+//! Drawings of an experiment, as SVG. Series differ in stroke, marker or hatching as well as in colour, for print and for
 //! colour-blind readers.
 
-use std::path::Path;
-use std::sync::Once;
-
-use anyhow::anyhow;
+use anyhow::Context as _;
 use plotters::coord::Shift;
 use plotters::coord::types::RangedCoordf64;
 use plotters::prelude::*;
-use plotters::style::{FontStyle, register_font};
+use plotters::style::text_anchor::{HPos, Pos, VPos};
 
 /// Size of a drawing.
 const SIZE: (u32, u32) = (760, 420);
-/// The PNG has this many dots for each.
-const DOTS: u32 = 2;
 /// Okabe and Ito's colours.
 const COLOURS: [RGBColor; 7] = [
     RGBColor(0, 114, 178),
@@ -25,11 +20,12 @@ const COLOURS: [RGBColor; 7] = [
     RGBColor(90, 90, 90),
 ];
 /// Strokes of curves: length and gap of the dashes; none is a whole line.
-const DASHES: [Option<[u32; 2]>; 4] = [None, Some([9, 5]), Some([2, 4]), Some([14, 3])];
+const DASHES: [Option<[i32; 2]>; 4] = [None, Some([9, 5]), Some([2, 4]), Some([14, 3])];
 /// Letters of a group's name that are written upwards.
 const LONGEST_NAME: usize = 28;
 
-type Chart<'a, B> = ChartContext<'a, B, Cartesian2d<RangedCoordf64, RangedCoordf64>>;
+type Area<'a> = DrawingArea<SVGBackend<'a>, Shift>;
+type Chart<'a, 'b> = ChartContext<'a, SVGBackend<'b>, Cartesian2d<RangedCoordf64, RangedCoordf64>>;
 
 /// Every other series of bars is light.
 fn shade(index: usize) -> f64 {
@@ -79,23 +75,11 @@ impl Drawing {
     /// # Errors
     /// If it has no points.
     pub fn svg(&self) -> anyhow::Result<String> {
-        prepare_font();
         let mut text = String::new();
         let area = SVGBackend::with_string(&mut text, SIZE).into_drawing_area();
-        let painted = self.paint(&area, 1);
+        self.paint(&area).context("cannot draw the figure")?;
         drop(area);
-        painted.map_err(|why| anyhow!("cannot draw the figure: {why}"))?;
         Ok(text)
-    }
-
-    /// Writes it as a PNG file.
-    ///
-    /// # Errors
-    /// If it has no points, or the file cannot be written.
-    pub fn write_png(&self, path: &Path) -> anyhow::Result<()> {
-        prepare_font();
-        let area = BitMapBackend::new(path, (SIZE.0 * DOTS, SIZE.1 * DOTS)).into_drawing_area();
-        self.paint(&area, DOTS).map_err(|why| anyhow!("cannot draw {}: {why}", path.display()))
     }
 
     fn range(&self) -> Option<([f64; 2], [f64; 2])> {
@@ -125,39 +109,27 @@ impl Drawing {
         Some((x, [bottom, top]))
     }
 
-    fn paint<B: DrawingBackend>(&self, area: &DrawingArea<B, Shift>, dots: u32) -> Result<(), String> {
-        let (x, y) = self.range().ok_or("there is nothing to draw")?;
-        self.paint_in(area, dots, x, y).map_err(|error| error.to_string())
-    }
-
-    fn paint_in<B: DrawingBackend>(
-        &self,
-        area: &DrawingArea<B, Shift>,
-        dots: u32,
-        x: [f64; 2],
-        y: [f64; 2],
-    ) -> Result<(), DrawingAreaErrorKind<B::ErrorType>> {
-        let font = |size: u32| ("sans-serif", size * dots).into_font();
+    fn paint(&self, area: &Area<'_>) -> anyhow::Result<()> {
+        let (x, y) = self.range().context("there is nothing to draw")?;
+        let font = |size: u32| ("sans-serif", size).into_font();
         area.fill(&WHITE)?;
         let long = self.groups.iter().any(|name| name.chars().count() * self.groups.len() > 90);
         // The legend goes between the title and the axes.
-        let legend = if self.series.len() > 1 { 14 * dots } else { 0 };
-        let titled = area.margin(8 * dots, 0, 0, 0).titled(&self.title, font(15))?;
+        let legend = if self.series.len() > 1 { 14 } else { 0 };
+        let titled = area.margin(8, 0, 0, 0).titled(&self.title, font(15))?;
         let below = titled.margin(legend, 0, 0, 0);
         let mut chart = ChartBuilder::on(&below)
-            .margin(10 * dots)
+            .margin(10)
             // The last label is as wide on both sides of its tick.
-            .margin_right(22 * dots)
-            .x_label_area_size(if long { 160 } else { 44 } * dots)
-            .y_label_area_size(56 * dots)
+            .margin_right(22)
+            .x_label_area_size(if long { 160 } else { 44 })
+            .y_label_area_size(56)
             .build_cartesian_2d(x[0]..x[1], y[0]..y[1])?;
-        let group = |at: &f64| {
-            let near = at.round();
-            let name =
-                (near >= 0.0 && (at - near).abs() < 1e-6).then(|| self.groups.get(near as usize)).flatten();
-            name.cloned().unwrap_or_default()
+        let group = |at: f64| self.groups.get(at.round() as usize).filter(|_| (at - at.round()).abs() < 1e-6);
+        let label = |at: &f64| match self.groups.as_slice() {
+            [] => number(*at),
+            _ => group(*at).cloned().unwrap_or_default(),
         };
-        let label = |at: &f64| if self.groups.is_empty() { number(*at) } else { group(at) };
         let mut mesh = chart.configure_mesh();
         mesh.light_line_style(TRANSPARENT)
             .bold_line_style(RGBColor(226, 226, 226))
@@ -175,49 +147,35 @@ impl Drawing {
         }
         mesh.draw()?;
         if long {
-            self.names_upwards(area, &chart, y[0], dots)?;
+            self.names_upwards(area, &chart, y[0])?;
         }
         for (index, series) in self.series.iter().enumerate() {
             if self.groups.is_empty() {
-                self.curve(&mut chart, index, series, dots)?;
+                self.curve(&mut chart, index, series)?;
             } else {
-                self.bars(&chart, index, series, dots)?;
+                self.bars(&chart, index, series)?;
             }
         }
         if self.series.len() > 1 {
-            self.legend(area, dots)?;
+            self.legend(area)?;
         }
-        area.present()
+        Ok(area.present()?)
     }
 
     /// Names of groups that are too many to stand side by side: each is written upwards below its bars.
-    fn names_upwards<B: DrawingBackend>(
-        &self,
-        area: &DrawingArea<B, Shift>,
-        chart: &Chart<'_, B>,
-        bottom: f64,
-        dots: u32,
-    ) -> Result<(), DrawingAreaErrorKind<B::ErrorType>> {
-        let d = dots as i32;
-        let font = ("sans-serif", 11 * dots).into_font();
-        let style = font.transform(FontTransform::Rotate270).into_text_style(area);
+    fn names_upwards(&self, area: &Area<'_>, chart: &Chart<'_, '_>, bottom: f64) -> anyhow::Result<()> {
+        let font = ("sans-serif", 11).into_font().transform(FontTransform::Rotate270);
+        let style = font.into_text_style(area).pos(Pos::new(HPos::Right, VPos::Top));
         for (index, name) in self.groups.iter().enumerate() {
             let (at_x, at_y) = chart.plotting_area().map_coordinate(&(index as f64, bottom));
             let short: String = name.chars().take(LONGEST_NAME).collect();
-            let wide = font.box_size(&short).map_or(0, |size| size.0 as i32);
-            area.draw_text(&short, &style, (at_x - 7 * d, at_y + wide + 8 * d))?;
+            area.draw_text(&short, &style, (at_x - 7, at_y + 8))?;
         }
         Ok(())
     }
 
-    fn curve<B: DrawingBackend>(
-        &self,
-        chart: &mut Chart<'_, B>,
-        index: usize,
-        series: &Series,
-        dots: u32,
-    ) -> Result<(), DrawingAreaErrorKind<B::ErrorType>> {
-        let (colour, stroke) = (COLOURS[index % COLOURS.len()], 2 * dots);
+    fn curve(&self, chart: &mut Chart<'_, '_>, index: usize, series: &Series) -> anyhow::Result<()> {
+        let colour = COLOURS[index % COLOURS.len()];
         let band: Vec<(f64, [f64; 2])> =
             series.points.iter().filter_map(|point| Some((point.x, point.interval?))).collect();
         if band.len() > 1 {
@@ -226,33 +184,24 @@ impl Drawing {
             let outline: Vec<(f64, f64)> = upper.chain(lower).collect();
             chart.draw_series([Polygon::new(outline, colour.mix(0.15))])?;
         }
-        let points: Vec<(f64, f64)> = series.points.iter().map(|point| (point.x, point.y)).collect();
-        let style = colour.stroke_width(stroke);
-        match DASHES[index % DASHES.len()].map(|lengths| lengths.map(|length| (length * dots) as i32)) {
-            None => chart.draw_series(LineSeries::new(points.clone(), style))?,
-            Some([dash, gap]) => {
-                chart.draw_series(DashedLineSeries::new(points.clone(), dash, gap, style))?
-            }
+        let points = || series.points.iter().map(|point| (point.x, point.y));
+        let style = colour.stroke_width(2);
+        match DASHES[index % DASHES.len()] {
+            None => chart.draw_series(LineSeries::new(points(), style))?,
+            Some([dash, gap]) => chart.draw_series(DashedLineSeries::new(points(), dash, gap, style))?,
         };
         if self.markers {
-            let size = 4 * dots as i32;
             let full = colour.filled();
             match index % 3 {
-                0 => chart.draw_series(points.iter().map(|p| Circle::new(*p, size, full)))?,
-                1 => chart.draw_series(points.iter().map(|p| TriangleMarker::new(*p, size, full)))?,
-                _ => chart.draw_series(points.iter().map(|p| Cross::new(*p, size, style)))?,
+                0 => chart.draw_series(points().map(|at| Circle::new(at, 4, full)))?,
+                1 => chart.draw_series(points().map(|at| TriangleMarker::new(at, 4, full)))?,
+                _ => chart.draw_series(points().map(|at| Cross::new(at, 4, style)))?,
             };
         }
         Ok(())
     }
 
-    fn bars<B: DrawingBackend>(
-        &self,
-        chart: &Chart<'_, B>,
-        index: usize,
-        series: &Series,
-        dots: u32,
-    ) -> Result<(), DrawingAreaErrorKind<B::ErrorType>> {
+    fn bars(&self, chart: &Chart<'_, '_>, index: usize, series: &Series) -> anyhow::Result<()> {
         let colour = COLOURS[index % COLOURS.len()];
         let plot = chart.plotting_area();
         let wide = 0.8 / self.series.len().max(1) as f64;
@@ -261,69 +210,46 @@ impl Drawing {
             let right = left + 0.92 * wide;
             let bar = [(left, 0.0), (right, point.y)];
             plot.draw(&Rectangle::new(bar, colour.mix(shade(index)).filled()))?;
-            plot.draw(&Rectangle::new(bar, colour.stroke_width(dots)))?;
+            plot.draw(&Rectangle::new(bar, colour.stroke_width(1)))?;
             let Some([low, high]) = point.interval else { continue };
             let middle = 0.5 * (left + right);
             let end = |at: f64| vec![(middle - 0.2 * wide, at), (middle + 0.2 * wide, at)];
             for line in [vec![(middle, low), (middle, high)], end(low), end(high)] {
-                plot.draw(&PathElement::new(line, BLACK.stroke_width(dots)))?;
+                plot.draw(&PathElement::new(line, BLACK.stroke_width(1)))?;
             }
         }
         Ok(())
     }
 
     /// Names of the series in one line under the heading, with their strokes.
-    fn legend<B: DrawingBackend>(
-        &self,
-        area: &DrawingArea<B, Shift>,
-        dots: u32,
-    ) -> Result<(), DrawingAreaErrorKind<B::ErrorType>> {
-        let d = dots as i32;
-        let style = ("sans-serif", 12 * dots).into_font().into_text_style(area);
-        let mut x = 76 * d;
-        let y = 33 * d;
-        let (right, bottom) = (area.dim_in_pixel().0 as i32, y + 7 * d);
-        let mut row = 0;
+    fn legend(&self, area: &Area<'_>) -> anyhow::Result<()> {
+        let style = ("sans-serif", 12).into_font().into_text_style(area);
+        let right = area.dim_in_pixel().0 as i32;
+        let [mut x, mut y] = [76, 33];
         for (index, series) in self.series.iter().enumerate() {
             let colour = COLOURS[index % COLOURS.len()];
-            let wide = area.estimate_text_size(&series.name, &style)?.0 as i32 + 46 * d;
+            let wide = area.estimate_text_size(&series.name, &style)?.0 as i32 + 46;
             if x + wide > right {
-                (x, row) = (76 * d, row + 1);
+                [x, y] = [76, y + 16];
             }
-            let shift = row * 16 * d;
-            let sample = [(x, y + shift), (x + 22 * d, y + shift)];
-            let backdrop = [(x - 4 * d, y - 8 * d + shift), (x + wide - 8 * d, bottom + shift)];
+            let backdrop = [(x - 4, y - 8), (x + wide - 8, y + 7)];
             area.draw(&Rectangle::new(backdrop, WHITE.mix(0.8).filled()))?;
             if self.groups.is_empty() {
-                let [dash, gap] = DASHES[index % DASHES.len()].unwrap_or([22, 0]);
-                let mut at = x;
-                while at < sample[1].0 {
-                    let end = (at + dash as i32 * d).min(sample[1].0);
-                    area.draw(&PathElement::new(
-                        vec![(at, y + shift), (end, y + shift)],
-                        colour.stroke_width(2 * dots),
-                    ))?;
-                    at = end + (gap as i32 * d).max(1);
+                let [dash, gap] = DASHES[index % DASHES.len()].unwrap_or([22, 1]);
+                for at in (x..x + 22).step_by((dash + gap) as usize) {
+                    let stroke = vec![(at, y), ((at + dash).min(x + 22), y)];
+                    area.draw(&PathElement::new(stroke, colour.stroke_width(2)))?;
                 }
             } else {
-                let patch = [(x + 4 * d, y - 5 * d + shift), (x + 18 * d, y + 5 * d + shift)];
+                let patch = [(x + 4, y - 5), (x + 18, y + 5)];
                 area.draw(&Rectangle::new(patch, colour.mix(shade(index)).filled()))?;
-                area.draw(&Rectangle::new(patch, colour.stroke_width(dots)))?;
+                area.draw(&Rectangle::new(patch, colour.stroke_width(1)))?;
             }
-            area.draw_text(&series.name, &style, (x + 28 * d, y - 5 * d + shift))?;
+            area.draw_text(&series.name, &style, (x + 28, y - 5))?;
             x += wide;
         }
         Ok(())
     }
-}
-
-/// Drawings have a font of their own, the same on every machine: DejaVu Sans, its Latin part (`assets/LICENSE_DEJAVU`).
-fn prepare_font() {
-    static ONCE: Once = Once::new();
-    ONCE.call_once(|| {
-        // It is our own file: a font that cannot be read would be our bug, and then texts are left out.
-        let _ = register_font("sans-serif", FontStyle::Normal, include_bytes!("../assets/DejaVuSans.ttf"));
-    });
 }
 
 /// A number in few characters: `0.5`, `200k`, `3M`.
@@ -363,8 +289,7 @@ mod tests {
     }
 
     #[test]
-    fn drawings_come_as_svg_and_as_png_of_the_same() {
-        let folder = tempfile::tempdir().unwrap();
+    fn drawings_come_as_svg() {
         for groups in [&[][..], &["one", "two", "three"]] {
             let drawing = drawing(groups);
             let svg = drawing.svg().unwrap();
@@ -372,9 +297,6 @@ mod tests {
             assert!(svg.contains("a &lt;b&gt; &amp; c"), "{svg}");
             assert!(groups.iter().all(|name| svg.contains(name)), "{svg}");
             assert_eq!(drawing.svg().unwrap(), svg);
-            let path = folder.path().join("a.png");
-            drawing.write_png(&path).unwrap();
-            assert!(std::fs::read(&path).unwrap().starts_with(b"\x89PNG"));
         }
         assert!(Drawing::default().svg().is_err());
     }

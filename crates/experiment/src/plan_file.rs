@@ -4,9 +4,10 @@ use std::io::BufRead as _;
 use std::path::{Path, PathBuf};
 
 use anyhow::anyhow;
+use etude_learn::seed::fnv;
 use etude_perform::write_file;
 
-use crate::trial::{Trial, fnv, json, slug};
+use crate::trial::{Trial, json, slug};
 
 /// Longest name of a plan, characters: a plan of all experiments would have a long one.
 const LONGEST_NAME: usize = 64;

@@ -4,10 +4,11 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write as _;
 use std::path::Path;
 
+use etude_perform::stats::mean;
 use serde::{Deserialize, Serialize};
 
 use crate::outcome::{RESULT, TIMES, TrialResult, TrialTimes};
-use crate::stats::{Summary, mean};
+use crate::stats::Summary;
 use crate::trial::Trial;
 
 /// A trial that is done, and its result: one line of `results.jsonl`.

@@ -5,19 +5,20 @@
 //! OUT/NAME/results.jsonl      the result of each trial; the report can be made again from this file alone
 //! OUT/NAME/results.csv        one row a performance, round or fit
 //! OUT/NAME/course.csv         one row an evaluation on the way
-//! OUT/NAME/FIGURE.svg, .png   the figures
+//! OUT/NAME/FIGURE.svg         the figures
 //! OUT/NAME/notes.md           our notes, written by hand; they become part of the page
 //! ```
 
 use std::collections::BTreeMap;
-use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
-use anyhow::{anyhow, bail};
-use etude_identify::html::{escape, page};
+use anyhow::{Context as _, bail};
+use etude_lab::make_folder;
 use etude_perform::write_file;
+use etude_show::html::page;
+use maud::{Markup, PreEscaped, html};
 
-use crate::config::{Experiment, FigureKind};
+use crate::config::{Experiment, FigureConfig, FigureKind};
 use crate::drawings::{caption, drawing};
 use crate::plan::PlanConfig;
 use crate::record::{Entry, courses, csv, records};
@@ -60,9 +61,8 @@ pub fn write_report(
     runs: &Path,
     out: &Path,
 ) -> anyhow::Result<ReportPage> {
-    let mut body = String::new();
+    let mut sections = Vec::new();
     let mut missing = Vec::new();
-    let mut told = 0;
     for (experiment, trials) in plans {
         let folder = out.join(&experiment.name);
         let (entries, others) = gather(trials, runs, &folder.join(RESULTS))?;
@@ -73,27 +73,28 @@ pub fn write_report(
         if entries.is_empty() {
             continue;
         }
-        told += 1;
-        std::fs::create_dir_all(&folder).map_err(|error| unusable(&folder, &error))?;
+        make_folder(&folder)?;
         let lines = entries.iter().chain(&others).map(|entry| Ok(serde_json::to_string(entry)? + "\n"));
         write_file(&folder.join(RESULTS), &lines.collect::<serde_json::Result<String>>()?)?;
-        section(&mut body, experiment, (config, trials.len()), &entries, &folder)?;
+        sections.push(section(experiment, (config, trials.len()), &entries, &folder)?);
     }
-    if told == 0 {
+    if sections.is_empty() {
         let names: Vec<&str> = plans.iter().map(|(experiment, _)| experiment.name.as_str()).collect();
         bail!("none of the tasks is done; `etude experiment run {}` does them", names.join(" "));
     }
     let file = out.join(PAGE);
-    let opening = "<p>The paper’s experiments, made again by <code>etude experiment run NAME</code>. <strong>There is no robot here: \
-        wherever the paper plays on its robot, the twin plays</strong>, emulated devices moved by a separate world whose numbers the \
-        simulator does not know. Intervals are 95 % bootstrap intervals over trainings, drawn anew within each song; IQM is the \
-        interquartile mean. The gap is the paper’s: what of the F1 in simulation is lost, 1 − F1 on the twin / F1 in simulation.</p>\n";
-    write_file(&file, &page("Étude’s experiments", &(opening.to_string() + &body)))?;
+    let body = html! {
+        p {
+            "The paper’s experiments, made again by " code { "etude experiment run NAME" } ". "
+            strong { "There is no robot here: wherever the paper plays on its robot, the twin plays" }
+            ", emulated devices moved by a separate world whose numbers the simulator does not know. Intervals are 95 % bootstrap \
+             intervals over trainings, drawn anew within each song; IQM is the interquartile mean. The gap is the paper’s: what of \
+             the F1 in simulation is lost, 1 − F1 on the twin / F1 in simulation."
+        }
+        @for section in &sections { (section) }
+    };
+    write_file(&file, &page("Étude’s experiments", &body))?;
     Ok(ReportPage { file, missing })
-}
-
-fn unusable(path: &Path, why: &dyn std::fmt::Display) -> anyhow::Error {
-    anyhow!("cannot use {}: {why}; choose another folder with -o", path.display())
 }
 
 /// What is done of a plan, in its order; and what an earlier report has kept of other plans.
@@ -101,8 +102,10 @@ fn gather(trials: &[Trial], runs: &Path, kept: &Path) -> anyhow::Result<(Vec<Ent
     let mut before: BTreeMap<String, Entry> = BTreeMap::new();
     if let Ok(text) = std::fs::read_to_string(kept) {
         for (index, line) in text.lines().enumerate() {
-            let entry: Entry = serde_json::from_str(line)
-                .map_err(|error| unusable(kept, &format_args!("line {} is damaged: {error}", index + 1)))?;
+            let entry: Entry = serde_json::from_str(line).with_context(|| {
+                let line = index + 1;
+                format!("line {line} of {} is damaged; choose another folder with -o", kept.display())
+            })?;
             before.insert(entry.trial.id.clone(), entry);
         }
     }
@@ -115,66 +118,48 @@ fn gather(trials: &[Trial], runs: &Path, kept: &Path) -> anyhow::Result<(Vec<Ent
     Ok((found, before.into_values().collect()))
 }
 
+/// The section of an experiment. Writes its files beside the page.
 fn section(
-    body: &mut String,
     experiment: &Experiment,
     (config, planned): (&PlanConfig, usize),
     entries: &[Entry],
     folder: &Path,
-) -> anyhow::Result<()> {
+) -> anyhow::Result<Markup> {
     let (all, course) = (records(entries), courses(entries));
     write_file(&folder.join("results.csv"), &csv(&all))?;
     if !course.is_empty() {
         write_file(&folder.join("course.csv"), &csv(&course))?;
     }
-    // Writing to a string cannot fail, here and below.
-    let _ = writeln!(
-        body,
-        "<section id=\"{}\">\n<h2>{}</h2>\n<p>{}.</p>",
-        escape(&experiment.name),
-        escape(&experiment.title),
-        escape(&experiment.source)
-    );
-    if !experiment.finding.is_empty() {
-        let _ = writeln!(body, "<p><strong>The paper:</strong> {}</p>", escape(&experiment.finding));
-    }
-    if let Ok(notes) = std::fs::read_to_string(folder.join(NOTES)) {
-        for (index, paragraph) in notes.split("\n\n").filter(|text| !text.trim().is_empty()).enumerate() {
-            let lead = if index == 0 { "<strong>Here:</strong> " } else { "" };
-            let _ = writeln!(
-                body,
-                "<p>{lead}{}</p>",
-                escape(&paragraph.split_whitespace().collect::<Vec<_>>().join(" "))
-            );
-        }
-    }
-    body.push_str("<div class=\"pictures\">\n");
-    for figure in &experiment.figures {
+    let notes = std::fs::read_to_string(folder.join(NOTES)).unwrap_or_default();
+    let notes = notes.split("\n\n").filter(|text| !text.trim().is_empty()).enumerate();
+    let figure = |figure: &FigureConfig| {
         let drawing = drawing(figure, if figure.kind == FigureKind::Curves { &course } else { &all });
         if drawing.series.iter().all(|series| series.points.is_empty()) {
-            let _ = writeln!(
-                body,
-                "<p>{}: nothing done has these labels and measures.</p>",
-                escape(&figure.title)
-            );
-            continue;
+            return Ok(html! { p { (figure.title) ": nothing done has these labels and measures." } });
         }
         let svg = drawing.svg()?;
         write_file(&folder.join(format!("{}.svg", figure.name)), &svg)?;
-        drawing.write_png(&folder.join(format!("{}.png", figure.name)))?;
-        let _ = writeln!(
-            body,
-            "<figure>{svg}<figcaption>{}</figcaption></figure>",
-            escape(&caption(figure, experiment))
-        );
-    }
-    body.push_str("</div>\n");
-    against_the_paper(body, experiment, &all);
-    scores(body, experiment, &all);
-    differences(body, experiment, &all);
-    times(body, experiment, entries);
-    cut_short(body, &all);
-    provenance(body, experiment, (config, planned), entries);
-    body.push_str("</section>\n");
-    Ok(())
+        Ok(html! { figure { (PreEscaped(svg)) figcaption { (caption(figure, experiment)) } } })
+    };
+    let figures = experiment.figures.iter().map(figure).collect::<anyhow::Result<Vec<Markup>>>()?;
+    Ok(html! {
+        section id=(experiment.name) {
+            h2 { (experiment.title) }
+            p { (experiment.source) "." }
+            @if !experiment.finding.is_empty() { p { strong { "The paper:" } " " (experiment.finding) } }
+            @for (index, paragraph) in notes {
+                p {
+                    @if index == 0 { strong { "Here:" } " " }
+                    (paragraph.split_whitespace().collect::<Vec<_>>().join(" "))
+                }
+            }
+            div.pictures { @for figure in &figures { (figure) } }
+            (against_the_paper(experiment, &all))
+            (scores(experiment, &all))
+            (differences(experiment, &all))
+            (times(experiment, entries))
+            (cut_short(&all))
+            (provenance(experiment, (config, planned), entries))
+        }
+    })
 }

@@ -1,7 +1,6 @@
 //! The Slurm launcher: a job array over the lines of a plan. It contains nothing specific to a site: partition,
 //! account and memory are given as options of `sbatch`.
 
-use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
@@ -50,29 +49,20 @@ pub fn slurm_script(
     indices: &[usize],
     config: &SlurmConfig,
 ) -> String {
-    let mut array = ranges(indices);
-    if let Some(most) = config.throttle {
-        // Writing to a string cannot fail, here and below.
-        let _ = write!(array, "%{most}");
-    }
-    let logs = plan.with_extension("slurm");
-    let mut text = String::from("#!/bin/bash\n");
-    let mut option = |option: &str| {
-        let _ = writeln!(text, "#SBATCH {option}");
-    };
-    option(&format!("--job-name=etude-{}", slug(name)));
-    option(&format!("--array={array}"));
-    option(&format!("--cpus-per-task={}", config.cpus));
-    option(&format!("--time={}", config.time));
-    option(&format!("--signal=B:USR1@{GRACE_SECS}"));
-    option("--requeue");
-    option("--open-mode=append");
-    option(&format!("--output={}", quoted(&escaped(&logs).join("%A_%a.log"))));
-    option(&format!("--chdir={}", quoted(folder)));
-    config.options.iter().for_each(|text| option(text));
-    let _ = write!(
-        text,
-        r#"
+    let throttle = config.throttle.map_or_else(String::new, |most| format!("%{most}"));
+    let options: String = config.options.iter().map(|option| format!("#SBATCH {option}\n")).collect();
+    format!(
+        r#"#!/bin/bash
+#SBATCH --job-name=etude-{name}
+#SBATCH --array={array}{throttle}
+#SBATCH --cpus-per-task={cpus}
+#SBATCH --time={time}
+#SBATCH --signal=B:USR1@{GRACE_SECS}
+#SBATCH --requeue
+#SBATCH --open-mode=append
+#SBATCH --output={logs}
+#SBATCH --chdir={folder}
+{options}
 # {GRACE_SECS} s before the time limit Slurm sends USR1: the task saves its state, ends with 3 and is requeued. After TERM the task saves its
 # state and is not requeued; the same command of `etude experiment run` submits it again.
 again=
@@ -93,11 +83,16 @@ if [ -n "$again" ] && [ "$code" -ne 0 ]; then
 fi
 exit "$code"
 "#,
+        name = slug(name),
+        array = ranges(indices),
+        cpus = config.cpus,
+        time = config.time,
+        logs = quoted(&escaped(&plan.with_extension("slurm")).join("%A_%a.log")),
+        folder = quoted(folder),
         program = quoted(&config.program),
         plan = quoted(plan),
         runs = quoted(runs),
-    );
-    text
+    )
 }
 
 /// Writes the script beside the plan and submits it; returns the id of the job.
@@ -121,16 +116,11 @@ pub fn submit(script: &str, plan: &Path) -> anyhow::Result<String> {
 
 /// `0-3,5` for 0, 1, 2, 3 and 5.
 fn ranges(indices: &[usize]) -> String {
-    let mut text = String::new();
-    for run in indices.chunk_by(|a, b| a + 1 == *b) {
-        let comma = if text.is_empty() { "" } else { "," };
-        let _ = match run {
-            [only] => write!(text, "{comma}{only}"),
-            [first, .., last] => write!(text, "{comma}{first}-{last}"),
-            [] => Ok(()),
-        };
-    }
-    text
+    let range = |run: &[usize]| match run {
+        [first, .., last] => format!("{first}-{last}"),
+        _ => run[0].to_string(),
+    };
+    indices.chunk_by(|a, b| a + 1 == *b).map(range).collect::<Vec<_>>().join(",")
 }
 
 /// The path with each `%` doubled, because Slurm replaces patterns that begin with `%`.

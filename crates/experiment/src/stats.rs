@@ -2,6 +2,7 @@
 //! Agarwal et al. do ("Deep reinforcement learning at the edge of the statistical precipice", 2021). Checked against their
 //! package and SciPy (`scripts/golden_statistics.py`).
 
+use etude_perform::stats::{mean, quantile, sorted};
 use rand::{RngExt as _, SeedableRng as _};
 use rand_pcg::Pcg64;
 
@@ -48,15 +49,9 @@ impl Summary {
     }
 }
 
-/// Mean; NaN of nothing.
-pub fn mean(scores: &[f64]) -> f64 {
-    scores.iter().sum::<f64>() / scores.len() as f64
-}
-
-/// Mean of what is left when a quarter is cut off at each end, in whole scores; NaN of nothing.
+/// Mean of what is left when a quarter is cut off at each end, in whole scores.
 pub fn interquartile_mean(scores: &[f64]) -> f64 {
-    let mut sorted = scores.to_vec();
-    sorted.sort_by(f64::total_cmp);
+    let sorted = sorted(scores.iter().copied());
     let cut = (TRIMMED * sorted.len() as f64) as usize;
     mean(&sorted[cut..sorted.len() - cut])
 }
@@ -80,18 +75,10 @@ fn bootstrap(strata: &[Vec<f64>], statistics: [fn(&[f64]) -> f64; 2]) -> [Option
             found.push(statistic(&sample));
         }
     }
-    found.map(|mut values| {
-        values.sort_by(f64::total_cmp);
+    found.map(|values| {
+        let values = sorted(values);
         Some(TAILS.map(|tail| quantile(&values, tail)))
     })
-}
-
-/// Quantile of sorted values, between neighbours in proportion (NumPy's `linear`).
-pub fn quantile(sorted: &[f64], share: f64) -> f64 {
-    let place = share * (sorted.len() - 1) as f64;
-    let (below, part) = (place as usize, place.fract());
-    let above = (below + 1).min(sorted.len() - 1);
-    sorted[below] + part * (sorted[above] - sorted[below])
 }
 
 #[cfg(test)]

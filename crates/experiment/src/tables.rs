@@ -1,15 +1,16 @@
 //! The tables of a report, as HTML.
 
 use std::collections::{BTreeMap, BTreeSet};
-use std::fmt::Write as _;
 
-use etude_identify::html::escape;
+use etude_perform::stats::{quantile, sorted};
+use etude_show::html::table;
+use maud::{Markup, html};
 
 use crate::config::{Experiment, FigureKind};
 use crate::drawings::measure_name;
 use crate::plan::PlanConfig;
 use crate::record::{Entry, Record, combinations, compared, paired, summary, time_to};
-use crate::stats::{Interval, Summary, quantile};
+use crate::stats::{Interval, Summary};
 
 /// F1 whose times are reported.
 const MARKS: [f64; 3] = [0.80, 0.90, 0.946];
@@ -28,30 +29,12 @@ fn words(labels: &BTreeMap<String, String>) -> String {
     if words.is_empty() { "all".to_string() } else { words.join(", ") }
 }
 
-fn table(body: &mut String, caption: &str, columns: &[String], rows: impl Iterator<Item = Vec<String>>) {
-    // Writing to a string cannot fail, here and below.
-    let _ = write!(body, "<div class=\"table\"><table><caption>{}</caption>\n<tr>", escape(caption));
-    for column in columns {
-        let _ = write!(body, "<th>{}</th>", escape(column));
-    }
-    body.push_str("</tr>\n");
-    for row in rows {
-        body.push_str("<tr>");
-        for (index, cell) in row.iter().enumerate() {
-            let class = if index == 0 { "" } else { " class=\"n\"" };
-            let _ = write!(body, "<td{class}>{}</td>", escape(cell));
-        }
-        body.push_str("</tr>\n");
-    }
-    body.push_str("</table></div>\n");
-}
-
 fn strings(texts: &[&str]) -> Vec<String> {
     texts.iter().map(ToString::to_string).collect()
 }
 
 /// The paper's numbers and ours.
-pub(crate) fn against_the_paper(body: &mut String, experiment: &Experiment, all: &[Record]) {
+pub(crate) fn against_the_paper(experiment: &Experiment, all: &[Record]) -> Markup {
     let rows = experiment.paper.iter().map(|published| {
         let found = summary(all, &published.filter, &published.measure);
         let [ours, difference] = match found {
@@ -61,11 +44,7 @@ pub(crate) fn against_the_paper(body: &mut String, experiment: &Experiment, all:
         let measure = measure_name(&published.measure, false);
         vec![words(&published.filter), measure, format!("{:.3}", published.value), ours, difference]
     });
-    let rows: Vec<Vec<String>> = rows.collect();
-    if !rows.is_empty() {
-        let columns = strings(&["what", "measure", "paper", "Étude", "difference"]);
-        table(body, "The paper’s numbers and ours", &columns, rows.into_iter());
-    }
+    table("The paper’s numbers and ours", &["what", "measure", "paper", "Étude", "difference"], rows)
 }
 
 /// Measures that the figures show, without duplicates.
@@ -79,7 +58,7 @@ fn measures(experiment: &Experiment) -> Vec<String> {
 }
 
 /// Means and interquartile means of what is compared, pooled and by song.
-pub(crate) fn scores(body: &mut String, experiment: &Experiment, all: &[Record]) {
+pub(crate) fn scores(experiment: &Experiment, all: &[Record]) -> Markup {
     let measures = measures(experiment);
     let mut columns = strings(&["what", "trainings"]);
     for measure in &measures {
@@ -101,15 +80,15 @@ pub(crate) fn scores(body: &mut String, experiment: &Experiment, all: &[Record])
     };
     let keys = compared(all);
     let pooled = combinations(all, &keys);
-    table(body, "Over all songs", &columns, pooled.iter().map(&line));
     let with_songs = combinations(all, &[keys, vec!["song".to_string()]].concat());
-    if with_songs.len() > pooled.len() {
-        table(body, "By song", &columns, with_songs.iter().map(&line));
+    html! {
+        (table("Over all songs", &columns, pooled.iter().map(&line)))
+        @if with_songs.len() > pooled.len() { (table("By song", &columns, with_songs.iter().map(&line))) }
     }
 }
 
 /// What is compared, against the same with the first value of one of its labels, training by training.
-pub(crate) fn differences(body: &mut String, experiment: &Experiment, all: &[Record]) {
+pub(crate) fn differences(experiment: &Experiment, all: &[Record]) -> Markup {
     let keys = compared(all);
     let pooled = combinations(all, &keys);
     let measures = measures(experiment);
@@ -128,31 +107,22 @@ pub(crate) fn differences(body: &mut String, experiment: &Experiment, all: &[Rec
             rows.push([words(labels), words(&base)].into_iter().chain(cells).collect::<Vec<_>>());
         }
     }
-    if rows.is_empty() {
-        return;
-    }
     let mut columns = strings(&["what", "against"]);
     columns.extend(measures.iter().map(|measure| measure_name(measure, false)));
-    table(
-        body,
-        "How much more: mean of paired differences (same song, same seed)",
-        &columns,
-        rows.into_iter(),
-    );
+    table("How much more: mean of paired differences (same song, same seed)", &columns, rows)
 }
 
 /// When the trainings reached an F1.
-pub(crate) fn times(body: &mut String, experiment: &Experiment, entries: &[Entry]) {
+pub(crate) fn times(experiment: &Experiment, entries: &[Entry]) -> Markup {
     if entries.iter().all(|entry| entry.result.course.iter().all(|point| !point.contains_key("f1"))) {
-        return;
+        return html! {};
     }
     let trials: Vec<Record> = entries
         .iter()
         .map(|entry| Record { labels: entry.trial.labels.clone(), values: BTreeMap::new() })
         .collect();
-    let median = |mut values: Vec<f64>| {
-        values.retain(|value| value.is_finite());
-        values.sort_by(f64::total_cmp);
+    let median = |values: Vec<f64>| {
+        let values = sorted(values.into_iter().filter(|value| value.is_finite()));
         (!values.is_empty()).then(|| quantile(&values, 0.5))
     };
     let rows = combinations(&trials, &compared(&trials)).into_iter().map(|labels| {
@@ -171,61 +141,56 @@ pub(crate) fn times(body: &mut String, experiment: &Experiment, entries: &[Entry
         }
         row
     });
-    let rows: Vec<Vec<String>> = rows.collect();
     let mut columns = strings(&["what"]);
     columns.extend(MARKS.map(|mark| format!("F1 {mark}")));
     let caption = format!(
         "Trainings that reached an F1 in simulation, and the median step and second at which they did (preset {})",
         experiment.preset
     );
-    table(body, &caption, &columns, rows.into_iter());
+    table(&caption, &columns, rows)
 }
 
 /// Says how many performances a fault has ended, if any: their scores are low for another reason.
-pub(crate) fn cut_short(body: &mut String, all: &[Record]) {
+pub(crate) fn cut_short(all: &[Record]) -> Markup {
     let ends: Vec<f64> = all.iter().filter_map(|record| record.values.get("complete")).copied().collect();
     let short = ends.iter().filter(|complete| **complete < 1.0).count();
-    if short > 0 {
-        let _ = writeln!(
-            body,
-            "<p>{short} of {} performances were ended by a fault of the twin; what was not played counts as silence.</p>",
-            ends.len()
-        );
+    html! {
+        @if short > 0 {
+            p {
+                (short) " of " (ends.len())
+                " performances were ended by a fault of the twin; what was not played counts as silence."
+            }
+        }
     }
 }
 
 /// What it was made of.
 pub(crate) fn provenance(
-    body: &mut String,
     experiment: &Experiment,
     (config, planned): (&PlanConfig, usize),
     entries: &[Entry],
-) {
+) -> Markup {
     let distinct = |of: &dyn Fn(&Entry) -> String| {
         let all: BTreeSet<String> = entries.iter().map(of).collect();
         all.into_iter().collect::<Vec<_>>().join(", ")
     };
     let hours = entries.iter().map(|entry| entry.times.secs).sum::<f64>() / 3600.0;
-    let _ = writeln!(
-        body,
-        "<p>{} of {planned} tasks, {hours:.1} hours of learning or fitting; Étude {}, MuJoCo {}; {} cores of {}. \
-         <code>etude experiment run {}{}</code></p>",
-        entries.len(),
-        escape(&distinct(&|entry| entry.times.etude.clone())),
-        escape(&distinct(&|entry| entry.times.mujoco.clone())),
-        escape(&distinct(&|entry| entry.times.cores.to_string())),
-        escape(&distinct(&|entry| entry.times.machine.clone())),
-        escape(&experiment.name),
-        escape(&config.flags())
-    );
-    let mut columns = strings(&["task"]);
-    columns.extend(strings(&["what", "seconds"]));
-    body.push_str("<details><summary>The tasks</summary>\n");
     let rows = entries.iter().map(|entry| {
         vec![entry.trial.id.clone(), words(&entry.trial.labels), format!("{:.0}", entry.times.secs)]
     });
-    table(body, "Tasks", &columns, rows);
-    body.push_str("</details>\n");
+    html! {
+        p {
+            (entries.len()) " of " (planned) " tasks, " (format!("{hours:.1}")) " hours of learning or fitting; Étude "
+            (distinct(&|entry| entry.times.etude.clone())) ", MuJoCo " (distinct(&|entry| entry.times.mujoco.clone())) "; "
+            (distinct(&|entry| entry.times.cores.to_string())) " cores of "
+            (distinct(&|entry| entry.times.machine.clone())) ". "
+            code { "etude experiment run " (experiment.name) (config.flags()) }
+        }
+        details {
+            summary { "The tasks" }
+            (table("Tasks", &["task", "what", "seconds"], rows))
+        }
+    }
 }
 
 #[cfg(test)]

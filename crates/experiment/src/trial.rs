@@ -8,6 +8,7 @@ use std::path::Path;
 
 use etude_lab::{IdentifyMethod, RunConfig, resolve};
 use etude_learn::TrainerConfig;
+use etude_learn::seed::fnv;
 use etude_perform::Mode;
 use serde::{Deserialize, Serialize};
 
@@ -120,11 +121,4 @@ pub(crate) fn id(kind: &str, what: &str, seed: u64, all: &str) -> String {
 /// A name as part of a file's.
 pub(crate) fn slug(name: &str) -> String {
     name.chars().map(|c| if c.is_ascii_alphanumeric() { c } else { '-' }).collect()
-}
-
-/// FNV-1a: the same on every machine and in every version, which the standard library's hashes do not promise.
-pub(crate) fn fnv(bytes: &[u8]) -> u64 {
-    bytes.iter().fold(0xcbf2_9ce4_8422_2325, |hash, byte| {
-        (hash ^ u64::from(*byte)).wrapping_mul(0x0000_0100_0000_01b3)
-    })
 }

@@ -34,7 +34,6 @@ mod config;
 mod estimate;
 mod fit;
 mod group;
-pub mod html;
 mod identification;
 mod jacobian;
 mod lm;

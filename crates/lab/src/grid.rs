@@ -9,6 +9,7 @@ use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 
 use etude_music::Song;
+use etude_perform::stats::{mean, sorted};
 use etude_perform::{PerformError, Performance, Scores, SimRig, perform, write_file};
 use etude_stage::PhysicalParams;
 use etude_task::{Piece, Randomisation, TaskError};
@@ -140,8 +141,7 @@ pub fn evaluate_grid(
         worlds.iter().map(read).collect::<Result<Vec<Vec<f64>>, _>>().map_err(TaskError::from)?;
     let middle = values.remove(0);
     let f1: Vec<f64> = scores.iter().map(|scores| scores.f1).collect();
-    let mut sorted = f1.clone();
-    sorted.sort_by(f64::total_cmp);
+    let sorted = sorted(f1.iter().copied());
     Ok(Some(GridReport {
         song: song.title().to_string(),
         player: player.name(),
@@ -170,10 +170,6 @@ fn scores(performance: &Performance) -> WorldScores {
         onset_f1: note.onset_f1,
         collision_free: performance.simulation.unwrap_or_default().collision_free,
     }
-}
-
-fn mean(values: &[f64]) -> f64 {
-    values.iter().sum::<f64>() / values.len().max(1) as f64
 }
 
 fn marginals(paths: &[String], nominal: &[f64], values: &[Vec<f64>], f1: &[f64]) -> Vec<Marginal> {

@@ -26,7 +26,7 @@ pub use errors::{Interrupted, released};
 pub use excitations::record_excitations;
 pub use grid::{GridConfig, GridReport, Marginal, WorldScores, evaluate_grid};
 pub use identify::{IDENTIFIED, Identification, IdentifyMethod, IdentifyReport, identify_robot};
-pub use play::{Files, Report, play, scores_in_simulation};
+pub use play::{Files, Report, make_folder, play, scores_in_simulation};
 pub use player::{Player, load_player, shipped_policies};
 pub use record::{Motion, Recorded, record_robot};
 pub use rehearse::{RehearsalConfig, RehearsalStep, Round, rehearse_on_robot};

@@ -137,8 +137,11 @@ pub(crate) fn header(piece: &Piece, player: &Player, rig: &str, config: Option<R
     }
 }
 
-/// Makes the folder of a performance.
-pub(crate) fn make_folder(folder: &Path) -> anyhow::Result<()> {
+/// Makes a folder that the user has chosen with `-o`, and those above it.
+///
+/// # Errors
+/// If it cannot be made.
+pub fn make_folder(folder: &Path) -> anyhow::Result<()> {
     std::fs::create_dir_all(folder)
         .with_context(|| format!("cannot make the folder {}; choose another with -o", folder.display()))
 }

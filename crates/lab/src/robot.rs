@@ -7,6 +7,7 @@ use anyhow::bail;
 use etude_music::Song;
 use etude_music::sound::SoundFont;
 use etude_perform::stand::{RigChoice, Stand};
+use etude_perform::stats::{deviation, mean};
 use etude_perform::{
     Activity, Ending, Header, Job, Mode, Performance, RecordingWriter, RobotRig, Scores, TimingReport, gap,
     perform, prepare,
@@ -150,7 +151,8 @@ pub fn play_on_robot(
             break;
         }
     }
-    let (robot_f1, robot_f1_std) = mean_and_deviation(&runs);
+    let f1: Vec<f64> = runs.iter().map(|run| run.scores.frame.f1).collect();
+    let (robot_f1, robot_f1_std) = (mean(&f1), deviation(&f1));
     let report = RobotReport {
         song: song.title().to_string(),
         player: player.name(),
@@ -206,13 +208,4 @@ impl RobotRun {
             files,
         }
     }
-}
-
-/// Mean and standard deviation of the runs' F1 by control step; the deviation of one run is 0.
-fn mean_and_deviation(runs: &[RobotRun]) -> (f64, f64) {
-    let count = runs.len() as f64;
-    let f1 = || runs.iter().map(|run| run.scores.frame.f1);
-    let mean = f1().sum::<f64>() / count.max(1.0);
-    let squares: f64 = f1().map(|f1| (f1 - mean).powi(2)).sum();
-    (mean, if runs.len() > 1 { (squares / (count - 1.0)).sqrt() } else { 0.0 })
 }

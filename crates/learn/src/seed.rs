@@ -5,15 +5,19 @@
 
 /// The seed of `purpose` under `root`. It must never change, because recorded runs depend on it.
 ///
-/// FNV-1a over the bytes of the purpose (64 bit, <http://www.isthe.com/chongo/tech/comp/fnv/>), then two rounds of the
+/// [`fnv`] over the bytes of the purpose, then two rounds of the
 /// SplitMix64 finaliser (Steele, Lea, Flood 2014) that mix the root in.
 pub fn split(root: u64, purpose: &str) -> u64 {
-    const FNV_OFFSET: u64 = 0xcbf2_9ce4_8422_2325;
-    const FNV_PRIME: u64 = 0x0000_0100_0000_01b3;
     const GOLDEN_GAMMA: u64 = 0x9e37_79b9_7f4a_7c15;
-    let hash =
-        purpose.bytes().fold(FNV_OFFSET, |hash, byte| (hash ^ u64::from(byte)).wrapping_mul(FNV_PRIME));
-    finalise(finalise(root.wrapping_add(GOLDEN_GAMMA)) ^ hash)
+    finalise(finalise(root.wrapping_add(GOLDEN_GAMMA)) ^ fnv(purpose.as_bytes()))
+}
+
+/// FNV-1a: the same on every machine and in every version, which the standard library's hashes do not promise (64 bit,
+/// <http://www.isthe.com/chongo/tech/comp/fnv/>).
+pub fn fnv(bytes: &[u8]) -> u64 {
+    bytes.iter().fold(0xcbf2_9ce4_8422_2325, |hash, byte| {
+        (hash ^ u64::from(*byte)).wrapping_mul(0x0000_0100_0000_01b3)
+    })
 }
 
 fn finalise(mut z: u64) -> u64 {

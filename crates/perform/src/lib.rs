@@ -22,6 +22,7 @@ mod robot_rig;
 mod shaping;
 mod sim_rig;
 pub mod stand;
+pub mod stats;
 mod timing;
 mod writer;
 

@@ -6,6 +6,8 @@ use etude_music::CONTROL_HZ;
 use etude_robot::rig::SETPOINT_HZ;
 use serde::Serialize;
 
+use crate::stats::{nearest_rank, sorted};
+
 /// Times of a performance, s.
 #[derive(Clone, Debug, Default)]
 pub struct Timing {
@@ -63,21 +65,21 @@ impl Timing {
     /// Medians, extremes and counts.
     pub fn report(&self) -> TimingReport {
         let later = |limit: Duration| self.late.iter().filter(|late| **late > limit).count();
-        let late: Vec<f64> = self.late.iter().map(Duration::as_secs_f64).collect();
-        let (late, periods) = (sorted(&late), sorted(&self.periods));
-        let median = at(&periods, 0.5);
+        let late = sorted(self.late.iter().map(Duration::as_secs_f64));
+        let periods = sorted(self.periods.iter().copied());
+        let median = nearest_rank(&periods, 0.5);
         TimingReport {
             commands: late.len(),
             missed: later(CONTROL_PERIOD),
             late: later(SETPOINT),
-            late_median_ms: at(&late, 0.5) * 1e3,
-            late_p999_ms: at(&late, 0.999) * 1e3,
-            late_worst_ms: at(&late, 1.0) * 1e3,
+            late_median_ms: nearest_rank(&late, 0.5) * 1e3,
+            late_p999_ms: nearest_rank(&late, 0.999) * 1e3,
+            late_worst_ms: nearest_rank(&late, 1.0) * 1e3,
             late_histogram: self.histogram(),
             hand_periods: periods.len(),
             hand_period_median_ms: median * 1e3,
-            hand_late_p999_ms: (at(&periods, 0.999) - median) * 1e3,
-            hand_late_worst_ms: (at(&periods, 1.0) - median) * 1e3,
+            hand_late_p999_ms: (nearest_rank(&periods, 0.999) - median) * 1e3,
+            hand_late_worst_ms: (nearest_rank(&periods, 1.0) - median) * 1e3,
         }
     }
 
@@ -89,18 +91,6 @@ impl Timing {
         }
         counts
     }
-}
-
-fn sorted(values: &[f64]) -> Vec<f64> {
-    let mut values = values.to_vec();
-    values.sort_by(f64::total_cmp);
-    values
-}
-
-/// Quantile `share` of sorted values (nearest rank); 0 if there are none.
-fn at(sorted: &[f64], share: f64) -> f64 {
-    let rank = (sorted.len() as f64 * share).ceil() as usize;
-    sorted.get(rank.saturating_sub(1)).copied().unwrap_or(0.0)
 }
 
 #[cfg(test)]

@@ -1,18 +1,19 @@
 //! A gallery: an index page of recordings, each with a still picture, its sound, and its replay behind it.
 
-use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
-use anyhow::{anyhow, bail};
-use etude_identify::html::{escape, page};
-use etude_lab::Interrupted;
+use anyhow::bail;
+use etude_lab::{Interrupted, make_folder};
 use etude_music::sound;
 use etude_perform::{Job, write_file};
 use etude_stage::{PictureError, View};
+use maud::html;
 use serde::Serialize;
 
+use crate::html::page;
 use crate::render::Studio;
 use crate::replay::{PlayedNote, Take, read_take, replay_page, roll_svg};
+use crate::slug;
 
 /// Size of a still, pixels.
 const STILL: [u32; 2] = [960, 540];
@@ -64,9 +65,7 @@ pub struct Exhibit {
 /// # Errors
 /// If no recording can be shown, or a file cannot be written; [`Interrupted`] if the job is interrupted.
 pub fn gallery(recordings: &[PathBuf], folder: &Path, job: &mut Job<'_, usize>) -> anyhow::Result<Gallery> {
-    std::fs::create_dir_all(folder).map_err(|error| {
-        anyhow!("cannot make the folder {}: {error}; choose another with -o", folder.display())
-    })?;
+    make_folder(folder)?;
     let mut gallery = Gallery {
         index: folder.join(INDEX),
         exhibits: Vec::new(),
@@ -143,40 +142,37 @@ fn still(take: &Take, path: &Path) -> anyhow::Result<bool> {
 
 /// Name of an exhibit's files: in order, and readable.
 fn stem(number: usize, take: &Take) -> String {
-    let words = format!("{} {} {}", take.song, take.rig, take.mode).to_lowercase();
-    let plain: String = words.chars().map(|c| if c.is_ascii_alphanumeric() { c } else { '-' }).collect();
-    let parts: Vec<&str> = plain.split('-').filter(|part| !part.is_empty()).collect();
-    let name: String = parts.join("-").chars().take(80).collect();
-    format!("{:03}-{name}", number + 1)
+    let name = slug(&format!("{} {} {}", take.song, take.rig, take.mode));
+    format!("{:03}-{}", number + 1, name.chars().take(80).collect::<String>())
 }
 
 fn index(exhibits: &[Exhibit]) -> String {
-    let mut body = String::from(
-        "<p>Each picture leads to its replay: the hand in motion, what was due and what was played, and the sound. F1 is the \
-         paper's, by control step.</p>\n<div class=\"pictures\">\n",
-    );
-    for exhibit in exhibits {
-        let on = if exhibit.mode.is_empty() {
-            exhibit.rig.clone()
-        } else {
-            format!("{}, {}", exhibit.rig, exhibit.mode)
-        };
-        let f1 = exhibit.f1.map_or_else(String::new, |f1| format!("F1 {f1:.3}, "));
-        let missing = exhibit.incomplete.as_deref().map_or_else(String::new, |text| format!(" {text}"));
-        let caption = format!("{on}: {f1}{:.0} s, played by {}.{missing}", exhibit.secs, exhibit.player);
-        // Writing to a string cannot fail.
-        let _ = writeln!(
-            body,
-            "<figure><h2>{song}</h2><a href=\"{}\"><img src=\"{}\" alt=\"{song}\" width=\"100%\" loading=\"lazy\"/></a>\n\
-             <figcaption>{}<br/><code>{}</code></figcaption>\n<audio controls=\"\" preload=\"none\" src=\"{}\"></audio></figure>",
-            exhibit.replay,
-            exhibit.picture,
-            escape(&caption),
-            escape(&exhibit.recording),
-            exhibit.sound,
-            song = escape(&exhibit.song),
-        );
-    }
-    body.push_str("</div>\n");
+    let body = html! {
+        p {
+            "Each picture leads to its replay: the hand in motion, what was due and what was played, and the sound. F1 is the \
+             paper's, by control step."
+        }
+        div.pictures {
+            @for exhibit in exhibits {
+                figure {
+                    h2 { (exhibit.song) }
+                    a href=(exhibit.replay) {
+                        img src=(exhibit.picture) alt=(exhibit.song) width="100%" loading="lazy";
+                    }
+                    figcaption {
+                        (exhibit.rig)
+                        @if !exhibit.mode.is_empty() { ", " (exhibit.mode) }
+                        ": "
+                        @if let Some(f1) = exhibit.f1 { "F1 " (format!("{f1:.3}")) ", " }
+                        (format!("{:.0}", exhibit.secs)) " s, played by " (exhibit.player) "."
+                        @if let Some(text) = &exhibit.incomplete { " " (text) }
+                        br;
+                        code { (exhibit.recording) }
+                    }
+                    audio controls preload="none" src=(exhibit.sound) {}
+                }
+            }
+        }
+    };
     page("Étude: recordings", &body)
 }

@@ -3,9 +3,16 @@
 
 pub mod export;
 pub mod gallery;
+pub mod html;
 mod rehearsal_page;
 pub mod render;
 pub mod replay;
 pub mod watch;
 
 pub use rehearsal_page::{REHEARSAL_PAGE, RehearsalPage};
+
+/// `text` as part of a file's name: letters and digits of ASCII in lower case, one `-` for all that is between them.
+pub fn slug(text: &str) -> String {
+    let words = text.split(|c: char| !c.is_ascii_alphanumeric()).filter(|word| !word.is_empty());
+    words.collect::<Vec<_>>().join("-").to_ascii_lowercase()
+}

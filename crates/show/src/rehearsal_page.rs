@@ -1,12 +1,13 @@
 //! The page of a rehearsal: the gap by round, the performances to listen to, and the simulator's numbers.
 
-use std::fmt::Write as _;
 use std::path::Path;
 
-use etude_identify::html::{escape, page};
 use etude_lab::{RehearsalConfig, Round};
 use etude_perform::{FileError, write_file};
 use etude_stage::PhysicalParams;
+use maud::{Markup, html};
+
+use crate::html::{page, table};
 
 /// Name of the page in the folder of its rehearsal.
 pub const REHEARSAL_PAGE: &str = "rehearsal.html";
@@ -45,86 +46,60 @@ impl<'a> RehearsalPage<'a> {
 
 /// The page of the rounds so far, in `folder`: recordings are linked from there.
 fn rehearsal_page(config: &RehearsalConfig, rounds: &[Round], folder: &Path) -> String {
-    let mut body = String::new();
-    let truth = match &config.truth {
-        Some(name) => format!(" (truth {name})"),
-        None => String::new(),
+    let body = html! {
+        p {
+            "Mode " (config.mode) ", robot " (config.rig)
+            @if let Some(truth) = &config.truth { " (truth " (truth) ")" }
+            ", preset " (config.preset) ", " (config.runs) " runs a round, seed " (config.seed) "."
+        }
+        (scores(rounds))
+        section {
+            h2 { "Listen" }
+            @for round in rounds {
+                p { "Round " (round.round) }
+                // The page is moved with its folder, so links begin there.
+                @for recording in round.recordings.iter().map(|path| path.strip_prefix(folder).unwrap_or(path)) {
+                    p {
+                        audio controls preload="none" src=(recording.with_extension("wav").display()) {}
+                        " "
+                        a href=(recording.display()) { (recording.display()) }
+                    }
+                }
+            }
+        }
+        (numbers(rounds))
     };
-    // Writing to a string cannot fail.
-    let _ = writeln!(
-        body,
-        "<p>Mode {}, robot {}{}, preset {}, {} runs a round, seed {}.</p>",
-        config.mode,
-        escape(&config.rig),
-        escape(&truth),
-        escape(&config.preset),
-        config.runs,
-        config.seed
-    );
-    scores(&mut body, rounds);
-    takes(&mut body, rounds, folder);
-    numbers(&mut body, rounds);
     page(&format!("Rehearsal of {}", config.song), &body)
 }
 
-fn scores(body: &mut String, rounds: &[Round]) {
+fn scores(rounds: &[Round]) -> Markup {
+    let rows = rounds.iter().map(|round| {
+        let [before, after] = round
+            .held_out_rad
+            .map_or_else(Default::default, |errors| errors.map(|e| format!("{:.2}", 1e3 * e)));
+        vec![
+            round.round.to_string(),
+            format!("{:.3}", round.sim_f1),
+            format!("{:.3} ± {:.3}", round.robot_f1, round.robot_f1_std),
+            format!("{:.1} %", 100.0 * round.gap),
+            before,
+            after,
+        ]
+    });
+    let robot = "robot (mean ± standard deviation)";
+    let columns = ["round", "simulation", robot, "gap", "fingers before, mrad", "after, mrad"];
     table(
-        body,
         "F1 by control step, and the error of the simulator in motions that no fit has seen",
-        &[
-            "round",
-            "simulation",
-            "robot (mean ± standard deviation)",
-            "gap",
-            "fingers before, mrad",
-            "after, mrad",
-        ],
-        rounds.iter().map(|round| {
-            let [before, after] = match round.held_out_rad {
-                Some(errors) => errors.map(|error| format!("{:.2}", 1e3 * error)),
-                None => Default::default(),
-            };
-            let robot = format!("{:.3} ± {:.3}", round.robot_f1, round.robot_f1_std);
-            let number = |value: f64| format!("{value:.3}");
-            vec![
-                round.round.to_string(),
-                number(round.sim_f1),
-                robot,
-                format!("{:.1} %", 100.0 * round.gap),
-                before,
-                after,
-            ]
-        }),
-    );
-}
-
-fn takes(body: &mut String, rounds: &[Round], folder: &Path) {
-    body.push_str("<section>\n<h2>Listen</h2>\n");
-    for round in rounds {
-        let _ = writeln!(body, "<p>Round {}</p>", round.round);
-        for recording in &round.recordings {
-            // The page is moved with its folder, so links begin there.
-            let recording = recording.strip_prefix(folder).unwrap_or(recording);
-            let [sound, recording] = [recording.with_extension("wav"), recording.to_path_buf()]
-                .map(|path| escape(&path.display().to_string()));
-            let _ = writeln!(
-                body,
-                "<p><audio controls=\"\" preload=\"none\" src=\"{sound}\"></audio> <a href=\"{recording}\">{recording}</a></p>"
-            );
-        }
-    }
-    body.push_str("</section>\n");
+        &columns,
+        rows,
+    )
 }
 
 /// Every number that a round has changed.
-fn numbers(body: &mut String, rounds: &[Round]) {
+fn numbers(rounds: &[Round]) -> Markup {
     let fitted: Vec<&Round> = rounds.iter().filter(|round| !round.physics.is_empty()).collect();
-    if fitted.is_empty() {
-        return;
-    }
-    let names: Vec<String> = fitted.iter().map(|round| format!("round {}", round.round)).collect();
-    let mut columns = vec!["number", "unit", "default"];
-    columns.extend(names.iter().map(String::as_str));
+    let mut columns = ["number", "unit", "default"].map(String::from).to_vec();
+    columns.extend(fitted.iter().map(|round| format!("round {}", round.round)));
     let changed = PhysicalParams::rows()
         .filter(|(path, _, _)| fitted.iter().any(|round| round.physics.contains_key(path)));
     let rows = changed.map(|(path, row, default)| {
@@ -132,7 +107,7 @@ fn numbers(body: &mut String, rounds: &[Round]) {
         let values: Vec<String> = values.map(number).collect();
         [vec![path, row.unit.to_string(), number(default)], values].concat()
     });
-    table(body, "The simulator's numbers", &columns, rows);
+    table("The simulator's numbers", &columns, rows)
 }
 
 /// Four significant digits.
@@ -142,20 +117,6 @@ fn number(value: f64) -> String {
     }
     let digits = 3 - value.abs().log10().floor() as i32;
     format!("{value:.*}", digits.clamp(0, 9) as usize)
-}
-
-fn table(body: &mut String, caption: &str, columns: &[&str], rows: impl Iterator<Item = Vec<String>>) {
-    let cells = |tag: &str, words: &[String]| -> String {
-        words.iter().map(|word| format!("<{tag}>{}</{tag}>", escape(word))).collect()
-    };
-    let heads: Vec<String> = columns.iter().map(|name| (*name).to_string()).collect();
-    let rows: String = rows.map(|row| format!("<tr>{}</tr>\n", cells("td", &row))).collect();
-    let _ = writeln!(
-        body,
-        "<div class=\"table\"><table>\n<caption>{}</caption>\n<thead><tr>{}</tr></thead>\n<tbody>\n{rows}</tbody>\n</table></div>",
-        escape(caption),
-        cells("th", &heads)
-    );
 }
 
 #[cfg(test)]

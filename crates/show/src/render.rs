@@ -86,59 +86,47 @@ impl<'a> Studio<'a> {
         let whole = (self.take.secs() * f64::from(sound::SAMPLE_RATE_HZ)).ceil() as usize;
         samples.resize(samples.len().max(whole), 0.0);
         let frames = (self.take.secs() * f64::from(FRAMES_PER_SEC)).ceil().max(1.0) as u32;
-        if !has_ffmpeg() {
-            let folder = path.with_extension("frames");
-            let partial = path.with_extension("frames.partial");
-            // What an earlier, longer video has left there would be taken for the end of this one.
-            let _ = std::fs::remove_dir_all(&partial);
-            let drawn = self.pictures(frames, &samples, &partial, job).and_then(|()| {
-                let _ = std::fs::remove_dir_all(&folder);
-                std::fs::rename(&partial, &folder).map_err(|error| cannot_write(&folder, &error))
-            });
-            drawn.inspect_err(|_| {
-                let _ = std::fs::remove_dir_all(&partial);
-            })?;
-            let command = format!(
-                "ffmpeg -r {FRAMES_PER_SEC} -i '{folder}/%06d.png' -i '{folder}/sound.wav' -vf '{EVEN}' -pix_fmt yuv420p '{}'",
-                path.display(),
-                folder = folder.display(),
-            );
-            return Ok(Video::Frames { folder, command });
-        }
-        let (wav, partial) = (path.with_extension("partial.wav"), path.with_extension("partial.mp4"));
+        let parent = path.parent().filter(|parent| !parent.as_os_str().is_empty()).unwrap_or(Path::new("."));
+        // It is removed with all that is still in it when this function ends.
+        let work = tempfile::tempdir_in(parent).map_err(|error| cannot_write(parent, &error))?;
+        let pictures = work.path().join("frames");
+        std::fs::create_dir(&pictures).map_err(|error| cannot_write(parent, &error))?;
+        let wav = pictures.join("sound.wav");
         sound::write_wav(&wav, &samples)?;
-        let encoded = self.encode(frames, &wav, &partial, job);
-        let _ = std::fs::remove_file(&wav);
-        match encoded {
-            Ok(()) => {
-                std::fs::rename(&partial, path).map_err(|error| cannot_write(path, &error))?;
-                Ok(Video::File(path.to_path_buf()))
-            }
-            Err(error) => {
-                let _ = std::fs::remove_file(&partial);
-                Err(error)
-            }
+        if has_ffmpeg() {
+            let video = work.path().join("video.mp4");
+            self.encode(frames, &wav, &video, job)?;
+            std::fs::rename(&video, path).map_err(|error| cannot_write(path, &error))?;
+            return Ok(Video::File(path.to_path_buf()));
         }
+        let size = self.size;
+        self.pictures(frames, job, |frame, pixels| {
+            write_png(&pictures.join(format!("{frame:06}.png")), size, pixels)
+        })?;
+        let folder = path.with_extension("frames");
+        // Pictures of an earlier, longer video would be taken for the end of this one.
+        let _ = std::fs::remove_dir_all(&folder);
+        std::fs::rename(&pictures, &folder).map_err(|error| cannot_write(&folder, &error))?;
+        let command = format!(
+            "ffmpeg -r {FRAMES_PER_SEC} -i '{folder}/%06d.png' -i '{folder}/sound.wav' -vf '{EVEN}' -pix_fmt yuv420p '{}'",
+            path.display(),
+            folder = folder.display(),
+        );
+        Ok(Video::Frames { folder, command })
     }
 
-    /// Draws every picture into `folder`, with the sound beside them.
+    /// Draws every picture: its number and pixels.
     fn pictures(
         &mut self,
         frames: u32,
-        samples: &[f32],
-        folder: &Path,
         job: &mut Job<'_, f64>,
+        mut take: impl FnMut(u32, &[u8]) -> anyhow::Result<()>,
     ) -> anyhow::Result<()> {
-        std::fs::create_dir_all(folder).map_err(|error| cannot_write(folder, &error))?;
-        sound::write_wav(folder.join("sound.wav"), samples)?;
         for frame in 0..frames {
             if job.is_interrupted() {
-                return Err(stopped());
+                return Err(Interrupted("stopped on request; nothing was kept".to_string()).into());
             }
-            let picture = folder.join(format!("{frame:06}.png"));
-            let size = self.size;
-            let pixels = self.paint(f64::from(frame) / f64::from(FRAMES_PER_SEC))?;
-            write_png(&picture, size, pixels)?;
+            take(frame, self.paint(f64::from(frame) / f64::from(FRAMES_PER_SEC))?)?;
             job.tell(&(f64::from(frame + 1) / f64::from(frames)));
         }
         Ok(())
@@ -161,30 +149,19 @@ impl<'a> Studio<'a> {
             .process_group(0)
             .spawn()
             .map_err(failed)?;
-        let mut pictures = encoder.stdin.take().map(BufWriter::new);
-        let mut drawn = Ok(());
-        for frame in 0..frames {
-            if job.is_interrupted() {
-                drawn = Err(stopped());
-                break;
-            }
-            match self.paint(f64::from(frame) / f64::from(FRAMES_PER_SEC)) {
-                Ok(pixels) => {
-                    // If the encoder has ended, its message is read below.
-                    if pictures.as_mut().is_some_and(|pictures| pictures.write_all(pixels).is_err()) {
-                        break;
-                    }
-                }
-                Err(error) => {
-                    drawn = Err(error);
-                    break;
-                }
-            }
-            job.tell(&(f64::from(frame + 1) / f64::from(frames)));
-        }
-        drop(pictures);
+        let mut pipe = encoder.stdin.take().map(BufWriter::new);
+        let mut is_broken = false;
+        let drawn = self.pictures(frames, job, |_, pixels| {
+            is_broken = pipe.as_mut().is_some_and(|pipe| pipe.write_all(pixels).is_err());
+            anyhow::ensure!(!is_broken, "ffmpeg has ended");
+            Ok(())
+        });
+        drop(pipe);
         let ended = encoder.wait_with_output().map_err(failed)?;
-        drawn?;
+        // An encoder that has ended early says why.
+        if !is_broken {
+            drawn?;
+        }
         if ended.status.success() {
             return Ok(());
         }
@@ -195,10 +172,6 @@ impl<'a> Studio<'a> {
 
 fn cannot_write(path: &Path, error: &std::io::Error) -> anyhow::Error {
     anyhow!("cannot write {}: {error}; free some space or choose another place with -o", path.display())
-}
-
-fn stopped() -> anyhow::Error {
-    Interrupted("stopped on request; nothing was kept".to_string()).into()
 }
 
 /// Whether there is an ffmpeg to call.

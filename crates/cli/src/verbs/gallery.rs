@@ -18,10 +18,10 @@ use crate::status::Status;
 /// Folder of the recordings that the gallery makes itself.
 const RECORDINGS: &str = "recordings";
 
-/// What the gallery shows, and where it is written.
+/// The recordings that are shown, and the folder of the pages.
 #[derive(clap::Args)]
 #[command(after_help = "\
-Without recordings every built-in song is played in simulation by the best policy that there is for it.
+Without recordings, each built-in song is played in simulation by its best policy.
 
 Examples:
   etude gallery                               every built-in song
@@ -46,7 +46,7 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
     for path in &args.runs {
         paths.extend(recordings(path)?);
     }
-    // What the gallery itself has recorded, and what was named twice, is not shown again.
+    // The gallery's own recordings are left out, and each path is shown once.
     let own = args.out.join(RECORDINGS);
     let mut seen = BTreeSet::new();
     paths.retain(|path| !path.starts_with(&own) && seen.insert(path.clone()));

@@ -22,7 +22,6 @@ pub mod watch;
 
 use std::path::{Path, PathBuf};
 
-use anyhow::Context as _;
 use etude_lab::{Player, RunConfig, load_player};
 use etude_music::Song;
 
@@ -100,16 +99,8 @@ fn positive(text: &str) -> Result<f64, String> {
 
 /// Folder-friendly name of what the user typed for a song: a built-in id, or a file's name without its ending.
 fn slug(song: &str) -> String {
-    let stem = if etude_music::repertoire::get(song).is_some() {
-        song.to_string()
-    } else {
-        Path::new(song)
-            .file_stem()
-            .map_or_else(|| song.to_string(), |stem| stem.to_string_lossy().into_owned())
-    };
-    let plain: String =
-        stem.chars().map(|c| if c.is_ascii_alphanumeric() { c.to_ascii_lowercase() } else { '-' }).collect();
-    plain.split('-').filter(|part| !part.is_empty()).collect::<Vec<_>>().join("-")
+    let stem = Path::new(song).file_stem().filter(|_| etude_music::repertoire::get(song).is_none());
+    etude_show::slug(&stem.map_or_else(|| song.into(), |stem| stem.to_string_lossy()))
 }
 
 /// The file `out`, whose folder is made; refused if it has not the `ending` of what is written.
@@ -118,9 +109,7 @@ fn file_to_write(out: PathBuf, ending: &str, hint: &str) -> anyhow::Result<PathB
         anyhow::bail!("cannot write {}: {hint}", out.display());
     }
     if let Some(folder) = out.parent() {
-        std::fs::create_dir_all(folder).with_context(|| {
-            format!("cannot make the folder {}; choose another with -o", folder.display())
-        })?;
+        etude_lab::make_folder(folder)?;
     }
     Ok(out)
 }

@@ -14,7 +14,7 @@ use crate::Ending;
 use crate::progress::stop_flag;
 use crate::status::Status;
 
-/// What to rehearse, on which robot, how often.
+/// The song, the robot, and the number of rounds and performances.
 #[derive(clap::Args)]
 #[command(after_help = "\
 Round 0 plays what was learned in the default simulator. Each later round records the robot (once, moving clear of the \
@@ -50,13 +50,13 @@ pub struct Args {
     /// Set a value of it, for example --set task.randomisation.intensity=0.2; may be repeated
     #[arg(long = "set", value_name = "PATH=VALUE")]
     overrides: Vec<String>,
-    /// The policy to begin with; the shipped one if not given, and without one the song is learned first
+    /// The first policy; the shipped one if not given. Without any, the song is learned first
     #[arg(long, value_name = "FILE|DIR")]
     policy: Option<PathBuf>,
     /// Method of identification: `lm` or `bo`
     #[arg(long, default_value = "lm", value_name = "METHOD")]
     method: IdentifyMethod,
-    /// End each fit of the identification after so many evaluations, settled or not
+    /// End each fit of the identification after this many evaluations
     #[arg(long, value_parser = clap::value_parser!(u64).range(1..))]
     evaluations: Option<u64>,
     /// Seed of identification, of the twin's noise, and of the training unless --set says otherwise

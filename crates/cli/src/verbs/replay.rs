@@ -10,11 +10,11 @@ use crate::Ending;
 /// Name of the page where none is given.
 const PAGE: &str = "replay.html";
 
-/// What to show and where the page goes.
+/// The recordings that are shown, and the file of the page.
 #[derive(clap::Args)]
 #[command(after_help = "\
-The page is one file that needs no network: open it in a browser, send it to a colleague. With two recordings, say of the \
-simulation and of the twin, they are shown side by side, with the moments marked where they part.
+The page is one file that needs no network: open it in a browser, send it to a colleague. Two recordings, for example of the \
+simulation and of the twin, are shown side by side, and the page marks where they differ.
 
 Examples:
   etude replay out/twinkle/recording.mcap
@@ -84,7 +84,7 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
     let bytes = std::fs::metadata(&page)?.len();
     if takes.iter().any(|take| take.due != takes[0].due) {
         note(
-            "not all of these recordings are of the same notes: what the page says of where they part is of no use",
+            "not all of these recordings are of the same notes: the marks of where they differ mean nothing",
         );
     }
     if args.json {

@@ -82,7 +82,7 @@ fn every_experiment_of_the_paper_runs_by_its_one_command() {
         let table = crate::csv(&desk.bytes(format!("report/{name}/results.csv")));
         assert!(table.len() > 1, "{name}");
     }
-    assert!(desk.bytes("report/songs/songs.png").starts_with(b"\x89PNG"));
+    assert!(desk.bytes("report/songs/songs.svg").starts_with(b"<svg"));
     assert!(text.contains("The paper’s numbers and ours") && text.contains("There is no robot here"));
     assert!(text.contains("etude experiment run songs --budget smoke"), "the page says how it was made");
     // What is done is not done again, and the report needs the runs no more.

@@ -3,6 +3,7 @@
 use std::path::Path;
 use std::process::Command;
 
+use etude_perform::stats::{quantile, sorted};
 use serde_json::Value;
 
 /// A peer: a script, its arguments after the seconds, and the JSON lines that it has printed.
@@ -48,7 +49,6 @@ pub(super) fn medians(peers: &[Peer], field: &str) -> Vec<(String, f64)> {
     found.into_iter().map(|(name, values)| (name, median(values))).collect()
 }
 
-pub(super) fn median(mut values: Vec<f64>) -> f64 {
-    values.sort_by(f64::total_cmp);
-    values[values.len() / 2]
+pub(super) fn median(values: Vec<f64>) -> f64 {
+    quantile(&sorted(values), 0.5)
 }

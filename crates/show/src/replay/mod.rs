@@ -9,8 +9,9 @@ mod take;
 
 use std::path::{Path, PathBuf};
 
-use anyhow::{anyhow, bail};
+use anyhow::{Context as _, bail};
 use etude_perform::Recording;
+use walkdir::WalkDir;
 
 pub use page::replay_page;
 pub(crate) use roll::roll_svg;
@@ -25,7 +26,13 @@ pub fn recordings(path: &Path) -> anyhow::Result<Vec<PathBuf>> {
         return Ok(vec![path.to_path_buf()]);
     }
     let mut found = Vec::new();
-    look(path, &mut found).map_err(|error| anyhow!("cannot read {}: {error}", path.display()))?;
+    // Links are not followed: they may form a circle.
+    for entry in WalkDir::new(path) {
+        let entry = entry.with_context(|| format!("cannot look into {}", path.display()))?;
+        if !entry.file_type().is_dir() && entry.path().extension().is_some_and(|ending| ending == "mcap") {
+            found.push(entry.into_path());
+        }
+    }
     found.sort();
     if found.is_empty() {
         bail!(
@@ -35,19 +42,6 @@ pub fn recordings(path: &Path) -> anyhow::Result<Vec<PathBuf>> {
         );
     }
     Ok(found)
-}
-
-fn look(folder: &Path, found: &mut Vec<PathBuf>) -> std::io::Result<()> {
-    for entry in std::fs::read_dir(folder)? {
-        let entry = entry?;
-        // Links are not followed: they may form a circle.
-        if entry.file_type()?.is_dir() {
-            look(&entry.path(), found)?;
-        } else if entry.path().extension().is_some_and(|extension| extension == "mcap") {
-            found.push(entry.path());
-        }
-    }
-    Ok(())
 }
 
 /// Reads a recording as the page needs it.

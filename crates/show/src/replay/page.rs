@@ -2,11 +2,12 @@
 
 use std::path::Path;
 
-use etude_identify::html::escape;
 use etude_perform::write_file;
+use maud::{PreEscaped, html};
 use serde::Serialize;
 
 use super::take::Take;
+use crate::html::document;
 
 /// The program of the page, built by `npm run build` in `viewer/`.
 const SCRIPT: &str = include_str!("../../../../viewer/dist/replay.js");
@@ -41,17 +42,13 @@ fn page(takes: &[Take]) -> serde_json::Result<String> {
     let data = Data { version: VERSION, takes, partings: partings(takes) };
     // No text in it can end the element that holds it.
     let data = serde_json::to_string(&data)?.replace('<', "\\u003c");
-    Ok(format!(
-        "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\"/>\n\
-         <meta http-equiv=\"Content-Security-Policy\" content=\"{}\"/>\n\
-         <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\"/>\n\
-         <title>{}</title>\n<style>{STYLE}</style>\n</head>\n<body>\n\
-         <noscript>This replay needs JavaScript, which is part of the page; it loads nothing.</noscript>\n\
-         <div id=\"replay\"></div>\n<script type=\"application/json\" id=\"data\">{data}</script>\n\
-         <script>{SCRIPT}</script>\n</body>\n</html>\n",
-        escape(POLICY.trim()),
-        escape(title),
-    ))
+    let body = html! {
+        noscript { "This replay needs JavaScript, which is part of the page; it loads nothing." }
+        div id="replay" {}
+        script type="application/json" id="data" { (PreEscaped(data)) }
+        script { (PreEscaped(SCRIPT)) }
+    };
+    Ok(document(title, Some(POLICY.trim()), STYLE, &body))
 }
 
 /// Where the first two takes of the same song sound different keys.

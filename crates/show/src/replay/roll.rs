@@ -1,6 +1,6 @@
 //! The piano roll of a take as a drawing: what was due and what was played.
 
-use std::fmt::Write as _;
+use maud::{Markup, html};
 
 use super::take::Take;
 
@@ -14,11 +14,7 @@ pub(crate) fn roll_svg(take: &Take) -> String {
     let sounding = || take.due.iter().chain(&take.pressed).flatten().copied();
     let (low, high) = (sounding().min().unwrap_or(60), sounding().max().unwrap_or(60));
     let (width, height) = (STEP * steps, KEY * (usize::from(high - low) + 3));
-    let mut svg = format!(
-        "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {width} {height}\">\n<defs><pattern id=\"wrong\" width=\"3\" \
-         height=\"3\" patternUnits=\"userSpaceOnUse\" patternTransform=\"rotate(45)\"><rect width=\"1.4\" height=\"3\" \
-         fill=\"#d55e00\"/></pattern></defs>\n<rect width=\"{width}\" height=\"{height}\" fill=\"#fff\"/>\n"
-    );
+    let mut bars: Vec<Markup> = Vec::new();
     let none = Vec::new();
     for pitch in low..=high {
         let y = KEY * (usize::from(high - pitch) + 1);
@@ -31,21 +27,30 @@ pub(crate) fn roll_svg(take: &Take) -> String {
             let now = state(from);
             let to = (from..steps).find(|step| state(*step) != now).unwrap_or(steps);
             let style = match now {
-                (true, true) => "fill=\"#0072b2\"",
-                (true, false) => "fill=\"none\" stroke=\"#0072b2\"",
-                (false, true) => "fill=\"url(#wrong)\" stroke=\"#d55e00\" stroke-width=\"0.5\"",
-                (false, false) => "",
+                (true, true) => Some(["#0072b2", "none", "1"]),
+                (true, false) => Some(["none", "#0072b2", "1"]),
+                (false, true) => Some(["url(#wrong)", "#d55e00", "0.5"]),
+                (false, false) => None,
             };
-            if !style.is_empty() {
-                let (x, length, thick) = (STEP * from, STEP * (to - from), KEY - 1);
-                // Writing to a string cannot fail.
-                let _ = writeln!(
-                    svg,
-                    "<rect x=\"{x}\" y=\"{y}\" width=\"{length}\" height=\"{thick}\" {style}/>"
-                );
+            if let Some([fill, stroke, width]) = style {
+                let (x, length) = (STEP * from, STEP * (to - from));
+                bars.push(html! {
+                    rect x=(x) y=(y) width=(length) height=(KEY - 1) fill=(fill) stroke=(stroke) stroke-width=(width) {}
+                });
             }
             from = to;
         }
     }
-    svg + "</svg>\n"
+    let svg = html! {
+        svg xmlns="http://www.w3.org/2000/svg" viewBox={ "0 0 " (width) " " (height) } {
+            defs {
+                pattern id="wrong" width="3" height="3" patternUnits="userSpaceOnUse" patternTransform="rotate(45)" {
+                    rect width="1.4" height="3" fill="#d55e00" {}
+                }
+            }
+            rect width=(width) height=(height) fill="#fff" {}
+            @for bar in &bars { (bar) }
+        }
+    };
+    svg.into_string()
 }

@@ -3,9 +3,11 @@
 use std::path::{Path, PathBuf};
 use std::time::{Duration, SystemTime};
 
-use super::METRICS;
 use anyhow::bail;
 use etude_lab::{CONFIG, SONG};
+use walkdir::WalkDir;
+
+use super::METRICS;
 
 /// Older runs in a folder are left out.
 const RECENT: Duration = Duration::from_secs(24 * 3600);
@@ -50,7 +52,15 @@ fn is_run(folder: &Path) -> bool {
 
 fn recent(folder: &Path, most: usize, now: SystemTime) -> anyhow::Result<Vec<PathBuf>> {
     let mut runs = Vec::new();
-    search(folder, DEPTH, &mut runs);
+    let mut below = WalkDir::new(folder).min_depth(1).max_depth(DEPTH).into_iter();
+    while let Some(entry) = below.next() {
+        // A folder that cannot be read holds no run that is being written.
+        let Ok(entry) = entry else { continue };
+        if entry.file_type().is_dir() && is_run(entry.path()) {
+            below.skip_current_dir();
+            runs.extend(written(entry.path()).map(|time| (time, entry.into_path())));
+        }
+    }
     // The path decides between equals, so that the order is always the same.
     runs.sort_by(|a, b| b.cmp(a));
     let Some((_, latest)) = runs.first().cloned() else {
@@ -70,19 +80,6 @@ fn recent(folder: &Path, most: usize, now: SystemTime) -> anyhow::Result<Vec<Pat
         );
     }
     Ok(runs.into_iter().map(|(_, run)| run).collect())
-}
-
-/// Adds the runs below `folder`. A folder that cannot be read is skipped: no training writes to it.
-fn search(folder: &Path, depth: usize, runs: &mut Vec<(SystemTime, PathBuf)>) {
-    let Ok(entries) = std::fs::read_dir(folder) else { return };
-    for entry in entries.flatten().filter(|entry| entry.file_type().is_ok_and(|kind| kind.is_dir())) {
-        let path = entry.path();
-        if is_run(&path) {
-            runs.extend(written(&path).map(|time| (time, path)));
-        } else if depth > 1 {
-            search(&path, depth - 1, runs);
-        }
-    }
 }
 
 #[cfg(test)]

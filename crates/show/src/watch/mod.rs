@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 use std::time::SystemTime;
 
 use anyhow::anyhow;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 pub use find::find_runs;
 pub use history::{History, Point};
@@ -35,11 +35,17 @@ pub struct WatchedRun {
 }
 
 /// The lengths in a run's configuration, as far as it can be read.
-#[derive(Default)]
+#[derive(Default, Deserialize)]
 struct Intervals {
     total_steps: Option<f64>,
     log_every_steps: Option<f64>,
     evaluate_every_steps: Option<f64>,
+}
+
+/// The part of a run's configuration that is read.
+#[derive(Deserialize)]
+struct Config {
+    trainer: Intervals,
 }
 
 /// The state of a run.
@@ -137,7 +143,7 @@ impl WatchedRun {
 
     /// Environment steps between two evaluations.
     pub fn evaluate_every_steps(&self) -> Option<f64> {
-        self.intervals.evaluate_every_steps
+        self.intervals.evaluate_every_steps.filter(|steps| *steps > 0.0)
     }
 
     /// Its figures, as far as it has been read.
@@ -194,18 +200,7 @@ impl Intervals {
     /// Reads only these keys, so that runs of other versions can be watched too.
     fn read(folder: &Path) -> Self {
         let text = std::fs::read_to_string(folder.join(CONFIG)).unwrap_or_default();
-        let table = text.parse::<toml::Table>().unwrap_or_default();
-        let trainer = table.get("trainer");
-        let get = |key| match trainer?.get(key)? {
-            toml::Value::Integer(steps) => Some(*steps as f64),
-            toml::Value::Float(steps) => Some(*steps),
-            _ => None,
-        };
-        Self {
-            total_steps: get("total_steps"),
-            log_every_steps: get("log_every_steps"),
-            evaluate_every_steps: get("evaluate_every_steps").filter(|steps| *steps > 0.0),
-        }
+        toml::from_str(&text).map(|config: Config| config.trainer).unwrap_or_default()
     }
 }
 
