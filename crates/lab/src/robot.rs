@@ -1,4 +1,4 @@
-//! Playing a song on a robot: what it is worth there, what it is worth in simulation, and the gap between the two.
+//! Playing a song on a robot: the scores there and in simulation, and the gap between them.
 
 use std::path::Path;
 use std::sync::atomic::AtomicBool;
@@ -14,8 +14,8 @@ use etude_stage::{JOINTS, World};
 use etude_task::{Piece, TaskError};
 use serde::Serialize;
 
+use crate::pianist::Pianist;
 use crate::play::{Files, header, keep, make_folder, scores_in_simulation, write_report};
-use crate::player::Player;
 use etude_perform::stand::{RigChoice, Stand};
 
 /// How to play.
@@ -31,7 +31,7 @@ pub struct RobotPlay {
     pub seed: u64,
 }
 
-/// What came of it. Its keys are those of `etude perform --json`.
+/// The results. Its keys are those of `etude perform --json`.
 #[derive(Clone, Debug, Serialize)]
 pub struct RobotReport {
     /// Title of the song.
@@ -45,7 +45,7 @@ pub struct RobotReport {
     /// Name of the twin's truth; absent for a rig.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub truth: Option<String>,
-    /// F1 by control step of the same player in simulation.
+    /// F1 by control step of the same pianist in simulation.
     pub sim_f1: f64,
     /// Mean of the runs' F1 by control step.
     pub robot_f1: f64,
@@ -81,13 +81,6 @@ pub struct RobotRun {
     pub files: Option<Files>,
 }
 
-impl RobotReport {
-    /// Whether every run reached the end of the song.
-    pub fn is_complete(&self) -> bool {
-        self.runs.iter().all(|run| run.ending == Ending::Complete)
-    }
-}
-
 /// A run that has ended, of a performance on a robot.
 #[derive(Clone, Debug)]
 pub struct RunEnded {
@@ -104,7 +97,7 @@ pub struct RunEnded {
 /// If the robot does not get ready, or a file cannot be written. A fault during a run is in the report.
 pub fn play_on_robot(
     song: &Song,
-    player: &Player,
+    pianist: &Pianist,
     rig: &RigChoice,
     play: &RobotPlay,
     folder: Option<&Path>,
@@ -116,18 +109,18 @@ pub fn play_on_robot(
             "several runs need --home: each begins where the song begins, and the one before ends elsewhere"
         );
     }
-    let task = &player.config.task;
+    let task = &pianist.config.task;
     let piece = Piece::new(song, task.initial_silence_secs)?;
     if let Some(folder) = folder {
         make_folder(folder)?;
     }
-    let sim_f1 = scores_in_simulation(player, &piece)?.frame.f1;
+    let sim_f1 = scores_in_simulation(pianist, &piece)?.frame.f1;
     let start = World::new(&task.stage, &task.params().map_err(TaskError::from)?)
         .map_err(TaskError::from)?
         .start_pose();
     let header = Header {
         activity: Activity::Mode(play.mode),
-        ..header(&piece, player, rig.name(), Some(rig.config()))
+        ..header(&piece, pianist, rig.name(), Some(rig.config()))
     };
     let mut runs = Vec::new();
     for index in 0..play.runs {
@@ -140,7 +133,7 @@ pub fn play_on_robot(
             files.as_ref().map(|files| RecordingWriter::create(&files.recording, &header)).transpose()?;
         let mut stand = rig.open(task.stage.side, play.seed.wrapping_add(index as u64))?;
         let performance =
-            one_run(&mut stand, player, &piece, play, &start, writer.as_mut(), job.interrupt())?;
+            one_run(&mut stand, pianist, &piece, play, &start, writer.as_mut(), job.interrupt())?;
         stand.let_go().map_err(anyhow::Error::msg)?;
         // The guard is not needed beside a stopped robot while the files are written.
         drop(stand);
@@ -160,7 +153,7 @@ pub fn play_on_robot(
     let (robot_f1, robot_f1_std) = mean_and_deviation(&runs);
     let report = RobotReport {
         song: song.title().to_string(),
-        player: player.name(),
+        player: pianist.name(),
         mode: play.mode,
         robot: rig.name().to_string(),
         truth: match rig {
@@ -182,18 +175,18 @@ pub fn play_on_robot(
 /// Brings the robot to the keyboard and plays once.
 fn one_run(
     stand: &mut Stand,
-    player: &Player,
+    pianist: &Pianist,
     piece: &Piece,
     play: &RobotPlay,
     start: &[f64; JOINTS],
     mut writer: Option<&mut RecordingWriter>,
     interrupt: &AtomicBool,
 ) -> anyhow::Result<Performance> {
-    let task = &player.config.task;
+    let task = &pianist.config.task;
     let Stand { robot, pace } = stand;
     prepare(robot, pace, play.home.then_some(start), writer.as_deref_mut(), interrupt)?;
     let mut rig = play.mode.rig(task, RobotRig::new(robot, pace, start))?;
-    let mut ready = player.ready(task, piece)?;
+    let mut ready = pianist.ready(task, piece)?;
     Ok(perform(&mut *rig, &mut ready, task, piece, writer, interrupt)?)
 }
 
