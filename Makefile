@@ -64,9 +64,10 @@ test-sb3: setup
 test-kernel:
 	CARGO=$(CARGO) $(PYTHON) scripts/kernel/test_kernel.py
 
-# The wheel is for SBX in Étude's world.
+# The wheel is for SBX in Étude's world, the trace of an episode for mujoco.rollout.
 bench: build wheel
-	$(ETUDE) bench --peers
+	$(CARGO) build --release --locked --package etude-task --example trace
+	$(PYTHON) benches/run.py
 
 # Compiled once, some minutes; links within the book that lead nowhere are an error.
 .mdbook/bin/mdbook:

@@ -7,7 +7,9 @@ use std::time::{Duration, Instant};
 
 use etude_lab::Run;
 use etude_learn::{EvaluationRow, LogRow, StopReason, TrainingObserver};
-use indicatif::{ProgressBar, ProgressStyle};
+use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+
+use signal_hook::consts::{SIGINT, SIGTERM};
 
 use crate::verbs::note;
 
@@ -17,7 +19,8 @@ const INTERRUPTED: i32 = 130;
 /// Set by Ctrl-C or SIGTERM. A second one ends the program at once.
 pub fn stop_flag() -> anyhow::Result<Arc<AtomicBool>> {
     let flag = Arc::new(AtomicBool::new(false));
-    for signal in [signal_hook::consts::SIGINT, signal_hook::consts::SIGTERM] {
+    for signal in [SIGINT, SIGTERM] {
+        // First, so that it sees what the signal before has set.
         signal_hook::flag::register_conditional_shutdown(signal, INTERRUPTED, flag.clone())?;
         signal_hook::flag::register(signal, flag.clone())?;
     }
@@ -27,7 +30,7 @@ pub fn stop_flag() -> anyhow::Result<Arc<AtomicBool>> {
 /// Set by Ctrl-C or SIGTERM, however often they come.
 pub fn patient_stop_flag() -> anyhow::Result<Arc<AtomicBool>> {
     let flag = Arc::new(AtomicBool::new(false));
-    for signal in [signal_hook::consts::SIGINT, signal_hook::consts::SIGTERM] {
+    for signal in [SIGINT, SIGTERM] {
         signal_hook::flag::register(signal, flag.clone())?;
     }
     Ok(flag)
@@ -42,12 +45,25 @@ pub fn stop_when_unattended(flag: &Arc<AtomicBool>) {
     });
 }
 
-/// Watches a training for the user.
+/// Where progress is drawn: on standard error if that is a terminal, else nowhere.
+pub fn target(quiet: bool) -> ProgressDrawTarget {
+    let hidden = quiet || !std::io::stderr().is_terminal();
+    if hidden { ProgressDrawTarget::hidden() } else { ProgressDrawTarget::stderr() }
+}
+
+/// A bar of `total` parts with the text `right` beside it, hidden if `quiet` or where standard error is no terminal.
+pub fn bar(total: u64, right: &str, quiet: bool) -> ProgressBar {
+    let style = ProgressStyle::with_template(&format!("{{bar:32}} {{percent:>3}} %  {right}"));
+    ProgressBar::with_draw_target(Some(total), target(quiet))
+        .with_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()))
+}
+
+/// Shows a training and stops it on request.
 pub struct Progress {
     stop: Arc<AtomicBool>,
     deadline: Option<Instant>,
     quiet: bool,
-    bar: Option<ProgressBar>,
+    bar: ProgressBar,
     total: u64,
     started: Instant,
     first_step: u64,
@@ -60,16 +76,12 @@ impl Progress {
     /// Progress of `run` from where it stands; `limit` ends it early. `quiet` writes nothing.
     pub fn new(run: &Run, limit: Option<Duration>, quiet: bool, stop: Arc<AtomicBool>) -> Self {
         let total = run.config().trainer.total_steps;
-        let bar = (!quiet && std::io::stderr().is_terminal()).then(|| {
-            let style = ProgressStyle::with_template("{bar:32} {percent:>3} %  {msg}");
-            ProgressBar::new(total).with_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()))
-        });
         let started = Instant::now();
         Self {
             stop,
             deadline: limit.and_then(|limit| started.checked_add(limit)),
             quiet,
-            bar,
+            bar: bar(total, "{msg}", quiet),
             total,
             started,
             first_step: run.step(),
@@ -79,11 +91,9 @@ impl Progress {
         }
     }
 
-    /// Takes the bar away so that the closing lines stand alone.
+    /// Removes the bar, so that the closing lines stand alone.
     pub fn finish(&self) {
-        if let Some(bar) = &self.bar {
-            bar.finish_and_clear();
-        }
+        self.bar.finish_and_clear();
     }
 
     fn message(&self, step: u64) -> String {
@@ -114,23 +124,19 @@ pub fn clock(secs: f64) -> String {
 
 impl TrainingObserver for Progress {
     fn on_log(&mut self, row: &LogRow) {
-        if let Some(bar) = &self.bar {
-            bar.set_position(row.step);
-            bar.set_message(self.message(row.step));
-        }
+        self.bar.set_position(row.step);
+        self.bar.set_message(self.message(row.step));
     }
 
     fn on_evaluation(&mut self, row: &EvaluationRow) {
         let f1 = row.scores.first().map_or(0.0, |score| score.value);
         self.last_f1 = Some(f1);
         self.best_f1 = self.best_f1.max(f1);
-        match &self.bar {
-            Some(bar) => bar.set_message(self.message(row.step)),
-            None if self.quiet => {}
-            None => {
-                note(format!("{:>7.0} s  {}", self.started.elapsed().as_secs_f64(), self.message(row.step)))
-            }
+        let message = self.message(row.step);
+        if self.bar.is_hidden() && !self.quiet {
+            note(format!("{:>7.0} s  {message}", self.started.elapsed().as_secs_f64()));
         }
+        self.bar.set_message(message);
     }
 
     fn should_stop(&mut self) -> Option<StopReason> {

@@ -1,11 +1,11 @@
 //! A status line. On a terminal it changes in place; elsewhere, as in the log of a batch job, a line is written for each new phase
 //! and then every 30 s.
 
-use std::io::IsTerminal as _;
 use std::time::{Duration, Instant};
 
 use indicatif::ProgressBar;
 
+use crate::progress::target;
 use crate::verbs::note;
 
 /// Time between two lines of one phase in a log.
@@ -13,7 +13,7 @@ const MENTIONED: Duration = Duration::from_secs(30);
 
 /// The line.
 pub struct Status {
-    bar: Option<ProgressBar>,
+    bar: ProgressBar,
     quiet: bool,
     phase: String,
     mentioned: Instant,
@@ -22,44 +22,36 @@ pub struct Status {
 impl Status {
     /// Writes nothing if `quiet`.
     pub fn new(quiet: bool) -> Self {
-        let bar = (!quiet && std::io::stderr().is_terminal()).then(ProgressBar::new_spinner);
+        let bar = ProgressBar::new_spinner();
+        bar.set_draw_target(target(quiet));
         Self { bar, quiet, phase: String::new(), mentioned: Instant::now() }
     }
 
     /// The current phase and its progress.
     pub fn now(&mut self, phase: &str, state: &str) {
         let is_new = phase != self.phase;
-        match &self.bar {
-            Some(bar) => {
-                bar.set_message(format!("{phase}{state}"));
-                bar.tick();
-            }
-            None if !self.quiet && (is_new || self.mentioned.elapsed() >= MENTIONED) => {
-                note(format!("{phase}{state}"));
-                self.mentioned = Instant::now();
-            }
-            None => {}
+        if self.bar.is_hidden() && !self.quiet && (is_new || self.mentioned.elapsed() >= MENTIONED) {
+            note(format!("{phase}{state}"));
+            self.mentioned = Instant::now();
         }
-        if is_new {
-            self.phase = phase.to_string();
-        }
+        self.bar.set_message(format!("{phase}{state}"));
+        self.bar.tick();
+        self.phase = phase.to_string();
     }
 
     /// Writes a line that stays.
     pub fn done(&self, text: &str) {
-        match &self.bar {
-            Some(bar) => bar.println(text),
-            None if self.quiet => {}
-            None => note(text),
+        if self.bar.is_hidden() && !self.quiet {
+            note(text);
         }
+        // Does nothing on a hidden bar.
+        self.bar.println(text);
     }
 }
 
 impl Drop for Status {
     /// Removes the line, so that the closing lines stand alone.
     fn drop(&mut self) {
-        if let Some(bar) = &self.bar {
-            bar.finish_and_clear();
-        }
+        self.bar.finish_and_clear();
     }
 }

@@ -20,7 +20,7 @@ use etude_identify::Progress;
 use etude_lab::machine::processor;
 use etude_lab::{
     Identification, IdentifyMethod, RehearsalConfig, RehearsalStep, RobotPlay, Run, find_song,
-    identify_robot, load_player, play_on_robot, record_excitations, rehearse_on_robot, scores_in_simulation,
+    identify_robot, load_pianist, play_on_robot, record_excitations, rehearse_on_robot, scores_in_simulation,
 };
 use etude_learn::{EvaluationRow, LogRow, StopReason, TrainingObserver};
 use etude_perform::stand::{TWIN, rig_choice, unix_secs};
@@ -160,9 +160,9 @@ impl Doing<'_, '_> {
         if outcome.stopped.is_some() {
             bail!(STOPPED);
         }
-        let player = load_player(&training.song, "", Some(&folder), Path::new("runs"))?;
-        let piece = Piece::new(&song, player.config.task.initial_silence_secs)?;
-        let sim = scores_in_simulation(&player, &piece)?.frame;
+        let pianist = load_pianist(&training.song, "", Some(&folder), Path::new("runs"))?;
+        let piece = Piece::new(&song, pianist.config.task.initial_silence_secs)?;
+        let sim = scores_in_simulation(&pianist, &piece)?.frame;
         let of_sim = [("sim_f1", sim.f1), ("sim_precision", sim.precision), ("sim_recall", sim.recall)];
         let mut rows = Vec::new();
         match perform {
@@ -176,7 +176,7 @@ impl Doing<'_, '_> {
                     let play = RobotPlay { mode: *mode, runs, home: true, seed };
                     let report = play_on_robot(
                         &song,
-                        &player,
+                        &pianist,
                         &rig,
                         &play,
                         None,

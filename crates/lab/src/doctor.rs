@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use serde::Serialize;
 
-use crate::player::shipped_policies;
+use crate::pianist::shipped_policies;
 
 /// Something that this machine has or lacks.
 #[derive(Clone, Debug, Serialize)]
@@ -33,7 +33,7 @@ pub fn examine() -> Vec<Finding> {
         always("cores", format!("{cores}, using {}", cpu_features())),
         optional(
             "gl",
-            library(&["libEGL.so.1"]),
+            library("libEGL.so.1"),
             "no libEGL",
             "no pictures or video of the simulation; training, playing and sound need none \
              (Debian, Ubuntu: apt-get install -y libegl1 libgl1-mesa-dri)",
@@ -46,7 +46,7 @@ pub fn examine() -> Vec<Finding> {
         ),
         optional(
             "midi",
-            exists("/dev/snd/seq"),
+            Path::new("/dev/snd/seq").exists().then(|| "/dev/snd/seq".to_string()),
             "no ALSA sequencer at /dev/snd/seq",
             "no MIDI keyboard can be connected; simulation needs none (try: modprobe snd-seq)",
         ),
@@ -78,11 +78,10 @@ fn policies() -> Option<String> {
     found.parent().map(|folder| folder.display().to_string())
 }
 
-/// Where the MuJoCo library in this process was loaded from, by the kernel's own account.
+/// Where the MuJoCo library in this process was loaded from, as the kernel reports.
 fn loaded_library() -> String {
     let maps = std::fs::read_to_string("/proc/self/maps").unwrap_or_default();
-    let path =
-        maps.lines().find_map(|line| line.split_whitespace().last().filter(|p| p.contains("libmujoco")));
+    let path = maps.split_whitespace().find(|word| word.contains("libmujoco"));
     path.unwrap_or("an unknown place").to_string()
 }
 
@@ -103,25 +102,19 @@ fn cpu_features() -> String {
     "the baseline of this architecture".to_string()
 }
 
-fn exists(path: &str) -> Option<String> {
-    Path::new(path).exists().then(|| path.to_string())
-}
-
 fn program(name: &str) -> Option<String> {
-    let path = std::env::var_os("PATH")?;
-    std::env::split_paths(&path)
-        .map(|folder| folder.join(name))
-        .find(|p| p.is_file())
-        .map(|p| p.display().to_string())
+    find(std::env::split_paths(&std::env::var_os("PATH")?), name)
 }
 
-fn library(names: &[&str]) -> Option<String> {
-    let arch = std::env::consts::ARCH;
-    let folders =
-        [format!("/usr/lib/{arch}-linux-gnu"), "/usr/lib64".into(), "/usr/lib".into(), "/lib".into()];
-    let mut places =
-        folders.iter().flat_map(|folder| names.iter().map(move |name| Path::new(folder).join(name)));
-    places.find(|path: &PathBuf| path.exists()).map(|path| path.display().to_string())
+fn library(name: &str) -> Option<String> {
+    let ours = format!("/usr/lib/{}-linux-gnu", std::env::consts::ARCH);
+    find([&ours, "/usr/lib64", "/usr/lib", "/lib"].map(PathBuf::from).into_iter(), name)
+}
+
+/// The path of the first file with this name in `folders`.
+fn find(mut folders: impl Iterator<Item = PathBuf>, name: &str) -> Option<String> {
+    let found = folders.find(|folder| folder.join(name).is_file())?;
+    Some(found.join(name).display().to_string())
 }
 
 fn can_interface() -> Option<String> {

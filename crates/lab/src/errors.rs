@@ -1,4 +1,4 @@
-//! Errors that callers tell apart, and messages that several functions share.
+//! Errors that callers distinguish, and messages that several functions share.
 
 use std::fmt::Display;
 use std::path::Path;

@@ -1,10 +1,9 @@
 //! A policy on a fixed grid of worlds: how well it plays where the simulator's parameters are off.
 //!
-//! A policy scores best in the nominal world, in which it was trained. The grid is a Latin hypercube over the widths of the player's own
+//! A policy plays best in the nominal world, since it was trained in it. The grid is a Latin hypercube over the widths of the pianist's own
 //! randomisation ([`etude_task::Randomisation::grid`]), the same for the same seed, so that policies are compared in the
-//! same worlds; the worst tenth of them tells more about a robot than the mean (our judgement).
+//! same worlds; their worst tenth says more about a robot than their mean (a judgement).
 
-use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 
@@ -16,8 +15,8 @@ use etude_task::{Piece, Randomisation, TaskError};
 use rayon::prelude::*;
 use serde::Serialize;
 
+use crate::pianist::Pianist;
 use crate::play::make_folder;
-use crate::player::Player;
 
 /// Which grid.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -95,18 +94,18 @@ pub struct GridReport {
     pub csv: Option<PathBuf>,
 }
 
-/// Plays `song` once in each world of the grid, over the threads of the current rayon pool. After each world `watch` is called,
-/// on any thread, with the number of worlds that are done; if it returns `false`, the work ends without a report.
+/// Plays `song` once in each world of the grid, over the threads of the current rayon pool. `watch` receives the number of
+/// finished worlds after each, on any thread. If it returns `false`, the evaluation stops and there is no report.
 ///
 /// # Errors
-/// If the song does not fit the keyboard, or the player's task or the grid is not sound.
+/// If the song does not fit the keyboard, or the pianist's task or the grid is not sound.
 pub fn evaluate_grid(
     song: &Song,
-    player: &Player,
+    pianist: &Pianist,
     grid: &GridConfig,
     watch: &(dyn Fn(usize) -> bool + Sync),
 ) -> anyhow::Result<Option<GridReport>> {
-    let mut task = player.config.task.clone();
+    let mut task = pianist.config.task.clone();
     task.randomisation.intensity = grid.intensity;
     task.check()?;
     let piece = Piece::new(song, task.initial_silence_secs)?;
@@ -114,7 +113,7 @@ pub fn evaluate_grid(
     let randomisation = Randomisation::new(nominal.clone(), &task.randomisation, task.stage.actuation)?;
     let mut worlds = vec![nominal];
     worlds.extend(randomisation.grid(grid.worlds, grid.seed));
-    let ready = player.ready(&task, &piece)?;
+    let ready = pianist.ready(&task, &piece)?;
     let never = AtomicBool::new(false);
 
     let (done, stopped) = (AtomicUsize::new(0), AtomicBool::new(false));
@@ -144,7 +143,7 @@ pub fn evaluate_grid(
     let sorted = sorted(f1.iter().copied());
     Ok(Some(GridReport {
         song: song.title().to_string(),
-        player: player.name(),
+        player: pianist.name(),
         worlds: grid.worlds,
         intensity: grid.intensity,
         seed: grid.seed,
@@ -201,18 +200,12 @@ impl GridReport {
     /// If the file cannot be written.
     pub fn write_csv(&mut self, path: &Path) -> anyhow::Result<()> {
         let mut text = String::from("world,f1,precision,recall,pooled_f1,onset_f1,collision_free");
-        for path in &self.paths {
-            text.push(',');
-            text.push_str(path);
-        }
+        text.extend(self.paths.iter().map(|path| format!(",{path}")));
         for (index, (scores, values)) in self.scores.iter().zip(&self.values).enumerate() {
             let WorldScores { f1, precision, recall, pooled_f1, onset_f1, collision_free } = scores;
-            // Writing to a string cannot fail.
-            let _ =
-                write!(text, "\n{index},{f1},{precision},{recall},{pooled_f1},{onset_f1},{collision_free}");
-            for value in values {
-                let _ = write!(text, ",{value}");
-            }
+            let scores = [f1, precision, recall, pooled_f1, onset_f1, collision_free];
+            text.push_str(&format!("\n{index}"));
+            text.extend(scores.into_iter().chain(values).map(|value| format!(",{value}")));
         }
         if let Some(folder) = path.parent().filter(|folder| !folder.as_os_str().is_empty()) {
             make_folder(folder)?;
@@ -237,26 +230,26 @@ mod tests {
         Song::new("Short", [60, 62, 64].into_iter().enumerate().map(note).collect(), 0.9).unwrap()
     }
 
-    fn player(sets: &[&str]) -> Player {
-        let mut player = Player::scripted();
-        player.config =
-            change(&player.config, &sets.iter().map(ToString::to_string).collect::<Vec<_>>()).unwrap();
-        player
+    fn pianist(sets: &[&str]) -> Pianist {
+        let mut pianist = Pianist::scripted();
+        pianist.config =
+            change(&pianist.config, &sets.iter().map(ToString::to_string).collect::<Vec<_>>()).unwrap();
+        pianist
     }
 
-    fn on_threads(threads: usize, player: &Player, grid: &GridConfig) -> GridReport {
+    fn on_threads(threads: usize, pianist: &Pianist, grid: &GridConfig) -> GridReport {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-        pool.install(|| evaluate_grid(&song(), player, grid, &|_| true)).unwrap().unwrap()
+        pool.install(|| evaluate_grid(&song(), pianist, grid, &|_| true)).unwrap().unwrap()
     }
 
     #[test]
     fn any_number_of_threads_gives_the_same_report() {
         let grid = GridConfig { worlds: 11, intensity: 0.5, seed: 0 };
-        let one = on_threads(1, &player(&[]), &grid);
+        let one = on_threads(1, &pianist(&[]), &grid);
         for threads in [2, 4] {
-            assert_eq!(on_threads(threads, &player(&[]), &grid), one);
+            assert_eq!(on_threads(threads, &pianist(&[]), &grid), one);
         }
-        assert_ne!(on_threads(2, &player(&[]), &GridConfig { seed: 1, ..grid }).scores, one.scores);
+        assert_ne!(on_threads(2, &pianist(&[]), &GridConfig { seed: 1, ..grid }).scores, one.scores);
         assert_eq!((one.scores.len(), one.marginals.len(), one.paths.len()), (11, 31, 31));
         // The means are those of the scores: two worlds are the worst tenth of eleven.
         let mut f1: Vec<f64> = one.scores.iter().map(|scores| scores.f1).collect();
@@ -270,17 +263,17 @@ mod tests {
 
     #[test]
     fn without_intensity_every_world_is_the_nominal_one() {
-        let report = on_threads(2, &player(&[]), &GridConfig { worlds: 3, intensity: 0.0, seed: 0 });
+        let report = on_threads(2, &pianist(&[]), &GridConfig { worlds: 3, intensity: 0.0, seed: 0 });
         assert!(report.scores.iter().all(|scores| scores.f1 == report.nominal_f1));
         assert_eq!((report.mean_f1, report.worst_f1), (report.nominal_f1, report.nominal_f1));
-        let report = on_threads(2, &player(&[]), &GridConfig { worlds: 0, intensity: 0.5, seed: 0 });
+        let report = on_threads(2, &pianist(&[]), &GridConfig { worlds: 0, intensity: 0.5, seed: 0 });
         assert!(report.marginals.is_empty() && report.worst_f1 == report.nominal_f1);
     }
 
     #[test]
     fn a_number_that_matters_shows_in_its_thirds() {
-        let player = player(&["task.randomisation.widths.key.threshold=0.45"]);
-        let report = on_threads(2, &player, &GridConfig { worlds: 12, intensity: 1.0, seed: 0 });
+        let pianist = pianist(&["task.randomisation.widths.key.threshold=0.45"]);
+        let report = on_threads(2, &pianist, &GridConfig { worlds: 12, intensity: 1.0, seed: 0 });
         let [marginal] = &report.marginals[..] else { panic!("{:?}", report.marginals) };
         assert_eq!((marginal.path.as_str(), marginal.nominal), ("key.threshold", 0.5));
         assert!(marginal.range[0] < 0.1 && marginal.range[1] > 0.9, "{marginal:?}");
@@ -304,15 +297,15 @@ mod tests {
             played.fetch_max(done, Ordering::Relaxed);
             done < 2
         };
-        assert_eq!(evaluate_grid(&song(), &player(&[]), &grid, &watch).unwrap(), None);
+        assert_eq!(evaluate_grid(&song(), &pianist(&[]), &grid, &watch).unwrap(), None);
         assert!(played.load(Ordering::Relaxed) < 10);
-        let fails = |player: &Player, grid: &GridConfig| {
-            evaluate_grid(&song(), player, grid, &|_| true).unwrap_err().to_string()
+        let fails = |pianist: &Pianist, grid: &GridConfig| {
+            evaluate_grid(&song(), pianist, grid, &|_| true).unwrap_err().to_string()
         };
         assert!(
-            fails(&player(&[]), &GridConfig { intensity: 1.5, ..grid }).contains("randomisation.intensity")
+            fails(&pianist(&[]), &GridConfig { intensity: 1.5, ..grid }).contains("randomisation.intensity")
         );
-        let said = fails(&player(&["task.randomisation.widths.key.colour=1"]), &grid);
+        let said = fails(&pianist(&["task.randomisation.widths.key.colour=1"]), &grid);
         assert!(said.contains("`key.colour`") && said.contains("etude model params"), "{said}");
     }
 }

@@ -1,18 +1,18 @@
 //! This machine: what it is, for tables of measurements.
 
-/// The most memory that this process has held so far, in MiB, if the system tells (Linux).
+/// The most memory that this process has held so far, in MiB, if the system reports it (Linux).
 pub fn peak_memory_mib() -> Option<f64> {
     let kib = proc_field("/proc/self/status", "VmHWM")?;
     Some(kib.split_whitespace().next()?.parse::<f64>().ok()? / 1024.0)
 }
 
-/// Name of the processor, or its architecture where the system does not tell.
+/// Name of the processor, or its architecture where the system does not report it.
 pub fn processor() -> String {
     proc_field("/proc/cpuinfo", "model name").unwrap_or_else(|| std::env::consts::ARCH.to_string())
 }
 
 /// This machine in one line, for a table of measurements: its processor, cores, memory and load, as far as the system
-/// tells.
+/// reports them.
 pub fn machine() -> String {
     let cores = std::thread::available_parallelism().map_or(1, usize::from);
     let memory = proc_field("/proc/meminfo", "MemTotal")
@@ -30,7 +30,7 @@ pub fn machine() -> String {
     )
 }
 
-/// The value of the first line `name: value` of a file of the kernel's.
+/// The value of the first line `name: value` of a file of the kernel.
 fn proc_field(path: &str, name: &str) -> Option<String> {
     let text = std::fs::read_to_string(path).ok()?;
     let (_, value) =

@@ -14,7 +14,7 @@ use etude_stage::JOINT_NAMES;
 use etude_task::Piece;
 use serde::Serialize;
 
-use crate::player::Player;
+use crate::pianist::Pianist;
 
 /// The figures of a performance and its files. Its keys are those of `etude play --json`.
 #[derive(Clone, Debug, Serialize)]
@@ -61,11 +61,11 @@ pub struct Files {
 /// If the song does not fit the keyboard, or a file cannot be written.
 pub fn play(
     song: &Song,
-    player: &Player,
+    pianist: &Pianist,
     folder: Option<&Path>,
     font: Option<&SoundFont>,
 ) -> anyhow::Result<Report> {
-    let task = &player.config.task;
+    let task = &pianist.config.task;
     let piece = Piece::new(song, task.initial_silence_secs)?;
     let files = folder.map(|folder| Files {
         midi: folder.join("performance.mid"),
@@ -77,11 +77,11 @@ pub fn play(
     let mut writer = None;
     if let (Some(folder), Some(files)) = (folder, &files) {
         make_folder(folder)?;
-        let header = header(&piece, player, "simulation", None);
+        let header = header(&piece, pianist, "simulation", None);
         writer = Some(RecordingWriter::create(&files.recording, &header)?);
     }
-    let mut ready = player.ready(task, &piece)?;
-    let mut rig = SimRig::new(task, &piece, player.config.trainer.seed)?;
+    let mut ready = pianist.ready(task, &piece)?;
+    let mut rig = SimRig::new(task, &piece, pianist.config.trainer.seed)?;
     let never = AtomicBool::new(false);
     let performance = perform(&mut rig, &mut ready, task, &piece, writer.as_mut(), &never)?;
     if let Some(writer) = writer {
@@ -93,7 +93,7 @@ pub fn play(
     let simulated = performance.simulation.unwrap_or_default();
     let report = Report {
         song: song.title().to_string(),
-        player: player.name(),
+        player: pianist.name(),
         steps: performance.pressed.len(),
         scores: performance.scores(),
         reward: simulated.reward,
@@ -110,28 +110,28 @@ pub fn play(
 
 const REPORT: &str = "report.json";
 
-/// Scores of the player in simulation alone, always in the nominal world, so that they do not depend on a random draw.
+/// Scores of the pianist in simulation alone, in the nominal world: the scores in a randomised world depend on the draw.
 ///
 /// # Errors
-/// If the task of the player is not sound.
-pub fn scores_in_simulation(player: &Player, piece: &Piece) -> anyhow::Result<Scores> {
-    let task = &player.config.task;
+/// If the task of the pianist is not sound.
+pub fn scores_in_simulation(pianist: &Pianist, piece: &Piece) -> anyhow::Result<Scores> {
+    let task = &pianist.config.task;
     let mut rig = SimRig::nominal(task, piece)?;
-    let mut ready = player.ready(task, piece)?;
+    let mut ready = pianist.ready(task, piece)?;
     Ok(perform(&mut rig, &mut ready, task, piece, None, &AtomicBool::new(false))?.scores())
 }
 
-/// The header of a recording in which `player` plays `piece` on the rig that is called `rig`.
-pub(crate) fn header(piece: &Piece, player: &Player, rig: &str, config: Option<RigConfig>) -> Header {
+/// The header of a recording in which `pianist` plays `piece` on the rig that is called `rig`.
+pub(crate) fn header(piece: &Piece, pianist: &Pianist, rig: &str, config: Option<RigConfig>) -> Header {
     Header {
         song: piece.title().to_string(),
-        player: player.name(),
+        player: pianist.name(),
         rig: rig.to_string(),
         control_hz: CONTROL_HZ,
         joints: JOINT_NAMES.map(str::to_string).to_vec(),
         due: piece.frames().iter().map(|keys| keys.pitches().collect()).collect(),
         bar_secs: piece.bars().to_vec(),
-        run: Some(serde_json::to_value(&player.config).expect("a configuration is plain data")),
+        run: Some(serde_json::to_value(&pianist.config).expect("a configuration is plain data")),
         rig_config: config,
         ..Header::default()
     }

@@ -26,7 +26,7 @@ use crate::config::resolve;
 use crate::errors::{Interrupted, unusable};
 use crate::excitations::{excitation_file, record_excitations, stopped_itself};
 use crate::identify::{Identification, IdentifyMethod, IdentifyReport, identify_robot};
-use crate::player::load_player;
+use crate::pianist::load_pianist;
 use crate::robot::{RobotPlay, RobotReport, RunEnded, play_on_robot};
 use crate::run::Run;
 
@@ -301,7 +301,7 @@ impl Rehearsal<'_> {
         folder: &Path,
         job: &mut Job<'_, RehearsalStep>,
     ) -> anyhow::Result<RobotReport> {
-        let player = load_player(&self.config.song, "", Some(policy), Path::new("runs"))?;
+        let pianist = load_pianist(&self.config.song, "", Some(policy), Path::new("runs"))?;
         let play = RobotPlay {
             mode: self.config.mode,
             runs: self.config.runs,
@@ -314,7 +314,7 @@ impl Rehearsal<'_> {
             f1: ended.run.scores.frame.f1,
         };
         let report = job.part(performed, |job| {
-            play_on_robot(self.song, &player, self.rig, &play, Some(folder), None, job)
+            play_on_robot(self.song, &pianist, self.rig, &play, Some(folder), None, job)
         })?;
         if job.is_interrupted() {
             return Err(Interrupted::resumable().into());

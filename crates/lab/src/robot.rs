@@ -1,4 +1,4 @@
-//! Plays a song on a robot: F1 there, F1 in simulation, and the gap between the two.
+//! Playing a song on a robot: the scores there and in simulation, and the gap between them.
 
 use std::path::Path;
 use std::sync::atomic::AtomicBool;
@@ -17,8 +17,8 @@ use etude_task::{Piece, TaskError};
 use serde::Serialize;
 
 use crate::errors::released;
+use crate::pianist::Pianist;
 use crate::play::{Files, header, keep, make_folder, scores_in_simulation, write_report};
-use crate::player::Player;
 
 /// How to play.
 #[derive(Clone, Debug)]
@@ -33,7 +33,7 @@ pub struct RobotPlay {
     pub seed: u64,
 }
 
-/// The result. Its keys are those of `etude perform --json`.
+/// The results. Its keys are those of `etude perform --json`.
 #[derive(Clone, Debug, Serialize)]
 pub struct RobotReport {
     /// Title of the song.
@@ -47,7 +47,7 @@ pub struct RobotReport {
     /// Name of the twin's truth; absent for a robot with a rig file.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub truth: Option<String>,
-    /// F1 by control step of the same player in simulation.
+    /// F1 by control step of the same pianist in simulation.
     pub sim_f1: f64,
     /// Mean of the runs' F1 by control step.
     pub robot_f1: f64,
@@ -83,7 +83,7 @@ pub struct RobotRun {
     pub files: Option<Files>,
 }
 
-/// A run on a robot that has ended.
+/// A run that has ended, of a performance on a robot.
 #[derive(Clone, Debug)]
 pub struct RunEnded {
     /// Which one, from 0.
@@ -99,7 +99,7 @@ pub struct RunEnded {
 /// If the robot does not get ready, or a file cannot be written. A fault during a run is in the report.
 pub fn play_on_robot(
     song: &Song,
-    player: &Player,
+    pianist: &Pianist,
     rig: &RigChoice,
     play: &RobotPlay,
     folder: Option<&Path>,
@@ -111,18 +111,18 @@ pub fn play_on_robot(
             "several runs need --home: each begins where the song begins, and the one before ends elsewhere"
         );
     }
-    let task = &player.config.task;
+    let task = &pianist.config.task;
     let piece = Piece::new(song, task.initial_silence_secs)?;
     if let Some(folder) = folder {
         make_folder(folder)?;
     }
-    let sim_f1 = scores_in_simulation(player, &piece)?.frame.f1;
+    let sim_f1 = scores_in_simulation(pianist, &piece)?.frame.f1;
     let start = World::new(&task.stage, &task.params().map_err(TaskError::from)?)
         .map_err(TaskError::from)?
         .start_pose();
     let header = Header {
         activity: Activity::Mode(play.mode),
-        ..header(&piece, player, rig.name(), Some(rig.config()))
+        ..header(&piece, pianist, rig.name(), Some(rig.config()))
     };
     let mut runs = Vec::new();
     for index in 0..play.runs {
@@ -134,7 +134,7 @@ pub fn play_on_robot(
         let mut writer =
             files.as_ref().map(|files| RecordingWriter::create(&files.recording, &header)).transpose()?;
         let mut stand = rig.open(task.stage.side, play.seed.wrapping_add(index as u64))?;
-        let played = one_run(&mut stand, player, &piece, play, &start, writer.as_mut(), job.interrupt());
+        let played = one_run(&mut stand, pianist, &piece, play, &start, writer.as_mut(), job.interrupt());
         let performance = released(&mut stand, played)?;
         // The robot is stopped: its guard is not needed while the files are written.
         drop(stand);
@@ -155,7 +155,7 @@ pub fn play_on_robot(
     let (robot_f1, robot_f1_std) = (mean(&f1), deviation(&f1));
     let report = RobotReport {
         song: song.title().to_string(),
-        player: player.name(),
+        player: pianist.name(),
         mode: play.mode,
         robot: rig.name().to_string(),
         truth: match rig {
@@ -177,18 +177,18 @@ pub fn play_on_robot(
 /// Brings the robot to the keyboard and plays once.
 fn one_run(
     stand: &mut Stand,
-    player: &Player,
+    pianist: &Pianist,
     piece: &Piece,
     play: &RobotPlay,
     start: &[f64; JOINTS],
     mut writer: Option<&mut RecordingWriter>,
     interrupt: &AtomicBool,
 ) -> anyhow::Result<Performance> {
-    let task = &player.config.task;
+    let task = &pianist.config.task;
     let Stand { robot, pace } = stand;
     prepare(robot, pace, play.home.then_some(start), writer.as_deref_mut(), interrupt)?;
     let mut rig = play.mode.rig(task, RobotRig::new(robot, pace, start))?;
-    let mut ready = player.ready(task, piece)?;
+    let mut ready = pianist.ready(task, piece)?;
     Ok(perform(&mut *rig, &mut ready, task, piece, writer, interrupt)?)
 }
 

@@ -12,7 +12,7 @@ use serde_json::json;
 
 use crate::config::{RunConfig, change_free, resolve as resolve_config};
 use crate::errors::cannot_create;
-use crate::player::open;
+use crate::pianist::open;
 
 /// Name of the resolved configuration in a run's folder.
 pub const CONFIG: &str = "config.toml";
@@ -47,31 +47,15 @@ pub struct Run {
 impl Run {
     /// Starts a training of `song` in `folder`. `command` is recorded.
     ///
-    /// # Errors
-    /// If the song or configuration cannot be used, or the folder cannot be written or already holds a run. Nothing is
-    /// written before song and configuration are known to be sound.
-    pub fn start(song: Song, config: RunConfig, folder: &Path, command: &str) -> anyhow::Result<Self> {
-        Self::begin(song, config, folder, command, None)
-    }
-
-    /// The same, but starts from what another training of the song has learned (in any physics) instead of random networks:
-    /// `source` is a run's folder (its last policy with critics, targets and temperature) or a policy file (the actor
-    /// alone). See [`WarmStart`].
+    /// Without a `source` the networks are random. A `source` is what another training of the song has learned, in any physics:
+    /// a run's folder (its last policy with critics, targets and temperature) or a policy file (the actor alone). See
+    /// [`WarmStart`].
     ///
     /// # Errors
-    /// As [`start`](Self::start); and if the source cannot be read, has learned another song, or its networks or what
-    /// they see and do have another form. Nothing is written then.
-    pub fn start_from(
-        song: Song,
-        config: RunConfig,
-        folder: &Path,
-        command: &str,
-        source: &Path,
-    ) -> anyhow::Result<Self> {
-        Self::begin(song, config, folder, command, Some(source))
-    }
-
-    fn begin(
+    /// If the song or configuration cannot be used, or the folder cannot be written or already holds a run; and if the
+    /// source cannot be read, has learned another song, or its networks or its observations and actions have another form. Nothing
+    /// is written before all of this is checked.
+    pub fn start(
         song: Song,
         config: RunConfig,
         folder: &Path,
@@ -149,7 +133,7 @@ impl Run {
         Ok(Self { song, config, trainer, _lock: lock })
     }
 
-    /// Resumes the training in `folder`, or starts it; with a `source` as [`start_from`](Self::start_from).
+    /// Resumes the training in `folder`, or starts it, as [`start`](Self::start).
     ///
     /// # Errors
     /// As those.
@@ -168,7 +152,7 @@ impl Run {
                 resumed => return resumed,
             }
         }
-        Self::begin(song, config, folder, command, source)
+        Self::start(song, config, folder, command, source)
     }
 
     /// The song that is learned.
@@ -247,9 +231,9 @@ fn warm_start(path: &Path, song: &Song, config: &RunConfig, parts: &Parts) -> an
     Ok(warm)
 }
 
-/// The task that the run in `folder` has learned so far, if its last policy tells.
+/// The task that the run in `folder` has learned so far, if its last policy holds it.
 fn learned_task(folder: &Path) -> Option<TaskConfig> {
-    open(&folder.join("policy-last.safetensors")).ok().map(|player| player.config.task)
+    open(&folder.join("policy-last.safetensors")).ok().map(|pianist| pianist.config.task)
 }
 
 /// The policy file of the run in `folder` that should be played: the best, or the last while none has been evaluated.

@@ -25,6 +25,19 @@ fn require(
     if holds { Ok(()) } else { Err(ConfigError { field, value: value.to_string(), rule }) }
 }
 
+/// Requires that `value` is in `range`; NaN is in none.
+fn within<T: PartialOrd + std::fmt::Display>(
+    field: &'static str,
+    value: T,
+    range: impl std::ops::RangeBounds<T>,
+    rule: &'static str,
+) -> Result<(), ConfigError> {
+    require(range.contains(&value), field, value, rule)
+}
+
+/// The least number above zero.
+const ABOVE_ZERO: f64 = f64::from_bits(1);
+
 /// Arithmetic of the matrix products between hidden layers in an update.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
@@ -110,32 +123,28 @@ impl DroqConfig {
         let widths = self.hidden.iter().all(|&width| (1..=WIDEST_LAYER).contains(&width));
         let depth = (1..=MOST_LAYERS).contains(&self.hidden.len());
         require(widths && depth, "droq.hidden", text, "it must list 1 to 16 layers of 1 to 8192 units")?;
-        let rate = (0.0..=0.9).contains(&self.dropout);
-        require(rate, "droq.dropout", self.dropout, "it must be at least 0 and at most 0.9")?;
-        let batch = (1..=1 << 16).contains(&self.batch);
-        require(batch, "droq.batch", self.batch, "it must be from 1 to 65536")?;
-        let capacity = (1..=1 << 31).contains(&self.replay_capacity);
-        require(capacity, "droq.replay_capacity", self.replay_capacity, "it must be from 1 to 2147483648")?;
-        let discount = (0.0..1.0).contains(&self.discount);
-        require(discount, "droq.discount", self.discount, "it must be at least 0 and below 1")?;
-        let n_step = (1..=100).contains(&self.n_step);
-        require(n_step, "droq.n_step", self.n_step, "it must be from 1 to 100")?;
-        let polyak = self.polyak > 0.0 && self.polyak <= 1.0;
-        require(polyak, "droq.polyak", self.polyak, "it must be above 0 and at most 1")?;
-        let polyak = self.policy_polyak > 0.0 && self.policy_polyak <= 1.0;
-        require(polyak, "droq.policy_polyak", self.policy_polyak, "it must be above 0 and at most 1")?;
-        for (field, value) in [
-            ("droq.actor_learning_rate", self.actor_learning_rate),
-            ("droq.critic_learning_rate", self.critic_learning_rate),
-            ("droq.temperature_learning_rate", self.temperature_learning_rate),
-        ] {
-            require((0.0..=1.0).contains(&value), field, value, "it must be at least 0 and at most 1")?;
-        }
-        let temperature = self.initial_temperature > 0.0 && self.initial_temperature <= 1e6;
+        within("droq.dropout", self.dropout, 0.0..=0.9, "it must be at least 0 and at most 0.9")?;
+        within("droq.batch", self.batch, 1..=1 << 16, "it must be from 1 to 65536")?;
+        let rule = "it must be from 1 to 2147483648";
+        within("droq.replay_capacity", self.replay_capacity, 1..=1 << 31, rule)?;
+        within("droq.discount", self.discount, 0.0..1.0, "it must be at least 0 and below 1")?;
+        within("droq.n_step", self.n_step, 1..=100, "it must be from 1 to 100")?;
+        let rule = "it must be above 0 and at most 1";
+        within("droq.polyak", self.polyak, ABOVE_ZERO..=1.0, rule)?;
+        within("droq.policy_polyak", self.policy_polyak, ABOVE_ZERO..=1.0, rule)?;
+        let rule = "it must be at least 0 and at most 1";
+        within("droq.actor_learning_rate", self.actor_learning_rate, 0.0..=1.0, rule)?;
+        within("droq.critic_learning_rate", self.critic_learning_rate, 0.0..=1.0, rule)?;
+        within("droq.temperature_learning_rate", self.temperature_learning_rate, 0.0..=1.0, rule)?;
         let rule = "it must be above 0 and at most 1000000";
-        require(temperature, "droq.initial_temperature", self.initial_temperature, rule)?;
-        let entropy = self.target_entropy_per_action;
-        require(entropy.is_finite(), "droq.target_entropy_per_action", entropy, "it must be finite")?;
+        within("droq.initial_temperature", self.initial_temperature, ABOVE_ZERO..=1e6, rule)?;
+        let finite = f64::MIN..=f64::MAX;
+        within(
+            "droq.target_entropy_per_action",
+            self.target_entropy_per_action,
+            finite,
+            "it must be finite",
+        )?;
         let [low, high] = self.log_std_bounds;
         let bounds = low >= -40.0 && low < high && high <= 20.0;
         let rule = "the two bounds must ascend and lie within -40 and 20";
@@ -202,28 +211,19 @@ const MOST_ENVS: usize = 4096;
 impl TrainerConfig {
     /// Refuses values that cannot work, naming the field.
     pub fn validate(&self) -> Result<(), ConfigError> {
-        let envs = (1..=MOST_ENVS).contains(&self.num_envs);
-        require(envs, "trainer.num_envs", self.num_envs, "it must be at least 1 and at most 4096")?;
+        within("trainer.num_envs", self.num_envs, 1..=MOST_ENVS, "it must be at least 1 and at most 4096")?;
         let rule = "it must be at most 1024";
-        require(self.updates_per_round <= 1024, "trainer.updates_per_round", self.updates_per_round, rule)?;
-        require(self.threads <= 1024, "trainer.threads", self.threads, rule)?;
+        within("trainer.updates_per_round", self.updates_per_round, ..=1024, rule)?;
+        within("trainer.threads", self.threads, ..=1024, rule)?;
         let rule = "it must be at least 1, since updates need something to learn from";
-        require(self.warmup_steps >= 1, "trainer.warmup_steps", self.warmup_steps, rule)?;
+        within("trainer.warmup_steps", self.warmup_steps, 1.., rule)?;
         let rule = "it must be at least 0 and at most 1";
-        for (field, value) in [
-            ("trainer.demonstration_share", self.demonstration_share),
-            ("trainer.demonstration_noise", self.demonstration_noise),
-        ] {
-            require((0.0..=1.0).contains(&value), field, value, rule)?;
-        }
-        for (field, value) in [
-            ("trainer.total_steps", self.total_steps),
-            ("trainer.log_every_steps", self.log_every_steps),
-            ("trainer.checkpoint_every_steps", self.checkpoint_every_steps),
-        ] {
-            require(value >= 1, field, value, "it must be at least 1")?;
-        }
-        Ok(())
+        within("trainer.demonstration_share", self.demonstration_share, 0.0..=1.0, rule)?;
+        within("trainer.demonstration_noise", self.demonstration_noise, 0.0..=1.0, rule)?;
+        let rule = "it must be at least 1";
+        within("trainer.total_steps", self.total_steps, 1.., rule)?;
+        within("trainer.log_every_steps", self.log_every_steps, 1.., rule)?;
+        within("trainer.checkpoint_every_steps", self.checkpoint_every_steps, 1.., rule)
     }
 }
 

@@ -7,7 +7,36 @@ use std::{
     path::{Path, PathBuf},
 };
 
+use prost::Message as _;
+
 use crate::files::FileError;
+
+#[derive(Clone, PartialEq, prost::Message)]
+struct Event {
+    /// Seconds since 1970.
+    #[prost(double, optional, tag = "1")]
+    wall_time: Option<f64>,
+    #[prost(int64, optional, tag = "2")]
+    step: Option<i64>,
+    #[prost(string, optional, tag = "3")]
+    file_version: Option<String>,
+    #[prost(message, optional, tag = "5")]
+    summary: Option<Summary>,
+}
+
+#[derive(Clone, PartialEq, prost::Message)]
+struct Summary {
+    #[prost(message, repeated, tag = "1")]
+    value: Vec<Scalar>,
+}
+
+#[derive(Clone, PartialEq, prost::Message)]
+struct Scalar {
+    #[prost(string, optional, tag = "1")]
+    tag: Option<String>,
+    #[prost(float, optional, tag = "2")]
+    simple_value: Option<f32>,
+}
 
 /// An event file that is being appended to.
 pub(crate) struct EventFile {
@@ -32,9 +61,8 @@ impl EventFile {
         self.file.set_len(self.len).map_err(io)?;
         self.file.seek(SeekFrom::Start(self.len)).map_err(io)?;
         if self.len == 0 {
-            let mut event = event(wall_time, 0);
-            bytes_field(&mut event, 3, b"brain.Event:2");
-            self.append(&event)?;
+            let version = "brain.Event:2".to_string();
+            self.append(&Event { file_version: Some(version), ..Event::at(wall_time, 0) })?;
         }
         Ok(())
     }
@@ -46,17 +74,11 @@ impl EventFile {
         step: u64,
         values: &[(String, f64)],
     ) -> Result<(), FileError> {
-        let mut summary = Vec::new();
-        for (tag, value) in values {
-            let mut entry = Vec::new();
-            bytes_field(&mut entry, 1, tag.as_bytes());
-            entry.push(field_key(2, 5));
-            entry.extend_from_slice(&(*value as f32).to_le_bytes());
-            bytes_field(&mut summary, 1, &entry);
-        }
-        let mut event = event(wall_time, step);
-        bytes_field(&mut event, 5, &summary);
-        self.append(&event)
+        let value = values
+            .iter()
+            .map(|(tag, value)| Scalar { tag: Some(tag.clone()), simple_value: Some(*value as f32) });
+        let summary = Summary { value: value.collect() };
+        self.append(&Event { summary: Some(summary), ..Event::at(wall_time, step) })
     }
 
     /// Bytes written so far.
@@ -69,11 +91,17 @@ impl EventFile {
         self.file.sync_data().map_err(FileError::io("sync", &self.path))
     }
 
-    fn append(&mut self, message: &[u8]) -> Result<(), FileError> {
-        let record = record(message);
+    fn append(&mut self, event: &Event) -> Result<(), FileError> {
+        let record = record(&event.encode_to_vec());
         self.file.write_all(&record).map_err(FileError::io("write", &self.path))?;
         self.len += record.len() as u64;
         Ok(())
+    }
+}
+
+impl Event {
+    fn at(wall_time: f64, step: u64) -> Self {
+        Self { wall_time: Some(wall_time), step: Some(step as i64), ..Self::default() }
     }
 }
 
@@ -90,33 +118,6 @@ fn record(message: &[u8]) -> Vec<u8> {
     record.extend_from_slice(message);
     record.extend_from_slice(&masked_crc(message).to_le_bytes());
     record
-}
-
-/// The start of an `Event` message: wall time (field 1, double) and step (field 2, varint).
-fn event(wall_time: f64, step: u64) -> Vec<u8> {
-    let mut event = vec![field_key(1, 1)];
-    event.extend_from_slice(&wall_time.to_le_bytes());
-    event.push(field_key(2, 0));
-    varint(&mut event, step);
-    event
-}
-
-fn field_key(field: u8, wire_type: u8) -> u8 {
-    field << 3 | wire_type
-}
-
-fn varint(out: &mut Vec<u8>, mut value: u64) {
-    while value >= 0x80 {
-        out.push(value as u8 | 0x80);
-        value >>= 7;
-    }
-    out.push(value as u8);
-}
-
-fn bytes_field(out: &mut Vec<u8>, field: u8, bytes: &[u8]) {
-    out.push(field_key(field, 2));
-    varint(out, bytes.len() as u64);
-    out.extend_from_slice(bytes);
 }
 
 #[cfg(test)]

@@ -9,7 +9,7 @@ use rand::{RngExt as _, SeedableRng as _};
 use rand_pcg::Pcg64;
 
 use crate::environment::Environment;
-use crate::{ACTION_LEN, Piece, TargetRange, TaskConfig, TaskError, VectorPiano, layout};
+use crate::{ACTION_LEN, Piece, TaskConfig, TaskError, VectorPiano, layout};
 
 /// Rates of one measurement.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -90,31 +90,4 @@ pub fn all_cores(config: &TaskConfig, song: &Song, secs: f64) -> Result<f64, Tas
         rounds += 1;
     }
     Ok(f64::from(rounds) * num_envs as f64 / start.elapsed().as_secs_f64())
-}
-
-/// One episode of `song` under random actions, which other engines can repeat. In the form of `scripts/check_model.py`: one line
-/// for the start and one for each physics step, with the torques and then all joint positions after the step.
-///
-/// Random torques are not representative: without a controller the hand swings freely and touches little, which is up to twice
-/// as fast to simulate.
-///
-/// # Errors
-/// If the configuration is not sound.
-pub fn trace(config: &TaskConfig, song: &Song) -> Result<String, TaskError> {
-    let piece = Piece::new(song, config.initial_silence_secs)?;
-    let range = TargetRange::new(&piece);
-    let mut world = World::new(&config.stage, &config.params()?)?;
-    let mut random = Pcg64::seed_from_u64(0);
-    let mut text = String::new();
-    let mut add = |world: &World| {
-        let numbers = world.torques().iter().chain(world.data().qpos());
-        text.extend(numbers.map(|number| format!("{number:e} ")));
-        text.push('\n');
-    };
-    add(&world);
-    for _ in 0..piece.steps() {
-        let action: [f32; ACTION_LEN] = std::array::from_fn(|_| random.random_range(-1.0..=1.0));
-        world.step_watched(&range.targets(&action), &mut add);
-    }
-    Ok(text)
 }

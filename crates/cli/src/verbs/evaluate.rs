@@ -1,15 +1,13 @@
 //! `etude evaluate`: how well a policy plays in many worlds.
 
-use std::io::IsTerminal as _;
 use std::path::PathBuf;
 use std::sync::atomic::Ordering;
 
 use etude_lab::{GridConfig, GridReport, evaluate_grid, find_song};
-use indicatif::{ProgressBar, ProgressStyle};
 
-use super::{PlayerArgs, json, line, note, slug};
+use super::{PianistArgs, json, line, note, slug};
 use crate::Ending;
-use crate::progress::stop_flag;
+use crate::progress::{bar, stop_flag};
 
 /// Numbers whose influence is printed; the JSON has all.
 const SHOWN: usize = 8;
@@ -29,7 +27,7 @@ pub struct Args {
     /// A built-in id (see `etude songs`) or a MIDI file
     song: String,
     #[command(flatten)]
-    player: PlayerArgs,
+    pianist: PianistArgs,
     /// Number of worlds beside the nominal one
     #[arg(long, default_value_t = 64, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=100_000))]
     worlds: u32,
@@ -51,23 +49,15 @@ pub struct Args {
 pub fn run(args: Args) -> anyhow::Result<Ending> {
     let song = find_song(&args.song)?;
     song.check_range()?;
-    let player = args.player.load(&args.song, &song)?;
+    let pianist = args.pianist.load(&args.song, &song)?;
     let grid = GridConfig { worlds: args.worlds as usize, intensity: args.intensity, seed: args.seed };
     let stop = stop_flag()?;
-    let bar = (!args.json && std::io::stderr().is_terminal()).then(|| {
-        let style = ProgressStyle::with_template("{bar:32} {percent:>3} %  {pos} worlds  {eta} left");
-        ProgressBar::new(u64::from(args.worlds) + 1)
-            .with_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()))
-    });
-    let report = evaluate_grid(&song, &player, &grid, &|done| {
-        if let Some(bar) = &bar {
-            bar.set_position(done as u64);
-        }
+    let bar = bar(u64::from(args.worlds) + 1, "{pos} worlds  {eta} left", args.json);
+    let report = evaluate_grid(&song, &pianist, &grid, &|done| {
+        bar.set_position(done as u64);
         !stop.load(Ordering::Relaxed)
     })?;
-    if let Some(bar) = &bar {
-        bar.finish_and_clear();
-    }
+    bar.finish_and_clear();
     let Some(mut report) = report else {
         note("stopped; nothing was written");
         return Ok(Ending::Stopped);

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use etude_lab::find_song;
 use etude_show::export::export_onnx;
 
-use super::{PlayerArgs, file_to_write, json, line, slug};
+use super::{PianistArgs, file_to_write, json, line, slug};
 use crate::Ending;
 
 /// What to export.
@@ -33,7 +33,7 @@ enum What {
         #[arg(short = 'o', long = "out", value_name = "FILE.onnx")]
         out: Option<PathBuf>,
         #[command(flatten)]
-        player: PlayerArgs,
+        pianist: PianistArgs,
         /// Print JSON: model and policy
         #[arg(long)]
         json: bool,
@@ -42,16 +42,16 @@ enum What {
 
 /// Runs the verb.
 pub fn run(args: Args) -> anyhow::Result<Ending> {
-    let What::Onnx { song: asked, out, player, json: as_json } = args.what;
+    let What::Onnx { song: asked, out, pianist, json: as_json } = args.what;
     let song = find_song(&asked)?;
-    let player = player.load(&asked, &song)?;
+    let pianist = pianist.load(&asked, &song)?;
     let out = out.unwrap_or_else(|| PathBuf::from(format!("{}.onnx", slug(&asked))));
     let out = file_to_write(out, "onnx", "a model is written as .onnx")?;
-    export_onnx(&player, &song, &out)?;
+    export_onnx(&pianist, &song, &out)?;
     if as_json {
-        json(&serde_json::json!({ "model": out.display().to_string(), "policy": player.name() }))?;
+        json(&serde_json::json!({ "model": out.display().to_string(), "policy": pianist.name() }))?;
     } else {
-        line(format!("model: {} (of {})", out.display(), player.name()))?;
+        line(format!("model: {} (of {})", out.display(), pianist.name()))?;
     }
     Ok(Ending::Done)
 }

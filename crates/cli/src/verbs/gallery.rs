@@ -4,7 +4,7 @@ use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::Ordering;
 
-use etude_lab::{find_song, load_player, play};
+use etude_lab::{find_song, load_pianist, play};
 use etude_music::repertoire;
 use etude_perform::Job;
 use etude_show::gallery::gallery;
@@ -58,8 +58,8 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
             }
             status.now("playing ", id);
             let folder = own.join(id);
-            let player = load_player(id, id, None, Path::new("runs"))?;
-            play(&find_song(id)?, &player, Some(&folder), None)?;
+            let pianist = load_pianist(id, id, None, Path::new("runs"))?;
+            play(&find_song(id)?, &pianist, Some(&folder), None)?;
             paths.push(folder.join("recording.mcap"));
         }
     }

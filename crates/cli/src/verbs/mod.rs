@@ -22,7 +22,7 @@ pub mod watch;
 
 use std::path::{Path, PathBuf};
 
-use etude_lab::{Player, RunConfig, load_player};
+use etude_lab::{Pianist, RunConfig, load_pianist};
 use etude_music::Song;
 
 /// The layers of configuration that several verbs take.
@@ -49,7 +49,7 @@ impl ConfigArgs {
 
 /// Who plays, as several verbs take it.
 #[derive(clap::Args)]
-pub struct PlayerArgs {
+pub struct PianistArgs {
     /// A policy file or the folder of a run; the best for this song if not given
     #[arg(long, value_name = "PATH")]
     policy: Option<PathBuf>,
@@ -61,29 +61,29 @@ pub struct PlayerArgs {
     overrides: Vec<String>,
 }
 
-impl PlayerArgs {
-    /// The player of `song`, which the user named `asked`; prints a warning if it learned another song.
-    fn load(&self, asked: &str, song: &Song) -> anyhow::Result<Player> {
-        let mut player = if self.scripted {
-            Player::scripted()
+impl PianistArgs {
+    /// The player of `song`, which was asked for as `asked`; says so if it learned another one.
+    fn load(&self, asked: &str, song: &Song) -> anyhow::Result<Pianist> {
+        let mut pianist = if self.scripted {
+            Pianist::scripted()
         } else {
-            load_player(asked, &slug(asked), self.policy.as_deref(), Path::new("runs"))?
+            load_pianist(asked, &slug(asked), self.policy.as_deref(), Path::new("runs"))?
         };
         if !self.overrides.is_empty() {
-            player.reconfigure(&self.overrides)?;
+            pianist.reconfigure(&self.overrides)?;
         }
-        if let Some(learned) = player.song.as_deref().filter(|learned| *learned != song.title()) {
+        if let Some(learned) = pianist.song.as_deref().filter(|learned| *learned != song.title()) {
             note(format!(
                 "warning: this policy learned `{learned}`; it plays `{}` from the score alone",
                 song.title()
             ));
-        } else if let Some(notes) = player.learned_other_notes(song) {
+        } else if let Some(notes) = pianist.learned_other_notes(song) {
             note(format!(
                 "warning: this policy learned another `{}` ({notes} notes, or at other times); it plays this one from the score alone",
                 song.title()
             ));
         }
-        Ok(player)
+        Ok(pianist)
     }
 }
 

@@ -8,7 +8,7 @@ use etude_perform::stand::{RigChoice, rig_choice};
 use etude_perform::{Ending as Played, Job, Mode};
 use etude_twin::OrderedFault;
 
-use super::{PlayerArgs, json, line, note, slug};
+use super::{PianistArgs, json, line, note, slug};
 use crate::Ending;
 use crate::progress::stop_flag;
 
@@ -54,7 +54,7 @@ pub struct Args {
     #[arg(long, default_value_t = 0)]
     seed: u64,
     #[command(flatten)]
-    player: PlayerArgs,
+    pianist: PianistArgs,
     /// Where the files go; out/SONG-MODE if not given
     #[arg(short = 'o', long = "out", value_name = "DIR")]
     out: Option<PathBuf>,
@@ -71,7 +71,7 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
     let song = find_song(&args.song)?;
     song.check_range()?;
     let name = slug(&args.song);
-    let player = args.player.load(&args.song, &song)?;
+    let pianist = args.pianist.load(&args.song, &song)?;
     let rig = with_faults(rig_choice(&args.robot, &args.truth)?, &args.faults)?;
     let font = args.soundfont.as_deref().map(SoundFont::load).transpose()?;
     let folder =
@@ -90,7 +90,7 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
         }
     };
     let mut job = Job::new(&mut tell, &stop);
-    let report = play_on_robot(&song, &player, &rig, &play, Some(&folder), font.as_ref(), &mut job)?;
+    let report = play_on_robot(&song, &pianist, &rig, &play, Some(&folder), font.as_ref(), &mut job)?;
     if args.json {
         json(&report)?;
     } else {

@@ -7,7 +7,7 @@ use etude_lab::{Report, find_song, play};
 use etude_music::sound::SoundFont;
 use etude_perform::Scores;
 
-use super::{PlayerArgs, json, line, slug};
+use super::{PianistArgs, json, line, slug};
 use crate::Ending;
 
 /// What to play, with what, and where to keep it.
@@ -25,7 +25,7 @@ pub struct Args {
     /// A built-in id (see `etude songs`) or a MIDI file
     song: String,
     #[command(flatten)]
-    player: PlayerArgs,
+    pianist: PianistArgs,
     /// Where the files go; out/SONG if not given
     #[arg(short = 'o', long = "out", value_name = "DIR")]
     out: Option<PathBuf>,
@@ -42,10 +42,10 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
     let song = find_song(&args.song)?;
     song.check_range()?;
     let name = slug(&args.song);
-    let player = args.player.load(&args.song, &song)?;
+    let pianist = args.pianist.load(&args.song, &song)?;
     let font = args.soundfont.as_deref().map(SoundFont::load).transpose().context("no sound")?;
     let folder = args.out.unwrap_or_else(|| PathBuf::from("out").join(&name));
-    let report = play(&song, &player, Some(&folder), font.as_ref())?;
+    let report = play(&song, &pianist, Some(&folder), font.as_ref())?;
     if args.json {
         json(&report)?
     } else {

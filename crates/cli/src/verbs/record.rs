@@ -53,7 +53,7 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
     let motion = match (args.excitation, args.secs) {
         (Some(excitation), _) => Motion::Excitation(excitation),
         (None, None) if rig.is_twin() => {
-            anyhow::bail!("a twin in lockstep has no wall clock: give the length with --secs")
+            anyhow::bail!("a twin in lockstep does not run by the wall clock: give the length with --secs")
         }
         (None, secs) => Motion::Rest(secs.map(Duration::from_secs_f64)),
     };
@@ -63,7 +63,7 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
     match recorded.ending {
         etude_perform::Ending::Complete => Ok(Ending::Done),
         etude_perform::Ending::Fault(fault) => anyhow::bail!("the robot stopped itself: {fault}"),
-        // A recording until Ctrl-C is complete.
+        // Without --secs, Ctrl-C is the normal end of a recording.
         etude_perform::Ending::Interrupted if matches!(motion, Motion::Rest(None)) => Ok(Ending::Done),
         etude_perform::Ending::Interrupted => Ok(Ending::Stopped),
     }

@@ -117,7 +117,7 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
     }
 }
 
-/// The rig's file, for a verb that needs a robot outside this process: a twin in lockstep ends with its command.
+/// The rig's file, for a verb that is of no use on a twin in lockstep, which exists only during one command.
 fn file(robot: &str) -> anyhow::Result<RigConfig> {
     if robot == TWIN {
         anyhow::bail!(
@@ -157,16 +157,9 @@ fn check(rig: &Rig) -> anyhow::Result<Ending> {
         print_json(&report)?;
     } else {
         let text = |value: &serde_json::Value| value.as_str().unwrap_or("unknown").to_string();
-        line(format!(
-            "hand      {}, board {} °C",
-            text(&report["hand"]["serial"]),
-            report["hand"]["board_celsius"]
-        ))?;
-        line(format!(
-            "arm       {}, firmware {}",
-            text(&report["arm"]["serial"]),
-            text(&report["arm"]["firmware"])
-        ))?;
+        let (hand, arm) = (&report["hand"], &report["arm"]);
+        line(format!("hand      {}, board {} °C", text(&hand["serial"]), hand["board_celsius"]))?;
+        line(format!("arm       {}, firmware {}", text(&arm["serial"]), text(&arm["firmware"])))?;
         line(format!(
             "place     {:+.3} m along the keyboard, {:.0} mm from the path that was calibrated",
             place.rail_m,

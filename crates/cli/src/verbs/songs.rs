@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use etude_lab::{find_song, shipped_policies};
-use etude_music::{CONTROL_HZ, pitch_name, repertoire};
+use etude_music::{CONTROL_HZ, Note, pitch_name, repertoire};
 use serde::Serialize;
 
 use super::{json, line};
@@ -141,16 +141,11 @@ fn show(name: &str, frames_csv: Option<PathBuf>, silence: f64, as_json: bool) ->
             shown.secs,
             shown.frames
         ))?;
-        let mut bar = None;
-        let mut text = String::new();
-        for note in song.notes() {
-            let position = song.position(note.start_secs);
-            if bar.replace(position.bar) != Some(position.bar) {
-                text.push_str(&format!("\n  bar {:3}  ", position.bar));
-            }
-            text.push_str(&format!("{} ", pitch_name(note.pitch)));
+        let bar = |note: &Note| song.position(note.start_secs).bar;
+        for notes in song.notes().chunk_by(|one, next| bar(one) == bar(next)) {
+            let names: String = notes.iter().map(|note| pitch_name(note.pitch) + " ").collect();
+            line(format!("  bar {:3}  {names}", bar(&notes[0])))?;
         }
-        line(text.trim_start_matches('\n'))?;
         for warning in &shown.warnings {
             line(format!("warning: {warning}"))?;
         }

@@ -62,10 +62,7 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
                 PathBuf::from(format!("runs/{}__{}__{}", slug(name), args.config.preset, config.trainer.seed))
             });
             let command = std::env::args().collect::<Vec<_>>().join(" ");
-            let run = match &args.from {
-                Some(source) => Run::start_from(song, config, &folder, &command, source)?,
-                None => Run::start(song, config, &folder, &command)?,
-            };
+            let run = Run::start(song, config, &folder, &command, args.from.as_deref())?;
             (folder, run)
         }
     };

@@ -2,18 +2,17 @@
 
 use etude_show::watch::Point;
 use ratatui::Frame;
-use ratatui::layout::{Alignment, Constraint, Layout, Margin, Rect};
-use ratatui::style::{Style, Stylize as _};
+use ratatui::layout::{Margin, Rect};
+use ratatui::style::Stylize as _;
 use ratatui::symbols::Marker;
 use ratatui::text::Line;
-use ratatui::widgets::canvas::{self, Canvas, Context, Points};
-use ratatui::widgets::{Block, Borders, Paragraph};
+use ratatui::widgets::{Axis, Chart, Dataset, GraphType, Paragraph};
 
 use super::draw::heading;
 use super::{View, text};
 use crate::progress::clock;
 
-/// Columns left of the axis.
+/// Columns of the labels left of the axis.
 const LABELS: u16 = 5;
 /// Columns between two letters on a curve.
 const BETWEEN_MARKS: u16 = 16;
@@ -24,9 +23,6 @@ impl View {
         let block = heading().title(what.not_dim().bold());
         let inner = block.inner(area);
         frame.render_widget(block, area);
-        let [above, bottom] = Layout::vertical([Constraint::Fill(1), Constraint::Length(1)]).areas(inner);
-        let [labels, plot] =
-            Layout::horizontal([Constraint::Length(LABELS), Constraint::Fill(1)]).areas(above);
         let values = || self.runs.iter().flat_map(|run| &run.history().f1);
         if values().next().is_none() {
             frame.render_widget(
@@ -46,46 +42,45 @@ impl View {
             .map(|run| if self.by_time { run.history().secs() } else { run.history().step() });
         let end = reached.fold(1.0, f64::max);
 
-        let axes = Block::new().borders(Borders::LEFT | Borders::BOTTOM).border_style(Style::new().dim());
-        let field = axes.inner(plot);
-        frame.render_widget(axes, plot);
-        self.draw_curves(frame, field, [0.0, end], [low, high]);
-        draw_labels(frame, Rect { height: field.height, ..labels }, [low, high]);
-        let label = |at: f64| if self.by_time { clock(at) } else { text::count(at) };
-        let foot = Rect { x: field.x, width: field.width, ..bottom };
-        for (at, alignment) in
-            [(0.0, Alignment::Left), (end / 2.0, Alignment::Center), (end, Alignment::Right)]
-        {
-            frame.render_widget(Line::from(label(at)).alignment(alignment).dim(), foot);
-        }
+        // The chosen run comes last, so that no other curve hides it.
+        let others = (0..self.runs.len()).filter(|&run| run != self.selected);
+        let order: Vec<usize> = others.chain([self.selected]).collect();
+        let coords = |&run: &usize| {
+            let points = &self.runs[run].history().f1;
+            points.iter().map(|point| (self.at(point), point.value)).collect::<Vec<_>>()
+        };
+        let coords: Vec<_> = order.iter().map(coords).collect();
+        let curves = order.iter().zip(&coords).map(|(&run, coords)| {
+            Dataset::default()
+                .data(coords)
+                .marker(Marker::Braille)
+                .graph_type(GraphType::Line)
+                .style(self.style(run))
+        });
+        let dim = |label: String| Line::from(label).dim();
+        let label = |at: f64| dim(if self.by_time { clock(at) } else { text::count(at) });
+        let steps = Axis::default().bounds([0.0, end]).labels([0.0, end / 2.0, end].map(label)).dim();
+        let scores = [low, (low + high) / 2.0, high].map(|f1| dim(format!("{f1:.2} ")));
+        let scores = Axis::default().bounds([low, high]).labels(scores).dim();
+        frame.render_widget(
+            Chart::new(curves.collect()).x_axis(steps).y_axis(scores).legend_position(None),
+            inner,
+        );
+        // The chart's inner part: without labels and axes.
+        let field = Rect {
+            x: inner.x + LABELS + 1,
+            width: inner.width.saturating_sub(LABELS + 1),
+            height: inner.height.saturating_sub(2),
+            ..inner
+        };
+        order.iter().for_each(|&run| self.draw_marks(frame, field, run, [0.0, end], [low, high]));
     }
 
     fn at(&self, point: &Point) -> f64 {
         if self.by_time { point.secs } else { point.step }
     }
 
-    fn draw_curves(&self, frame: &mut Frame, field: Rect, x_bounds: [f64; 2], y_bounds: [f64; 2]) {
-        // The chosen run comes last, so that no other curve hides it.
-        let others = (0..self.runs.len()).filter(|&run| run != self.selected);
-        let order: Vec<usize> = others.chain([self.selected]).collect();
-        let curves = |context: &mut Context| {
-            for &run in &order {
-                let points = &self.runs[run].history().f1;
-                let coords: Vec<_> = points.iter().map(|point| (self.at(point), point.value)).collect();
-                context.draw(&Points::new(&coords, self.colour(run)));
-                for pair in coords.windows(2) {
-                    let [(x1, y1), (x2, y2)] = [pair[0], pair[1]];
-                    context.draw(&canvas::Line::new(x1, y1, x2, y2, self.colour(run)));
-                }
-                context.layer();
-            }
-        };
-        let canvas = Canvas::default().marker(Marker::Braille).x_bounds(x_bounds).y_bounds(y_bounds);
-        frame.render_widget(canvas.paint(curves), field);
-        order.iter().for_each(|&run| self.draw_marks(frame, field, run, x_bounds, y_bounds));
-    }
-
-    /// Letters tell the curves apart where colours do not. Where two curves go together, those of different runs stand beside
+    /// Letters distinguish the curves where colours do not. Where two curves overlap, the letters of different runs stand beside
     /// each other.
     fn draw_marks(&self, frame: &mut Frame, field: Rect, run: usize, x_bounds: [f64; 2], y_bounds: [f64; 2]) {
         // The cell in which the canvas has its dot.
@@ -111,13 +106,5 @@ impl View {
             Some(None) => "no evaluation yet".to_string(),
             Some(Some(every)) => format!("no evaluation yet; the first comes at step {}", text::count(every)),
         }
-    }
-}
-
-fn draw_labels(frame: &mut Frame, area: Rect, [low, high]: [f64; 2]) {
-    let last = area.height.saturating_sub(1);
-    for (row, value) in [(0, high), (last / 2, (low + high) / 2.0), (last, low)] {
-        let line = Line::from(format!("{value:.2} ")).alignment(Alignment::Right).dim();
-        frame.render_widget(line, Rect { y: area.y + row, height: 1, ..area });
     }
 }

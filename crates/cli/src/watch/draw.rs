@@ -130,12 +130,8 @@ fn draw_help(frame: &mut Frame, area: Rect) {
         .collect();
     let width = lines.iter().map(Line::width).max().unwrap_or(0) as u16 + 4;
     let block = Block::bordered().title(" etude watch ").padding(Padding::horizontal(1));
-    let [box_area] = Layout::vertical([Constraint::Length(lines.len() as u16 + 2)])
-        .flex(ratatui::layout::Flex::Center)
-        .areas(area);
-    let [box_area] = Layout::horizontal([Constraint::Length(width.min(area.width))])
-        .flex(ratatui::layout::Flex::Center)
-        .areas(box_area);
+    let height = Constraint::Length(lines.len() as u16 + 2);
+    let box_area = area.centered(Constraint::Length(width.min(area.width)), height);
     frame.render_widget(Clear, box_area);
     frame.render_widget(Paragraph::new(lines).block(block), box_area);
 }

@@ -19,7 +19,7 @@ pub use screen::show;
 
 /// Colours that colour-blind people can distinguish, on dark and on light ground, from the 256 of terminals.
 const COLOURS: [u8; 8] = [75, 208, 36, 176, 178, 33, 167, 245];
-/// Most runs that are taken from a folder that is not a run itself: as many as there are colours.
+/// The most runs that are shown of a folder that holds several: as many as there are colours.
 const MOST: usize = COLOURS.len();
 
 /// What is shown.
@@ -42,11 +42,14 @@ impl View {
     /// # Errors
     /// As [`find_runs`].
     pub fn new(folders: Vec<PathBuf>, colours: bool) -> anyhow::Result<Self> {
-        let now = SystemTime::now();
-        let runs: Vec<_> =
-            find_runs(&folders, MOST, now)?.iter().map(|folder| WatchedRun::open(folder)).collect();
-        let figures = runs.iter().map(|run| run.figures(now)).collect();
-        Ok(Self { folders, runs, figures, selected: 0, by_time: false, help: false, colours })
+        let runs: Vec<_> = find_runs(&folders, MOST, SystemTime::now())?
+            .iter()
+            .map(|folder| WatchedRun::open(folder))
+            .collect();
+        let mut view =
+            Self { folders, runs, figures: Vec::new(), selected: 0, by_time: false, help: false, colours };
+        view.update();
+        Ok(view)
     }
 
     /// Reads some of what the runs have logged since; `true` if there is more. One that cannot be read holds up no other.
@@ -61,7 +64,7 @@ impl View {
         self.figures = self.runs.iter().map(|run| run.figures(now)).collect();
     }
 
-    /// Adds runs that have begun since, in place of those that are no longer shown, so that the others keep place and colour.
+    /// Adds runs that have begun since, in the places of those that are no longer found, so that the others keep place and colour.
     fn search(&mut self) {
         // After an error the runs that are shown already stay.
         let Ok(mut found) = find_runs(&self.folders, MOST, SystemTime::now()) else { return };

@@ -2,7 +2,8 @@
 
 use etude_show::watch::{Point, WatchedRun};
 use ratatui::Frame;
-use ratatui::layout::{Alignment, Constraint, Layout, Rect};
+use ratatui::layout::Constraint::{Fill, Length};
+use ratatui::layout::{Alignment, Layout, Rect};
 use ratatui::style::Stylize as _;
 use ratatui::text::Line;
 use ratatui::widgets::{Paragraph, Sparkline};
@@ -43,10 +44,7 @@ impl View {
             if row.is_empty() {
                 break;
             }
-            let widths = [20, 0, 10, 19].map(|width| match width {
-                0 => Constraint::Fill(1),
-                width => Constraint::Length(width),
-            });
+            let widths = [Length(20), Fill(1), Length(10), Length(19)];
             let [label, field, now, scale] = Layout::horizontal(widths).areas(row);
             frame.render_widget(Paragraph::new(format!(" {}", name.replace('_', " "))), label);
             let Some(last) = points.last() else { continue };

@@ -27,7 +27,7 @@ pub fn show(view: &mut View) -> anyhow::Result<()> {
     let shown = ratatui::try_init().and_then(|mut terminal| watch(&mut terminal, view, &stop));
     ratatui::restore();
     match shown {
-        // The terminal is closed: there is nothing to draw on and no one to inform.
+        // The terminal is closed: nothing can be drawn and no message can be read.
         Err(_) if stop.load(Ordering::Relaxed) => Ok(()),
         shown => shown.context("cannot use this terminal; `etude watch --once` needs none"),
     }
@@ -44,7 +44,7 @@ fn watch(terminal: &mut DefaultTerminal, view: &mut View, stop: &AtomicBool) -> 
             search_at = now + SEARCH;
         }
         if now >= read_at {
-            // A file that could be read and cannot now is tried again: network file systems fail for moments.
+            // A file that cannot be read now is tried again: reads on network file systems sometimes fail.
             let more = view.read().unwrap_or(false);
             read_at = if more { now } else { now + READ };
             changed = true;

@@ -36,7 +36,7 @@ pub fn training_rate(
     let warmup_rounds = WARMUP_STEPS + 2;
     let limit = Duration::from_secs_f64(secs);
     let mut watch = Watch { warmup_rounds, limit, rounds: 0, began: Instant::now(), took: Duration::ZERO };
-    Run::start(song, config, folder, "etude bench")?.run(&mut watch)?;
+    Run::start(song, config, folder, "etude bench", None)?.run(&mut watch)?;
     Ok((watch.rounds - warmup_rounds) as f64 / watch.took.as_secs_f64())
 }
 

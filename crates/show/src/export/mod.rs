@@ -5,7 +5,7 @@ mod proto;
 use std::path::Path;
 
 use anyhow::Context as _;
-use etude_lab::Player;
+use etude_lab::Pianist;
 use etude_learn::PolicyLayer;
 use etude_music::{CONTROL_HZ, KEYS, LOWEST_PITCH, Song};
 use etude_perform::write_file;
@@ -26,16 +26,16 @@ const OBSERVATION: &str = "observation";
 /// Name of the output.
 const ACTION: &str = "action";
 
-/// Writes the actor of `player`, who plays `song`, as an ONNX model: `observation` `[batch, o]` to `action` `[batch, 13]` in [-1, 1],
+/// Writes the actor of `pianist`, which plays `song`, as an ONNX model: `observation` `[batch, o]` to `action` `[batch, 13]` in [-1, 1],
 /// without exploration. The entry `etude` of the model's metadata holds JSON that says what each column means.
 ///
 /// # Errors
-/// If it is the scripted player, or the file cannot be written.
-pub fn export_onnx(player: &Player, song: &Song, path: &Path) -> anyhow::Result<()> {
-    let policy = player.policy().context(
+/// If the pianist is the scripted player, or the file cannot be written.
+pub fn export_onnx(pianist: &Pianist, song: &Song, path: &Path) -> anyhow::Result<()> {
+    let policy = pianist.policy().context(
         "the scripted player has no network that could be exported; train a policy, or name one with --policy",
     )?;
-    let contract = contract(player, song)?;
+    let contract = contract(pianist, song)?;
     let mut graph = Graph {
         name: "actor".to_string(),
         doc_string: "the action's mean through tanh, without exploration".to_string(),
@@ -76,8 +76,8 @@ pub fn export_onnx(player: &Player, song: &Song, path: &Path) -> anyhow::Result<
 }
 
 /// What the columns of the observation and of the action mean.
-fn contract(player: &Player, song: &Song) -> Result<serde_json::Value, TaskError> {
-    let task = &player.config.task;
+fn contract(pianist: &Pianist, song: &Song) -> Result<serde_json::Value, TaskError> {
+    let task = &pianist.config.task;
     let piece = Piece::new(song, task.initial_silence_secs)?;
     let range = TargetRange::new(&piece);
     let [low, high] = [-1.0, 1.0].map(|end| range.targets(&[end; ACTION_LEN]));
@@ -98,7 +98,7 @@ fn contract(player: &Player, song: &Song) -> Result<serde_json::Value, TaskError
     Ok(json!({
         "schema": 1,
         "song": song.title(),
-        "policy": player.name(),
+        "policy": pianist.name(),
         "control_hz": CONTROL_HZ,
         "observation": {
             "columns": columns,

@@ -1,4 +1,4 @@
-//! The player of a song: a trained policy, found by song or by path, or the scripted player.
+//! The pianist: a trained policy, found by song or by path, or the scripted player.
 
 use std::path::{Path, PathBuf};
 
@@ -10,15 +10,15 @@ use etude_task::{ACTION_LEN, Piece, ScriptedPlayer, TaskConfig, TaskError, layou
 use crate::config::{RunConfig, change};
 use crate::run::{other_notes, policy_in};
 
-/// What decides the actions.
-pub(crate) enum Mind {
+/// What chooses the actions.
+pub(crate) enum Kind {
     /// A learned policy, from this file.
     Policy(Box<Policy>, PathBuf),
     /// Inverse kinematics and timing, without learning.
     Script,
 }
 
-/// A player that is ready for one piece.
+/// A pianist that is ready for one piece.
 #[derive(Clone)]
 pub(crate) enum Ready {
     Policy(Box<Policy>),
@@ -44,10 +44,10 @@ impl etude_task::Player for Ready {
     }
 }
 
-/// A policy or the scripted player, and the configuration that it plays in.
-pub struct Player {
-    pub(crate) mind: Mind,
-    /// The task; for a policy the one that it was trained with.
+/// A policy or the scripted player, with the configuration that it plays in.
+pub struct Pianist {
+    pub(crate) kind: Kind,
+    /// The configuration; of a policy the one that it was trained with.
     pub config: RunConfig,
     /// Title of the song that it learned, if the file says.
     pub song: Option<String>,
@@ -93,7 +93,7 @@ pub fn shipped_policies(slug: &str, runs: &Path) -> Vec<PathBuf> {
 ///
 /// # Errors
 /// If there is none, or it cannot be used.
-pub fn load_player(asked: &str, slug: &str, path: Option<&Path>, runs: &Path) -> anyhow::Result<Player> {
+pub fn load_pianist(asked: &str, slug: &str, path: Option<&Path>, runs: &Path) -> anyhow::Result<Pianist> {
     if let Some(path) = path {
         if !path.is_dir() {
             return open(path);
@@ -102,15 +102,15 @@ pub fn load_player(asked: &str, slug: &str, path: Option<&Path>, runs: &Path) ->
             format!("{} holds no policy; name the folder of a run, or a policy file", path.display())
         })?);
     }
-    // A damaged file must not prevent the use of the others.
-    let (mut players, mut errors) = (Vec::new(), Vec::new());
+    // One damaged file must not keep the others from playing.
+    let (mut pianists, mut errors) = (Vec::new(), Vec::new());
     for path in shipped_policies(slug, runs) {
         match open(&path) {
-            Ok(player) => players.push(player),
+            Ok(pianist) => pianists.push(pianist),
             Err(error) => errors.push(error),
         }
     }
-    players.sort_by(|a, b| b.claimed_f1.unwrap_or(0.0).total_cmp(&a.claimed_f1.unwrap_or(0.0)));
+    pianists.sort_by(|a, b| b.claimed_f1.unwrap_or(0.0).total_cmp(&a.claimed_f1.unwrap_or(0.0)));
     let none = || {
         anyhow!(
             "there is no policy for `{asked}` yet: `etude train {asked}` makes one, or name one with --policy (looked in \
@@ -118,11 +118,11 @@ pub fn load_player(asked: &str, slug: &str, path: Option<&Path>, runs: &Path) ->
             runs.display()
         )
     };
-    players.into_iter().next().ok_or_else(|| errors.into_iter().next().unwrap_or_else(none))
+    pianists.into_iter().next().ok_or_else(|| errors.into_iter().next().unwrap_or_else(none))
 }
 
-/// Opens the policy file at `path`.
-pub(crate) fn open(path: &Path) -> anyhow::Result<Player> {
+/// The pianist with the policy in the file `path`.
+pub(crate) fn open(path: &Path) -> anyhow::Result<Pianist> {
     let fail = |message: String| anyhow!("cannot use the policy {}: {message}", path.display());
     let policy = Policy::load(path)?;
     let notes = &policy.header().notes;
@@ -135,46 +135,46 @@ pub(crate) fn open(path: &Path) -> anyhow::Result<Player> {
     }
     let song = training["song"].as_str().map(str::to_string);
     let claimed_f1 = notes["scores"]["f1"].as_f64();
-    let mind = Mind::Policy(Box::new(policy), path.to_path_buf());
-    Ok(Player { mind, config, song, claimed_f1 })
+    let kind = Kind::Policy(Box::new(policy), path.to_path_buf());
+    Ok(Pianist { kind, config, song, claimed_f1 })
 }
 
-impl Player {
+impl Pianist {
     /// The scripted player: the baseline that needs no training.
     pub fn scripted() -> Self {
-        Self { mind: Mind::Script, config: RunConfig::default(), song: None, claimed_f1: None }
+        Self { kind: Kind::Script, config: RunConfig::default(), song: None, claimed_f1: None }
     }
 
     /// The network that decides the actions; the scripted player has none.
     pub fn policy(&self) -> Option<&Policy> {
-        match &self.mind {
-            Mind::Policy(policy, _) => Some(policy),
-            Mind::Script => None,
+        match &self.kind {
+            Kind::Policy(policy, _) => Some(policy),
+            Kind::Script => None,
         }
     }
 
     /// The policy's file, or `scripted`.
     pub fn name(&self) -> String {
-        match &self.mind {
-            Mind::Policy(_, path) => path.display().to_string(),
-            Mind::Script => "scripted".to_string(),
+        match &self.kind {
+            Kind::Policy(_, path) => path.display().to_string(),
+            Kind::Script => "scripted".to_string(),
         }
     }
 
     /// Number of notes of the song that the policy was trained on, if these are not the notes of `song`; `None` if they are, or if
     /// the policy is not in a run's folder. Titles are not compared.
     pub fn learned_other_notes(&self, song: &Song) -> Option<usize> {
-        match &self.mind {
-            Mind::Policy(_, path) => other_notes(path.parent()?, song),
-            Mind::Script => None,
+        match &self.kind {
+            Kind::Policy(_, path) => other_notes(path.parent()?, song),
+            Kind::Script => None,
         }
     }
 
-    /// Prepares the player for `piece` in `task`.
+    /// What plays `piece` in `task`.
     pub(crate) fn ready(&self, task: &TaskConfig, piece: &Piece) -> Result<Ready, TaskError> {
-        Ok(match &self.mind {
-            Mind::Policy(policy, _) => Ready::Policy(policy.clone()),
-            Mind::Script => Ready::Script(Box::new(ScriptedPlayer::new(task, piece)?)),
+        Ok(match &self.kind {
+            Kind::Policy(policy, _) => Ready::Policy(policy.clone()),
+            Kind::Script => Ready::Script(Box::new(ScriptedPlayer::new(task, piece)?)),
         })
     }
 
@@ -184,7 +184,7 @@ impl Player {
     /// If an override is not sound, or would change what the policy sees.
     pub fn reconfigure(&mut self, overrides: &[String]) -> anyhow::Result<()> {
         let changed = change(&self.config, overrides)?;
-        if let Mind::Policy(policy, path) = &self.mind
+        if let Kind::Policy(policy, path) = &self.kind
             && layout(&changed.task) != policy.header().layout
         {
             let message = "it was trained for another observation than these overrides make".to_string();
