@@ -5,15 +5,13 @@ use std::sync::atomic::AtomicBool;
 use std::time::Duration;
 
 use etude_music::CONTROL_HZ;
+use etude_perform::stand::{RigChoice, Stand, start_pose};
 use etude_perform::{
     Activity, Ending, Excitation, ExcitationPlayer, Header, PerformError, Recorder, RecordingWriter,
     RobotRig, perform, prepare,
 };
 use etude_stage::{JOINT_NAMES, JOINTS};
 use etude_task::{TaskConfig, TaskError};
-
-use etude_perform::stand::Stand;
-use etude_perform::stand::{RigChoice, start_pose};
 
 /// What a robot does while it is recorded.
 #[derive(Clone, Copy, Debug)]
