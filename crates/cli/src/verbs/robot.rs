@@ -306,28 +306,24 @@ fn monitor(args: &MonitorArgs) -> anyhow::Result<Ending> {
 
 fn print_seen(monitor: &Monitor, now: Duration, as_json: bool) -> anyhow::Result<()> {
     let seen = monitor.seen();
-    let hand = match &seen.hand {
-        Err(error) => json!({ "error": error }),
-        Ok((joints, information)) => json!({
+    let hand = shown(&seen.hand, |(joints, information)| {
+        json!({
             "joints_rad": joints,
             "board_celsius": information.map(|information| information.board_celsius),
             "servo_on": information.map(|information| information.status.servo_on()),
-        }),
-    };
-    let arm = match &seen.arm {
-        Err(error) => json!({ "error": error }),
-        Ok(report) => json!({
+        })
+    });
+    let arm = shown(&seen.arm, |report| {
+        json!({
             "state": report.map(|report| report.state),
             "mode": report.map(|report| report.mode),
             "joints_rad": report.map(|report| report.joints_rad),
-        }),
-    };
-    let keys = match &seen.keyboard {
-        Err(error) => json!({ "error": error }),
-        Ok(bits) => {
-            json!({ "pressed": (0..49u8).filter(|key| bits >> key & 1 == 1).map(|key| 36 + key).collect::<Vec<_>>() })
-        }
-    };
+        })
+    });
+    let keys = shown(&seen.keyboard, |bits| {
+        let pressed: Vec<u8> = (0..49u8).filter(|key| bits >> key & 1 == 1).map(|key| 36 + key).collect();
+        json!({ "pressed": pressed })
+    });
     let all = json!({ "secs": now.as_secs_f64(), "hand": hand, "arm": arm, "keyboard": keys });
     if as_json {
         return line(all);
@@ -339,4 +335,9 @@ fn print_seen(monitor: &Monitor, now: Duration, as_json: bool) -> anyhow::Result
     line(format!("{:8.1} s  hand {}", now.as_secs_f64(), short(&hand)))?;
     line(format!("            arm {}", short(&arm)))?;
     line(format!("            keyboard {}", short(&keys)))
+}
+
+/// What a device reports, or its error.
+fn shown<T>(seen: &Result<T, String>, show: impl Fn(&T) -> serde_json::Value) -> serde_json::Value {
+    seen.as_ref().map_or_else(|error| json!({ "error": error }), show)
 }
