@@ -216,7 +216,7 @@ impl Slot {
     }
 }
 
-/// A path or a value that [`PhysicalParams`] refuses.
+/// A path or a value that [`PhysicalParams`](super::PhysicalParams) refuses.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum ParamError {
     /// No row has this path.
