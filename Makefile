@@ -8,7 +8,7 @@ MINUTES ?= 10
 SONG ?= twinkle
 
 .DEFAULT_GOAL := help
-.PHONY: help setup build demo wheel test test-sb3 test-kernel fuzz bench book clean-runs
+.PHONY: help setup build demo wheel test test-heavy test-sb3 test-kernel fuzz bench book clean-runs
 
 help:
 	@echo "make demo    set up, learn $(SONG) (at most $(MINUTES) minutes), play it, say where the sound is"
@@ -17,6 +17,7 @@ help:
 	@echo "make build   the etude command, optimised, at $(ETUDE)"
 	@echo "make wheel   the Python package as a wheel in target/wheels"
 	@echo "make bench   speed of simulation, learner and both, in turns with JAX, PyTorch, RoboPianist and others"
+	@echo "make test-heavy  every experiment of the paper in its smallest form, and a rehearsal that is killed and resumed"
 	@echo "make test-sb3  the adapter for Stable-Baselines3, and SBX's DroQ through it (six gigabytes, for a while)"
 	@echo "make test-kernel  the robot's drivers on a real kernel's CAN and MIDI, in QEMU (skips with a reason without it)"
 	@echo "make book    the documentation as a book in target/book (installs mdBook into .mdbook on first use)"
@@ -55,6 +56,10 @@ test: setup
 	else echo "not checked: the replay page in a browser (Debian, Ubuntu: apt-get install -y nodejs npm chromium)"; fi
 	ETUDE_PYTHON=$(PYTHON) PYTHONPATH=$(CURDIR)/.python $(CARGO) test --workspace --locked
 	$(PYTHON) scripts/python_package.py test
+
+# Tests of whole commands that take minutes each.
+test-heavy: setup
+	ETUDE_PYTHON=$(PYTHON) PYTHONPATH=$(CURDIR)/.python $(CARGO) test --package etude --test command --locked -- --ignored
 
 # Beside the rest of the tests, since PyTorch and JAX take six gigabytes for a while.
 test-sb3: setup

@@ -96,13 +96,13 @@ impl Experiment {
         let evaluations = if smoke { Some(SMOKE_EVALUATIONS) } else { fit.evaluations };
         let mut trials = Vec::new();
         for name in if smoke { &fit.truths[..fit.truths.len().min(1)] } else { &fit.truths } {
-            let truth = self.fingerprint_of_truth(name)?;
+            let content = self.fingerprint_of_truth(name)?;
             for method in &fit.methods {
                 let work = Work::Identify { truth: name.clone(), method: *method, evaluations, seed };
                 let labels = [("truth", name.clone()), ("method", method.name().to_string())];
                 let labels = labels.into_iter().chain([("seed", seed.to_string())]);
                 trials.push(Trial {
-                    id: id("identify", name, seed, &(truth.clone() + &json(&work))),
+                    id: id("identify", name, seed, &(content.clone() + &json(&work))),
                     labels: labels.map(|(key, value)| (key.to_string(), value)).collect(),
                     work,
                 });

@@ -6,8 +6,8 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
-/// Crates that may hand a truth to a twin, which is all that they can do with one.
-const MAY_USE_A_TWIN: [&str; 2] = ["cli", "lab"];
+/// Crates that may hand a truth to a twin, or tell one truth from another, which is all that they can do with one.
+const MAY_USE_A_TWIN: [&str; 3] = ["cli", "experiment", "perform"];
 
 fn crates() -> Vec<PathBuf> {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
@@ -27,7 +27,7 @@ fn sources(folder: &Path, found: &mut Vec<PathBuf>) {
 }
 
 #[test]
-fn only_lab_and_cli_depend_on_the_twin() {
+fn only_crates_that_set_up_a_twin_depend_on_it() {
     let mut users = Vec::new();
     for path in crates() {
         let name = path.file_name().unwrap().to_str().unwrap().to_string();
@@ -52,6 +52,8 @@ fn nobody_else_reads_a_truth() {
     assert!(found.len() > 100, "{}", found.len());
     for path in found {
         let text = fs::read_to_string(&path).unwrap();
+        // A test may edit a copy of a truth.
+        let text = text.split("#[cfg(test)]").next().unwrap();
         assert!(!text.contains("truths/"), "{} knows where truths lie", path.display());
         if text.contains("etude_twin") {
             for word in ["config_mut", ".twin."] {
@@ -64,9 +66,10 @@ fn nobody_else_reads_a_truth() {
 /// What is kept of a song that was played on a twin: its truth's name, and no more.
 #[test]
 fn what_is_kept_has_the_name_of_the_truth_alone() {
-    let lab = Path::new(env!("CARGO_MANIFEST_DIR")).join("../lab/src");
     let mut found = Vec::new();
-    sources(&lab, &mut found);
+    for name in MAY_USE_A_TWIN.into_iter().chain(["lab"]) {
+        sources(&Path::new(env!("CARGO_MANIFEST_DIR")).join("..").join(name).join("src"), &mut found);
+    }
     let uses: Vec<String> = found
         .iter()
         .flat_map(|path| fs::read_to_string(path).unwrap().lines().map(str::to_string).collect::<Vec<_>>())
@@ -75,7 +78,13 @@ fn what_is_kept_has_the_name_of_the_truth_alone() {
         .collect();
     assert!(!uses.is_empty());
     for line in uses {
-        let allowed = ["truth.name()", "truth.with_seed_added("];
+        let allowed = [
+            "truth.name()",
+            "truth.with_seed_added(",
+            "truth.with_faults(",
+            "truth.fingerprint()",
+            "report.truth.as_ref()",
+        ];
         assert!(allowed.iter().any(|call| line.contains(call)), "{line}");
     }
 }

@@ -56,6 +56,7 @@ fn done(mut command: Command) -> String {
 }
 
 #[test]
+#[ignore = "takes minutes: `make test-heavy`, which .ci/run calls"]
 fn every_experiment_of_the_paper_runs_by_its_one_command() {
     let desk = Desk::new();
     let listed = desk.json("experiment list --json");

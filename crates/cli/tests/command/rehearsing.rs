@@ -69,6 +69,7 @@ fn recordings_that_would_mislead_are_refused_with_the_reason() {
 }
 
 #[test]
+#[ignore = "takes minutes: `make test-heavy`, which .ci/run calls"]
 fn a_rehearsal_that_was_killed_goes_on_to_the_same_end() {
     let desk = Desk::new();
     let rehearse = |out: &str| {
