@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import pathlib
+import struct
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -125,7 +126,7 @@ def read_recording(path: str | os.PathLike[str]) -> Recording:
                     topic = channels[record.channel_id]
                     messages.setdefault(topic, []).append(json.loads(record.data))
                     times.setdefault(topic, []).append(record.log_time * 1e-9)
-    except (McapError, ValueError, KeyError, EOFError) as error:
+    except (McapError, ValueError, KeyError, EOFError, struct.error) as error:
         incomplete = f"it ends in the middle: {error or type(error).__name__}"
     except OSError as error:
         raise EtudeError(f"cannot read {path}: {error}") from error

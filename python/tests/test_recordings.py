@@ -39,7 +39,8 @@ def test_a_topic_is_a_frame(played):
 def test_half_a_recording_is_read_as_far_as_it_goes(played, tmp_path):
     whole = (played / "recording.mcap").read_bytes()
     lengths = set()
-    for share in (0.3, 0.6, 0.9):
+    # A record may be cut anywhere, in its length too.
+    for share in [step / 100 for step in range(1, 100)]:
         half = tmp_path / "half.mcap"
         half.write_bytes(whole[: int(share * len(whole))])
         try:
