@@ -59,7 +59,7 @@ test: setup
 
 # Tests of whole commands that take minutes each.
 test-heavy: setup
-	ETUDE_PYTHON=$(PYTHON) PYTHONPATH=$(CURDIR)/.python $(CARGO) test --package etude --test command --locked -- --ignored
+	ETUDE_PYTHON=$(PYTHON) PYTHONPATH=$(CURDIR)/.python $(CARGO) test --workspace --test command --locked -- --ignored
 
 # Beside the rest of the tests, since PyTorch and JAX take six gigabytes for a while.
 test-sb3: setup
