@@ -46,9 +46,9 @@ demo: build
 
 test: setup
 	$(CARGO) fmt --all --check
-	$(CARGO) clippy --workspace --all-targets --locked -- -D warnings
-	@if pkg-config --exists alsa 2>/dev/null; then set -x; $(CARGO) clippy --package etude --features hardware --locked -- -D warnings; \
-	else echo "not checked: --features hardware (Debian, Ubuntu: apt-get install -y pkg-config libasound2-dev)"; fi
+	@if pkg-config --exists alsa 2>/dev/null; then hardware="--features etude/hardware"; \
+	else echo "not checked: --features hardware (Debian, Ubuntu: apt-get install -y pkg-config libasound2-dev)"; fi; \
+	set -x; $(CARGO) clippy --workspace --all-targets $$hardware --locked -- -D warnings
 	RUSTDOCFLAGS="-D warnings" $(CARGO) doc --workspace --no-deps --locked --quiet
 	$(PYTHON) scripts/check_links.py docs README.md ARCHITECTURE.md
 	$(PYTHON) scripts/python_packages.py
