@@ -69,7 +69,10 @@ pub(super) fn spreads(widths: &BTreeMap<String, f64>) -> Result<Vec<Spread>, Tas
     // In ascending order of the paths, `all` comes before `fingers`, and both before the name of any joint.
     for (path, &width) in widths {
         if !(width.is_finite() && width >= 0.0) {
-            return Err(TaskError::BadWidth(path.clone(), width));
+            return Err(TaskError::Value(format!(
+                "task.randomisation.widths: {path} = {width} must be a finite number of at least 0, in the unit of the row; \
+                 `etude model params` lists the rows"
+            )));
         }
         let named = Slot::named(path)?;
         all.iter_mut()
