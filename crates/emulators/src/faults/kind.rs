@@ -1,6 +1,7 @@
 //! The kinds of faults that can be ordered, their names, and their effect on the emulated devices.
 
 use std::fmt;
+use std::mem::discriminant;
 use std::str::FromStr;
 use std::time::Duration;
 
@@ -204,25 +205,19 @@ impl FromStr for FaultKind {
 
 impl fmt::Display for FaultKind {
     fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let name = match self {
-            Self::CanBusOff => "can-bus-off",
-            Self::CanSilent => "can-silent",
-            Self::FingerSilent(finger) => return write!(out, "finger-silent={finger}"),
-            Self::ArmError(code) => return write!(out, "arm-error={code}"),
-            Self::Estop => "estop",
-            Self::ArmDisconnect => "arm-disconnect",
-            Self::ArmSilent => "arm-silent",
-            Self::ArmMute => "arm-mute",
-            Self::ArmStuck => "arm-stuck",
-            Self::ArmStopped => "arm-stopped",
-            Self::KeyboardUnplugged => "keyboard-unplugged",
-            Self::KeyboardSilent => "keyboard-silent",
-            Self::HandHot(finger, celsius) => return write!(out, "hand-hot={finger}:{celsius}"),
-            Self::BoardHot(celsius) => return write!(out, "board-hot={celsius}"),
-            Self::HandFault(bits) => return write!(out, "hand-fault={bits}"),
-            Self::HandOff => "hand-off",
-        };
-        out.write_str(name)
+        let is_ours = |kind: FaultKind| discriminant(&kind) == discriminant(self);
+        let row = KINDS.iter().find(|(_, example, read)| read(example).is_some_and(is_ours));
+        out.write_str(row.map_or("", |(name, ..)| name))?;
+        match self {
+            Self::FingerSilent(value)
+            | Self::ArmError(value)
+            | Self::BoardHot(value)
+            | Self::HandFault(value) => {
+                write!(out, "={value}")
+            }
+            Self::HandHot(finger, celsius) => write!(out, "={finger}:{celsius}"),
+            _ => Ok(()),
+        }
     }
 }
 

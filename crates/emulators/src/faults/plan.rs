@@ -52,27 +52,6 @@ pub enum FaultPlanError {
     NoBegin,
 }
 
-/// What went wrong so far.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct FaultCounts {
-    /// Frames or bytes handed in.
-    pub pushed: u64,
-    /// Frames or bytes handed out.
-    pub popped: u64,
-    /// Lost by chance.
-    pub lost: u64,
-    /// Lost because the link was cut while they were on their way.
-    pub cut: u64,
-    /// Lost because too many were on their way.
-    pub overflowed: u64,
-    /// Bytes lost at the end of a piece.
-    pub truncated: u64,
-    /// Frames that arrived twice.
-    pub duplicated: u64,
-    /// Frames that were held back so that others could overtake them.
-    pub held: u64,
-}
-
 /// What happens to one frame, or to one piece of bytes.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Fate {
@@ -94,7 +73,6 @@ pub(super) struct Dice {
     cut: Option<(Duration, Duration)>,
     random: Pcg64,
     last_due: Duration,
-    pub(super) counts: FaultCounts,
 }
 
 /// What travels on a link.
@@ -133,14 +111,7 @@ impl Dice {
             }
         };
         let random = Pcg64::seed_from_u64(plan.seed);
-        Ok(Self {
-            plan: plan.clone(),
-            delay,
-            cut,
-            random,
-            last_due: Duration::ZERO,
-            counts: FaultCounts::default(),
-        })
+        Ok(Self { plan: plan.clone(), delay, cut, random, last_due: Duration::ZERO })
     }
 
     /// Whether the link holds at this time.
