@@ -92,27 +92,18 @@ pub(crate) const KINDS: [Row; 16] = [
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum FaultError {
     /// No fault is called so, or it has another value.
-    #[error("`{given}` is not a known fault; write one of {}", kinds())]
-    Kind {
-        /// As given.
-        given: String,
-    },
+    #[error("`{0}` is not a known fault; write one of {kinds}", kinds = kinds())]
+    Kind(String),
     /// It is not `KIND[=VALUE]@SECS[+SECS]`.
     #[error(
-        "`{given}` does not say when; write KIND[=VALUE]@SECS[+SECS]: seconds (0 to 86400) since the twin was switched \
-         on, and for how many, as in can-bus-off@20+2; KIND[=VALUE] is one of {}",
-        kinds()
+        "`{0}` does not say when; write KIND[=VALUE]@SECS[+SECS]: seconds (0 to 86400) since the twin was switched \
+         on, and for how many, as in can-bus-off@20+2; KIND[=VALUE] is one of {kinds}",
+        kinds = kinds()
     )]
-    When {
-        /// As given.
-        given: String,
-    },
+    When(String),
     /// It has a length, but faults of this kind are momentary.
-    #[error("`{given}` is a moment; leave out for how long")]
-    Moment {
-        /// As given.
-        given: String,
-    },
+    #[error("`{0}` is a moment; leave out for how long")]
+    Moment(String),
 }
 
 /// Every kind with an example of its value.
@@ -199,7 +190,7 @@ impl FromStr for FaultKind {
     fn from_str(text: &str) -> Result<Self, FaultError> {
         let (name, value) = text.split_once('=').unwrap_or((text, ""));
         let row = KINDS.iter().find(|(known, ..)| *known == name);
-        row.and_then(|(_, _, read)| read(value)).ok_or_else(|| FaultError::Kind { given: text.to_string() })
+        row.and_then(|(_, _, read)| read(value)).ok_or_else(|| FaultError::Kind(text.to_string()))
     }
 }
 

@@ -37,19 +37,9 @@ pub enum FaultPlanError {
     /// A probability or a time is out of its range.
     #[error(transparent)]
     Setting(#[from] SettingError),
-    /// A fault that this kind of link cannot have.
-    #[error("{name} = {value} cannot happen on a link of {link}; set it to 0")]
-    Impossible {
-        /// Name of the setting.
-        name: &'static str,
-        /// As set.
-        value: f64,
-        /// What travels on the link.
-        link: &'static str,
-    },
-    /// A length of a cut without its begin.
-    #[error("disconnect_for_secs without disconnect_at_secs; say when the link is cut, or leave both out")]
-    NoBegin,
+    /// A fault that this kind of link cannot have, or the length of a cut without its begin.
+    #[error("{0}")]
+    Unfit(String),
 }
 
 /// What happens to one frame, or to one piece of bytes.
@@ -97,13 +87,17 @@ impl Dice {
             Link::Bytes => ([("duplicate", plan.duplicate), ("reorder", plan.reorder)], "bytes"),
         };
         if let Some(&(name, value)) = impossible.iter().find(|(_, value)| *value > 0.0) {
-            return Err(FaultPlanError::Impossible { name, value, link });
+            let text = format!("{name} = {value} cannot happen on a link of {link}; set it to 0");
+            return Err(FaultPlanError::Unfit(text));
         }
         let delay = time("delay_secs", plan.delay_secs)?;
         time("jitter_secs", plan.jitter_secs)?;
         let cut = match (plan.disconnect_at_secs, plan.disconnect_for_secs) {
             (None, None) => None,
-            (None, Some(_)) => return Err(FaultPlanError::NoBegin),
+            (None, Some(_)) => {
+                let text = "disconnect_for_secs without disconnect_at_secs; say when the link is cut, or leave both out";
+                return Err(FaultPlanError::Unfit(text.to_string()));
+            }
             (Some(at), length) => {
                 let at = time("disconnect_at_secs", at)?;
                 let length = length.map(|secs| time("disconnect_for_secs", secs)).transpose()?;
