@@ -61,7 +61,6 @@ def main(channel: str) -> int:
         print(f"this is python-can {can.__version__}, not {VERSION}: pip install python-can=={VERSION}")
         return 2
     with can.Bus(interface="slcan", channel=channel, bitrate=1_000_000, sleep_after_open=0.05) as bus:
-        assert bus.get_version(PATIENCE_SECS) == (10, 13)
         hardware, firmware, side, celsius, status = struct.unpack("<HHBBB", ask(bus, INFORMATION))
         told = (hardware >> 8, side, 20 <= celsius <= 60, status)
         assert told == (4, 1, True, 0), (hardware, firmware, side, celsius, status)

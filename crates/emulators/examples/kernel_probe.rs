@@ -120,7 +120,7 @@ fn hand() -> Checked {
         .map(|(told, is)| (told - is).abs())
         .fold(0.0, f64::max);
     ensure(apart < 0.01, || format!("told angles are {apart} rad off"))?;
-    println!("PASS can-hand: {periods} periods, angles within {apart:.5} rad, {:?}", hand.counters());
+    println!("PASS can-hand: {periods} periods, angles within {apart:.5} rad");
 
     out.clear();
     hand.stop(TURN * 3000, &mut out);
@@ -236,8 +236,8 @@ impl Listener {
             }
             sleep(TURN);
         }
-        let (state, counts) = (self.keyboard.state(), self.keyboard.counts());
-        Err(format!("{what}: {state}; {counts:?}; {error:?}; {} changes", self.heard.len()).into())
+        let state = self.keyboard.state();
+        Err(format!("{what}: {state}; {error:?}; {} changes", self.heard.len()).into())
     }
 }
 

@@ -11,8 +11,8 @@ use rand_pcg::Pcg32;
 use serde::{Deserialize, Serialize};
 
 use etude_robot::allegro::{
-    DeviceId, Finger, HandMessage, HandSide, HostMessage, Information, JOINTS, PWM_LIMITS, Periods, Raw,
-    Request, Serial, StatusBits, counts_from_rad,
+    DeviceId, Finger, HandMessage, HandSide, HostMessage, Information, JOINTS, PWM_LIMITS, Request, Serial,
+    StatusBits, counts_from_rad,
 };
 use etude_robot::can::CanFrame;
 
@@ -68,7 +68,7 @@ impl Default for HandEmulatorConfig {
     }
 }
 
-/// One stream: how often, and when next, by the hand's clock.
+/// The stream of positions: how often, and when next, by the hand's clock.
 #[derive(Clone, Copy, Debug, Default)]
 struct Stream {
     period: Duration,
@@ -101,11 +101,9 @@ pub struct HandEmulator {
     servo_on: bool,
     pwm: [i16; JOINTS],
     torque_at: Duration,
-    /// Position, IMU, temperature, status.
-    streams: [Stream; 4],
+    stream: Stream,
     positions: [f64; JOINTS],
     noise: Pcg32,
-    damaged: u64,
 }
 
 impl HandEmulator {
@@ -118,23 +116,15 @@ impl HandEmulator {
             servo_on: false,
             pwm: [0; JOINTS],
             torque_at: Duration::ZERO,
-            streams: [Stream::default(); 4],
+            stream: Stream::default(),
             positions: [0.0; JOINTS],
-            damaged: 0,
         }
     }
 
     /// Takes a frame from the bus at `now` and pushes its answers.
     pub fn receive(&mut self, now: Duration, frame: &CanFrame, out: &mut Vec<CanFrame>) {
         self.set_clock(now);
-        let message = match HostMessage::decode(self.config.device_id, frame) {
-            Ok(Some(message)) => message,
-            Ok(None) => return,
-            Err(_) => {
-                self.damaged += 1;
-                return;
-            }
-        };
+        let Some(message) = HostMessage::decode(self.config.device_id, frame) else { return };
         match message {
             HostMessage::ServoOn => self.servo_on = true,
             HostMessage::ServoOff if self.config.off_cuts => {
@@ -148,33 +138,17 @@ impl HandEmulator {
                 }
                 self.torque_at = self.clock;
             }
-            HostMessage::Periods(Periods { position_ms, imu_ms, temperature_ms, status_ms }) => {
-                let wanted = [position_ms, imu_ms, temperature_ms, status_ms.unwrap_or(0)];
-                for (stream, wanted) in self.streams.iter_mut().zip(wanted) {
-                    stream.set(self.clock, wanted);
-                }
-            }
+            HostMessage::Positions(period_ms) => self.stream.set(self.clock, period_ms),
             HostMessage::Request(request) => self.answer(request, out),
-            HostMessage::ServoOff | HostMessage::Pose { .. } | HostMessage::Config(_) => {}
+            HostMessage::ServoOff => {}
         }
     }
 
     /// Lets time pass until `now` and pushes the frames that are due.
     pub fn tick(&mut self, now: Duration, out: &mut Vec<CanFrame>) {
         self.set_clock(now);
-        let clock = self.clock;
-        let [position, imu, temperature, status] = self.streams.each_mut().map(|stream| stream.is_due(clock));
-        if position {
+        if self.stream.is_due(self.clock) {
             Finger::ALL.iter().for_each(|&finger| self.answer(Request::Position(finger), out));
-        }
-        if imu {
-            self.answer(Request::Imu, out);
-        }
-        if temperature {
-            Finger::ALL.iter().for_each(|&finger| self.answer(Request::Temperature(finger), out));
-        }
-        if status && let Some(raw) = Raw::new(&[self.status().0]) {
-            out.push(HandMessage::Status(raw).encode(self.config.device_id));
         }
     }
 
@@ -194,11 +168,6 @@ impl HandEmulator {
     /// Whether the servo is on.
     pub fn servo_on(&self) -> bool {
         self.servo_on
-    }
-
-    /// Frames of a known identifier and a wrong length so far.
-    pub fn damaged(&self) -> u64 {
-        self.damaged
     }
 
     /// What the hand is like, to be changed while it runs: heat, faults, another side.
@@ -232,7 +201,6 @@ impl HandEmulator {
             }),
             Request::Serial => HandMessage::Serial(Serial(self.config.serial)),
             Request::Position(finger) => HandMessage::Position { finger, counts: self.counts(finger) },
-            Request::Imu => HandMessage::Imu(Raw::default()),
             Request::Temperature(finger) => {
                 let (fingers, _) = self.config.joint_celsius.as_chunks::<4>();
                 let celsius = fingers.get(finger.number()).copied().unwrap_or_default();
@@ -287,7 +255,6 @@ mod tests {
         for request in [
             Request::Information,
             Request::Serial,
-            Request::Imu,
             Request::Position(Finger::Ring),
             Request::Temperature(Finger::Ring),
         ] {
@@ -296,18 +263,17 @@ mod tests {
             assert_eq!(answers.len(), 1);
             assert!(!answers[0].is_remote() && answers[0].id() == question.id(), "{request:?}");
         }
-        // Each stream by its own period; periods slept through are left out.
-        let periods = Periods { position_ms: 3, imu_ms: 10, temperature_ms: 20, status_ms: Some(5) };
-        say(&mut emulator, ms(200), HostMessage::Periods(periods));
+        // Periods slept through are left out.
+        say(&mut emulator, ms(200), HostMessage::Positions(3));
         let mut out = vec![];
         (200..260).for_each(|at| emulator.tick(ms(at), &mut out));
         let count = |id: u16| out.iter().filter(|frame| frame.id() == id | 2).count();
-        assert_eq!([0x080, 0x08C, 0x0C0, 0x0E0, 0x0EC, 0x040].map(count), [19, 19, 5, 2, 2, 11]);
+        assert_eq!([0x080, 0x084, 0x088, 0x08C].map(count), [19; 4]);
         out.clear();
         emulator.tick(ms(1000), &mut out);
-        assert_eq!(out.len(), 4 + 1 + 4 + 1);
+        assert_eq!(out.len(), 4);
         let wrong = CanFrame::new(0x182, &[1, 2, 3]).unwrap();
-        emulator.receive(ms(1000), &wrong, &mut vec![]);
-        assert_eq!(emulator.damaged(), 1);
+        emulator.receive(ms(1000), &wrong, &mut out);
+        assert_eq!(out.len(), 4, "ignored");
     }
 }

@@ -59,7 +59,7 @@ impl Line {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct KeyboardEmulatorConfig {
-    /// MIDI number of the leftmost key without shift.
+    /// MIDI number of the leftmost key.
     pub lowest_pitch: u8,
     /// How releases are coded.
     pub release: ReleaseCoding,
@@ -86,7 +86,7 @@ impl Default for KeyboardEmulatorConfig {
     }
 }
 
-/// Bytes that wait for the line at most; a message that finds no room is dropped and counted.
+/// Bytes that wait for the line at most; a message that finds no room is dropped.
 const QUEUE_BYTES: usize = 1024;
 /// After a longer pause between polls, older clock bytes are left out.
 const MEMORY: Duration = Duration::from_secs(10);
@@ -105,15 +105,12 @@ pub struct KeyboardEmulator {
     sensing: Option<Duration>,
     clock: Option<Duration>,
     plugged: bool,
-    shift_semitones: i8,
-    /// The note that each key that is down was announced with: a shift in between must not change its
-    /// release.
-    notes: [Option<u8>; KEYS],
+    /// The keys that are down.
+    down: [bool; KEYS],
     status: Option<u8>,
     queue: VecDeque<(Duration, u8)>,
     line_free_at: Duration,
     clock_at: Duration,
-    dropped: u64,
 }
 
 impl KeyboardEmulator {
@@ -135,51 +132,42 @@ impl KeyboardEmulator {
             sensing,
             clock,
             plugged: true,
-            shift_semitones: 0,
-            notes: [None; KEYS],
+            down: [false; KEYS],
             status: None,
             queue: VecDeque::new(),
             line_free_at: Duration::ZERO,
             clock_at: clock.unwrap_or_default(),
-            dropped: 0,
         })
     }
 
     /// A key (from the left, 0 to 48) goes down with a velocity of 1 to 127. Nothing happens if it is down
     /// already.
     pub fn press(&mut self, now: Duration, key: usize, velocity: u8) {
-        let note = i16::from(self.lowest_pitch) + i16::from(self.shift_semitones) + key.min(KEYS) as i16;
-        let Ok(note @ 0..=127) = u8::try_from(note) else { return };
-        let Some(sounding) = self.notes.get_mut(key).filter(|sounding| self.plugged && sounding.is_none())
-        else {
-            return;
-        };
-        *sounding = Some(note);
-        self.send(now, [0x90, note, velocity.clamp(1, 127)]);
+        if let Some(down) = self.down.get_mut(key).filter(|down| self.plugged && !**down) {
+            *down = true;
+            self.send(now, [0x90, self.lowest_pitch + key as u8, velocity.clamp(1, 127)]);
+        }
     }
 
     /// A key comes up. Nothing happens if it is up already.
     pub fn release(&mut self, now: Duration, key: usize) {
-        let Some(note) = self.notes.get_mut(key).and_then(Option::take) else { return };
-        self.send(
-            now,
-            match self.release {
-                ReleaseCoding::ZeroVelocity => [0x90, note, 0],
-                ReleaseCoding::NoteOff => [0x80, note, 64],
-            },
-        );
-    }
-
-    /// The octave and transpose buttons: keys pressed from now on are shifted by so many semitones.
-    pub fn set_shift(&mut self, semitones: i8) {
-        self.shift_semitones = semitones;
+        if self.down.get_mut(key).is_some_and(std::mem::take) {
+            let note = self.lowest_pitch + key as u8;
+            self.send(
+                now,
+                match self.release {
+                    ReleaseCoding::ZeroVelocity => [0x90, note, 0],
+                    ReleaseCoding::NoteOff => [0x80, note, 64],
+                },
+            );
+        }
     }
 
     /// Unplugs it: bytes on their way are lost, and nothing is sent until [`plug`](Self::plug).
     pub fn unplug(&mut self) {
         self.plugged = false;
         self.queue.clear();
-        self.notes = [None; KEYS];
+        self.down = [false; KEYS];
         self.status = None;
     }
 
@@ -190,11 +178,6 @@ impl KeyboardEmulator {
             self.line_free_at = now;
             self.clock_at = self.clock.map(|clock| now.saturating_add(clock)).unwrap_or_default();
         }
-    }
-
-    /// Messages that found no room on the way to the line.
-    pub fn dropped(&self) -> u64 {
-        self.dropped
     }
 
     /// Appends the bytes that have arrived at the other end by `now`.
@@ -239,7 +222,6 @@ impl KeyboardEmulator {
 
     fn send(&mut self, now: Duration, message: [u8; 3]) {
         if self.queue.len() + message.len() > QUEUE_BYTES {
-            self.dropped += 1;
             return;
         }
         let skipped = usize::from(self.running_status && self.status == message.first().copied());

@@ -6,7 +6,7 @@
 //!
 //! | device | emulator | its other end |
 //! |---|---|---|
-//! | Allegro hand | [`HandEmulator`], with [`FreeHand`] for joints without a physics engine | [`Hub`], or [`SlcanDevice`] as a serial adapter |
+//! | Allegro hand | [`HandEmulator`], with [`FreeHand`] for joints without a physics engine | [`Hub`] |
 //! | xArm7 | [`ArmEmulator`] | [`ArmServer`] |
 //! | keyboard | [`KeyboardEmulator`] | [`MidiServer`] |
 //!
@@ -37,16 +37,13 @@ mod hand;
 mod hub;
 mod keyboard;
 mod midi_server;
-mod slcan;
-mod slcan_device;
 
-pub use arm::{ArmEmulator, ArmEmulatorConfig, ArmPorts, ArmServer, ConnectionId, Reach};
+pub use arm::{ArmEmulator, ArmEmulatorConfig, ArmPorts, ArmServer, ConnectionId, Reach, ReportKind};
 pub use free_hand::FreeHand;
 pub use hand::{HandEmulator, HandEmulatorConfig};
 pub use hub::Hub;
 pub use keyboard::{KeyboardEmulator, KeyboardEmulatorConfig, Line, ReleaseCoding};
 pub use midi_server::MidiServer;
-pub use slcan_device::SlcanDevice;
 
 /// The three emulated devices of a robot.
 #[derive(Debug)]

@@ -9,8 +9,7 @@ use std::time::Duration;
 use etude_emulators::{FreeHand, HandEmulator, HandEmulatorConfig};
 use etude_robot::allegro::{
     DeviceId, Finger, Hand, HandConfig, HandEvent, HandFault, HandMessage, HandSide, HandState, HostMessage,
-    JOINT_LIMITS_RAD, JOINTS, JointLoop, JointLoopConfig, PWM_LIMITS, Periods, Request, StatusBits,
-    counts_from_rad,
+    JOINT_LIMITS_RAD, JOINTS, JointLoop, JointLoopConfig, PWM_LIMITS, Request, StatusBits, counts_from_rad,
 };
 use etude_robot::can::CanFrame;
 use proptest::prelude::*;
@@ -129,7 +128,7 @@ impl Bench {
     /// Messages that the host sent from `from` on.
     fn said(&self, from: Duration) -> Vec<HostMessage> {
         let frames = self.sent.iter().filter(|(at, _)| *at >= from);
-        frames.map(|(_, frame)| HostMessage::decode(DeviceId::default(), frame).unwrap().unwrap()).collect()
+        frames.map(|(_, frame)| HostMessage::decode(DeviceId::default(), frame).unwrap()).collect()
     }
 
     /// The fault that ends the next two seconds.
@@ -157,11 +156,11 @@ fn zero_torques(repeats: usize) -> Vec<HostMessage> {
 fn the_start_in_its_order() {
     let bench = Bench::ready();
     let mut said = bench.said(Duration::ZERO);
-    let streaming = HostMessage::Periods(Periods { position_ms: 3, ..Periods::default() });
+    let streaming = HostMessage::Positions(3);
     let mut wanted = zero_torques(1);
     wanted.extend([
         HostMessage::ServoOff,
-        HostMessage::Periods(Periods::default()),
+        HostMessage::Positions(0),
         HostMessage::Request(Request::Information),
         HostMessage::Request(Request::Serial),
         HostMessage::Request(Request::Temperature(Finger::Middle)),
@@ -174,7 +173,6 @@ fn the_start_in_its_order() {
     assert!(bench.now < ms(100), "{:?}", bench.now);
     assert_eq!(bench.hand.serial().unwrap().to_string(), "SAH040A0000001");
     assert_eq!(bench.hand.information().unwrap().generation(), 4);
-    assert_eq!(bench.hand.joint_celsius()[4..8], [Some(33); 4]);
     assert!(bench.emulator.servo_on());
 }
 
@@ -192,7 +190,6 @@ fn the_loop_settles_at_a_pose() {
         assert!(bench.free.positions().iter().all(|rad| rad.is_finite()));
         let rate = f64::from(bench.ticks - ticks) / (bench.now - start).as_secs_f64();
         assert!((rate - 1000.0 / 3.0 * (1.0 + clock_skew)).abs() < 1.0, "{rate}");
-        assert_eq!((bench.hand.counters().lost, bench.hand.counters().rejected), (0, 0));
     }
 }
 
@@ -216,7 +213,6 @@ fn lost_frames_neither_stall_nor_shake_the_loop() {
     let ticks = bench.ticks;
     bench.run(ms(3000));
     assert_eq!(bench.hand.state(), HandState::Ready);
-    assert!(bench.hand.counters().lost > 200, "{:?}", bench.hand.counters());
     assert!((990..=1001).contains(&(bench.ticks - ticks)), "{}", bench.ticks - ticks);
     assert!(bench.worst_error() < 0.002, "{}", bench.worst_error());
 }
@@ -224,15 +220,13 @@ fn lost_frames_neither_stall_nor_shake_the_loop() {
 #[test]
 fn stop_is_allowed_always_and_often() {
     let mut stopped = zero_torques(3);
-    stopped.extend([HostMessage::ServoOff, HostMessage::Periods(Periods::default())]);
+    stopped.extend([HostMessage::ServoOff, HostMessage::Positions(0)]);
     let mut hand = Hand::new(&HandConfig::default()).unwrap();
     for _ in 0..2 {
         let mut out = vec![];
         hand.stop(ms(1), &mut out);
-        let said: Vec<_> = out
-            .iter()
-            .map(|frame| HostMessage::decode(DeviceId::default(), frame).unwrap().unwrap())
-            .collect();
+        let said: Vec<_> =
+            out.iter().map(|frame| HostMessage::decode(DeviceId::default(), frame).unwrap()).collect();
         assert_eq!((said, hand.state()), (stopped.clone(), HandState::Stopped));
     }
     let mut bench = Bench::ready();
@@ -262,13 +256,12 @@ fn nothing_is_driven_before_the_hand_is_known() {
         assert_eq!(out.len(), before);
     }
     assert_eq!(hand.state(), HandState::Fault(HandFault::NoInformation));
-    let torques = out.iter().filter_map(|frame| {
-        match HostMessage::decode(DeviceId::default(), frame).unwrap().unwrap() {
+    let torques =
+        out.iter().filter_map(|frame| match HostMessage::decode(DeviceId::default(), frame).unwrap() {
             HostMessage::Torque { pwm, .. } => Some(pwm),
             HostMessage::ServoOn => panic!("switched on without an answer"),
             _ => None,
-        }
-    });
+        });
     assert!(torques.into_iter().all(|pwm| pwm == [0; 4]));
 }
 
@@ -453,7 +446,6 @@ fn encoders_that_cannot_be_right() {
         assert_eq!(with_joint(&mut hand, now, [counts[0], counts[1], wild, counts[3]]), HandState::Ready);
         assert!((hand.positions()[6] - rest[6]).abs() < 1e-3);
     }
-    assert_eq!(hand.counters().rejected, 2);
     assert_eq!(with_joint(&mut hand, bench.now + ms(9), counts), HandState::Ready);
     // Three in a row are a fault: outside the stops, or a jump.
     for (wild, range) in [(32_000, true), (counts[2] - 9000, false)] {
@@ -476,7 +468,9 @@ fn encoders_that_cannot_be_right() {
         let now = bench.now + ms(6 * (n as u64).div_ceil(2));
         with_joint(&mut hand, now, [counts[0], counts[1], counts[2] + n * counts_from_rad(0.039), counts[3]]);
     }
-    assert_eq!((hand.state(), hand.counters().rejected), (HandState::Ready, 0));
+    assert_eq!(hand.state(), HandState::Ready);
+    let shift = hand.positions()[6] - rest[6];
+    assert!((shift - 0.39).abs() < 2e-3, "every reading counted: {shift}");
 }
 
 #[test]
@@ -485,9 +479,12 @@ fn a_torque_that_nobody_renews_is_not_held() {
     bench.run(ms(10));
     assert_ne!(bench.emulator.pwm(), [0; JOINTS]);
     bench.attended = false;
+    let from = bench.now;
     bench.run(ms(60));
     assert_eq!((bench.emulator.pwm(), bench.hand.state()), ([0; JOINTS], HandState::Ready));
-    assert_eq!(bench.hand.counters().unattended, 1);
+    let torques =
+        bench.said(from + TICK).into_iter().filter(|said| matches!(said, HostMessage::Torque { .. }));
+    assert_eq!(torques.collect::<Vec<_>>(), zero_torques(1), "once");
 }
 
 #[test]
@@ -505,7 +502,7 @@ fn what_was_sent_is_said_and_within_the_table() {
     assert_eq!(sent, allowed);
     let mut on_wire = vec![];
     for frame in &out {
-        if let Ok(Some(HostMessage::Torque { pwm, .. })) = HostMessage::decode(DeviceId::default(), frame) {
+        if let Some(HostMessage::Torque { pwm, .. }) = HostMessage::decode(DeviceId::default(), frame) {
             on_wire.extend(pwm);
         }
     }
@@ -571,7 +568,7 @@ fn storm(hostile: f64) -> u32 {
         assert!(within_the_table(0, &sent));
         driven += u32::from(sent != [0; JOINTS]);
         for frame in to_hand {
-            let message = HostMessage::decode(DeviceId::default(), &frame).unwrap();
+            let message = HostMessage::decode(DeviceId::default(), &frame);
             if let Some(HostMessage::Torque { finger, pwm }) = message {
                 assert!(within_the_table(4 * finger.number(), &pwm));
             }

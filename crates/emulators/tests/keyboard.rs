@@ -151,7 +151,7 @@ proptest! {
             start = end;
         }
         prop_assert_eq!(changes, expected);
-        prop_assert_eq!(split.counts(), plain.counts());
+        prop_assert!(split.warnings().eq(plain.warnings()));
     }
 
     #[test]
@@ -189,7 +189,7 @@ proptest! {
         split.receive(STEP, head, &mut changes);
         split.receive(STEP, tail, &mut changes);
         prop_assert_eq!(changes, expected);
-        prop_assert_eq!(split.counts(), whole.counts());
+        prop_assert!(split.warnings().eq(whole.warnings()));
     }
 
     #[test]
@@ -317,7 +317,7 @@ fn silence_after_active_sensing_releases_all_keys() {
     assert_eq!(keyboard.state(), KeyboardState::Lost { at: millis(501), reason: LossReason::Silent });
     assert_eq!((keyboard.pressed(), changes.len()), (0, 4));
     keyboard.poll(millis(900), &mut changes);
-    assert_eq!(keyboard.counts().losses, 1, "lost once");
+    assert_eq!(keyboard.state(), KeyboardState::Lost { at: millis(501), reason: LossReason::Silent }, "once");
     assert!(keyboard.state().to_string().contains("check its cable"));
 
     keyboard.receive(millis(1000), &[0xFE], &mut changes);
@@ -381,8 +381,10 @@ fn unplugged_and_replugged() {
 
 #[test]
 fn a_shifted_keyboard_is_noticed_until_it_is_acknowledged() {
-    let (mut emulator, mut keyboard, mut changes) =
-        (emulator(KeyboardEmulatorConfig::default()), keyboard(), Vec::new());
+    let config = KeyboardEmulatorConfig::default();
+    // The octave button transposes every note.
+    let mut shifted = emulator(KeyboardEmulatorConfig { lowest_pitch: 48, ..config.clone() });
+    let (mut emulator, mut keyboard, mut changes) = (emulator(config), keyboard(), Vec::new());
     let mut press = |emulator: &mut KeyboardEmulator, keyboard: &mut Keyboard, key| {
         let mut wire = Vec::new();
         emulator.press(STEP, key, 64);
@@ -390,35 +392,19 @@ fn a_shifted_keyboard_is_noticed_until_it_is_acknowledged() {
         emulator.poll(STEP, &mut wire);
         keyboard.receive(STEP, &wire, &mut changes);
     };
-    emulator.set_shift(12);
-    press(&mut emulator, &mut keyboard, 20);
+    press(&mut shifted, &mut keyboard, 20);
     assert_eq!(keyboard.warnings().count(), 0, "a note of the keyboard gives nothing away");
-    press(&mut emulator, &mut keyboard, 48);
+    press(&mut shifted, &mut keyboard, 48);
     let warnings: Vec<_> = keyboard.warnings().collect();
     let [KeyboardWarning::Shifted(shift)] = warnings[..] else { panic!("{warnings:?}") };
     assert_eq!(shift.likely_semitones(), 12);
     assert!(warnings[0].to_string().contains("octave - button once"), "{}", warnings[0]);
-    assert_eq!(keyboard.counts().out_of_range, 2, "press and release");
-
-    emulator.set_shift(0);
     press(&mut emulator, &mut keyboard, 0);
     assert_eq!(keyboard.warnings().count(), 1, "it stays until it was read");
     keyboard.acknowledge();
     press(&mut emulator, &mut keyboard, 48);
     assert_eq!(keyboard.warnings().count(), 0);
     assert_eq!(keyboard.pressed(), 0);
-}
-
-#[test]
-fn a_shift_while_a_key_is_down_does_not_lose_its_release() {
-    let (mut emulator, mut wire, mut changes) =
-        (emulator(KeyboardEmulatorConfig::default()), Vec::new(), Vec::new());
-    emulator.press(STEP, 20, 64);
-    emulator.set_shift(12);
-    emulator.release(STEP, 20);
-    emulator.poll(STEP, &mut wire);
-    keyboard().receive(STEP, &wire, &mut changes);
-    assert_eq!(played(&changes), [(20, 64), (20, 0)]);
 }
 
 #[test]
@@ -444,8 +430,6 @@ fn a_stuck_key_warns_once_a_press() {
 fn what_does_not_pair_up_is_counted() {
     let (mut keyboard, mut changes) = (keyboard(), Vec::new());
     keyboard.receive(STEP, &[0x90, 41, 0, 41, 9, 41, 8, 41, 0, 41, 0], &mut changes);
-    let counts = keyboard.counts();
-    assert_eq!((counts.presses, counts.double_presses, counts.releases_without_press), (2, 1, 2));
     assert_eq!(played(&changes), [(5, 9), (5, 0), (5, 8), (5, 0)], "a lost release is made up for");
     assert_eq!(keyboard.warnings().collect::<Vec<_>>(), [KeyboardWarning::Unpaired { events: 3 }]);
     keyboard.receive(STEP, &[0x90, 0x90], &mut changes);
@@ -454,7 +438,6 @@ fn what_does_not_pair_up_is_counted() {
     assert_eq!(keyboard.warnings().count(), 0);
     keyboard.receive(STEP, &[1, 0x80], &mut changes);
     assert_eq!(keyboard.warnings().collect::<Vec<_>>(), [KeyboardWarning::Damaged { pieces: 1 }]);
-    assert_eq!(keyboard.counts().damaged, 2);
 }
 
 #[test]
@@ -468,6 +451,6 @@ fn a_full_queue_drops_whole_messages() {
     let mut wire = Vec::new();
     emulator.poll(Duration::from_secs(5), &mut wire);
     keyboard.receive(STEP, &wire, &mut changes);
-    assert_eq!(keyboard.counts().damaged, 0);
-    assert_eq!(changes.len() as u64 + emulator.dropped(), 2000);
+    assert_eq!(keyboard.warnings().count(), 0, "no message is cut short");
+    assert!((300..400).contains(&changes.len()), "{}", changes.len());
 }

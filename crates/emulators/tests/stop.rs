@@ -2,15 +2,17 @@
 
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
 
+mod adapter;
+
 use std::net::{IpAddr, Ipv4Addr};
 use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread::ScopedJoinHandle;
 use std::time::{Duration, Instant};
 
+use adapter::Adapter;
 use etude_emulators::{
     ArmEmulator, ArmEmulatorConfig, ArmPorts, ArmServer, HandEmulator, HandEmulatorConfig, Hub, Reach,
-    SlcanDevice,
 };
 use etude_robot::can::{self, CanFrame, CanTransport, HubTransport};
 use etude_robot::rig::RigConfig;
@@ -124,7 +126,7 @@ fn one_that_cannot_be_reached_does_not_save_the_other() {
 }
 
 /// Emulated hand and adapter on a pseudo terminal; what the hand was told.
-fn serve(device: &mut SlcanDevice, done: &AtomicBool) -> Vec<CanFrame> {
+fn serve(device: &mut Adapter, done: &AtomicBool) -> Vec<CanFrame> {
     let mut hand = HandEmulator::new(&HandEmulatorConfig::default());
     let (begun, mut told) = (Instant::now(), Vec::new());
     while !done.load(Ordering::Relaxed) {
@@ -144,11 +146,11 @@ fn serve(device: &mut SlcanDevice, done: &AtomicBool) -> Vec<CanFrame> {
 
 /// Runs `act` beside the hand behind an adapter; what the hand was told.
 fn beside_a_hand(act: impl FnOnce(&str)) -> Vec<CanFrame> {
-    let (mut device, path) = SlcanDevice::on_pty().unwrap();
+    let (mut device, path) = Adapter::new();
     let done = AtomicBool::new(false);
     std::thread::scope(|scope| {
         let serving = scope.spawn(|| serve(&mut device, &done));
-        act(&format!("slcan:{}", path.display()));
+        act(&format!("slcan:{path}"));
         // What was sent last is on its way.
         std::thread::sleep(Duration::from_millis(50));
         done.store(true, Ordering::Relaxed);

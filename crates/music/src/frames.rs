@@ -1,4 +1,4 @@
-//! From notes to frames (the keys that are due in each control step), and from frames or key events to notes.
+//! From notes to frames (the keys that are due in each control step), and from key events to notes.
 //!
 //! The rules are RoboPianist's (github.com/google-research/robopianist, `music/midi_file.py` and `music/piano_roll.py`), so that scores
 //! compare: the number of frames of a song, the frames that a note covers, and the gap of one frame between two strokes of a key.
@@ -24,7 +24,9 @@ impl Song {
     /// If a note is off the keyboard, or the rate is not a positive number of hertz within reason.
     pub fn frames(&self, control_hz: f64) -> Result<Vec<KeySet>, SongError> {
         if !(control_hz > 0.0 && control_hz <= MAX_CONTROL_HZ) {
-            return Err(SongError::BadControlRate { control_hz });
+            return Err(SongError::Invalid(format!(
+                "cannot cut a song into {control_hz} frames a second; give a rate above 0 and at most {MAX_CONTROL_HZ}"
+            )));
         }
         self.check_range()?;
         let count = floor_frame(self.duration_secs() * control_hz) + 1;
@@ -73,34 +75,6 @@ fn floor_frame(frames: f64) -> usize {
 
 fn ceil_frame(frames: f64) -> usize {
     (frames - ON_BORDER_FRAMES).ceil().max(0.0) as usize
-}
-
-/// The notes of a sequence of frames: each run of consecutive frames with a key is one note with this velocity, from the start of the
-/// first frame to the end of the last.
-///
-/// # Panics
-/// If the rate is not positive or the velocity not a MIDI velocity; callers pass constants.
-pub fn notes_from_frames(pressed: &[KeySet], control_hz: f64, velocity: u8) -> Vec<Note> {
-    assert!(control_hz > 0.0, "control rate {control_hz} Hz is not positive");
-    assert!((1..=127).contains(&velocity), "velocity {velocity} is not from 1 to 127");
-    let mut down_since = [0; KEYS];
-    let mut before = KeySet::EMPTY;
-    let mut notes = Vec::new();
-    for (frame, &now) in pressed.iter().chain([&KeySet::EMPTY]).enumerate() {
-        for key in before.difference(now).iter() {
-            notes.push(Note {
-                pitch: LOWEST_PITCH + key as u8,
-                velocity,
-                start_secs: down_since[key] as f64 / control_hz,
-                end_secs: frame as f64 / control_hz,
-            });
-        }
-        for key in now.difference(before).iter() {
-            down_since[key] = frame;
-        }
-        before = now;
-    }
-    one_string_a_pitch(notes)
 }
 
 /// A key going down or coming up, as a physics step or a MIDI keyboard reports it.
@@ -169,21 +143,9 @@ mod tests {
     fn silly_rates_are_refused() {
         let song = Song::new("", vec![note(60, 0.0, 1.0)], 0.0).unwrap();
         for rate in [0.0, -20.0, f64::NAN, f64::INFINITY, 1e9] {
-            assert!(matches!(song.frames(rate), Err(SongError::BadControlRate { .. })), "{rate}");
+            assert!(song.frames(rate).unwrap_err().to_string().contains("frames a second"), "{rate}");
         }
         assert!(song.episode_frames(CONTROL_HZ, f64::INFINITY).is_err());
-    }
-
-    #[test]
-    fn frames_come_back_as_notes() {
-        let frames = [KeySet::from_pitches([60]), KeySet::from_pitches([60, 64]), KeySet::EMPTY]
-            .into_iter()
-            .chain([KeySet::from_pitches([64])])
-            .collect::<Vec<_>>();
-        assert_eq!(
-            notes_from_frames(&frames, CONTROL_HZ, 64),
-            [note(60, 0.0, 0.1), note(64, 0.05, 0.1), note(64, 0.15, 0.2)]
-        );
     }
 
     #[test]

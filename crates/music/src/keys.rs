@@ -97,12 +97,6 @@ impl KeySet {
         self.0 == 0
     }
 
-    /// Keys in either set.
-    #[must_use]
-    pub fn union(self, other: KeySet) -> KeySet {
-        KeySet(self.0 | other.0)
-    }
-
     /// Keys in both sets.
     #[must_use]
     pub fn intersection(self, other: KeySet) -> KeySet {

@@ -1,7 +1,7 @@
 //! Songs: notes, MIDI files, frames, metrics, sound.
 //!
 //! A [`Song`] is a list of notes in seconds with a beat grid. It is read from a MIDI file ([`Song::load`]) or taken from the built-in
-//! [`repertoire`]; notes that a hand played come from [`notes_from_frames`] and [`notes_from_key_events`]. Learning uses a song as
+//! [`repertoire`]; notes that a hand played come from [`notes_from_key_events`]. Learning uses a song as
 //! *frames*: one [`KeySet`] a control step, by RoboPianist's rules so that scores compare ([`Song::frames`]). [`metrics`] compares a
 //! performance with its song, [`sound`] renders it.
 //!
@@ -9,7 +9,7 @@
 //! number; the two differ by [`LOWEST_PITCH`].
 //!
 //! ```
-//! use etude_music::{CONTROL_HZ, metrics, notes_from_frames, resolve};
+//! use etude_music::{CONTROL_HZ, metrics, resolve};
 //!
 //! let song = resolve("twinkle")?;
 //! let due = song.episode_frames(CONTROL_HZ, 1.0)?;
@@ -17,7 +17,6 @@
 //! pressed[39].remove(24); // the second middle C, released one control step early
 //! let scores = metrics::frame_scores(&due, &pressed);
 //! assert!(scores.f1 > 0.99 && scores.pooled_recall < 1.0);
-//! assert_eq!(notes_from_frames(&pressed, CONTROL_HZ, 80).len(), song.notes().len());
 //! # Ok::<(), etude_music::SongError>(())
 //! ```
 
@@ -38,7 +37,7 @@ mod song;
 pub mod sound;
 
 pub use error::{MidiError, SongError};
-pub use frames::{KeyEvent, notes_from_frames, notes_from_key_events};
+pub use frames::{KeyEvent, notes_from_key_events};
 pub use keys::{HIGHEST_PITCH, KEYS, KeySet, LOWEST_PITCH, key_is_black, pitch_name};
 pub use limits::{MAX_DURATION_SECS, MAX_NOTES};
 pub use meter::{BeatGrid, Position};

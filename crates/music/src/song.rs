@@ -10,7 +10,7 @@ use std::path::Path;
 use atomic_write_file::AtomicWriteFile;
 
 use crate::error::{MidiError, SongError};
-use crate::keys::{HIGHEST_PITCH, LOWEST_PITCH, key_of_pitch};
+use crate::keys::{HIGHEST_PITCH, LOWEST_PITCH, key_of_pitch, pitch_name};
 use crate::limits::{MAX_DURATION_SECS, MAX_FILE_BYTES, MAX_NOTES};
 use crate::meter::{BeatGrid, Position};
 use crate::midi;
@@ -38,14 +38,19 @@ impl Song {
     /// if there are too many notes, or they last too long ([`MAX_NOTES`], [`MAX_DURATION_SECS`]).
     pub fn new(title: impl Into<String>, notes: Vec<Note>, duration_secs: f64) -> Result<Song, SongError> {
         if notes.len() > MAX_NOTES {
-            return Err(SongError::TooManyNotes { notes: notes.len() });
+            return Err(SongError::Invalid(format!(
+                "{} notes are more than the limit of {MAX_NOTES}; cut out the part you want to hear",
+                notes.len()
+            )));
         }
         for (index, note) in notes.iter().enumerate() {
-            check(note).map_err(|why| SongError::BadNote { index, why })?;
+            check(note).map_err(|why| {
+                SongError::Invalid(format!("note {index} (counting from 0) is not playable: {why}"))
+            })?;
         }
         let duration_secs = notes.iter().map(|note| note.end_secs).fold(duration_secs, f64::max);
         if !(0.0..=MAX_DURATION_SECS).contains(&duration_secs) {
-            return Err(SongError::BadDuration { secs: duration_secs });
+            return Err(bad_duration(duration_secs));
         }
         let notes = one_string_a_pitch(notes);
         Ok(Song { title: title.into(), notes, duration_secs, beats: BeatGrid::default() })
@@ -139,7 +144,9 @@ impl Song {
     /// If the factor is not a positive number, or the song becomes longer than [`MAX_DURATION_SECS`].
     pub fn stretch(&self, factor: f64) -> Result<Song, SongError> {
         if !(factor.is_finite() && factor > 0.0) {
-            return Err(SongError::BadStretch { factor });
+            return Err(SongError::Invalid(format!(
+                "cannot stretch a song by {factor}; give a positive factor, above 1 for slower and below 1 for faster"
+            )));
         }
         let scale = |note: &Note| Note {
             start_secs: note.start_secs * factor,
@@ -163,7 +170,13 @@ impl Song {
                 .checked_add(semitones)
                 .and_then(|pitch| u8::try_from(pitch).ok())
                 .filter(|&pitch| pitch <= MAX_PITCH)
-                .ok_or(SongError::BadTransposition { semitones, pitch: note.pitch })?;
+                .ok_or_else(|| {
+                    let (name, pitch) = (pitch_name(note.pitch), note.pitch);
+                    SongError::Invalid(format!(
+                        "transposing by {semitones} semitones takes {name} (MIDI {pitch}) off the MIDI scale; transpose \
+                         by less"
+                    ))
+                })?;
         }
         Ok(song)
     }
@@ -196,11 +209,17 @@ impl Song {
     pub fn with_initial_silence(&self, secs: f64) -> Result<Song, SongError> {
         let duration_secs = self.duration_secs + secs;
         if !(secs >= 0.0 && duration_secs <= MAX_DURATION_SECS) {
-            return Err(SongError::BadDuration { secs: duration_secs });
+            return Err(bad_duration(duration_secs));
         }
         let notes = self.notes.iter().map(|note| shifted(note, secs)).collect();
         Ok(Song { notes, duration_secs, beats: self.beats.delayed(secs), title: self.title.clone() })
     }
+}
+
+fn bad_duration(secs: f64) -> SongError {
+    SongError::Invalid(format!(
+        "the song would last {secs} s; it must be at least 0 s and at most {MAX_DURATION_SECS} s"
+    ))
 }
 
 fn shifted(note: &Note, secs: f64) -> Note {
@@ -242,7 +261,7 @@ mod tests {
         ];
         for one in bad {
             let refused = Song::new("", vec![note(60, 0.0, 1.0), one], 0.0).unwrap_err();
-            assert!(matches!(refused, SongError::BadNote { index: 1, .. }), "{one:?}: {refused}");
+            assert!(refused.to_string().starts_with("note 1 "), "{one:?}: {refused}");
         }
         assert!(Song::new("", vec![note(60, 0.0, 1e5)], 0.0).is_err());
         assert!(Song::new("", vec![], -1.0).is_err());

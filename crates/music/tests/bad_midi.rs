@@ -109,13 +109,18 @@ fn stuffed_files_end_soon() {
     let size = 10 * 1024 * 1024 - 1000;
     let stuffed = |unit: &[u8]| file(&unit.repeat(size / unit.len()));
     let began = Instant::now();
-    assert_eq!(error(&stuffed(&[1, 0x90, 60, 64, 1, 60, 0])), MidiError::TooManyNotes);
-    assert_eq!(error(&stuffed(&[1, 0x90, 60, 64])), MidiError::TooManyNotes);
-    assert_eq!(error(&stuffed(&[1, 0xFF, 0x51, 3, 0, 0, 9])), MidiError::TooManyTempoChanges);
-    assert_eq!(error(&stuffed(&[1, 0xFF, 0x58, 4, 4, 2, 24, 8])), MidiError::TooManyTempoChanges);
-    assert_eq!(error(&stuffed(&[1, 0xB0, 1, 1])), MidiError::NoNotes { percussion: 0 });
     let empty_tracks = [header(1, 1, 96), chunk(b"MTrk", &[]).repeat(size / 8)].concat();
-    assert_eq!(error(&empty_tracks), MidiError::NoNotes { percussion: 0 });
+    for (bytes, said) in [
+        (stuffed(&[1, 0x90, 60, 64, 1, 60, 0]), "the file has more than 100000 notes;"),
+        (stuffed(&[1, 0x90, 60, 64]), "the file has more than 100000 notes;"),
+        (stuffed(&[1, 0xFF, 0x51, 3, 0, 0, 9]), "the file changes tempo or time signature more than"),
+        (stuffed(&[1, 0xFF, 0x58, 4, 4, 2, 24, 8]), "the file changes tempo or time signature more than"),
+        (stuffed(&[1, 0xB0, 1, 1]), "the file has no notes to play; check"),
+        (empty_tracks, "the file has no notes to play; check"),
+    ] {
+        let message = error(&bytes).to_string();
+        assert!(message.starts_with(said), "{message}");
+    }
     assert!(began.elapsed() < Duration::from_secs(20), "{:?}", began.elapsed());
 }
 

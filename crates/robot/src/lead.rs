@@ -92,14 +92,14 @@ impl Leader {
     fn poll(&mut self) -> Result<(), LeadError> {
         let now = self.begun.elapsed();
         self.bytes.clear();
-        self.wire.receive_commands(&mut self.bytes)?;
+        self.wire.commands.receive(&mut self.bytes)?;
         self.arm.receive_command(now, &self.bytes);
         self.bytes.clear();
         self.wire.receive_reports(&mut self.bytes)?;
         self.arm.receive_report(now, &self.bytes);
         self.bytes.clear();
         self.arm.poll(now, &mut self.bytes);
-        self.wire.send(&self.bytes)?;
+        self.wire.commands.send(&self.bytes)?;
         if let ArmState::Fault(fault) = self.arm.state() {
             return Err(fault.into());
         }
@@ -114,8 +114,8 @@ impl Drop for Leader {
         self.bytes.clear();
         self.arm.stop(self.begun.elapsed(), &mut self.bytes);
         // If the connection is gone, nothing more can be done.
-        let _ = self.wire.send(&self.bytes);
+        let _ = self.wire.commands.send(&self.bytes);
         std::thread::sleep(POLL);
-        let _ = self.wire.send(&[]);
+        let _ = self.wire.commands.send(&[]);
     }
 }

@@ -7,7 +7,7 @@ use crate::can::{self, CanTransport};
 use crate::keyboard::{self, KeyChange, Keyboard, MidiSource};
 use crate::rig::RigConfig;
 use crate::setting::SettingError;
-use crate::xarm::report::{Report, ReportKind, ReportParser};
+use crate::xarm::report::{Report, ReportParser};
 use crate::xarm::{ArmConnection, ArmLinkError};
 
 /// The last data of each device. `Err` holds the reason why a device is not connected.
@@ -59,7 +59,7 @@ impl Monitor {
             counts: [None; 4],
             information: None,
             arm: ArmConnection::open(&wires.arm).map_err(|error| error.to_string()),
-            reports: ReportParser::new(ReportKind::Real),
+            reports: ReportParser::default(),
             report: None,
             midi,
             keyboard,
@@ -87,7 +87,7 @@ impl Monitor {
         self.bytes.clear();
         let read = self.arm.as_mut().map(|arm| {
             let mut ignored = Vec::new();
-            arm.receive_commands(&mut ignored)?;
+            arm.commands.receive(&mut ignored)?;
             arm.receive_reports(&mut self.bytes)
         });
         if let Ok(Err::<(), ArmLinkError>(error)) = read {
@@ -118,10 +118,10 @@ impl Monitor {
                 Ok(Ok(None)) | Err(_) => return,
             };
             match HandMessage::decode(self.config.hand.device_id, &frame) {
-                Ok(Some(HandMessage::Position { finger, counts })) => {
+                Some(HandMessage::Position { finger, counts }) => {
                     self.counts[finger.number()] = Some(counts);
                 }
-                Ok(Some(HandMessage::Information(information))) => self.information = Some(information),
+                Some(HandMessage::Information(information)) => self.information = Some(information),
                 _ => {}
             }
         }

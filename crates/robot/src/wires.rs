@@ -80,11 +80,11 @@ impl Wires for OpenWires {
     }
 
     fn send_arm(&mut self, bytes: &[u8]) -> Result<(), ArmLinkError> {
-        self.arm.send(bytes)
+        self.arm.commands.send(bytes)
     }
 
     fn receive_arm(&mut self, bytes: &mut Vec<u8>) -> Result<(), ArmLinkError> {
-        self.arm.receive_commands(bytes)
+        self.arm.commands.receive(bytes)
     }
 
     fn receive_report(&mut self, bytes: &mut Vec<u8>) -> Result<(), ArmLinkError> {

@@ -127,11 +127,6 @@ impl Controller {
         self.queue.len() == QUEUE && self.head < QUEUE
     }
 
-    /// The reference that the joint follows: position, velocity, acceleration.
-    pub fn reference(&self) -> [f64; 3] {
-        [self.position, self.velocity, self.acceleration]
-    }
-
     /// One physics step: the torque for `target` when the encoder reads `measured` and the joint moves at `velocity`.
     pub fn torque(&mut self, gains: &Gains, target: f64, measured: f64, velocity: f64) -> f64 {
         let wanted = self.follow(gains, target);
@@ -210,7 +205,7 @@ mod tests {
             for target in targets.iter().flat_map(|t| std::iter::repeat_n(*t, 10)) {
                 let torque = controller.torque(&gains, target, 0.0, 0.0);
                 prop_assert!(torque.abs() <= gains.torque_limit);
-                let now = controller.reference();
+                let now = [controller.position, controller.velocity, controller.acceleration];
                 let slack = 1.0 + 1e-9;
                 prop_assert!(now[1].abs() <= gains.velocity_limit * slack);
                 prop_assert!(now[2].abs() <= gains.acceleration_limit * slack);
@@ -227,9 +222,9 @@ mod tests {
             let mut furthest: f64 = 0.0;
             for _ in 0..600 {
                 controller.torque(&gains, target, 0.0, 0.0);
-                furthest = furthest.max(controller.reference()[0] * target.signum());
+                furthest = furthest.max(controller.position * target.signum());
             }
-            prop_assert!((controller.reference()[0] - target).abs() < 1e-4);
+            prop_assert!((controller.position - target).abs() < 1e-4);
             prop_assert!(furthest <= target.abs() * 1.05 + 1e-6, "overshoot to {furthest} for {target}");
         }
     }
@@ -270,7 +265,7 @@ mod tests {
         let distance = crate::geometry::WHITE_PITCH;
         let steps = (1..400).find(|_| {
             controller.torque(&gains, distance, 0.0, 0.0);
-            (controller.reference()[0] - distance).abs() < 0.1 * distance
+            (controller.position - distance).abs() < 0.1 * distance
         });
         let fastest = (32.0 * distance / gains.jerk_limit).cbrt();
         let secs = steps.expect("it arrives") as f64 * STEP;

@@ -88,7 +88,7 @@ impl TaskConfig {
         ];
         for (name, value, low, high) in limits {
             if !(low..=high).contains(&value) {
-                return Err(TaskError::OutOfRange { name, value, low, high });
+                return Err(TaskError::Value(format!("task.{name} = {value} must lie in {low} … {high}")));
             }
         }
         Ok(())

@@ -183,10 +183,15 @@ impl Reward {
         for (name, weight) in overrides {
             if !TERMS.iter().any(|term| term.name == name) {
                 let known: Vec<_> = TERMS.iter().map(|term| term.name).collect();
-                return Err(TaskError::UnknownTerm { name: name.clone(), known: known.join(", ") });
+                let known = known.join(", ");
+                return Err(TaskError::Value(format!(
+                    "no reward term is called `{name}`; there are: {known}"
+                )));
             }
             if !weight.is_finite() {
-                return Err(TaskError::BadWeight(name.clone(), *weight));
+                return Err(TaskError::Value(format!(
+                    "the weight of reward term `{name}` is {weight}; it must be a finite number"
+                )));
             }
         }
         let weight = |term: &Term| overrides.get(term.name).copied().unwrap_or(term.main);

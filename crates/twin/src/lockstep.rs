@@ -3,14 +3,13 @@
 
 use std::time::Duration;
 
-use etude_emulators::ConnectionId;
 use etude_emulators::faults::{FaultKind, FaultPlan, FaultPlanError, Faults, FaultyBytes, FaultyFrames};
+use etude_emulators::{ConnectionId, ReportKind};
 use etude_robot::allegro::{DeviceId, HandMessage};
 use etude_robot::can::{CanError, CanFrame};
 use etude_robot::keyboard::MidiError;
 use etude_robot::wires::Wires;
 use etude_robot::xarm::ArmLinkError;
-use etude_robot::xarm::report::ReportKind;
 use etude_robot::{Pace, Robot};
 
 use crate::error::TruthError;
@@ -140,7 +139,7 @@ impl Lockstep {
 /// The finger whose positions a frame of the hand has.
 fn finger_of(frame: &CanFrame) -> Option<usize> {
     match HandMessage::decode(DeviceId::default(), frame) {
-        Ok(Some(HandMessage::Position { finger, .. })) => Some(finger.number()),
+        Some(HandMessage::Position { finger, .. }) => Some(finger.number()),
         _ => None,
     }
 }

@@ -65,7 +65,6 @@ pub struct Twin {
     thumb: FreeHand,
     rail: f64,
     now: Duration,
-    collisions: u64,
 }
 
 impl Twin {
@@ -110,7 +109,6 @@ impl Twin {
             thumb: FreeHand::default(),
             truth: truth.clone(),
             now: Duration::ZERO,
-            collisions: 0,
         };
         // Fingers straight, clear of the keys, as a hand is mounted.
         let mut pose = [0.0; JOINTS];
@@ -125,7 +123,7 @@ impl Twin {
         self.now += STEP;
         self.devices.arm.advance(self.now);
         let torques = self.torques();
-        self.collisions += u64::from(self.drive(&torques));
+        self.drive(&torques);
         self.thumb.step(STEP.as_secs_f64(), &self.devices.hand.pwm());
         let (now, world, keyboard) = (self.now, &self.world, &mut self.devices.keyboard);
         self.keys.look(
@@ -156,10 +154,10 @@ impl Twin {
         })
     }
 
-    /// Moves the world on; whether there was a collision.
-    fn drive(&mut self, torques: &[f64; JOINTS]) -> bool {
+    /// Moves the world on.
+    fn drive(&mut self, torques: &[f64; JOINTS]) {
         self.world.set_joint_friction(&self.drives.friction(&self.world.joint_velocities()));
-        self.world.drive(torques)
+        self.world.drive(torques);
     }
 
     /// Sets the measured positions of the hand.
@@ -181,11 +179,6 @@ impl Twin {
     /// How fast they move, rad/s, the rail in m/s.
     pub fn joint_velocities(&self) -> [f64; JOINTS] {
         self.world.joint_velocities()
-    }
-
-    /// Steps with a contact other than fingertips on the keyboard.
-    pub fn collisions(&self) -> u64 {
-        self.collisions
     }
 }
 
@@ -380,7 +373,7 @@ mod tests {
         let device = DeviceId::default();
         let question = HostMessage::Request(Request::Position(Finger::Middle)).encode(device);
         loose.devices.hand.receive(loose.now, &question, &mut answer);
-        let Ok(Some(HandMessage::Position { counts, .. })) = HandMessage::decode(device, &answer[0]) else {
+        let Some(HandMessage::Position { counts, .. }) = HandMessage::decode(device, &answer[0]) else {
             panic!("{answer:?}");
         };
         // Half the play short of the link, in whole counts.

@@ -1,12 +1,12 @@
 //! The effect of each register of the emulated controller, and its reply (ufactory_docs, registers).
 
-use super::motion::{MAX_ACCELERATION, MAX_SPEED};
+use super::motion::MAX_SPEED;
 use super::{ALL, ArmEmulator, Condition, ConnectionId, Planned, Receipt};
 use etude_robot::xarm::Fence;
 use etude_robot::xarm::codec::{
     Frame, PROTOCOL_KEEP_ALIVE, PROTOCOL_PRIVATE, Register, ReplyState, floats, push_floats,
 };
-use etude_robot::xarm::kinematics::{self, JOINTS, Pose, WIDEST_LIMITS_RAD};
+use etude_robot::xarm::kinematics::{JOINTS, WIDEST_LIMITS_RAD};
 
 /// Rounding of a limit to a 32-bit float.
 const ROUNDING: f64 = 1e-6;
@@ -74,18 +74,13 @@ impl ArmEmulator {
             Register::MotionEnable => {
                 let bits = joint_bits(byte(0)?)?;
                 match byte(1)? {
-                    0 => self.details.enabled &= !bits,
-                    _ => self.details.enabled |= bits,
+                    0 => self.settings.enabled &= !bits,
+                    _ => self.settings.enabled |= bits,
                 }
-                self.details.brakes = self.details.enabled;
                 self.reset();
             }
-            Register::Brakes => match (joint_bits(byte(0)?)?, byte(1)?) {
-                (bits, 0) => self.details.brakes &= !bits,
-                (bits, _) => self.details.brakes |= bits,
-            },
             Register::SetState => match byte(0)? {
-                0 if self.details.error == 0 => self.condition = Condition::Running,
+                0 if self.settings.error == 0 => self.condition = Condition::Running,
                 0 => {}
                 3 if self.condition == Condition::Running => self.condition = Condition::Paused,
                 3 => {}
@@ -102,38 +97,23 @@ impl ArmEmulator {
             }
             Register::GetState => reply.push(self.state()),
             Register::QueueLength => reply.extend(self.queue_length()),
-            Register::Errors => reply.extend([self.details.error, self.details.warning]),
+            Register::Errors => reply.extend([self.settings.error, self.settings.warning]),
             Register::CleanError => {
                 // A pressed button stays pressed.
-                if self.details.error > 3 {
-                    self.details.error = 0;
+                if self.settings.error > 3 {
+                    self.settings.error = 0;
                 }
-                if self.details.error == 0 {
+                if self.settings.error == 0 {
                     self.reset();
                 }
             }
-            Register::CleanWarning => self.details.warning = 0,
-            Register::MoveJoints | Register::MoveJointsBlended => {
+            Register::CleanWarning => self.settings.warning = 0,
+            Register::MoveJoints => {
                 let values: [f32; 9] = floats(params)?;
                 let [speed, acceleration] = [values[7], values[8]].map(f64::from);
                 return Some(self.plan(joints(params)?, speed, acceleration, receipt));
             }
-            Register::MoveZero => {
-                let [speed, acceleration] = floats::<2>(params)?.map(f64::from);
-                return Some(self.plan([0.0; JOINTS], speed, acceleration, receipt));
-            }
-            Register::MoveLine | Register::MoveLineBlended => return self.plan_line(params, receipt),
             Register::ServoJoints => return Some(self.servo(joints(params)?)),
-            Register::ServoLine => {
-                let [pose @ .., _, _, in_tool_frame] = floats::<9>(params)?;
-                if in_tool_frame != 0.0 {
-                    return Some(Answer::Invalid);
-                }
-                return Some(match self.reach(pose) {
-                    Some(joints) => self.servo(joints),
-                    None => Answer::Idle(reply),
-                });
-            }
             Register::TcpJerk
             | Register::TcpAcceleration
             | Register::JointJerk
@@ -145,46 +125,21 @@ impl ArmEmulator {
             Register::SafetyBoxOn => self.fenced = byte(0)? != 0,
             Register::ReducedMode => reply = self.reduced_mode(),
             Register::TcpOffset => {
-                self.details.tcp_offset_mm_rad = floats(params)?;
+                self.settings.tcp_offset_mm_rad = floats(params)?;
                 self.reset();
             }
-            Register::Payload => self.details.payload_kg_mm = floats(params)?,
+            Register::Payload => self.settings.payload_kg_mm = floats(params)?,
             Register::CollisionSensitivity => {
-                self.details.collision_sensitivity = byte(0).filter(|value| *value <= 5)?;
+                self.settings.collision_sensitivity = byte(0).filter(|value| *value <= 5)?;
                 self.reset();
             }
-            Register::TeachSensitivity => {
-                self.details.teach_sensitivity = byte(0).filter(|value| (1..=5).contains(value))?;
-                self.reset();
-            }
-            Register::GravityDirection => self.details.gravity = floats(params)?,
-            Register::ResetConfiguration | Register::SaveConfiguration => {}
             Register::TcpPose => push_floats(&mut reply, &self.tool().to_wire()),
-            Register::TcpPoseAxisAngle => {
-                let (tool, mut wire) = (self.tool(), self.tool().to_wire());
-                let turn = kinematics::logarithm(&tool.rotation);
-                wire.iter_mut().skip(3).zip(turn.iter()).for_each(|(to, from)| *to = *from as f32);
-                push_floats(&mut reply, &wire);
-            }
             Register::JointPosition => {
                 let mut values = [0.0; 3 * JOINTS];
                 values.iter_mut().zip(self.joints()).for_each(|(to, from)| *to = from as f32);
                 let sets = usize::from(byte(0).unwrap_or(1) & 3).max(1);
                 push_floats(&mut reply, &values[..sets * JOINTS]);
             }
-            Register::InverseKinematics => {
-                let flange = self.flange(floats(params)?);
-                match kinematics::inverse(&flange, &self.joints()) {
-                    Ok(joints) => push_floats(&mut reply, &joints.map(|angle| angle as f32)),
-                    Err(_) => return Some(Answer::Invalid),
-                }
-            }
-            Register::ForwardKinematics => {
-                push_floats(&mut reply, &kinematics::forward(&joints(params)?).to_wire());
-            }
-            Register::JointLimitCheck => reply.push(u8::from(beyond(&joints(params)?))),
-            Register::JointTorque => push_floats(&mut reply, &[0.0; JOINTS]),
-            Register::FeedbackCheck => {}
             Register::FeedbackType => {
                 let mask = byte(0)?;
                 if let Some(connection) = self.connection(receipt.client) {
@@ -203,10 +158,10 @@ impl ArmEmulator {
     fn limit(&mut self, register: Register, params: &[u8]) -> Option<Answer> {
         let [value] = floats::<1>(params)?;
         let (limit, most) = match register {
-            Register::TcpJerk => (&mut self.details.tcp_limits_mm.jerk, 100_000.0),
-            Register::TcpAcceleration => (&mut self.details.tcp_limits_mm.acceleration[1], 50_000.0),
-            Register::JointJerk => (&mut self.details.joint_limits_rad.jerk, 28_647_f32.to_radians()),
-            _ => (&mut self.details.joint_limits_rad.acceleration[1], 1145_f32.to_radians()),
+            Register::TcpJerk => (&mut self.settings.tcp_limits_mm[0], 100_000.0),
+            Register::TcpAcceleration => (&mut self.settings.tcp_limits_mm[2], 50_000.0),
+            Register::JointJerk => (&mut self.settings.joint_limits_rad[0], 28_647_f32.to_radians()),
+            _ => (&mut self.settings.joint_limits_rad[2], 1145_f32.to_radians()),
         };
         if !(0.0..=most).contains(&value) {
             return None;
@@ -236,7 +191,7 @@ impl ArmEmulator {
 
     /// What changes the set-up leaves the arm waiting for state 0.
     fn reset(&mut self) {
-        self.halt(if self.details.error == 0 { Condition::Reset } else { Condition::Stopped });
+        self.halt(if self.settings.error == 0 { Condition::Reset } else { Condition::Stopped });
     }
 
     fn queue_length(&self) -> [u8; 2] {
@@ -245,23 +200,7 @@ impl ArmEmulator {
 
     fn moves_in(&self, mode: u8) -> bool {
         let runs = matches!(self.condition, Condition::Running | Condition::Paused);
-        runs && self.mode == mode && self.details.enabled & self.details.brakes & ALL == ALL
-    }
-
-    /// The pose of the flange that brings the tool to a pose on the wire.
-    fn flange(&self, wire: [f32; 6]) -> Pose {
-        let (tool, offset) = (Pose::from_wire(wire), self.offset());
-        let rotation = tool.rotation * offset.rotation.inverse();
-        Pose { position_m: tool.position_m - rotation * offset.position_m, rotation }
-    }
-
-    /// The joints for a pose on the wire; without any, the error that the controller raises then.
-    fn reach(&mut self, wire: [f32; 6]) -> Option<[f64; JOINTS]> {
-        let found = kinematics::inverse(&self.flange(wire), &self.motion.aim());
-        if found.is_err() && (self.moves_in(0) || self.moves_in(1)) {
-            self.inject_error(21);
-        }
-        found.ok()
+        runs && self.mode == mode && self.settings.enabled & ALL == ALL
     }
 
     fn servo(&mut self, target: [f64; JOINTS]) -> Answer {
@@ -287,7 +226,7 @@ impl ArmEmulator {
         }
         let positive = |value: f64| value.is_finite() && value > 0.0;
         if !(positive(speed) && positive(acceleration)) {
-            self.details.warning = 12;
+            self.settings.warning = 12;
             return Answer::Invalid;
         }
         if beyond(&to) {
@@ -295,50 +234,13 @@ impl ArmEmulator {
         } else if speed > MAX_SPEED + ROUNDING {
             self.inject_error(24);
         } else if self.queue.len() == MAX_QUEUE {
-            self.details.warning = 11;
+            self.settings.warning = 11;
         } else {
-            let most = f64::from(self.details.joint_limits_rad.acceleration[1]);
+            let most = f64::from(self.settings.joint_limits_rad[2]);
             let acceleration = acceleration.min(most);
             self.queue.push_back(Planned { to, speed, acceleration, receipt });
         }
         Answer::Done(self.queue_length().into())
-    }
-
-    /// A Cartesian move, in the short and in the long form. The way there is straight for the joints, not for
-    /// the tool.
-    fn plan_line(&mut self, params: &[u8], receipt: Receipt) -> Option<Answer> {
-        let [pose @ .., speed_mm_s, _] = floats::<8>(params)?;
-        let options = params.get(40..43);
-        if options.is_some_and(|options| options[..2] != [0, 0]) {
-            return Some(Answer::Invalid);
-        }
-        if !self.moves_in(0) {
-            return Some(Answer::Idle(self.queue_length().into()));
-        }
-        let from = self.queue.back().map_or(self.motion.aim(), |last| last.to);
-        let flange = self.flange(pose);
-        let check_only = options.is_some_and(|options| options[2] != 0);
-        let Ok(joints) = kinematics::inverse(&flange, &from) else {
-            if !check_only {
-                self.inject_error(21);
-            }
-            return Some(Answer::Done([&self.queue_length()[..], &[1]].concat()));
-        };
-        if check_only {
-            return Some(Answer::Done([&self.queue_length()[..], &[0]].concat()));
-        }
-        // As long as the tool would need for the straight way.
-        let way_m = (flange.position_m - kinematics::forward(&from).position_m).norm();
-        let secs = (way_m / (f64::from(speed_mm_s) * 1e-3)).max(0.05);
-        let turn = joints.iter().zip(from).map(|(to, from)| (to - from).abs()).fold(1e-3, f64::max);
-        let answer = self.plan(joints, (turn / secs).min(MAX_SPEED), MAX_ACCELERATION, receipt);
-        Some(match answer {
-            Answer::Done(mut reply) if options.is_some() => {
-                reply.push(0);
-                Answer::Done(reply)
-            }
-            answer => answer,
-        })
     }
 }
 

@@ -5,6 +5,7 @@
 
 mod answers;
 mod motion;
+mod report;
 mod server;
 
 use std::collections::VecDeque;
@@ -13,14 +14,15 @@ use std::time::Duration;
 use serde::{Deserialize, Serialize};
 
 use etude_robot::xarm::Fence;
-use etude_robot::xarm::codec::{Feedback, Frame, FrameParser, ReplyState};
+use etude_robot::xarm::codec::{FEEDBACK, Frame, FrameParser, ReplyState};
 use etude_robot::xarm::kinematics::{self, JOINTS, PAPER_HOME_DEG, Pose};
-use etude_robot::xarm::report::{Details, MotionLimits, Report, ReportKind};
 use motion::Motion;
+use report::Settings;
 
+pub use report::ReportKind;
 pub use server::{ArmPorts, ArmServer, Reach};
 
-/// Reports of each kind that wait to be taken at most, in bytes.
+/// Replies that wait to be taken at most, in bytes.
 const MAX_WAITING: usize = 1 << 14;
 /// After a longer pause at rest only the last part of it is reported, ms.
 const MAX_RESTING_MS: u64 = 1000;
@@ -114,7 +116,7 @@ pub struct ArmEmulator {
     current: Option<Receipt>,
     condition: Condition,
     mode: u8,
-    details: Details,
+    settings: Settings,
     /// The safety boundary, and whether it is watched.
     fence: Fence,
     fenced: bool,
@@ -137,22 +139,7 @@ impl ArmEmulator {
             current: None,
             condition: Condition::Stopped,
             mode: 0,
-            details: Details {
-                collision_sensitivity: 3,
-                teach_sensitivity: 3,
-                gravity: [0.0, 0.0, -1.0],
-                tcp_limits_mm: MotionLimits {
-                    jerk: 7000.0,
-                    acceleration: [0.0, 50_000.0],
-                    speed: [0.0, 1000.0],
-                },
-                joint_limits_rad: MotionLimits {
-                    jerk: 11_459_f32.to_radians(),
-                    acceleration: [0.0, 1145_f32.to_radians()],
-                    speed: [0.0, std::f32::consts::PI],
-                },
-                ..Details::default()
-            },
+            settings: Settings::default(),
             fence: Fence::WIDEST,
             fenced: false,
             connections: Vec::new(),
@@ -211,7 +198,8 @@ impl ArmEmulator {
             self.clock += 1;
             self.step();
             for kind in ReportKind::ALL {
-                if self.clock.is_multiple_of(kind.period_ms()) {
+                let (.., period_ms) = kind.numbers();
+                if self.clock.is_multiple_of(period_ms) {
                     self.tell(kind);
                 }
             }
@@ -247,21 +235,16 @@ impl ArmEmulator {
 
     /// Error of the controller, 0 for none.
     pub fn error(&self) -> u8 {
-        self.details.error
+        self.settings.error
     }
 
     /// Raises an error. The emergency buttons (1 to 3) stay pressed until error 0 releases them; others go
     /// when cleaned.
     pub fn inject_error(&mut self, code: u8) {
-        self.details.error = code;
+        self.settings.error = code;
         if code != 0 {
             self.halt(Condition::Stopped);
         }
-    }
-
-    /// Raises a warning.
-    pub fn inject_warning(&mut self, code: u8) {
-        self.details.warning = code;
     }
 
     /// Blocks the joints, or releases them.
@@ -341,10 +324,10 @@ impl ArmEmulator {
         if receipt.wants & kind == 0 {
             return;
         }
-        let feedback =
-            Feedback { kind, register: receipt.register, task: 0, result, at_us: self.clock * 1000 };
-        let frame = feedback.frame(receipt.transaction, receipt.protocol, self.reply_state());
-        self.send(receipt.client, frame);
+        // Kind, register, number of the task and result, then the time at the controller in microseconds.
+        let head = [FEEDBACK, self.reply_state().0, kind, receipt.register, 0, 0, result];
+        let at_us = (self.clock * 1000).to_be_bytes();
+        self.send(receipt.client, Frame::new(receipt.transaction, receipt.protocol, &[&head, &at_us]));
     }
 
     fn send(&mut self, id: ConnectionId, frame: Option<Frame>) {
@@ -360,10 +343,10 @@ impl ArmEmulator {
         if !matches!(self.condition, Condition::Running | Condition::Paused) {
             bits |= ReplyState::NOT_READY;
         }
-        if self.details.warning != 0 {
+        if self.settings.warning != 0 {
             bits |= ReplyState::WARNING;
         }
-        if self.details.error != 0 {
+        if self.settings.error != 0 {
             bits |= ReplyState::ERROR;
         }
         ReplyState(bits)
@@ -379,22 +362,6 @@ impl ArmEmulator {
     }
 
     fn offset(&self) -> Pose {
-        Pose::from_wire(self.details.tcp_offset_mm_rad)
-    }
-
-    fn tell(&mut self, kind: ReportKind) {
-        let report = Report {
-            state: self.state(),
-            mode: self.mode,
-            queue: self.queue.len() as u16,
-            joints_rad: self.motion.joints.map(|angle| angle as f32),
-            pose_mm_rad: self.tool().to_wire(),
-            torques_nm: [0.0; JOINTS],
-            details: self.details,
-        };
-        let Some(waiting) = self.waiting.get_mut(kind as usize) else { return };
-        if !self.mute && waiting.len() < MAX_WAITING {
-            report.write(kind, &self.config.firmware, waiting);
-        }
+        Pose::from_wire(self.settings.tcp_offset_mm_rad)
     }
 }

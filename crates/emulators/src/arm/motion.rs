@@ -12,7 +12,7 @@ const STEP_SECS: f64 = 1e-3;
 /// Fastest that a joint turns, rad/s (xArm user manual: 180 deg/s).
 pub(super) const MAX_SPEED: f64 = PI;
 /// Fastest that a joint's speed changes, rad/s² (xArm user manual: 1145 deg/s²).
-pub(super) const MAX_ACCELERATION: f64 = 1145.0 * PI / 180.0;
+const MAX_ACCELERATION: f64 = 1145.0 * PI / 180.0;
 /// Targets that are on their way at most: a second of them.
 const MAX_TARGETS: usize = 256;
 

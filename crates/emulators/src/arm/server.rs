@@ -8,9 +8,8 @@ use std::net::{IpAddr, SocketAddr, TcpListener, TcpStream};
 use std::time::Duration;
 
 use etude_robot::stream::{Outbox, read_available};
-use etude_robot::xarm::report::ReportKind;
 
-use super::{ArmEmulator, ConnectionId};
+use super::{ArmEmulator, ConnectionId, ReportKind};
 
 /// Clients of one port at most.
 const MAX_CLIENTS: usize = 16;
@@ -38,7 +37,7 @@ impl ArmPorts {
 impl Default for ArmPorts {
     /// The robot's own ones (ufactory_docs). The first of them needs more than a user's rights.
     fn default() -> Self {
-        let [real, normal, rich] = ReportKind::ALL.map(ReportKind::port);
+        let [real, normal, rich] = ReportKind::ALL.map(|kind| kind.numbers().0);
         Self { command: 502, normal, rich, real }
     }
 }

@@ -1,6 +1,7 @@
 //! The kinds of faults that can be ordered, their names, and their effect on the emulated devices.
 
 use std::fmt;
+use std::mem::discriminant;
 use std::str::FromStr;
 use std::time::Duration;
 
@@ -91,27 +92,18 @@ pub(crate) const KINDS: [Row; 16] = [
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum FaultError {
     /// No fault is called so, or it has another value.
-    #[error("`{given}` is not a known fault; write one of {}", kinds())]
-    Kind {
-        /// As given.
-        given: String,
-    },
+    #[error("`{0}` is not a known fault; write one of {kinds}", kinds = kinds())]
+    Kind(String),
     /// It is not `KIND[=VALUE]@SECS[+SECS]`.
     #[error(
-        "`{given}` does not say when; write KIND[=VALUE]@SECS[+SECS]: seconds (0 to 86400) since the twin was switched \
-         on, and for how many, as in can-bus-off@20+2; KIND[=VALUE] is one of {}",
-        kinds()
+        "`{0}` does not say when; write KIND[=VALUE]@SECS[+SECS]: seconds (0 to 86400) since the twin was switched \
+         on, and for how many, as in can-bus-off@20+2; KIND[=VALUE] is one of {kinds}",
+        kinds = kinds()
     )]
-    When {
-        /// As given.
-        given: String,
-    },
+    When(String),
     /// It has a length, but faults of this kind are momentary.
-    #[error("`{given}` is a moment; leave out for how long")]
-    Moment {
-        /// As given.
-        given: String,
-    },
+    #[error("`{0}` is a moment; leave out for how long")]
+    Moment(String),
 }
 
 /// Every kind with an example of its value.
@@ -198,31 +190,25 @@ impl FromStr for FaultKind {
     fn from_str(text: &str) -> Result<Self, FaultError> {
         let (name, value) = text.split_once('=').unwrap_or((text, ""));
         let row = KINDS.iter().find(|(known, ..)| *known == name);
-        row.and_then(|(_, _, read)| read(value)).ok_or_else(|| FaultError::Kind { given: text.to_string() })
+        row.and_then(|(_, _, read)| read(value)).ok_or_else(|| FaultError::Kind(text.to_string()))
     }
 }
 
 impl fmt::Display for FaultKind {
     fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let name = match self {
-            Self::CanBusOff => "can-bus-off",
-            Self::CanSilent => "can-silent",
-            Self::FingerSilent(finger) => return write!(out, "finger-silent={finger}"),
-            Self::ArmError(code) => return write!(out, "arm-error={code}"),
-            Self::Estop => "estop",
-            Self::ArmDisconnect => "arm-disconnect",
-            Self::ArmSilent => "arm-silent",
-            Self::ArmMute => "arm-mute",
-            Self::ArmStuck => "arm-stuck",
-            Self::ArmStopped => "arm-stopped",
-            Self::KeyboardUnplugged => "keyboard-unplugged",
-            Self::KeyboardSilent => "keyboard-silent",
-            Self::HandHot(finger, celsius) => return write!(out, "hand-hot={finger}:{celsius}"),
-            Self::BoardHot(celsius) => return write!(out, "board-hot={celsius}"),
-            Self::HandFault(bits) => return write!(out, "hand-fault={bits}"),
-            Self::HandOff => "hand-off",
-        };
-        out.write_str(name)
+        let is_ours = |kind: FaultKind| discriminant(&kind) == discriminant(self);
+        let row = KINDS.iter().find(|(_, example, read)| read(example).is_some_and(is_ours));
+        out.write_str(row.map_or("", |(name, ..)| name))?;
+        match self {
+            Self::FingerSilent(value)
+            | Self::ArmError(value)
+            | Self::BoardHot(value)
+            | Self::HandFault(value) => {
+                write!(out, "={value}")
+            }
+            Self::HandHot(finger, celsius) => write!(out, "={finger}:{celsius}"),
+            _ => Ok(()),
+        }
     }
 }
 

@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use super::plan::{Dice, FaultCounts};
+use super::plan::Dice;
 
 /// One direction of a link on which things go wrong. `T` is what is on its way.
 #[derive(Clone, Debug)]
@@ -15,10 +15,5 @@ impl<T> FaultyLink<T> {
     /// Whether the link holds at this time; while it does not, a transport should report its loss.
     pub fn is_connected(&self, now: Duration) -> bool {
         self.dice.is_connected(now)
-    }
-
-    /// What went wrong so far.
-    pub fn counts(&self) -> FaultCounts {
-        self.dice.counts
     }
 }

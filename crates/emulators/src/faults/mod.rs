@@ -14,6 +14,5 @@ mod plan;
 pub use bytes::FaultyBytes;
 pub use frames::FaultyFrames;
 pub use kind::{FaultError, FaultKind};
-pub use link::FaultyLink;
 pub use order::{Faults, OrderedFault};
-pub use plan::{FaultCounts, FaultPlan, FaultPlanError};
+pub use plan::{FaultPlan, FaultPlanError};

@@ -31,10 +31,10 @@ impl OrderedFault {
     pub fn check(&self) -> Result<(), FaultError> {
         let time = |secs: f64| (0.0..=DAY_SECS).contains(&secs);
         if !(time(self.at_secs) && self.for_secs.is_none_or(time)) {
-            return Err(FaultError::When { given: self.to_string() });
+            return Err(FaultError::When(self.to_string()));
         }
         if self.for_secs.is_some() && !self.kind.lasts() {
-            return Err(FaultError::Moment { given: self.to_string() });
+            return Err(FaultError::Moment(self.to_string()));
         }
         Ok(())
     }
@@ -45,7 +45,7 @@ impl FromStr for OrderedFault {
 
     /// Reads `KIND[=VALUE]@SECS[+SECS]`.
     fn from_str(text: &str) -> Result<Self, FaultError> {
-        let when = || FaultError::When { given: text.to_string() };
+        let when = || FaultError::When(text.to_string());
         let (kind, times) = text.split_once('@').ok_or_else(when)?;
         let (at, length) = times.split_once('+').map_or((times, None), |(at, length)| (at, Some(length)));
         let secs = |text: &str| text.parse().map_err(|_| when());
@@ -177,7 +177,7 @@ mod tests {
                     prop_assert!(fault.for_secs.is_none_or(|secs| (0.0..=DAY_SECS).contains(&secs)));
                     prop_assert_eq!(fault.to_string().parse(), Ok(fault));
                 }
-                Err(FaultError::Moment { given }) => prop_assert!(!given.is_empty()),
+                Err(FaultError::Moment(given)) => prop_assert!(!given.is_empty()),
                 Err(error) => {
                     let said = error.to_string();
                     prop_assert!(KINDS.iter().all(|(name, ..)| said.contains(name)), "{}", said);
@@ -216,7 +216,7 @@ mod tests {
         ] {
             assert!(odd.parse::<OrderedFault>().is_err(), "{odd}");
         }
-        assert!(matches!("arm-error=31@1+2".parse::<OrderedFault>(), Err(FaultError::Moment { .. })));
+        assert!(matches!("arm-error=31@1+2".parse::<OrderedFault>(), Err(FaultError::Moment(_))));
         assert!("arm-error=2@1+2".parse::<OrderedFault>().is_ok());
     }
 

@@ -37,40 +37,9 @@ pub enum FaultPlanError {
     /// A probability or a time is out of its range.
     #[error(transparent)]
     Setting(#[from] SettingError),
-    /// A fault that this kind of link cannot have.
-    #[error("{name} = {value} cannot happen on a link of {link}; set it to 0")]
-    Impossible {
-        /// Name of the setting.
-        name: &'static str,
-        /// As set.
-        value: f64,
-        /// What travels on the link.
-        link: &'static str,
-    },
-    /// A length of a cut without its begin.
-    #[error("disconnect_for_secs without disconnect_at_secs; say when the link is cut, or leave both out")]
-    NoBegin,
-}
-
-/// What went wrong so far.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct FaultCounts {
-    /// Frames or bytes handed in.
-    pub pushed: u64,
-    /// Frames or bytes handed out.
-    pub popped: u64,
-    /// Lost by chance.
-    pub lost: u64,
-    /// Lost because the link was cut while they were on their way.
-    pub cut: u64,
-    /// Lost because too many were on their way.
-    pub overflowed: u64,
-    /// Bytes lost at the end of a piece.
-    pub truncated: u64,
-    /// Frames that arrived twice.
-    pub duplicated: u64,
-    /// Frames that were held back so that others could overtake them.
-    pub held: u64,
+    /// A fault that this kind of link cannot have, or the length of a cut without its begin.
+    #[error("{0}")]
+    Unfit(String),
 }
 
 /// What happens to one frame, or to one piece of bytes.
@@ -94,7 +63,6 @@ pub(super) struct Dice {
     cut: Option<(Duration, Duration)>,
     random: Pcg64,
     last_due: Duration,
-    pub(super) counts: FaultCounts,
 }
 
 /// What travels on a link.
@@ -119,13 +87,17 @@ impl Dice {
             Link::Bytes => ([("duplicate", plan.duplicate), ("reorder", plan.reorder)], "bytes"),
         };
         if let Some(&(name, value)) = impossible.iter().find(|(_, value)| *value > 0.0) {
-            return Err(FaultPlanError::Impossible { name, value, link });
+            let text = format!("{name} = {value} cannot happen on a link of {link}; set it to 0");
+            return Err(FaultPlanError::Unfit(text));
         }
         let delay = time("delay_secs", plan.delay_secs)?;
         time("jitter_secs", plan.jitter_secs)?;
         let cut = match (plan.disconnect_at_secs, plan.disconnect_for_secs) {
             (None, None) => None,
-            (None, Some(_)) => return Err(FaultPlanError::NoBegin),
+            (None, Some(_)) => {
+                let text = "disconnect_for_secs without disconnect_at_secs; say when the link is cut, or leave both out";
+                return Err(FaultPlanError::Unfit(text.to_string()));
+            }
             (Some(at), length) => {
                 let at = time("disconnect_at_secs", at)?;
                 let length = length.map(|secs| time("disconnect_for_secs", secs)).transpose()?;
@@ -133,14 +105,7 @@ impl Dice {
             }
         };
         let random = Pcg64::seed_from_u64(plan.seed);
-        Ok(Self {
-            plan: plan.clone(),
-            delay,
-            cut,
-            random,
-            last_due: Duration::ZERO,
-            counts: FaultCounts::default(),
-        })
+        Ok(Self { plan: plan.clone(), delay, cut, random, last_due: Duration::ZERO })
     }
 
     /// Whether the link holds at this time.

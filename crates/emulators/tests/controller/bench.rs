@@ -6,7 +6,7 @@ use std::time::Duration;
 
 use etude_emulators::{
     ArmEmulator, ArmEmulatorConfig, ConnectionId, FreeHand, HandEmulator, HandEmulatorConfig,
-    KeyboardEmulator, KeyboardEmulatorConfig,
+    KeyboardEmulator, KeyboardEmulatorConfig, ReportKind,
 };
 use etude_robot::allegro::JOINTS;
 use etude_robot::calibration::{Calibration, Point, RailPath};
@@ -17,7 +17,6 @@ use etude_robot::rig::RigConfig;
 use etude_robot::wires::Wires;
 use etude_robot::xarm::ArmLinkError;
 use etude_robot::xarm::kinematics::PAPER_HOME_DEG;
-use etude_robot::xarm::report::ReportKind;
 use etude_robot::{Phase, Record, Robot};
 
 pub const MS: Duration = Duration::from_millis(1);

@@ -3,10 +3,9 @@
 use std::f64::consts::PI;
 use std::time::Duration;
 
-use etude_emulators::{ArmEmulator, ArmEmulatorConfig, ConnectionId};
+use etude_emulators::{ArmEmulator, ArmEmulatorConfig, ConnectionId, ReportKind};
 use etude_robot::xarm::codec::{Frame, FrameParser, Register, floats};
 use etude_robot::xarm::kinematics::{JOINT_LIMITS_RAD, JOINTS, PAPER_HOME_DEG, Pose, forward};
-use etude_robot::xarm::report::{Details, ReportKind, ReportParser};
 use etude_robot::xarm::{Arm, ArmConfig, ArmError, ArmFault, ArmState};
 
 pub const MS: Duration = Duration::from_millis(1);
@@ -58,6 +57,11 @@ impl Ear {
         let is =
             |frame: &&Frame| frame.register() == register as u8 && frame.params().first() == Some(&first);
         self.frames.iter().filter(is).count()
+    }
+
+    /// Servo targets since the beginning.
+    pub fn streamed(&self) -> usize {
+        self.frames.iter().filter(|frame| frame.register() == Register::ServoJoints as u8).count()
     }
 
     pub fn stops(&self) -> usize {
@@ -147,13 +151,12 @@ impl Bench {
         Ok(())
     }
 
-    /// What the arm's next rich report says beside its motion.
-    pub fn reported(&mut self) -> Details {
-        let (mut bytes, mut parser) = (Vec::new(), ReportParser::new(ReportKind::Rich));
+    /// The bytes of the arm's next rich report.
+    pub fn reported(&mut self) -> Vec<u8> {
+        let mut bytes = Vec::new();
         self.run(400);
         self.emulator.take_reports(ReportKind::Rich, &mut bytes);
-        let mut bytes = bytes.as_slice();
-        std::iter::from_fn(|| parser.next(&mut bytes)).last().unwrap().details
+        bytes.split_off(bytes.len() - 245)
     }
 
     pub fn fault(&self) -> Option<ArmFault> {

@@ -2,8 +2,8 @@
 
 use std::time::Duration;
 
-use etude_emulators::{ArmEmulator, ArmEmulatorConfig, ConnectionId};
-use etude_robot::xarm::codec::{Feedback, Frame, FrameParser, ReplyState, floats, push_floats};
+use etude_emulators::{ArmEmulator, ArmEmulatorConfig, ConnectionId, ReportKind};
+use etude_robot::xarm::codec::{FEEDBACK, Frame, FrameParser, ReplyState, floats, push_floats};
 use etude_robot::xarm::kinematics::JOINTS;
 
 use crate::bench::{MS, apart, home};
@@ -15,7 +15,8 @@ struct Client {
     now: Duration,
     transaction: u16,
     parser: FrameParser,
-    feedback: Vec<Feedback>,
+    /// Kind, register and result of every command of which it was told.
+    feedback: Vec<(u8, u8, u8)>,
 }
 
 impl Client {
@@ -70,9 +71,12 @@ impl Client {
         self.emulator.take(self.id, &mut bytes);
         let mut bytes = bytes.as_slice();
         while let Some(frame) = self.parser.next(&mut bytes) {
-            match Feedback::read(&frame) {
-                Some(feedback) => self.feedback.push(feedback),
-                None => replies.push(frame),
+            match *frame.body() {
+                [FEEDBACK, _, kind, register, _, _, result, ..] => {
+                    assert_eq!(frame.body().len(), 15);
+                    self.feedback.push((kind, register, result));
+                }
+                _ => replies.push(frame),
             }
         }
         replies
@@ -83,9 +87,7 @@ impl Client {
 fn the_emulator_has_the_documented_states() {
     let mut client = Client::new();
     assert_eq!((client.emulator.state(), client.emulator.mode()), (4, 0));
-    for (register, params) in
-        [(11, &[8, 1][..]), (16, &[]), (19, &[1, 0]), (35, &[0; 24]), (37, &[3]), (38, &[3])]
-    {
+    for (register, params) in [(11, &[8, 1][..]), (16, &[]), (19, &[1, 0]), (35, &[0; 24]), (37, &[3])] {
         client.ask(12, &[0]);
         assert_eq!(client.emulator.state(), 2);
         let (state, _) = client.ask(register, params);
@@ -138,9 +140,6 @@ fn the_emulator_raises_the_documented_errors() {
     let mut client = Client::running(0);
     client.ask_floats(23, &[&[0.0, 3.0, 0.0, 0.0, 0.0, 0.0, 0.0], &[0.5, 1.0, 0.0][..]].concat());
     assert_eq!((client.emulator.error(), client.emulator.state()), (23, 4));
-    let mut client = Client::running(0);
-    client.ask_floats(21, &[900.0, 0.0, 900.0, 0.0, 0.0, 0.0, 100.0, 1000.0, 0.0]);
-    assert_eq!((client.emulator.error(), client.emulator.state()), (21, 4));
 
     // Two joints turn the flange at 2.6 rad/s each about axes far from it: faster than 1.2 m/s, no joint too
     // fast.
@@ -221,43 +220,44 @@ fn the_emulator_plans_moves_and_tells_of_their_end() {
     client.run(700);
     assert_eq!(client.ask(13, &[]).1, [2]);
     assert!(apart(&client.emulator.joints(), &there) < 1e-6);
-    let told: Vec<_> = client.feedback.iter().map(|told| (told.kind, told.register, told.result)).collect();
-    assert_eq!(told, [(1, 23, 0), (2, 23, 0)]);
+    assert_eq!(client.feedback, [(1, 23, 0), (2, 23, 0)]);
 
-    // Line moves in the old and in the new form, with the tool's offset.
-    let mut offset = Vec::new();
-    push_floats(&mut offset, &[0.0, 0.0, 100.0, 0.0, 0.0, 0.0]);
-    client.ask(35, &offset);
-    client.ask(12, &[0]);
-    let pose: [f32; 6] = floats(&client.ask(41, &[]).1).unwrap();
-    let mut target = pose.map(f64::from);
-    target[1] += 30.0;
-    for long in [false, true] {
-        target[2] -= 40.0;
-        let mut params = Vec::new();
-        let numbers = [&target[..], &[100.0, 1000.0, 0.0], if long { &[-1.0][..] } else { &[] }].concat();
-        push_floats(&mut params, &numbers.iter().map(|&value| value as f32).collect::<Vec<_>>());
-        if long {
-            params.extend([0, 0, 0]);
-        }
-        let (state, reply) = client.ask(21, &params);
-        assert_eq!((state, reply.len()), (ReplyState(0), if long { 3 } else { 2 }));
-        client.run(3000);
-        let reached: [f32; 6] = floats(&client.ask(41, &[]).1).unwrap();
-        for (reached, wanted) in reached.iter().zip(target) {
-            assert!((f64::from(*reached) - wanted).abs() < 0.01, "{reached} {wanted}");
-        }
-    }
     // A stop discards what is left.
     client.ask(254, &[2]);
-    client.ask_floats(25, &[0.2, 1.0, 0.0]);
+    client.ask_floats(23, &[&home()[..], &[0.2, 1.0, 0.0]].concat());
     client.ask_floats(23, &[&there[..], &[0.5, 5.0, 0.0]].concat());
     client.feedback.clear();
     client.run(100);
     assert_eq!(client.ask(14, &[]).1, [0, 1]);
     client.ask(12, &[4]);
-    let told: Vec<_> = client.feedback.iter().map(|told| (told.register, told.result)).collect();
-    assert_eq!(told, [(25, 2), (23, 2)]);
+    assert_eq!(client.feedback, [(2, 23, 2), (2, 23, 2)]);
+}
+
+#[test]
+fn the_reports_have_the_documented_bytes() {
+    let mut client = Client::running(1);
+    client.ask_floats(36, &[1.0, 2.0, 3.0, 4.0]);
+    client.ask_floats(35, &[5.0, 0.0, 0.0, 0.0, 0.0, 0.0]);
+    client.emulator.inject_error(23);
+    client.run(400);
+    for (kind, size) in [(ReportKind::Real, 87), (ReportKind::Normal, 145), (ReportKind::Rich, 245)] {
+        let mut bytes = Vec::new();
+        client.emulator.take_reports(kind, &mut bytes);
+        let report = bytes.split_off(bytes.len() - size);
+        assert_eq!((&report[..4], &report[4..7]), (&[0, 0, 0, size as u8][..], &[0x14, 0, 0][..]));
+        let joints: [f32; JOINTS] = floats(&report[7..]).unwrap();
+        assert!(apart(&joints.map(f64::from), &home()) < 1e-6);
+        if size > 87 {
+            assert_eq!(report[87..91], [0x7F, 0x7F, 23, 0]);
+            assert_eq!(floats(&report[91..]), Some([5.0]));
+            assert_eq!(floats(&report[115..]), Some([1.0, 2.0, 3.0, 4.0]));
+            assert_eq!((&report[131..133], floats(&report[133..])), (&[3, 3][..], Some([0.0, 0.0, -1.0])));
+        }
+        if size > 145 {
+            assert_eq!((&report[145..149], &report[151..157]), (&[7, 7, 0xAA, 0x55][..], &b"v2.4.0"[..]));
+            assert_eq!(floats(&report[181..]), Some([7000.0, 0.0, 50_000.0, 0.0, 1000.0]));
+        }
+    }
 }
 
 #[test]

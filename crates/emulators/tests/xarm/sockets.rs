@@ -54,11 +54,11 @@ fn driver_and_emulator_meet_on_sockets() {
         connection.receive_reports(&mut bytes).unwrap();
         arm.receive_report(now, &bytes);
         bytes.clear();
-        connection.receive_commands(&mut bytes).unwrap();
+        connection.commands.receive(&mut bytes).unwrap();
         arm.receive_command(now, &bytes);
         bytes.clear();
         arm.poll(now, &mut bytes);
-        connection.send(&bytes).unwrap();
+        connection.commands.send(&bytes).unwrap();
         now
     };
     while arm.state() != ArmState::Ready {
@@ -82,7 +82,7 @@ fn driver_and_emulator_meet_on_sockets() {
     }
     drop(served);
     let mut bytes = Vec::new();
-    assert!(connection.receive_commands(&mut bytes).is_err());
+    assert!(connection.commands.receive(&mut bytes).is_err());
     let refused = ArmConnection::open(&host).unwrap_err().to_string();
     assert!(refused.contains("control box"), "{refused}");
 }

@@ -31,18 +31,26 @@ const HEADER_BODY: usize = 6;
 /// Splits the file into chunks. Unknown chunks are skipped, and other bytes after the last track are ignored.
 pub(super) fn split(bytes: &[u8]) -> Result<Chunks<'_>, MidiError> {
     if bytes.is_empty() {
-        return Err(MidiError::Empty);
+        return Err(MidiError("the file is empty; export the song again as a Standard MIDI File".into()));
     }
     if !bytes.starts_with(b"MThd") {
-        return Err(MidiError::NotMidi { hint: hint(bytes) });
+        let hint = hint(bytes);
+        return Err(MidiError(format!(
+            "this is not a Standard MIDI File (it does not begin with `MThd`); {hint}"
+        )));
     }
-    let cut_short = |what, offset| MidiError::Truncated { what, offset };
+    let cut_short = |what: &str, offset: usize| {
+        MidiError(format!("the file is cut short: {what} at byte {offset}; copy or export it again"))
+    };
     let (_, header, mut rest) = chunk(bytes).ok_or(cut_short("the header is incomplete", bytes.len()))?;
     let [f0, f1, n0, n1, d0, d1] =
         *header.first_chunk::<HEADER_BODY>().ok_or(cut_short("the header is too short", bytes.len()))?;
     let format = u16::from_be_bytes([f0, f1]);
     if format > 1 {
-        return Err(MidiError::Format { format });
+        return Err(MidiError(format!(
+            "MIDI format {format} is not supported; export the song as format 0 or 1 (one song, played together), \
+             format 2 holds loose patterns"
+        )));
     }
     let announced = u16::from_be_bytes([n0, n1]);
     let division = division([d0, d1])?;
@@ -62,7 +70,10 @@ pub(super) fn split(bytes: &[u8]) -> Result<Chunks<'_>, MidiError> {
         rest = after;
     }
     if tracks.len() < usize::from(announced) {
-        return Err(MidiError::MissingTracks { announced, found: tracks.len() });
+        return Err(MidiError(format!(
+            "the header announces {announced} tracks but only {} are there; copy or export the file again",
+            tracks.len()
+        )));
     }
     Ok(Chunks { division, tracks })
 }
@@ -77,7 +88,12 @@ fn chunk(bytes: &[u8]) -> Option<(&[u8; 4], &[u8], &[u8])> {
 }
 
 fn division([high, low]: [u8; 2]) -> Result<Division, MidiError> {
-    let bad = |why| MidiError::Division { division: u16::from_be_bytes([high, low]), why };
+    let bad = |why: &str| {
+        let division = u16::from_be_bytes([high, low]);
+        MidiError(format!(
+            "the header's time division ({division:#06x}) is invalid: {why}; export the song again"
+        ))
+    };
     if high < 0x80 {
         return match u16::from_be_bytes([high, low]) {
             0 => Err(bad("a beat of no ticks")),

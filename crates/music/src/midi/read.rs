@@ -6,7 +6,7 @@ use midly::{EventIter, MetaMessage, MidiMessage, TrackEventKind};
 
 use super::chunks::{TrackChunk, split};
 use super::tempo::{Change, Changes};
-use crate::error::{MidiError, SongError};
+use crate::error::MidiError;
 use crate::limits::{MAX_DURATION_SECS, MAX_FILE_BYTES, MAX_NOTES};
 use crate::note::Note;
 use crate::song::Song;
@@ -17,7 +17,11 @@ const PERCUSSION: u8 = 9;
 /// Reads a whole file; see [`Song::from_midi`].
 pub(crate) fn read(bytes: &[u8], title: String) -> Result<Song, MidiError> {
     if bytes.len() as u64 > MAX_FILE_BYTES {
-        return Err(MidiError::TooLarge { bytes: bytes.len() as u64 });
+        return Err(MidiError(format!(
+            "the file has {} bytes, more than the {MAX_FILE_BYTES} that are read; a song is far smaller, so check that \
+             this is one",
+            bytes.len()
+        )));
     }
     let file = split(bytes)?;
     let mut reader = Reader::default();
@@ -58,9 +62,11 @@ impl Reader {
         let mut may_have_swallowed = false;
         loop {
             let unread = events.unread();
-            let bad = || MidiError::BadEvent {
-                track: number,
-                offset: chunk.offset + chunk.body.len() - unread.len(),
+            let bad = || {
+                let offset = chunk.offset + chunk.body.len() - unread.len();
+                MidiError(format!(
+                    "track {number} is damaged at byte {offset} of the file; copy or export the file again"
+                ))
             };
             let event = match events.next() {
                 Some(Ok(event)) => event,
@@ -93,7 +99,12 @@ impl Reader {
                     }
                 }
                 TrackEventKind::Meta(MetaMessage::Tempo(micros)) => match micros.as_int() {
-                    0 => return Err(MidiError::ZeroTempo { track: number }),
+                    0 => {
+                        return Err(MidiError(format!(
+                            "track {number} sets a tempo of zero seconds a beat; correct the tempo and export the song \
+                             again"
+                        )));
+                    }
                     micros => self.changes.push(tick, Change::Tempo(micros))?,
                 },
                 TrackEventKind::Meta(MetaMessage::TimeSignature(numerator, power, ..)) => {
@@ -114,7 +125,9 @@ impl Reader {
 
     fn note(&mut self, pitch: u8, held: Held, end: Option<u64>) -> Result<(), MidiError> {
         if self.notes.len() >= MAX_NOTES {
-            return Err(MidiError::TooManyNotes);
+            return Err(MidiError(format!(
+                "the file has more than {MAX_NOTES} notes; cut out the part you want to hear"
+            )));
         }
         self.notes.push(TickNote { pitch, velocity: held.velocity, start: held.start, end });
         Ok(())
@@ -122,7 +135,10 @@ impl Reader {
 
     fn finish(self, title: String, division: super::chunks::Division) -> Result<Song, MidiError> {
         if self.notes.is_empty() {
-            return Err(MidiError::NoNotes { percussion: self.percussion });
+            return Err(MidiError(format!(
+                "the file has no notes to play{}",
+                percussion_hint(self.percussion)
+            )));
         }
         let map = self.changes.into_map(division);
         let seconds = |note: &TickNote| Note {
@@ -134,12 +150,23 @@ impl Reader {
         let notes: Vec<Note> = self.notes.iter().map(seconds).collect();
         let secs = notes.iter().map(|note| note.end_secs).fold(0.0, f64::max);
         if secs > MAX_DURATION_SECS {
-            return Err(MidiError::TooLong { secs });
+            return Err(MidiError(format!(
+                "the last note ends after {secs:.0} s, more than the limit of {MAX_DURATION_SECS} s; cut out the part you \
+                 want to hear"
+            )));
         }
-        match Song::new(title, notes, 0.0) {
-            Ok(song) => Ok(song.with_beats(map.into_beats())),
-            Err(SongError::TooManyNotes { .. }) => Err(MidiError::TooManyNotes),
-            Err(_) => Err(MidiError::TooLong { secs }),
-        }
+        let song = Song::new(title, notes, 0.0).map_err(|error| MidiError(error.to_string()))?;
+        Ok(song.with_beats(map.into_beats()))
+    }
+}
+
+fn percussion_hint(strokes: usize) -> String {
+    match strokes {
+        0 => "; check that you exported the track with the melody".into(),
+        1 => " (1 stroke on the percussion channel is ignored); move the melody to another channel than 10"
+            .into(),
+        n => format!(
+            " ({n} strokes on the percussion channel are ignored); move the melody to another channel than 10"
+        ),
     }
 }

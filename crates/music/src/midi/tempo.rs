@@ -36,7 +36,10 @@ pub(super) struct Changes(Vec<(u64, Change)>);
 impl Changes {
     pub fn push(&mut self, tick: u64, change: Change) -> Result<(), MidiError> {
         if self.0.len() >= MAX_TEMPO_CHANGES {
-            return Err(MidiError::TooManyTempoChanges);
+            return Err(MidiError(format!(
+                "the file changes tempo or time signature more than {MAX_TEMPO_CHANGES} times; export it with a simpler \
+                 tempo track"
+            )));
         }
         self.0.push((tick, change));
         Ok(())

@@ -12,8 +12,6 @@ use std::time::Duration;
 pub(super) struct Taken {
     /// The frame is a duplicate.
     pub duplicate: bool,
-    /// Frames of an ended period that never came.
-    pub lost: u8,
     /// A period is over: the joint loop may compute. The time of its last frame.
     pub tick: Option<Duration>,
 }
@@ -70,17 +68,16 @@ impl Assembly {
     }
 
     fn close(&mut self) -> Taken {
-        let lost = self.missing();
         self.closed = std::mem::take(&mut self.window);
         let tick = self.ticked.is_none_or(|at| self.newest.saturating_sub(at) >= self.half_period);
         if tick {
             self.ticked = Some(self.newest);
         }
-        Taken { duplicate: false, lost, tick: tick.then_some(self.newest) }
+        Taken { duplicate: false, tick: tick.then_some(self.newest) }
     }
 
-    fn missing(&self) -> u8 {
-        self.window.iter().filter(|slot| slot.is_none()).count() as u8
+    fn missing(&self) -> usize {
+        self.window.iter().filter(|slot| slot.is_none()).count()
     }
 }
 
@@ -92,13 +89,12 @@ mod tests {
 
     const PERIOD: Duration = Duration::from_millis(3);
 
-    /// Frames as (microseconds, finger, angle); gives when it ticked and what was lost and doubled. With
+    /// Frames as (microseconds, finger, angle); gives when it ticked and how many were doubled. With
     /// `polled`, a look at the clock each 0.1 ms, as a driver that is polled has it.
-    fn play(frames: &[(u64, usize, i16)], polled: bool) -> (Vec<u64>, u32, u32) {
+    fn play(frames: &[(u64, usize, i16)], polled: bool) -> (Vec<u64>, u32) {
         let mut assembly = Assembly::new(PERIOD);
-        let (mut ticks, mut lost, mut duplicates) = (vec![], 0, 0);
+        let (mut ticks, mut duplicates) = (vec![], 0);
         let mut count = |micros: u64, taken: Taken| {
-            lost += u32::from(taken.lost);
             duplicates += u32::from(taken.duplicate);
             ticks.extend(taken.tick.map(|_| micros));
         };
@@ -110,7 +106,7 @@ mod tests {
             }
             count(micros, assembly.take(Duration::from_micros(micros), finger, [angle; 4]));
         }
-        (ticks, lost, duplicates)
+        (ticks, duplicates)
     }
 
     fn period(n: u64, fingers: &[usize]) -> Vec<(u64, usize, i16)> {
@@ -124,19 +120,18 @@ mod tests {
     #[test]
     fn whole_lost_doubled_and_swapped() {
         const ALL: &[usize] = &[0, 1, 2, 3];
-        assert_eq!(play(&periods(&[ALL; 3]), false), (vec![390, 3390, 6390], 0, 0));
+        assert_eq!(play(&periods(&[ALL; 3]), false), (vec![390, 3390, 6390], 0));
         // One lost: half a period after its first the period is over.
         for fingers in [&[0, 1, 3], &[1, 2, 3]] {
             let played = play(&periods(&[ALL, fingers, ALL, ALL]), true);
-            assert_eq!(played, (vec![390, 4600, 6390, 9390], 1, 0));
+            assert_eq!(played, (vec![390, 4600, 6390, 9390], 0));
             // Without a look at the clock, when the next frame comes.
-            assert_eq!(play(&periods(&[ALL, fingers, ALL, ALL]), false), (vec![390, 6000, 6390, 9390], 1, 0));
+            assert_eq!(play(&periods(&[ALL, fingers, ALL, ALL]), false), (vec![390, 6000, 6390, 9390], 0));
         }
-        assert_eq!(play(&periods(&[&[3, 0, 2, 1][..]; 2]), true), (vec![390, 3390], 0, 0));
-        assert_eq!(play(&periods(&[&[0, 0, 1, 2, 2, 3, 3][..]; 2]), true), (vec![650, 3650], 0, 6));
+        assert_eq!(play(&periods(&[&[3, 0, 2, 1][..]; 2]), true), (vec![390, 3390], 0));
+        assert_eq!(play(&periods(&[&[0, 0, 1, 2, 2, 3, 3][..]; 2]), true), (vec![650, 3650], 6));
         // A finger that is gone for good does not stop the clock (its age will stop the hand).
-        let (ticks, lost, _) = play(&periods(&[&[0, 1, 2][..]; 100]), true);
-        assert_eq!((ticks.len(), lost), (99, 99));
+        assert_eq!(play(&periods(&[&[0, 1, 2][..]; 100]), true).0.len(), 99);
         // Two periods at one moment.
         let burst: Vec<_> = periods(&[ALL, ALL]).iter().map(|&(_, f, n)| (0, f, n)).collect();
         assert_eq!(play(&burst, true).0, [0]);
@@ -144,7 +139,7 @@ mod tests {
         let mut frames = periods(&[ALL; 10]);
         let late = frames.remove(7);
         frames.insert(8, (6010, late.1, late.2));
-        let (ticks, _, _) = play(&frames, true);
+        let (ticks, _) = play(&frames, true);
         assert_eq!(ticks[ticks.len() - 6..], [12390, 15390, 18390, 21390, 24390, 27390]);
     }
 
@@ -161,7 +156,7 @@ mod tests {
                 let fingers: Vec<usize> = (0..4).filter(|f| mask & (1 << f) == 0).collect();
                 period(n, &fingers).into_iter().map(move |(at, f, c)| (at + late, f, c)).collect::<Vec<_>>()
             }).collect();
-            let (ticks, _, _) = play(&frames, polled);
+            let (ticks, _) = play(&frames, polled);
             prop_assert!((199..=200).contains(&ticks.len()), "{}", ticks.len());
             // Two periods and the jitter, where only the next frame tells that one was lost; polled, well
             // below.

@@ -1,7 +1,7 @@
 //! The frames that the driver sends.
 
 use super::limits::JOINTS;
-use super::messages::{DeviceId, Finger, HostMessage, Periods};
+use super::messages::{DeviceId, Finger, HostMessage};
 use crate::can::CanFrame;
 
 /// Appends frames to one hand.
@@ -23,13 +23,12 @@ impl Commands {
 
     /// Starts the stream of positions.
     pub fn periods(&self, out: &mut Vec<CanFrame>) {
-        let periods = Periods { position_ms: self.period_ms, ..Periods::default() };
-        self.message(HostMessage::Periods(periods), out);
+        self.message(HostMessage::Positions(self.period_ms), out);
     }
 
-    /// Stops all streams.
+    /// Stops the stream.
     pub fn silence(&self, out: &mut Vec<CanFrame>) {
-        self.message(HostMessage::Periods(Periods::default()), out);
+        self.message(HostMessage::Positions(0), out);
     }
 
     /// Switches the servo on, after a zero torque: the hand may still hold an older one.

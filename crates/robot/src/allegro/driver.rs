@@ -16,7 +16,7 @@ use super::config::HandConfig;
 use super::fault::HandFault;
 use super::limits::{JOINTS, PWM_LIMITS, clamp_pwm};
 use super::messages::{Finger, HandMessage, HostMessage, Information, Request, Serial, StatusBits};
-use super::state::{HandCounters, HandEvent, HandState, Known, Step};
+use super::state::{HandEvent, HandState, Known, Step};
 use crate::can::CanFrame;
 use crate::setting::SettingError;
 
@@ -41,7 +41,6 @@ pub struct Hand {
     step: Step,
     started: Duration,
     known: Known,
-    counters: HandCounters,
     next_heartbeat: Duration,
     heartbeats: usize,
     released: bool,
@@ -63,7 +62,6 @@ impl Hand {
             state: HandState::Off,
             step: Step::Silence,
             started: Duration::ZERO,
-            counters: HandCounters::default(),
             next_heartbeat: Duration::ZERO,
             heartbeats: 0,
             released: false,
@@ -82,25 +80,15 @@ impl Hand {
         self.driven = None;
     }
 
-    /// Takes a frame that arrived at `now`. Frames of other devices and damaged frames are only counted.
+    /// Takes a frame that arrived at `now`. Frames of other devices and damaged frames are ignored.
     pub fn receive(&mut self, now: Duration, frame: &CanFrame) -> HandEvent {
-        let message = match HandMessage::decode(self.config.device_id, frame) {
-            Ok(Some(message)) if self.listens() => message,
-            Ok(_) => {
-                self.counters.ignored += 1;
-                return HandEvent::Nothing;
-            }
-            Err(_) => {
-                self.counters.damaged += 1;
-                return HandEvent::Nothing;
-            }
-        };
+        let message = HandMessage::decode(self.config.device_id, frame);
+        let Some(message) = message.filter(|_| self.listens()) else { return HandEvent::Nothing };
         match message {
             HandMessage::Position { finger, counts } => return self.take_position(now, finger, counts),
             HandMessage::Information(information) => self.take_information(now, information),
             HandMessage::Temperature { finger, celsius } => self.take_temperature(finger, celsius),
             HandMessage::Serial(serial) => self.known.serial = Some(serial),
-            HandMessage::Imu(_) | HandMessage::Status(_) => self.counters.ignored += 1,
         }
         HandEvent::Nothing
     }
@@ -110,7 +98,7 @@ impl Hand {
     pub fn poll(&mut self, now: Duration, out: &mut Vec<CanFrame>) -> HandEvent {
         let event = if self.listens() {
             let taken = self.known.assembly.expire(now);
-            self.count(taken)
+            self.tick(taken)
         } else {
             HandEvent::Nothing
         };
@@ -122,7 +110,6 @@ impl Hand {
                 self.ask(now, out);
                 if self.driven.is_some_and(|at| now.saturating_sub(at) > TORQUE_HELD) {
                     self.driven = None;
-                    self.counters.unattended += 1;
                     self.commands.zero(out);
                 }
             }
@@ -198,17 +185,6 @@ impl Hand {
         self.known.serial
     }
 
-    /// Temperature of each flat joint, °C, if received since the start. Older firmware reports joint 0 of each finger and 0
-    /// for the others.
-    pub fn joint_celsius(&self) -> [Option<u8>; JOINTS] {
-        self.known.celsius
-    }
-
-    /// Counts of ignored, damaged and lost frames.
-    pub fn counters(&self) -> HandCounters {
-        self.counters
-    }
-
     /// Until the drain is over, frames may be from before the start.
     fn listens(&self) -> bool {
         match self.state {
@@ -223,7 +199,7 @@ impl Hand {
             *at = Some(now);
         }
         let taken = self.known.assembly.take(now, finger.number(), counts);
-        let event = self.count(taken);
+        let event = self.tick(taken);
         if event == HandEvent::Positions {
             self.known.positions_at = Some(now);
         }
@@ -232,21 +208,15 @@ impl Hand {
         }
         let first = 4 * finger.number();
         for (joint, counts) in (first..).zip(counts) {
-            match self.known.encoders.get_mut(joint).map(|encoder| encoder.take(now, joint, counts)) {
-                Some(Ok(true)) | None => {}
-                Some(Ok(false)) => self.counters.rejected += 1,
-                Some(Err(fault)) => {
-                    self.counters.rejected += 1;
-                    self.fail(fault);
-                }
+            let encoder = self.known.encoders.get_mut(joint);
+            if let Some(Err(fault)) = encoder.map(|encoder| encoder.take(now, joint, counts)) {
+                self.fail(fault);
             }
         }
         event
     }
 
-    fn count(&mut self, taken: Taken) -> HandEvent {
-        self.counters.duplicates += u64::from(taken.duplicate);
-        self.counters.lost += u64::from(taken.lost);
+    fn tick(&mut self, taken: Taken) -> HandEvent {
         let Some(at) = taken.tick else { return HandEvent::Nothing };
         self.known.positions_at = Some(at);
         HandEvent::Positions
@@ -285,9 +255,6 @@ impl Hand {
     fn take_temperature(&mut self, finger: Finger, celsius: [u8; 4]) {
         let limit = self.config.max_joint_celsius;
         for (joint, celsius) in (4 * finger.number()..).zip(celsius) {
-            if let Some(known) = self.known.celsius.get_mut(joint) {
-                *known = Some(celsius);
-            }
             if celsius > limit {
                 self.fail(HandFault::JointHot { joint, celsius, limit });
             }

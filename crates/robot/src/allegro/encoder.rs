@@ -33,11 +33,11 @@ impl Encoder {
         self.valid.map(|(_, rad)| rad)
     }
 
-    /// Takes a reading of the flat joint `joint`; returns whether it is valid.
+    /// Takes a reading of the flat joint `joint`; one that is impossible is dropped.
     ///
     /// # Errors
     /// If the last readings were all impossible.
-    pub fn take(&mut self, now: Duration, joint: usize, counts: i16) -> Result<bool, HandFault> {
+    pub fn take(&mut self, now: Duration, joint: usize, counts: i16) -> Result<(), HandFault> {
         let rad = rad_from_counts(counts);
         let [lower, upper] = JOINT_LIMITS_RAD.get(joint).copied().unwrap_or_default();
         let fault = if rad < lower - MARGIN_RAD || rad > upper + MARGIN_RAD {
@@ -55,9 +55,9 @@ impl Encoder {
         };
         let Some(fault) = fault else {
             *self = Self { valid: Some((now, rad)), rejected: 0 };
-            return Ok(true);
+            return Ok(());
         };
         self.rejected = self.rejected.saturating_add(1);
-        if self.rejected >= PATIENCE { Err(fault) } else { Ok(false) }
+        if self.rejected >= PATIENCE { Err(fault) } else { Ok(()) }
     }
 }

@@ -84,11 +84,6 @@ impl JointLoop {
         })
     }
 
-    /// Filtered velocity of each flat joint, rad/s.
-    pub fn velocities(&self) -> [f64; JOINTS] {
-        self.velocities
-    }
-
     fn measure(&mut self, at: Duration, positions: &[f64; JOINTS]) {
         let Some((last_at, last)) = &mut self.last else {
             self.last = Some((at, *positions));
@@ -129,7 +124,7 @@ mod tests {
         positions[5] += 0.003;
         let pwm = joints.pwm(ms(13.0), &positions, &[0.3; JOINTS]);
         // 1 rad/s through the low-pass: 1 − exp(−2π · 30 Hz · 3 ms) = 0.4319.
-        assert!((joints.velocities()[5] - 0.431_92).abs() < 1e-4, "{}", joints.velocities()[5]);
+        assert!((joints.velocities[5] - 0.431_92).abs() < 1e-4, "{}", joints.velocities[5]);
         assert!((pwm[5] - (3600.0 * 0.097 - 120.0 * 0.431_92)).abs() < 0.05, "{}", pwm[5]);
         assert!((pwm[4] - 360.0).abs() < 1e-9);
     }
@@ -167,9 +162,9 @@ mod tests {
                 at += gap;
                 let _ = joints.pwm(ms(at), &[speed * ms(at).as_secs_f64(); JOINTS], &[0.0; JOINTS]);
                 // Never beyond the truth: a wrong time step would overshoot.
-                prop_assert!(joints.velocities()[0].abs() <= f64::abs(speed) * (1.0 + 1e-6));
+                prop_assert!(joints.velocities[0].abs() <= f64::abs(speed) * (1.0 + 1e-6));
             }
-            prop_assert!((joints.velocities()[0] - speed).abs() < 1e-3 * speed.abs() + 1e-9);
+            prop_assert!((joints.velocities[0] - speed).abs() < 1e-3 * speed.abs() + 1e-9);
         }
     }
 }

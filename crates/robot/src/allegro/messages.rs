@@ -2,8 +2,6 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::can::CanFrame;
-
 /// Which hand on a bus: 0 to 3, kept in the hand's own memory; 0 as delivered.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(try_from = "u8", into = "u8")]
@@ -73,45 +71,6 @@ impl Finger {
     }
 }
 
-/// Up to eight bytes whose meaning is not documented in any public source.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Raw {
-    len: u8,
-    data: [u8; 8],
-}
-
-impl Raw {
-    /// `None` for more than eight bytes.
-    pub fn new(bytes: &[u8]) -> Option<Self> {
-        let mut data = [0; 8];
-        data.get_mut(..bytes.len())?.copy_from_slice(bytes);
-        Some(Self { len: bytes.len() as u8, data })
-    }
-
-    /// What a frame carries.
-    pub(super) fn of(frame: &CanFrame) -> Self {
-        Self { len: frame.payload().len() as u8, data: frame.data() }
-    }
-
-    /// The bytes.
-    pub fn bytes(&self) -> &[u8] {
-        &self.data[..usize::from(self.len)]
-    }
-}
-
-/// Periods of the hand's streams in ms; 0 stops a stream.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Periods {
-    /// All four position frames, back to back.
-    pub position_ms: u16,
-    /// The inertial sensor.
-    pub imu_ms: u16,
-    /// All four temperature frames.
-    pub temperature_ms: u16,
-    /// The status frame; `None` is the six-byte form of the message, which leaves it out.
-    pub status_ms: Option<u16>,
-}
-
 /// What a remote frame can ask for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Request {
@@ -121,8 +80,6 @@ pub enum Request {
     Serial,
     /// One finger's joint angles.
     Position(Finger),
-    /// The inertial sensor.
-    Imu,
     /// One finger's temperatures.
     Temperature(Finger),
 }
@@ -141,18 +98,9 @@ pub enum HostMessage {
         /// PWM of its joints 0 to 3, full scale [`FULL_SCALE_PWM`](super::FULL_SCALE_PWM).
         pwm: [i16; 4],
     },
-    /// The wanted pose of a finger. No known firmware implements it.
-    Pose {
-        /// Which finger.
-        finger: Finger,
-        /// Encoder counts of its joints 0 to 3.
-        counts: [i16; 4],
-    },
-    /// Starts and stops the streams.
-    Periods(Periods),
-    /// Device number and serial speed, in one of two public layouts (allegro_hand_linux_v4, allegro_hand_ros_v4). The
-    /// driver never sends it.
-    Config([u8; 6]),
+    /// Starts the stream of positions, all four frames back to back, with this period in ms; 0 stops it. The hand's other
+    /// streams stay off.
+    Positions(u16),
     /// Asks for an answer.
     Request(Request),
 }
@@ -234,8 +182,6 @@ pub enum HandMessage {
         /// Encoder counts of its joints 0 to 3.
         counts: [i16; 4],
     },
-    /// The inertial sensor. No public source documents its layout.
-    Imu(Raw),
     /// One finger's temperatures.
     Temperature {
         /// Which finger.
@@ -243,6 +189,4 @@ pub enum HandMessage {
         /// Its joints 0 to 3, °C. Older firmware fills only joint 0.
         celsius: [u8; 4],
     },
-    /// The status frame. No public source explains it.
-    Status(Raw),
 }

@@ -19,7 +19,6 @@ mod limits;
 mod messages;
 mod state;
 
-pub use codec::CodecError;
 pub use config::HandConfig;
 pub use driver::Hand;
 pub use fault::HandFault;
@@ -29,7 +28,6 @@ pub use limits::{
     rad_from_counts,
 };
 pub use messages::{
-    DeviceId, Finger, HandMessage, HandSide, HostMessage, Information, Periods, Raw, Request, Serial,
-    StatusBits,
+    DeviceId, Finger, HandMessage, HandSide, HostMessage, Information, Request, Serial, StatusBits,
 };
-pub use state::{HandCounters, HandEvent, HandState};
+pub use state::{HandEvent, HandState};

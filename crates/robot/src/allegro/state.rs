@@ -35,23 +35,6 @@ pub enum HandEvent {
     Positions,
 }
 
-/// Counts since the driver was created.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct HandCounters {
-    /// Frames of other devices, of no known kind, or while the driver does not listen.
-    pub ignored: u64,
-    /// Frames of a known kind with a wrong length or value.
-    pub damaged: u64,
-    /// Position frames that never came.
-    pub lost: u64,
-    /// Duplicates of position frames in one period.
-    pub duplicates: u64,
-    /// Encoder readings that were rejected.
-    pub rejected: u64,
-    /// Times that the driver sent zero because no torque was requested.
-    pub unattended: u64,
-}
-
 /// How far the start has come.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Step {
@@ -71,7 +54,6 @@ pub(super) struct Known {
     pub positions_at: Option<Duration>,
     pub information: Option<(Duration, Information)>,
     pub serial: Option<Serial>,
-    pub celsius: [Option<u8>; JOINTS],
     pub servo_was_on: bool,
     /// The hand's own watchdog may still report the time before the start.
     pub host_timeout_cleared: bool,
@@ -86,7 +68,6 @@ impl Known {
             positions_at: None,
             information: None,
             serial: None,
-            celsius: [None; JOINTS],
             servo_was_on: false,
             host_timeout_cleared: false,
         }

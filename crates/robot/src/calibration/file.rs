@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use atomic_write_file::AtomicWriteFile;
 use serde::{Deserialize, Serialize};
 
-use crate::xarm::kinematics::{JOINTS, KinematicsError, Pose, forward};
+use crate::xarm::kinematics::{JOINTS, Pose, forward};
 
 /// Version of the file.
 const SCHEMA: u32 = 1;
@@ -80,49 +80,9 @@ pub enum CalibrationError {
         /// Why.
         message: String,
     },
-    /// It belongs to another rig.
-    #[error(
-        "the calibration is of the rig `{found}`, and this is `{expected}`; make one for this rig with `etude robot calibrate`"
-    )]
-    OtherRig {
-        /// Rig in the file.
-        found: String,
-        /// Rig at hand.
-        expected: String,
-    },
-    /// It is too old to be trusted.
-    #[error(
-        "the calibration is {days} days old and the rig allows {allowed}; calibrate again with `etude robot calibrate`"
-    )]
-    OutOfDate {
-        /// Its age.
-        days: u64,
-        /// What the rig's file allows.
-        allowed: u64,
-    },
-    /// It was made after today.
-    #[error(
-        "a point of the calibration is dated {days} days after today: set this computer's clock, then calibrate again \
-         with `etude robot calibrate`"
-    )]
-    FromTheFuture {
-        /// How far ahead.
-        days: u64,
-    },
-    /// Points are missing.
-    #[error("the calibration has {0} of its three points; show the others with `etude robot calibrate`")]
-    Unfinished(usize),
-    /// The points do not lie as the keys do.
-    #[error("{0}; show the keys again with `etude robot calibrate`")]
-    Crooked(String),
-    /// The arm does not reach a part of the keyboard.
-    #[error("at {rail_m:+.3} m along the keyboard: {source}")]
-    OutOfReach {
-        /// Where.
-        rail_m: f64,
-        /// Why.
-        source: KinematicsError,
-    },
+    /// It is another rig's, too old, unfinished, or does not fit the keys or the arm.
+    #[error("{0}")]
+    Unfit(String),
 }
 
 impl Calibration {
@@ -173,17 +133,26 @@ impl Calibration {
     /// is the one that it was shown to, the controller checks when it starts.
     pub fn check(&self, rig: &str, now_unix_secs: u64, allowed_days: u64) -> Result<(), CalibrationError> {
         if self.rig != rig {
-            let [found, expected] = [self.rig.clone(), rig.to_string()];
-            return Err(CalibrationError::OtherRig { found, expected });
+            return Err(CalibrationError::Unfit(format!(
+                "the calibration is of the rig `{}`, and this is `{rig}`; make one for this rig with \
+                 `etude robot calibrate`",
+                self.rig
+            )));
         }
         for point in &self.points {
             let days = point.shown_unix_secs.saturating_sub(now_unix_secs) / DAY_SECS;
             if days >= 1 {
-                return Err(CalibrationError::FromTheFuture { days });
+                return Err(CalibrationError::Unfit(format!(
+                    "a point of the calibration is dated {days} days after today: set this computer's clock, then calibrate \
+                     again with `etude robot calibrate`"
+                )));
             }
             let days = now_unix_secs.saturating_sub(point.shown_unix_secs) / DAY_SECS;
             if days > allowed_days {
-                return Err(CalibrationError::OutOfDate { days, allowed: allowed_days });
+                return Err(CalibrationError::Unfit(format!(
+                    "the calibration is {days} days old and the rig allows {allowed_days}; calibrate again with \
+                     `etude robot calibrate`"
+                )));
             }
         }
         Ok(())
@@ -229,13 +198,16 @@ mod tests {
         let mut shown = papers();
         shown.points[0].shown_unix_secs = now;
         shown.points[2].shown_unix_secs = now + DAY_SECS - 1;
-        assert!(matches!(shown.check("paper", now, 7), Err(CalibrationError::OutOfDate { days: 8, .. })));
+        let refused = |calibration: &Calibration, rig: &str, days| {
+            calibration.check(rig, now, days).unwrap_err().to_string()
+        };
+        assert!(refused(&shown, "paper", 7).contains("8 days old"));
         assert!(shown.check("paper", now, 8).is_ok());
         shown.points[2].shown_unix_secs = u64::MAX;
-        assert!(matches!(shown.check("paper", now, 8), Err(CalibrationError::FromTheFuture { .. })));
+        assert!(refused(&shown, "paper", 8).contains("after today"));
         assert!(back.check("paper", now, 8).is_ok());
-        assert!(matches!(back.check("paper", now, 7), Err(CalibrationError::OutOfDate { days: 8, .. })));
-        assert!(matches!(back.check("lab", now, 8), Err(CalibrationError::OtherRig { .. })));
+        assert!(refused(&back, "paper", 7).contains("8 days old"));
+        assert!(refused(&back, "lab", 8).contains("of the rig `paper`"));
         std::fs::write(&path, "schema = 1\nrigg = 2").unwrap();
         assert!(matches!(Calibration::load(&path), Err(CalibrationError::File { .. })));
     }

@@ -43,17 +43,21 @@ impl RailPath {
         range: [f64; 2],
         near: &[f64; JOINTS],
     ) -> Result<Self, CalibrationError> {
-        let found = calibration.points.len();
-        let points: &[Point; 3] =
-            calibration.points.as_slice().try_into().map_err(|_| CalibrationError::Unfinished(found))?;
+        let points: &[Point; 3] = calibration.points.as_slice().try_into().map_err(|_| {
+            CalibrationError::Unfit(format!(
+                "the calibration has {} of its three points; show the others with `etude robot calibrate`",
+                calibration.points.len()
+            ))
+        })?;
         let [_, middle, _] = points;
         for pair in points.windows(2) {
             let along = pair[1].rail_m - pair[0].rail_m;
             let apart = (pair[1].pose().position_m - pair[0].pose().position_m).norm();
             let names = (pair[0].pitch, pair[1].pitch);
             if !(along > 0.0 && (apart / along - 1.0).abs() <= LENGTH_TOLERANCE) {
-                return Err(CalibrationError::Crooked(format!(
-                    "keys {} and {} are {:.1} mm apart, and the arm stood {:.1} mm apart at them",
+                return Err(CalibrationError::Unfit(format!(
+                    "keys {} and {} are {:.1} mm apart, and the arm stood {:.1} mm apart at them; show the keys again \
+                     with `etude robot calibrate`",
                     names.0,
                     names.1,
                     along * 1e3,
@@ -64,8 +68,9 @@ impl RailPath {
         for point in points {
             let turned = turned_rad(&point.pose(), &middle.pose());
             if turned.is_nan() || turned > TURN_TOLERANCE {
-                return Err(CalibrationError::Crooked(format!(
-                    "at key {} the hand was turned by {:.1}° against the middle one",
+                return Err(CalibrationError::Unfit(format!(
+                    "at key {} the hand was turned by {:.1}° against the middle one; show the keys again with \
+                     `etude robot calibrate`",
                     point.pitch,
                     turned.to_degrees()
                 )));
@@ -78,7 +83,8 @@ impl RailPath {
             arm_serial: calibration.arm_serial.clone(),
         };
         let reach = |rail_m: f64, near: &[f64; JOINTS]| {
-            path.joints(rail_m, near).map_err(|source| CalibrationError::OutOfReach { rail_m, source })
+            let unfit = |why| CalibrationError::Unfit(format!("at {rail_m:+.3} m along the keyboard: {why}"));
+            path.joints(rail_m, near).map_err(unfit)
         };
         let centre = reach(middle.rail_m, near)?;
         for end in range {

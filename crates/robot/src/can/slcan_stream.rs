@@ -32,7 +32,6 @@ pub struct SlcanTransport<S: Read + Write + Send> {
     outbox: Outbox,
     arrived: VecDeque<CanFrame>,
     refusals: u32,
-    damaged: u64,
     /// Whether the channel is another program's: what that has opened stays open.
     joined: bool,
 }
@@ -107,17 +106,11 @@ impl<S: Read + Write + Send> SlcanTransport<S> {
             outbox: Outbox::new(WAITING),
             arrived: VecDeque::new(),
             refusals: 0,
-            damaged: 0,
             joined,
         };
         transport.outbox.push(if joined { END_OF_LINE } else { OPEN });
         transport.flush()?;
         Ok(transport)
-    }
-
-    /// Number of lines so far that could not be read.
-    pub fn damaged(&self) -> u64 {
-        self.damaged
     }
 
     fn broken(&self, message: &str) -> CanError {
@@ -132,16 +125,15 @@ impl<S: Read + Write + Send> SlcanTransport<S> {
 
     fn take(&mut self, byte: u8) {
         match self.lines.push(byte) {
-            None => {}
+            None | Some(SlcanReply::Damaged) => {}
             Some(SlcanReply::Bell) => self.refusals = self.refusals.saturating_add(1),
-            Some(SlcanReply::Damaged) => self.damaged += 1,
-            Some(SlcanReply::Line(line @ [b't' | b'r' | b'T' | b'R', ..])) => match parse_frame(line) {
-                Ok(frame) => {
+            // A line that cannot be read is left out.
+            Some(SlcanReply::Line(line @ [b't' | b'r' | b'T' | b'R', ..])) => {
+                if let Ok(frame) = parse_frame(line) {
                     self.refusals = 0;
                     self.arrived.extend(frame);
                 }
-                Err(_) => self.damaged += 1,
-            },
+            }
             // Other lines are answers: a frame or a command was accepted.
             Some(SlcanReply::Line(_)) => self.refusals = 0,
         }

@@ -8,8 +8,7 @@
 //! ([`KeyboardWarning`]): a shifted, stuck or noisy keyboard spoils the music and the score, but the hand
 //! moves within the same limits over the same keys, and a sudden stop would not help. Warnings stay until the operator
 //! [acknowledges](Keyboard::acknowledge) them; no performance should start while there are any. A loss ends when the
-//! keyboard is back, and [`KeyboardCounts::losses`] keeps its count: the controller that stopped the robot decides when it
-//! may move again.
+//! keyboard is back: the controller that stopped the robot decides when it may move again.
 
 use std::{fmt, time::Duration};
 
@@ -130,23 +129,6 @@ impl fmt::Display for KeyboardWarning {
     }
 }
 
-/// What happened so far; never goes back, unlike the warnings.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct KeyboardCounts {
-    /// Keys that went down.
-    pub presses: u64,
-    /// Parts of the stream that could not be read ([`MidiParser::damaged`]).
-    pub damaged: u64,
-    /// Presses of a key that was down already: its release was lost.
-    pub double_presses: u64,
-    /// Releases of a key that was up already.
-    pub releases_without_press: u64,
-    /// Note messages beyond the 49 keys.
-    pub out_of_range: u64,
-    /// Times that the keyboard was lost.
-    pub losses: u64,
-}
-
 /// The driver of the keyboard, without input or output itself.
 ///
 /// Each cycle: hand it all bytes that have come ([`receive`](Self::receive)), then the time
@@ -168,8 +150,10 @@ pub struct Keyboard {
     /// Keys that stayed down for too long: this press, and any press since the last acknowledgement.
     stuck_now: u64,
     stuck: u64,
-    counts: KeyboardCounts,
-    acknowledged: KeyboardCounts,
+    /// Presses of keys that were down already and releases of keys that were up, since the last acknowledgement.
+    unpaired: u64,
+    /// Damaged parts of the stream at the last acknowledgement.
+    damage_seen: u64,
 }
 
 impl Keyboard {
@@ -192,8 +176,8 @@ impl Keyboard {
             shift: None,
             stuck_now: 0,
             stuck: 0,
-            counts: KeyboardCounts::default(),
-            acknowledged: KeyboardCounts::default(),
+            unpaired: 0,
+            damage_seen: 0,
         })
     }
 
@@ -230,7 +214,6 @@ impl Keyboard {
             }
         }
         self.sensed_at = self.sensed_at.map(|_| now);
-        self.counts.damaged = self.parser.damaged();
     }
 
     /// Time passes: notices silence and stuck keys. Pass all received bytes first.
@@ -258,17 +241,9 @@ impl Keyboard {
         self.state
     }
 
-    /// What happened since the start.
-    pub fn counts(&self) -> KeyboardCounts {
-        self.counts
-    }
-
     /// The warnings, until they are [acknowledged](Self::acknowledge).
     pub fn warnings(&self) -> impl Iterator<Item = KeyboardWarning> + '_ {
-        let (new, old) = (&self.counts, &self.acknowledged);
-        let pieces = new.damaged - old.damaged;
-        let events =
-            new.double_presses + new.releases_without_press - old.double_presses - old.releases_without_press;
+        let (pieces, events) = (self.parser.damaged() - self.damage_seen, self.unpaired);
         let stuck = (0..KEYS).filter(|key| self.stuck & (1 << key) != 0);
         let shifted = self.shift.map(KeyboardWarning::Shifted).into_iter();
         shifted
@@ -279,7 +254,7 @@ impl Keyboard {
 
     /// The operator has seen the warnings: they go, and come back only if their cause does.
     pub fn acknowledge(&mut self) {
-        self.acknowledged = self.counts;
+        (self.unpaired, self.damage_seen) = (0, self.parser.damaged());
         (self.shift, self.stuck) = (None, 0);
         self.shift_watch.restart();
     }
@@ -287,7 +262,6 @@ impl Keyboard {
     fn lose(&mut self, now: Duration, reason: LossReason, changes: &mut Vec<KeyChange>) {
         self.release_all(now, changes);
         self.parser.restart();
-        self.counts.losses += 1;
         self.state = KeyboardState::Lost { at: now, reason };
     }
 
@@ -298,22 +272,19 @@ impl Keyboard {
         (self.pressed, self.stuck_now) = (0, 0);
     }
 
-    /// The key of a note; notes beyond the keyboard are counted.
+    /// The key of a note, if the keyboard has it.
     fn key(&mut self, note: u8) -> Option<usize> {
         self.shift = self.shift_watch.hear(note).or(self.shift);
-        let key = note.checked_sub(self.lowest_pitch).map(usize::from).filter(|&key| key < KEYS);
-        self.counts.out_of_range += u64::from(key.is_none());
-        key
+        note.checked_sub(self.lowest_pitch).map(usize::from).filter(|&key| key < KEYS)
     }
 
     fn press(&mut self, now: Duration, note: u8, velocity: u8, changes: &mut Vec<KeyChange>) {
         let Some(key) = self.key(note) else { return };
         if self.pressed & (1 << key) != 0 {
             // It cannot go down twice without coming up: the release was lost, the new onset is real.
-            self.counts.double_presses += 1;
+            self.unpaired += 1;
             changes.push(KeyChange { at: now, key, velocity: 0 });
         }
-        self.counts.presses += 1;
         self.pressed |= 1 << key;
         self.stuck_now &= !(1 << key);
         if let Some(since) = self.pressed_at.get_mut(key) {
@@ -325,7 +296,7 @@ impl Keyboard {
     fn release(&mut self, now: Duration, note: u8, changes: &mut Vec<KeyChange>) {
         let Some(key) = self.key(note) else { return };
         if self.pressed & (1 << key) == 0 {
-            self.counts.releases_without_press += 1;
+            self.unpaired += 1;
             return;
         }
         self.pressed &= !(1 << key);

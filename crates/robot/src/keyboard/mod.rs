@@ -11,7 +11,7 @@ mod source;
 mod transport;
 
 pub use config::{KeyboardConfig, check_lowest_pitch, positive_secs};
-pub use driver::{KeyChange, Keyboard, KeyboardCounts, KeyboardState, KeyboardWarning, LossReason};
+pub use driver::{KeyChange, Keyboard, KeyboardState, KeyboardWarning, LossReason};
 pub use parser::{MidiEvent, MidiParser};
 pub use port::MidiPort;
 pub use shift::Shift;

@@ -17,7 +17,8 @@ pub const PROTOCOL_KEEP_ALIVE: u16 = 3;
 pub const KEEP_ALIVE_FROM: (u16, u16, u16) = (1, 8, 6);
 /// The state that stops an arm: it stands still and refuses motions (ufactory_docs).
 pub const STOPPED: u8 = 4;
-/// Register of a frame that answers no request.
+/// Register of a frame that answers no request: it reports that a command has begun or ended (xArm-CPLUS-SDK; register 254
+/// switches these frames on).
 pub const FEEDBACK: u8 = 0xFF;
 
 const HEADER: usize = 6;
@@ -57,15 +58,9 @@ registers! {
     Errors = 15, "error and warning";
     CleanError = 16, "clean error";
     CleanWarning = 17, "clean warning";
-    Brakes = 18, "brakes";
     SetMode = 19, "set mode";
-    MoveLine = 21, "Cartesian move";
-    MoveLineBlended = 22, "Cartesian move with blend";
     MoveJoints = 23, "joint move";
-    MoveJointsBlended = 24, "joint move with blend";
-    MoveZero = 25, "go to the zero position";
     ServoJoints = 29, "servo joints";
-    ServoLine = 30, "servo Cartesian";
     TcpJerk = 31, "TCP jerk";
     TcpAcceleration = 32, "TCP acceleration";
     JointJerk = 33, "joint jerk";
@@ -73,21 +68,11 @@ registers! {
     TcpOffset = 35, "TCP offset";
     Payload = 36, "payload";
     CollisionSensitivity = 37, "collision sensitivity";
-    TeachSensitivity = 38, "teach sensitivity";
-    ResetConfiguration = 39, "reset configuration";
-    SaveConfiguration = 40, "save configuration";
     TcpPose = 41, "TCP pose";
     JointPosition = 42, "joint position";
-    InverseKinematics = 43, "inverse kinematics";
-    ForwardKinematics = 44, "forward kinematics";
-    JointLimitCheck = 45, "joint limit check";
-    GravityDirection = 51, "gravity direction";
     SafetyBox = 52, "safety box";
     ReducedMode = 53, "reduced mode settings";
-    JointTorque = 55, "joint torque";
     SafetyBoxOn = 59, "safety box on or off";
-    TcpPoseAxisAngle = 91, "TCP pose as axis and angle";
-    FeedbackCheck = 253, "feedback check";
     FeedbackType = 254, "feedback type";
 }
 
@@ -195,39 +180,6 @@ fn word(bytes: &[u8], at: usize) -> u16 {
     bytes.get(at..at + 2).map_or(0, |pair| u16::from_be_bytes([pair[0], pair[1]]))
 }
 
-/// Reports that a command has begun or ended (xArm-CPLUS-SDK; register 254 switches these frames on).
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Feedback {
-    /// What happened: the bit of the mask under which it was ordered.
-    pub kind: u8,
-    /// Register of the command.
-    pub register: u8,
-    /// Number of the task.
-    pub task: u16,
-    /// 0 done, 1 failed, 2 discarded.
-    pub result: u8,
-    /// Time at the controller, microseconds.
-    pub at_us: u64,
-}
-
-impl Feedback {
-    /// As a frame that answers `transaction`.
-    pub fn frame(&self, transaction: u16, protocol: u16, state: ReplyState) -> Option<Frame> {
-        let [high, low] = self.task.to_be_bytes();
-        let head = [FEEDBACK, state.0, self.kind, self.register, high, low, self.result];
-        Frame::new(transaction, protocol, &[&head, &self.at_us.to_be_bytes()])
-    }
-
-    /// Reads what [`frame`](Self::frame) makes.
-    pub fn read(frame: &Frame) -> Option<Self> {
-        let &[FEEDBACK, _, kind, register, high, low, result, ref time @ ..] = frame.body() else {
-            return None;
-        };
-        let at_us = u64::from_be_bytes(time.try_into().ok()?);
-        Some(Self { kind, register, task: u16::from_be_bytes([high, low]), result, at_us })
-    }
-}
-
 /// Little-endian floats from the start of `bytes`; `None` if there are fewer.
 pub fn floats<const N: usize>(bytes: &[u8]) -> Option<[f32; N]> {
     let mut values = [0.0; N];
@@ -326,16 +278,6 @@ mod tests {
             let frame = Frame::new(7, 2, &[&[13, 0, 2]]).unwrap();
             let again: Vec<u8> = std::iter::repeat_n(bytes(&frame), 60).flatten().collect();
             prop_assert!(parse(&mut parser, &again).contains(&frame));
-        }
-
-        #[test]
-        fn feedback_survives_the_wire(
-            kind: u8, register: u8, task: u16, result: u8, at_us: u64, transaction: u16,
-        ) {
-            let feedback = Feedback { kind, register, task, result, at_us };
-            let frame = feedback.frame(transaction, 3, ReplyState(0)).unwrap();
-            prop_assert_eq!(frame.body().len(), 15);
-            prop_assert_eq!(Feedback::read(&frame), Some(feedback));
         }
     }
 }

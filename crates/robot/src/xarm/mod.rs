@@ -8,7 +8,6 @@
 //! listening there would silently replace the robot.
 
 pub mod codec;
-mod details;
 pub mod driver;
 pub mod errors;
 mod fence;
@@ -19,7 +18,7 @@ pub mod report;
 mod stopper;
 pub mod tcp;
 
-pub use driver::{Arm, ArmConfig, ArmCounters, ArmError, ArmFault, ArmState, ArmVersion, TargetError};
+pub use driver::{Arm, ArmConfig, ArmError, ArmFault, ArmState, ArmVersion, TargetError};
 pub use fence::{Fence, OutsideFence};
 pub use stopper::Stopper;
 pub use tcp::{ArmCommands, ArmConnection, ArmLinkError};

@@ -88,7 +88,8 @@ impl ArmCommands {
 /// Both sockets.
 #[derive(Debug)]
 pub struct ArmConnection {
-    commands: ArmCommands,
+    /// The socket for commands.
+    pub commands: ArmCommands,
     reports: TcpStream,
 }
 
@@ -102,14 +103,6 @@ impl ArmConnection {
         Ok(Self { commands: ArmCommands::open(host)?, reports: connect(name, report)? })
     }
 
-    /// Appends what has come from the command port. Never waits.
-    ///
-    /// # Errors
-    /// If the connection is gone.
-    pub fn receive_commands(&mut self, bytes: &mut Vec<u8>) -> Result<(), ArmLinkError> {
-        self.commands.receive(bytes)
-    }
-
     /// Appends what has come from the report port. Never waits.
     ///
     /// # Errors
@@ -117,15 +110,6 @@ impl ArmConnection {
     pub fn receive_reports(&mut self, bytes: &mut Vec<u8>) -> Result<(), ArmLinkError> {
         let broken = |source| ArmLinkError::Broken { doing: "reading reports", source };
         read_available(&mut self.reports, |piece| bytes.extend_from_slice(piece)).map_err(broken)
-    }
-
-    /// Sends to the command port, after what the network has not taken yet. Never waits: call it again with
-    /// nothing to send the rest.
-    ///
-    /// # Errors
-    /// If the connection is gone, or the arm does not take commands any more.
-    pub fn send(&mut self, bytes: &[u8]) -> Result<(), ArmLinkError> {
-        self.commands.send(bytes)
     }
 }
 

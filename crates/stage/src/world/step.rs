@@ -88,15 +88,16 @@ impl World {
             }
             self.torques[joint] = torque;
         }
-        outcome.collided |= self.advance();
+        self.advance();
+        outcome.collided |= self.collision();
     }
 
     /// One physics step under these torques (N·m, the rail in N) instead of those of the joint controllers: the twin emulates
-    /// the robot's own drives. The events are then those of this physics step. Returns whether there was a collision.
-    pub fn drive(&mut self, torques: &[f64; JOINTS]) -> bool {
+    /// the robot's own drives. The events are then those of this physics step.
+    pub fn drive(&mut self, torques: &[f64; JOINTS]) {
         self.events.clear();
         self.torques = *torques;
-        self.advance()
+        self.advance();
     }
 
     /// Changes the dry friction of the joints, N·m, the rail's in N, for example to model static friction. A negative value or
@@ -109,8 +110,8 @@ impl World {
         }
     }
 
-    /// One physics step under `self.torques`. Returns whether there was a collision.
-    fn advance(&mut self) -> bool {
+    /// One physics step under `self.torques`.
+    fn advance(&mut self) {
         self.data.ctrl_mut().copy_from_slice(&self.torques);
         for key in 0..KEYS {
             if self.data.tree_asleep()[self.layout.key_tree[key]] < 0 {
@@ -120,7 +121,6 @@ impl World {
         self.data.step();
         self.physics_steps += 1;
         self.watch_keys();
-        self.collision()
     }
 
     /// Finds the keys that have crossed their threshold since the last physics step, and adds their events.

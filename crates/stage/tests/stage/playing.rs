@@ -23,7 +23,7 @@ fn press(world: &mut World, finger: usize, key: usize) -> Option<(KeySet, Vec<Ke
     let mut before = KeySet::EMPTY;
     for targets in [[above; 5], [near; 5], [down; 5]].as_flattened() {
         world.step(targets);
-        before = before.union(world.pressed());
+        before = before.iter().chain(world.pressed().iter()).collect();
     }
     let held = (0..40)
         .map(|_| {

@@ -5,6 +5,7 @@ use std::fmt;
 
 use etude_stage::params::Slot;
 use etude_stage::{JOINT_NAMES, JOINTS};
+use serde::de::value::MapAccessDeserializer;
 use serde::de::{MapAccess, Visitor};
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
@@ -51,12 +52,8 @@ impl<'de> Deserialize<'de> for Widths {
                 Err(E::invalid_value(serde::de::Unexpected::Str(text), &self))
             }
 
-            fn visit_map<A: MapAccess<'de>>(self, mut map: A) -> Result<Widths, A::Error> {
-                let mut widths = BTreeMap::new();
-                while let Some((path, width)) = map.next_entry()? {
-                    widths.insert(path, width);
-                }
-                Ok(Widths::Identified(widths))
+            fn visit_map<A: MapAccess<'de>>(self, map: A) -> Result<Widths, A::Error> {
+                BTreeMap::deserialize(MapAccessDeserializer::new(map)).map(Widths::Identified)
             }
         }
         deserializer.deserialize_any(Either)
@@ -69,7 +66,10 @@ pub(super) fn spreads(widths: &BTreeMap<String, f64>) -> Result<Vec<Spread>, Tas
     // In ascending order of the paths, `all` comes before `fingers`, and both before the name of any joint.
     for (path, &width) in widths {
         if !(width.is_finite() && width >= 0.0) {
-            return Err(TaskError::BadWidth(path.clone(), width));
+            return Err(TaskError::Value(format!(
+                "task.randomisation.widths: {path} = {width} must be a finite number of at least 0, in the unit of the row; \
+                 `etude model params` lists the rows"
+            )));
         }
         let named = Slot::named(path)?;
         all.iter_mut()

@@ -191,7 +191,7 @@ fn misbehave(bench: &mut Bench, number: u8) {
         1 => FaultKind::ArmSilent,
         2 => FaultKind::ArmMute,
         3 => FaultKind::ArmError(number / 2),
-        4 => return arm.inject_warning(number / 10),
+        4 => FaultKind::ArmStopped,
         5 => FaultKind::BoardHot(number),
         6 => FaultKind::HandHot(number / 64, number),
         7 => FaultKind::HandFault(number),

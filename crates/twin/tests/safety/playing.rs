@@ -25,6 +25,5 @@ fn it_starts_goes_to_the_keyboard_and_follows() {
     assert_eq!(bench.robot.clamped(), clamped);
     let world = bench.lockstep.twin.joints()[RAIL];
     assert!((world - bench.robot.joints()[RAIL]).abs() < 0.01, "{world}");
-    println!("{:?} {:?}", bench.robot.hand().counters(), bench.robot.arm().counters());
     println!("{} frames, {} targets", bench.judge.frames, bench.judge.targets);
 }

@@ -66,7 +66,6 @@ impl Arm {
         }
         halt.since.get_or_insert(now);
         halt.again = now + STOP_AGAIN;
-        self.counters.stops += 1;
         self.request(now, Purpose::Stop, Register::SetState, &[STOPPED], out);
     }
 
@@ -107,18 +106,12 @@ impl Arm {
         if due.saturating_sub(now) > period / 8 {
             return;
         }
-        let missed = (now.saturating_sub(due).as_secs_f64() / period.as_secs_f64()) as u32;
-        self.counters.skipped_ticks += u64::from(missed);
-        self.next_tick = Some(if missed > 0 { now + period } else { due + period });
-        if self.outstanding.is_some() {
-            self.counters.skipped_ticks += 1;
-            return;
-        }
-        let Some(target) = self.target else { return };
+        let missed = now.saturating_sub(due) >= period;
+        self.next_tick = Some(if missed { now + period } else { due + period });
+        let Some(target) = self.target.filter(|_| self.outstanding.is_none()) else { return };
         let next = self.within_reach(Target { at: Some(now), ..target });
         let params = words(&next.joints, [0.0; 3]);
         self.request(now, Purpose::Target, Register::ServoJoints, params.as_flattened(), out);
-        self.counters.targets += 1;
         self.sent = Some(next);
     }
 
@@ -176,23 +169,18 @@ impl Arm {
     }
 
     fn take_frame(&mut self, now: Duration, frame: &Frame) {
-        if frame.register() == FEEDBACK {
-            self.counters.feedback += 1;
-            return;
-        }
-        let Some(asked) = self.outstanding.filter(|asked| asked.transaction == frame.transaction) else {
-            self.counters.stray_replies += 1;
+        // A reply to no request, or to one that had timed out, is ignored.
+        let answers = |asked: &Outstanding| asked.transaction == frame.transaction;
+        let Some(asked) = self.outstanding.filter(answers).filter(|_| frame.register() != FEEDBACK) else {
             return;
         };
         self.outstanding = None;
-        self.counters.replies += 1;
         let Some((state, params)) = frame.reply() else {
             return self.fail(ArmFault::ProtocolNonsense("a reply is too short"));
         };
         if frame.protocol != asked.protocol || frame.register() != asked.register as u8 {
             return self.fail(ArmFault::ProtocolNonsense("a reply is to something else"));
         }
-        self.counters.warnings += u64::from(state.has(ReplyState::WARNING));
         let moves = asked.purpose == Purpose::Target || asked.register == Register::MoveJoints;
         let ignored = is_queued(asked.register) && state.has(ReplyState::NOT_READY);
         if self.active() && (ignored || state.has(ReplyState::INVALID)) {

@@ -17,12 +17,12 @@ use std::time::Duration;
 
 pub use config::ArmConfig;
 pub use fault::{ArmError, ArmFault, ArmState, TargetError};
-pub use state::{Arm, ArmCounters};
+pub use state::Arm;
 pub use steps::ArmVersion;
 
 use super::codec::{FrameParser, Register};
 use super::kinematics::{self, JOINTS, Pose};
-use super::report::{Report, ReportKind, ReportParser};
+use super::report::{Report, ReportParser};
 use reach::{largest_turn, possible};
 use state::{Halt, Phase, Purpose, Target, Work};
 use steps::{MANUAL, SERVO, Step};
@@ -31,7 +31,7 @@ impl Arm {
     /// Both ports are connected. Nothing is sent until [`start`](Self::start); a fault stays.
     pub fn connected(&mut self, _now: Duration) {
         self.commands = FrameParser::default();
-        self.reports = ReportParser::new(ReportKind::Real);
+        self.reports = ReportParser::default();
         (self.outstanding, self.report, self.halt, self.ask_error) = (None, None, None, false);
         self.phase = match self.phase {
             Phase::Fault(fault, _) => Phase::Fault(fault, true),
@@ -145,7 +145,6 @@ impl Arm {
     /// Bytes from the report port.
     pub fn receive_report(&mut self, now: Duration, mut bytes: &[u8]) {
         while let Some(report) = self.reports.next(&mut bytes) {
-            self.counters.reports += 1;
             self.report = Some((report, now));
             self.check_report(&report, now);
         }
@@ -217,11 +216,6 @@ impl Arm {
     /// The arm's serial number; known once started.
     pub fn serial(&self) -> Option<&str> {
         self.serial.as_deref()
-    }
-
-    /// What has happened so far.
-    pub fn counters(&self) -> ArmCounters {
-        self.counters
     }
 
     fn work(&mut self, now: Duration, steps: &'static [Step]) {

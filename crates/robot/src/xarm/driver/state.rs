@@ -8,7 +8,7 @@ use super::steps::{self, ArmVersion, Step};
 use crate::setting::SettingError;
 use crate::xarm::codec::{FrameParser, Register, STOPPED};
 use crate::xarm::kinematics::JOINTS;
-use crate::xarm::report::{Report, ReportKind, ReportParser};
+use crate::xarm::report::{Report, ReportParser};
 
 /// The arm's driver.
 #[derive(Debug)]
@@ -31,30 +31,6 @@ pub struct Arm {
     /// What was sent last, or where the arm was when it became ready.
     pub(super) sent: Option<Target>,
     pub(super) next_tick: Option<Duration>,
-    pub(super) counters: ArmCounters,
-}
-
-/// What has happened so far.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct ArmCounters {
-    /// Servo targets sent.
-    pub targets: u64,
-    /// Times at which a target was due and none was sent: a reply was outstanding, or `poll` came late.
-    pub skipped_ticks: u64,
-    /// Targets sent in part, because late replies had left too far a way to the whole.
-    pub shortened: u64,
-    /// Replies to what was asked.
-    pub replies: u64,
-    /// Replies to no request, or to one that had timed out.
-    pub stray_replies: u64,
-    /// Feedback frames, which answer no request.
-    pub feedback: u64,
-    /// Replies that mention a warning.
-    pub warnings: u64,
-    /// Reports.
-    pub reports: u64,
-    /// Commands to stop.
-    pub stops: u64,
 }
 
 #[derive(Clone, Copy, Debug)]
@@ -139,7 +115,7 @@ impl Arm {
             transaction: 0,
             outstanding: None,
             commands: FrameParser::default(),
-            reports: ReportParser::new(ReportKind::Real),
+            reports: ReportParser::default(),
             report: None,
             version: None,
             serial: None,
@@ -148,7 +124,6 @@ impl Arm {
             target: None,
             sent: None,
             next_tick: None,
-            counters: ArmCounters::default(),
         })
     }
 }
