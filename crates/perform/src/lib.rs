@@ -4,6 +4,7 @@
 //! devices; an execution [`Mode`] puts them together. A [`Recording`] is an MCAP file with JSON messages, so Foxglove, the Python
 //! `mcap` package and Étude itself read it.
 
+mod error;
 mod evaluate;
 mod excitation;
 mod files;
@@ -26,6 +27,7 @@ pub mod stats;
 mod timing;
 mod writer;
 
+pub use error::PerformError;
 pub use evaluate::SongEvaluator;
 pub use excitation::{Excitation, ExcitationPlayer};
 pub use files::{FileError, write_file, write_frames_csv};
@@ -35,12 +37,12 @@ pub use messages::{
     RewardMessage, SetPointMessage, StepMessage, TargetMessage,
 };
 pub use mode::Mode;
-pub use perform::{PerformError, perform};
-pub use performance::{Executed, Performance, Scores, Simulated, gap};
+pub use perform::perform;
+pub use performance::{Ending, Executed, Performance, Scores, Simulated, Stepped, gap};
 pub use prepare::prepare;
 pub use recorder::Recorder;
 pub use recording::{Recording, RecordingError};
-pub use rig::{Command, Ending, Rig, Seen, Stepped};
+pub use rig::{Command, Rig, Seen};
 pub use robot_rig::RobotRig;
 pub use shaping::shaping_params;
 pub use sim_rig::SimRig;

@@ -1,15 +1,17 @@
 //! A simulation whose joints a robot follows: the paper's modes *joint mirroring* and *hybrid*.
 
 use etude_stage::{JOINTS, PHYSICS_STEPS, World};
+use etude_task::{TaskConfig, TaskError};
 
-use crate::performance::Performance;
-use crate::rig::{Command, Ending, Rig, Seen, Stepped, UNSTABLE};
+use crate::mode::Mode;
+use crate::performance::{Ending, Performance, Stepped};
+use crate::rig::{Command, Rig, Seen, UNSTABLE};
 use crate::robot_rig::{RobotRig, Waypoints};
 use crate::{PerformError, Recorder};
 
 /// Where the keys that the player sees come from.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Keys {
+enum Keys {
     /// From the simulation.
     Simulated,
     /// From the robot.
@@ -17,15 +19,25 @@ pub(crate) enum Keys {
 }
 
 /// A simulation beside a robot. The player sees the joints of the simulation, and the keys of one of the two.
-pub(crate) struct Mirrored<'a> {
+struct Mirrored<'a> {
     world: World,
     robot: RobotRig<'a>,
     keys: Keys,
 }
 
-impl<'a> Mirrored<'a> {
-    pub(crate) fn new(world: World, robot: RobotRig<'a>, keys: Keys) -> Self {
-        Self { world, robot, keys }
+impl Mode {
+    /// Puts the rig of this mode together: `robot` alone, or with the simulation of `task` beside it.
+    ///
+    /// # Errors
+    /// If the task's configuration is not sound.
+    pub fn rig<'a>(self, task: &TaskConfig, robot: RobotRig<'a>) -> Result<Box<dyn Rig + 'a>, TaskError> {
+        let keys = match self {
+            Self::JointMirroring => Keys::Simulated,
+            Self::Hybrid => Keys::Robot,
+            Self::Real => return Ok(Box::new(robot)),
+        };
+        let world = World::new(&task.stage, &task.params()?)?;
+        Ok(Box::new(Mirrored { world, robot, keys }))
     }
 }
 

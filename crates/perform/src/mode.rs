@@ -1,13 +1,7 @@
 //! The three ways in which a policy that was trained in simulation plays on a robot (paper, appendix "Execution Modes").
 
-use etude_stage::World;
-use etude_task::{TaskConfig, TaskError};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
-
-use crate::mirrored::{Keys, Mirrored};
-use crate::rig::Rig;
-use crate::robot_rig::RobotRig;
 
 /// Where the policy's observation comes from, and what the robot follows.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
@@ -33,19 +27,6 @@ impl Mode {
             Self::Hybrid => "hybrid",
             Self::Real => "real",
         }
-    }
-
-    /// Puts the rig of this mode together: `robot` alone, or with the simulation of `task` beside it.
-    ///
-    /// # Errors
-    /// If the task's configuration is not sound.
-    pub fn rig<'a>(self, task: &TaskConfig, robot: RobotRig<'a>) -> Result<Box<dyn Rig + 'a>, TaskError> {
-        let world = || -> Result<World, TaskError> { Ok(World::new(&task.stage, &task.params()?)?) };
-        Ok(match self {
-            Self::JointMirroring => Box::new(Mirrored::new(world()?, robot, Keys::Simulated)),
-            Self::Hybrid => Box::new(Mirrored::new(world()?, robot, Keys::Robot)),
-            Self::Real => Box::new(robot),
-        })
     }
 
     /// Whether a simulation runs beside the robot, which follows its joints.

@@ -2,30 +2,12 @@
 
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use etude_robot::Refused;
-use etude_task::{ACTION_LEN, Piece, Player, TargetRange, TaskConfig, TaskError, layout, observe};
+use etude_task::{ACTION_LEN, Piece, Player, TargetRange, TaskConfig, layout, observe};
 
-use crate::performance::Performance;
-use crate::recording::RecordingError;
-use crate::rig::{Command, Ending, Rig, Seen};
+use crate::error::PerformError;
+use crate::performance::{Ending, Performance};
+use crate::rig::{Command, Rig, Seen};
 use crate::{Recorder, RecordingWriter};
-
-/// A performance failed.
-#[derive(Debug, thiserror::Error)]
-pub enum PerformError {
-    /// The task could not be built.
-    #[error(transparent)]
-    Task(#[from] TaskError),
-    /// The robot refused a command.
-    #[error(transparent)]
-    Refused(#[from] Refused),
-    /// The robot did not start, or did not reach its starting pose.
-    #[error("the robot did not get ready: {0}")]
-    NotReady(String),
-    /// The recording could not be written.
-    #[error(transparent)]
-    Recording(#[from] RecordingError),
-}
 
 /// Plays `piece` once from its beginning. `task` is the task that `player` was trained in and `rig` was made for: it decides the
 /// columns of the observation. `writer` receives the recording, if there is one; `interrupt` ends the performance before the next

@@ -3,9 +3,9 @@
 use etude_music::metrics::{FrameScores, NoteScores, frame_scores, note_scores};
 use etude_music::{CONTROL_HZ, KeyEvent, KeySet, Note, notes_from_key_events};
 use etude_task::Piece;
-use serde::Serialize;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
 
-use crate::rig::{Ending, Stepped};
 use crate::timing::Timing;
 
 /// A piece as it was played, to its end or until the performance ended early.
@@ -25,6 +25,37 @@ pub struct Performance {
     pub simulation: Option<Simulated>,
     /// What only a robot measures.
     pub robot: Option<Executed>,
+}
+
+/// One control step as it was played.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Stepped {
+    /// Keys that sound at its end.
+    pub pressed: KeySet,
+    /// Keys that sound at its end in the simulation beside a robot; `None` without one.
+    pub alongside: Option<KeySet>,
+}
+
+/// How a performance or a recording ended.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum Ending {
+    /// After its last control step.
+    Complete,
+    /// On request.
+    Interrupted,
+    /// The robot stopped itself, for this reason.
+    Fault(String),
+}
+
+impl std::fmt::Display for Ending {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(match self {
+            Self::Complete => "complete",
+            Self::Interrupted => "interrupted",
+            Self::Fault(reason) => reason,
+        })
+    }
 }
 
 /// What only a simulation measures.

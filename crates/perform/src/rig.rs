@@ -5,10 +5,8 @@
 use etude_music::KeySet;
 use etude_stage::JOINTS;
 use etude_task::ACTION_LEN;
-use schemars::JsonSchema;
-use serde::{Deserialize, Serialize};
 
-use crate::performance::Performance;
+use crate::performance::{Ending, Performance, Stepped};
 use crate::{PerformError, Recorder};
 
 /// What a player may see of a rig.
@@ -33,39 +31,8 @@ pub struct Command<'a> {
     pub targets: [f64; JOINTS],
 }
 
-/// One control step as it was played.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Stepped {
-    /// Keys that sound at its end.
-    pub pressed: KeySet,
-    /// Keys that sound at its end in the simulation beside a robot; `None` without one.
-    pub alongside: Option<KeySet>,
-}
-
-/// How a performance or a recording ended.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "kebab-case")]
-pub enum Ending {
-    /// After its last control step.
-    Complete,
-    /// On request.
-    Interrupted,
-    /// The robot stopped itself, for this reason.
-    Fault(String),
-}
-
 /// The fault of a simulation that became unstable.
 pub(crate) const UNSTABLE: &str = "the simulation became unstable; give its physical parameters values closer to the defaults (`etude model params`)";
-
-impl std::fmt::Display for Ending {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.write_str(match self {
-            Self::Complete => "complete",
-            Self::Interrupted => "interrupted",
-            Self::Fault(reason) => reason,
-        })
-    }
-}
 
 /// Moves to joint targets at a keyboard. [`perform`](crate::perform) calls it.
 pub trait Rig {

@@ -8,10 +8,10 @@ use etude_robot::{Pace, Phase, Robot};
 use etude_stage::{JOINTS, PHYSICS_STEPS, RAIL};
 
 use crate::messages::{PolicyMessage, StepMessage, TargetMessage};
-use crate::performance::{Executed, Performance};
+use crate::performance::{Ending, Executed, Performance, Stepped};
 use crate::prepare::STOPPED;
 use crate::recorder::RobotRecords;
-use crate::rig::{Command, Ending, Rig, Seen, Stepped};
+use crate::rig::{Command, Rig, Seen};
 use crate::shaping::Shaping;
 use crate::timing::{CONTROL_PERIOD, Timing};
 use crate::{PerformError, Recorder};

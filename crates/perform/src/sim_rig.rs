@@ -5,8 +5,8 @@ use etude_stage::{FINGERS, PhysicalParams, World};
 use etude_task::{Environment, Piece, TaskConfig, TaskError};
 
 use crate::messages::{RewardMessage, StepMessage};
-use crate::performance::{Performance, Simulated};
-use crate::rig::{Command, Ending, Rig, Seen, Stepped, UNSTABLE};
+use crate::performance::{Ending, Performance, Simulated, Stepped};
+use crate::rig::{Command, Rig, Seen, UNSTABLE};
 use crate::{PerformError, Recorder};
 
 /// An [`Environment`] that plays its piece from the beginning, and sums up the reward.

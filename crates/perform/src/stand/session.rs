@@ -10,7 +10,7 @@ use etude_twin::Lockstep;
 
 use super::claim::Claim;
 use super::guard::Guard;
-use crate::perform::PerformError;
+use crate::error::PerformError;
 use crate::prepare::prepare;
 
 /// Longest time between two signs of life to the guard, and between two checks for a request to stop.
