@@ -11,7 +11,7 @@ use crate::method::{Method, Outcome, Reason};
 use crate::problem::Problem;
 use crate::process::Process;
 use crate::random::Draws;
-use crate::space::{all_inside, is_point};
+use crate::space::all_inside;
 
 /// Random points a coordinate among which the search for the next candidate begins.
 const EVERYWHERE: usize = 100;
@@ -162,12 +162,7 @@ impl Method for Bo {
         }
         let space = problem.space();
         let mut draws = Draws::new(self.seed, self.batch);
-        let mut batch: Vec<Vec<f64>> = Vec::new();
-        for point in self.suggested(space.len(), &mut draws) {
-            if point.len() == space.len() && point.iter().all(|u| u.is_finite()) {
-                batch.push(all_inside(&point));
-            }
-        }
+        let mut batch = self.suggested(space.len(), &mut draws);
         batch.resize_with(self.config.batch, || (0..space.len()).map(|_| draws.uniform()).collect());
         for place in 0..batch.len() {
             let is_known = |point: &Vec<f64>| {
@@ -200,13 +195,5 @@ impl Method for Bo {
         self.batch += 1;
         let none = self.told.iter().all(|(_, cost)| cost.is_none());
         (none && self.batch > 1).then_some(Reason::Failures)
-    }
-
-    fn is_sound(&self, problem: &Problem) -> bool {
-        let n = problem.space().len();
-        let told = |(point, cost): &(Vec<f64>, Option<f64>)| {
-            is_point(point, n) && cost.is_none_or(|cost| cost.is_finite() && cost >= 0.0)
-        };
-        self.config.validate(n).is_ok() && self.told.iter().all(told)
     }
 }

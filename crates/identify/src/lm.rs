@@ -12,7 +12,7 @@ use crate::config::LmConfig;
 use crate::jacobian::{assemble, probes};
 use crate::method::{Method, Outcome, Reason};
 use crate::problem::Problem;
-use crate::space::{all_inside, is_point};
+use crate::space::all_inside;
 
 mod step;
 
@@ -210,21 +210,5 @@ impl Method for Lm {
             Phase::Jacobian { attempts } => self.learn_jacobian(problem, attempts, outcomes),
             Phase::Trial { point, predicted } => self.learn_trial(&point, predicted, first),
         }
-    }
-
-    fn is_sound(&self, problem: &Problem) -> bool {
-        let n = problem.space().len();
-        let phase = match &self.phase {
-            Phase::Start => self.residuals.is_empty(),
-            Phase::Jacobian { attempts } => attempts.len() == n,
-            Phase::Trial { point, predicted } => is_point(point, n) && *predicted > 0.0,
-        };
-        let started = self.phase == Phase::Start || self.residuals.len() == problem.samples();
-        let numbers = (1e-9..=0.1).contains(&self.difference_step)
-            && self.damping > 0.0
-            && self.growth >= 1.0
-            && self.cost.is_finite();
-        let numbers = numbers && self.config.validate().is_ok();
-        phase && started && numbers && is_point(&self.point, n) && self.model.is_sound(n)
     }
 }
