@@ -31,4 +31,4 @@ pub use play::{Files, Report, make_folder, play, scores_in_simulation};
 pub use record::{Motion, Recorded, record_robot};
 pub use rehearse::{RehearsalConfig, RehearsalStep, Round, rehearse_on_robot};
 pub use robot::{RobotPlay, RobotReport, RobotRun, RunEnded, play_on_robot};
-pub use run::{CONFIG, META, Run, SONG, find_song};
+pub use run::{CONFIG, META, Run, SONG, TrainingProgress, find_song};

@@ -129,9 +129,9 @@ fn show(status: &mut Status, step: &RehearsalStep) {
             &format!("round {round}: identifying, {}", at.stage.name()),
             &format!(", {} replays, residuals {:.2} times the noise", at.replays, at.rms),
         ),
-        RehearsalStep::Training { round, step, total, best_f1 } => status.now(
+        RehearsalStep::Training(round, at) => status.now(
             &format!("round {round}: training"),
-            &format!(", step {step} of {total}, best F1 {best_f1:.3}"),
+            &format!(", step {} of {}, best F1 {:.3}", at.step, at.total, at.best_f1.unwrap_or(0.0)),
         ),
         RehearsalStep::Performed { round, run, f1 } => {
             status.now(&format!("round {round}: run {} played, F1 {f1:.3}", run + 1), "");

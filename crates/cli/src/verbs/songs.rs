@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use etude_lab::{find_song, shipped_policies};
 use etude_music::{CONTROL_HZ, Note, pitch_name, repertoire};
 use serde::Serialize;
+use serde_json::json as object;
 
 use super::{json, line};
 use crate::Ending;
@@ -58,16 +59,6 @@ enum What {
 }
 
 #[derive(Serialize)]
-struct Entry {
-    id: &'static str,
-    title: String,
-    notes: usize,
-    secs: f64,
-    frames: usize,
-    policy: bool,
-}
-
-#[derive(Serialize)]
 struct Shown {
     title: String,
     notes: usize,
@@ -91,25 +82,26 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
 }
 
 fn list(as_json: bool) -> anyhow::Result<()> {
-    let mut entries = Vec::new();
+    let mut rows = Vec::new();
+    if !as_json {
+        line(format!("{:18} {:28} {:>5} {:>7} {:>7}  policy", "id", "title", "notes", "secs", "frames"))?;
+    }
     for piece in repertoire::PIECES {
-        let song = piece.song();
-        entries.push(Entry {
-            id: piece.id,
-            title: song.title().to_string(),
-            notes: song.notes().len(),
-            secs: song.duration_secs(),
-            frames: song.episode_frames(CONTROL_HZ, 1.0)?.len(),
-            policy: !shipped_policies(piece.id, &PathBuf::from("runs")).is_empty(),
-        });
+        let (id, song) = (piece.id, piece.song());
+        let (title, notes, secs) = (song.title(), song.notes().len(), song.duration_secs());
+        let frames = song.episode_frames(CONTROL_HZ, 1.0)?.len();
+        let policy = !shipped_policies(id, &PathBuf::from("runs")).is_empty();
+        if as_json {
+            rows.push(object!({
+                "id": id, "title": title, "notes": notes, "secs": secs, "frames": frames, "policy": policy,
+            }));
+        } else {
+            let policy = if policy { "yes" } else { "train it" };
+            line(format!("{id:18} {title:28} {notes:>5} {secs:>7.1} {frames:>7}  {policy}"))?;
+        }
     }
     if as_json {
-        return json(&entries);
-    }
-    line(format!("{:18} {:28} {:>5} {:>7} {:>7}  policy", "id", "title", "notes", "secs", "frames"))?;
-    for e in entries {
-        let policy = if e.policy { "yes" } else { "train it" };
-        line(format!("{:18} {:28} {:>5} {:>7.1} {:>7}  {policy}", e.id, e.title, e.notes, e.secs, e.frames))?;
+        return json(&rows);
     }
     line("\nFrames are control steps at 20 Hz after one second of silence. `etude songs show ID` shows one.")
 }

@@ -5,7 +5,7 @@ use crate::{
     buffer::Buffer,
     env::ObservationLayout,
     network::Network,
-    tensors::{Lookup, TensorError, find, find_tensors},
+    tensors::{Lookup, find, find_tensors},
 };
 
 /// Temperature for a policy without one, as a share of `initial_temperature`. Trainings converge to about a twentieth (`fast`, C-major
@@ -39,7 +39,7 @@ impl Knowledge {
         action_len: usize,
         hidden: &[usize],
         lookup: &Lookup<'_>,
-    ) -> Result<Self, TensorError> {
+    ) -> Result<Self, String> {
         let values = |network: &Network, prefix: &str| {
             let mut buffer = network.parameters();
             find_tensors(&network.plan, prefix, lookup, &mut buffer).map(|()| buffer)
@@ -49,7 +49,7 @@ impl Knowledge {
         let judgement = Judgement {
             critics: [values(&critic, "critic0.parameters")?, values(&critic, "critic1.parameters")?],
             targets: [values(&critic, "critic0.target")?, values(&critic, "critic1.target")?],
-            log_temperature: find(lookup, TEMPERATURE.to_owned(), &[3])?[0],
+            log_temperature: find(lookup, TEMPERATURE, &[3])?[0],
         };
         Ok(Self {
             actor: values(&actor, "actor.parameters")?,
@@ -70,7 +70,7 @@ impl Droq {
         self.actor.parameters.copy_from_slice(&knowledge.actor);
         self.policy.copy_from_slice(&knowledge.policy);
         let Some(judgement) = &knowledge.judgement else {
-            self.log_temperature.value += SETTLED.ln();
+            self.log_temperature[0] += SETTLED.ln();
             return;
         };
         let theirs = judgement.critics.iter().zip(&judgement.targets);
@@ -78,7 +78,7 @@ impl Droq {
             ours.learned.parameters.copy_from_slice(parameters);
             ours.target.copy_from_slice(target);
         }
-        self.log_temperature.value = judgement.log_temperature;
+        self.log_temperature[0] = judgement.log_temperature;
     }
 
     /// Whether updates from now on do not change the actor and the temperature, except their optimiser moments.
