@@ -7,8 +7,7 @@ use etude_perform::stats::sorted;
 use crate::config::{Experiment, FigureConfig, FigureKind};
 use crate::figure::{Drawing, Point, Series};
 use crate::outcome::Row;
-use crate::record::{combinations, summary};
-use crate::stats::Summary;
+use crate::record::{by_song, combinations, summary};
 
 /// The name of a measure in figures and tables.
 pub(crate) fn measure_name(measure: &str, in_course: bool) -> String {
@@ -104,16 +103,10 @@ fn curve(all: &[Row], x: &str, measure: &str) -> Vec<Point> {
         (1..=50).map(|part| end * f64::from(part) / 50.0).collect()
     };
     let at_place = |place: f64| {
-        let mut songs: BTreeMap<&str, Vec<f64>> = BTreeMap::new();
-        for ([song, _], points) in &trainings {
-            // After its end a training keeps its last value.
-            if let Some((_, value)) = points.iter().rev().find(|(at, _)| *at <= place) {
-                songs.entry(song).or_default().push(*value);
-            }
-        }
-        let strata: Vec<Vec<f64>> = songs.into_values().collect();
-        let whole = strata.iter().map(Vec::len).sum::<usize>() == trainings.len();
-        let found = Summary::new(&strata).filter(|_| whole)?;
+        // After its end a training keeps its last value.
+        let last = |points: &[(f64, f64)]| Some(points.iter().rev().find(|(at, _)| *at <= place)?.1);
+        let scores = trainings.iter().filter_map(|([song, _], points)| Some((song.as_str(), last(points)?)));
+        let found = by_song(scores).filter(|found| found.count == trainings.len())?;
         Some(Point { x: place, y: found.mean.value, interval: found.mean.interval })
     };
     places.into_iter().filter_map(at_place).collect()

@@ -100,7 +100,7 @@ fn trainings<'a>(
 }
 
 /// Scores of trainings in short, a stratum a song.
-fn by_song<'a>(scores: impl Iterator<Item = (&'a str, f64)>) -> Option<Summary> {
+pub fn by_song<'a>(scores: impl Iterator<Item = (&'a str, f64)>) -> Option<Summary> {
     let mut songs: BTreeMap<&str, Vec<f64>> = BTreeMap::new();
     for (song, score) in scores {
         songs.entry(song).or_default().push(score);
@@ -153,8 +153,9 @@ pub fn csv(records: &[Row]) -> String {
         let of_labels =
             labels.iter().map(|key| record.labels.get(*key).map_or_else(String::new, |text| field(text)));
         // Six digits tell all that a score of control steps can; the whole number is in `results.jsonl`.
-        let of_values =
-            values.iter().map(|key| record.values.get(*key).map_or_else(String::new, |value| short(*value)));
+        let of_values = values
+            .iter()
+            .map(|key| record.values.get(*key).map_or_else(String::new, |value| short(*value, 6)));
         let fields: Vec<String> = of_labels.chain(of_values).collect();
         // Writing to a string cannot fail.
         let _ = writeln!(text, "{}", fields.join(","));
@@ -162,8 +163,9 @@ pub fn csv(records: &[Row]) -> String {
     text
 }
 
-fn short(value: f64) -> String {
-    let text = format!("{value:.6}");
+/// A number with so many decimals at most, without zeros at its end.
+pub fn short(value: f64, decimals: usize) -> String {
+    let text = format!("{value:.decimals$}");
     text.trim_end_matches('0').trim_end_matches('.').to_string()
 }
 

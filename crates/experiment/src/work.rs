@@ -162,7 +162,7 @@ impl Doing<'_, '_> {
         if outcome.stopped.is_some() {
             bail!(STOPPED);
         }
-        let pianist = load_pianist(&training.song, "", Some(&folder), Path::new("runs"))?;
+        let pianist = load_pianist(&training.song, "", Some(&folder))?;
         let piece = Piece::new(&song, pianist.config.task.initial_silence_secs)?;
         let sim = scores_in_simulation(&pianist, &piece)?.frame;
         let of_sim = [("sim_f1", sim.f1), ("sim_precision", sim.precision), ("sim_recall", sim.recall)];

@@ -241,7 +241,6 @@ impl Posed {
             "intervals": estimate.parameters.iter().map(|parameter| parameter.interval).collect::<Vec<_>>(),
             "standard_errors": estimate.parameters.iter().map(|p| p.standard_error).collect::<Vec<_>>(),
             "evaluations": fit.evaluations(),
-            "failures": fit.failures(),
             "secs": secs,
             "secs_with_intervals": begun.elapsed().as_secs_f64(),
             "threads": rayon::current_num_threads(),

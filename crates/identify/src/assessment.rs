@@ -4,7 +4,7 @@ use etude_stage::{JOINT_NAMES, JOINTS, PhysicalParams, RAIL, StageConfig, StageE
 use serde::{Deserialize, Serialize};
 
 use crate::motion::Motion;
-use crate::replay::Replayer;
+use crate::replay::{Replayer, Trace};
 
 /// Root mean square errors of one joint over several recordings, before and after the fit, rad or m.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -42,11 +42,8 @@ impl Assessment {
         after: &PhysicalParams,
     ) -> Result<Self, StageError> {
         let Some(first) = motions.first() else { return Ok(Self::default()) };
-        let stage = StageConfig { side: first.side(), ..StageConfig::default() };
-        let mut replayer = Replayer::new(&stage)?;
         let mut errors: [[Vec<f64>; 2]; JOINTS] = Default::default();
-        for motion in motions {
-            let traces = [before, after].map(|params| replayer.replay(params, motion, false));
+        for Replayed { motion, traces } in replay_both(motions, before, after)? {
             for joint in (0..JOINTS).filter(|joint| motion.moves[*joint]) {
                 for (errors, trace) in errors[joint].iter_mut().zip(&traces) {
                     match trace {
@@ -71,6 +68,28 @@ impl Assessment {
             fingers_noise: noise.sqrt(),
         })
     }
+}
+
+/// A motion and its replays before and after the fit. A replay is `None` where the simulation diverged.
+pub(crate) struct Replayed<'a> {
+    pub motion: &'a Motion,
+    pub traces: [Option<Trace>; 2],
+}
+
+/// Replays motions of one hand with the parameters `before` and `after`.
+pub(crate) fn replay_both<'a>(
+    motions: impl IntoIterator<Item = &'a Motion>,
+    before: &PhysicalParams,
+    after: &PhysicalParams,
+) -> Result<Vec<Replayed<'a>>, StageError> {
+    let mut motions = motions.into_iter().peekable();
+    let Some(first) = motions.peek() else { return Ok(Vec::new()) };
+    let mut replayer = Replayer::new(&StageConfig { side: first.side(), ..StageConfig::default() })?;
+    let both = |motion: &'a Motion| Replayed {
+        motion,
+        traces: [before, after].map(|params| replayer.replay(params, motion, false)),
+    };
+    Ok(motions.map(both).collect())
 }
 
 /// Root mean square of the errors of one joint or of several.

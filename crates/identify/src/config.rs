@@ -35,7 +35,7 @@ pub enum Differences {
 
 /// Constants of Levenberg–Marquardt. Lengths are in normalised coordinates.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(default, deny_unknown_fields)]
+#[serde(default)]
 pub struct LmConfig {
     /// Evaluations after which no new batch is begun.
     pub max_evaluations: u64,
@@ -48,10 +48,6 @@ pub struct LmConfig {
     pub first_difference_step: f64,
     /// Damping at the start, relative to the curvature of each parameter.
     pub initial_damping: f64,
-    /// Ends when the cosine between the residuals and each free column of the Jacobian is smaller.
-    pub gradient_tolerance: f64,
-    /// Ends when no coordinate would move farther than this.
-    pub step_tolerance: f64,
     /// Ends when a step's predicted and actual reductions are a smaller share of the cost.
     pub cost_tolerance: f64,
     /// A parameter is held while the cost's curvature along it is less. With residuals in standard deviations of the noise, the
@@ -67,8 +63,6 @@ impl Default for LmConfig {
             difference_step: 1e-5,
             first_difference_step: 1e-5,
             initial_damping: 1e-3,
-            gradient_tolerance: 1e-8,
-            step_tolerance: 1e-7,
             cost_tolerance: 1e-9,
             least_curvature: 0.0,
         }
@@ -91,18 +85,14 @@ impl LmConfig {
 
 /// Constants of Bayesian optimisation.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(default, deny_unknown_fields)]
+#[serde(default)]
 pub struct BoConfig {
     /// Evaluations after which no new batch is begun.
     pub max_evaluations: u64,
-    /// Candidates of the first batch, spread over the whole space; 0 takes 2 n + 2.
-    pub initial: usize,
-    /// Candidates of each later batch. One makes the best use of each evaluation; more use as many cores.
-    pub batch: usize,
 }
 
 impl Default for BoConfig {
     fn default() -> Self {
-        Self { max_evaluations: 150, initial: 0, batch: 1 }
+        Self { max_evaluations: 150 }
     }
 }

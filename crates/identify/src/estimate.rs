@@ -119,7 +119,7 @@ impl Estimate {
     /// The uncertainty at a point, from its residuals and slopes ([`JacobianPlan`](crate::JacobianPlan)).
     ///
     /// # Errors
-    /// If there are too few residuals, or the linearisation does not match the problem.
+    /// If there are too few residuals, or they are too large.
     pub fn new(problem: &Problem, linear: &Linearisation) -> Result<Self, FitError> {
         let too_large = || {
             FitError::new(
@@ -127,12 +127,6 @@ impl Estimate {
             )
         };
         let (n, samples) = (problem.space().len(), problem.samples());
-        let fits = linear.point.len() == n && linear.jacobian.parameters() == n;
-        if !fits || linear.residuals.len() != samples {
-            let why =
-                "the linearisation belongs to another problem; plan it with the problem that was fitted";
-            return Err(FitError::new(why));
-        }
         if samples <= n {
             return Err(FitError(format!(
                 "{samples} residuals cannot identify {n} parameters; record longer or estimate fewer"

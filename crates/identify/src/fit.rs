@@ -16,7 +16,6 @@ const BO_MOST_EVALUATIONS: u64 = 2000;
 
 /// The candidate with the lowest cost so far.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
 pub struct Best {
     /// Normalised coordinates in [0, 1].
     pub point: Vec<f64>,
@@ -24,8 +23,6 @@ pub struct Best {
     pub values: Vec<f64>,
     /// Its cost ([`Problem::cost`]).
     pub cost: f64,
-    /// Which evaluation it was, counted from zero.
-    pub evaluation: u64,
 }
 
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -56,14 +53,12 @@ impl State {
 /// Saved after any [`Fit::tell`] and loaded, it ends with the same result, bit for bit, if the format keeps every bit of
 /// a number (such as serde_json with `float_roundtrip`).
 #[derive(Clone, Debug, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
 pub struct Fit {
     problem: Problem,
     max_evaluations: u64,
     state: State,
     best: Option<Best>,
     evaluations: u64,
-    failures: u64,
     finished: Option<Reason>,
     /// The batch that waits for its evaluations.
     #[serde(skip)]
@@ -85,18 +80,9 @@ impl Fit {
         }
         let state = match method {
             MethodConfig::Lm(config) => State::Lm(Box::new(Lm::new(&problem, config.clone()))),
-            MethodConfig::Bo(config) => State::Bo(Box::new(Bo::new(config.clone(), seed))),
+            MethodConfig::Bo(_) => State::Bo(Box::new(Bo::new(seed))),
         };
-        Ok(Self {
-            problem,
-            max_evaluations,
-            state,
-            best: None,
-            evaluations: 0,
-            failures: 0,
-            finished: None,
-            asked: None,
-        })
+        Ok(Self { problem, max_evaluations, state, best: None, evaluations: 0, finished: None, asked: None })
     }
 
     /// The next batch, to be evaluated in any order. The same batch until [`Fit::tell`]; empty after the end.
@@ -150,14 +136,11 @@ impl Fit {
             })
             .collect();
         for (point, outcome) in points.iter().zip(&outcomes) {
-            match outcome {
-                None => self.failures += 1,
-                Some(outcome) if self.best.as_ref().is_none_or(|best| outcome.cost < best.cost) => {
-                    let Candidate { point, values } = Candidate::at(&self.problem, point);
-                    let evaluation = self.evaluations;
-                    self.best = Some(Best { point, values, cost: outcome.cost, evaluation });
-                }
-                Some(_) => {}
+            if let Some(outcome) = outcome
+                && self.best.as_ref().is_none_or(|best| outcome.cost < best.cost)
+            {
+                let Candidate { point, values } = Candidate::at(&self.problem, point);
+                self.best = Some(Best { point, values, cost: outcome.cost });
             }
             self.evaluations += 1;
         }
@@ -182,11 +165,6 @@ impl Fit {
     /// Evaluations so far, including failed ones.
     pub fn evaluations(&self) -> u64 {
         self.evaluations
-    }
-
-    /// Evaluations that failed.
-    pub fn failures(&self) -> u64 {
-        self.failures
     }
 
     /// Why the fit has ended; `None` before its end.

@@ -24,11 +24,6 @@ struct Part {
 }
 
 impl Jacobian {
-    /// Number of parameters.
-    pub(crate) fn parameters(&self) -> usize {
-        self.columns.len()
-    }
-
     /// Adds a block's `scale · JᵀWJ` to `sum` (row by row, parameters × parameters); `weights` are of all
     /// residuals.
     pub(crate) fn add_gram(&self, block: usize, weights: &[f64], scale: f64, sum: &mut [f64]) {

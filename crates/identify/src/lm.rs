@@ -22,6 +22,10 @@ use step::Model;
 const LEAST_GAIN: f64 = 1e-4;
 /// The damping falls 10-fold above this ratio.
 const TRUSTED: f64 = 0.9;
+/// The fit ends when the cosine between the residuals and each free column of the Jacobian is smaller.
+const GRADIENT_TOLERANCE: f64 = 1e-8;
+/// The fit ends when no coordinate would move farther than this.
+const STEP_TOLERANCE: f64 = 1e-7;
 const DAMPING_LIMITS: [f64; 2] = [1e-12, 1e15];
 /// Attempts of a failed probe at other distances, before its parameter is held for one step.
 const MOST_ATTEMPTS: u8 = 3;
@@ -99,7 +103,7 @@ impl Lm {
 
     /// Prepares the next step, or returns why the fit ends.
     fn decide(&mut self) -> Option<Reason> {
-        if self.model.steepest(&self.point) <= self.config.gradient_tolerance {
+        if self.model.steepest(&self.point) <= GRADIENT_TOLERANCE {
             return self.settle(Reason::Gradient);
         }
         while self.damping <= DAMPING_LIMITS[1] {
@@ -108,7 +112,7 @@ impl Lm {
                 continue;
             };
             let moves: Vec<f64> = step.point.iter().zip(&self.point).map(|(a, b)| (a - b).abs()).collect();
-            let small = if moves.iter().all(|d| *d <= self.config.step_tolerance) {
+            let small = if moves.iter().all(|d| *d <= STEP_TOLERANCE) {
                 Some(Reason::Step)
             } else if step.predicted <= self.config.cost_tolerance * self.cost {
                 Some(Reason::Cost)

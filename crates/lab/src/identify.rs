@@ -42,8 +42,7 @@ impl IdentifyMethod {
                 MethodConfig::Lm(LmConfig { max_evaluations: most(config.max_evaluations), ..config })
             }
             Self::Bo => {
-                let config = BoConfig::default();
-                MethodConfig::Bo(BoConfig { max_evaluations: most(config.max_evaluations), ..config })
+                MethodConfig::Bo(BoConfig { max_evaluations: most(BoConfig::default().max_evaluations) })
             }
         }
     }

@@ -26,7 +26,7 @@ pub use errors::{Interrupted, released};
 pub use excitations::record_excitations;
 pub use grid::{GridConfig, GridReport, Marginal, WorldScores, evaluate_grid};
 pub use identify::{IDENTIFIED, Identification, IdentifyMethod, IdentifyReport, identify_robot};
-pub use pianist::{Pianist, load_pianist, shipped_policies};
+pub use pianist::{Pianist, load_pianist, policies, shipped_policy};
 pub use play::{Files, Report, make_folder, play, scores_in_simulation};
 pub use record::{Motion, Recorded, record_robot};
 pub use rehearse::{RehearsalConfig, RehearsalStep, Round, rehearse_on_robot};

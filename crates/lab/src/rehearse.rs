@@ -290,7 +290,7 @@ impl Rehearsal<'_> {
         folder: &Path,
         job: &mut Job<'_, RehearsalStep>,
     ) -> anyhow::Result<RobotReport> {
-        let pianist = load_pianist(&self.config.song, "", Some(policy), Path::new("runs"))?;
+        let pianist = load_pianist(&self.config.song, "", Some(policy))?;
         let play = RobotPlay {
             mode: self.config.mode,
             runs: self.config.runs,

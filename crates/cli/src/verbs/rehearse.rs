@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use etude_lab::{
-    IdentifyMethod, RehearsalConfig, RehearsalStep, Round, find_song, rehearse_on_robot, shipped_policies,
+    IdentifyMethod, RehearsalConfig, RehearsalStep, Round, find_song, rehearse_on_robot, shipped_policy,
 };
 use etude_perform::stand::{RigChoice, rig_choice};
 use etude_perform::{Job, Mode};
@@ -77,7 +77,6 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
     let name = slug(&args.song);
     let rig = rig_choice(&args.robot, &args.truth)?;
     let folder = args.out.unwrap_or_else(|| PathBuf::from("out").join(format!("rehearse-{name}")));
-    let shipped = || shipped_policies(&name, &PathBuf::from("no-runs")).into_iter().next();
     let mut overrides = vec![format!("trainer.seed={}", args.seed)];
     overrides.extend(args.overrides);
     let config = RehearsalConfig {
@@ -92,7 +91,7 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
         mode: args.mode,
         preset: args.preset,
         overrides,
-        policy: args.policy.or_else(shipped),
+        policy: args.policy.or_else(|| shipped_policy(&name)),
         method: args.method,
         evaluations: args.evaluations,
         seed: args.seed,

@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use etude_lab::{find_song, shipped_policies};
+use etude_lab::{find_song, policies};
 use etude_music::{CONTROL_HZ, Note, pitch_name, repertoire};
 use serde::Serialize;
 use serde_json::json as object;
@@ -90,7 +90,7 @@ fn list(as_json: bool) -> anyhow::Result<()> {
         let (id, song) = (piece.id, piece.song());
         let (title, notes, secs) = (song.title(), song.notes().len(), song.duration_secs());
         let frames = song.episode_frames(CONTROL_HZ, 1.0)?.len();
-        let policy = !shipped_policies(id, &PathBuf::from("runs")).is_empty();
+        let policy = !policies(id).is_empty();
         if as_json {
             rows.push(object!({
                 "id": id, "title": title, "notes": notes, "secs": secs, "frames": frames, "policy": policy,

@@ -11,9 +11,6 @@ pub enum IdentifyError {
     /// The simulation cannot be built.
     #[error(transparent)]
     Stage(#[from] StageError),
-    /// The simulation cannot be built for a replay.
-    #[error("cannot build the simulation: {0}")]
-    Replay(String),
     /// A start value is out of range.
     #[error(transparent)]
     Param(#[from] ParamError),

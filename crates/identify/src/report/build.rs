@@ -3,8 +3,9 @@
 use etude_stage::{JOINTS, StageError};
 
 use super::document::{Figure, Report, escape, list};
-use super::input::{Replayed, ReportInput};
+use super::input::ReportInput;
 use super::{correlation, directions, errors, overlay, parameters, remaining, summary};
+use crate::assessment::Replayed;
 
 impl Report {
     /// Replays the motions before and after the fit, and describes the result.

@@ -3,9 +3,9 @@
 use etude_stage::{JOINT_NAMES, JOINTS, RAIL};
 
 use super::document::{list, paragraph, table};
-use super::input::Replayed;
 use super::number::{milli, milli_unit, number, percent};
 use super::unexplained::{Unexplained, samples, unexplained};
+use crate::assessment::Replayed;
 
 /// A part dominates the error from this share on.
 const DOMINANT: f64 = 0.4;

@@ -6,9 +6,8 @@ use std::path::PathBuf;
 use etude_stage::params::Joint;
 use etude_stage::{JOINT_NAMES, JOINTS, PhysicalParams, RAIL, StageConfig};
 
-use super::input::Replayed;
 use super::*;
-use crate::assessment::Assessment;
+use crate::assessment::{Assessment, Replayed};
 use crate::config::{LmConfig, MethodConfig};
 use crate::estimate::{BlockStatistics, Bound, Estimate, ParameterEstimate, WeakDirection};
 use crate::identification::{Identified, IdentifyConfig, Stage, StageEnd};

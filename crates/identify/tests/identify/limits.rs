@@ -27,7 +27,7 @@ fn space() -> impl Strategy<Value = Space> {
 fn method() -> impl Strategy<Value = MethodConfig> {
     prop_oneof![
         4 => Just(MethodConfig::Lm(LmConfig { difference_step: 1e-3, ..LmConfig::default() })),
-        1 => Just(MethodConfig::Bo(BoConfig { initial: 5, batch: 2, ..BoConfig::default() })),
+        1 => Just(MethodConfig::Bo(BoConfig::default())),
     ]
 }
 
@@ -125,7 +125,7 @@ fn what_cannot_be_fitted_is_refused_with_the_reason() {
 fn the_number_of_evaluations_is_checked() {
     let fit = |method: MethodConfig| Fit::new(problem(&[[0.0, 1.0]], &[0.5], 1), &method, 0);
     let lm = |max_evaluations| fit(MethodConfig::Lm(LmConfig { max_evaluations, ..LmConfig::default() }));
-    let bo = |max_evaluations| fit(MethodConfig::Bo(BoConfig { max_evaluations, ..BoConfig::default() }));
+    let bo = |max_evaluations| fit(MethodConfig::Bo(BoConfig { max_evaluations }));
     assert!(lm(0).is_err() && lm(1).is_ok() && lm(u64::MAX).is_ok());
     assert!(bo(0).is_err() && bo(2000).is_ok());
     let said = bo(2001).unwrap_err().to_string();

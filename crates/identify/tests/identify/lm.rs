@@ -165,7 +165,7 @@ fn failures_beside_the_optimum_and_on_the_way_are_survived() {
             let evaluations: Vec<_> = fit.ask().iter().map(|c| simulate(&c.values)).collect();
             fit.tell(&evaluations).unwrap();
         }
-        println!("{differences:?}: {:?} {:?}, {} failures", fit.finished(), fit.best(), fit.failures());
+        println!("{differences:?}: {:?} {:?}", fit.finished(), fit.best());
         assert!(fit.best().unwrap().cost < 0.02 && fit.evaluations() < 200);
     }
 }

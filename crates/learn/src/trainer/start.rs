@@ -51,7 +51,7 @@ impl Trainer {
         let mut learner = Self::learner(droq, config, &parts);
         if let Some(source) = source {
             source.check(droq, &*parts.environment)?;
-            learner.adopt(source.knowledge());
+            learner.adopt(&source.knowledge);
         }
         Store::new(folder).prepare()?;
         let mut trainer = Self::build(folder, droq, config, parts, learner, metrics::Mark::default())?;

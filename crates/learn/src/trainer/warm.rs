@@ -30,7 +30,7 @@ const CRITICS_ALONE_UPDATES: u64 = 2_500;
 pub struct WarmStart {
     origin: PathBuf,
     header: PolicyHeader,
-    knowledge: Knowledge,
+    pub(super) knowledge: Knowledge,
 }
 
 impl WarmStart {
@@ -71,11 +71,6 @@ impl WarmStart {
         &self.header.notes["training"]
     }
 
-    /// Whether critics and temperature come along.
-    pub fn has_critics(&self) -> bool {
-        self.knowledge.has_critics()
-    }
-
     /// Checks that a training's networks have the same shape.
     ///
     /// # Errors
@@ -102,12 +97,8 @@ impl WarmStart {
         }
     }
 
-    pub(super) fn knowledge(&self) -> &Knowledge {
-        &self.knowledge
-    }
-
     pub(super) fn beginning(&self) -> Beginning {
-        if self.has_critics() { Beginning::Run } else { Beginning::Policy }
+        if self.knowledge.has_critics() { Beginning::Run } else { Beginning::Policy }
     }
 }
 

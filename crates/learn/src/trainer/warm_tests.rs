@@ -108,7 +108,8 @@ fn what_was_taken_over_is_evaluated_first_and_acts_in_the_warm_up() {
 fn an_actor_without_critics_waits_for_them() {
     let source = source();
     let warm = WarmStart::from_policy(&source.path().join("policy-last.safetensors")).unwrap();
-    assert!(!warm.has_critics() && WarmStart::from_run(source.path()).unwrap().has_critics());
+    let whole = WarmStart::from_run(source.path()).unwrap();
+    assert!(!warm.knowledge.has_critics() && whole.knowledge.has_critics());
     let folder = tempfile::tempdir().unwrap();
     // Two updates in four steps, after 100 of warm-up: 2,500 are made at step 5,100.
     let config = TrainerConfig { total_steps: 5_400, ..config(0) };
