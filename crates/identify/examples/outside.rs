@@ -211,9 +211,7 @@ impl Posed {
 
     fn replayed(&self, replayer: &mut Replayer, world: &PhysicalParams) -> Evaluation {
         let traces = self.motions.iter().map(|motion| replayer.replay(world, motion, false));
-        let Some(traces) = traces.collect::<Option<Vec<Trace>>>() else {
-            return None;
-        };
+        let traces = traces.collect::<Option<Vec<Trace>>>()?;
         let errors = self.motions.iter().zip(&traces).flat_map(|(motion, trace)| {
             FITTED.flat_map(move |joint| trace.errors(motion, joint).map(|error| error / NOISE_RAD))
         });

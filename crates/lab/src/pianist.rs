@@ -77,7 +77,7 @@ pub fn shipped_policy(slug: &str) -> Option<PathBuf> {
     policy_folders().into_iter().map(|folder| folder.join(&name)).find(|path| path.is_file())
 }
 
-/// The policies for the song `slug`: those of the runs in [`RUNS`], then the one that comes with Étude.
+/// The policies for the song `slug`: those of the runs in `runs/`, then the one that comes with Étude.
 pub fn policies(slug: &str) -> Vec<PathBuf> {
     let mut found: Vec<PathBuf> = std::fs::read_dir(RUNS)
         .into_iter()
