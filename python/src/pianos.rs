@@ -8,7 +8,11 @@ use etude_music::KEYS;
 use etude_music::metrics::FrameTally;
 use etude_stage::mjcf;
 use etude_task::{ACTION_LEN, Environment, Piece, TargetRange, TaskConfig, layout};
-use numpy::{PyReadonlyArray1, PyReadonlyArray2, PyReadwriteArray1, PyReadwriteArray2};
+use numpy::ndarray::Dimension;
+use numpy::{
+    PyReadonlyArray1, PyReadonlyArray2, PyReadwriteArray, PyReadwriteArray1, PyReadwriteArray2,
+    PyUntypedArrayMethods as _,
+};
 use pyo3::prelude::*;
 use pyo3::types::PyBytes;
 use rayon::prelude::*;
@@ -100,29 +104,15 @@ pub struct Pianos {
     pool: Option<ThreadPool>,
 }
 
-/// A mutable view of `[n, width]`, or what is wrong with the array.
-fn rows<'a, T: numpy::Element>(
-    array: &'a mut PyReadwriteArray2<'_, T>,
+/// A mutable view of an array of this shape, or what is wrong with it.
+fn values<'a, T: numpy::Element, D: Dimension>(
+    array: &'a mut PyReadwriteArray<'_, T, D>,
     name: &str,
-    [n, width]: [usize; 2],
+    shape: &[usize],
 ) -> PyResult<&'a mut [T]> {
-    let shape = array.as_array().dim();
-    let wrong =
-        || error(format!("{name} must be a C-contiguous array of shape ({n}, {width}), not {shape:?}"));
-    if shape != (n, width) {
-        return Err(wrong());
-    }
-    array.as_slice_mut().map_err(|_| wrong())
-}
-
-fn column<'a, T: numpy::Element>(
-    array: &'a mut PyReadwriteArray1<'_, T>,
-    name: &str,
-    n: usize,
-) -> PyResult<&'a mut [T]> {
-    let shape = array.as_array().dim();
-    let wrong = || error(format!("{name} must be a contiguous array of shape ({n},), not ({shape},)"));
-    if shape != n {
+    let given = array.shape().to_vec();
+    let wrong = || error(format!("{name} must be a C-contiguous array of shape {shape:?}, not {given:?}"));
+    if given != shape {
         return Err(wrong());
     }
     array.as_slice_mut().map_err(|_| wrong())
@@ -222,7 +212,7 @@ impl Pianos {
         if mask.len() != n || seeds.len() != n {
             return Err(error(format!("there must be a seed and a mask for each of {n} environments")));
         }
-        let observations = rows(&mut observations, "observations", [n, width])?;
+        let observations = values(&mut observations, "observations", &[n, width])?;
         py.detach(|| {
             let rows = self.slots.iter_mut().zip(observations.chunks_exact_mut(width));
             for ((slot, row), (seed, _)) in
@@ -267,18 +257,18 @@ impl Pianos {
         if self.slots.iter().any(|slot| slot.over) {
             return Err(error("the song is over: call reset() before the next step"));
         }
-        let observations = rows(&mut observations, "observations", [n, width])?;
+        let observations = values(&mut observations, "observations", &[n, width])?;
         let last: Vec<Option<&mut [f32]>> = match &mut last_observations {
             Some(array) => {
-                rows(array, "last_observations", [n, width])?.chunks_exact_mut(width).map(Some).collect()
+                values(array, "last_observations", &[n, width])?.chunks_exact_mut(width).map(Some).collect()
             }
             None => (0..n).map(|_| None).collect(),
         };
-        let rewards = column(&mut rewards, "rewards", n)?;
-        let over = column(&mut over, "over", n)?;
-        let collided = column(&mut collided, "collided", n)?;
-        let terms = rows(&mut terms, "terms", [n, term_count])?;
-        let scores = rows(&mut scores, "scores", [n, SCORES])?;
+        let rewards = values(&mut rewards, "rewards", &[n])?;
+        let over = values(&mut over, "over", &[n])?;
+        let collided = values(&mut collided, "collided", &[n])?;
+        let terms = values(&mut terms, "terms", &[n, term_count])?;
+        let scores = values(&mut scores, "scores", &[n, SCORES])?;
 
         let rows = self.slots.iter_mut().zip(actions.chunks_exact(ACTION_LEN));
         let rows =
@@ -325,7 +315,7 @@ impl Pianos {
     ) -> PyResult<()> {
         self.slot(index)?;
         let width = layout(&self.config).len();
-        let row = rows(&mut observation, "observation", [1, width])?;
+        let row = values(&mut observation, "observation", &[1, width])?;
         let refuse = |why: &dyn Display| {
             error(format!("the environment cannot continue from this saved state: {why}"))
         };

@@ -6,8 +6,8 @@ use etude_perform::stats::sorted;
 
 use crate::config::{Experiment, FigureConfig, FigureKind};
 use crate::figure::{Drawing, Point, Series};
-use crate::record::{Record, combinations, summary};
-use crate::stats::Summary;
+use crate::outcome::Row;
+use crate::record::{by_song, combinations, summary};
 
 /// The name of a measure in figures and tables.
 pub(crate) fn measure_name(measure: &str, in_course: bool) -> String {
@@ -41,9 +41,9 @@ pub(crate) fn caption(figure: &FigureConfig, experiment: &Experiment) -> String 
 }
 
 /// The drawing of a figure.
-pub(crate) fn drawing(figure: &FigureConfig, all: &[Record]) -> Drawing {
+pub(crate) fn drawing(figure: &FigureConfig, all: &[Row]) -> Drawing {
     let in_course = figure.kind == FigureKind::Curves;
-    let chosen: Vec<Record> = all.iter().filter(|record| record.has(&figure.filter)).cloned().collect();
+    let chosen: Vec<Row> = all.iter().filter(|record| record.has(&figure.filter)).cloned().collect();
     let keys: Vec<String> = figure.by.iter().cloned().collect();
     let told_apart = combinations(&chosen, &keys);
     let several = told_apart.len() > 1;
@@ -61,7 +61,7 @@ pub(crate) fn drawing(figure: &FigureConfig, all: &[Record]) -> Drawing {
                 (true, _) => format!("{}, {}", who.join(", "), measure_name(measure, in_course)),
                 (false, _) => measure_name(measure, in_course),
             };
-            let of_series: Vec<Record> = chosen.iter().filter(|record| record.has(labels)).cloned().collect();
+            let of_series: Vec<Row> = chosen.iter().filter(|record| record.has(labels)).cloned().collect();
             let points = match figure.kind {
                 FigureKind::Curves => curve(&of_series, &figure.x, measure),
                 FigureKind::Bars | FigureKind::Lines => by_label(&of_series, &figure.x, measure, &groups),
@@ -85,9 +85,9 @@ pub(crate) fn drawing(figure: &FigureConfig, all: &[Record]) -> Drawing {
 
 /// A measure against a number of the course: at each value at which every training was evaluated. If they were evaluated at different
 /// values: at fifty equal distances, each training with its last evaluation before.
-fn curve(all: &[Record], x: &str, measure: &str) -> Vec<Point> {
+fn curve(all: &[Row], x: &str, measure: &str) -> Vec<Point> {
     let key =
-        |record: &Record| ["song", "seed"].map(|label| record.labels.get(label).cloned().unwrap_or_default());
+        |record: &Row| ["song", "seed"].map(|label| record.labels.get(label).cloned().unwrap_or_default());
     let mut trainings: BTreeMap<[String; 2], Vec<(f64, f64)>> = BTreeMap::new();
     for record in all {
         if let (Some(at), Some(value)) = (record.values.get(x), record.values.get(measure)) {
@@ -103,23 +103,17 @@ fn curve(all: &[Record], x: &str, measure: &str) -> Vec<Point> {
         (1..=50).map(|part| end * f64::from(part) / 50.0).collect()
     };
     let at_place = |place: f64| {
-        let mut songs: BTreeMap<&str, Vec<f64>> = BTreeMap::new();
-        for ([song, _], points) in &trainings {
-            // After its end a training keeps its last value.
-            if let Some((_, value)) = points.iter().rev().find(|(at, _)| *at <= place) {
-                songs.entry(song).or_default().push(*value);
-            }
-        }
-        let strata: Vec<Vec<f64>> = songs.into_values().collect();
-        let whole = strata.iter().map(Vec::len).sum::<usize>() == trainings.len();
-        let found = Summary::new(&strata).filter(|_| whole)?;
+        // After its end a training keeps its last value.
+        let last = |points: &[(f64, f64)]| Some(points.iter().rev().find(|(at, _)| *at <= place)?.1);
+        let scores = trainings.iter().filter_map(|([song, _], points)| Some((song.as_str(), last(points)?)));
+        let found = by_song(scores).filter(|found| found.count == trainings.len())?;
         Some(Point { x: place, y: found.mean.value, interval: found.mean.interval })
     };
     places.into_iter().filter_map(at_place).collect()
 }
 
 /// A measure for each value of a label: its place among `groups`, or the number that it is.
-fn by_label(all: &[Record], x: &str, measure: &str, groups: &[String]) -> Vec<Point> {
+fn by_label(all: &[Row], x: &str, measure: &str, groups: &[String]) -> Vec<Point> {
     let values = combinations(all, &[x.to_string()]);
     let mut points: Vec<Point> = values
         .iter()
@@ -141,8 +135,8 @@ fn by_label(all: &[Record], x: &str, measure: &str, groups: &[String]) -> Vec<Po
 mod tests {
     use super::*;
 
-    fn record(labels: &[(&str, &str)], values: &[(&str, f64)]) -> Record {
-        Record {
+    fn record(labels: &[(&str, &str)], values: &[(&str, f64)]) -> Row {
+        Row {
             labels: labels.iter().map(|(key, value)| (key.to_string(), value.to_string())).collect(),
             values: values.iter().map(|(key, value)| (key.to_string(), *value)).collect(),
         }

@@ -7,6 +7,8 @@ use plotters::coord::types::RangedCoordf64;
 use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
 
+use crate::record::short;
+
 /// Size of a drawing.
 const SIZE: (u32, u32) = (760, 420);
 /// Okabe and Ito's colours.
@@ -254,14 +256,10 @@ impl Drawing {
 
 /// A number in few characters: `0.5`, `200k`, `3M`.
 fn number(value: f64) -> String {
-    let plain = |value: f64| {
-        let text = format!("{value:.3}");
-        text.trim_end_matches('0').trim_end_matches('.').to_string()
-    };
     match value.abs() {
-        size if size >= 1e6 => plain(value / 1e6) + "M",
-        size if size >= 1e4 => plain(value / 1e3) + "k",
-        _ => plain(value),
+        size if size >= 1e6 => short(value / 1e6, 3) + "M",
+        size if size >= 1e4 => short(value / 1e3, 3) + "k",
+        _ => short(value, 3),
     }
 }
 

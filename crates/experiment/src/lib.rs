@@ -21,9 +21,9 @@ pub use config::{
 };
 pub use local::{BUSY, LOG, LaunchProgress, LaunchReport, LocalConfig, launch_local};
 pub use outcome::{Row, TrialEnd, TrialProgress, TrialResult, TrialState, TrialTimes, Values};
-pub use plan::{Budget, PlanConfig};
+pub use plan::PlanConfig;
 pub use plan_file::{plan_file, plan_text, read_plan, write_plan};
-pub use report::{Missing, ReportPage, write_report};
+pub use report::{ReportPage, write_report};
 pub use slurm::{SlurmConfig, open_trials, slurm_script, submit};
 pub use trial::{TrainingConfig, Trial, Work};
 pub use work::run_trial;

@@ -20,13 +20,20 @@ pub(crate) const LOCK: &str = "task.lock";
 /// Measures by name: scores between 0 and 1, errors in rad.
 pub type Values = BTreeMap<String, f64>;
 
-/// One row of results: labels and measures.
+/// One row of results: labels and measures. In a trial's file the labels are those that the trial has not: `mode`, `run`, `round`.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Row {
-    /// Its labels beside those of the trial: `mode`, `run`, `round`.
+    /// Its labels.
     pub labels: BTreeMap<String, String>,
     /// Its measures.
     pub values: Values,
+}
+
+impl Row {
+    /// Whether it has all these labels.
+    pub fn has(&self, filter: &BTreeMap<String, String>) -> bool {
+        filter.iter().all(|(key, value)| self.labels.get(key) == Some(value))
+    }
 }
 
 /// The result of a trial: the same bytes however it was run, on processors with the same vector instructions.
@@ -75,10 +82,8 @@ pub struct TrialProgress {
 /// How a trial ended without failing.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum TrialEnd {
-    /// It is done.
+    /// It is done, now or since an earlier call.
     Done,
-    /// It was done before.
-    WasDone,
     /// Another process works on it.
     Busy,
     /// It was interrupted; the next call resumes it.

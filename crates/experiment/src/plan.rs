@@ -10,35 +10,13 @@ use etude_twin::Truth;
 use crate::config::{Experiment, FitConfig, PerformConfig, RehearseConfig, Variant, sets_the_seed};
 use crate::trial::{TrainingConfig, Trial, Work, fingerprint, id, json};
 
-/// How much of an experiment is run.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Budget {
-    /// As the file says.
-    #[default]
-    Full,
-    /// Everything once and as short as possible, as a test.
-    Smoke,
-}
-
-impl std::str::FromStr for Budget {
-    type Err = String;
-
-    fn from_str(text: &str) -> Result<Self, String> {
-        match text {
-            "full" => Ok(Self::Full),
-            "smoke" => Ok(Self::Smoke),
-            _ => Err(format!("no budget is called `{text}`; there are: full, smoke")),
-        }
-    }
-}
-
 /// Changes to an experiment from outside its file.
 #[derive(Clone, Debug, Default)]
 pub struct PlanConfig {
     /// Number of seeds, instead of the file's.
     pub seeds: Option<u64>,
-    /// How much is done.
-    pub budget: Budget,
+    /// Everything once and as short as possible, as a test.
+    pub smoke: bool,
     /// Overrides of every training, `path=value`; they come last.
     pub set: Vec<String>,
 }
@@ -57,7 +35,7 @@ impl PlanConfig {
     /// The flags that give it on the command line.
     pub fn flags(&self) -> String {
         let seeds = self.seeds.map(|seeds| format!(" --seeds {seeds}"));
-        let budget = (self.budget == Budget::Smoke).then(|| " --budget smoke".to_string());
+        let budget = self.smoke.then(|| " --budget smoke".to_string());
         let set = self.set.iter().map(|set| format!(" --set {set}"));
         seeds.into_iter().chain(budget).chain(set).collect()
     }
@@ -72,7 +50,7 @@ impl Experiment {
         if let Some(set) = config.set.iter().find(|set| sets_the_seed(set)) {
             bail!("`--set {set}` would make every training the same: --seeds says how many there are");
         }
-        let smoke = config.budget == Budget::Smoke;
+        let smoke = config.smoke;
         let seeds = if smoke { 1 } else { config.seeds.unwrap_or(self.seeds) };
         let songs = if smoke { &self.songs[..self.songs.len().min(1)] } else { &self.songs };
         let mut trials = Vec::new();
@@ -112,7 +90,7 @@ impl Experiment {
     }
 
     fn trainings(&self, song: &str, seed: u64, config: &PlanConfig) -> anyhow::Result<Vec<Trial>> {
-        let smoke = config.budget == Budget::Smoke;
+        let smoke = config.smoke;
         let found = find_song(song)?;
         let notes = format!("{} {:?}", found.duration_secs(), found.notes());
         let mut trials = Vec::new();
@@ -282,7 +260,7 @@ runs = 3
 
     #[test]
     fn a_smoke_test_does_everything_once() {
-        let trials = plan(MINE, &PlanConfig { budget: Budget::Smoke, ..PlanConfig::default() });
+        let trials = plan(MINE, &PlanConfig { smoke: true, ..PlanConfig::default() });
         assert_eq!(trials.len(), 2 * 2);
         let Work::Train { training, perform } = &trials[0].work else { panic!("{trials:?}") };
         assert_eq!(training.resolve().unwrap().trainer.total_steps, 480);
@@ -308,8 +286,8 @@ runs = 3
     #[test]
     fn every_experiment_that_comes_with_us_can_be_planned() {
         for name in crate::config::names() {
-            for budget in [Budget::Full, Budget::Smoke] {
-                let config = PlanConfig { budget, ..PlanConfig::default() };
+            for smoke in [false, true] {
+                let config = PlanConfig { smoke, ..PlanConfig::default() };
                 assert!(!Experiment::load(name).unwrap().plan(&config).unwrap().is_empty(), "{name}");
             }
         }

@@ -7,7 +7,7 @@ use std::path::Path;
 use etude_perform::stats::mean;
 use serde::{Deserialize, Serialize};
 
-use crate::outcome::{RESULT, TIMES, TrialResult, TrialTimes};
+use crate::outcome::{RESULT, Row, TIMES, TrialResult, TrialTimes};
 use crate::stats::Summary;
 use crate::trial::Trial;
 
@@ -34,31 +34,15 @@ impl Entry {
     }
 }
 
-/// One row of the table.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct Record {
-    /// Labels of the trial and of the row.
-    pub labels: BTreeMap<String, String>,
-    /// Measures.
-    pub values: BTreeMap<String, f64>,
-}
-
-impl Record {
-    /// Whether it has all these labels.
-    pub fn has(&self, filter: &BTreeMap<String, String>) -> bool {
-        filter.iter().all(|(key, value)| self.labels.get(key) == Some(value))
-    }
-}
-
 /// The rows of all entries.
-pub fn records(entries: &[Entry]) -> Vec<Record> {
+pub fn records(entries: &[Entry]) -> Vec<Row> {
     let of_entry = |entry: &Entry| {
         let trial = entry.trial.labels.clone();
         let rows = entry.result.rows.clone().into_iter();
         rows.map(move |row| {
             let mut labels = trial.clone();
             labels.extend(row.labels);
-            Record { labels, values: row.values }
+            Row { labels, values: row.values }
         })
         .collect::<Vec<_>>()
     };
@@ -66,14 +50,14 @@ pub fn records(entries: &[Entry]) -> Vec<Record> {
 }
 
 /// The points of all courses; `secs` among their values where they are known.
-pub fn courses(entries: &[Entry]) -> Vec<Record> {
+pub fn courses(entries: &[Entry]) -> Vec<Row> {
     let of_entry = |entry: &Entry| {
         let points = entry.result.course.iter().enumerate();
         points
             .map(|(index, point)| {
                 let mut values = point.clone();
                 values.extend(entry.times.course_secs.get(index).map(|secs| ("secs".to_string(), *secs)));
-                Record { labels: entry.trial.labels.clone(), values }
+                Row { labels: entry.trial.labels.clone(), values }
             })
             .collect::<Vec<_>>()
     };
@@ -84,15 +68,15 @@ pub fn courses(entries: &[Entry]) -> Vec<Record> {
 pub const REPETITIONS: [&str; 3] = ["song", "seed", "run"];
 
 /// The labels that are compared, in the order of their names.
-pub fn compared(records: &[Record]) -> Vec<String> {
+pub fn compared(records: &[Row]) -> Vec<String> {
     let keys: BTreeSet<&String> = records.iter().flat_map(|record| record.labels.keys()).collect();
     keys.into_iter().filter(|key| !REPETITIONS.contains(&key.as_str())).cloned().collect()
 }
 
 /// The different values of some labels, in the order in which they come.
-pub fn combinations(records: &[Record], keys: &[String]) -> Vec<BTreeMap<String, String>> {
+pub fn combinations(records: &[Row], keys: &[String]) -> Vec<BTreeMap<String, String>> {
     let mut seen = BTreeSet::new();
-    let of = |record: &Record| -> BTreeMap<String, String> {
+    let of = |record: &Row| -> BTreeMap<String, String> {
         keys.iter().filter_map(|key| Some((key.clone(), record.labels.get(key)?.clone()))).collect()
     };
     records.iter().map(of).filter(|labels| seen.insert(labels.clone())).collect()
@@ -101,7 +85,7 @@ pub fn combinations(records: &[Record], keys: &[String]) -> Vec<BTreeMap<String,
 /// A measure of each training that has these labels, by song and seed. The runs of one training are no independent scores, so
 /// their mean is one.
 fn trainings<'a>(
-    records: &'a [Record],
+    records: &'a [Row],
     filter: &BTreeMap<String, String>,
     measure: &str,
 ) -> BTreeMap<(&'a str, &'a str), f64> {
@@ -116,7 +100,7 @@ fn trainings<'a>(
 }
 
 /// Scores of trainings in short, a stratum a song.
-fn by_song<'a>(scores: impl Iterator<Item = (&'a str, f64)>) -> Option<Summary> {
+pub fn by_song<'a>(scores: impl Iterator<Item = (&'a str, f64)>) -> Option<Summary> {
     let mut songs: BTreeMap<&str, Vec<f64>> = BTreeMap::new();
     for (song, score) in scores {
         songs.entry(song).or_default().push(score);
@@ -125,13 +109,13 @@ fn by_song<'a>(scores: impl Iterator<Item = (&'a str, f64)>) -> Option<Summary> 
 }
 
 /// A measure of those records that have these labels.
-pub fn summary(records: &[Record], filter: &BTreeMap<String, String>, measure: &str) -> Option<Summary> {
+pub fn summary(records: &[Row], filter: &BTreeMap<String, String>, measure: &str) -> Option<Summary> {
     by_song(trainings(records, filter, measure).into_iter().map(|((song, _), score)| (song, score)))
 }
 
 /// How much a measure of one thing is above that of another, training by training: those of the same song and seed.
 pub fn paired(
-    records: &[Record],
+    records: &[Row],
     one: &BTreeMap<String, String>,
     other: &BTreeMap<String, String>,
     measure: &str,
@@ -160,7 +144,7 @@ pub fn time_to(
 }
 
 /// A table as CSV: labels, then measures.
-pub fn csv(records: &[Record]) -> String {
+pub fn csv(records: &[Row]) -> String {
     let labels: BTreeSet<&String> = records.iter().flat_map(|record| record.labels.keys()).collect();
     let values: BTreeSet<&String> = records.iter().flat_map(|record| record.values.keys()).collect();
     let head: Vec<&str> = labels.iter().chain(&values).map(|key| key.as_str()).collect();
@@ -169,8 +153,9 @@ pub fn csv(records: &[Record]) -> String {
         let of_labels =
             labels.iter().map(|key| record.labels.get(*key).map_or_else(String::new, |text| field(text)));
         // Six digits tell all that a score of control steps can; the whole number is in `results.jsonl`.
-        let of_values =
-            values.iter().map(|key| record.values.get(*key).map_or_else(String::new, |value| short(*value)));
+        let of_values = values
+            .iter()
+            .map(|key| record.values.get(*key).map_or_else(String::new, |value| short(*value, 6)));
         let fields: Vec<String> = of_labels.chain(of_values).collect();
         // Writing to a string cannot fail.
         let _ = writeln!(text, "{}", fields.join(","));
@@ -178,8 +163,9 @@ pub fn csv(records: &[Record]) -> String {
     text
 }
 
-fn short(value: f64) -> String {
-    let text = format!("{value:.6}");
+/// A number with so many decimals at most, without zeros at its end.
+pub fn short(value: f64, decimals: usize) -> String {
+    let text = format!("{value:.decimals$}");
     text.trim_end_matches('0').trim_end_matches('.').to_string()
 }
 
@@ -195,12 +181,12 @@ fn field(text: &str) -> String {
 mod tests {
     use super::*;
 
-    fn record(labels: &[(&str, &str)], f1: f64) -> Record {
+    fn record(labels: &[(&str, &str)], f1: f64) -> Row {
         let labels = labels.iter().map(|(key, value)| (key.to_string(), value.to_string())).collect();
-        Record { labels, values: BTreeMap::from([("f1".to_string(), f1)]) }
+        Row { labels, values: BTreeMap::from([("f1".to_string(), f1)]) }
     }
 
-    fn table() -> Vec<Record> {
+    fn table() -> Vec<Row> {
         let mut all = Vec::new();
         for (variant, more) in [("a", 0.0), ("b", 0.1)] {
             for (song, level) in [("x", 0.4), ("y", 0.8)] {

@@ -30,24 +30,13 @@ const PAGE: &str = "index.html";
 const RESULTS: &str = "results.jsonl";
 const NOTES: &str = "notes.md";
 
-/// What a report lacks.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Missing {
-    /// The experiment.
-    pub experiment: String,
-    /// Trials that are not done.
-    pub trials: usize,
-    /// Of how many.
-    pub of: usize,
-}
-
 /// A report that was written.
 #[derive(Clone, Debug)]
 pub struct ReportPage {
     /// The page.
     pub file: PathBuf,
-    /// What is not done.
-    pub missing: Vec<Missing>,
+    /// What is not done, a line an experiment.
+    pub missing: Vec<String>,
 }
 
 /// Writes the report of experiments, planned by `config`, into `out`, from what is done among `runs`, and from what an earlier report in
@@ -67,8 +56,8 @@ pub fn write_report(
         let folder = out.join(&experiment.name);
         let (entries, others) = gather(trials, runs, &folder.join(RESULTS))?;
         if entries.len() < trials.len() {
-            let (trials, of) = (trials.len() - entries.len(), trials.len());
-            missing.push(Missing { experiment: experiment.name.clone(), trials, of });
+            let left = trials.len() - entries.len();
+            missing.push(format!("{}: {left} of {} tasks are not done", experiment.name, trials.len()));
         }
         if entries.is_empty() {
             continue;

@@ -8,8 +8,9 @@ use maud::{Markup, html};
 
 use crate::config::{Experiment, FigureKind};
 use crate::drawings::measure_name;
+use crate::outcome::Row;
 use crate::plan::PlanConfig;
-use crate::record::{Entry, Record, combinations, compared, paired, summary, time_to};
+use crate::record::{Entry, combinations, compared, paired, summary, time_to};
 use crate::stats::{Interval, Summary};
 
 /// F1 whose times are reported.
@@ -34,7 +35,7 @@ fn strings(texts: &[&str]) -> Vec<String> {
 }
 
 /// The paper's numbers and ours.
-pub(crate) fn against_the_paper(experiment: &Experiment, all: &[Record]) -> Markup {
+pub(crate) fn against_the_paper(experiment: &Experiment, all: &[Row]) -> Markup {
     let rows = experiment.paper.iter().map(|published| {
         let found = summary(all, &published.filter, &published.measure);
         let [ours, difference] = match found {
@@ -58,7 +59,7 @@ fn measures(experiment: &Experiment) -> Vec<String> {
 }
 
 /// Means and interquartile means of what is compared, pooled and by song.
-pub(crate) fn scores(experiment: &Experiment, all: &[Record]) -> Markup {
+pub(crate) fn scores(experiment: &Experiment, all: &[Row]) -> Markup {
     let measures = measures(experiment);
     let mut columns = strings(&["what", "trainings"]);
     for measure in &measures {
@@ -88,7 +89,7 @@ pub(crate) fn scores(experiment: &Experiment, all: &[Record]) -> Markup {
 }
 
 /// What is compared, against the same with the first value of one of its labels, training by training.
-pub(crate) fn differences(experiment: &Experiment, all: &[Record]) -> Markup {
+pub(crate) fn differences(experiment: &Experiment, all: &[Row]) -> Markup {
     let keys = compared(all);
     let pooled = combinations(all, &keys);
     let measures = measures(experiment);
@@ -117,9 +118,9 @@ pub(crate) fn times(experiment: &Experiment, entries: &[Entry]) -> Markup {
     if entries.iter().all(|entry| entry.result.course.iter().all(|point| !point.contains_key("f1"))) {
         return html! {};
     }
-    let trials: Vec<Record> = entries
+    let trials: Vec<Row> = entries
         .iter()
-        .map(|entry| Record { labels: entry.trial.labels.clone(), values: BTreeMap::new() })
+        .map(|entry| Row { labels: entry.trial.labels.clone(), values: BTreeMap::new() })
         .collect();
     let median = |values: Vec<f64>| {
         let values = sorted(values.into_iter().filter(|value| value.is_finite()));
@@ -151,7 +152,7 @@ pub(crate) fn times(experiment: &Experiment, entries: &[Entry]) -> Markup {
 }
 
 /// Says how many performances a fault has ended, if any: their scores are low for another reason.
-pub(crate) fn cut_short(all: &[Record]) -> Markup {
+pub(crate) fn cut_short(all: &[Row]) -> Markup {
     let ends: Vec<f64> = all.iter().filter_map(|record| record.values.get("complete")).copied().collect();
     let short = ends.iter().filter(|complete| **complete < 1.0).count();
     html! {

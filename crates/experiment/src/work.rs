@@ -19,10 +19,10 @@ use anyhow::bail;
 use etude_identify::Progress;
 use etude_lab::machine::processor;
 use etude_lab::{
-    Identification, IdentifyMethod, RehearsalConfig, RehearsalStep, RobotPlay, Run, find_song,
-    identify_robot, load_pianist, play_on_robot, record_excitations, rehearse_on_robot, scores_in_simulation,
+    Identification, IdentifyMethod, RehearsalConfig, RehearsalStep, RobotPlay, Run, TrainingProgress,
+    find_song, identify_robot, load_pianist, play_on_robot, record_excitations, rehearse_on_robot,
+    scores_in_simulation,
 };
-use etude_learn::{EvaluationRow, LogRow, StopReason, TrainingObserver};
 use etude_perform::stand::{TWIN, rig_choice, unix_secs};
 use etude_perform::{Job, Mode, gap, write_file};
 use etude_show::RehearsalPage;
@@ -62,7 +62,7 @@ pub fn run_trial(
     let folder = runs.join(&trial.id);
     let is_done = || folder.join(RESULT).is_file();
     if is_done() {
-        return Ok(TrialEnd::WasDone);
+        return Ok(TrialEnd::Done);
     }
     std::fs::create_dir_all(&folder).map_err(|error| file_error(&folder, &error))?;
     let path = folder.join(LOCK);
@@ -78,7 +78,7 @@ pub fn run_trial(
     }
     // The process that held the lock may have finished the trial.
     if is_done() {
-        return Ok(TrialEnd::WasDone);
+        return Ok(TrialEnd::Done);
     }
     // The same work may be written in other words. A rehearsal that was begun keeps its words.
     let begun: Option<Trial> =
@@ -151,16 +151,18 @@ impl Doing<'_, '_> {
         config.trainer.threads = self.threads;
         let seed = config.trainer.seed;
         let mut run = Run::start_or_resume(song.clone(), config, &folder, self.command, None)?;
-        let total = run.config().trainer.total_steps;
         let share = if perform.is_some() { TRAINING_SHARE } else { 1.0 };
-        let best = run.best_f1();
-        let mut watch = Watch { doing: self, total, share, best };
-        let outcome = run.run(&mut watch)?;
+        let told = |at: &TrainingProgress| TrialProgress {
+            phase: "training".to_string(),
+            share: share * at.share(),
+            f1: at.best_f1,
+        };
+        let outcome = self.job.part(told, |job| run.run_job(job))?;
         drop(run);
         if outcome.stopped.is_some() {
             bail!(STOPPED);
         }
-        let pianist = load_pianist(&training.song, "", Some(&folder), Path::new("runs"))?;
+        let pianist = load_pianist(&training.song, "", Some(&folder))?;
         let piece = Piece::new(&song, pianist.config.task.initial_silence_secs)?;
         let sim = scores_in_simulation(&pianist, &piece)?.frame;
         let of_sim = [("sim_f1", sim.f1), ("sim_precision", sim.precision), ("sim_recall", sim.recall)];
@@ -239,9 +241,9 @@ impl Doing<'_, '_> {
             RehearsalStep::Identifying(round, at) => {
                 self.tell(&format!("round {round}: {}", at.stage.name()), *round as f64 / parts, None);
             }
-            RehearsalStep::Training { round, step, total, best_f1 } => {
-                let share = (*round as f64 + *step as f64 / (*total).max(1) as f64) / parts;
-                self.tell(&format!("round {round}: training"), share, Some(*best_f1));
+            RehearsalStep::Training(round, at) => {
+                let share = (*round as f64 + at.share()) / parts;
+                self.tell(&format!("round {round}: training"), share, at.best_f1);
             }
             RehearsalStep::Round(round) => page.add(round),
             _ => {}
@@ -318,29 +320,5 @@ fn row(labels: &[(&str, String)], values: &[(&str, f64)]) -> Row {
             .filter(|(_, value)| value.is_finite())
             .map(|(key, value)| (key.to_string(), *value))
             .collect(),
-    }
-}
-
-/// Watches a training for a trial.
-struct Watch<'a, 'b, 'c> {
-    doing: &'a mut Doing<'b, 'c>,
-    total: u64,
-    share: f64,
-    best: Option<f64>,
-}
-
-impl TrainingObserver for Watch<'_, '_, '_> {
-    fn on_log(&mut self, row: &LogRow) {
-        let share = self.share * row.step as f64 / self.total.max(1) as f64;
-        self.doing.tell("training", share, self.best);
-    }
-
-    fn on_evaluation(&mut self, row: &EvaluationRow) {
-        let f1 = row.scores.first().map(|score| score.value);
-        self.best = self.best.into_iter().chain(f1).reduce(f64::max);
-    }
-
-    fn should_stop(&mut self) -> Option<StopReason> {
-        self.doing.job.is_interrupted().then_some(StopReason::Requested)
     }
 }

@@ -211,13 +211,11 @@ impl Posed {
 
     fn replayed(&self, replayer: &mut Replayer, world: &PhysicalParams) -> Evaluation {
         let traces = self.motions.iter().map(|motion| replayer.replay(world, motion, false));
-        let Some(traces) = traces.collect::<Option<Vec<Trace>>>() else {
-            return Evaluation::Failed("the simulation diverged".to_string());
-        };
+        let traces = traces.collect::<Option<Vec<Trace>>>()?;
         let errors = self.motions.iter().zip(&traces).flat_map(|(motion, trace)| {
             FITTED.flat_map(move |joint| trace.errors(motion, joint).map(|error| error / NOISE_RAD))
         });
-        Evaluation::Residuals(errors.collect())
+        Some(errors.collect())
     }
 
     /// Fits, and returns the result with its uncertainty.
@@ -241,12 +239,11 @@ impl Posed {
             "intervals": estimate.parameters.iter().map(|parameter| parameter.interval).collect::<Vec<_>>(),
             "standard_errors": estimate.parameters.iter().map(|p| p.standard_error).collect::<Vec<_>>(),
             "evaluations": fit.evaluations(),
-            "failures": fit.failures(),
             "secs": secs,
             "secs_with_intervals": begun.elapsed().as_secs_f64(),
             "threads": rayon::current_num_threads(),
             "cost": best.cost,
-            "ended": fit.finished().map(|reason| reason.to_string()),
+            "ended": fit.finished().map(|reason| format!("{reason:?}")),
         }))
     }
 

@@ -42,61 +42,62 @@ impl Assessment {
         after: &PhysicalParams,
     ) -> Result<Self, StageError> {
         let Some(first) = motions.first() else { return Ok(Self::default()) };
-        let stage = StageConfig { side: first.side(), ..StageConfig::default() };
-        let mut replayer = Replayer::new(&stage)?;
-        let mut sums = [[Sum::default(); 2]; JOINTS];
-        for motion in motions {
-            let traces = [before, after].map(|params| replayer.replay(params, motion, false));
+        let mut errors: [[Vec<f64>; 2]; JOINTS] = Default::default();
+        for Replayed { motion, traces } in replay_both(motions, before, after)? {
             for joint in (0..JOINTS).filter(|joint| motion.moves[*joint]) {
-                for (sum, trace) in sums[joint].iter_mut().zip(&traces) {
-                    sum.add(motion, trace.as_ref(), joint);
+                for (errors, trace) in errors[joint].iter_mut().zip(&traces) {
+                    match trace {
+                        Some(trace) => errors.extend(trace.errors(motion, joint)),
+                        None => errors.push(f64::INFINITY),
+                    }
                 }
             }
         }
-        let errors = |joint: usize| JointErrors {
+        let of_joint = |joint: usize| JointErrors {
             joint: JOINT_NAMES[joint].to_string(),
             noise: first.noise[joint],
-            before: sums[joint][0].rms(),
-            after: sums[joint][1].rms(),
+            before: rms([&errors[joint][0]]),
+            after: rms([&errors[joint][1]]),
         };
-        let moved = |joint: &usize| sums[*joint][0].count > 0.0;
-        let pooled = |which: usize| {
-            let all = sums[..RAIL].iter().fold(Sum::default(), |all, sums| all.plus(sums[which]));
-            all.rms()
-        };
+        let moved = |joint: &usize| !errors[*joint][0].is_empty();
+        let pooled = |which: usize| rms(errors[..RAIL].iter().map(|errors| &errors[which]));
         let noise = first.noise[..RAIL].iter().map(|noise| noise * noise).sum::<f64>() / RAIL as f64;
         Ok(Self {
-            joints: (0..JOINTS).filter(moved).map(errors).collect(),
+            joints: (0..JOINTS).filter(moved).map(of_joint).collect(),
             fingers: [pooled(0), pooled(1)],
             fingers_noise: noise.sqrt(),
         })
     }
 }
 
-#[derive(Clone, Copy, Debug, Default)]
-struct Sum {
-    squares: f64,
-    count: f64,
+/// A motion and its replays before and after the fit. A replay is `None` where the simulation diverged.
+pub(crate) struct Replayed<'a> {
+    pub motion: &'a Motion,
+    pub traces: [Option<Trace>; 2],
 }
 
-impl Sum {
-    fn add(&mut self, motion: &Motion, trace: Option<&Trace>, joint: usize) {
-        match trace {
-            None => *self = Self { squares: f64::INFINITY, count: self.count + 1.0 },
-            Some(trace) => {
-                for error in trace.errors(motion, joint) {
-                    self.squares += error * error;
-                    self.count += 1.0;
-                }
-            }
-        }
-    }
+/// Replays motions of one hand with the parameters `before` and `after`.
+pub(crate) fn replay_both<'a>(
+    motions: impl IntoIterator<Item = &'a Motion>,
+    before: &PhysicalParams,
+    after: &PhysicalParams,
+) -> Result<Vec<Replayed<'a>>, StageError> {
+    let mut motions = motions.into_iter().peekable();
+    let Some(first) = motions.peek() else { return Ok(Vec::new()) };
+    let mut replayer = Replayer::new(&StageConfig { side: first.side(), ..StageConfig::default() })?;
+    let both = |motion: &'a Motion| Replayed {
+        motion,
+        traces: [before, after].map(|params| replayer.replay(params, motion, false)),
+    };
+    Ok(motions.map(both).collect())
+}
 
-    fn plus(self, other: Self) -> Self {
-        Self { squares: self.squares + other.squares, count: self.count + other.count }
+/// Root mean square of the errors of one joint or of several.
+fn rms<'a>(joints: impl IntoIterator<Item = &'a Vec<f64>>) -> f64 {
+    let (mut squares, mut count) = (0.0, 0);
+    for errors in joints {
+        squares += errors.iter().map(|error| error * error).sum::<f64>();
+        count += errors.len();
     }
-
-    fn rms(self) -> f64 {
-        f64::sqrt(self.squares / f64::max(self.count, 1.0))
-    }
+    f64::sqrt(squares / count.max(1) as f64)
 }

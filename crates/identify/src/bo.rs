@@ -6,12 +6,11 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::config::BoConfig;
 use crate::method::{Method, Outcome, Reason};
 use crate::problem::Problem;
 use crate::process::Process;
 use crate::random::Draws;
-use crate::space::{all_inside, is_point};
+use crate::space::all_inside;
 
 /// Random points a coordinate among which the search for the next candidate begins.
 const EVERYWHERE: usize = 100;
@@ -24,9 +23,7 @@ const SAME: f64 = 1e-6;
 
 /// State of the method.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
 pub(crate) struct Bo {
-    config: BoConfig,
     seed: u64,
     batch: u64,
     /// Points and their costs; `None` for a failure.
@@ -34,16 +31,15 @@ pub(crate) struct Bo {
 }
 
 impl Bo {
-    pub(crate) fn new(config: BoConfig, seed: u64) -> Self {
-        Self { config, seed, batch: 0, told: Vec::new() }
+    pub(crate) fn new(seed: u64) -> Self {
+        Self { seed, batch: 0, told: Vec::new() }
     }
 
     /// The start, and a Latin hypercube: each parameter's range in as many stripes as candidates, one in
     /// each.
     fn initial(&self, problem: &Problem) -> Vec<Vec<f64>> {
         let n = problem.space().len();
-        let count = if self.config.initial == 0 { 2 * n + 2 } else { self.config.initial };
-        let stripes = count - 1;
+        let stripes = 2 * n + 1;
         let mut draws = Draws::new(self.seed, self.batch);
         let mut points = vec![vec![0.0; n]; stripes];
         for parameter in 0..n {
@@ -58,32 +54,26 @@ impl Bo {
         std::iter::once(problem.space().start()).chain(points).collect()
     }
 
-    /// The candidates of the process; none where it cannot be fitted.
-    fn suggested(&self, n: usize, draws: &mut Draws) -> Vec<Vec<f64>> {
+    /// The candidate of the process; `None` where it cannot be fitted.
+    fn suggested(&self, n: usize, draws: &mut Draws) -> Option<Vec<f64>> {
         let heights: Vec<Option<f64>> = self.told.iter().map(|(_, cost)| cost.map(f64::ln_1p)).collect();
         // A failure counts as the worst cost.
-        let worst = heights.iter().flatten().fold(f64::NEG_INFINITY, |worst, &height| worst.max(height));
-        if worst == f64::NEG_INFINITY {
-            return Vec::new();
-        }
-        let mut heights: Vec<f64> = heights.into_iter().map(|height| height.unwrap_or(worst)).collect();
+        let worst = heights.iter().flatten().copied().reduce(f64::max)?;
+        let heights: Vec<f64> = heights.into_iter().map(|height| height.unwrap_or(worst)).collect();
         let points: Vec<Vec<f64>> = self.told.iter().map(|(point, _)| point.clone()).collect();
-        let Some(mut process) = Process::fit(&points, &heights) else { return Vec::new() };
-        let mut batch: Vec<Vec<f64>> = Vec::new();
-        while batch.len() < self.config.batch {
-            let least = heights.iter().copied().fold(f64::INFINITY, f64::min);
-            let best = points.iter().zip(&heights).min_by(|a, b| a.1.total_cmp(b.1)).map(|(point, _)| point);
-            let Some(point) = search(&process, least, best, n, draws) else { break };
-            // For the rest of the batch the predicted cost counts as evaluated (Ginsbourger 2010).
-            let (believed, _) = process.predict(&point);
-            batch.push(point.clone());
-            match process.and(&point, believed, &mut heights) {
-                Some(next) => process = next,
-                None => break,
-            }
-        }
-        batch
+        let process = Process::fit(&points, &heights)?;
+        let (best, least) = points.iter().zip(&heights).min_by(|a, b| a.1.total_cmp(b.1))?;
+        search(&process, *least, best, n, draws)
     }
+
+    fn is_known(&self, point: &[f64]) -> bool {
+        self.told.iter().any(|(known, _)| known.iter().zip(point).all(|(a, b)| (a - b).abs() < SAME))
+    }
+}
+
+/// A point anywhere.
+fn anywhere(n: usize, draws: &mut Draws) -> Vec<f64> {
+    (0..n).map(|_| draws.uniform()).collect()
 }
 
 /// The merit of a point: expected improvement on the least height less the predicted height (Watson and Barnes 1995).
@@ -109,26 +99,16 @@ fn normal(z: f64) -> f64 {
 
 /// The best point of a search over the whole cube and near the best so far; the first few are improved coordinate by
 /// coordinate.
-fn search(
-    process: &Process,
-    least: f64,
-    best: Option<&Vec<f64>>,
-    n: usize,
-    draws: &mut Draws,
-) -> Option<Vec<f64>> {
-    let mut candidates: Vec<Vec<f64>> =
-        (0..EVERYWHERE * n).map(|_| (0..n).map(|_| draws.uniform()).collect()).collect();
+fn search(process: &Process, least: f64, best: &[f64], n: usize, draws: &mut Draws) -> Option<Vec<f64>> {
+    let mut candidates: Vec<Vec<f64>> = (0..EVERYWHERE * n).map(|_| anywhere(n, draws)).collect();
     for reach in NEAR {
         for _ in 0..EVERYWHERE * n / 2 {
-            let near = best.into_iter().flatten().map(|u| u + reach * (2.0 * draws.uniform() - 1.0));
+            let near = best.iter().map(|u| u + reach * (2.0 * draws.uniform() - 1.0));
             candidates.push(near.map(|u| u.clamp(0.0, 1.0)).collect());
         }
     }
-    let mut ranked: Vec<(f64, Vec<f64>)> = candidates
-        .into_iter()
-        .filter(|point| point.len() == n)
-        .map(|point| (promise(process, least, &point), point))
-        .collect();
+    let mut ranked: Vec<(f64, Vec<f64>)> =
+        candidates.into_iter().map(|point| (promise(process, least, &point), point)).collect();
     ranked.sort_by(|a, b| b.0.total_cmp(&a.0));
     ranked.truncate(IMPROVED);
     for (value, point) in &mut ranked {
@@ -160,32 +140,17 @@ impl Method for Bo {
         if self.told.is_empty() {
             return self.initial(problem);
         }
-        let space = problem.space();
+        let n = problem.space().len();
         let mut draws = Draws::new(self.seed, self.batch);
-        let mut batch: Vec<Vec<f64>> = Vec::new();
-        for point in self.suggested(space.len(), &mut draws) {
-            if point.len() == space.len() && point.iter().all(|u| u.is_finite()) {
-                batch.push(all_inside(&point));
+        let mut point = self.suggested(n, &mut draws).unwrap_or_else(|| anywhere(n, &mut draws));
+        // A known point is replaced by a random one, with a limit on the attempts.
+        for _ in 0..20 {
+            if !self.is_known(&point) {
+                break;
             }
+            point = anywhere(n, &mut draws);
         }
-        batch.resize_with(self.config.batch, || (0..space.len()).map(|_| draws.uniform()).collect());
-        for place in 0..batch.len() {
-            let is_known = |point: &Vec<f64>| {
-                let told = self.told.iter().map(|(known, _)| known);
-                told.chain(&batch[..place])
-                    .any(|known| known.iter().zip(all_inside(point)).all(|(a, b)| (a - b).abs() < SAME))
-            };
-            // A known point is replaced by a random one, with a limit on the attempts.
-            let mut point = batch[place].clone();
-            for _ in 0..20 {
-                if !is_known(&point) {
-                    break;
-                }
-                point = (0..space.len()).map(|_| draws.uniform()).collect();
-            }
-            batch[place] = point;
-        }
-        batch
+        vec![point]
     }
 
     fn learn(
@@ -200,13 +165,5 @@ impl Method for Bo {
         self.batch += 1;
         let none = self.told.iter().all(|(_, cost)| cost.is_none());
         (none && self.batch > 1).then_some(Reason::Failures)
-    }
-
-    fn is_sound(&self, problem: &Problem) -> bool {
-        let n = problem.space().len();
-        let told = |(point, cost): &(Vec<f64>, Option<f64>)| {
-            is_point(point, n) && cost.is_none_or(|cost| cost.is_finite() && cost >= 0.0)
-        };
-        self.config.validate(n).is_ok() && self.told.iter().all(told)
     }
 }

@@ -2,39 +2,6 @@
 
 use serde::{Deserialize, Serialize};
 
-/// Most parameters of Bayesian optimisation (Frazier 2018, arXiv:1807.02811: best below 20 dimensions).
-pub(crate) const BO_MOST_PARAMETERS: usize = 20;
-
-/// An invalid configuration.
-#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-pub enum ConfigError {
-    /// A value is out of range.
-    #[error("`{field}` is {value}, but {rule}; change it in the configuration")]
-    Value {
-        /// Name of the field, as in the configuration file.
-        field: &'static str,
-        /// What it was set to.
-        value: String,
-        /// What it must be.
-        rule: &'static str,
-    },
-    /// More parameters than a Gaussian process can search.
-    #[error(
-        "Bayesian optimisation takes at most {BO_MOST_PARAMETERS} parameters, not {0}, and works well up to about \
-         10. Fit joint by joint, or choose the method `lm`"
-    )]
-    TooManyForBo(usize),
-}
-
-fn require(
-    holds: bool,
-    field: &'static str,
-    value: impl std::fmt::Display,
-    rule: &'static str,
-) -> Result<(), ConfigError> {
-    if holds { Ok(()) } else { Err(ConfigError::Value { field, value: value.to_string(), rule }) }
-}
-
 /// The method of a fit and its constants.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "method", rename_all = "lowercase")]
@@ -46,14 +13,7 @@ pub enum MethodConfig {
 }
 
 impl MethodConfig {
-    /// Checks every number; `parameters` is the number of parameters.
-    pub(crate) fn validate(&self, parameters: usize) -> Result<(), ConfigError> {
-        match self {
-            Self::Lm(config) => config.validate(),
-            Self::Bo(config) => config.validate(parameters),
-        }
-    }
-
+    /// Evaluations after which no new batch is begun.
     pub(crate) fn max_evaluations(&self) -> u64 {
         match self {
             Self::Lm(config) => config.max_evaluations,
@@ -75,7 +35,7 @@ pub enum Differences {
 
 /// Constants of Levenberg–Marquardt. Lengths are in normalised coordinates.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(default, deny_unknown_fields)]
+#[serde(default)]
 pub struct LmConfig {
     /// Evaluations after which no new batch is begun.
     pub max_evaluations: u64,
@@ -88,10 +48,6 @@ pub struct LmConfig {
     pub first_difference_step: f64,
     /// Damping at the start, relative to the curvature of each parameter.
     pub initial_damping: f64,
-    /// Ends when the cosine between the residuals and each free column of the Jacobian is smaller.
-    pub gradient_tolerance: f64,
-    /// Ends when no coordinate would move farther than this.
-    pub step_tolerance: f64,
     /// Ends when a step's predicted and actual reductions are a smaller share of the cost.
     pub cost_tolerance: f64,
     /// A parameter is held while the cost's curvature along it is less. With residuals in standard deviations of the noise, the
@@ -107,8 +63,6 @@ impl Default for LmConfig {
             difference_step: 1e-5,
             first_difference_step: 1e-5,
             initial_damping: 1e-3,
-            gradient_tolerance: 1e-8,
-            step_tolerance: 1e-7,
             cost_tolerance: 1e-9,
             least_curvature: 0.0,
         }
@@ -127,62 +81,18 @@ impl LmConfig {
             ..Self::default()
         }
     }
-
-    pub(crate) fn validate(&self) -> Result<(), ConfigError> {
-        require(self.max_evaluations > 0, "max_evaluations", self.max_evaluations, "it must be positive")?;
-        let step = self.difference_step;
-        require((1e-9..=0.1).contains(&step), "difference_step", step, "it must lie in 1e-9 … 0.1")?;
-        let first = self.first_difference_step;
-        let rule = "it must lie in 1e-9 … 0.1";
-        require((1e-9..=0.1).contains(&first), "first_difference_step", first, rule)?;
-        let damping = self.initial_damping;
-        require(
-            (1e-12..=1e12).contains(&damping),
-            "initial_damping",
-            damping,
-            "it must lie in 1e-12 … 1e12",
-        )?;
-        for (field, value) in [
-            ("gradient_tolerance", self.gradient_tolerance),
-            ("step_tolerance", self.step_tolerance),
-            ("cost_tolerance", self.cost_tolerance),
-        ] {
-            require((0.0..1.0).contains(&value), field, value, "it must lie in 0 … 1, without 1")?;
-        }
-        let least = self.least_curvature;
-        require((0.0..=1e12).contains(&least), "least_curvature", least, "it must lie in 0 … 1e12")?;
-        Ok(())
-    }
 }
 
 /// Constants of Bayesian optimisation.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(default, deny_unknown_fields)]
+#[serde(default)]
 pub struct BoConfig {
     /// Evaluations after which no new batch is begun.
     pub max_evaluations: u64,
-    /// Candidates of the first batch, spread over the whole space; 0 takes 2 n + 2.
-    pub initial: usize,
-    /// Candidates of each later batch. One makes the best use of each evaluation; more use as many cores.
-    pub batch: usize,
 }
 
 impl Default for BoConfig {
     fn default() -> Self {
-        Self { max_evaluations: 150, initial: 0, batch: 1 }
-    }
-}
-
-impl BoConfig {
-    pub(crate) fn validate(&self, parameters: usize) -> Result<(), ConfigError> {
-        if parameters > BO_MOST_PARAMETERS {
-            return Err(ConfigError::TooManyForBo(parameters));
-        }
-        let rule = "it must lie in 1 … 2000, since each new candidate takes time in proportion to the \
-        cube of all before";
-        require((1..=2000).contains(&self.max_evaluations), "max_evaluations", self.max_evaluations, rule)?;
-        let rule = "it must be 0 or lie in 3 … 2000";
-        require(self.initial == 0 || (3..=2000).contains(&self.initial), "initial", self.initial, rule)?;
-        require((1..=64).contains(&self.batch), "batch", self.batch, "it must lie in 1 … 64")
+        Self { max_evaluations: 150 }
     }
 }

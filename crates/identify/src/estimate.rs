@@ -8,12 +8,15 @@
 //! 1981). The correction takes the slopes to be as slow as the residuals, so where they are faster the
 //! intervals are too wide, not too narrow.
 
+use std::ops::Range;
+
 use nalgebra::{DMatrix, SymmetricEigen};
 use serde::{Deserialize, Serialize};
 
 use crate::autocorrelation::integrated_autocorrelation;
+use crate::error::FitError;
 use crate::jacobian::Linearisation;
-use crate::problem::Problem;
+use crate::problem::{Block, Problem};
 
 /// Half a 95 % interval, in standard errors.
 pub(crate) const HALF_INTERVAL: f64 = 1.959_963_984_540_054;
@@ -112,55 +115,37 @@ pub struct Estimate {
     pub residual_variance: f64,
 }
 
-/// An estimate cannot be computed.
-#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-pub enum EstimateError {
-    /// At least as many parameters as residuals.
-    #[error("{samples} residuals cannot identify {parameters} parameters; record longer or estimate fewer")]
-    TooFew {
-        /// Residuals.
-        samples: usize,
-        /// Parameters.
-        parameters: usize,
-    },
-    /// The linearisation is of another problem.
-    #[error("the linearisation belongs to another problem; plan it with the problem that was fitted")]
-    OtherProblem,
-    /// Residuals or slopes are too large.
-    #[error(
-        "residuals or slopes are too large to square; check the noise's standard deviation that divides them"
-    )]
-    TooLarge,
-}
-
 impl Estimate {
     /// The uncertainty at a point, from its residuals and slopes ([`JacobianPlan`](crate::JacobianPlan)).
     ///
     /// # Errors
-    /// If there are too few residuals, or the linearisation does not match the problem.
-    pub fn new(problem: &Problem, linear: &Linearisation) -> Result<Self, EstimateError> {
+    /// If there are too few residuals, or they are too large.
+    pub fn new(problem: &Problem, linear: &Linearisation) -> Result<Self, FitError> {
+        let too_large = || {
+            FitError::new(
+                "residuals or slopes are too large to square; check the noise's standard deviation that divides them",
+            )
+        };
         let (n, samples) = (problem.space().len(), problem.samples());
-        let fits = linear.point.len() == n && linear.jacobian.parameters() == n;
-        if !fits || linear.residuals.len() != samples {
-            return Err(EstimateError::OtherProblem);
-        }
         if samples <= n {
-            return Err(EstimateError::TooFew { samples, parameters: n });
+            return Err(FitError(format!(
+                "{samples} residuals cannot identify {n} parameters; record longer or estimate fewer"
+            )));
         }
-        let noise = Noise::of(problem, &linear.residuals);
+        let noise = statistics(problem, &linear.residuals);
         let loss = problem.loss();
         let square: Vec<f64> =
             linear.residuals.iter().map(|&r| if loss.is_square_at(r) { 1.0 } else { 0.0 }).collect();
         let ones = vec![1.0; samples];
         let (mut bread, mut meat) = (vec![0.0; n * n], vec![0.0; n * n]);
-        for (block, variance) in noise.inflated.iter().enumerate() {
+        for (block, (_, variance)) in noise.iter().enumerate() {
             linear.jacobian.add_gram(block, &square, 1.0, &mut bread);
             linear.jacobian.add_gram(block, &ones, *variance, &mut meat);
         }
         if !bread.iter().chain(&meat).all(|x| x.is_finite()) {
-            return Err(EstimateError::TooLarge);
+            return Err(too_large());
         }
-        let spectrum = Spectrum::of(&bread, n).ok_or(EstimateError::TooLarge)?;
+        let spectrum = Spectrum::of(&bread, n).ok_or_else(too_large)?;
         let covariance = spectrum.covariance(&DMatrix::from_row_slice(n, n, &meat));
         let weak = spectrum.weak(problem, &covariance);
         let parameters = parameters(problem, &linear.point, &covariance, &weak);
@@ -181,53 +166,40 @@ impl Estimate {
             condition: (spectrum.values[0] / spectrum.values[n - 1]).min(f64::MAX),
             singular_values: spectrum.values,
             weak,
-            blocks: noise.blocks,
+            blocks: noise.into_iter().map(|(block, _)| block).collect(),
             residual_variance: squares / (samples - n) as f64,
         })
     }
 }
 
-/// Statistics of each block's residuals.
-struct Noise {
-    blocks: Vec<BlockStatistics>,
-    /// Variance times autocorrelation time.
-    inflated: Vec<f64>,
-}
-
-impl Noise {
-    fn of(problem: &Problem, residuals: &[f64]) -> Self {
-        let loss = problem.loss();
-        let samples = problem.samples() as f64;
-        // Corrects for the degrees of freedom of the fit.
-        let given_back = samples / (samples - problem.space().len() as f64);
-        let mut short = (0.0, 0usize);
-        let mut all = Vec::new();
-        for (block, range) in problem.blocks().iter().zip(problem.ranges()) {
-            let pulls: Vec<f64> = residuals[range.clone()].iter().map(|&r| loss.weight(r) * r).collect();
-            let squares: f64 = pulls.iter().map(|pull| pull * pull).sum();
-            let time = if block.samples < SHORT_BLOCK {
-                short = (short.0 + squares, short.1 + block.samples);
-                None
-            } else {
-                Some(integrated_autocorrelation(&pulls))
-            };
-            let rms =
-                (residuals[range.clone()].iter().map(|r| r * r).sum::<f64>() / block.samples as f64).sqrt();
-            all.push((block, time, squares, rms));
-        }
-        let inflated = |(block, time, squares, _): &(&crate::Block, Option<f64>, f64, f64)| match time {
-            Some(time) => given_back * time * squares / block.samples as f64,
-            None => given_back * short.0 / short.1 as f64,
+/// Statistics of each block's residuals, and their variance times autocorrelation time.
+fn statistics(problem: &Problem, residuals: &[f64]) -> Vec<(BlockStatistics, f64)> {
+    let (loss, samples) = (problem.loss(), problem.samples() as f64);
+    // Corrects for the degrees of freedom of the fit.
+    let given_back = samples / (samples - problem.space().len() as f64);
+    let squares = |values: &[f64]| values.iter().map(|value| value * value).sum::<f64>();
+    let pulls: Vec<f64> = residuals.iter().map(|&r| loss.weight(r) * r).collect();
+    let ranges = problem.ranges();
+    let short = || ranges.iter().filter(|range| range.len() < SHORT_BLOCK);
+    let short_squares: f64 = short().map(|range| squares(&pulls[range.clone()])).sum();
+    let short_samples: usize = short().map(Range::len).sum();
+    let of_block = |(block, range): (&Block, &Range<usize>)| {
+        let (pulls, count) = (&pulls[range.clone()], block.samples as f64);
+        let (time, variance) = if block.samples < SHORT_BLOCK {
+            (1.0, given_back * short_squares / short_samples as f64)
+        } else {
+            let time = integrated_autocorrelation(pulls);
+            (time, given_back * time * squares(pulls) / count)
         };
-        let inflated = all.iter().map(inflated).collect();
-        let statistics = |(block, time, _, rms): (&crate::Block, Option<f64>, f64, f64)| BlockStatistics {
+        let statistics = BlockStatistics {
             name: block.name.clone(),
             samples: block.samples,
-            effective_samples: block.samples as f64 / time.unwrap_or(1.0),
-            rms,
+            effective_samples: count / time,
+            rms: (squares(&residuals[range.clone()]) / count).sqrt(),
         };
-        Self { blocks: all.into_iter().map(statistics).collect(), inflated }
-    }
+        (statistics, variance)
+    };
+    problem.blocks().iter().zip(&ranges).map(of_block).collect()
 }
 
 /// Singular values of the Jacobian and their directions, from the eigenvalues of JᵀJ.

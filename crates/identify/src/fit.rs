@@ -5,15 +5,17 @@
 use serde::{Deserialize, Serialize};
 
 use crate::bo::Bo;
-use crate::config::{ConfigError, MethodConfig};
+use crate::config::MethodConfig;
+use crate::error::FitError;
 use crate::lm::Lm;
 use crate::method::{Candidate, Method, Outcome, Reason};
 use crate::problem::{Evaluation, Problem};
-use crate::space::is_point;
+
+/// Each new candidate of Bayesian optimisation takes time in proportion to the cube of all before.
+const BO_MOST_EVALUATIONS: u64 = 2000;
 
 /// The candidate with the lowest cost so far.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
 pub struct Best {
     /// Normalised coordinates in [0, 1].
     pub point: Vec<f64>,
@@ -21,40 +23,6 @@ pub struct Best {
     pub values: Vec<f64>,
     /// Its cost ([`Problem::cost`]).
     pub cost: f64,
-    /// Which evaluation it was, counted from zero.
-    pub evaluation: u64,
-}
-
-/// Evaluations that do not match the last batch.
-#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-pub enum TellError {
-    /// Their number differs from that of the candidates.
-    #[error(
-        "{given} evaluations were given for {asked} candidates; give one for each candidate, in the order of the batch"
-    )]
-    Count {
-        /// Candidates of the batch.
-        asked: usize,
-        /// Evaluations that were given.
-        given: usize,
-    },
-    /// A candidate has another number of residuals than the problem.
-    #[error(
-        "candidate {candidate} of the batch has {given} residuals where the problem has {samples}; give \
-        one residual for \
-         each sample of each block, whatever the candidate"
-    )]
-    Samples {
-        /// Place in the batch, from zero.
-        candidate: usize,
-        /// Residuals of the problem.
-        samples: usize,
-        /// Residuals that were given.
-        given: usize,
-    },
-    /// The fit has ended.
-    #[error("the fit has ended, so it takes no more evaluations; start another fit from its best point")]
-    Finished,
 }
 
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -85,70 +53,36 @@ impl State {
 /// Saved after any [`Fit::tell`] and loaded, it ends with the same result, bit for bit, if the format keeps every bit of
 /// a number (such as serde_json with `float_roundtrip`).
 #[derive(Clone, Debug, Serialize, Deserialize)]
-#[serde(try_from = "Saved")]
 pub struct Fit {
     problem: Problem,
     max_evaluations: u64,
     state: State,
     best: Option<Best>,
     evaluations: u64,
-    failures: u64,
     finished: Option<Reason>,
     /// The batch that waits for its evaluations.
     #[serde(skip)]
     asked: Option<Vec<Vec<f64>>>,
 }
 
-/// A fit as it is in a file.
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-struct Saved {
-    problem: Problem,
-    max_evaluations: u64,
-    state: State,
-    best: Option<Best>,
-    evaluations: u64,
-    failures: u64,
-    finished: Option<Reason>,
-}
-
-impl TryFrom<Saved> for Fit {
-    type Error = &'static str;
-
-    fn try_from(saved: Saved) -> Result<Self, Self::Error> {
-        let Saved { problem, max_evaluations, state, best, evaluations, failures, finished } = saved;
-        let n = problem.space().len();
-        let best_fits =
-            best.as_ref().is_none_or(|b| is_point(&b.point, n) && b.values.len() == n && b.cost.is_finite());
-        if !best_fits || !state.method().is_sound(&problem) {
-            return Err("the saved fit is damaged or from another version; start it again");
-        }
-        let asked = None;
-        Ok(Self { problem, max_evaluations, state, best, evaluations, failures, finished, asked })
-    }
-}
-
 impl Fit {
     /// A fit from the parameters' start values. `seed` determines every random draw; Levenberg–Marquardt makes none.
     ///
     /// # Errors
-    /// If a constant is out of range, or the method cannot handle so many parameters.
-    pub fn new(problem: Problem, method: &MethodConfig, seed: u64) -> Result<Self, ConfigError> {
-        method.validate(problem.space().len())?;
+    /// If the method may make no evaluation, or more than it can handle.
+    pub fn new(problem: Problem, method: &MethodConfig, seed: u64) -> Result<Self, FitError> {
+        let max_evaluations = method.max_evaluations();
+        let most = if matches!(method, MethodConfig::Bo(_)) { BO_MOST_EVALUATIONS } else { u64::MAX };
+        if !(1..=most).contains(&max_evaluations) {
+            return Err(FitError(format!(
+                "a fit cannot make {max_evaluations} evaluations: give from 1 to {most}"
+            )));
+        }
         let state = match method {
             MethodConfig::Lm(config) => State::Lm(Box::new(Lm::new(&problem, config.clone()))),
-            MethodConfig::Bo(config) => State::Bo(Box::new(Bo::new(config.clone(), seed))),
+            MethodConfig::Bo(_) => State::Bo(Box::new(Bo::new(seed))),
         };
-        Ok(Self {
-            problem,
-            max_evaluations: method.max_evaluations(),
-            state,
-            best: None,
-            evaluations: 0,
-            failures: 0,
-            finished: None,
-            asked: None,
-        })
+        Ok(Self { problem, max_evaluations, state, best: None, evaluations: 0, finished: None, asked: None })
     }
 
     /// The next batch, to be evaluated in any order. The same batch until [`Fit::tell`]; empty after the end.
@@ -169,20 +103,29 @@ impl Fit {
     ///
     /// # Errors
     /// If the evaluations do not match the batch; the fit is unchanged then.
-    pub fn tell(&mut self, evaluations: &[Evaluation]) -> Result<(), TellError> {
+    pub fn tell(&mut self, evaluations: &[Evaluation]) -> Result<(), FitError> {
         if self.finished.is_some() {
-            return Err(TellError::Finished);
+            let why =
+                "the fit has ended, so it takes no more evaluations; start another fit from its best point";
+            return Err(FitError::new(why));
         }
         let points = self.proposed();
         let samples = self.problem.samples();
         if points.len() != evaluations.len() {
-            return Err(TellError::Count { asked: points.len(), given: evaluations.len() });
+            let (asked, given) = (points.len(), evaluations.len());
+            return Err(FitError(format!(
+                "{given} evaluations were given for {asked} candidates; give one for each candidate, in the order of the batch"
+            )));
         }
         for (candidate, evaluation) in evaluations.iter().enumerate() {
-            if let Evaluation::Residuals(residuals) = evaluation
+            if let Some(residuals) = evaluation
                 && residuals.len() != samples
             {
-                return Err(TellError::Samples { candidate, samples, given: residuals.len() });
+                let given = residuals.len();
+                return Err(FitError(format!(
+                    "candidate {candidate} of the batch has {given} residuals where the problem has {samples}; give one \
+                     residual for each sample of each block, whatever the candidate"
+                )));
             }
         }
         let outcomes: Vec<Option<Outcome<'_>>> = evaluations
@@ -193,14 +136,11 @@ impl Fit {
             })
             .collect();
         for (point, outcome) in points.iter().zip(&outcomes) {
-            match outcome {
-                None => self.failures += 1,
-                Some(outcome) if self.best.as_ref().is_none_or(|best| outcome.cost < best.cost) => {
-                    let Candidate { point, values } = Candidate::at(&self.problem, point);
-                    let evaluation = self.evaluations;
-                    self.best = Some(Best { point, values, cost: outcome.cost, evaluation });
-                }
-                Some(_) => {}
+            if let Some(outcome) = outcome
+                && self.best.as_ref().is_none_or(|best| outcome.cost < best.cost)
+            {
+                let Candidate { point, values } = Candidate::at(&self.problem, point);
+                self.best = Some(Best { point, values, cost: outcome.cost });
             }
             self.evaluations += 1;
         }
@@ -225,11 +165,6 @@ impl Fit {
     /// Evaluations so far, including failed ones.
     pub fn evaluations(&self) -> u64 {
         self.evaluations
-    }
-
-    /// Evaluations that failed.
-    pub fn failures(&self) -> u64 {
-        self.failures
     }
 
     /// Why the fit has ended; `None` before its end.

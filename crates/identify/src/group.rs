@@ -2,14 +2,16 @@
 //! readings, so one replay serves a candidate of each.
 
 use etude_music::{CONTROL_HZ, KEYS};
-use etude_stage::{JOINT_NAMES, JOINTS, PhysicalParams};
+use etude_stage::hand::{FINGER_JOINTS, FINGER_NAMES};
+use etude_stage::{JOINT_NAMES, JOINTS, PhysicalParams, RAIL};
 use serde::{Deserialize, Serialize};
 
+use crate::error::FitError;
 use crate::motion::Motion;
-use crate::problem::{Block, Evaluation, Loss, Problem, ProblemError};
+use crate::problem::{Block, Evaluation, Loss, Problem};
 use crate::replay::Trace;
 use crate::rows::contact_prior;
-use crate::space::{Parameter, Space, SpaceError};
+use crate::space::{Parameter, Space};
 
 /// Every third reading is compared: the hand sends readings three times as often as its motion changes.
 const STRIDE: usize = 3;
@@ -17,17 +19,6 @@ const STRIDE: usize = 3;
 const SLIPS: f64 = 3.0;
 /// Standard deviation of a key's travel when it sounds, as a share of its travel: its motion in two physics steps.
 const KEY_NOISE: f64 = 0.05;
-
-/// A group that cannot be fitted.
-#[derive(Debug, thiserror::Error)]
-pub enum GroupError {
-    /// Its parameters are invalid.
-    #[error(transparent)]
-    Space(#[from] SpaceError),
-    /// Its residuals are invalid.
-    #[error(transparent)]
-    Problem(#[from] ProblemError),
-}
 
 /// Parameters that are fitted together.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -47,7 +38,7 @@ impl Group {
     ///
     /// # Errors
     /// If there are no parameters or no residuals.
-    pub fn problem(&self, parameters: Vec<Parameter>, motions: &[Motion]) -> Result<Problem, GroupError> {
+    pub fn problem(&self, parameters: Vec<Parameter>, motions: &[Motion]) -> Result<Problem, FitError> {
         let mut blocks = Vec::new();
         for (index, motion) in motions.iter().enumerate() {
             for joint in self.joints_of(motion) {
@@ -62,7 +53,7 @@ impl Group {
             blocks.push(Block::new("belief", parameters.len()));
         }
         let loss = if self.keys { Loss::Huber(SLIPS) } else { Loss::Squared };
-        Ok(Problem::new(Space::new(parameters)?, blocks, loss)?)
+        Problem::new(Space::new(parameters)?, blocks, loss)
     }
 
     /// Names of the blocks that a joint's parameters influence: those of its own finger. Its influence on other fingers
@@ -72,7 +63,7 @@ impl Group {
         joint: usize,
         motions: &'a [Motion],
     ) -> impl Iterator<Item = String> + 'a {
-        let finger = |joint: usize| joint / etude_stage::hand::FINGER_JOINTS;
+        let finger = |joint: usize| joint / FINGER_JOINTS;
         motions.iter().enumerate().flat_map(move |(index, motion)| {
             let its = self.joints_of(motion).filter(move |other| finger(*other) == finger(joint));
             its.map(move |other| format!("{index}.{}", JOINT_NAMES[other]))
@@ -102,9 +93,7 @@ impl Group {
             if !self.learns_from(motion) {
                 continue;
             }
-            let Some(trace) = trace else {
-                return Evaluation::Failed(format!("the simulation diverged in {}", motion.path.display()));
-            };
+            let trace = trace.as_ref()?;
             for joint in self.joints_of(motion) {
                 let noise = motion.noise[joint];
                 residuals.extend(trace.errors(motion, joint).step_by(STRIDE).map(|error| error / noise));
@@ -116,7 +105,7 @@ impl Group {
         if self.believes {
             residuals.extend(contact_prior(before, params));
         }
-        Evaluation::Residuals(residuals)
+        Some(residuals)
     }
 }
 
@@ -140,29 +129,21 @@ fn key_residuals(params: &PhysicalParams, motion: &Motion, trace: &Trace, residu
     }
 }
 
+/// Joints whose readings are fitted, without keys.
+fn drives(name: &str, joints: Vec<usize>) -> Group {
+    Group { name: name.to_string(), joints, keys: false, believes: false }
+}
+
 /// Every joint separately.
 pub fn joints() -> Vec<Group> {
-    let group = |joint: usize| Group {
-        name: JOINT_NAMES[joint].to_string(),
-        joints: vec![joint],
-        keys: false,
-        believes: false,
-    };
-    (0..JOINTS).map(group).collect()
+    (0..JOINTS).map(|joint| drives(JOINT_NAMES[joint], vec![joint])).collect()
 }
 
 /// Every finger's joints together, and the rail.
 pub fn fingers() -> Vec<Group> {
-    use etude_stage::hand::{FINGER_JOINTS, FINGER_NAMES};
-    let finger = |finger: usize| Group {
-        name: FINGER_NAMES[finger].to_string(),
-        joints: (finger * FINGER_JOINTS..(finger + 1) * FINGER_JOINTS).collect(),
-        keys: false,
-        believes: false,
-    };
-    let rail =
-        Group { name: "rail".to_string(), joints: vec![etude_stage::RAIL], keys: false, believes: false };
-    (0..FINGER_NAMES.len()).map(finger).chain([rail]).collect()
+    let joints = |finger: usize| (finger * FINGER_JOINTS..(finger + 1) * FINGER_JOINTS).collect();
+    let fingers = FINGER_NAMES.iter().enumerate().map(|(finger, name)| drives(name, joints(finger)));
+    fingers.chain([drives("rail", vec![RAIL])]).collect()
 }
 
 /// The keyboard, fitted to which keys sound and when. The pressing joints' readings are left out: how a finger yields under a

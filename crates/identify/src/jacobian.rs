@@ -2,6 +2,7 @@
 //! together, so that thirteen joints with eight parameters each cost 8 simulations instead of 104.
 
 use crate::config::Differences;
+use crate::error::FitError;
 use crate::method::Candidate;
 use crate::problem::{Evaluation, Problem};
 use crate::space::all_inside;
@@ -11,7 +12,6 @@ use crate::space::all_inside;
 #[derive(Clone, Debug, PartialEq)]
 pub struct Jacobian {
     columns: Vec<Vec<Part>>,
-    samples: usize,
 }
 
 /// One block of one column.
@@ -24,24 +24,6 @@ struct Part {
 }
 
 impl Jacobian {
-    /// Slopes of all residuals per unit of one parameter's normalised coordinate; zero where it has no
-    /// influence. Empty for a parameter that does not exist.
-    pub fn column(&self, parameter: usize) -> Vec<f64> {
-        let Some(parts) = self.columns.get(parameter) else { return Vec::new() };
-        let mut column = vec![0.0; self.samples];
-        for part in parts {
-            for (place, slope) in column[part.start..].iter_mut().zip(&part.slopes) {
-                *place = *slope;
-            }
-        }
-        column
-    }
-
-    /// Number of parameters.
-    pub(crate) fn parameters(&self) -> usize {
-        self.columns.len()
-    }
-
     /// Adds a block's `scale · JᵀWJ` to `sum` (row by row, parameters × parameters); `weights` are of all
     /// residuals.
     pub(crate) fn add_gram(&self, block: usize, weights: &[f64], scale: f64, sum: &mut [f64]) {
@@ -162,6 +144,7 @@ pub(crate) fn assemble(
 ) -> (Jacobian, Vec<usize>) {
     let mut columns = Vec::with_capacity(problem.space().len());
     let mut missing = Vec::new();
+    let ranges = problem.ranges();
     for parameter in 0..problem.space().len() {
         // Lowest and highest of the base and the successful probes.
         let (mut low, mut high) = ((0.0, base), (0.0, base));
@@ -182,36 +165,14 @@ pub(crate) fn assemble(
             continue;
         }
         let part = |&block: &usize| {
-            let range = problem.ranges()[block].clone();
+            let range = ranges[block].clone();
             let start = range.start;
             let slopes = high.1[range.clone()].iter().zip(&low.1[range]).map(|(h, l)| (h - l) / width);
             Part { block, start, slopes: slopes.collect() }
         };
         columns.push(problem.influenced(parameter).iter().map(part).collect());
     }
-    (Jacobian { columns, samples: problem.samples() }, missing)
-}
-
-/// A Jacobian cannot be computed.
-#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-pub enum JacobianError {
-    /// The numbers of evaluations and candidates differ.
-    #[error("{given} evaluations were given for {asked} candidates; give one for each, in their order")]
-    Count {
-        /// Candidates of the plan.
-        asked: usize,
-        /// Evaluations that were given.
-        given: usize,
-    },
-    /// The evaluation of the point failed.
-    #[error("the point could not be evaluated; use the best point of a fit")]
-    Point,
-    /// The evaluations on both sides of the point failed.
-    #[error(
-        "no neighbour of the point could be evaluated along `{0}`; use a smaller difference step, or hold that \
-        parameter fixed"
-    )]
-    Parameter(String),
+    (Jacobian { columns }, missing)
 }
 
 /// The candidates for the Jacobian at a point, for [`Estimate`](crate::Estimate) after any method.
@@ -242,20 +203,24 @@ impl JacobianPlan {
     ///
     /// # Errors
     /// If an evaluation is missing or failed.
-    pub fn finish(
-        &self,
-        problem: &Problem,
-        evaluations: &[Evaluation],
-    ) -> Result<Linearisation, JacobianError> {
+    pub fn finish(&self, problem: &Problem, evaluations: &[Evaluation]) -> Result<Linearisation, FitError> {
         let asked = self.probes.len() + 1;
         let outcomes: Vec<Option<&[f64]>> = evaluations.iter().map(|e| problem.usable(e)).collect();
         let Some((base, others)) = outcomes.split_first().filter(|_| outcomes.len() == asked) else {
-            return Err(JacobianError::Count { asked, given: evaluations.len() });
+            let given = evaluations.len();
+            return Err(FitError(format!(
+                "{given} evaluations were given for {asked} candidates; give one for each, in their order"
+            )));
         };
-        let base = base.ok_or(JacobianError::Point)?;
+        let base = base
+            .ok_or_else(|| FitError::new("the point could not be evaluated; use the best point of a fit"))?;
         let (jacobian, missing) = assemble(problem, base, &self.probes, others);
         match missing.first().and_then(|&parameter| problem.space().parameters().get(parameter)) {
-            Some(parameter) => Err(JacobianError::Parameter(parameter.path.clone())),
+            Some(parameter) => Err(FitError(format!(
+                "no neighbour of the point could be evaluated along `{}`; use a smaller difference step, or hold that \
+                 parameter fixed",
+                parameter.path
+            ))),
             None => Ok(Linearisation { point: self.point.clone(), residuals: base.to_vec(), jacobian }),
         }
     }

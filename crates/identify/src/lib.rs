@@ -7,13 +7,13 @@
 //! [`Fit::tell`] takes their residuals. An [`Estimate`] holds intervals, correlations and what is not identifiable.
 //!
 //! ```
-//! use etude_identify::{Block, Evaluation, Fit, LmConfig, Loss, MethodConfig, Parameter, Problem, Space};
+//! use etude_identify::{Block, Fit, LmConfig, Loss, MethodConfig, Parameter, Problem, Space};
 //!
 //! let space = Space::new(vec![Parameter::new("joint.index_1.damping", 0.0, 1.0, 0.9)])?;
 //! let problem = Problem::new(space, vec![Block::new("index_1", 2)], Loss::Squared)?;
 //! let mut fit = Fit::new(problem, &MethodConfig::Lm(LmConfig::default()), 1)?;
 //! while fit.finished().is_none() {
-//!     let simulate = |values: &[f64]| Evaluation::Residuals(vec![values[0] - 0.3, 2.0 * (values[0] - 0.3)]);
+//!     let simulate = |values: &[f64]| Some(vec![values[0] - 0.3, 2.0 * (values[0] - 0.3)]);
 //!     let evaluations: Vec<_> = fit.ask().iter().map(|candidate| simulate(&candidate.values)).collect();
 //!     fit.tell(&evaluations)?;
 //!     // A long fit can be saved here (it is `Serialize`) and resumed after an interruption.
@@ -31,6 +31,7 @@ mod assessment;
 mod autocorrelation;
 mod bo;
 mod config;
+mod error;
 mod estimate;
 mod fit;
 mod group;
@@ -49,15 +50,16 @@ mod space;
 
 pub use assessment::{Assessment, JointErrors};
 pub use autocorrelation::integrated_autocorrelation;
-pub use config::{BoConfig, ConfigError, Differences, LmConfig, MethodConfig};
-pub use estimate::{BlockStatistics, Bound, Estimate, EstimateError, ParameterEstimate, WeakDirection};
-pub use fit::{Best, Fit, TellError};
-pub use group::{Group, GroupError};
+pub use config::{BoConfig, Differences, LmConfig, MethodConfig};
+pub use error::FitError;
+pub use estimate::{BlockStatistics, Bound, Estimate, ParameterEstimate, WeakDirection};
+pub use fit::{Best, Fit};
+pub use group::Group;
 pub use identification::{Identified, IdentifyConfig, IdentifyError, Progress, Stage, StageEnd, identify};
-pub use jacobian::{Jacobian, JacobianError, JacobianPlan, Linearisation};
+pub use jacobian::{Jacobian, JacobianPlan, Linearisation};
 pub use method::{Candidate, Reason};
 pub use motion::{Commands, Motion, MotionError};
-pub use problem::{Block, Evaluation, Loss, Problem, ProblemError};
+pub use problem::{Block, Evaluation, Loss, Problem};
 pub use replay::{Replayer, Trace};
-pub use report::{Curve, Element, Figure, Report, ReportInput, Section, Table};
-pub use space::{Parameter, Scale, Space, SpaceError};
+pub use report::{Curve, Figure, Report, ReportInput};
+pub use space::{Parameter, Scale, Space};

@@ -12,7 +12,7 @@ use crate::config::LmConfig;
 use crate::jacobian::{assemble, probes};
 use crate::method::{Method, Outcome, Reason};
 use crate::problem::Problem;
-use crate::space::{all_inside, is_point};
+use crate::space::all_inside;
 
 mod step;
 
@@ -22,6 +22,10 @@ use step::Model;
 const LEAST_GAIN: f64 = 1e-4;
 /// The damping falls 10-fold above this ratio.
 const TRUSTED: f64 = 0.9;
+/// The fit ends when the cosine between the residuals and each free column of the Jacobian is smaller.
+const GRADIENT_TOLERANCE: f64 = 1e-8;
+/// The fit ends when no coordinate would move farther than this.
+const STEP_TOLERANCE: f64 = 1e-7;
 const DAMPING_LIMITS: [f64; 2] = [1e-12, 1e15];
 /// Attempts of a failed probe at other distances, before its parameter is held for one step.
 const MOST_ATTEMPTS: u8 = 3;
@@ -99,7 +103,7 @@ impl Lm {
 
     /// Prepares the next step, or returns why the fit ends.
     fn decide(&mut self) -> Option<Reason> {
-        if self.model.steepest(&self.point) <= self.config.gradient_tolerance {
+        if self.model.steepest(&self.point) <= GRADIENT_TOLERANCE {
             return self.settle(Reason::Gradient);
         }
         while self.damping <= DAMPING_LIMITS[1] {
@@ -108,7 +112,7 @@ impl Lm {
                 continue;
             };
             let moves: Vec<f64> = step.point.iter().zip(&self.point).map(|(a, b)| (a - b).abs()).collect();
-            let small = if moves.iter().all(|d| *d <= self.config.step_tolerance) {
+            let small = if moves.iter().all(|d| *d <= STEP_TOLERANCE) {
                 Some(Reason::Step)
             } else if step.predicted <= self.config.cost_tolerance * self.cost {
                 Some(Reason::Cost)
@@ -210,21 +214,5 @@ impl Method for Lm {
             Phase::Jacobian { attempts } => self.learn_jacobian(problem, attempts, outcomes),
             Phase::Trial { point, predicted } => self.learn_trial(&point, predicted, first),
         }
-    }
-
-    fn is_sound(&self, problem: &Problem) -> bool {
-        let n = problem.space().len();
-        let phase = match &self.phase {
-            Phase::Start => self.residuals.is_empty(),
-            Phase::Jacobian { attempts } => attempts.len() == n,
-            Phase::Trial { point, predicted } => is_point(point, n) && *predicted > 0.0,
-        };
-        let started = self.phase == Phase::Start || self.residuals.len() == problem.samples();
-        let numbers = (1e-9..=0.1).contains(&self.difference_step)
-            && self.damping > 0.0
-            && self.growth >= 1.0
-            && self.cost.is_finite();
-        let numbers = numbers && self.config.validate().is_ok();
-        phase && started && numbers && is_point(&self.point, n) && self.model.is_sound(n)
     }
 }

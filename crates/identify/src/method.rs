@@ -40,19 +40,6 @@ pub enum Reason {
     Failures,
 }
 
-impl std::fmt::Display for Reason {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.write_str(match self {
-            Self::Gradient => "converged: no free parameter can lower the cost",
-            Self::Step => "converged: the parameters no longer move",
-            Self::Cost => "converged: the cost no longer falls",
-            Self::Damping => "stopped: no step lowers the cost, however short; try a larger difference_step",
-            Self::Budget => "stopped: max_evaluations is used up; raise it to continue",
-            Self::Failures => "stopped: the simulation fails; choose another start or narrower bounds",
-        })
-    }
-}
-
 /// A candidate's residuals and cost.
 pub(crate) struct Outcome<'a> {
     pub residuals: &'a [f64],
@@ -70,6 +57,4 @@ pub(crate) trait Method {
         points: &[Vec<f64>],
         outcomes: &[Option<Outcome<'_>>],
     ) -> Option<Reason>;
-    /// Whether the state fits the problem. The state of a damaged file may not.
-    fn is_sound(&self, problem: &Problem) -> bool;
 }

@@ -92,20 +92,6 @@ pub enum MotionError {
         /// What is missing, and where to get it.
         why: String,
     },
-    /// Recordings of different rigs.
-    #[error(
-        "{path} was made on the rig `{rig}`, and {other} on `{other_rig}`: identify one rig at a time, from its own recordings"
-    )]
-    OtherRig {
-        /// The file.
-        path: PathBuf,
-        /// Its rig.
-        rig: String,
-        /// The first file.
-        other: PathBuf,
-        /// Its rig.
-        other_rig: String,
-    },
 }
 
 impl Motion {
@@ -118,12 +104,13 @@ impl Motion {
         if let Some((first, rest)) = motions.split_first()
             && let Some(other) = rest.iter().find(|motion| motion.rig != first.rig)
         {
-            return Err(MotionError::OtherRig {
-                path: other.path.clone(),
-                rig: other.rig.name.clone(),
-                other: first.path.clone(),
-                other_rig: first.rig.name.clone(),
-            });
+            let why = format!(
+                "it was made on the rig `{}`, and {} on `{}`: identify one rig at a time, from its own recordings",
+                other.rig.name,
+                first.path.display(),
+                first.rig.name
+            );
+            return Err(MotionError::Unsuitable { path: other.path.clone(), why });
         }
         Ok(motions)
     }

@@ -4,7 +4,8 @@ use std::ops::Range;
 
 use serde::{Deserialize, Serialize};
 
-use crate::space::Space;
+use crate::error::FitError;
+use crate::space::{Parameter, Space};
 
 /// A residual beyond this counts as a failure: its square and its differences would leave the range of
 /// numbers.
@@ -61,71 +62,17 @@ impl Loss {
     }
 }
 
-/// The evaluation of a candidate.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(rename_all = "lowercase")]
-pub enum Evaluation {
-    /// Residuals of all blocks, one block after the other, divided by the standard deviation of the noise.
-    Residuals(Vec<f64>),
-    /// It failed, for example because the simulation diverged. The text is the reason.
-    Failed(String),
-}
-
-/// An invalid problem.
-#[derive(Clone, Debug, PartialEq, thiserror::Error)]
-pub enum ProblemError {
-    /// No residuals.
-    #[error("there is no residual; give at least one block with at least one sample")]
-    Empty,
-    /// Two blocks have the same name.
-    #[error("two blocks of residuals are called `{0}`; give each its own name")]
-    Twice(String),
-    /// A parameter influences an unknown block.
-    #[error("parameter `{path}` influences block `{block}`, which does not exist; the blocks are: {blocks}")]
-    Unknown {
-        /// Path of the parameter.
-        path: String,
-        /// Name of the missing block.
-        block: String,
-        /// Names of the blocks there are.
-        blocks: String,
-    },
-    /// The Huber loss's bend is not positive.
-    #[error("the Huber loss bends at {0} standard deviations; give a positive number, such as 1.345")]
-    Bend(f64),
-}
+/// The evaluation of a candidate: residuals of all blocks, one block after the other, divided by the standard deviation of
+/// the noise; `None` if it failed, for example because the simulation diverged.
+pub type Evaluation = Option<Vec<f64>>;
 
 /// Parameters, blocks of residuals and the loss.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(try_from = "Parts", into = "Parts")]
-pub struct Problem {
-    parts: Parts,
-    /// Place of each block in the residuals.
-    ranges: Vec<Range<usize>>,
-    /// Per parameter, the blocks that it influences, in order.
-    influences: Vec<Vec<usize>>,
-}
-
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-struct Parts {
+pub struct Problem {
     space: Space,
     blocks: Vec<Block>,
     loss: Loss,
-}
-
-impl TryFrom<Parts> for Problem {
-    type Error = ProblemError;
-
-    fn try_from(parts: Parts) -> Result<Self, ProblemError> {
-        Self::new(parts.space, parts.blocks, parts.loss)
-    }
-}
-
-impl From<Problem> for Parts {
-    fn from(problem: Problem) -> Self {
-        problem.parts
-    }
 }
 
 impl Problem {
@@ -133,73 +80,66 @@ impl Problem {
     ///
     /// # Errors
     /// If blocks, loss and the parameters' influences do not match.
-    pub fn new(space: Space, blocks: Vec<Block>, loss: Loss) -> Result<Self, ProblemError> {
-        let mut ranges = Vec::with_capacity(blocks.len());
-        let mut end = 0usize;
-        for (index, block) in blocks.iter().enumerate() {
-            if block.samples == 0 {
-                return Err(ProblemError::Empty);
-            }
-            if blocks[..index].iter().any(|other| other.name == block.name) {
-                return Err(ProblemError::Twice(block.name.clone()));
-            }
-            let start = end;
-            // Saturates only with a damaged file.
-            end = end.saturating_add(block.samples);
-            ranges.push(start..end);
+    pub fn new(space: Space, blocks: Vec<Block>, loss: Loss) -> Result<Self, FitError> {
+        if blocks.is_empty() || blocks.iter().any(|block| block.samples == 0) {
+            let why = "there is no residual; give at least one block with at least one sample";
+            return Err(FitError::new(why));
         }
-        if ranges.is_empty() {
-            return Err(ProblemError::Empty);
+        for (index, Block { name, .. }) in blocks.iter().enumerate() {
+            if blocks[..index].iter().any(|other| other.name == *name) {
+                return Err(FitError(format!(
+                    "two blocks of residuals are called `{name}`; give each its own name"
+                )));
+            }
         }
         if let Loss::Huber(bend) = loss
             && !(bend > 0.0 && bend.is_finite())
         {
-            return Err(ProblemError::Bend(bend));
+            return Err(FitError(format!(
+                "the Huber loss bends at {bend} standard deviations; give a positive number, such as 1.345"
+            )));
         }
-        let mut influences = Vec::with_capacity(space.len());
-        for parameter in space.parameters() {
-            let mut places = Vec::new();
-            for name in &parameter.influences {
-                let place = blocks.iter().position(|block| block.name == *name).ok_or_else(|| {
-                    let names: Vec<&str> = blocks.iter().map(|block| block.name.as_str()).collect();
-                    let (path, block) = (parameter.path.clone(), name.clone());
-                    ProblemError::Unknown { path, block, blocks: names.join(", ") }
-                })?;
-                places.push(place);
+        for Parameter { path, influences, .. } in space.parameters() {
+            if let Some(name) = influences.iter().find(|name| blocks.iter().all(|block| block.name != **name))
+            {
+                let names: Vec<&str> = blocks.iter().map(|block| block.name.as_str()).collect();
+                return Err(FitError(format!(
+                    "parameter `{path}` influences block `{name}`, which does not exist; the blocks are: {}",
+                    names.join(", ")
+                )));
             }
-            places.sort_unstable();
-            places.dedup();
-            if places.is_empty() {
-                places = (0..blocks.len()).collect();
-            }
-            influences.push(places);
         }
-        Ok(Self { parts: Parts { space, blocks, loss }, ranges, influences })
+        Ok(Self { space, blocks, loss })
     }
 
     /// The parameters.
     pub fn space(&self) -> &Space {
-        &self.parts.space
+        &self.space
     }
 
     /// The blocks of residuals, in order.
     pub fn blocks(&self) -> &[Block] {
-        &self.parts.blocks
+        &self.blocks
     }
 
     /// The loss.
     pub fn loss(&self) -> Loss {
-        self.parts.loss
+        self.loss
     }
 
     /// Number of residuals of a candidate.
     pub fn samples(&self) -> usize {
-        self.ranges.last().map_or(0, |range| range.end)
+        self.blocks.iter().map(|block| block.samples).sum()
     }
 
     /// Place of each block in the residuals.
-    pub fn ranges(&self) -> &[Range<usize>] {
-        &self.ranges
+    pub fn ranges(&self) -> Vec<Range<usize>> {
+        let mut end = 0;
+        let range = |block: &Block| {
+            end += block.samples;
+            end - block.samples..end
+        };
+        self.blocks.iter().map(range).collect()
     }
 
     /// Cost of residuals: the sum of the losses. With the squared loss and pure noise it is half their
@@ -209,20 +149,16 @@ impl Problem {
     }
 
     /// Blocks that a parameter influences, in order.
-    pub(crate) fn influenced(&self, parameter: usize) -> &[usize] {
-        self.influences.get(parameter).map_or(&[], Vec::as_slice)
+    pub(crate) fn influenced(&self, parameter: usize) -> Vec<usize> {
+        let names = &self.space.parameters()[parameter].influences;
+        let is_influenced = |name: &String| names.is_empty() || names.contains(name);
+        (0..self.blocks.len()).filter(|&block| is_influenced(&self.blocks[block].name)).collect()
     }
 
     /// The residuals, unless the evaluation failed or one is NaN or too large.
     pub(crate) fn usable<'a>(&self, evaluation: &'a Evaluation) -> Option<&'a [f64]> {
-        match evaluation {
-            Evaluation::Residuals(residuals)
-                if residuals.len() == self.samples()
-                    && residuals.iter().all(|r| r.abs() <= LARGEST_RESIDUAL) =>
-            {
-                Some(residuals)
-            }
-            _ => None,
-        }
+        let residuals = evaluation.as_deref()?;
+        let fits = residuals.len() == self.samples();
+        (fits && residuals.iter().all(|r| r.abs() <= LARGEST_RESIDUAL)).then_some(residuals)
     }
 }

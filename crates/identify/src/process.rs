@@ -84,14 +84,6 @@ impl Process {
         best
     }
 
-    /// The process with one more point, at the same lengths.
-    pub(crate) fn and(&self, point: &[f64], height: f64, heights: &mut Vec<f64>) -> Option<Self> {
-        let mut points = self.points.clone();
-        points.push(point.to_vec());
-        heights.push(height);
-        Self::with_lengths(&points, heights, &self.lengths)
-    }
-
     /// Expected height at a point and its standard deviation.
     pub(crate) fn predict(&self, point: &[f64]) -> (f64, f64) {
         let n = self.points.len();

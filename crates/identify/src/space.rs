@@ -5,6 +5,8 @@
 
 use serde::{Deserialize, Serialize};
 
+use crate::error::FitError;
+
 /// How a physical value follows its normalised coordinate.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
@@ -55,63 +57,11 @@ impl Parameter {
     }
 }
 
-/// Invalid parameters.
-#[derive(Clone, Debug, PartialEq, thiserror::Error)]
-pub enum SpaceError {
-    /// No parameters.
-    #[error("there is no parameter to estimate; name at least one")]
-    Empty,
-    /// Two parameters have the same path.
-    #[error("parameter `{0}` is named twice; remove one of the two")]
-    Twice(String),
-    /// Bounds or start are not finite, or in the wrong order.
-    #[error(
-        "parameter `{path}`: bounds {low} … {high} and start {start} are not in order; give finite \
-        numbers with \
-         low < high and low <= start <= high"
-    )]
-    Order {
-        /// Path of the parameter.
-        path: String,
-        /// Lower bound.
-        low: f64,
-        /// Upper bound.
-        high: f64,
-        /// Start.
-        start: f64,
-    },
-    /// A logarithmic scale with a bound at or below zero.
-    #[error(
-        "parameter `{path}` has a logarithmic scale, but its lower bound is {low}; raise it above zero \
-        or make it linear"
-    )]
-    Logarithm {
-        /// Path of the parameter.
-        path: String,
-        /// Lower bound.
-        low: f64,
-    },
-}
-
 /// The parameters of a fit and their unit cube. Points have one entry a parameter, in order.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(try_from = "Vec<Parameter>", into = "Vec<Parameter>")]
+#[serde(transparent)]
 pub struct Space {
     parameters: Vec<Parameter>,
-}
-
-impl TryFrom<Vec<Parameter>> for Space {
-    type Error = SpaceError;
-
-    fn try_from(parameters: Vec<Parameter>) -> Result<Self, SpaceError> {
-        Self::new(parameters)
-    }
-}
-
-impl From<Space> for Vec<Parameter> {
-    fn from(space: Space) -> Self {
-        space.parameters
-    }
 }
 
 impl Space {
@@ -119,14 +69,15 @@ impl Space {
     ///
     /// # Errors
     /// If a parameter is invalid.
-    pub fn new(parameters: Vec<Parameter>) -> Result<Self, SpaceError> {
+    pub fn new(parameters: Vec<Parameter>) -> Result<Self, FitError> {
         if parameters.is_empty() {
-            return Err(SpaceError::Empty);
+            return Err(FitError::new("there is no parameter to estimate; name at least one"));
         }
         for (index, parameter) in parameters.iter().enumerate() {
             check(parameter)?;
             if parameters[..index].iter().any(|other| other.path == parameter.path) {
-                return Err(SpaceError::Twice(parameter.path.clone()));
+                let path = &parameter.path;
+                return Err(FitError(format!("parameter `{path}` is named twice; remove one of the two")));
             }
         }
         Ok(Self { parameters })
@@ -183,21 +134,22 @@ pub(crate) fn all_inside(point: &[f64]) -> Vec<f64> {
     point.iter().copied().map(inside).collect()
 }
 
-/// Whether a normalised point is valid: `len` coordinates in [0, 1].
-pub(crate) fn is_point(point: &[f64], len: usize) -> bool {
-    point.len() == len && point.iter().all(|u| (0.0..=1.0).contains(u))
-}
-
-fn check(p: &Parameter) -> Result<(), SpaceError> {
-    let finite = p.low.is_finite() && p.high.is_finite() && (p.high - p.low).is_finite();
-    if !finite || p.low >= p.high || !(p.low..=p.high).contains(&p.start) {
-        let (path, low, high, start) = (p.path.clone(), p.low, p.high, p.start);
-        return Err(SpaceError::Order { path, low, high, start });
+fn check(p: &Parameter) -> Result<(), FitError> {
+    let Parameter { path, low, high, start, .. } = p;
+    let finite = low.is_finite() && high.is_finite() && (high - low).is_finite();
+    if !finite || low >= high || !(low..=high).contains(&start) {
+        return Err(FitError(format!(
+            "parameter `{path}`: bounds {low} … {high} and start {start} are not in order; give finite numbers with \
+             low < high and low <= start <= high"
+        )));
     }
     // The smallest normal number, since the ratio of the bounds must be finite too.
-    let spans = p.low >= f64::MIN_POSITIVE && (p.high / p.low).is_finite();
+    let spans = *low >= f64::MIN_POSITIVE && (high / low).is_finite();
     if p.scale == Scale::Logarithmic && !spans {
-        return Err(SpaceError::Logarithm { path: p.path.clone(), low: p.low });
+        return Err(FitError(format!(
+            "parameter `{path}` has a logarithmic scale, but its lower bound is {low}; raise it above zero or make it \
+             linear"
+        )));
     }
     Ok(())
 }

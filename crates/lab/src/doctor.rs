@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use serde::Serialize;
 
-use crate::pianist::shipped_policies;
+use crate::pianist::shipped_policy;
 
 /// Something that this machine has or lacks.
 #[derive(Clone, Debug, Serialize)]
@@ -74,8 +74,7 @@ pub fn examine() -> Vec<Finding> {
 /// Where the policies are that come with Étude, as `etude play` looks for them.
 fn policies() -> Option<String> {
     let id = etude_music::repertoire::ids().next()?;
-    let found = shipped_policies(id, Path::new("no runs")).into_iter().next()?;
-    found.parent().map(|folder| folder.display().to_string())
+    shipped_policy(id)?.parent().map(|folder| folder.display().to_string())
 }
 
 /// Where the MuJoCo library in this process was loaded from, as the kernel reports.

@@ -29,11 +29,6 @@ pub(crate) fn unusable(path: &Path, why: impl Display) -> anyhow::Error {
     anyhow!("{}: {why}; choose another folder with -o", path.display())
 }
 
-/// The error of a folder or file that cannot be made.
-pub(crate) fn cannot_create(path: &Path, why: impl Display) -> anyhow::Error {
-    anyhow!("cannot create {}: {why}; choose another folder with -o", path.display())
-}
-
 /// Releases the robot of `stand` after `outcome`. An error of the release is never hidden by an earlier one: the operator must
 /// use the hardware stop then.
 ///

@@ -8,6 +8,7 @@ use etude_perform::stand::RigChoice;
 use etude_perform::{Ending, Excitation};
 
 use crate::errors::{Interrupted, unusable};
+use crate::play::make_folder;
 use crate::record::{Motion, record_robot};
 
 /// Records all excitations into `folder`, except those that are there already, and returns their paths. `tell` is called after each
@@ -22,7 +23,7 @@ pub fn record_excitations(
     interrupt: &AtomicBool,
     tell: &mut dyn FnMut(Excitation),
 ) -> anyhow::Result<Vec<PathBuf>> {
-    std::fs::create_dir_all(folder).map_err(|error| unusable(folder, error))?;
+    make_folder(folder)?;
     let mut paths = Vec::new();
     for (index, excitation) in Excitation::ALL.into_iter().enumerate() {
         let path = folder.join(excitation_file(excitation));

@@ -19,7 +19,7 @@ use crate::pianist::Pianist;
 use crate::play::make_folder;
 
 /// Which grid.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct GridConfig {
     /// Number of worlds beside the nominal one.
     pub worlds: usize,
@@ -66,12 +66,9 @@ pub struct GridReport {
     pub song: String,
     /// The policy file, or `scripted`.
     pub player: String,
-    /// Number of worlds.
-    pub worlds: usize,
-    /// How far they are from the nominal one.
-    pub intensity: f64,
-    /// The grid's seed.
-    pub seed: u64,
+    /// The grid.
+    #[serde(flatten)]
+    pub grid: GridConfig,
     /// F1 in the nominal world.
     pub nominal_f1: f64,
     /// Mean F1 over the worlds.
@@ -144,9 +141,7 @@ pub fn evaluate_grid(
     Ok(Some(GridReport {
         song: song.title().to_string(),
         player: pianist.name(),
-        worlds: grid.worlds,
-        intensity: grid.intensity,
-        seed: grid.seed,
+        grid: *grid,
         nominal_f1,
         mean_f1: mean(&f1),
         worst_decile_f1: mean(&sorted[..sorted.len().div_ceil(10)]),

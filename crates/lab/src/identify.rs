@@ -12,7 +12,7 @@ use etude_stage::PhysicalParams;
 use serde::de::IntoDeserializer as _;
 use serde::{Deserialize, Serialize};
 
-use crate::errors::cannot_create;
+use crate::play::make_folder;
 
 /// Name of the identified simulator in its folder: a layer for `--config`.
 pub const IDENTIFIED: &str = "identified.toml";
@@ -42,8 +42,7 @@ impl IdentifyMethod {
                 MethodConfig::Lm(LmConfig { max_evaluations: most(config.max_evaluations), ..config })
             }
             Self::Bo => {
-                let config = BoConfig::default();
-                MethodConfig::Bo(BoConfig { max_evaluations: most(config.max_evaluations), ..config })
+                MethodConfig::Bo(BoConfig { max_evaluations: most(BoConfig::default().max_evaluations) })
             }
         }
     }
@@ -123,7 +122,7 @@ pub fn identify_robot(
     let Some(first) = fitted.first() else {
         bail!("all recordings are held out; give some to fit (`etude record --excitation chirp`)");
     };
-    std::fs::create_dir_all(folder).map_err(|error| cannot_create(folder, error))?;
+    make_folder(folder)?;
     let config = IdentifyConfig {
         method: what.method.config(what.evaluations),
         seed: what.seed,
@@ -157,10 +156,10 @@ pub fn identify_robot(
         fit_errors: &result.fit_errors,
         held_out_errors: &result.held_out_errors,
     })?;
-    for figure in report.figures() {
+    for figure in &report.figures {
         write_file(&folder.join(format!("{}.svg", figure.name)), &figure.svg())?;
     }
-    write_file(&folder.join(REPORT), &report.markdown())?;
+    write_file(&folder.join(REPORT), &report.markdown)?;
     Ok(result)
 }
 

@@ -10,6 +10,9 @@ use etude_task::{ACTION_LEN, Piece, ScriptedPlayer, TaskConfig, TaskError, layou
 use crate::config::{RunConfig, change};
 use crate::run::{other_notes, policy_in};
 
+/// Folder of the runs, in the working folder.
+const RUNS: &str = "runs";
+
 /// What chooses the actions.
 pub(crate) enum Kind {
     /// A learned policy, from this file.
@@ -68,10 +71,15 @@ fn policy_folders() -> Vec<PathBuf> {
     folders
 }
 
-/// The policies for the song `slug`: those of the runs in the folder `runs`, then the one that comes with Étude.
-pub fn shipped_policies(slug: &str, runs: &Path) -> Vec<PathBuf> {
-    let shipped = policy_folders().into_iter().map(|folder| folder.join(format!("{slug}.safetensors")));
-    let mut found: Vec<PathBuf> = std::fs::read_dir(runs)
+/// The policy for the song `slug` that comes with Étude.
+pub fn shipped_policy(slug: &str) -> Option<PathBuf> {
+    let name = format!("{slug}.safetensors");
+    policy_folders().into_iter().map(|folder| folder.join(&name)).find(|path| path.is_file())
+}
+
+/// The policies for the song `slug`: those of the runs in `runs/`, then the one that comes with Étude.
+pub fn policies(slug: &str) -> Vec<PathBuf> {
+    let mut found: Vec<PathBuf> = std::fs::read_dir(RUNS)
         .into_iter()
         .flatten()
         .flatten()
@@ -84,7 +92,7 @@ pub fn shipped_policies(slug: &str, runs: &Path) -> Vec<PathBuf> {
         .filter_map(|entry| policy_in(&entry.path()))
         .collect();
     found.sort();
-    found.extend(shipped.filter(|path| path.is_file()).take(1));
+    found.extend(shipped_policy(slug));
     found
 }
 
@@ -93,7 +101,7 @@ pub fn shipped_policies(slug: &str, runs: &Path) -> Vec<PathBuf> {
 ///
 /// # Errors
 /// If there is none, or it cannot be used.
-pub fn load_pianist(asked: &str, slug: &str, path: Option<&Path>, runs: &Path) -> anyhow::Result<Pianist> {
+pub fn load_pianist(asked: &str, slug: &str, path: Option<&Path>) -> anyhow::Result<Pianist> {
     if let Some(path) = path {
         if !path.is_dir() {
             return open(path);
@@ -104,7 +112,7 @@ pub fn load_pianist(asked: &str, slug: &str, path: Option<&Path>, runs: &Path) -
     }
     // One damaged file must not keep the others from playing.
     let (mut pianists, mut errors) = (Vec::new(), Vec::new());
-    for path in shipped_policies(slug, runs) {
+    for path in policies(slug) {
         match open(&path) {
             Ok(pianist) => pianists.push(pianist),
             Err(error) => errors.push(error),
@@ -114,8 +122,7 @@ pub fn load_pianist(asked: &str, slug: &str, path: Option<&Path>, runs: &Path) -
     let none = || {
         anyhow!(
             "there is no policy for `{asked}` yet: `etude train {asked}` makes one, or name one with --policy (looked in \
-             policies/ and {})",
-            runs.display()
+             policies/ and {RUNS})"
         )
     };
     pianists.into_iter().next().ok_or_else(|| errors.into_iter().next().unwrap_or_else(none))

@@ -36,7 +36,7 @@ pub struct Report {
     #[serde(skip_serializing_if = "Option::is_none")]
     pub limits: Option<String>,
     /// The files that were written.
-    pub files: Option<Files>,
+    pub files: Files,
 }
 
 /// Files of a performance.
@@ -55,38 +55,33 @@ pub struct Files {
     pub report: Option<PathBuf>,
 }
 
-/// Plays the whole song and, if a `folder` is given, writes the files into it.
+/// Plays the whole song and writes the files into `folder`.
 ///
 /// # Errors
 /// If the song does not fit the keyboard, or a file cannot be written.
 pub fn play(
     song: &Song,
     pianist: &Pianist,
-    folder: Option<&Path>,
+    folder: &Path,
     font: Option<&SoundFont>,
 ) -> anyhow::Result<Report> {
     let task = &pianist.config.task;
     let piece = Piece::new(song, task.initial_silence_secs)?;
-    let files = folder.map(|folder| Files {
+    let files = Files {
         midi: folder.join("performance.mid"),
         wav: folder.join("performance.wav"),
         frames: folder.join("frames.csv"),
         recording: folder.join("recording.mcap"),
         report: Some(folder.join(REPORT)),
-    });
-    let mut writer = None;
-    if let (Some(folder), Some(files)) = (folder, &files) {
-        make_folder(folder)?;
-        let header = header(&piece, pianist, "simulation", None);
-        writer = Some(RecordingWriter::create(&files.recording, &header)?);
-    }
+    };
+    make_folder(folder)?;
+    let header = header(&piece, pianist, "simulation", None);
+    let mut writer = RecordingWriter::create(&files.recording, &header)?;
     let mut ready = pianist.ready(task, &piece)?;
     let mut rig = SimRig::new(task, &piece, pianist.config.trainer.seed)?;
     let never = AtomicBool::new(false);
-    let performance = perform(&mut rig, &mut ready, task, &piece, writer.as_mut(), &never)?;
-    if let Some(writer) = writer {
-        writer.finish()?;
-    }
+    let performance = perform(&mut rig, &mut ready, task, &piece, Some(&mut writer), &never)?;
+    writer.finish()?;
     if let Ending::Fault(why) = &performance.ending {
         bail!("the performance was cut short: {why}");
     }
@@ -101,10 +96,8 @@ pub fn play(
         limits: ready.limits(),
         files,
     };
-    if let (Some(folder), Some(files)) = (folder, &report.files) {
-        keep(files, &performance, font)?;
-        write_report(folder, &report)?;
-    }
+    keep(&report.files, &performance, font)?;
+    write_report(folder, &report)?;
     Ok(report)
 }
 

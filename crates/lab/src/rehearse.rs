@@ -16,7 +16,6 @@
 use std::path::{Path, PathBuf};
 
 use etude_identify::{Motion, MotionError, Progress};
-use etude_learn::{EvaluationRow, LogRow, StopReason, TrainingObserver};
 use etude_music::Song;
 use etude_perform::stand::RigChoice;
 use etude_perform::{Excitation, Job, Mode, write_file};
@@ -27,8 +26,9 @@ use crate::errors::{Interrupted, unusable};
 use crate::excitations::{excitation_file, record_excitations, stopped_itself};
 use crate::identify::{Identification, IdentifyMethod, IdentifyReport, identify_robot};
 use crate::pianist::load_pianist;
+use crate::play::make_folder;
 use crate::robot::{RobotPlay, RobotReport, RunEnded, play_on_robot};
-use crate::run::Run;
+use crate::run::{Run, TrainingProgress};
 
 /// What to rehearse, and how.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -101,16 +101,7 @@ pub enum RehearsalStep {
     /// The fit of a round has advanced.
     Identifying(usize, Progress),
     /// The training of a round has advanced.
-    Training {
-        /// The round.
-        round: usize,
-        /// Environment steps so far.
-        step: u64,
-        /// Environment steps in all.
-        total: u64,
-        /// Best F1 so far.
-        best_f1: f64,
-    },
+    Training(usize, TrainingProgress),
     /// A run was played.
     Performed {
         /// The round.
@@ -174,7 +165,7 @@ impl Rehearsal<'_> {
             Err(error) if error.kind() == std::io::ErrorKind::NotFound => {}
             Err(error) => return Err(unusable(self.folder, error)),
         }
-        std::fs::create_dir_all(self.folder).map_err(|error| unusable(self.folder, error))?;
+        make_folder(self.folder)?;
         Ok(write_file(&file, &(serde_json::to_string_pretty(self.config)? + "\n"))?)
     }
 
@@ -198,7 +189,7 @@ impl Rehearsal<'_> {
         job: &mut Job<'_, RehearsalStep>,
     ) -> anyhow::Result<Round> {
         let folder = self.round_folder(round);
-        std::fs::create_dir_all(&folder).map_err(|error| unusable(&folder, error))?;
+        make_folder(&folder)?;
         let (mut held_out_rad, mut physics, mut layer) = (None, Default::default(), None);
         if let Some(before) = before {
             let report = self.identify(round, before, &folder.join("identified"), job)?;
@@ -284,10 +275,8 @@ impl Rehearsal<'_> {
         config.trainer.threads = self.config.threads.unwrap_or(config.trainer.threads);
         let command = format!("etude rehearse, round {round}");
         let mut run = Run::start_or_resume(self.song.clone(), config, &folder, &command, source)?;
-        let total = run.config().trainer.total_steps;
-        let best_f1 = run.best_f1().unwrap_or(0.0);
-        let outcome = run.run(&mut Watch { round, total, best_f1, job })?;
-        if outcome.stopped == Some(StopReason::Requested) {
+        let told = |at: &TrainingProgress| RehearsalStep::Training(round, *at);
+        if job.part(told, |job| run.run_job(job))?.stopped.is_some() {
             return Err(Interrupted::resumable().into());
         }
         Ok(folder)
@@ -301,7 +290,7 @@ impl Rehearsal<'_> {
         folder: &Path,
         job: &mut Job<'_, RehearsalStep>,
     ) -> anyhow::Result<RobotReport> {
-        let pianist = load_pianist(&self.config.song, "", Some(policy), Path::new("runs"))?;
+        let pianist = load_pianist(&self.config.song, "", Some(policy))?;
         let play = RobotPlay {
             mode: self.config.mode,
             runs: self.config.runs,
@@ -323,34 +312,5 @@ impl Rehearsal<'_> {
             Some(run) => Err(stopped_itself(round, &run.ending.to_string())),
             None => Ok(report),
         }
-    }
-}
-
-struct Watch<'a, 'b> {
-    round: usize,
-    total: u64,
-    best_f1: f64,
-    job: &'a mut Job<'b, RehearsalStep>,
-}
-
-impl Watch<'_, '_> {
-    fn tell(&mut self, step: u64) {
-        let Self { round, total, best_f1, .. } = *self;
-        self.job.tell(&RehearsalStep::Training { round, step, total, best_f1 });
-    }
-}
-
-impl TrainingObserver for Watch<'_, '_> {
-    fn on_log(&mut self, row: &LogRow) {
-        self.tell(row.step);
-    }
-
-    fn on_evaluation(&mut self, row: &EvaluationRow) {
-        self.best_f1 = row.scores.first().map_or(self.best_f1, |score| score.value.max(self.best_f1));
-        self.tell(row.step);
-    }
-
-    fn should_stop(&mut self) -> Option<StopReason> {
-        self.job.is_interrupted().then_some(StopReason::Requested)
     }
 }

@@ -4,15 +4,19 @@ use std::fs::{File, TryLockError};
 use std::path::{Path, PathBuf};
 
 use anyhow::{anyhow, bail};
-use etude_learn::{Outcome, Parts, TrainError, Trainer, TrainerConfig, TrainingObserver, WarmStart, seed};
+use etude_learn::{
+    EvaluationRow, LogRow, Outcome, Parts, StopReason, TrainError, Trainer, TrainerConfig, TrainingObserver,
+    WarmStart, seed,
+};
 use etude_music::{Song, SongError};
-use etude_perform::{SongEvaluator, write_file};
+use etude_perform::{Job, SongEvaluator, write_file};
 use etude_task::{Piece, ScriptedPlayer, TaskConfig, VectorPiano};
 use serde_json::json;
 
 use crate::config::{RunConfig, change_free, resolve as resolve_config};
-use crate::errors::cannot_create;
+use crate::errors::unusable;
 use crate::pianist::open;
+use crate::play::make_folder;
 
 /// Name of the resolved configuration in a run's folder.
 pub const CONFIG: &str = "config.toml";
@@ -82,7 +86,7 @@ impl Run {
         config.check()?;
         let parts = parts(&song, &config)?;
         let warm = source.map(|source| warm_start(source, &song, &config, &parts)).transpose()?;
-        std::fs::create_dir_all(folder).map_err(|error| cannot_create(folder, error))?;
+        make_folder(folder)?;
         let lock = lock(folder)?;
         write_config(folder, &config)?;
         song.save(folder.join(SONG))?;
@@ -97,10 +101,7 @@ impl Run {
         });
         write_file(&folder.join(META), &format!("{meta:#}\n"))?;
         let (droq, trainer) = (&config.droq, &config.trainer);
-        let trainer = match &warm {
-            Some(warm) => Trainer::start_from(folder, droq, trainer, parts, warm)?,
-            None => Trainer::start(folder, droq, trainer, parts)?,
-        };
+        let trainer = Trainer::start(folder, droq, trainer, parts, warm.as_ref())?;
         Ok(Self { song, config, trainer, _lock: lock })
     }
 
@@ -181,6 +182,57 @@ impl Run {
     /// If the training fails; the last checkpoint is then intact.
     pub fn run(&mut self, observer: &mut dyn TrainingObserver) -> anyhow::Result<Outcome> {
         Ok(self.trainer.run(observer)?)
+    }
+
+    /// The same as a job, whose interruption stops it.
+    ///
+    /// # Errors
+    /// As [`run`](Self::run).
+    pub fn run_job(&mut self, job: &mut Job<'_, TrainingProgress>) -> anyhow::Result<Outcome> {
+        let (step, total) = (self.step(), self.config.trainer.total_steps);
+        let at = TrainingProgress { step, total, best_f1: self.best_f1() };
+        self.run(&mut Watch { at, job })
+    }
+}
+
+/// The progress of a training.
+#[derive(Clone, Copy, Debug)]
+pub struct TrainingProgress {
+    /// Environment steps so far.
+    pub step: u64,
+    /// Environment steps in all.
+    pub total: u64,
+    /// Best F1 so far.
+    pub best_f1: Option<f64>,
+}
+
+impl TrainingProgress {
+    /// The share of the training that is done, 0 to 1.
+    pub fn share(&self) -> f64 {
+        self.step as f64 / self.total.max(1) as f64
+    }
+}
+
+struct Watch<'a, 'b> {
+    at: TrainingProgress,
+    job: &'a mut Job<'b, TrainingProgress>,
+}
+
+impl TrainingObserver for Watch<'_, '_> {
+    fn on_log(&mut self, row: &LogRow) {
+        self.at.step = row.step;
+        self.job.tell(&self.at);
+    }
+
+    fn on_evaluation(&mut self, row: &EvaluationRow) {
+        let f1 = row.scores.first().map(|score| score.value);
+        self.at.best_f1 = self.at.best_f1.into_iter().chain(f1).reduce(f64::max);
+        self.at.step = row.step;
+        self.job.tell(&self.at);
+    }
+
+    fn should_stop(&mut self) -> Option<StopReason> {
+        self.job.is_interrupted().then_some(StopReason::Requested)
     }
 }
 
@@ -274,7 +326,7 @@ fn write_config(folder: &Path, config: &RunConfig) -> anyhow::Result<()> {
 /// Takes the lock of `folder`. Where the file system has no locks, every process gets it.
 fn lock(folder: &Path) -> anyhow::Result<File> {
     let path = folder.join(LOCK);
-    let file = File::create(&path).map_err(|error| cannot_create(&path, error))?;
+    let file = File::create(&path).map_err(|error| unusable(&path, error))?;
     if matches!(file.try_lock(), Err(TryLockError::WouldBlock)) {
         bail!(
             "another `etude train` is at work in {}: wait for it, stop it, or choose another folder with -o",

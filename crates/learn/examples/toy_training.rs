@@ -124,8 +124,11 @@ fn main() -> Result<(), Box<dyn Error>> {
         evaluator: Box::new(Grid),
         notes: serde_json::json!({"task": "pointing"}),
     };
-    let make = if Trainer::exists(folder) { Trainer::resume } else { Trainer::start };
-    let outcome = make(folder, &droq, &config, parts)?.run(&mut Talk)?;
+    let mut trainer = match Trainer::exists(folder) {
+        true => Trainer::resume(folder, &droq, &config, parts)?,
+        false => Trainer::start(folder, &droq, &config, parts, None)?,
+    };
+    let outcome = trainer.run(&mut Talk)?;
     println!("{} steps, {} updates in {:.1} s", outcome.step, outcome.updates, outcome.elapsed_secs);
     Ok(())
 }

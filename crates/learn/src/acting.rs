@@ -3,7 +3,6 @@
 use crate::{
     config::Arithmetic,
     droq::Gaussian,
-    env::ObservationLayout,
     kernels::squash,
     network::{Inputs, Network, Workspace},
 };
@@ -35,8 +34,8 @@ impl Acting {
         }
     }
 
-    pub(crate) fn layout(&self) -> ObservationLayout {
-        self.network.shape.layout
+    pub(crate) fn network(&self) -> &Network {
+        &self.network
     }
 
     /// Best actions without exploration: `tanh(mean)` for `[rows, observation]`, into `[rows, action]`.
@@ -77,7 +76,7 @@ impl Acting {
         actions: &mut [f32],
         mut finish: impl FnMut(&mut Gaussian, &[f32], usize, &mut [f32]),
     ) {
-        let (len, n) = (self.layout().len(), self.action_len);
+        let (len, n) = (self.network.shape.layout.len(), self.action_len);
         assert!(
             observations.len().is_multiple_of(len) && observations.len() * n == actions.len() * len,
             "observations and actions must have equally many rows"

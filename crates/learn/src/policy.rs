@@ -46,7 +46,6 @@ pub struct PolicyHeader {
 #[derive(Clone)]
 pub struct Policy {
     header: PolicyHeader,
-    network: Network,
     parameters: Buffer,
     acting: Acting,
 }
@@ -81,7 +80,7 @@ impl Policy {
             hidden: network.shape.hidden.clone(),
             notes,
         };
-        Self { header, network: network.clone(), parameters: copy, acting: Acting::new(network, ROWS) }
+        Self { header, parameters: copy, acting: Acting::new(network, ROWS) }
     }
 
     /// What the policy reads and gives, and the caller's notes.
@@ -96,7 +95,7 @@ impl Policy {
     /// The layers in the order in which they act: hidden ones, each followed by GELU in its tanh form, then the head with
     /// means (whose `tanh` is the action) and logarithms of deviations.
     pub fn layers(&self) -> impl Iterator<Item = PolicyLayer<'_>> {
-        let plan = &self.network.plan;
+        let plan = &self.acting.network().plan;
         plan.layers.iter().chain([&plan.head]).map(|layer| PolicyLayer {
             inputs: layer.inputs,
             outputs: layer.outputs,
@@ -127,7 +126,7 @@ impl Policy {
     /// The bytes that [`save`](Self::save) writes.
     pub fn to_bytes(&self) -> Result<Vec<u8>, String> {
         let mut tensors = Vec::new();
-        name_tensors(&self.network.plan, "actor", &self.parameters, &mut tensors);
+        name_tensors(&self.acting.network().plan, "actor", &self.parameters, &mut tensors);
         encode_tensors(&self.header, &tensors.into_iter().map(Into::into).collect::<Vec<_>>())
     }
 
@@ -164,10 +163,8 @@ impl Policy {
             return Err("its header claims larger tensors than the file holds".to_owned());
         }
         let mut parameters = network.parameters();
-        find_tensors(&network.plan, "actor", &|name| file.floats(name), &mut parameters)
-            .map_err(|error| format!("tensor {error}"))?;
-        let acting = Acting::new(&network, ROWS);
-        Ok(Self { header, network, parameters, acting })
+        find_tensors(&network.plan, "actor", &|name| file.floats(name), &mut parameters)?;
+        Ok(Self { header, parameters, acting: Acting::new(&network, ROWS) })
     }
 }
 

@@ -75,7 +75,7 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
 fn print(report: &GridReport) -> anyhow::Result<()> {
     line(format!(
         "{} played by {} in {} worlds of intensity {}",
-        report.song, report.player, report.worlds, report.intensity
+        report.song, report.player, report.grid.worlds, report.grid.intensity
     ))?;
     for (name, f1) in [
         ("nominal world", report.nominal_f1),

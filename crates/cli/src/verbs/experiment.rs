@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use clap::{Subcommand, ValueEnum};
 use etude_experiment::{
-    Budget, Experiment, LaunchProgress, LocalConfig, PlanConfig, SlurmConfig, Trial, TrialEnd, TrialProgress,
+    Experiment, LaunchProgress, LocalConfig, PlanConfig, SlurmConfig, Trial, TrialEnd, TrialProgress,
     TrialState, launch_local, names, open_trials, plan_file, plan_text, read_plan, run_trial, slurm_script,
     submit, write_plan,
 };
@@ -63,17 +63,25 @@ struct PlanArgs {
     /// This many seeds instead of the file's
     #[arg(long, value_parser = clap::value_parser!(u64).range(1..))]
     seeds: Option<u64>,
-    /// full, or smoke: everything once and as short as possible, as a test
-    #[arg(long, default_value = "full")]
+    /// How much of it is done
+    #[arg(long, value_enum, default_value = "full")]
     budget: Budget,
     /// Set a value of every training, for example --set trainer.total_steps=1e6; may be repeated
     #[arg(long = "set", value_name = "PATH=VALUE")]
     set: Vec<String>,
 }
 
+#[derive(Clone, Copy, PartialEq, ValueEnum)]
+enum Budget {
+    /// As the file says
+    Full,
+    /// Everything once and as short as possible, as a test
+    Smoke,
+}
+
 impl PlanArgs {
     fn config(&self) -> PlanConfig {
-        PlanConfig { seeds: self.seeds, budget: self.budget, set: self.set.clone() }
+        PlanConfig { seeds: self.seeds, smoke: self.budget == Budget::Smoke, set: self.set.clone() }
     }
 
     fn plans(&self) -> anyhow::Result<Vec<(Experiment, Vec<Trial>)>> {
@@ -335,7 +343,7 @@ fn report(args: &ReportArgs) -> anyhow::Result<Ending> {
     let plans = args.plan.plans()?;
     let page = etude_experiment::write_report(&plans, &args.plan.config(), &args.runs, &args.out)?;
     for missing in &page.missing {
-        note(format!("{}: {} of {} tasks are not done", missing.experiment, missing.trials, missing.of));
+        note(missing);
     }
     line(format!("Read {}", page.file.display()))?;
     Ok(Ending::Done)
@@ -361,7 +369,7 @@ fn task(args: &TaskArgs) -> anyhow::Result<Ending> {
     };
     let command = std::env::args().collect::<Vec<_>>().join(" ");
     match run_trial(trial, &args.runs, args.threads, &command, &mut Job::new(&mut tell, &stop))? {
-        TrialEnd::Done | TrialEnd::WasDone => Ok(Ending::Done),
+        TrialEnd::Done => Ok(Ending::Done),
         TrialEnd::Stopped => Ok(Ending::Stopped),
         TrialEnd::Busy => {
             note(format!("another process is at work on {}", trial.id));

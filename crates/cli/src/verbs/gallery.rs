@@ -1,7 +1,7 @@
 //! `etude gallery`: an index page of recordings.
 
 use std::collections::BTreeSet;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::sync::atomic::Ordering;
 
 use etude_lab::{find_song, load_pianist, play};
@@ -58,8 +58,8 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
             }
             status.now("playing ", id);
             let folder = own.join(id);
-            let pianist = load_pianist(id, id, None, Path::new("runs"))?;
-            play(&find_song(id)?, &pianist, Some(&folder), None)?;
+            let pianist = load_pianist(id, id, None)?;
+            play(&find_song(id)?, &pianist, &folder, None)?;
             paths.push(folder.join("recording.mcap"));
         }
     }

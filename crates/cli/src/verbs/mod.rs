@@ -41,9 +41,8 @@ pub struct ConfigArgs {
 }
 
 impl ConfigArgs {
-    fn resolve(&self, more: &[String]) -> anyhow::Result<RunConfig> {
-        let overrides = [self.overrides.as_slice(), more].concat();
-        etude_lab::resolve(&self.preset, self.config.as_deref(), &overrides)
+    fn resolve(&self) -> anyhow::Result<RunConfig> {
+        etude_lab::resolve(&self.preset, self.config.as_deref(), &self.overrides)
     }
 }
 
@@ -67,7 +66,7 @@ impl PianistArgs {
         let mut pianist = if self.scripted {
             Pianist::scripted()
         } else {
-            load_pianist(asked, &slug(asked), self.policy.as_deref(), Path::new("runs"))?
+            load_pianist(asked, &slug(asked), self.policy.as_deref())?
         };
         if !self.overrides.is_empty() {
             pianist.reconfigure(&self.overrides)?;

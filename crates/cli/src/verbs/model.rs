@@ -44,14 +44,14 @@ enum What {
 pub fn run(args: Args) -> anyhow::Result<Ending> {
     match args.what {
         What::Export { out, config } => {
-            let task = config.resolve(&[])?.task;
+            let task = config.resolve()?.task;
             let text = mjcf(&task.stage, &task.params()?);
             match out {
                 Some(path) => etude_perform::write_file(&path, &text)?,
                 None => line(text)?,
             }
         }
-        What::Params { config, json } => params(&config.resolve(&[])?.task.params()?, json)?,
+        What::Params { config, json } => params(&config.resolve()?.task.params()?, json)?,
     }
     Ok(Ending::Done)
 }

@@ -45,7 +45,7 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
     let pianist = args.pianist.load(&args.song, &song)?;
     let font = args.soundfont.as_deref().map(SoundFont::load).transpose().context("no sound")?;
     let folder = args.out.unwrap_or_else(|| PathBuf::from("out").join(&name));
-    let report = play(&song, &pianist, Some(&folder), font.as_ref())?;
+    let report = play(&song, &pianist, &folder, font.as_ref())?;
     if args.json {
         json(&report)?
     } else {
@@ -75,11 +75,10 @@ fn print(report: &Report) -> anyhow::Result<()> {
     if let Some(limits) = &report.limits {
         line(limits)?;
     }
-    if let Some(files) = &report.files {
-        line(format!("Listen: {}", files.wav.display()))?;
-        for path in [&files.midi, &files.frames, &files.recording].into_iter().chain(&files.report) {
-            line(format!("        {}", path.display()))?;
-        }
+    let files = &report.files;
+    line(format!("Listen: {}", files.wav.display()))?;
+    for path in [&files.midi, &files.frames, &files.recording].into_iter().chain(&files.report) {
+        line(format!("        {}", path.display()))?;
     }
     Ok(())
 }

@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use etude_lab::{
-    IdentifyMethod, RehearsalConfig, RehearsalStep, Round, find_song, rehearse_on_robot, shipped_policies,
+    IdentifyMethod, RehearsalConfig, RehearsalStep, Round, find_song, rehearse_on_robot, shipped_policy,
 };
 use etude_perform::stand::{RigChoice, rig_choice};
 use etude_perform::{Job, Mode};
@@ -77,7 +77,6 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
     let name = slug(&args.song);
     let rig = rig_choice(&args.robot, &args.truth)?;
     let folder = args.out.unwrap_or_else(|| PathBuf::from("out").join(format!("rehearse-{name}")));
-    let shipped = || shipped_policies(&name, &PathBuf::from("no-runs")).into_iter().next();
     let mut overrides = vec![format!("trainer.seed={}", args.seed)];
     overrides.extend(args.overrides);
     let config = RehearsalConfig {
@@ -92,7 +91,7 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
         mode: args.mode,
         preset: args.preset,
         overrides,
-        policy: args.policy.or_else(shipped),
+        policy: args.policy.or_else(|| shipped_policy(&name)),
         method: args.method,
         evaluations: args.evaluations,
         seed: args.seed,
@@ -129,9 +128,9 @@ fn show(status: &mut Status, step: &RehearsalStep) {
             &format!("round {round}: identifying, {}", at.stage.name()),
             &format!(", {} replays, residuals {:.2} times the noise", at.replays, at.rms),
         ),
-        RehearsalStep::Training { round, step, total, best_f1 } => status.now(
+        RehearsalStep::Training(round, at) => status.now(
             &format!("round {round}: training"),
-            &format!(", step {step} of {total}, best F1 {best_f1:.3}"),
+            &format!(", step {} of {}, best F1 {:.3}", at.step, at.total, at.best_f1.unwrap_or(0.0)),
         ),
         RehearsalStep::Performed { round, run, f1 } => {
             status.now(&format!("round {round}: run {} played, F1 {f1:.3}", run + 1), "");

@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 
 use etude_show::replay::{Take, read_take, recordings, replay_page};
+use serde_json::json as object;
 
 use super::{file_to_write, json, line, note};
 use crate::Ending;
@@ -31,40 +32,18 @@ pub struct Args {
     json: bool,
 }
 
-#[derive(serde::Serialize)]
-struct Summary<'a> {
-    page: &'a PathBuf,
-    bytes: u64,
-    takes: Vec<TakeSummary<'a>>,
-}
-
-#[derive(serde::Serialize)]
-struct TakeSummary<'a> {
-    name: &'a str,
-    song: &'a str,
-    rig: &'a str,
-    mode: &'a str,
-    steps: usize,
-    f1: Option<f64>,
-    notes: usize,
-    marks: usize,
-    incomplete: Option<&'a str>,
-}
-
-impl<'a> TakeSummary<'a> {
-    fn of(take: &'a Take) -> Self {
-        Self {
-            name: &take.name,
-            song: &take.song,
-            rig: &take.rig,
-            mode: &take.mode,
-            steps: take.positions.len(),
-            f1: take.last.map(|scores| scores.f1),
-            notes: take.notes.len(),
-            marks: take.marks.len(),
-            incomplete: take.incomplete.as_deref(),
-        }
-    }
+fn summary(take: &Take) -> serde_json::Value {
+    object!({
+        "name": take.name,
+        "song": take.song,
+        "rig": take.rig,
+        "mode": take.mode,
+        "steps": take.positions.len(),
+        "f1": take.last.map(|scores| scores.f1),
+        "notes": take.notes.len(),
+        "marks": take.marks.len(),
+        "incomplete": take.incomplete,
+    })
 }
 
 /// Runs the verb.
@@ -88,7 +67,8 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
         );
     }
     if args.json {
-        json(&Summary { page: &page, bytes, takes: takes.iter().map(TakeSummary::of).collect() })?;
+        let summaries: Vec<_> = takes.iter().map(summary).collect();
+        json(&object!({ "page": page, "bytes": bytes, "takes": summaries }))?;
         return Ok(Ending::Done);
     }
     for take in &takes {

@@ -2,9 +2,9 @@
 
 use std::path::{Path, PathBuf};
 
-use etude_lab::{find_song, shipped_policies};
+use etude_lab::{find_song, policies};
 use etude_music::{CONTROL_HZ, Note, pitch_name, repertoire};
-use serde::Serialize;
+use serde_json::json as object;
 
 use super::{json, line};
 use crate::Ending;
@@ -57,27 +57,6 @@ enum What {
     },
 }
 
-#[derive(Serialize)]
-struct Entry {
-    id: &'static str,
-    title: String,
-    notes: usize,
-    secs: f64,
-    frames: usize,
-    policy: bool,
-}
-
-#[derive(Serialize)]
-struct Shown {
-    title: String,
-    notes: usize,
-    secs: f64,
-    frames: usize,
-    lowest: Option<u8>,
-    highest: Option<u8>,
-    warnings: Vec<String>,
-}
-
 /// Runs the verb.
 pub fn run(args: Args) -> anyhow::Result<Ending> {
     match args.what {
@@ -91,25 +70,26 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
 }
 
 fn list(as_json: bool) -> anyhow::Result<()> {
-    let mut entries = Vec::new();
+    let mut rows = Vec::new();
+    if !as_json {
+        line(format!("{:18} {:28} {:>5} {:>7} {:>7}  policy", "id", "title", "notes", "secs", "frames"))?;
+    }
     for piece in repertoire::PIECES {
-        let song = piece.song();
-        entries.push(Entry {
-            id: piece.id,
-            title: song.title().to_string(),
-            notes: song.notes().len(),
-            secs: song.duration_secs(),
-            frames: song.episode_frames(CONTROL_HZ, 1.0)?.len(),
-            policy: !shipped_policies(piece.id, &PathBuf::from("runs")).is_empty(),
-        });
+        let (id, song) = (piece.id, piece.song());
+        let (title, notes, secs) = (song.title(), song.notes().len(), song.duration_secs());
+        let frames = song.episode_frames(CONTROL_HZ, 1.0)?.len();
+        let policy = !policies(id).is_empty();
+        if as_json {
+            rows.push(object!({
+                "id": id, "title": title, "notes": notes, "secs": secs, "frames": frames, "policy": policy,
+            }));
+        } else {
+            let policy = if policy { "yes" } else { "train it" };
+            line(format!("{id:18} {title:28} {notes:>5} {secs:>7.1} {frames:>7}  {policy}"))?;
+        }
     }
     if as_json {
-        return json(&entries);
-    }
-    line(format!("{:18} {:28} {:>5} {:>7} {:>7}  policy", "id", "title", "notes", "secs", "frames"))?;
-    for e in entries {
-        let policy = if e.policy { "yes" } else { "train it" };
-        line(format!("{:18} {:28} {:>5} {:>7.1} {:>7}  {policy}", e.id, e.title, e.notes, e.secs, e.frames))?;
+        return json(&rows);
     }
     line("\nFrames are control steps at 20 Hz after one second of silence. `etude songs show ID` shows one.")
 }
@@ -119,34 +99,27 @@ fn show(name: &str, frames_csv: Option<PathBuf>, silence: f64, as_json: bool) ->
     let fits = song.check_range();
     let frames = if fits.is_ok() { song.episode_frames(CONTROL_HZ, silence)? } else { Vec::new() };
     let pitches = || song.notes().iter().map(|note| note.pitch);
-    let shown = Shown {
-        title: song.title().to_string(),
-        notes: song.notes().len(),
-        secs: song.duration_secs(),
-        frames: frames.len(),
-        lowest: pitches().min(),
-        highest: pitches().max(),
-        warnings: song.warnings().iter().map(ToString::to_string).collect(),
-    };
+    let (notes, secs) = (song.notes().len(), song.duration_secs());
+    let (lowest, highest) = (pitches().min(), pitches().max());
+    let warnings: Vec<String> = song.warnings().iter().map(ToString::to_string).collect();
     if as_json {
-        json(&shown)?;
+        json(&object!({
+            "title": song.title(), "notes": notes, "secs": secs, "frames": frames.len(), "lowest": lowest,
+            "highest": highest, "warnings": warnings,
+        }))?;
     } else {
-        let name = |pitch: Option<u8>| pitch.map_or_else(String::new, pitch_name);
-        line(&shown.title)?;
+        let [lowest, highest] = [lowest, highest].map(|pitch| pitch.map_or_else(String::new, pitch_name));
+        line(song.title())?;
         line(format!(
-            "{} notes from {} to {}, {:.1} s, {} frames with {silence} s of silence first",
-            shown.notes,
-            name(shown.lowest),
-            name(shown.highest),
-            shown.secs,
-            shown.frames
+            "{notes} notes from {lowest} to {highest}, {secs:.1} s, {} frames with {silence} s of silence first",
+            frames.len()
         ))?;
         let bar = |note: &Note| song.position(note.start_secs).bar;
         for notes in song.notes().chunk_by(|one, next| bar(one) == bar(next)) {
             let names: String = notes.iter().map(|note| pitch_name(note.pitch) + " ").collect();
             line(format!("  bar {:3}  {names}", bar(&notes[0])))?;
         }
-        for warning in &shown.warnings {
+        for warning in &warnings {
             line(format!("warning: {warning}"))?;
         }
     }

@@ -57,7 +57,7 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
         (None, song) => {
             let name = song.as_deref().unwrap_or_default();
             let song = find_song(name)?;
-            let config = args.config.resolve(&[])?;
+            let config = args.config.resolve()?;
             let folder = args.out.clone().unwrap_or_else(|| {
                 PathBuf::from(format!("runs/{}__{}__{}", slug(name), args.config.preset, config.trainer.seed))
             });

@@ -3,11 +3,7 @@
 use etude_perform::FileError;
 use etude_stage::{ParamError, StageError};
 
-use crate::config::ConfigError;
-use crate::estimate::EstimateError;
-use crate::fit::TellError;
-use crate::group::GroupError;
-use crate::jacobian::JacobianError;
+use crate::error::FitError;
 
 /// An identification failed.
 #[derive(Debug, thiserror::Error)]
@@ -15,27 +11,12 @@ pub enum IdentifyError {
     /// The simulation cannot be built.
     #[error(transparent)]
     Stage(#[from] StageError),
-    /// The simulation cannot be built for a replay.
-    #[error("cannot build the simulation: {0}")]
-    Replay(String),
     /// A start value is out of range.
     #[error(transparent)]
     Param(#[from] ParamError),
-    /// The method's configuration is invalid.
+    /// A group cannot be fitted, or its result has no uncertainty.
     #[error(transparent)]
-    Config(#[from] ConfigError),
-    /// A group cannot be fitted.
-    #[error(transparent)]
-    Group(#[from] GroupError),
-    /// Evaluations do not match the candidates: a bug.
-    #[error(transparent)]
-    Tell(#[from] TellError),
-    /// The uncertainty of the result cannot be computed.
-    #[error(transparent)]
-    Estimate(#[from] EstimateError),
-    /// The Jacobian of the result cannot be computed.
-    #[error(transparent)]
-    Jacobian(#[from] JacobianError),
+    Fit(#[from] FitError),
     /// The state cannot be written.
     #[error(transparent)]
     Write(#[from] FileError),

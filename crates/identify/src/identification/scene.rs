@@ -8,6 +8,7 @@ use rayon::prelude::*;
 
 use super::error::IdentifyError;
 use super::state::IdentifyConfig;
+use crate::error::FitError;
 use crate::group::Group;
 use crate::motion::Motion;
 use crate::problem::Problem;
@@ -72,7 +73,7 @@ impl<'a> Scene<'a> {
                 |replayer, (world, motion)| match replayer {
                     _ if interrupt.load(Ordering::Relaxed) => Err(IdentifyError::Interrupted),
                     Ok(replayer) => Ok(replayer.replay(&worlds[*world], &motions[*motion], keys)),
-                    Err(error) => Err(IdentifyError::Replay(error.to_string())),
+                    Err(error) => Err(FitError(format!("cannot build the simulation: {error}")).into()),
                 },
             )
             .collect::<Result<_, _>>()?;

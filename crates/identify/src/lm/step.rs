@@ -38,13 +38,6 @@ impl Model {
         Self { gradient, hessian, scale, length: 0.0, least_curvature }
     }
 
-    pub(super) fn is_sound(&self, n: usize) -> bool {
-        let all = [&self.gradient, &self.hessian, &self.scale];
-        let finite = all.iter().all(|values| values.iter().all(|x| x.is_finite()));
-        let lengths = self.gradient.len() == n && Some(self.hessian.len()) == n.checked_mul(n);
-        finite && lengths && self.scale.len() == n && self.length.is_finite() && self.least_curvature >= 0.0
-    }
-
     pub(super) fn measure(&mut self, problem: &Problem, residuals: &[f64], jacobian: &Jacobian) {
         let weights: Vec<f64> = residuals.iter().map(|&r| problem.loss().weight(r)).collect();
         let weighted: Vec<f64> = residuals.iter().zip(&weights).map(|(r, w)| r * w).collect();

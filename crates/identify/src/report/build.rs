@@ -2,9 +2,10 @@
 
 use etude_stage::{JOINTS, StageError};
 
-use super::document::{Element, Report, Section};
-use super::input::{Replayed, ReportInput};
+use super::document::{Figure, Report, escape, list};
+use super::input::ReportInput;
 use super::{correlation, directions, errors, overlay, parameters, remaining, summary};
+use crate::assessment::Replayed;
 
 impl Report {
     /// Replays the motions before and after the fit, and describes the result.
@@ -20,22 +21,23 @@ impl Report {
 pub(super) fn report(input: &ReportInput<'_>, replayed: &[Replayed<'_>]) -> Report {
     let parts = remaining::parts(replayed);
     let rig = input.fitted.first().map_or("", |motion| motion.rig.name.as_str());
-    let overlays = (0..JOINTS).filter_map(|joint| overlay::overlay(joint, replayed)).map(Element::Figure);
-    let section = |title, elements| Section { title, elements };
-    Report {
-        title: format!("Identification of the rig {rig}"),
-        sections: vec![
-            section("In short", vec![Element::List(summary::in_short(input, &parts))]),
-            section("What was fitted", summary::what_was_fitted(input)),
-            section("Errors", errors::elements(input)),
-            section(
-                "What the simulator cannot express",
-                remaining::elements(&parts, !input.held_out.is_empty()),
-            ),
-            section("Before and after", overlays.collect()),
-            section("Parameters", parameters::elements(input)),
-            section("Correlations", correlation::elements(&input.identified.estimates)),
-            section("What is not identifiable", directions::elements(input.identified)),
-        ],
+    let figures: Vec<Figure> = (0..JOINTS).filter_map(|joint| overlay::overlay(joint, replayed)).collect();
+    let sections = [
+        ("In short", vec![list(&summary::in_short(input, &parts))]),
+        ("What was fitted", summary::what_was_fitted(input)),
+        ("Errors", errors::elements(input)),
+        ("What the simulator cannot express", remaining::elements(&parts, !input.held_out.is_empty())),
+        ("Before and after", figures.iter().map(Figure::markdown).collect()),
+        ("Parameters", parameters::elements(input)),
+        ("Correlations", correlation::elements(&input.identified.estimates)),
+        ("What is not identifiable", directions::elements(input.identified)),
+    ];
+    let mut markdown = format!("# Identification of the rig {}\n", escape(rig));
+    for (title, elements) in sections {
+        markdown += &format!("\n## {title}\n");
+        for element in elements {
+            markdown += &format!("\n{element}");
+        }
     }
+    Report { markdown, figures }
 }

@@ -1,6 +1,6 @@
 //! Correlations of a group's parameters.
 
-use super::document::{Element, Table};
+use super::document::{list, paragraph, table};
 use super::number::number;
 use crate::estimate::Estimate;
 
@@ -15,25 +15,24 @@ pub(super) fn short(path: &str) -> &str {
 }
 
 /// Singular values, and the strong correlations of each group.
-pub(super) fn elements(estimates: &[(String, Estimate)]) -> Vec<Element> {
+pub(super) fn elements(estimates: &[(String, Estimate)]) -> Vec<String> {
     let values = |(group, estimate): &(String, Estimate)| {
         let values: Vec<String> = estimate.singular_values.iter().map(|value| number(*value)).collect();
         format!("{group}: condition {}; singular values {}", number(estimate.condition), values.join(", "))
     };
     vec![
-        Element::Paragraph(
+        paragraph(
             "Correlations of the estimates' errors, by linear theory at the end of the fit. Two strongly correlated \
              parameters are known better together than each by itself. A singular value is the change of the residuals, in \
              standard deviations of the noise, for a move over the whole range along one direction of the parameters. \
-             The condition is the largest over the smallest. identification.json has the whole matrices."
-                .to_string(),
+             The condition is the largest over the smallest. identification.json has the whole matrices.",
         ),
-        Element::List(estimates.iter().map(values).collect()),
-        Element::Table(Table {
-            caption: format!("Correlations of {STRONG} or more, at most {MOST_LISTED} a group, the strongest first"),
-            columns: &["group", "parameters", "correlation"],
-            rows: estimates.iter().flat_map(|(group, estimate)| strong(group, estimate)).collect(),
-        }),
+        list(&estimates.iter().map(values).collect::<Vec<_>>()),
+        table(
+            &format!("Correlations of {STRONG} or more, at most {MOST_LISTED} a group, the strongest first"),
+            &["group", "parameters", "correlation"],
+            estimates.iter().flat_map(|(group, estimate)| strong(group, estimate)),
+        ),
     ]
 }
 

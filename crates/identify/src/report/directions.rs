@@ -2,7 +2,7 @@
 
 use super::advice::{Advice, advice, row_of};
 use super::correlation::short;
-use super::document::{Element, Table};
+use super::document::{paragraph, table};
 use super::number::number;
 use crate::estimate::{HALF_INTERVAL, WeakDirection};
 use crate::identification::Identified;
@@ -11,7 +11,7 @@ use crate::identification::Identified;
 const MOST_RANGES: f64 = 10.0;
 
 /// Tables of the weak directions and of the advice.
-pub(super) fn elements(identified: &Identified) -> Vec<Element> {
+pub(super) fn elements(identified: &Identified) -> Vec<String> {
     // Advice in the order of its first use; the first table refers to it by number.
     let mut used: Vec<(&'static Advice, Vec<String>)> = Vec::new();
     let mut rows = Vec::new();
@@ -35,9 +35,7 @@ pub(super) fn elements(identified: &Identified) -> Vec<Element> {
         }
     }
     if rows.is_empty() {
-        return vec![Element::Paragraph(
-            "Every direction of the estimated parameters is identifiable.".to_string(),
-        )];
+        return vec![paragraph("Every direction of the estimated parameters is identifiable.")];
     }
     let advice = used.into_iter().enumerate().map(|(index, (advice, joints))| {
         let number = (index + 1).to_string();
@@ -50,21 +48,20 @@ pub(super) fn elements(identified: &Identified) -> Vec<Element> {
         ]
     });
     vec![
-        Element::Paragraph(
+        paragraph(
             "Along each of these directions the parameters can move together (with these signs and shares, each on its own \
-             scale from bound to bound) and the residuals hardly change."
-                .to_string(),
+             scale from bound to bound) and the residuals hardly change.",
         ),
-        Element::Table(Table {
-            caption: "What is not identifiable, the weakest direction of each group first".to_string(),
-            columns: &["group", "direction", "95 % ± (ranges)", "advice"],
+        table(
+            "What is not identifiable, the weakest direction of each group first",
+            &["group", "direction", "95 % ± (ranges)", "advice"],
             rows,
-        }),
-        Element::Table(Table {
-            caption: "Which motion would make it identifiable".to_string(),
-            columns: &["no.", "rows", "joints", "why it is not identifiable", "record"],
-            rows: advice.collect(),
-        }),
+        ),
+        table(
+            "Which motion would make it identifiable",
+            &["no.", "rows", "joints", "why it is not identifiable", "record"],
+            advice,
+        ),
     ]
 }
 

@@ -1,52 +1,16 @@
-//! A report as data, and its Markdown rendering.
+//! The parts of a report as Markdown, and its charts as SVG. Texts are plain; they are escaped here.
 
-use serde::Serialize;
-
-/// A report: sections in the order in which they are read. Strings are plain text; renderings escape them.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+/// A report.
+#[derive(Clone, Debug, PartialEq)]
 pub struct Report {
-    /// Title.
-    pub title: String,
-    /// Sections.
-    pub sections: Vec<Section>,
-}
-
-/// A part of a report with a heading.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Section {
-    /// Heading.
-    pub title: &'static str,
-    /// Content.
-    pub elements: Vec<Element>,
-}
-
-/// Content of a section.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-#[serde(rename_all = "lowercase")]
-pub enum Element {
-    /// Prose.
-    Paragraph(String),
-    /// Items.
-    List(Vec<String>),
-    /// A table.
-    Table(Table),
-    /// A chart.
-    Figure(Figure),
-}
-
-/// A table. Each row has one cell a column.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Table {
-    /// Caption.
-    pub caption: String,
-    /// Names of the columns.
-    pub columns: &'static [&'static str],
-    /// Rows.
-    pub rows: Vec<Vec<String>>,
+    /// Its text as Markdown, which links each figure as `NAME.svg`.
+    pub markdown: String,
+    /// Its figures.
+    pub figures: Vec<Figure>,
 }
 
 /// A chart of curves over time.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Figure {
     /// Name of its file, without extension.
     pub name: String,
@@ -59,7 +23,7 @@ pub struct Figure {
 }
 
 /// A curve. Without points where the simulation diverged.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Curve {
     /// Name.
     pub name: &'static str,
@@ -67,46 +31,28 @@ pub struct Curve {
     pub points: Vec<[f64; 2]>,
 }
 
-impl Report {
-    /// All figures.
-    pub fn figures(&self) -> impl Iterator<Item = &Figure> {
-        self.sections.iter().flat_map(|section| &section.elements).filter_map(|element| match element {
-            Element::Figure(figure) => Some(figure),
-            _ => None,
-        })
-    }
-
-    /// The report as Markdown. It links each figure as `NAME.svg`.
-    pub fn markdown(&self) -> String {
-        let mut out = format!("# {}\n", escape(&self.title));
-        for section in &self.sections {
-            out += &format!("\n## {}\n", section.title);
-            for element in &section.elements {
-                out += &format!("\n{}", element.markdown());
-            }
-        }
-        out
-    }
+pub(super) fn paragraph(text: &str) -> String {
+    format!("{}\n", escape(text))
 }
 
-impl Element {
-    fn markdown(&self) -> String {
-        match self {
-            Self::Paragraph(text) => format!("{}\n", escape(text)),
-            Self::List(items) => items.iter().map(|item| format!("- {}\n", escape(item))).collect(),
-            Self::Figure(figure) => format!("![{}]({}.svg)\n", escape(&figure.caption), figure.name),
-            Self::Table(Table { caption, columns, rows }) => {
-                let line = |cells: Vec<String>| format!("| {} |\n", cells.join(" | "));
-                let head = line(columns.iter().map(|name| escape(name)).collect());
-                let rows = rows.iter().map(|row| line(row.iter().map(|cell| escape(cell)).collect()));
-                let rule = line(vec!["---".to_string(); columns.len()]);
-                format!("**{}**\n\n{head}{rule}{}", escape(caption), rows.collect::<String>())
-            }
-        }
-    }
+pub(super) fn list(items: &[String]) -> String {
+    items.iter().map(|item| format!("- {}\n", escape(item))).collect()
+}
+
+/// A table. Each row has one cell a column.
+pub(super) fn table(caption: &str, columns: &[&str], rows: impl IntoIterator<Item = Vec<String>>) -> String {
+    let line = |cells: Vec<String>| format!("| {} |\n", cells.join(" | "));
+    let head = line(columns.iter().map(|name| escape(name)).collect());
+    let rule = line(vec!["---".to_string(); columns.len()]);
+    let rows = rows.into_iter().map(|row| line(row.iter().map(|cell| escape(cell)).collect()));
+    format!("**{}**\n\n{head}{rule}{}", escape(caption), rows.collect::<String>())
 }
 
 impl Figure {
+    pub(super) fn markdown(&self) -> String {
+        format!("![{}]({}.svg)\n", escape(&self.caption), self.name)
+    }
+
     /// The chart as an SVG file.
     pub fn svg(&self) -> String {
         let all = || self.curves.iter().flat_map(|curve| &curve.points);
@@ -146,7 +92,7 @@ impl Figure {
 }
 
 /// Plain text as Markdown that shows the same characters. A file's name may hold markup and control characters.
-fn escape(text: &str) -> String {
+pub(super) fn escape(text: &str) -> String {
     let mut out = String::with_capacity(text.len());
     for c in text.chars() {
         if "\\`*[]<>|&".contains(c) {

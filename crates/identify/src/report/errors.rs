@@ -2,25 +2,24 @@
 
 use etude_stage::JOINT_NAMES;
 
-use super::document::{Element, Table};
+use super::document::{paragraph, table};
 use super::input::ReportInput;
 use super::number::{factor, milli, milli_unit, number};
 use crate::assessment::Assessment;
 
 /// Tables of the errors in held-out and in fitted motions.
-pub(super) fn elements(input: &ReportInput<'_>) -> Vec<Element> {
-    let mut elements = vec![Element::Paragraph(
+pub(super) fn elements(input: &ReportInput<'_>) -> Vec<String> {
+    let mut elements = vec![paragraph(
         "Root mean square of simulated minus measured positions. The noise is that of the joint's readings at rest: no \
-         simulator can do better."
-            .to_string(),
+         simulator can do better.",
     )];
     let both = [("Held-out recordings", input.held_out_errors), ("Fitted recordings", input.fit_errors)];
     let both = both.into_iter().filter(|(_, errors)| !errors.joints.is_empty());
-    elements.extend(both.map(|(caption, errors)| Element::Table(table(caption, errors))));
+    elements.extend(both.map(|(caption, errors)| assessed(caption, errors)));
     elements
 }
 
-fn table(caption: &str, errors: &Assessment) -> Table {
+fn assessed(caption: &str, errors: &Assessment) -> String {
     let line = |name: &str, unit: &str, [before, after]: [f64; 2], noise: f64| {
         let is_known = noise > 0.0 && after.is_finite();
         let over = if is_known { number(after / noise) } else { "–".to_string() };
@@ -38,9 +37,5 @@ fn table(caption: &str, errors: &Assessment) -> Table {
     if errors.fingers[0] > 0.0 {
         rows.push(line("fingers together", milli_unit(0), errors.fingers, errors.fingers_noise));
     }
-    Table {
-        caption: caption.to_string(),
-        columns: &["joint", "unit", "before", "after", "times less", "noise", "after / noise"],
-        rows,
-    }
+    table(caption, &["joint", "unit", "before", "after", "times less", "noise", "after / noise"], rows)
 }

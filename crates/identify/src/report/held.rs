@@ -4,11 +4,13 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use etude_stage::{JOINT_NAMES, JOINTS, PhysicalParams, RAIL};
 
-use super::document::Table;
 use super::number::{number, unit};
 
-/// A table of the parameters without an estimate.
-pub(super) fn held(estimated: &BTreeSet<&str>, params: &PhysicalParams) -> Table {
+/// Columns of the parameters without an estimate.
+pub(super) const COLUMNS: [&str; 5] = ["row", "joints", "value", "unit", "why it was held"];
+
+/// The parameters without an estimate: rows of a table.
+pub(super) fn held(estimated: &BTreeSet<&str>, params: &PhysicalParams) -> Vec<Vec<String>> {
     // Rows of joints that are held for the same reason are one line; the order is that of the rows.
     let mut lines: Vec<(String, String, &'static str)> = Vec::new();
     let mut joints: BTreeMap<(String, &'static str), Vec<(usize, f64)>> = BTreeMap::new();
@@ -43,11 +45,7 @@ pub(super) fn held(estimated: &BTreeSet<&str>, params: &PhysicalParams) -> Table
         };
         vec![key, of, value, unit, why.to_string()]
     };
-    Table {
-        caption: "Held at these values".to_string(),
-        columns: &["row", "joints", "value", "unit", "why it was held"],
-        rows: lines.into_iter().map(line).collect(),
-    }
+    lines.into_iter().map(line).collect()
 }
 
 fn joint_of(path: &str) -> Option<usize> {
@@ -106,8 +104,8 @@ mod tests {
                 paths.extend(contact_parameters(&before).into_iter().map(|parameter| parameter.path));
             }
             let estimated: BTreeSet<&str> = paths.iter().map(String::as_str).collect();
-            let table = held(&estimated, &before);
-            assert!(table.rows.iter().all(|row| row.len() == table.columns.len()));
+            let rows = held(&estimated, &before);
+            assert!(rows.iter().all(|row| row.len() == COLUMNS.len()));
             for (path, row, _) in PhysicalParams::rows() {
                 if estimated.contains(path.as_str()) {
                     continue;
@@ -119,7 +117,7 @@ mod tests {
                         || cells[0] == format!("joint.*.{}", row.name)
                             && (cells[1].starts_with("all") || cells[1].split(", ").any(|name| name == joint))
                 };
-                assert!(table.rows.iter().any(shown), "{path}");
+                assert!(rows.iter().any(shown), "{path}");
             }
         }
     }

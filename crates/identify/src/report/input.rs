@@ -1,11 +1,10 @@
 //! What a report is made from.
 
-use etude_stage::{PhysicalParams, StageConfig, StageError};
+use etude_stage::{PhysicalParams, StageError};
 
-use crate::assessment::Assessment;
+use crate::assessment::{Assessment, Replayed, replay_both};
 use crate::identification::{Identified, IdentifyConfig};
 use crate::motion::Motion;
-use crate::replay::{Replayer, Trace};
 
 /// What a report is made from.
 #[derive(Clone, Copy, Debug)]
@@ -28,28 +27,19 @@ pub struct ReportInput<'a> {
     pub held_out_errors: &'a Assessment,
 }
 
-/// A motion and its replays before and after the fit. A replay is `None` where the simulation diverged.
-pub(super) struct Replayed<'a> {
-    pub motion: &'a Motion,
-    pub traces: [Option<Trace>; 2],
-}
-
 impl<'a> ReportInput<'a> {
     /// Replays the motions that the report compares: those held out, or without any the fitted ones that touch no key.
     ///
     /// # Errors
     /// If the simulation cannot be built.
     pub(super) fn replay(&self) -> Result<Vec<Replayed<'a>>, StageError> {
-        let motions: Vec<&Motion> = match self.held_out {
-            [] => self.fitted.iter().filter(|motion| motion.keys.is_empty()).collect(),
-            held_out => held_out.iter().collect(),
-        };
-        let Some(first) = motions.first() else { return Ok(Vec::new()) };
-        let mut replayer = Replayer::new(&StageConfig { side: first.side(), ..StageConfig::default() })?;
-        let both = |motion: &'a Motion| Replayed {
-            motion,
-            traces: [self.before, self.after].map(|params| replayer.replay(params, motion, false)),
-        };
-        Ok(motions.into_iter().map(both).collect())
+        match self.held_out {
+            [] => replay_both(
+                self.fitted.iter().filter(|motion| motion.keys.is_empty()),
+                self.before,
+                self.after,
+            ),
+            held_out => replay_both(held_out, self.before, self.after),
+        }
     }
 }

@@ -1,6 +1,6 @@
 //! The report of an identification: what was fitted, how well the simulator repeats the robot, and which numbers to trust.
 //!
-//! [`Report`] is plain data with a Markdown rendering.
+//! [`Report`] is Markdown with figures.
 
 mod advice;
 mod build;
@@ -20,5 +20,5 @@ mod unexplained;
 #[cfg(test)]
 mod tests;
 
-pub use document::{Curve, Element, Figure, Report, Section, Table};
+pub use document::{Curve, Figure, Report};
 pub use input::ReportInput;

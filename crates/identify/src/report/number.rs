@@ -3,8 +3,6 @@
 use etude_stage::RAIL;
 use etude_stage::params::Row;
 
-/// Digits that are printed.
-const DIGITS: i32 = 4;
 /// Powers of ten that are printed without an exponent.
 const PLAIN: std::ops::Range<i32> = -3..6;
 
@@ -22,15 +20,7 @@ pub(super) fn number(value: f64) -> String {
         return "0".to_string();
     }
     let power = rounded.abs().log10().floor() as i32;
-    if !PLAIN.contains(&power) {
-        return format!("{rounded:e}");
-    }
-    let decimals = usize::try_from(DIGITS - 1 - power).unwrap_or(0);
-    let text = format!("{rounded:.decimals$}");
-    match text.contains('.') {
-        true => text.trim_end_matches('0').trim_end_matches('.').to_string(),
-        false => text,
-    }
+    if PLAIN.contains(&power) { format!("{rounded}") } else { format!("{rounded:e}") }
 }
 
 /// A share of the whole as whole per cent.

@@ -3,8 +3,8 @@
 use etude_stage::{JOINT_NAMES, RAIL};
 
 use super::document::{Curve, Figure};
-use super::input::Replayed;
 use super::number::{milli_unit, number};
+use crate::assessment::Replayed;
 use crate::motion::Motion;
 
 /// Length of a figure, s.

@@ -4,33 +4,30 @@ use std::collections::BTreeSet;
 
 use etude_stage::PhysicalParams;
 
-use super::document::{Element, Table};
-use super::held::held;
+use super::document::{paragraph, table};
+use super::held::{COLUMNS, held};
 use super::input::ReportInput;
 use super::number::{number, unit};
 use crate::estimate::{Bound, Estimate, ParameterEstimate};
 
 /// Tables of the estimates, one a group, and of the parameters that were held.
-pub(super) fn elements(input: &ReportInput<'_>) -> Vec<Element> {
-    let mut elements = vec![Element::Paragraph(
+pub(super) fn elements(input: &ReportInput<'_>) -> Vec<String> {
+    let mut elements = vec![paragraph(
         "Intervals are cut at the bounds. The interval of a parameter at a bound is computed as if there were no bound. \
          Intervals account for correlated residuals and say how closely these recordings determine the parameter of this \
          simulator. Where the remaining error is far above the noise, the simulator cannot express what the robot does, and \
          its best value need not be the robot's. Intervals of the keyboard's parameters include the prior: that each \
-         lies near its start value."
-            .to_string(),
+         lies near its start value.",
     )];
     let estimates = &input.identified.estimates;
-    elements.extend(
-        estimates.iter().map(|(group, estimate)| Element::Table(table(group, estimate, input.before))),
-    );
+    elements.extend(estimates.iter().map(|(group, estimate)| estimated_rows(group, estimate, input.before)));
     let paths = estimates.iter().flat_map(|(_, estimate)| &estimate.parameters);
     let estimated: BTreeSet<&str> = paths.map(|parameter| parameter.path.as_str()).collect();
-    elements.push(Element::Table(held(&estimated, input.after)));
+    elements.push(table("Held at these values", &COLUMNS, held(&estimated, input.after)));
     elements
 }
 
-fn table(group: &str, estimate: &Estimate, before: &PhysicalParams) -> Table {
+fn estimated_rows(group: &str, estimate: &Estimate, before: &PhysicalParams) -> String {
     let row = |parameter: &ParameterEstimate| {
         let path = &parameter.path;
         let known = PhysicalParams::rows().find(|(known, ..)| known == path);
@@ -50,9 +47,6 @@ fn table(group: &str, estimate: &Estimate, before: &PhysicalParams) -> Table {
             if parameter.is_identifiable { "yes" } else { "no" }.to_string(),
         ]
     };
-    Table {
-        caption: group.to_string(),
-        columns: &["parameter", "unit", "before", "after", "95 % from", "to", "at bound", "identifiable"],
-        rows: estimate.parameters.iter().map(row).collect(),
-    }
+    let columns = ["parameter", "unit", "before", "after", "95 % from", "to", "at bound", "identifiable"];
+    table(group, &columns, estimate.parameters.iter().map(row))
 }

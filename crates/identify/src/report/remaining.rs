@@ -2,10 +2,10 @@
 
 use etude_stage::{JOINT_NAMES, JOINTS, RAIL};
 
-use super::document::{Element, Table};
-use super::input::Replayed;
+use super::document::{list, paragraph, table};
 use super::number::{milli, milli_unit, number, percent};
 use super::unexplained::{Unexplained, samples, unexplained};
+use crate::assessment::Replayed;
 
 /// A part dominates the error from this share on.
 const DOMINANT: f64 = 0.4;
@@ -158,10 +158,10 @@ fn turning(parts: &[Part]) -> Option<String> {
 }
 
 /// The table, and what its dominant parts mean.
-pub(super) fn elements(parts: &[Part], held_out: bool) -> Vec<Element> {
+pub(super) fn elements(parts: &[Part], held_out: bool) -> Vec<String> {
     if parts.is_empty() {
         let why = "There is no error to analyse: the identified simulation diverged in these recordings, or no joint moves.";
-        return vec![Element::Paragraph(why.to_string())];
+        return vec![paragraph(why)];
     }
     let which =
         if held_out { "held-out recordings" } else { "recordings that were fitted (none was held out)" };
@@ -179,32 +179,19 @@ pub(super) fn elements(parts: &[Part], held_out: bool) -> Vec<Element> {
         let joints: Vec<&str> = dominated.map(|part| JOINT_NAMES[part.joint]).collect();
         (!joints.is_empty()).then(|| format!("{} ({}): {}", cause.name, joints.join(", "), cause.meaning))
     };
+    let names = CAUSES.iter().map(|cause| cause.name);
+    let columns: Vec<&str> = ["joint", "error"].into_iter().chain(names).chain(["mostly"]).collect();
     let mut elements = vec![
-        Element::Paragraph(format!(
+        paragraph(&format!(
             "Parts of the mean square error after the fit in the {which}, from a regression of simulated minus measured \
              positions on direction of motion (the last direction, where the joint stands), velocity and acceleration of the \
              simulated joint. The rest is slow where it shows in a moving mean over 50 ms. A part of {} or more is named \
              with its size.",
             percent(DOMINANT)
         )),
-        Element::Table(Table {
-            caption: "Shares of the mean square error after the fit".to_string(),
-            columns: &[
-                "joint",
-                "error",
-                "offset",
-                "direction",
-                "velocity",
-                "acceleration",
-                "slow rest",
-                "fast rest",
-                "noise",
-                "mostly",
-            ],
-            rows: parts.iter().map(row).chain(pooled).collect(),
-        }),
-        Element::List(CAUSES.iter().enumerate().filter_map(meaning).collect()),
+        table("Shares of the mean square error after the fit", &columns, parts.iter().map(row).chain(pooled)),
+        list(&CAUSES.iter().enumerate().filter_map(meaning).collect::<Vec<_>>()),
     ];
-    elements.extend(turning(parts).map(Element::Paragraph));
+    elements.extend(turning(parts).as_deref().map(paragraph));
     elements
 }

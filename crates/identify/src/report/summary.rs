@@ -2,7 +2,7 @@
 
 use etude_stage::JOINTS;
 
-use super::document::{Element, Table};
+use super::document::{paragraph, table};
 use super::input::ReportInput;
 use super::number::{about, milli, number};
 use super::remaining::{self, Part};
@@ -61,7 +61,7 @@ pub(super) fn in_short(input: &ReportInput<'_>, parts: &[Part]) -> Vec<String> {
 }
 
 /// Method, recordings and stages.
-pub(super) fn what_was_fitted(input: &ReportInput<'_>) -> Vec<Element> {
+pub(super) fn what_was_fitted(input: &ReportInput<'_>) -> Vec<String> {
     let config = input.config;
     let method = match &config.method {
         MethodConfig::Lm(_) => "Levenberg–Marquardt",
@@ -88,22 +88,21 @@ pub(super) fn what_was_fitted(input: &ReportInput<'_>) -> Vec<Element> {
         vec![end.stage.name().to_string(), end.replays.to_string(), number(end.secs), before, after]
     });
     vec![
-        Element::Paragraph(format!(
+        paragraph(&format!(
             "Method: {method}, at most {} replays of all recordings a group; seed {}; started at {start} within the rig's \
              limits.",
             config.method.max_evaluations(),
             config.seed
         )),
-        Element::Table(Table {
-            caption: "Recordings".to_string(),
-            columns: &["recording", "motion", "seconds", "joints that move", "keys struck", "use"],
-            rows: fitted.chain(held_out).collect(),
-        }),
-        Element::Table(Table {
-            caption: "Stages; residuals are root mean squares in standard deviations of the readings' noise"
-                .to_string(),
-            columns: &["stage", "replays", "seconds", "residuals before", "after"],
-            rows: stages.collect(),
-        }),
+        table(
+            "Recordings",
+            &["recording", "motion", "seconds", "joints that move", "keys struck", "use"],
+            fitted.chain(held_out),
+        ),
+        table(
+            "Stages; residuals are root mean squares in standard deviations of the readings' noise",
+            &["stage", "replays", "seconds", "residuals before", "after"],
+            stages,
+        ),
     ]
 }

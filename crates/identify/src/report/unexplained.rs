@@ -6,6 +6,7 @@
 //! of each of the three terms. No share is negative, and they sum to the explained part.
 
 use etude_stage::RAIL;
+use nalgebra::{Matrix4, Vector4};
 
 use crate::motion::Motion;
 use crate::replay::Trace;
@@ -95,42 +96,30 @@ pub(super) fn unexplained(samples: &[Sample], noise: f64) -> Option<Unexplained>
     // Regressors and, last, the error.
     let columns = |sample: &Sample| {
         let [direction, velocity, acceleration] = sample.motion;
-        [direction, velocity, acceleration, sample.error]
+        Vector4::new(direction, velocity, acceleration, sample.error)
     };
-    let mut means = [0.0; REGRESSORS + 1];
-    for sample in samples {
-        for (mean, value) in means.iter_mut().zip(columns(sample)) {
-            *mean += value / count;
-        }
-    }
-    let mut covariance = [[0.0; REGRESSORS + 1]; REGRESSORS + 1];
-    for sample in samples {
-        let away: [f64; REGRESSORS + 1] = {
-            let values = columns(sample);
-            std::array::from_fn(|i| values[i] - means[i])
-        };
-        for (row, a) in covariance.iter_mut().zip(away) {
-            for (cell, b) in row.iter_mut().zip(away) {
-                *cell += a * b / count;
-            }
-        }
-    }
+    let means = samples.iter().map(columns).sum::<Vector4<f64>>() / count;
+    let spread = |sample: &Sample| {
+        let away = columns(sample) - means;
+        away * away.transpose() / count
+    };
+    let covariance: Matrix4<f64> = samples.iter().map(spread).sum();
     let mean_error = means[REGRESSORS];
-    let square = mean_error * mean_error + covariance[REGRESSORS][REGRESSORS];
-    let is_sound = square > 0.0 && square.is_finite() && covariance.iter().flatten().all(|c| c.is_finite());
+    let square = mean_error * mean_error + covariance[(REGRESSORS, REGRESSORS)];
+    let is_sound = square > 0.0 && square.is_finite() && covariance.iter().all(|c| c.is_finite());
     if !is_sound {
         return None;
     }
     let slopes = regress(&covariance);
-    let terms: [f64; REGRESSORS] = std::array::from_fn(|k| slopes[k] * slopes[k] * covariance[k][k]);
-    let explained: f64 = slopes.iter().zip(&covariance).map(|(slope, row)| slope * row[REGRESSORS]).sum();
+    let terms: [f64; REGRESSORS] = std::array::from_fn(|k| slopes[k] * slopes[k] * covariance[(k, k)]);
+    let explained: f64 = (0..REGRESSORS).map(|k| slopes[k] * covariance[(k, REGRESSORS)]).sum();
     let (explained, all) = ((explained / square).clamp(0.0, 1.0), terms.iter().sum::<f64>());
     let shares = terms.map(|term| if all > 0.0 { explained * term / all } else { 0.0 });
     let offset = mean_error * mean_error / square;
     let rest = (1.0 - offset - shares.iter().sum::<f64>()).max(0.0);
     let line = |sample: &Sample| {
         let (motion, means) = (sample.motion.iter(), &means);
-        motion.zip(means).zip(slopes).map(|((value, mean), slope)| slope * (value - mean)).sum::<f64>()
+        motion.zip(means.iter()).zip(slopes).map(|((value, mean), slope)| slope * (value - mean)).sum::<f64>()
     };
     let residuals: Vec<f64> = samples.iter().map(|sample| sample.error - mean_error - line(sample)).collect();
     let slow = (slow_square(samples, &residuals) / count / square).min(rest);
@@ -170,27 +159,21 @@ fn slow_square(samples: &[Sample], residuals: &[f64]) -> f64 {
 }
 
 /// Slopes of the error by least squares, from the covariances; zero for a regressor that depends on those before it.
-fn regress(covariance: &[[f64; REGRESSORS + 1]; REGRESSORS + 1]) -> [f64; REGRESSORS] {
+fn regress(covariance: &Matrix4<f64>) -> [f64; REGRESSORS] {
     let mut left = *covariance;
-    let mut slopes = [0.0; REGRESSORS];
     let mut taken = [false; REGRESSORS];
     for k in 0..REGRESSORS {
-        let pivot = left[k];
-        if pivot[k] <= COLLINEAR * covariance[k][k] || pivot[k] <= f64::MIN_POSITIVE {
+        let pivot = left.row(k).into_owned();
+        if pivot[k] <= COLLINEAR * covariance[(k, k)] || pivot[k] <= f64::MIN_POSITIVE {
             continue;
         }
         taken[k] = true;
-        for (row, cells) in left.iter_mut().enumerate() {
+        for (row, mut cells) in left.row_iter_mut().enumerate() {
             let ratio = if row == k { 1.0 - 1.0 / pivot[k] } else { cells[k] / pivot[k] };
-            for (cell, taken) in cells.iter_mut().zip(pivot) {
-                *cell -= ratio * taken;
-            }
+            cells -= ratio * pivot;
         }
     }
-    for (k, slope) in slopes.iter_mut().enumerate().filter(|(k, _)| taken[*k]) {
-        *slope = left[k][REGRESSORS];
-    }
-    slopes
+    std::array::from_fn(|k| if taken[k] { left[(k, REGRESSORS)] } else { 0.0 })
 }
 
 #[cfg(test)]

@@ -1,15 +1,11 @@
-//! A fit saved after any tell and resumed ends with the same result, bit for bit. Damaged files are refused or harmless.
+//! A fit saved after any tell and resumed ends with the same result, bit for bit.
 
 use etude_identify::{
     Block, BoConfig, Evaluation, Fit, LmConfig, Loss, MethodConfig, Parameter, Problem, Space,
 };
-use proptest::prelude::*;
 
 fn methods() -> [MethodConfig; 2] {
-    [
-        MethodConfig::Lm(LmConfig::default()),
-        MethodConfig::Bo(BoConfig { max_evaluations: 16, batch: 2, ..BoConfig::default() }),
-    ]
+    [MethodConfig::Lm(LmConfig::default()), MethodConfig::Bo(BoConfig { max_evaluations: 16 })]
 }
 
 /// Two joints with a delay each, in separate blocks; a corner of the space cannot be simulated.
@@ -27,14 +23,14 @@ fn problem() -> Problem {
 
 fn simulate(x: &[f64]) -> Evaluation {
     if x[1] > 5.0 && x[3] > 5.0 {
-        return Evaluation::Failed("diverged".into());
+        return None;
     }
     let wave = |delay: f64, gain: f64| (0..40).map(move |k| gain * (0.2 * k as f64 - 30.0 * delay).sin());
     let joint = |x: &[f64], truth: [f64; 2]| {
         let off = wave(x[0], x[1]).zip(wave(truth[0], truth[1]));
         off.enumerate().map(|(k, (a, b))| (a - b) / 0.1 + 0.3 * (k as f64).cos()).collect::<Vec<_>>()
     };
-    Evaluation::Residuals([joint(&x[..2], [0.035, 2.0]), joint(&x[2..], [0.005, 0.7])].concat())
+    Some([joint(&x[..2], [0.035, 2.0]), joint(&x[2..], [0.005, 0.7])].concat())
 }
 
 fn tell(fit: &mut Fit) {
@@ -62,7 +58,7 @@ fn a_fit_stopped_after_any_tell_ends_as_if_it_had_not() {
         println!("{:?} after {} tells: {:?}", ended.finished(), files.len() - 1, ended.best());
         assert_eq!(ended.finished(), straight.finished());
         assert_eq!(ended.best(), straight.best());
-        assert!(straight.failures() < straight.evaluations() && files.len() > 4);
+        assert!(files.len() > 4);
     }
 }
 
@@ -76,53 +72,5 @@ fn another_seed_draws_other_candidates_and_the_same_seed_the_same() {
         };
         assert_eq!(second(1), second(1));
         assert_ne!(second(1), second(2));
-    }
-}
-
-fn saved(method: usize) -> &'static [String; 3] {
-    static FILES: std::sync::OnceLock<Vec<[String; 3]>> = std::sync::OnceLock::new();
-    let files = FILES.get_or_init(|| {
-        methods()
-            .iter()
-            .map(|method| {
-                let mut fit = Fit::new(problem(), method, 3).unwrap();
-                std::array::from_fn(|_| {
-                    tell(&mut fit);
-                    serde_json::to_string(&fit).unwrap()
-                })
-            })
-            .collect()
-    });
-    &files[method]
-}
-
-proptest! {
-    #![proptest_config(ProptestConfig::with_cases(150))]
-
-    /// A number in a file is changed: the file is refused, or the fit stays inside the bounds.
-    #[test]
-    fn a_damaged_file_is_refused_or_stays_inside_the_bounds(
-        method in 0..2usize, tells in 0..3usize, place in 0.0..1.0f64, kind in 0..5usize,
-    ) {
-        let text = &saved(method)[tells];
-        let numbers: Vec<(usize, &str)> = text
-            .split(|c: char| !(c.is_ascii_digit() || ".-e".contains(c)))
-            .filter(|token| token.parse::<f64>().is_ok())
-            .map(|token| (token.as_ptr() as usize - text.as_ptr() as usize, token))
-            .collect();
-        let (start, token) = numbers[(place * numbers.len() as f64) as usize];
-        let with = ["-1", "1e300", "0", "7", "2.5"][kind];
-        let damaged = format!("{}{with}{}", &text[..start], &text[start + token.len()..]);
-        if let Ok(mut fit) = serde_json::from_str::<Fit>(&damaged) {
-            for _ in 0..2 {
-                // The damaged fit may ask for very many evaluations, or be of another problem.
-                let batch = fit.ask();
-                if batch.len() > 1000 || fit.problem() != &problem() || fit.finished().is_some() {
-                    break;
-                }
-                prop_assert!(batch.iter().all(|c| c.point.iter().all(|u| (0.0..=1.0).contains(u))));
-                tell(&mut fit);
-            }
-        }
     }
 }

@@ -68,7 +68,7 @@ fn optima_are_those_of_scipy_with_bounds_active_and_not() {
             let (fit, reason) =
                 fitted(&case.problem(), &MethodConfig::Lm(config), 0, &|x: &[f64]| case.residuals(x));
             let best = fit.best().unwrap();
-            println!("{} {differences:?}: {reason} after {}", case.name, fit.evaluations());
+            println!("{} {differences:?}: {reason:?} after {}", case.name, fit.evaluations());
             assert!(fit.evaluations() < 250, "{}: {}", case.name, fit.evaluations());
             assert!((best.cost / case.cost - 1.0).abs() < 1e-9, "{}: {} {}", case.name, best.cost, case.cost);
             for ((value, expected), [low, high]) in best.values.iter().zip(&case.optimum).zip(&case.bounds) {

@@ -18,7 +18,7 @@ pub fn problem(bounds: &[[f64; 2]], start: &[f64], samples: usize) -> Problem {
 }
 
 pub fn evaluate(candidates: &[Candidate], residuals: &Residuals<'_>) -> Vec<Evaluation> {
-    candidates.iter().map(|candidate| Evaluation::Residuals(residuals(&candidate.values))).collect()
+    candidates.iter().map(|candidate| Some(residuals(&candidate.values))).collect()
 }
 
 /// Runs a fit to its end.

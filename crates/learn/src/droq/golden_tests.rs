@@ -47,7 +47,7 @@ impl Golden {
             find_tensors(plan, &format!("critic{index}.parameters"), &lookup, parameters).unwrap();
             find_tensors(plan, &format!("critic{index}.target"), &lookup, &mut critic.target).unwrap();
         }
-        droq.log_temperature.value = self.get(&format!("{prefix}.log_temperature"))[0];
+        droq.log_temperature[0] = self.get(&format!("{prefix}.log_temperature"))[0];
     }
 
     /// Puts batch and draws of one update into a learner's shards.
@@ -90,16 +90,20 @@ impl Golden {
 
     /// Compares all of a learner with what `prefix` names.
     fn compare(&self, droq: &Droq, prefix: &str, tolerance: f32) {
-        let temperature = droq.temperature_tensor();
         let mut compared = 0;
-        for tensor in droq.tensors(&temperature) {
+        for tensor in droq.tensors() {
             if let Some((_, expected)) = self.find(&format!("{prefix}.{}", tensor.name)) {
                 compare(&tensor.name, tensor.values, &expected, tolerance);
                 compared += 1;
             }
         }
         assert_eq!(compared, 8 + 4 * 14);
-        compare("temperature", &temperature[..1], &self.get(&format!("{prefix}.log_temperature")), tolerance);
+        compare(
+            "temperature",
+            &droq.log_temperature[..1],
+            &self.get(&format!("{prefix}.log_temperature")),
+            tolerance,
+        );
     }
 }
 

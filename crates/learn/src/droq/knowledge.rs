@@ -5,7 +5,7 @@ use crate::{
     buffer::Buffer,
     env::ObservationLayout,
     network::Network,
-    tensors::{Lookup, TensorError, find, find_tensors},
+    tensors::{Lookup, find, find_tensors},
 };
 
 /// Temperature for a policy without one, as a share of `initial_temperature`. Trainings converge to about a twentieth (`fast`, C-major
@@ -17,20 +17,16 @@ const SETTLED: f32 = 0.05;
 pub(crate) struct Knowledge {
     actor: Buffer,
     policy: Buffer,
-    judgement: Option<Judgement>,
-}
-
-/// The critics, their targets and the temperature.
-struct Judgement {
-    critics: [Buffer; CRITICS],
-    targets: [Buffer; CRITICS],
-    log_temperature: f32,
+    /// Of each critic and its target; none of a policy.
+    critics: Vec<[Buffer; 2]>,
+    log_temperature: Option<f32>,
 }
 
 impl Knowledge {
     /// Of a policy: the actor alone.
     pub(crate) fn of_policy(parameters: &Buffer) -> Self {
-        Self { actor: parameters.clone(), policy: parameters.clone(), judgement: None }
+        let (actor, policy) = (parameters.clone(), parameters.clone());
+        Self { actor, policy, critics: Vec::new(), log_temperature: None }
     }
 
     /// Of a saved learner, whose tensors are named as in [`Droq::tensors`].
@@ -39,28 +35,29 @@ impl Knowledge {
         action_len: usize,
         hidden: &[usize],
         lookup: &Lookup<'_>,
-    ) -> Result<Self, TensorError> {
+    ) -> Result<Self, String> {
         let values = |network: &Network, prefix: &str| {
             let mut buffer = network.parameters();
             find_tensors(&network.plan, prefix, lookup, &mut buffer).map(|()| buffer)
         };
         let actor = Network::new(actor_shape(layout, action_len, hidden));
         let critic = Network::new(critic_shape(layout, action_len, hidden));
-        let judgement = Judgement {
-            critics: [values(&critic, "critic0.parameters")?, values(&critic, "critic1.parameters")?],
-            targets: [values(&critic, "critic0.target")?, values(&critic, "critic1.target")?],
-            log_temperature: find(lookup, TEMPERATURE.to_owned(), &[3])?[0],
+        let with_target = |name: String| -> Result<[Buffer; 2], String> {
+            Ok([values(&critic, &format!("{name}.parameters"))?, values(&critic, &format!("{name}.target"))?])
         };
         Ok(Self {
             actor: values(&actor, "actor.parameters")?,
             policy: values(&actor, "actor.policy")?,
-            judgement: Some(judgement),
+            critics: (0..CRITICS)
+                .map(|index| with_target(format!("critic{index}")))
+                .collect::<Result<_, _>>()?,
+            log_temperature: Some(find(lookup, TEMPERATURE, &[3])?[0]),
         })
     }
 
     /// Whether critics and temperature are included.
     pub(crate) fn has_critics(&self) -> bool {
-        self.judgement.is_some()
+        !self.critics.is_empty()
     }
 }
 
@@ -69,16 +66,14 @@ impl Droq {
     pub(crate) fn adopt(&mut self, knowledge: &Knowledge) {
         self.actor.parameters.copy_from_slice(&knowledge.actor);
         self.policy.copy_from_slice(&knowledge.policy);
-        let Some(judgement) = &knowledge.judgement else {
-            self.log_temperature.value += SETTLED.ln();
-            return;
-        };
-        let theirs = judgement.critics.iter().zip(&judgement.targets);
-        for (ours, (parameters, target)) in self.critics.iter_mut().zip(theirs) {
+        for (ours, [parameters, target]) in self.critics.iter_mut().zip(&knowledge.critics) {
             ours.learned.parameters.copy_from_slice(parameters);
             ours.target.copy_from_slice(target);
         }
-        self.log_temperature.value = judgement.log_temperature;
+        match knowledge.log_temperature {
+            Some(theirs) => self.log_temperature[0] = theirs,
+            None => self.log_temperature[0] += SETTLED.ln(),
+        }
     }
 
     /// Whether updates from now on do not change the actor and the temperature, except their optimiser moments.

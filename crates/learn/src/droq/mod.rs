@@ -51,14 +51,6 @@ pub(crate) struct Losses {
     pub q_mean: f64,
 }
 
-/// A scalar with its Adam moments.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub(crate) struct LearnedScalar {
-    pub value: f32,
-    pub mean: f32,
-    pub square: f32,
-}
-
 /// The actor, the critics and the temperature, with all buffers of an update.
 pub(crate) struct Droq {
     config: DroqConfig,
@@ -69,7 +61,8 @@ pub(crate) struct Droq {
     /// Average of the actor over its updates, which is evaluated and saved.
     policy: Buffer,
     critics: [Critic; CRITICS],
-    log_temperature: LearnedScalar,
+    /// Logarithm of the temperature, and its two Adam moments.
+    log_temperature: [f32; 3],
     /// Number of updates, which is also Adam's step count.
     updates: u64,
     /// Whether updates do not change the actor and the temperature.
@@ -124,10 +117,7 @@ impl Droq {
             actor_network,
             critic_network,
             critics,
-            log_temperature: LearnedScalar {
-                value: config.initial_temperature.ln() as f32,
-                ..Default::default()
-            },
+            log_temperature: [config.initial_temperature.ln() as f32, 0.0, 0.0],
             updates: 0,
             actor_held: false,
             shards,
@@ -158,7 +148,7 @@ impl Droq {
     }
 
     pub(crate) fn temperature(&self) -> f64 {
-        f64::from(self.log_temperature.value).exp()
+        f64::from(self.log_temperature[0]).exp()
     }
 
     /// The generators of the shards.

@@ -5,15 +5,14 @@
 //! `critic0.target.layer1.norm_scale`. Weights are `[inputs, outputs]`; the rows of a first layer are real columns, then
 //! (critics) the action, then binary columns. `temperature.log` is `[3]`: value and its two moments.
 
-use super::{Droq, LearnedScalar};
-use crate::tensors::{Lookup, NamedTensor, TensorError, find, find_tensors, name_tensors};
+use super::Droq;
+use crate::tensors::{Lookup, NamedTensor, find, find_tensors, name_tensors};
 
 pub(super) const TEMPERATURE: &str = "temperature.log";
 
 impl Droq {
-    /// All tensors. The random streams and the update count are not among them. `temperature` is that of
-    /// [`temperature_tensor`](Self::temperature_tensor).
-    pub(crate) fn tensors<'a>(&'a self, temperature: &'a [f32; 3]) -> Vec<NamedTensor<'a>> {
+    /// All tensors. The random streams and the update count are not among them.
+    pub(crate) fn tensors(&self) -> Vec<NamedTensor<'_>> {
         let mut out = Vec::new();
         let plan = &self.actor_network.plan;
         name_tensors(plan, "actor.parameters", &self.actor.parameters, &mut out);
@@ -27,17 +26,12 @@ impl Droq {
             name_tensors(plan, &format!("critic{index}.adam_square"), &critic.learned.square, &mut out);
             name_tensors(plan, &format!("critic{index}.target"), &critic.target, &mut out);
         }
-        out.push(NamedTensor { name: TEMPERATURE.to_owned(), shape: vec![3], values: temperature });
+        out.push(NamedTensor { name: TEMPERATURE.to_owned(), shape: vec![3], values: &self.log_temperature });
         out
     }
 
-    pub(crate) fn temperature_tensor(&self) -> [f32; 3] {
-        let LearnedScalar { value, mean, square } = self.log_temperature;
-        [value, mean, square]
-    }
-
     /// Restores saved tensors. After an error the learner must not be used.
-    pub(crate) fn load_tensors(&mut self, lookup: &Lookup<'_>) -> Result<(), TensorError> {
+    pub(crate) fn load_tensors(&mut self, lookup: &Lookup<'_>) -> Result<(), String> {
         let plan = &self.actor_network.plan;
         find_tensors(plan, "actor.parameters", lookup, &mut self.actor.parameters)?;
         find_tensors(plan, "actor.adam_mean", lookup, &mut self.actor.mean)?;
@@ -50,16 +44,13 @@ impl Droq {
             find_tensors(plan, &format!("critic{index}.adam_square"), lookup, &mut critic.learned.square)?;
             find_tensors(plan, &format!("critic{index}.target"), lookup, &mut critic.target)?;
         }
-        let temperature = find(lookup, TEMPERATURE.to_owned(), &[3])?;
-        self.log_temperature =
-            LearnedScalar { value: temperature[0], mean: temperature[1], square: temperature[2] };
+        self.log_temperature.copy_from_slice(&find(lookup, TEMPERATURE, &[3])?);
         Ok(())
     }
 
     /// The name of a tensor that holds a value that is not finite, if there is one.
     pub(crate) fn not_finite(&self) -> Option<String> {
-        let temperature = self.temperature_tensor();
-        (self.tensors(&temperature).into_iter())
+        (self.tensors().into_iter())
             .find(|tensor| !tensor.values.iter().all(|value| value.is_finite()))
             .map(|tensor| tensor.name)
     }

@@ -40,7 +40,7 @@ impl Droq {
             actor_network: &self.actor_network,
             actor: &self.actor.parameters,
             critics: &self.critics,
-            temperature: self.log_temperature.value.exp(),
+            temperature: self.log_temperature[0].exp(),
         };
         if parallel {
             self.shards.par_iter_mut().with_max_len(1).for_each(|shard| work(shard, &view));
@@ -84,16 +84,10 @@ impl Droq {
     pub(super) fn update_temperature(&mut self, entropy: f64) -> f64 {
         let target = self.config.target_entropy_per_action * self.action_len as f64;
         // With temperature = e^x, the loss is its own derivative with respect to x.
-        let loss = f64::from(self.log_temperature.value.exp()) * (entropy - target);
+        let loss = f64::from(self.log_temperature[0].exp()) * (entropy - target);
         let step = self.actor_step(self.config.temperature_learning_rate);
-        let scalar = &mut self.log_temperature;
-        adam(
-            step,
-            std::slice::from_mut(&mut scalar.value),
-            &[loss as f32],
-            std::slice::from_mut(&mut scalar.mean),
-            std::slice::from_mut(&mut scalar.square),
-        );
+        let [value, mean, square] = self.log_temperature.each_mut().map(std::slice::from_mut);
+        adam(step, value, &[loss as f32], mean, square);
         loss
     }
 }

@@ -17,21 +17,6 @@ pub(crate) struct Segment {
     pub end: u64,
 }
 
-/// Why bytes are not the expected segment. Completes "the replay segment …".
-#[derive(Debug, thiserror::Error, PartialEq, Eq)]
-pub(crate) enum SegmentError {
-    #[error("is not a replay segment of this training (its header differs)")]
-    Header,
-    #[error("has the wrong length: {found} bytes instead of {expected}")]
-    Length { found: usize, expected: usize },
-    #[error("is damaged: its checksum does not match its contents")]
-    Checksum,
-    #[error("holds a value that is not a finite number")]
-    NotFinite,
-    #[error("does not follow the transitions before it")]
-    Order,
-}
-
 impl Segment {
     pub(crate) fn file_name(&self) -> String {
         format!("{:012}-{:012}.replay", self.begin, self.end)
@@ -81,10 +66,10 @@ impl Replay {
         self.total = first;
     }
 
-    /// Appends the transitions of an encoded segment. After an error nothing has changed.
-    pub(crate) fn decode(&mut self, segment: Segment, bytes: &[u8]) -> Result<(), SegmentError> {
+    /// Appends the transitions of an encoded segment. After an error nothing has changed. `Err` completes "the replay segment …".
+    pub(crate) fn decode(&mut self, segment: Segment, bytes: &[u8]) -> Result<(), String> {
         if segment.begin != self.total || segment.end < segment.begin {
-            return Err(SegmentError::Order);
+            return Err("does not follow the transitions before it".to_owned());
         }
         let expected = usize::try_from(segment.end - segment.begin)
             .ok()
@@ -92,14 +77,14 @@ impl Replay {
             .and_then(|records| records.checked_add(HEADER + CHECKSUM))
             .unwrap_or(usize::MAX);
         if bytes.len() != expected {
-            return Err(SegmentError::Length { found: bytes.len(), expected });
+            return Err(format!("has the wrong length: {} bytes instead of {expected}", bytes.len()));
         }
         let (contents, checksum) = bytes.split_at(bytes.len() - CHECKSUM);
         if contents[..HEADER] != self.header(segment) {
-            return Err(SegmentError::Header);
+            return Err("is not a replay segment of this training (its header differs)".to_owned());
         }
         if crc32c::crc32c(contents).to_le_bytes() != checksum {
-            return Err(SegmentError::Checksum);
+            return Err("is damaged: its checksum does not match its contents".to_owned());
         }
         let (stride, words) = (self.value_stride(), 2 * self.layout.words());
         let records = || contents[HEADER..].chunks_exact(4 * stride + 8 * words + 1);
@@ -107,7 +92,7 @@ impl Replay {
             record[..4 * stride].as_chunks::<4>().0.iter().all(|b| f32::from_le_bytes(*b).is_finite())
         };
         if !records().all(floats) {
-            return Err(SegmentError::NotFinite);
+            return Err("holds a value that is not a finite number".to_owned());
         }
         for record in records() {
             let slot = self.slot(self.total);

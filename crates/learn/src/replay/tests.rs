@@ -1,6 +1,6 @@
 use proptest::prelude::*;
 
-use super::{segment::SegmentError, *};
+use super::*;
 
 const ACTION: usize = 2;
 
@@ -137,7 +137,7 @@ fn wrong_order_and_wrong_numbers_have_their_own_errors() {
     let replay = filled(0, 16, 10);
     let mut copy = Replay::new(layout(0), ACTION, 16, 1);
     let segment = Segment { begin: 5, end: 10 };
-    assert_eq!(copy.decode(segment, &replay.encode(segment)), Err(SegmentError::Order));
+    assert!(copy.decode(segment, &replay.encode(segment)).unwrap_err().contains("does not follow"));
     let mut poisoned = filled(0, 16, 9);
     let (observation, action, next_observation) = values(9, layout(0));
     poisoned.push(Transition {
@@ -149,5 +149,5 @@ fn wrong_order_and_wrong_numbers_have_their_own_errors() {
         next_observation: &next_observation,
     });
     let all = Segment { begin: 0, end: 10 };
-    assert_eq!(copy.decode(all, &poisoned.encode(all)), Err(SegmentError::NotFinite));
+    assert!(copy.decode(all, &poisoned.encode(all)).unwrap_err().contains("not a finite number"));
 }

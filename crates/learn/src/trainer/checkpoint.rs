@@ -12,7 +12,7 @@ use std::{
 use safetensors::Dtype;
 use serde::{Deserialize, Serialize};
 
-use super::{TrainError, demonstrations::Demonstrations, metrics::Mark};
+use super::{demonstrations::Demonstrations, metrics::Mark};
 use crate::{
     config::DroqConfig,
     droq::ShardStreams,
@@ -187,21 +187,18 @@ impl Store {
         Ok(file)
     }
 
-    /// Reads the checkpoint and passes its parts to `take`.
-    pub(crate) fn load(
-        &self,
-        take: impl FnOnce(Header, &TensorFile<'_>, Extras) -> Result<(), TrainError>,
-    ) -> Result<(), TrainError> {
+    /// The parts of the checkpoint in `bytes`.
+    pub(crate) fn load<'a>(&self, bytes: &'a [u8]) -> Result<(Header, TensorFile<'a>, Extras), FileError> {
         let path = self.path();
-        let bytes = read(&path)?;
-        let file = self.parse(&bytes)?;
+        let file = self.parse(bytes)?;
         let header: Header = file.header().map_err(|reason| FileError::content(&path, reason))?;
         let missing = |name: &str| FileError::content(&path, format!("tensor `{name}` is missing"));
         let (_, observation) = file.floats(OBSERVATION).ok_or_else(|| missing(OBSERVATION))?;
         let (_, sums) = file.bytes(SUMS, Dtype::F64).ok_or_else(|| missing(SUMS))?;
         let sums = sums.as_chunks::<8>().0.iter().map(|bytes| f64::from_le_bytes(*bytes)).collect();
         let (_, environment) = file.bytes(ENVIRONMENT, Dtype::U8).ok_or_else(|| missing(ENVIRONMENT))?;
-        take(header, &file, Extras { observation, sums, environment: environment.to_vec() })
+        let extras = Extras { observation, sums, environment: environment.to_vec() };
+        Ok((header, file, extras))
     }
 
     /// Fills an empty replay from the segments.

@@ -261,8 +261,7 @@ impl Trainer {
             sums: self.sums.to_values(),
             environment: environment.save_state(),
         };
-        let temperature = self.droq.temperature_tensor();
-        let tensors: Vec<RawTensor> = self.droq.tensors(&temperature).into_iter().map(Into::into).collect();
+        let tensors: Vec<RawTensor> = self.droq.tensors().into_iter().map(Into::into).collect();
         self.store.save(&header, tensors, &extras)?;
         self.segments = header.segments;
         self.policy().save(&self.folder.join(LAST_POLICY))?;

@@ -11,13 +11,6 @@ pub struct LogRow {
     pub values: Vec<(String, f64)>,
 }
 
-impl LogRow {
-    /// The value called `name`.
-    pub fn get(&self, name: &str) -> Option<f64> {
-        self.values.iter().find(|(key, _)| key == name).map(|(_, value)| *value)
-    }
-}
-
 /// Result of one evaluation.
 #[derive(Clone, Debug, PartialEq)]
 pub struct EvaluationRow {

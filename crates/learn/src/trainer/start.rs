@@ -24,39 +24,21 @@ pub(crate) fn thread_pool(threads: usize) -> Result<rayon::ThreadPool, TrainErro
         .num_threads(threads)
         .thread_name(|index| format!("etude-{index}"))
         .build()
-        .map_err(|error| TrainError::Threads { threads, reason: error.to_string() })
+        .map_err(|error| {
+            TrainError::Refused(format!(
+                "cannot start {threads} threads: {error}; choose fewer in `trainer.threads`"
+            ))
+        })
 }
 
 impl Trainer {
-    /// Starts a training in `folder`, which is created if it does not exist, and saves its first checkpoint.
+    /// Starts a training in `folder`, which is created if it does not exist, and saves its first checkpoint. With a `source` its
+    /// parameters are those of another training instead of random ones; see [`WarmStart`]. They are evaluated first, at step 0.
     ///
     /// # Errors
-    /// If the configuration cannot work, `folder` already holds a training, or a file cannot be written.
+    /// If the configuration cannot work, `folder` already holds a training, the source's networks have another shape, or a file
+    /// cannot be written. Nothing is written before all else is checked.
     pub fn start(
-        folder: &Path,
-        droq: &DroqConfig,
-        config: &TrainerConfig,
-        parts: Parts,
-    ) -> Result<Self, TrainError> {
-        Self::begin(folder, droq, config, parts, None)
-    }
-
-    /// The same with the parameters of another training instead of random ones; see [`WarmStart`]. They are evaluated first, at
-    /// step 0.
-    ///
-    /// # Errors
-    /// As [`start`](Self::start), and if the networks have another shape. Nothing is written then.
-    pub fn start_from(
-        folder: &Path,
-        droq: &DroqConfig,
-        config: &TrainerConfig,
-        parts: Parts,
-        source: &WarmStart,
-    ) -> Result<Self, TrainError> {
-        Self::begin(folder, droq, config, parts, Some(source))
-    }
-
-    fn begin(
         folder: &Path,
         droq: &DroqConfig,
         config: &TrainerConfig,
@@ -69,7 +51,7 @@ impl Trainer {
         let mut learner = Self::learner(droq, config, &parts);
         if let Some(source) = source {
             source.check(droq, &*parts.environment)?;
-            learner.adopt(source.knowledge());
+            learner.adopt(&source.knowledge);
         }
         Store::new(folder).prepare()?;
         let mut trainer = Self::build(folder, droq, config, parts, learner, metrics::Mark::default())?;
@@ -85,13 +67,16 @@ impl Trainer {
     /// # Errors
     /// If it holds a training, or the results of one whose checkpoint is missing.
     pub fn check_vacant(folder: &Path) -> Result<(), TrainError> {
-        let folder = folder.to_owned();
-        if Self::exists(&folder) {
-            return Err(TrainError::AlreadyStarted { folder });
+        let refuse =
+            |why: &str| Err(TrainError::Refused(format!("{} holds a training {why}", folder.display())));
+        if Self::exists(folder) {
+            return refuse("already: resume it, or choose another folder");
         }
         // This file is written after the first checkpoint: a training killed before that may start again.
         if folder.join(LAST_POLICY).exists() {
-            return Err(TrainError::CheckpointGone { folder });
+            return refuse(
+                "without its checkpoint, which can be played but not continued: choose another folder, or delete it",
+            );
         }
         Ok(())
     }

@@ -83,30 +83,24 @@ impl Sums {
         values
     }
 
+    /// Every number, in the order in which they are saved.
+    fn slots(&mut self) -> impl Iterator<Item = &mut f64> {
+        let counts = [&mut self.steps, &mut self.reward, &mut self.updates].into_iter();
+        let since = counts.chain(&mut self.terms).chain(&mut self.losses).chain(&mut self.episodes);
+        since.chain(self.running.as_flattened_mut())
+    }
+
     pub(crate) fn to_values(&self) -> Vec<f64> {
-        let mut values = vec![self.steps, self.reward, self.updates];
-        values.extend(&self.terms);
-        values.extend(self.losses);
-        values.extend(self.episodes);
-        values.extend(self.running.as_flattened());
-        values
+        self.clone().slots().map(|value| *value).collect()
     }
 
     /// Restores saved sums; returns false if their number is wrong.
     pub(crate) fn set_values(&mut self, values: &[f64]) -> bool {
-        if values.len() != self.to_values().len() {
-            return false;
+        let fits = values.len() == self.slots().count();
+        if fits {
+            self.slots().zip(values).for_each(|(slot, value)| *slot = *value);
         }
-        let mut values = values.iter().copied();
-        let terms = self.terms.len();
-        let slots = [&mut self.steps, &mut self.reward, &mut self.updates].into_iter();
-        let slots = slots.chain(&mut self.terms[..terms]).chain(&mut self.losses).chain(&mut self.episodes);
-        for slot in slots.chain(self.running.as_flattened_mut()) {
-            if let Some(value) = values.next() {
-                *slot = value;
-            }
-        }
-        true
+        fits
     }
 }
 

@@ -20,7 +20,7 @@ use crate::{
     droq::Knowledge,
     env::ObservationLayout,
     files::{FileError, read},
-    policy::Policy,
+    policy::{Policy, PolicyHeader},
 };
 
 /// Updates in which new critics learn alone before the actor of a policy file is updated.
@@ -29,11 +29,8 @@ const CRITICS_ALONE_UPDATES: u64 = 2_500;
 /// The parameters of another training, read and checked.
 pub struct WarmStart {
     origin: PathBuf,
-    layout: ObservationLayout,
-    action_len: usize,
-    hidden: Vec<usize>,
-    notes: serde_json::Value,
-    knowledge: Knowledge,
+    header: PolicyHeader,
+    pub(super) knowledge: Knowledge,
 }
 
 impl WarmStart {
@@ -61,37 +58,23 @@ impl WarmStart {
         let knowledge = Knowledge::of_learner(header.layout, header.action_len, &header.hidden, &|name| {
             file.floats(name)
         });
-        let knowledge =
-            knowledge.map_err(|error| FileError::content(&store.path(), format!("tensor {error}")))?;
+        let knowledge = knowledge.map_err(|reason| FileError::content(&store.path(), reason))?;
         Ok(Self::new(folder, &policy, knowledge))
     }
 
     fn new(origin: &Path, policy: &Policy, knowledge: Knowledge) -> Self {
-        let header = policy.header();
-        Self {
-            origin: origin.to_owned(),
-            layout: header.layout,
-            action_len: header.action_len,
-            hidden: header.hidden.clone(),
-            notes: header.notes["training"].clone(),
-            knowledge,
-        }
+        Self { origin: origin.to_owned(), header: policy.header().clone(), knowledge }
     }
 
     /// The `notes` that the other training was given ([`Parts`](super::Parts)).
     pub fn notes(&self) -> &serde_json::Value {
-        &self.notes
-    }
-
-    /// Whether critics and temperature come along.
-    pub fn has_critics(&self) -> bool {
-        self.knowledge.has_critics()
+        &self.header.notes["training"]
     }
 
     /// Checks that a training's networks have the same shape.
     ///
     /// # Errors
-    /// [`TrainError::OtherForm`], which says what differs.
+    /// If they differ; the message says in what.
     pub fn check(&self, droq: &DroqConfig, environment: &dyn VectorEnvironment) -> Result<(), TrainError> {
         let columns = |layout: ObservationLayout| {
             format!("{} real and {} binary columns of observation", layout.real, layout.binary)
@@ -100,22 +83,22 @@ impl WarmStart {
         let layers = |hidden: &[usize]| format!("hidden layers of {hidden:?} units (`droq.hidden`)");
         let (layout, action_len) = (environment.layout(), environment.action_len());
         let pairs = [
-            (columns(self.layout), columns(layout)),
-            (values(self.action_len), values(action_len)),
-            (layers(&self.hidden), layers(&droq.hidden)),
+            (columns(self.header.layout), columns(layout)),
+            (values(self.header.action_len), values(action_len)),
+            (layers(&self.header.hidden), layers(&droq.hidden)),
         ];
         match pairs.into_iter().find(|(theirs, ours)| theirs != ours) {
-            Some((theirs, ours)) => Err(TrainError::OtherForm { origin: self.origin.clone(), theirs, ours }),
+            Some((theirs, ours)) => Err(TrainError::Refused(format!(
+                "the networks in {} do not fit this training: they have {theirs}, this training has {ours}; use the same \
+                 configuration, or start without them",
+                self.origin.display()
+            ))),
             None => Ok(()),
         }
     }
 
-    pub(super) fn knowledge(&self) -> &Knowledge {
-        &self.knowledge
-    }
-
     pub(super) fn beginning(&self) -> Beginning {
-        if self.has_critics() { Beginning::Run } else { Beginning::Policy }
+        if self.knowledge.has_critics() { Beginning::Run } else { Beginning::Policy }
     }
 }
 

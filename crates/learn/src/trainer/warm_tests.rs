@@ -12,7 +12,7 @@ use crate::{env::ObservationLayout, files::FileError};
 /// A training of 800 steps to begin with.
 fn source() -> tempfile::TempDir {
     let folder = tempfile::tempdir().unwrap();
-    Trainer::start(folder.path(), &droq(), &config(800), parts()).unwrap().run(&mut ()).unwrap();
+    Trainer::start(folder.path(), &droq(), &config(800), parts(), None).unwrap().run(&mut ()).unwrap();
     folder
 }
 
@@ -46,7 +46,7 @@ fn at_step_0_the_policy_is_the_sources_and_the_optimiser_is_new() {
         let folder = tempfile::tempdir().unwrap();
         // Other draws and physics would be other seeds here.
         let config = TrainerConfig { seed: 77, ..config(400) };
-        let trainer = Trainer::start_from(folder.path(), &droq(), &config, parts(), &warm).unwrap();
+        let trainer = Trainer::start(folder.path(), &droq(), &config, parts(), Some(&warm)).unwrap();
         assert_eq!((trainer.step(), trainer.droq.updates(), trainer.replay.len()), (0, 0, 0));
         assert_eq!(trainer.beginning, beginning);
         assert_eq!(actions(&mut trainer.policy()), actions(&mut theirs), "{name}");
@@ -56,9 +56,7 @@ fn at_step_0_the_policy_is_the_sources_and_the_optimiser_is_new() {
         // Tensor by tensor: as in the source, or as in a learner that has not learned anything.
         let theirs = Trainer::resume(source.path(), &droq(), &self::config(800), parts()).unwrap();
         let fresh = Trainer::learner(&droq(), &config, &trainer.parts);
-        let temperatures = [&trainer.droq, &theirs.droq, &fresh].map(Droq::temperature_tensor);
-        let [ours, theirs, fresh] = [(&trainer.droq, 0), (&theirs.droq, 1), (&fresh, 2)]
-            .map(|(droq, index)| droq.tensors(&temperatures[index]));
+        let [ours, theirs, fresh] = [&trainer.droq, &theirs.droq, &fresh].map(Droq::tensors);
         for ((ours, theirs), fresh) in ours.iter().zip(&theirs).zip(&fresh) {
             let kind = ours.name.as_str();
             if kind.contains(".adam_") {
@@ -83,7 +81,7 @@ fn what_was_taken_over_is_evaluated_first_and_acts_in_the_warm_up() {
     let warm = WarmStart::from_run(source.path()).unwrap();
     let folder = tempfile::tempdir().unwrap();
     let mut watch = Watch::default();
-    let mut trainer = Trainer::start_from(folder.path(), &droq(), &alone(100), parts(), &warm).unwrap();
+    let mut trainer = Trainer::start(folder.path(), &droq(), &alone(100), parts(), Some(&warm)).unwrap();
     trainer.run(&mut watch).unwrap();
     assert_eq!(trainer.droq.updates(), 0, "all of it is the warm-up");
     let first = &watch.evaluations[0];
@@ -99,7 +97,7 @@ fn what_was_taken_over_is_evaluated_first_and_acts_in_the_warm_up() {
         1.0 - f64::from(batch.reward.iter().sum::<f32>()) / 500.0
     };
     let other = tempfile::tempdir().unwrap();
-    let mut fresh = Trainer::start(other.path(), &droq(), &alone(100), parts()).unwrap();
+    let mut fresh = Trainer::start(other.path(), &droq(), &alone(100), parts(), None).unwrap();
     fresh.run(&mut ()).unwrap();
     let (warm, fresh) = (distance(&mut trainer), distance(&mut fresh));
     assert!(warm < 0.6 * fresh, "{warm} and {fresh}");
@@ -110,12 +108,13 @@ fn what_was_taken_over_is_evaluated_first_and_acts_in_the_warm_up() {
 fn an_actor_without_critics_waits_for_them() {
     let source = source();
     let warm = WarmStart::from_policy(&source.path().join("policy-last.safetensors")).unwrap();
-    assert!(!warm.has_critics() && WarmStart::from_run(source.path()).unwrap().has_critics());
+    let whole = WarmStart::from_run(source.path()).unwrap();
+    assert!(!warm.knowledge.has_critics() && whole.knowledge.has_critics());
     let folder = tempfile::tempdir().unwrap();
     // Two updates in four steps, after 100 of warm-up: 2,500 are made at step 5,100.
     let config = TrainerConfig { total_steps: 5_400, ..config(0) };
     let config = TrainerConfig { checkpoint_every_steps: 100, ..config };
-    let mut trainer = Trainer::start_from(folder.path(), &droq(), &config, parts(), &warm).unwrap();
+    let mut trainer = Trainer::start(folder.path(), &droq(), &config, parts(), Some(&warm)).unwrap();
     let before = actions(&mut trainer.policy());
     let (temperature, critic) = (trainer.droq.temperature(), critic(&trainer));
     let mut watch = Watch { stop_at: Some(5_100 / 4), ..Watch::default() };
@@ -132,8 +131,7 @@ fn an_actor_without_critics_waits_for_them() {
 }
 
 fn critic(trainer: &Trainer) -> Vec<f32> {
-    let temperature = trainer.droq.temperature_tensor();
-    let tensors = trainer.droq.tensors(&temperature);
+    let tensors = trainer.droq.tensors();
     tensors.iter().find(|tensor| tensor.name.starts_with("critic0.parameters")).unwrap().values.to_vec()
 }
 
@@ -146,7 +144,7 @@ fn stopping_and_resuming_changes_nothing() {
     ] {
         let (whole, halves) = (tempfile::tempdir().unwrap(), tempfile::tempdir().unwrap());
         let start =
-            |folder: &Path| Trainer::start_from(folder, &droq(), &config(1_600), parts(), &warm).unwrap();
+            |folder: &Path| Trainer::start(folder, &droq(), &config(1_600), parts(), Some(&warm)).unwrap();
         start(whole.path()).run(&mut ()).unwrap();
         // Before the first step, within the warm-up, at a checkpoint; the last one leaves the same segments of replay.
         drop(start(halves.path()));
@@ -170,7 +168,7 @@ fn what_does_not_fit_is_refused_and_nothing_is_written() {
     let parent = tempfile::tempdir().unwrap();
     let folder = parent.path().join("run");
     let refused = |droq: &DroqConfig, parts: Parts, words: &[&str]| {
-        let said = Trainer::start_from(&folder, droq, &config(8), parts, &warm).err().unwrap().to_string();
+        let said = Trainer::start(&folder, droq, &config(8), parts, Some(&warm)).err().unwrap().to_string();
         assert!(words.iter().all(|word| said.contains(word)), "{said}");
         assert!(said.contains("use the same configuration, or start without them"), "{said}");
         assert!(!folder.exists(), "{said}");
@@ -223,7 +221,7 @@ proptest::proptest! {
         thread_local! {
             static RUN: tempfile::TempDir = {
                 let folder = tempfile::tempdir().unwrap();
-                Trainer::start(folder.path(), &droq(), &config(8), parts()).unwrap();
+                Trainer::start(folder.path(), &droq(), &config(8), parts(), None).unwrap();
                 folder
             };
         }
@@ -239,7 +237,7 @@ proptest::proptest! {
             match source.map(|source| source.check(&droq(), &Tracking::new(4))) {
                 // The byte still makes sense there.
                 Ok(Ok(())) => {}
-                Ok(Err(error)) => assert!(matches!(error, TrainError::OtherForm { .. }), "{error:?}"),
+                Ok(Err(error)) => assert!(matches!(error, TrainError::Refused(_)), "{error:?}"),
                 Err(error) => assert!(matches!(error, FileError::Content { .. }), "{error:?}"),
             }
         });

@@ -129,8 +129,8 @@ pub(super) struct ValueInfo {
 impl ValueInfo {
     /// Real numbers, `[batch, columns]`.
     pub(super) fn rows(name: &str, columns: usize) -> Self {
-        let batch = Dimension { value: Some(dimension::Value::DimParam("batch".to_string())) };
-        let columns = Dimension { value: Some(dimension::Value::DimValue(columns as i64)) };
+        let batch = Dimension { dim_value: None, dim_param: Some("batch".to_string()) };
+        let columns = Dimension { dim_value: Some(columns as i64), dim_param: None };
         let tensor_type = TensorType { elem_type: FLOAT, shape: Some(Shape { dim: vec![batch, columns] }) };
         Self { name: name.to_string(), r#type: Some(Type { tensor_type: Some(tensor_type) }) }
     }
@@ -156,22 +156,11 @@ pub(super) struct Shape {
     pub dim: Vec<Dimension>,
 }
 
+/// A number or a name for any number; one of the two.
 #[derive(Clone, PartialEq, prost::Message)]
 pub(super) struct Dimension {
-    #[prost(oneof = "dimension::Value", tags = "1, 2")]
-    pub value: Option<dimension::Value>,
-}
-
-/// What a dimension may be.
-pub(super) mod dimension {
-    /// A number, or a name for any.
-    #[derive(Clone, PartialEq, prost::Oneof)]
-    pub(crate) enum Value {
-        /// So many.
-        #[prost(int64, tag = "1")]
-        DimValue(i64),
-        /// Any number.
-        #[prost(string, tag = "2")]
-        DimParam(String),
-    }
+    #[prost(int64, optional, tag = "1")]
+    pub dim_value: Option<i64>,
+    #[prost(string, optional, tag = "2")]
+    pub dim_param: Option<String>,
 }
