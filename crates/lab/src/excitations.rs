@@ -8,7 +8,7 @@ use etude_perform::stand::RigChoice;
 use etude_perform::{Ending, Excitation};
 
 use crate::errors::{Interrupted, unusable};
-use crate::play::make_folder;
+use crate::folder::make_folder;
 use crate::record::{Motion, record_robot};
 
 /// Records all excitations into `folder`, except those that are there already, and returns their paths. `tell` is called after each

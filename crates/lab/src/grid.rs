@@ -15,8 +15,8 @@ use etude_task::{Piece, Randomisation, TaskError};
 use rayon::prelude::*;
 use serde::Serialize;
 
+use crate::folder::make_folder;
 use crate::pianist::Pianist;
-use crate::play::make_folder;
 
 /// Which grid.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]

@@ -12,7 +12,7 @@ use etude_stage::PhysicalParams;
 use serde::de::IntoDeserializer as _;
 use serde::{Deserialize, Serialize};
 
-use crate::play::make_folder;
+use crate::folder::make_folder;
 
 /// Name of the identified simulator in its folder: a layer for `--config`.
 pub const IDENTIFIED: &str = "identified.toml";

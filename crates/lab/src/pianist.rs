@@ -8,7 +8,7 @@ use etude_music::Song;
 use etude_task::{ACTION_LEN, Piece, ScriptedPlayer, TaskConfig, TaskError, layout};
 
 use crate::config::{RunConfig, change};
-use crate::run::{other_notes, policy_in};
+use crate::folder::{other_notes, policy_in};
 
 /// Folder of the runs, in the working folder.
 const RUNS: &str = "runs";

@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 use std::sync::atomic::AtomicBool;
 
-use anyhow::{Context as _, bail};
+use anyhow::bail;
 use etude_music::sound::{self, SoundFont};
 use etude_music::{CONTROL_HZ, Song};
 use etude_perform::{
@@ -14,6 +14,7 @@ use etude_stage::JOINT_NAMES;
 use etude_task::Piece;
 use serde::Serialize;
 
+use crate::folder::make_folder;
 use crate::pianist::Pianist;
 
 /// The figures of a performance and its files. Its keys are those of `etude play --json`.
@@ -128,15 +129,6 @@ pub(crate) fn header(piece: &Piece, pianist: &Pianist, rig: &str, config: Option
         rig_config: config,
         ..Header::default()
     }
-}
-
-/// Makes a folder that the user has chosen with `-o`, and those above it.
-///
-/// # Errors
-/// If it cannot be made.
-pub fn make_folder(folder: &Path) -> anyhow::Result<()> {
-    std::fs::create_dir_all(folder)
-        .with_context(|| format!("cannot make the folder {}; choose another with -o", folder.display()))
 }
 
 /// Writes what was played as MIDI, as sound and as a table of keys.

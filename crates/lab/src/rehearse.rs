@@ -24,9 +24,9 @@ use serde::{Deserialize, Serialize};
 use crate::config::resolve;
 use crate::errors::{Interrupted, unusable};
 use crate::excitations::{excitation_file, record_excitations, stopped_itself};
+use crate::folder::make_folder;
 use crate::identify::{Identification, IdentifyMethod, IdentifyReport, identify_robot};
 use crate::pianist::load_pianist;
-use crate::play::make_folder;
 use crate::robot::{RobotPlay, RobotReport, RunEnded, play_on_robot};
 use crate::run::{Run, TrainingProgress};
 

@@ -17,8 +17,9 @@ use etude_task::{Piece, TaskError};
 use serde::Serialize;
 
 use crate::errors::released;
+use crate::folder::make_folder;
 use crate::pianist::Pianist;
-use crate::play::{Files, header, keep, make_folder, scores_in_simulation, write_report};
+use crate::play::{Files, header, keep, scores_in_simulation, write_report};
 
 /// How to play.
 #[derive(Clone, Debug)]

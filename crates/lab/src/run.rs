@@ -1,7 +1,7 @@
 //! Training a song: the run folder, its description, and the trainer in it.
 
 use std::fs::{File, TryLockError};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use anyhow::{anyhow, bail};
 use etude_learn::{
@@ -15,30 +15,11 @@ use serde_json::json;
 
 use crate::config::{RunConfig, change_free, resolve as resolve_config};
 use crate::errors::unusable;
+use crate::folder::{CONFIG, META, SONG, make_folder, other_notes, policy_in};
 use crate::pianist::open;
-use crate::play::make_folder;
 
-/// Name of the resolved configuration in a run's folder.
-pub const CONFIG: &str = "config.toml";
-/// Name of the song in a run's folder. To resume or play the run, no other song file is needed.
-pub const SONG: &str = "song.mid";
-/// Name of the description of who made the run and how.
-pub const META: &str = "meta.json";
 /// Name of the file that a process locks while it works in a run's folder. The system releases the lock when the process ends.
 const LOCK: &str = "run.lock";
-
-/// Largest distance of the same note in two MIDI files of a song, s: files count time in ticks.
-const SAME_SECS: f64 = 0.01;
-
-/// How many notes the song has that the run in `folder` learned, if they are not those of `song`.
-pub(crate) fn other_notes(folder: &Path, song: &Song) -> Option<usize> {
-    let theirs = Song::load(folder.join(SONG)).ok()?;
-    let same = theirs.notes().len() == song.notes().len()
-        && theirs.notes().iter().zip(song.notes()).all(|(one, other)| {
-            one.pitch == other.pitch && (one.start_secs - other.start_secs).abs() < SAME_SECS
-        });
-    (!same).then(|| theirs.notes().len())
-}
 
 /// A training in its folder, which is locked for other processes.
 pub struct Run {
@@ -286,14 +267,6 @@ fn warm_start(path: &Path, song: &Song, config: &RunConfig, parts: &Parts) -> an
 /// The task that the run in `folder` has learned so far, if its last policy holds it.
 fn learned_task(folder: &Path) -> Option<TaskConfig> {
     open(&folder.join("policy-last.safetensors")).ok().map(|pianist| pianist.config.task)
-}
-
-/// The policy file of the run in `folder` that should be played: the best, or the last while none has been evaluated.
-pub(crate) fn policy_in(folder: &Path) -> Option<PathBuf> {
-    ["policy-best.safetensors", "policy-last.safetensors"]
-        .map(|name| folder.join(name))
-        .into_iter()
-        .find(|path| path.is_file())
 }
 
 /// The song of this name or path; that of a run's folder keeps the title that it was learned under.

@@ -8,8 +8,7 @@ use ratatui::symbols::Marker;
 use ratatui::text::Line;
 use ratatui::widgets::{Axis, Chart, Dataset, GraphType, Paragraph};
 
-use super::draw::heading;
-use super::{View, text};
+use super::{View, heading, text};
 use crate::progress::clock;
 
 /// Columns of the labels left of the axis.

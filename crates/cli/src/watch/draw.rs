@@ -4,7 +4,7 @@ use ratatui::Frame;
 use ratatui::layout::{Alignment, Constraint, Layout, Rect};
 use ratatui::style::{Modifier, Style, Stylize as _};
 use ratatui::text::{Line, Span};
-use ratatui::widgets::{Block, Borders, Cell, Clear, Padding, Paragraph, Row, Table, TableState, Wrap};
+use ratatui::widgets::{Block, Cell, Clear, Padding, Paragraph, Row, Table, TableState, Wrap};
 
 use super::{View, rows, text};
 
@@ -30,11 +30,6 @@ const HELP: &[(&str, &str)] = &[
     ("silent 12 min", "has logged nothing for so long: stopped, or slow"),
     ("lowest … highest", "the scale of the small curve beside it"),
 ];
-
-/// The line that parts of the screen begin with.
-pub(super) fn heading() -> Block<'static> {
-    Block::new().borders(Borders::TOP).border_style(Style::new().dim())
-}
 
 impl View {
     /// Draws everything.

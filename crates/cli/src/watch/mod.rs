@@ -14,6 +14,7 @@ use std::time::SystemTime;
 use etude_show::watch::{RunFigures, WatchedRun, find_runs};
 use ratatui::crossterm::event::{KeyCode, KeyEvent, KeyEventKind, KeyModifiers};
 use ratatui::style::{Color, Style};
+use ratatui::widgets::{Block, Borders};
 
 pub use screen::show;
 
@@ -21,6 +22,11 @@ pub use screen::show;
 const COLOURS: [u8; 8] = [75, 208, 36, 176, 178, 33, 167, 245];
 /// The most runs that are shown of a folder that holds several: as many as there are colours.
 const MOST: usize = COLOURS.len();
+
+/// The line that parts of the screen begin with.
+fn heading() -> Block<'static> {
+    Block::new().borders(Borders::TOP).border_style(Style::new().dim())
+}
 
 /// What is shown.
 pub struct View {

@@ -8,8 +8,7 @@ use ratatui::style::Stylize as _;
 use ratatui::text::Line;
 use ratatui::widgets::{Paragraph, Sparkline};
 
-use super::View;
-use super::draw::heading;
+use super::{View, heading};
 
 /// Rows while a run has logged nothing, so that the screen does not jump at its first line.
 const EXPECTED: u16 = 7;

@@ -7,8 +7,16 @@ use etude_perform::Recording;
 use etude_stage::{JOINTS, StepOutcome, World};
 use etude_task::reward::{Moment, Reward};
 use etude_task::{ACTION_LEN, TaskConfig};
+use serde::Serialize;
 
-use super::take::{RewardCurve, rounded};
+/// One term of the reward in the course of the song, weighted.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct RewardCurve {
+    /// Its name.
+    pub name: String,
+    /// A value a control step.
+    pub values: Vec<f64>,
+}
 
 /// Terms that need what no robot measures: power, contacts, the rail's speed within a step.
 const NOT_MEASURED: [&str; 3] = ["energy", "collision", "sliding"];
@@ -35,6 +43,11 @@ pub(super) fn rewards(
         NOT_MEASURED.join(", ")
     );
     (measured(recording, &reward, world, due, pressed, positions), Some(note))
+}
+
+/// Rounds to 1e-5 (rad or m), which is less than a pixel and makes the text three times shorter.
+pub(super) fn rounded(value: f64) -> f64 {
+    (value * 1e5).round() / 1e5
 }
 
 fn recorded(recording: &Recording, steps: usize) -> Vec<RewardCurve> {

@@ -11,7 +11,7 @@ use etude_stage::{JOINTS, Scene, StageConfig, World};
 use etude_task::TaskConfig;
 use serde::Serialize;
 
-use super::rewards::rewards;
+use super::rewards::{RewardCurve, rewards, rounded};
 
 /// Clamps of one joint by one limit that are no further apart than this are one mark, s.
 const CLAMPS_APART_SECS: f64 = 0.25;
@@ -90,15 +90,6 @@ pub struct Running {
     pub precision: Vec<f64>,
     /// Mean recall.
     pub recall: Vec<f64>,
-}
-
-/// One term of the reward in the course of the song, weighted.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct RewardCurve {
-    /// Its name.
-    pub name: String,
-    /// A value a control step.
-    pub values: Vec<f64>,
 }
 
 /// The kind of a mark on the time line.
@@ -228,11 +219,6 @@ fn task_of(header: &Header) -> TaskConfig {
         let stage = StageConfig { side: side.unwrap_or_default(), ..StageConfig::default() };
         TaskConfig { stage, ..TaskConfig::default() }
     })
-}
-
-/// Rounds to 1e-5 (rad or m), which is less than a pixel and makes the text three times shorter.
-pub(super) fn rounded(value: f64) -> f64 {
-    (value * 1e5).round() / 1e5
 }
 
 fn played(recording: &Recording, end_secs: f64) -> Vec<PlayedNote> {

@@ -1,0 +1,43 @@
+//! Folders: those that a user chooses, and the files in a run's folder.
+
+use std::path::{Path, PathBuf};
+
+use anyhow::Context as _;
+use etude_music::Song;
+
+/// Name of the resolved configuration in a run's folder.
+pub const CONFIG: &str = "config.toml";
+/// Name of the song in a run's folder. To resume or play the run, no other song file is needed.
+pub const SONG: &str = "song.mid";
+/// Name of the description of who made the run and how.
+pub const META: &str = "meta.json";
+
+/// Largest distance of the same note in two MIDI files of a song, s: files count time in ticks.
+const SAME_SECS: f64 = 0.01;
+
+/// How many notes the song has that the run in `folder` learned, if they are not those of `song`.
+pub(crate) fn other_notes(folder: &Path, song: &Song) -> Option<usize> {
+    let theirs = Song::load(folder.join(SONG)).ok()?;
+    let same = theirs.notes().len() == song.notes().len()
+        && theirs.notes().iter().zip(song.notes()).all(|(one, other)| {
+            one.pitch == other.pitch && (one.start_secs - other.start_secs).abs() < SAME_SECS
+        });
+    (!same).then(|| theirs.notes().len())
+}
+
+/// The policy file of the run in `folder` that should be played: the best, or the last while none has been evaluated.
+pub(crate) fn policy_in(folder: &Path) -> Option<PathBuf> {
+    ["policy-best.safetensors", "policy-last.safetensors"]
+        .map(|name| folder.join(name))
+        .into_iter()
+        .find(|path| path.is_file())
+}
+
+/// Makes a folder that the user has chosen with `-o`, and those above it.
+///
+/// # Errors
+/// If it cannot be made.
+pub fn make_folder(folder: &Path) -> anyhow::Result<()> {
+    std::fs::create_dir_all(folder)
+        .with_context(|| format!("cannot make the folder {}; choose another with -o", folder.display()))
+}
