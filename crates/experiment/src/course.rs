@@ -36,7 +36,7 @@ pub(crate) struct Course {
     file: File,
     path: PathBuf,
     seen: Vec<(String, u64, f64)>,
-    /// Replays of the stages that are over.
+    /// Replays of the passes that are over.
     before: u64,
     pub points: Vec<Values>,
 }
@@ -59,7 +59,7 @@ impl Course {
     }
 
     pub fn add(&mut self, at: &Progress) -> anyhow::Result<()> {
-        let point = (at.stage.name().to_string(), at.replays, at.rms);
+        let point = (at.pass.name().to_string(), at.replays, at.rms);
         if !at.rms.is_finite() || self.seen.contains(&point) {
             return Ok(());
         }
@@ -68,10 +68,10 @@ impl Course {
         self.file.write_all(text.as_bytes()).map_err(|error| file_error(&self.path, &error))
     }
 
-    /// Each stage counts its replays from 0; the course counts all.
+    /// Each pass counts its replays from 0; the course counts all.
     fn take(&mut self, point: (String, u64, f64)) {
-        if let Some((stage, replays, _)) = self.seen.last()
-            && (*stage != point.0 || *replays > point.1)
+        if let Some((pass, replays, _)) = self.seen.last()
+            && (*pass != point.0 || *replays > point.1)
         {
             self.before += replays;
         }

@@ -170,7 +170,7 @@ fn start(
         OpenOptions::new().create(true).append(true).open(&log).map_err(|error| file_error(&log, &error))?;
     let logged = log_file.metadata().map_or(0, |data| data.len());
     let mut child = Command::new(&config.program)
-        .args(["experiment", "task"])
+        .args(["experiment", "trial"])
         .arg(plan)
         .arg(index.to_string())
         .arg("--runs")

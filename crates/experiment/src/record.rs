@@ -15,7 +15,6 @@ use crate::trial::Trial;
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Entry {
     /// The trial.
-    #[serde(rename = "task")]
     pub trial: Trial,
     /// Its result.
     pub result: TrialResult,

@@ -57,7 +57,7 @@ pub fn write_report(
         let (entries, others) = gather(trials, runs, &folder.join(RESULTS))?;
         if entries.len() < trials.len() {
             let left = trials.len() - entries.len();
-            missing.push(format!("{}: {left} of {} tasks are not done", experiment.name, trials.len()));
+            missing.push(format!("{}: {left} of {} trials are not done", experiment.name, trials.len()));
         }
         if entries.is_empty() {
             continue;
@@ -69,7 +69,7 @@ pub fn write_report(
     }
     if sections.is_empty() {
         let names: Vec<&str> = plans.iter().map(|(experiment, _)| experiment.name.as_str()).collect();
-        bail!("none of the tasks is done; `etude experiment run {}` does them", names.join(" "));
+        bail!("none of the trials is done; `etude experiment run {}` does them", names.join(" "));
     }
     let file = out.join(PAGE);
     let body = html! {

@@ -63,19 +63,19 @@ pub fn slurm_script(
 #SBATCH --output={logs}
 #SBATCH --chdir={folder}
 {options}
-# {GRACE_SECS} s before the time limit Slurm sends USR1: the task saves its state, ends with 3 and is requeued. After TERM the task saves its
+# {GRACE_SECS} s before the time limit Slurm sends USR1: the trial saves its state, ends with 3 and is requeued. After TERM the trial saves its
 # state and is not requeued; the same command of `etude experiment run` submits it again.
 again=
-trap 'again=1; kill -TERM "$task"' USR1
-trap 'kill -TERM "$task"' TERM
+trap 'again=1; kill -TERM "$trial"' USR1
+trap 'kill -TERM "$trial"' TERM
 export RAYON_NUM_THREADS="$SLURM_CPUS_PER_TASK"
-{program} experiment task {plan} "$SLURM_ARRAY_TASK_ID" --runs {runs} --threads "$SLURM_CPUS_PER_TASK" &
-task=$!
-wait "$task"
+{program} experiment trial {plan} "$SLURM_ARRAY_TASK_ID" --runs {runs} --threads "$SLURM_CPUS_PER_TASK" &
+trial=$!
+wait "$trial"
 code=$?
 # A signal ends `wait`, not the task.
-while kill -0 "$task" 2>/dev/null; do
-    wait "$task"
+while kill -0 "$trial" 2>/dev/null; do
+    wait "$trial"
     code=$?
 done
 if [ -n "$again" ] && [ "$code" -ne 0 ]; then
@@ -105,7 +105,7 @@ pub fn submit(script: &str, plan: &Path) -> anyhow::Result<String> {
     write_file(&file, script)?;
     let output = Command::new("sbatch").arg("--parsable").arg(&file).output().map_err(|error| {
         anyhow!(
-            "cannot run sbatch: {error}; is this a node of a cluster? `--launcher local` runs the tasks here, `--dry-run` shows the script"
+            "cannot run sbatch: {error}; is this a node of a cluster? `--launcher local` runs the trials here, `--dry-run` shows the script"
         )
     })?;
     if !output.status.success() {
@@ -173,6 +173,9 @@ mod tests {
         ] {
             assert!(text.lines().any(|other| other == line), "{line} is missing in\n{text}");
         }
-        assert!(text.contains("'/opt/my tools/etude' experiment task /data/runs/songs.plan.jsonl"), "{text}");
+        assert!(
+            text.contains("'/opt/my tools/etude' experiment trial /data/runs/songs.plan.jsonl"),
+            "{text}"
+        );
     }
 }

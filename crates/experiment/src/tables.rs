@@ -181,15 +181,15 @@ pub(crate) fn provenance(
     });
     html! {
         p {
-            (entries.len()) " of " (planned) " tasks, " (format!("{hours:.1}")) " hours of learning or fitting; Étude "
+            (entries.len()) " of " (planned) " trials, " (format!("{hours:.1}")) " hours of learning or fitting; Étude "
             (distinct(&|entry| entry.times.etude.clone())) ", MuJoCo " (distinct(&|entry| entry.times.mujoco.clone())) "; "
             (distinct(&|entry| entry.times.cores.to_string())) " cores of "
             (distinct(&|entry| entry.times.machine.clone())) ". "
             code { "etude experiment run " (experiment.name) (config.flags()) }
         }
         details {
-            summary { "The tasks" }
-            (table("Tasks", &["task", "what", "seconds"], rows))
+            summary { "The trials" }
+            (table("Trials", &["trial", "what", "seconds"], rows))
         }
     }
 }

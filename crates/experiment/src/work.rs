@@ -239,7 +239,7 @@ impl Doing<'_, '_> {
         let mut page = RehearsalPage::new(&config, &folder);
         let mut tell = |step: &RehearsalStep| match step {
             RehearsalStep::Identifying(round, at) => {
-                self.tell(&format!("round {round}: {}", at.stage.name()), *round as f64 / parts, None);
+                self.tell(&format!("round {round}: {}", at.pass.name()), *round as f64 / parts, None);
             }
             RehearsalStep::Training(round, at) => {
                 let share = (*round as f64 + at.share()) / parts;
@@ -290,7 +290,7 @@ impl Doing<'_, '_> {
         let mut written = Ok(());
         let mut tell = |at: &Progress| {
             let share = at.ended[0] as f64 / at.ended[1].max(1) as f64;
-            self.tell(at.stage.name(), share, None);
+            self.tell(at.pass.name(), share, None);
             if written.is_ok() {
                 written = course.add(at);
             }
@@ -298,8 +298,8 @@ impl Doing<'_, '_> {
         let report = identify_robot(&what, &folder, &mut Job::new(&mut tell, interrupt))?;
         written?;
         let errors = &report.held_out_errors;
-        let replays: u64 = report.identified.stages.iter().map(|end| end.replays).sum();
-        let secs: f64 = report.identified.stages.iter().map(|end| end.secs).sum();
+        let replays: u64 = report.identified.passes.iter().map(|end| end.replays).sum();
+        let secs: f64 = report.identified.passes.iter().map(|end| end.secs).sum();
         let values = [
             ("held_out_before", errors.fingers[0]),
             ("held_out_after", errors.fingers[1]),

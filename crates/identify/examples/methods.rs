@@ -9,10 +9,10 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
 
 use etude_identify::{
-    BoConfig, IdentifyConfig, IdentifyError, LmConfig, MethodConfig, Motion, Progress, Stage, identify,
+    BoConfig, IdentifyConfig, IdentifyError, LmConfig, MethodConfig, Motion, Pass, Progress, identify,
 };
 use etude_perform::Job;
-use etude_stage::params::Joint;
+use etude_stage::params::JointRow;
 use etude_stage::{JOINT_NAMES, PhysicalParams};
 use rand::{RngExt as _, SeedableRng as _};
 use rand_pcg::Pcg64;
@@ -40,7 +40,7 @@ fn start(seed: u64) -> BTreeMap<String, f64> {
     let defaults = PhysicalParams::default();
     let mut start = BTreeMap::new();
     for (joint, name) in JOINT_NAMES.iter().enumerate() {
-        for quantity in [Joint::Stiffness, Joint::Damping, Joint::LowPass] {
+        for quantity in [JointRow::Stiffness, JointRow::Damping, JointRow::LowPass] {
             let factor = START.powf(random.random_range(-1.0..=1.0));
             start.insert(
                 format!("joint.{name}.{}", quantity.row().name),
@@ -60,7 +60,7 @@ fn course(motions: &[Motion], method: MethodConfig, seed: u64) -> Result<Vec<Poi
     // The count of replays restarts in each round.
     let (mut before, mut last) = (0, 0);
     let mut tell = |progress: &Progress| {
-        if progress.stage == Stage::Joints {
+        if progress.pass == Pass::Joints {
             if progress.replays < last {
                 before += last;
             }

@@ -17,7 +17,7 @@ use etude_perform::{Excitation, shaping_params};
 use etude_robot::rig::RigConfig;
 use etude_stage::controller::{Controller, Gains};
 use etude_stage::hand::FINGER_JOINTS;
-use etude_stage::params::Joint;
+use etude_stage::params::JointRow;
 use etude_stage::{Actuation, JOINT_NAMES, JOINTS, PHYSICS_STEPS, PhysicalParams, StageConfig, joint_range};
 use rand::{RngExt as _, SeedableRng as _};
 use rand_pcg::Pcg64;
@@ -29,7 +29,8 @@ const NOISE_RAD: f64 = 2e-4;
 /// Joints that are fitted: those of the first finger.
 const FITTED: std::ops::Range<usize> = 0..FINGER_JOINTS;
 /// Fitted parameters of each.
-const QUANTITIES: [Joint; 4] = [Joint::Stiffness, Joint::Damping, Joint::Armature, Joint::Friction];
+const QUANTITIES: [JointRow; 4] =
+    [JointRow::Stiffness, JointRow::Damping, JointRow::Armature, JointRow::Friction];
 /// Centre of the true dry friction, N·m; the simulator's default is zero.
 const FRICTION_NM: f64 = 0.01;
 /// Upper bound of friction, N·m (as in `rows.rs`).
@@ -53,7 +54,7 @@ fn gauss(random: &mut Pcg64) -> f64 {
 /// The simulator's default parameters, and friction.
 fn nominal() -> PhysicalParams {
     let mut params = shaping_params(&RigConfig::default().limits);
-    FITTED.for_each(|joint| params.set_joint(Joint::Friction, joint, FRICTION_NM));
+    FITTED.for_each(|joint| params.set_joint(JointRow::Friction, joint, FRICTION_NM));
     params
 }
 
@@ -66,8 +67,8 @@ fn off(params: &PhysicalParams, times: f64, random: &mut Pcg64) -> PhysicalParam
             for (quantity, middle) in QUANTITIES.into_iter().zip(middle) {
                 params.set_joint(quantity, joint, middle * times.powf(random.random_range(-1.0..=1.0)));
             }
-            let taken = params.joint(Joint::Damping, joint) * StageConfig::default().physics_step_secs();
-            if taken < MOST_TAKEN * params.joint(Joint::Armature, joint) {
+            let taken = params.joint(JointRow::Damping, joint) * StageConfig::default().physics_step_secs();
+            if taken < MOST_TAKEN * params.joint(JointRow::Armature, joint) {
                 break;
             }
         }
@@ -75,18 +76,18 @@ fn off(params: &PhysicalParams, times: f64, random: &mut Pcg64) -> PhysicalParam
     params
 }
 
-fn path(quantity: Joint, joint: usize) -> String {
+fn path(quantity: JointRow, joint: usize) -> String {
     format!("joint.{}.{}", JOINT_NAMES[joint], quantity.row().name)
 }
 
 fn parameters(start: &PhysicalParams) -> Vec<Parameter> {
     let nominal = nominal();
-    let parameter = |quantity: Joint, joint: usize| {
+    let parameter = |quantity: JointRow, joint: usize| {
         let (path, middle) = (path(quantity, joint), nominal.joint(quantity, joint));
         let start = start.joint(quantity, joint);
         let factor = match quantity {
-            Joint::Friction => return Parameter::new(&path, 0.0, MOST_FRICTION_NM, start),
-            Joint::Stiffness => 5.0,
+            JointRow::Friction => return Parameter::new(&path, 0.0, MOST_FRICTION_NM, start),
+            JointRow::Stiffness => 5.0,
             _ => 8.0,
         };
         Parameter::new(&path, middle / factor, middle * factor, start).logarithmic()
@@ -162,8 +163,8 @@ fn model(params: &PhysicalParams) -> Fallible<String> {
     let (_, after) = after.split_once("</actuator>").ok_or("the model's actuators do not end")?;
     let mut model = format!("{before}<actuator>\n");
     for (joint, name) in JOINT_NAMES.iter().enumerate() {
-        let [stiffness, damping, limit] =
-            [Joint::Stiffness, Joint::Damping, Joint::TorqueLimit].map(|row| params.joint(row, joint));
+        let [stiffness, damping, limit] = [JointRow::Stiffness, JointRow::Damping, JointRow::TorqueLimit]
+            .map(|row| params.joint(row, joint));
         writeln!(
             model,
             r#"    <position name="{name}" joint="{name}" kp="{stiffness}" kv="{damping}" forcerange="-{limit} {limit}"/>"#

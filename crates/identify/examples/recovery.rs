@@ -9,9 +9,9 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     for seed in std::env::args().skip(1) {
         let recovery = synthetic::recover(&joints, seed.parse()?)?;
         println!("seed {seed}");
-        for end in &recovery.stages {
+        for end in &recovery.passes {
             let [before, after] = end.rms;
-            let (name, replays, secs) = (end.stage.name(), end.replays, end.secs);
+            let (name, replays, secs) = (end.pass.name(), end.replays, end.secs);
             println!("{name}: {before:.2} to {after:.2} after {replays} replays, {secs:.0} s");
         }
         println!("joint, held-out error over noise before the fit and after it");

@@ -1,4 +1,4 @@
-//! Groups: parameters that are fitted together, and their residuals. Groups of one stage hardly influence each other's
+//! Groups: parameters that are fitted together, and their residuals. Groups of one pass hardly influence each other's
 //! readings, so one replay serves a candidate of each.
 
 use etude_music::{CONTROL_HZ, KEYS};
@@ -80,7 +80,7 @@ impl Group {
     }
 
     /// Residuals of the motions' replays, one trace a motion, with `params`; `before` are the parameters at the start of the
-    /// stage.
+    /// pass.
     pub fn evaluate(
         &self,
         before: &PhysicalParams,
@@ -112,7 +112,7 @@ impl Group {
 /// Two residuals a control step: by how much the keys that sounded at its end are short of their threshold, and by how much
 /// the others are beyond it.
 fn key_residuals(params: &PhysicalParams, motion: &Motion, trace: &Trace, residuals: &mut Vec<f64>) {
-    let threshold = params.world(etude_stage::params::World::KeyThreshold);
+    let threshold = params.world(etude_stage::params::WorldRow::KeyThreshold);
     let mut sounding = [false; KEYS];
     let mut events = motion.keys.iter().peekable();
     for step in 0..motion.commands.steps() {

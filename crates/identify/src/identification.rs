@@ -1,6 +1,6 @@
 //! From recordings to physical parameters: joint by joint, then finger by finger, then the keyboard.
 //!
-//! A stage runs one [`Fit`](crate::Fit) a group, and all groups share the same replays. The state is written to a file after
+//! A pass runs one [`Fit`](crate::Fit) a group, and all groups share the same replays. The state is written to a file after
 //! each batch; an interrupted identification resumes from it and ends with the same result.
 
 use std::path::Path;
@@ -11,16 +11,16 @@ use crate::motion::Motion;
 
 mod error;
 mod judge;
+mod pass;
 mod run;
 mod scene;
-mod stage;
 mod starts;
 mod state;
 
 pub use error::IdentifyError;
 pub use judge::Identified;
+pub use pass::{Pass, PassEnd};
 pub use run::Progress;
-pub use stage::{Stage, StageEnd};
 pub use state::IdentifyConfig;
 
 /// Fits the simulator to motions of one rig. The file `state` holds what is needed to resume after an interruption.
@@ -37,8 +37,8 @@ pub fn identify(
     let scene = scene::Scene::new(motions, config)?;
     let mut saved = state::State::open(motions, &scene.before, config, state)?;
     let has = |keys: bool| motions.iter().any(|motion| motion.keys.is_empty() != keys);
-    while let Some(stage) = stage::next(&saved.ended, &config.method, has(false), has(true)) {
-        run::run(&scene, &mut saved, stage, state, job)?;
+    while let Some(pass) = pass::next(&saved.ended, &config.method, has(false), has(true)) {
+        run::run(&scene, &mut saved, pass, state, job)?;
     }
     saved.done = true;
     saved.save(state)?;

@@ -55,7 +55,7 @@ pub use error::FitError;
 pub use estimate::{BlockStatistics, Bound, Estimate, ParameterEstimate, WeakDirection};
 pub use fit::{Best, Fit};
 pub use group::Group;
-pub use identification::{Identified, IdentifyConfig, IdentifyError, Progress, Stage, StageEnd, identify};
+pub use identification::{Identified, IdentifyConfig, IdentifyError, Pass, PassEnd, Progress, identify};
 pub use jacobian::{Jacobian, JacobianPlan, Linearisation};
 pub use method::{Candidate, Reason};
 pub use motion::{Commands, Motion, MotionError};

@@ -65,7 +65,7 @@ impl Replayer {
 
 /// The encoders' readings at the joints' zero.
 fn params_bias(params: &PhysicalParams) -> [f64; JOINTS] {
-    std::array::from_fn(|joint| params.joint(etude_stage::params::Joint::EncoderBias, joint))
+    std::array::from_fn(|joint| params.joint(etude_stage::params::JointRow::EncoderBias, joint))
 }
 
 impl Trace {

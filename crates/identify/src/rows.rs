@@ -4,7 +4,7 @@
 //! velocity and acceleration, which Étude itself applies to a robot's commands; the rail's armature, which scales with its
 //! gains.
 
-use etude_stage::params::{Joint, World};
+use etude_stage::params::{JointRow, WorldRow};
 use etude_stage::{JOINT_NAMES, PhysicalParams, RAIL};
 
 use crate::space::{Parameter, Scale};
@@ -22,35 +22,35 @@ enum Bounds {
 use Bounds::{Around, Factor, UpTo};
 
 /// Parameters of a finger joint. Dry friction: up to a tenth of the joint's torque.
-const FINGER: &[(Joint, Bounds)] = &[
-    (Joint::Stiffness, Factor(5.0)),
-    (Joint::Damping, Factor(8.0)),
-    (Joint::Friction, UpTo(0.08, 0.005)),
-    (Joint::Armature, Factor(8.0)),
-    (Joint::LowPass, Factor(8.0)),
-    (Joint::Delay, UpTo(0.05, 0.0025)),
-    (Joint::JerkLimit, Factor(8.0)),
-    (Joint::TorqueLimit, Factor(3.0)),
+const FINGER: &[(JointRow, Bounds)] = &[
+    (JointRow::Stiffness, Factor(5.0)),
+    (JointRow::Damping, Factor(8.0)),
+    (JointRow::Friction, UpTo(0.08, 0.005)),
+    (JointRow::Armature, Factor(8.0)),
+    (JointRow::LowPass, Factor(8.0)),
+    (JointRow::Delay, UpTo(0.05, 0.0025)),
+    (JointRow::JerkLimit, Factor(8.0)),
+    (JointRow::TorqueLimit, Factor(3.0)),
 ];
 
 /// Parameters of the rail.
-const RAIL_ROWS: &[(Joint, Bounds)] = &[
-    (Joint::Stiffness, Factor(10.0)),
-    (Joint::Damping, Factor(8.0)),
-    (Joint::Friction, UpTo(30.0, 1.0)),
-    (Joint::LowPass, Factor(8.0)),
-    (Joint::Delay, UpTo(0.06, 0.0025)),
-    (Joint::JerkLimit, Factor(8.0)),
+const RAIL_ROWS: &[(JointRow, Bounds)] = &[
+    (JointRow::Stiffness, Factor(10.0)),
+    (JointRow::Damping, Factor(8.0)),
+    (JointRow::Friction, UpTo(30.0, 1.0)),
+    (JointRow::LowPass, Factor(8.0)),
+    (JointRow::Delay, UpTo(0.06, 0.0025)),
+    (JointRow::JerkLimit, Factor(8.0)),
 ];
 
 /// Parameters that only motions with key contact identify. The bounds of the keyboard's place are errors of its calibration.
 /// A finger's encoder biases show only in the height of its tip, so only that of its first bending joint is estimated.
-const CONTACT: &[(World, Bounds)] = &[
-    (World::KeyboardHeight, Around(0.006)),
-    (World::KeyboardLateral, Around(0.005)),
-    (World::KeyThreshold, Around(0.3)),
-    (World::KeyStiffness, Factor(3.0)),
-    (World::KeyDamping, Factor(4.0)),
+const CONTACT: &[(WorldRow, Bounds)] = &[
+    (WorldRow::KeyboardHeight, Around(0.006)),
+    (WorldRow::KeyboardLateral, Around(0.005)),
+    (WorldRow::KeyThreshold, Around(0.3)),
+    (WorldRow::KeyStiffness, Factor(3.0)),
+    (WorldRow::KeyDamping, Factor(4.0)),
 ];
 
 /// Largest encoder bias, rad.
@@ -79,7 +79,7 @@ fn parameter(path: String, range: [f64; 2], before: f64, bounds: &Bounds) -> Par
 pub fn joint_parameters(joint: usize, saturates: bool, before: &PhysicalParams) -> Vec<Parameter> {
     let rows = if joint == RAIL { RAIL_ROWS } else { FINGER };
     rows.iter()
-        .filter(|(quantity, _)| saturates || *quantity != Joint::TorqueLimit)
+        .filter(|(quantity, _)| saturates || *quantity != JointRow::TorqueLimit)
         .map(|(quantity, bounds)| {
             let row = quantity.row();
             let path = format!("joint.{}.{}", JOINT_NAMES[joint], row.name);
@@ -96,9 +96,9 @@ pub fn contact_parameters(before: &PhysicalParams) -> Vec<Parameter> {
     });
     let bends = (0..RAIL).filter(|joint| joint % etude_stage::hand::FINGER_JOINTS == FIRST_BEND);
     let biases = bends.map(|joint| {
-        let row = Joint::EncoderBias.row();
+        let row = JointRow::EncoderBias.row();
         let path = format!("joint.{}.{}", JOINT_NAMES[joint], row.name);
-        parameter(path, row.range, before.joint(Joint::EncoderBias, joint), &Around(MOST_BIAS))
+        parameter(path, row.range, before.joint(JointRow::EncoderBias, joint), &Around(MOST_BIAS))
     });
     keyboard.chain(biases).collect()
 }
@@ -126,8 +126,8 @@ pub fn follow_stiffness(
     params: &mut PhysicalParams,
 ) {
     for joint in (0..RAIL).filter(|joint| !saturates(*joint)) {
-        let share = params.joint(Joint::Stiffness, joint) / before.joint(Joint::Stiffness, joint);
-        params.set_joint(Joint::TorqueLimit, joint, before.joint(Joint::TorqueLimit, joint) * share);
+        let share = params.joint(JointRow::Stiffness, joint) / before.joint(JointRow::Stiffness, joint);
+        params.set_joint(JointRow::TorqueLimit, joint, before.joint(JointRow::TorqueLimit, joint) * share);
     }
 }
 

@@ -29,7 +29,7 @@ pub use folder::{CONFIG, META, SONG, make_folder};
 pub use grid::{GridConfig, GridReport, Marginal, WorldScores, evaluate_grid};
 pub use identify::{IDENTIFIED, Identification, IdentifyMethod, IdentifyReport, identify_robot};
 pub use pianist::{Pianist, load_pianist, policies, shipped_policy};
-pub use play::{Files, Report, play, scores_in_simulation};
+pub use play::{Files, PlayReport, play, scores_in_simulation};
 pub use record::{Motion, Recorded, record_robot};
 pub use rehearse::{RehearsalConfig, RehearsalStep, Round, rehearse_on_robot};
 pub use robot::{RobotPlay, RobotReport, RobotRun, RunEnded, play_on_robot};

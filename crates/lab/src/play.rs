@@ -19,7 +19,7 @@ use crate::pianist::Pianist;
 
 /// The figures of a performance and its files. Its keys are those of `etude play --json`.
 #[derive(Clone, Debug, Serialize)]
-pub struct Report {
+pub struct PlayReport {
     /// Title of the song.
     pub song: String,
     /// The policy file, or `scripted`.
@@ -65,7 +65,7 @@ pub fn play(
     pianist: &Pianist,
     folder: &Path,
     font: Option<&SoundFont>,
-) -> anyhow::Result<Report> {
+) -> anyhow::Result<PlayReport> {
     let task = &pianist.config.task;
     let piece = Piece::new(song, task.initial_silence_secs)?;
     let files = Files {
@@ -87,7 +87,7 @@ pub fn play(
         bail!("the performance was cut short: {why}");
     }
     let simulated = performance.simulation.unwrap_or_default();
-    let report = Report {
+    let report = PlayReport {
         song: song.title().to_string(),
         player: pianist.name(),
         steps: performance.pressed.len(),

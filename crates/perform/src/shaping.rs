@@ -6,7 +6,7 @@
 
 use etude_robot::rig::LimitsConfig;
 use etude_stage::controller::{Actuation, Controller, Gains};
-use etude_stage::params::Joint;
+use etude_stage::params::JointRow;
 use etude_stage::{JOINTS, PHYSICS_STEPS, PhysicalParams, RAIL, StageConfig, joint_range};
 
 /// Set-points are shaped to this share of the limiter's velocity, acceleration and jerk, so that it does not clamp them.
@@ -51,7 +51,7 @@ pub fn shaping_params(limits: &LimitsConfig) -> PhysicalParams {
         } else {
             [limits.finger_velocity, limits.finger_acceleration, limits.finger_jerk]
         };
-        let rows = [Joint::VelocityLimit, Joint::AccelerationLimit, Joint::JerkLimit];
+        let rows = [JointRow::VelocityLimit, JointRow::AccelerationLimit, JointRow::JerkLimit];
         for (row, most) in rows.into_iter().zip(most) {
             params.set_joint(row, joint, params.joint(row, joint).min(WITHIN * most));
         }

@@ -12,7 +12,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::params::{Joint, PhysicalParams};
+use crate::params::{JointRow, PhysicalParams};
 
 /// How joints are driven.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -52,26 +52,27 @@ impl Gains {
     /// The constants of joint `index` for a physics step of `step_secs`.
     pub fn new(params: &PhysicalParams, index: usize, actuation: Actuation, step_secs: f64) -> Self {
         let value = |quantity| params.joint(quantity, index);
-        let (acceleration_limit, jerk_limit) = (value(Joint::AccelerationLimit), value(Joint::JerkLimit));
+        let (acceleration_limit, jerk_limit) =
+            (value(JointRow::AccelerationLimit), value(JointRow::JerkLimit));
         // Near the target the reference is a critically damped third-order system whose fastest part takes as long
         // as the jerk limit needs to build up the full acceleration.
         let settle_secs = (acceleration_limit / jerk_limit).max(step_secs);
-        let delay_steps = value(Joint::Delay) / step_secs;
+        let delay_steps = value(JointRow::Delay) / step_secs;
         // The small number makes up for rounding: 0.03 / 0.005 is less than 6 in floating point.
         let whole = (delay_steps + 1e-9) as usize;
         Self {
             step_secs,
-            stiffness: value(Joint::Stiffness),
-            damping: value(Joint::Damping),
-            torque_limit: value(Joint::TorqueLimit),
-            smoothing: 1.0 - (-step_secs / value(Joint::LowPass).max(1e-9)).exp(),
-            velocity_limit: value(Joint::VelocityLimit),
+            stiffness: value(JointRow::Stiffness),
+            damping: value(JointRow::Damping),
+            torque_limit: value(JointRow::TorqueLimit),
+            smoothing: 1.0 - (-step_secs / value(JointRow::LowPass).max(1e-9)).exp(),
+            velocity_limit: value(JointRow::VelocityLimit),
             acceleration_limit,
             jerk_limit,
             approach: 1.0 / (4.0 * settle_secs),
             settle_secs,
             delay: (whole.min(QUEUE - 2), (delay_steps - whole as f64).max(0.0)),
-            encoder_bias: value(Joint::EncoderBias),
+            encoder_bias: value(JointRow::EncoderBias),
             actuation,
         }
     }

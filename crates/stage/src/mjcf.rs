@@ -20,7 +20,7 @@ use crate::hand::{
     LINK_SECTION, LINKS, MOUNT, PAD, PALM_CENTRE, PALM_MASS, PALM_SIZE, RAIL, ROOT_SPACING, ROOT_Z, SPLAY,
     THUMB_MASS, TIP_CENTRE, TIP_HALF_LENGTH, TIP_RADIUS, root_side,
 };
-use crate::params::{Joint, PhysicalParams, World};
+use crate::params::{JointRow, PhysicalParams, WorldRow};
 
 /// Greatest width and height of a picture, pixels: the model's off-screen buffer.
 pub const LARGEST_PICTURE: [u32; 2] = [1920, 1080];
@@ -100,7 +100,7 @@ fn keyboard(config: &StageConfig, params: &PhysicalParams, options: &ModelOption
             r#"contype="0" conaffinity="{TOUCHES_KEYBOARD}" priority="1" friction="{friction} 0.005 0.0001""#
         )
     };
-    let (key_contact, fence_contact) = (contact(value(World::KeyFriction)), contact(FENCE_FRICTION));
+    let (key_contact, fence_contact) = (contact(value(WorldRow::KeyFriction)), contact(FENCE_FRICTION));
     let yaw = options.keyboard_yaw_rad;
     let turn = if yaw == 0.0 {
         String::new()
@@ -124,8 +124,8 @@ fn keyboard(config: &StageConfig, params: &PhysicalParams, options: &ModelOption
         let [x, y, z] = key_place(params, yaw, key);
         let colour = if etude_music::key_is_black(key) { "0.08 0.08 0.08 1" } else { "0.95 0.95 0.93 1" };
         let stop = shape.max_angle() * options.keys[key].travel;
-        let stiffness = value(World::KeyStiffness) * options.keys[key].stiffness;
-        let (damping, armature) = (value(World::KeyDamping), value(World::KeyArmature));
+        let stiffness = value(WorldRow::KeyStiffness) * options.keys[key].stiffness;
+        let (damping, armature) = (value(WorldRow::KeyDamping), value(WorldRow::KeyArmature));
         let (hinge, rebound, mass) = (-length, -KEY_REBOUND, shape.mass);
         format!(
             r#"    <body name="key_{key}" pos="{x} {y} {z}"{turn}>
@@ -161,22 +161,23 @@ pub(crate) fn on_keyboard(params: &PhysicalParams, yaw: f64, [x, y, z]: [f64; 3]
 
 /// World position of the keyboard's body, m.
 pub(crate) fn keyboard_place(params: &PhysicalParams) -> [f64; 3] {
-    [World::KeyboardDepth, World::KeyboardLateral, World::KeyboardHeight].map(|q| params.world(q))
+    [WorldRow::KeyboardDepth, WorldRow::KeyboardLateral, WorldRow::KeyboardHeight].map(|q| params.world(q))
 }
 
 /// Passive damping of joint `index` in MuJoCo's model, which under position actuation includes the controller's (paper,
 /// appendix).
 pub(crate) fn passive_damping(config: &StageConfig, params: &PhysicalParams, index: usize) -> f64 {
-    let viscosity = params.joint(Joint::Viscosity, index);
+    let viscosity = params.joint(JointRow::Viscosity, index);
     match config.actuation {
         Actuation::Controlled => viscosity,
-        Actuation::Position => viscosity + params.joint(Joint::Damping, index),
+        Actuation::Position => viscosity + params.joint(JointRow::Damping, index),
     }
 }
 
 fn joint_attributes(config: &StageConfig, params: &PhysicalParams, index: usize) -> String {
     let damping = passive_damping(config, params, index);
-    let (friction, armature) = (params.joint(Joint::Friction, index), params.joint(Joint::Armature, index));
+    let (friction, armature) =
+        (params.joint(JointRow::Friction, index), params.joint(JointRow::Armature, index));
     format!(r#"damping="{damping}" frictionloss="{friction}" armature="{armature}""#)
 }
 

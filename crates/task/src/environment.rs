@@ -6,7 +6,7 @@ use etude_learn::EnvironmentError;
 use etude_music::{KeySet, key_is_black};
 use etude_stage::geometry::HALF_WIDTH;
 use etude_stage::hand::root_lateral;
-use etude_stage::params::Joint;
+use etude_stage::params::JointRow;
 use etude_stage::{FINGERS, JOINTS, PhysicalParams, RAIL, Snapshot, World};
 use rand::{RngExt as _, SeedableRng as _};
 use rand_pcg::Pcg64;
@@ -130,7 +130,7 @@ impl Environment {
                 // `reset_to` takes true positions, `start_pose` gives encoder readings.
                 let mut pose = self.world.start_pose();
                 for (joint, reading) in pose.iter_mut().enumerate() {
-                    *reading -= self.world.params().joint(Joint::EncoderBias, joint);
+                    *reading -= self.world.params().joint(JointRow::EncoderBias, joint);
                 }
                 let over = self.world.key_target(key)[1] - root_lateral(self.config.stage.side, finger);
                 pose[RAIL] = over.clamp(-HALF_WIDTH, HALF_WIDTH);

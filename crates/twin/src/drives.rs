@@ -5,7 +5,7 @@
 
 use etude_robot::allegro::{self, FULL_SCALE_PWM};
 use etude_robot::joints::FINGER_JOINTS;
-use etude_stage::params::Joint;
+use etude_stage::params::JointRow;
 use etude_stage::{JOINTS, PhysicalParams, RAIL};
 
 use crate::numbers::{FINGER, HandTruth, STEP};
@@ -27,7 +27,7 @@ impl Drives {
         Self {
             full_torque_nm: truth.full_torque_nm,
             dead_pwm: truth.dead_pwm.into(),
-            friction: std::array::from_fn(|joint| params.joint(Joint::Friction, joint)),
+            friction: std::array::from_fn(|joint| params.joint(JointRow::Friction, joint)),
             friction_at_rest: truth.friction_at_rest,
         }
     }

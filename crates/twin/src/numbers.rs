@@ -7,7 +7,7 @@ use etude_emulators::KeyboardEmulatorConfig;
 use etude_emulators::faults::{FaultPlan, OrderedFault};
 use etude_music::KEYS;
 use etude_robot::setting::check_range;
-use etude_stage::params::World as Quantity;
+use etude_stage::params::WorldRow;
 use etude_stage::{Cone, Integrator, KeyFactors, ModelOptions, ParamError, PhysicalParams};
 use serde::{Deserialize, Serialize};
 
@@ -188,7 +188,7 @@ impl Numbers {
 
     /// Where the second contact of each key closes, as a share of its travel.
     pub(crate) fn second_contacts(&self, params: &PhysicalParams) -> [f64; KEYS] {
-        let threshold = params.world(Quantity::KeyThreshold);
+        let threshold = params.world(WorldRow::KeyThreshold);
         self.key_factors(Purpose::Threshold, self.keys.threshold_spread).map(|factor| factor * threshold)
     }
 
@@ -201,7 +201,7 @@ impl Numbers {
     pub(crate) fn check(&self) -> Result<(), TruthError> {
         let params = self.params()?;
         let (hand, arm, keys) = (&self.hand, &self.arm, &self.keys);
-        let threshold = params.world(Quantity::KeyThreshold);
+        let threshold = params.world(WorldRow::KeyThreshold);
         let highest_spread = ((1.0 - CONTACT_GAP) / threshold - 1.0).min(0.5);
         let latest_first = threshold * (1.0 - keys.threshold_spread) - CONTACT_GAP;
         let rows = [

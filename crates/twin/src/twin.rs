@@ -219,7 +219,7 @@ mod tests {
     use super::*;
     use etude_robot::allegro::{self, DeviceId, Finger, HandMessage, HostMessage, Request};
     use etude_stage::geometry::KeyShape;
-    use etude_stage::params::World as Quantity;
+    use etude_stage::params::WorldRow;
 
     fn twin(truth: &str) -> Twin {
         Twin::new(&Truth::parse(truth).unwrap(), HandSide::Left).unwrap()
@@ -356,7 +356,7 @@ mod tests {
         assert!(one.truth.numbers.options().keys.iter().all(|key| key.travel == 1.1));
         assert_eq!(one.keys.second, same.keys.second);
         assert_ne!(one.keys.second, other.keys.second);
-        let nominal = one.world.params().world(Quantity::KeyStiffness);
+        let nominal = one.world.params().world(WorldRow::KeyStiffness);
         assert!(springs(&one).iter().all(|spring| (spring / nominal - 1.0).abs() <= 0.2));
         assert!(springs(&one).iter().any(|spring| (spring / nominal - 1.0).abs() > 0.1));
         assert!(springs(&twin("seed = 1")).iter().all(|spring| *spring == nominal));

@@ -19,9 +19,9 @@ use crate::status::Status;
 /// What to do with experiments.
 #[derive(clap::Args)]
 #[command(after_help = "\
-An experiment is a TOML file (configs/experiments; a path works too). Its plan is a list of tasks. A task's id depends only on what \
-is done: experiments share common tasks, a task that is done is not done again, and a task that was stopped is resumed. \
-To merge results of several machines, copy the folders of tasks.
+An experiment is a TOML file (configs/experiments; a path works too). Its plan is a list of trials. A trial's id depends only on what \
+is done: experiments share common trials, a trial that is done is not done again, and a trial that was stopped is resumed. \
+To merge results of several machines, copy the folders of trials.
 
 Examples:
   etude experiment list
@@ -42,17 +42,17 @@ enum What {
         #[arg(long)]
         json: bool,
     },
-    /// Print the tasks of an experiment, one JSON object a line
+    /// Print the trials of an experiment, one JSON object a line
     Plan(PlanArgs),
-    /// Do the tasks that are not done yet
+    /// Do the trials that are not done yet
     Run(RunArgs),
-    /// Print the state of the tasks
+    /// Print the state of the trials
     Status(StatusArgs),
     /// Make tables, figures and one page from the results
     Report(ReportArgs),
-    /// Do one task of a plan; the launchers call this
+    /// Do one trial of a plan; the launchers call this
     #[command(hide = true)]
-    Task(TaskArgs),
+    Trial(TrialArgs),
 }
 
 #[derive(clap::Args)]
@@ -107,22 +107,22 @@ enum Launcher {
 struct RunArgs {
     #[command(flatten)]
     plan: PlanArgs,
-    /// Where the folders of tasks are
+    /// Where the folders of trials are
     #[arg(long, default_value = "runs", value_name = "DIR")]
     runs: PathBuf,
     /// Where the work goes
     #[arg(long, value_enum, default_value = "local")]
     launcher: Launcher,
-    /// Local: number of tasks at a time; one a core if not given
+    /// Local: number of trials at a time; one a core if not given
     #[arg(long, value_parser = clap::value_parser!(u16).range(1..), value_name = "N")]
     workers: Option<u16>,
-    /// Threads of a task
+    /// Threads of a trial
     #[arg(long, default_value_t = 1, value_parser = clap::value_parser!(u16).range(1..), value_name = "N")]
     threads: u16,
-    /// Slurm: largest number of tasks at a time
+    /// Slurm: largest number of trials at a time
     #[arg(long, value_parser = clap::value_parser!(u16).range(1..), value_name = "N")]
     throttle: Option<u16>,
-    /// Slurm: time limit of a task; a task that needs longer saves its state and is requeued
+    /// Slurm: time limit of a trial; a trial that needs longer saves its state and is requeued
     #[arg(long, default_value = "04:00:00", value_name = "TIME")]
     time: String,
     /// Slurm: an option of sbatch, as your site asks for it, for example --sbatch=--partition=short; may be repeated
@@ -137,7 +137,7 @@ struct RunArgs {
 struct StatusArgs {
     #[command(flatten)]
     plan: PlanArgs,
-    /// Where the folders of tasks are
+    /// Where the folders of trials are
     #[arg(long, default_value = "runs", value_name = "DIR")]
     runs: PathBuf,
     /// Print JSON instead
@@ -149,7 +149,7 @@ struct StatusArgs {
 struct ReportArgs {
     #[command(flatten)]
     plan: PlanArgs,
-    /// Where the folders of tasks are
+    /// Where the folders of trials are
     #[arg(long, default_value = "runs", value_name = "DIR")]
     runs: PathBuf,
     /// Folder of the page. Results of an earlier report in it are used too, so the page can be made again without the runs
@@ -158,12 +158,12 @@ struct ReportArgs {
 }
 
 #[derive(clap::Args)]
-struct TaskArgs {
+struct TrialArgs {
     /// The plan
     plan: PathBuf,
     /// Which line of it, from 0
     index: usize,
-    /// Where the folders of tasks are
+    /// Where the folders of trials are
     #[arg(long, default_value = "runs", value_name = "DIR")]
     runs: PathBuf,
     /// Threads
@@ -187,7 +187,7 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
         What::Run(args) => launch(&args),
         What::Status(args) => status(&args),
         What::Report(args) => report(&args),
-        What::Task(args) => task(&args),
+        What::Trial(args) => trial(&args),
     }
 }
 
@@ -195,12 +195,12 @@ fn list(as_json: bool) -> anyhow::Result<Ending> {
     let mut rows = Vec::new();
     for name in names() {
         let experiment = Experiment::load(name)?;
-        let tasks = experiment.plan(&PlanConfig::default())?.len();
+        let trials = experiment.plan(&PlanConfig::default())?.len();
         rows.push(
-            object!({ "name": name, "tasks": tasks, "title": experiment.title, "source": experiment.source }),
+            object!({ "name": name, "trials": trials, "title": experiment.title, "source": experiment.source }),
         );
         if !as_json {
-            line(format!("{name:<16}{tasks:>5} tasks  {}", experiment.title))?;
+            line(format!("{name:<16}{trials:>5} trials  {}", experiment.title))?;
         }
     }
     if as_json {
@@ -240,20 +240,20 @@ fn local(args: &RunArgs, trials: &[Trial], plan: &Path, program: PathBuf) -> any
     }
     let busy =
         if report.busy > 0 { format!(", {} are under way elsewhere", report.busy) } else { String::new() };
-    line(format!("{} tasks are done{busy}, {} failed", report.done, report.failed.len()))?;
+    line(format!("{} trials are done{busy}, {} failed", report.done, report.failed.len()))?;
     if report.stopped {
         note("stopped; the same command resumes");
         return Ok(Ending::Stopped);
     }
     match report.failed.len() {
         0 => Ok(Ending::Done),
-        _ => Err(anyhow::anyhow!("not all tasks are done; the same command runs those that failed again")),
+        _ => Err(anyhow::anyhow!("not all trials are done; the same command runs those that failed again")),
     }
 }
 
 fn counts(at: &LaunchProgress) -> String {
     let failed = if at.failed > 0 { format!(", {} failed", at.failed) } else { String::new() };
-    format!("{} of {} tasks done{failed}", at.done, at.total)
+    format!("{} of {} trials done{failed}", at.done, at.total)
 }
 
 fn running(at: &LaunchProgress) -> String {
@@ -276,7 +276,7 @@ fn slurm(
 ) -> anyhow::Result<Ending> {
     let indices = open_trials(trials, &args.runs);
     if indices.is_empty() {
-        line("all tasks are done, or under way")?;
+        line("all trials are done, or under way")?;
         return Ok(Ending::Done);
     }
     let config = SlurmConfig {
@@ -296,7 +296,7 @@ fn slurm(
     write_plan(plan, trials)?;
     let job = submit(&script, plan)?;
     line(format!(
-        "job {job}: {} tasks; squeue --job {job} shows them, scancel {job} ends them",
+        "job {job}: {} trials; squeue --job {job} shows them, scancel {job} ends them",
         indices.len()
     ))?;
     Ok(Ending::Done)
@@ -312,11 +312,11 @@ fn status(args: &StatusArgs) -> anyhow::Result<Ending> {
                 .iter()
                 .zip(&states)
                 .map(|(trial, state)| object!({ "id": trial.id, "labels": trial.labels, "state": state }));
-            all.push(object!({ "experiment": experiment.name, "tasks": rows.collect::<Vec<_>>() }));
+            all.push(object!({ "experiment": experiment.name, "trials": rows.collect::<Vec<_>>() }));
             continue;
         }
         line(format!(
-            "{}: {} tasks, {} done, {} running, {} begun, {} waiting",
+            "{}: {} trials, {} done, {} running, {} begun, {} waiting",
             experiment.name,
             trials.len(),
             count(TrialState::Done),
@@ -349,7 +349,7 @@ fn report(args: &ReportArgs) -> anyhow::Result<Ending> {
     Ok(Ending::Done)
 }
 
-fn task(args: &TaskArgs) -> anyhow::Result<Ending> {
+fn trial(args: &TrialArgs) -> anyhow::Result<Ending> {
     let trials = read_plan(&args.plan)?;
     let count = trials.len();
     let trial = trials.get(args.index).ok_or_else(|| {
@@ -363,7 +363,7 @@ fn task(args: &TaskArgs) -> anyhow::Result<Ending> {
     let attended = args.attended;
     let mut tell = move |at: &TrialProgress| {
         if attended && let Ok(text) = serde_json::to_string(at) {
-            // If the launcher has ended, standard input ends too, which stops the task.
+            // If the launcher has ended, standard input ends too, which stops the trial.
             let _ = line(text);
         }
     };

@@ -76,14 +76,14 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
         super::json(&report)?;
         return Ok(Ending::Done);
     }
-    for stage in &report.identified.stages {
+    for pass in &report.identified.passes {
         line(format!(
             "{:<18} residuals {:6.1} → {:5.1} times the noise, {} replays, {:.0} s",
-            stage.stage.name(),
-            stage.rms[0],
-            stage.rms[1],
-            stage.replays,
-            stage.secs
+            pass.pass.name(),
+            pass.rms[0],
+            pass.rms[1],
+            pass.replays,
+            pass.secs
         ))?;
     }
     for (what, errors) in [("fitted", &report.fit_errors), ("held out", &report.held_out_errors)] {
@@ -106,5 +106,5 @@ fn show(status: &mut Status, at: &Progress) {
         ": {} replays, residuals {:.2} times the noise, {ended} of {all} settled",
         at.replays, at.rms
     );
-    status.now(at.stage.name(), &state);
+    status.now(at.pass.name(), &state);
 }

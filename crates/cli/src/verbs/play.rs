@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use anyhow::Context as _;
-use etude_lab::{Report, find_song, play};
+use etude_lab::{PlayReport, find_song, play};
 use etude_music::sound::SoundFont;
 use etude_perform::Scores;
 
@@ -54,7 +54,7 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
     Ok(Ending::Done)
 }
 
-fn print(report: &Report) -> anyhow::Result<()> {
+fn print(report: &PlayReport) -> anyhow::Result<()> {
     let Scores { frame, note } = &report.scores;
     line(format!("{} played by {}, {} control steps", report.song, report.player, report.steps))?;
     line(format!("{:22} {:>9} {:>9} {:>9}", "", "precision", "recall", "F1"))?;

@@ -125,7 +125,7 @@ fn show(status: &mut Status, step: &RehearsalStep) {
             status.done(&format!("warning: {} is not fitted to: {why}", recording.display()));
         }
         RehearsalStep::Identifying(round, at) => status.now(
-            &format!("round {round}: identifying, {}", at.stage.name()),
+            &format!("round {round}: identifying, {}", at.pass.name()),
             &format!(", {} replays, residuals {:.2} times the noise", at.replays, at.rms),
         ),
         RehearsalStep::Training(round, at) => status.now(

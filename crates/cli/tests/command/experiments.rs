@@ -7,9 +7,9 @@ use std::time::{Duration, Instant};
 use crate::processes::{self, children_of};
 use crate::{Desk, TINY, errors};
 
-/// An experiment of four short tasks in the scratch folder.
+/// An experiment of four short trials in the scratch folder.
 pub const FOUR: &str = r#"
-title = "Four short tasks"
+title = "Four short trials"
 source = "a test"
 songs = ["short.mid"]
 seeds = 2
@@ -29,7 +29,7 @@ x = "variant"
 y = ["sim_f1", "f1"]
 "#;
 
-/// Files of the results of all tasks in a folder of runs, by task.
+/// Files of the results of all trials in a folder of runs, by trial.
 pub fn results(desk: &Desk, runs: &str) -> Vec<(String, Vec<u8>)> {
     let entries = std::fs::read_dir(desk.path(runs)).unwrap().map(|entry| entry.unwrap().path());
     let mut found: Vec<(String, Vec<u8>)> = entries
@@ -133,11 +133,11 @@ fn status(runs: &str) -> String {
     format!("experiment status four.toml --json --runs {runs}{sets}")
 }
 
-/// The id of the plan's first task.
+/// The id of the plan's first trial.
 fn whole_first(desk: &Desk) -> String {
     let plan = done(tiny(desk, "experiment plan four.toml"));
-    let task: serde_json::Value = serde_json::from_str(plan.lines().next().unwrap()).unwrap();
-    task["id"].as_str().unwrap().to_string()
+    let trial: serde_json::Value = serde_json::from_str(plan.lines().next().unwrap()).unwrap();
+    trial["id"].as_str().unwrap().to_string()
 }
 
 #[test]
@@ -146,7 +146,7 @@ fn a_task_that_fails_is_told_with_its_reason_and_the_others_go_on() {
     std::fs::write(desk.path("four.toml"), FOUR).unwrap();
     let plan = done(tiny(&desk, "experiment plan four.toml"));
     let first: serde_json::Value = serde_json::from_str(plan.lines().next().unwrap()).unwrap();
-    // Where the first task's training would be, there is a file.
+    // Where the first trial's training would be, there is a file.
     let folder = desk.path("runs").join(first["id"].as_str().unwrap());
     std::fs::create_dir_all(&folder).unwrap();
     std::fs::write(folder.join("training"), "in the way").unwrap();
@@ -187,7 +187,7 @@ fn mistakes_are_told_before_anything_is_done() {
         ("experiment run four.toml --dry-run", "--launcher slurm"),
         ("experiment run four.toml --budget huge", "full, smoke"),
         ("experiment report four.toml", "etude experiment run four"),
-        ("experiment task nowhere.jsonl 0", "nowhere.jsonl"),
+        ("experiment trial nowhere.jsonl 0", "nowhere.jsonl"),
     ] {
         let output = desk.command(args).output().unwrap();
         assert!(!output.status.success(), "{args}");

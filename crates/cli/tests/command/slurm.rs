@@ -1,4 +1,4 @@
-//! The Slurm launcher against a real Slurm of one node, which the test starts: a task that was told to stop saves itself and is
+//! The Slurm launcher against a real Slurm of one node, which the test starts: a trial that was told to stop saves itself and is
 //! requeued, one that was killed half way goes on too, and the results are those of the local launcher, byte for byte.
 //!
 //! Needs `slurmctld`, `slurmd`, `sbatch` and `munged`, and root, without which `slurmd` starts no jobs (Debian, Ubuntu:
@@ -183,12 +183,12 @@ fn a_sweep_through_slurm_has_the_results_of_the_local_launcher() {
     let metrics = |task: usize| desk.path("there").join(&ids[task]).join("training/metrics.jsonl");
     let evaluated =
         |task: usize| std::fs::read_to_string(metrics(task)).is_ok_and(|text| text.contains("eval/"));
-    cluster.wait("the first two tasks are half way", || evaluated(0) && evaluated(1));
+    cluster.wait("the first two trials are half way", || evaluated(0) && evaluated(1));
     // One is killed; the other is told that its time is up, saves itself and asks to be requeued. `scancel` goes on telling it, so
     // nobody waits for it.
     let runs = desk.path("there").display().to_string();
     let killed = with_arguments(&["1", "--runs", &runs]);
-    assert!(!killed.is_empty(), "the second task is running");
+    assert!(!killed.is_empty(), "the second trial is running");
     killed.into_iter().for_each(|task| processes::signal(task, "KILL"));
     let mut told = Command::new("scancel");
     told.args(["--signal=USR1", "--batch", &format!("{job}_0")]).env("SLURM_CONF", cluster.config());
@@ -208,5 +208,5 @@ fn a_sweep_through_slurm_has_the_results_of_the_local_launcher() {
         cluster.say("squeue", &["-h"]).trim().is_empty()
     });
     assert!(results(&desk, "there") == results(&desk, "here"));
-    assert!(run("--runs there --launcher slurm").contains("all tasks are done"));
+    assert!(run("--runs there --launcher slurm").contains("all trials are done"));
 }

@@ -10,7 +10,7 @@ use crate::error::FitError;
 pub enum IdentifyError {
     /// The simulation cannot be built.
     #[error(transparent)]
-    Stage(#[from] StageError),
+    Pass(#[from] StageError),
     /// A start value is out of range.
     #[error(transparent)]
     Param(#[from] ParamError),

@@ -7,8 +7,8 @@ use etude_stage::PhysicalParams;
 use serde::{Deserialize, Serialize};
 
 use super::error::IdentifyError;
+use super::pass::{ESTIMATE_STEP, Pass, PassEnd};
 use super::scene::{Scene, set};
-use super::stage::{ESTIMATE_STEP, Stage, StageEnd};
 use super::state::State;
 use crate::estimate::Estimate;
 use crate::group::Group;
@@ -23,25 +23,25 @@ pub struct Identified {
     pub physics: BTreeMap<String, f64>,
     /// The same at the start of the fit.
     pub before: BTreeMap<String, f64>,
-    /// The stages.
-    pub stages: Vec<StageEnd>,
-    /// Name of each group and the estimates of its last stage.
+    /// The passes.
+    pub passes: Vec<PassEnd>,
+    /// Name of each group and the estimates of its last pass.
     pub estimates: Vec<(String, Estimate)>,
 }
 
 /// Estimates the parameters' uncertainty at the end of the fits.
 pub(super) fn judge(scene: &Scene<'_>, state: State) -> Result<Identified, IdentifyError> {
-    let done = |stage: Stage| state.ended.iter().any(|end| end.stage == stage);
+    let done = |pass: Pass| state.ended.iter().any(|end| end.pass == pass);
     // A finger's estimate is that of its joints with their correlations.
-    let air = if done(Stage::Fingers) { Stage::Fingers } else { Stage::Joints };
+    let air = if done(Pass::Fingers) { Pass::Fingers } else { Pass::Joints };
     let mut estimates = Vec::new();
-    for stage in [air, Stage::Contact].into_iter().filter(|stage| done(*stage)) {
-        estimates.extend(judge_stage(scene, &state.params, stage)?);
+    for pass in [air, Pass::Contact].into_iter().filter(|pass| done(*pass)) {
+        estimates.extend(judge_stage(scene, &state.params, pass)?);
     }
     Ok(Identified {
         physics: changed(&state.params),
         before: changed(&scene.before),
-        stages: state.ended,
+        passes: state.ended,
         estimates,
     })
 }
@@ -49,12 +49,12 @@ pub(super) fn judge(scene: &Scene<'_>, state: State) -> Result<Identified, Ident
 fn judge_stage(
     scene: &Scene<'_>,
     params: &PhysicalParams,
-    stage: Stage,
+    pass: Pass,
 ) -> Result<Vec<(String, Estimate)>, IdentifyError> {
-    let motions = scene.motions(stage == Stage::Contact);
+    let motions = scene.motions(pass == Pass::Contact);
     let mut problems = Vec::new();
     // From the recordings alone, without the prior.
-    let groups = stage.groups().into_iter().map(|group| Group { believes: false, ..group });
+    let groups = pass.groups().into_iter().map(|group| Group { believes: false, ..group });
     for group in groups.filter(|group| motions.iter().any(|motion| group.learns_from(motion))) {
         let problem = group.problem(scene.parameters(&group, &motions), &motions)?;
         let values = problem.space().parameters().iter().map(|parameter| params.get(&parameter.path));
@@ -75,7 +75,7 @@ fn judge_stage(
     };
     let worlds: Vec<PhysicalParams> = (0..batch).map(world).collect();
     // Too short to be interrupted.
-    let traces = scene.replay(&worlds, &motions, stage == Stage::Contact, &AtomicBool::new(false))?;
+    let traces = scene.replay(&worlds, &motions, pass == Pass::Contact, &AtomicBool::new(false))?;
     let mut estimates = Vec::new();
     for (group, problem, plan, candidates) in problems {
         let evaluations: Vec<Evaluation> = (0..candidates.len())

@@ -1,4 +1,4 @@
-//! Runs a stage: its fits propose candidates, shared replays evaluate them, and the best become the new parameters.
+//! Runs a pass: its fits propose candidates, shared replays evaluate them, and the best become the new parameters.
 
 use std::path::Path;
 use std::time::Instant;
@@ -7,8 +7,8 @@ use etude_perform::Job;
 use etude_stage::PhysicalParams;
 
 use super::error::IdentifyError;
+use super::pass::{Pass, PassEnd};
 use super::scene::{Scene, saturates, set};
-use super::stage::{Stage, StageEnd};
 use super::starts::{cross_the_kinks, find_delays};
 use super::state::State;
 use crate::fit::Fit;
@@ -18,12 +18,12 @@ use crate::motion::Motion;
 use crate::problem::Evaluation;
 use crate::rows::follow_stiffness;
 
-/// Progress of a stage.
+/// Progress of a pass.
 #[derive(Clone, Debug)]
 pub struct Progress {
-    /// The stage.
-    pub stage: Stage,
-    /// Replays of all motions so far in this stage.
+    /// The pass.
+    pub pass: Pass,
+    /// Replays of all motions so far in this pass.
     pub replays: u64,
     /// Root mean square of all residuals of the best candidates so far, in standard deviations of the noise.
     pub rms: f64,
@@ -31,25 +31,25 @@ pub struct Progress {
     pub ended: [usize; 2],
 }
 
-/// Runs or resumes a stage to its end.
+/// Runs or resumes a pass to its end.
 pub(super) fn run(
     scene: &Scene<'_>,
     state: &mut State,
-    stage: Stage,
+    pass: Pass,
     file: &Path,
     job: &mut Job<'_, Progress>,
 ) -> Result<(), IdentifyError> {
-    let motions = scene.motions(stage == Stage::Contact);
-    if state.fits.is_empty() || state.stage != stage {
-        if state.ended.is_empty() && stage == Stage::Joints {
+    let motions = scene.motions(pass == Pass::Contact);
+    if state.fits.is_empty() || state.pass != pass {
+        if state.ended.is_empty() && pass == Pass::Joints {
             find_delays(scene, &mut state.params, &motions, job.interrupt())?;
         }
         let mut starts = state.params.clone();
-        if stage == Stage::Restart {
+        if pass == Pass::Restart {
             cross_the_kinks(scene, &mut starts);
         }
-        state.fits = fits(scene, state, stage, &starts, &motions)?;
-        (state.stage, state.replays, state.secs) = (stage, 0, 0.0);
+        state.fits = fits(scene, state, pass, &starts, &motions)?;
+        (state.pass, state.replays, state.secs) = (pass, 0, 0.0);
     }
     let began = state.params.clone();
     loop {
@@ -60,7 +60,7 @@ pub(super) fn run(
             break;
         }
         let worlds: Vec<PhysicalParams> = (0..batch).map(|index| world_of(state, &asked, index)).collect();
-        let traces = scene.replay(&worlds, &motions, stage == Stage::Contact, job.interrupt())?;
+        let traces = scene.replay(&worlds, &motions, pass == Pass::Contact, job.interrupt())?;
         for ((group, fit), candidates) in state.fits.iter_mut().zip(&asked) {
             if !candidates.is_empty() {
                 let evaluations: Vec<Evaluation> = (0..candidates.len())
@@ -78,23 +78,23 @@ pub(super) fn run(
         let ended = state.fits.iter().filter(|(_, fit)| fit.finished().is_some()).count();
         let (replays, ended) = (state.replays, [ended, state.fits.len()]);
         // Before the state is saved: after a kill in between the same progress is reported again, and none is lost.
-        job.tell(&Progress { stage, replays, rms, ended });
+        job.tell(&Progress { pass, replays, rms, ended });
         state.save(file)?;
     }
-    end(scene, state, stage, &motions);
+    end(scene, state, pass, &motions);
     state.save(file)
 }
 
-/// The fits of a stage's groups. Their parameters start where an earlier stage has left them.
+/// The fits of a pass's groups. Their parameters start where an earlier pass has left them.
 fn fits(
     scene: &Scene<'_>,
     state: &State,
-    stage: Stage,
+    pass: Pass,
     starts: &PhysicalParams,
     motions: &[Motion],
 ) -> Result<Vec<(Group, Fit)>, IdentifyError> {
     let mut fits = Vec::new();
-    for (index, group) in stage.groups().into_iter().enumerate() {
+    for (index, group) in pass.groups().into_iter().enumerate() {
         if !motions.iter().any(|motion| group.learns_from(motion)) {
             continue;
         }
@@ -107,7 +107,7 @@ fn fits(
         }
         let problem = group.problem(parameters, motions)?;
         let seed = state.config.seed.wrapping_mul(1000).wrapping_add(index as u64);
-        fits.push((group, Fit::new(problem, &stage.method(&state.config.method), seed)?));
+        fits.push((group, Fit::new(problem, &pass.method(&state.config.method), seed)?));
     }
     if fits.is_empty() { Err(IdentifyError::Nothing) } else { Ok(fits) }
 }
@@ -124,12 +124,12 @@ fn world_of(state: &State, asked: &[Vec<Candidate>], index: usize) -> PhysicalPa
     params
 }
 
-/// Takes the best candidates of a stage over into the parameters.
-fn end(scene: &Scene<'_>, state: &mut State, stage: Stage, motions: &[Motion]) {
+/// Takes the best candidates of a pass over into the parameters.
+fn end(scene: &Scene<'_>, state: &mut State, pass: Pass, motions: &[Motion]) {
     let mut fits = std::mem::take(&mut state.fits);
     let samples = fits.iter().map(|(_, fit)| fit.problem().samples()).sum();
     let mut begin_rms = state.rms;
-    if stage == Stage::Restart {
+    if pass == Pass::Restart {
         // Fits that did not end better are dropped.
         begin_rms = state.ended.last().map_or(begin_rms, |end| end.rms[1]);
         fits.retain(|(group, fit)| {
@@ -145,11 +145,11 @@ fn end(scene: &Scene<'_>, state: &mut State, stage: Stage, motions: &[Motion]) {
             set(&mut state.params, fit.problem(), &best.values);
         }
     }
-    if stage != Stage::Contact {
+    if pass != Pass::Contact {
         follow_stiffness(&scene.before, |joint| saturates(motions, joint), &mut state.params);
     }
     let rms = [begin_rms, root_mean_square(state.costs.values().sum(), samples)];
-    state.ended.push(StageEnd { stage, replays: state.replays, secs: state.secs, rms });
+    state.ended.push(PassEnd { pass, replays: state.replays, secs: state.secs, rms });
 }
 
 /// Root mean square of the residuals of the best candidates.

@@ -40,7 +40,7 @@ impl<'a> Scene<'a> {
         self.motions.iter().filter(|motion| motion.keys.is_empty() != keys).cloned().collect()
     }
 
-    /// The parameters that a group estimates, with bounds around their values before the first stage.
+    /// The parameters that a group estimates, with bounds around their values before the first pass.
     pub fn parameters(&self, group: &Group, motions: &[Motion]) -> Vec<Parameter> {
         if group.keys {
             return contact_parameters(&self.before);

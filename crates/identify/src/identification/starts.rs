@@ -1,8 +1,8 @@
-//! Where the fits of a stage start.
+//! Where the fits of a pass start.
 
 use std::sync::atomic::AtomicBool;
 
-use etude_stage::params::Joint;
+use etude_stage::params::JointRow;
 use etude_stage::{JOINTS, PhysicalParams};
 
 use super::error::IdentifyError;
@@ -27,7 +27,7 @@ pub(super) fn find_delays(
         .map(|steps| {
             let mut params = params.clone();
             for joint in 0..JOINTS {
-                params.set_joint(Joint::Delay, joint, steps as f64 * scene.world.physics_step_secs());
+                params.set_joint(JointRow::Delay, joint, steps as f64 * scene.world.physics_step_secs());
             }
             params
         })
@@ -42,7 +42,7 @@ pub(super) fn find_delays(
         };
         let costs: Vec<f64> = traces.iter().map(|traces| cost(traces)).collect();
         if let Some(best) = (0..costs.len()).min_by(|a, b| costs[*a].total_cmp(&costs[*b])) {
-            params.set_joint(Joint::Delay, joint, worlds[best].joint(Joint::Delay, joint));
+            params.set_joint(JointRow::Delay, joint, worlds[best].joint(JointRow::Delay, joint));
         }
     }
     Ok(())
@@ -52,8 +52,8 @@ pub(super) fn find_delays(
 /// settles, below it the jerk limit does, and no slope leads from one side to the other.
 pub(super) fn cross_the_kinks(scene: &Scene<'_>, params: &mut PhysicalParams) {
     for joint in 0..JOINTS {
-        let kink = params.joint(Joint::AccelerationLimit, joint) / scene.world.physics_step_secs();
-        let side = if params.joint(Joint::JerkLimit, joint) < kink { CROSSED } else { 1.0 / CROSSED };
-        params.set_joint(Joint::JerkLimit, joint, side * kink);
+        let kink = params.joint(JointRow::AccelerationLimit, joint) / scene.world.physics_step_secs();
+        let side = if params.joint(JointRow::JerkLimit, joint) < kink { CROSSED } else { 1.0 / CROSSED };
+        params.set_joint(JointRow::JerkLimit, joint, side * kink);
     }
 }

@@ -8,7 +8,7 @@ use etude_stage::{JOINTS, PhysicalParams};
 use serde::{Deserialize, Serialize};
 
 use super::error::IdentifyError;
-use super::stage::{Stage, StageEnd};
+use super::pass::{Pass, PassEnd};
 use crate::config::MethodConfig;
 use crate::fit::Fit;
 use crate::group::Group;
@@ -17,7 +17,7 @@ use crate::motion::Motion;
 /// How to identify.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct IdentifyConfig {
-    /// The method of every stage.
+    /// The method of every pass.
     pub method: MethodConfig,
     /// Seed of every random draw.
     pub seed: u64,
@@ -32,16 +32,16 @@ pub(super) struct State {
     /// Path, length and start of each recording, to recognise them.
     motions: Vec<(String, usize, [f64; JOINTS])>,
     pub params: PhysicalParams,
-    pub ended: Vec<StageEnd>,
-    /// Whether all stages have ended.
+    pub ended: Vec<PassEnd>,
+    /// Whether all passes have ended.
     pub done: bool,
-    /// The current stage.
-    pub stage: Stage,
+    /// The current pass.
+    pub pass: Pass,
     pub fits: Vec<(Group, Fit)>,
     pub replays: u64,
     pub secs: f64,
     pub rms: f64,
-    /// Final cost of each group of the last stage.
+    /// Final cost of each group of the last pass.
     pub costs: BTreeMap<String, f64>,
 }
 
@@ -61,7 +61,7 @@ impl State {
             params: before.clone(),
             ended: Vec::new(),
             done: false,
-            stage: Stage::Joints,
+            pass: Pass::Joints,
             fits: Vec::new(),
             replays: 0,
             secs: 0.0,

@@ -60,7 +60,7 @@ pub(super) fn in_short(input: &ReportInput<'_>, parts: &[Part]) -> Vec<String> {
     items
 }
 
-/// Method, recordings and stages.
+/// Method, recordings and passes.
 pub(super) fn what_was_fitted(input: &ReportInput<'_>) -> Vec<String> {
     let config = input.config;
     let method = match &config.method {
@@ -83,9 +83,9 @@ pub(super) fn what_was_fitted(input: &ReportInput<'_>) -> Vec<String> {
     };
     let fitted = input.fitted.iter().map(|motion| recording(motion, "fitted"));
     let held_out = input.held_out.iter().map(|motion| recording(motion, "held out"));
-    let stages = input.identified.stages.iter().map(|end| {
+    let passes = input.identified.passes.iter().map(|end| {
         let [before, after] = end.rms.map(number);
-        vec![end.stage.name().to_string(), end.replays.to_string(), number(end.secs), before, after]
+        vec![end.pass.name().to_string(), end.replays.to_string(), number(end.secs), before, after]
     });
     vec![
         paragraph(&format!(
@@ -100,9 +100,9 @@ pub(super) fn what_was_fitted(input: &ReportInput<'_>) -> Vec<String> {
             fitted.chain(held_out),
         ),
         table(
-            "Stages; residuals are root mean squares in standard deviations of the readings' noise",
-            &["stage", "replays", "seconds", "residuals before", "after"],
-            stages,
+            "Passes; residuals are root mean squares in standard deviations of the readings' noise",
+            &["pass", "replays", "seconds", "residuals before", "after"],
+            passes,
         ),
     ]
 }

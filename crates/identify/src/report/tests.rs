@@ -3,14 +3,14 @@
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 
-use etude_stage::params::Joint;
+use etude_stage::params::JointRow;
 use etude_stage::{JOINT_NAMES, JOINTS, PhysicalParams, RAIL, StageConfig};
 
 use super::*;
 use crate::assessment::{Assessment, Replayed};
 use crate::config::{LmConfig, MethodConfig};
 use crate::estimate::{BlockStatistics, Bound, Estimate, ParameterEstimate, WeakDirection};
-use crate::identification::{Identified, IdentifyConfig, Stage, StageEnd};
+use crate::identification::{Identified, IdentifyConfig, Pass, PassEnd};
 use crate::motion::{Commands, Motion};
 use crate::replay::{Replayer, Trace};
 
@@ -112,9 +112,9 @@ fn case() -> Case {
     let before = PhysicalParams::default();
     let mut after = before.clone();
     for joint in 0..RAIL {
-        after.set_joint(Joint::LowPass, joint, 0.03);
+        after.set_joint(JointRow::LowPass, joint, 0.03);
     }
-    let stages = vec![StageEnd { stage: Stage::Joints, replays: 321, secs: 12.5, rms: [60.0, 20.0] }];
+    let passes = vec![PassEnd { pass: Pass::Joints, replays: 321, secs: 12.5, rms: [60.0, 20.0] }];
     Case {
         fitted: vec![motion("/tmp/fitted.mcap", &after)],
         held_out: vec![motion(HOSTILE, &after)],
@@ -126,7 +126,7 @@ fn case() -> Case {
         identified: Identified {
             physics: BTreeMap::new(),
             before: BTreeMap::new(),
-            stages,
+            passes,
             estimates: vec![("index".to_string(), estimate())],
         },
         before,

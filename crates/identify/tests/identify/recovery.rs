@@ -5,8 +5,8 @@ use crate::synthetic::recover;
 #[test]
 fn the_known_numbers_of_a_finger_come_back_to_the_noise() {
     let recovery = recover(&[0, 1, 2, 3], 1).unwrap();
-    for end in &recovery.stages {
-        println!("{}: {:.2?} after {} replays", end.stage.name(), end.rms, end.replays);
+    for end in &recovery.passes {
+        println!("{}: {:.2?} after {} replays", end.pass.name(), end.rms, end.replays);
     }
     for (joint, [before, after]) in &recovery.held_out {
         println!("{joint}: {before:.2} to {after:.2} times the noise");

@@ -6,12 +6,12 @@ use std::path::PathBuf;
 use std::sync::atomic::AtomicBool;
 
 use etude_identify::{
-    Assessment, Commands, IdentifyConfig, LmConfig, MethodConfig, Motion, ParameterEstimate, Replayer,
-    StageEnd, identify,
+    Assessment, Commands, IdentifyConfig, LmConfig, MethodConfig, Motion, ParameterEstimate, PassEnd,
+    Replayer, identify,
 };
 use etude_perform::{Excitation, Job, shaping_params};
 use etude_robot::rig::RigConfig;
-use etude_stage::params::Joint;
+use etude_stage::params::JointRow;
 use etude_stage::{JOINTS, PhysicalParams, RAIL, StageConfig};
 use rand::{RngExt as _, SeedableRng as _};
 use rand_pcg::Pcg64;
@@ -23,8 +23,8 @@ const NOISE: [f64; 2] = [2e-4, 5e-5];
 
 /// The result of a recovery.
 pub struct Recovery {
-    /// The stages.
-    pub stages: Vec<StageEnd>,
+    /// The passes.
+    pub passes: Vec<PassEnd>,
     /// Held-out errors by joint, in multiples of its noise: before the fit and after it.
     pub held_out: Vec<(String, [f64; 2])>,
     /// The identifiable parameters and their true values.
@@ -104,21 +104,21 @@ fn truth(joints: &[usize], seed: u64) -> PhysicalParams {
     let mut random = Pcg64::seed_from_u64(seed);
     let mut params = shaping_params(&RigConfig::default().limits);
     for &joint in joints {
-        let mut scale = |quantity: Joint, most: f64| {
+        let mut scale = |quantity: JointRow, most: f64| {
             let factor: f64 = random.random_range(1.0 / most..=most);
             params.set_joint(quantity, joint, params.joint(quantity, joint) * factor);
         };
-        scale(Joint::Stiffness, 1.3);
-        scale(Joint::Damping, 1.3);
-        scale(Joint::LowPass, 1.5);
-        scale(Joint::JerkLimit, 1.3);
+        scale(JointRow::Stiffness, 1.3);
+        scale(JointRow::Damping, 1.3);
+        scale(JointRow::LowPass, 1.5);
+        scale(JointRow::JerkLimit, 1.3);
         if joint != RAIL {
-            scale(Joint::Armature, 1.3);
+            scale(JointRow::Armature, 1.3);
         }
         let friction =
             if joint == RAIL { random.random_range(1.0..5.0) } else { random.random_range(0.004..0.02) };
-        params.set_joint(Joint::Friction, joint, friction);
-        params.set_joint(Joint::Delay, joint, random.random_range(0.002..0.018));
+        params.set_joint(JointRow::Friction, joint, friction);
+        params.set_joint(JointRow::Delay, joint, random.random_range(0.002..0.018));
     }
     params
 }
@@ -159,7 +159,7 @@ pub fn recover(joints: &[usize], seed: u64) -> Result<Recovery, Error> {
         Ok((found, truth))
     });
     Ok(Recovery {
-        stages: identified.stages,
+        passes: identified.passes,
         held_out: errors.map(|e| (e.joint, [e.before / e.noise, e.after / e.noise])).collect(),
         numbers: numbers.collect::<Result<_, etude_stage::ParamError>>()?,
     })

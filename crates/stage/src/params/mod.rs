@@ -11,18 +11,19 @@ use std::collections::BTreeMap;
 use serde::{Deserialize, Serialize};
 
 use crate::hand::JOINTS;
-pub use table::{Joint, ParamError, Row, Slot, World};
+pub use table::{JointRow, ParamError, Row, Slot, WorldRow};
 
 /// The physical numbers of one world.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct PhysicalParams {
-    world: [f64; World::ALL.len()],
-    joints: [[f64; JOINTS]; Joint::ALL.len()],
+    world: [f64; WorldRow::ALL.len()],
+    joints: [[f64; JOINTS]; JointRow::ALL.len()],
 }
 
 impl Default for PhysicalParams {
     fn default() -> Self {
-        let mut params = Self { world: [0.0; World::ALL.len()], joints: [[0.0; JOINTS]; Joint::ALL.len()] };
+        let mut params =
+            Self { world: [0.0; WorldRow::ALL.len()], joints: [[0.0; JOINTS]; JointRow::ALL.len()] };
         Slot::all().for_each(|slot| *params.slot_mut(slot) = slot.default_value());
         params
     }
@@ -30,13 +31,13 @@ impl Default for PhysicalParams {
 
 impl PhysicalParams {
     /// A number of the world.
-    pub fn world(&self, quantity: World) -> f64 {
-        self.value(Slot::World(quantity))
+    pub fn world(&self, row: WorldRow) -> f64 {
+        self.value(Slot::World(row))
     }
 
     /// A number of one joint.
-    pub fn joint(&self, quantity: Joint, index: usize) -> f64 {
-        self.value(Slot::Joint(quantity, index))
+    pub fn joint(&self, row: JointRow, index: usize) -> f64 {
+        self.value(Slot::Joint(row, index))
     }
 
     /// The number in `slot`.
@@ -48,13 +49,13 @@ impl PhysicalParams {
     }
 
     /// Sets a number of the world, clamped to its range.
-    pub fn set_world(&mut self, quantity: World, value: f64) {
-        self.set_clamped(Slot::World(quantity), value);
+    pub fn set_world(&mut self, row: WorldRow, value: f64) {
+        self.set_clamped(Slot::World(row), value);
     }
 
     /// Sets a number of one joint, clamped to its range.
-    pub fn set_joint(&mut self, quantity: Joint, index: usize, value: f64) {
-        self.set_clamped(Slot::Joint(quantity, index), value);
+    pub fn set_joint(&mut self, row: JointRow, index: usize, value: f64) {
+        self.set_clamped(Slot::Joint(row, index), value);
     }
 
     /// Sets the number in `slot`, clamped to its range.
@@ -133,15 +134,15 @@ mod tests {
             assert!(params.set(&path, row.range[1] * 2.0 + 1.0).is_err());
             assert!(params.set(&path, f64::NAN).is_err());
         }
-        assert_eq!(seen.len(), World::ALL.len() + JOINTS * Joint::ALL.len());
+        assert_eq!(seen.len(), WorldRow::ALL.len() + JOINTS * JointRow::ALL.len());
     }
 
     #[test]
     fn groups_set_several_joints() {
         let mut params = PhysicalParams::default();
         params.set("joint.fingers.delay", 0.01).unwrap();
-        assert_eq!(params.joint(Joint::Delay, 3), 0.01);
-        assert_eq!(params.joint(Joint::Delay, RAIL), 0.0);
+        assert_eq!(params.joint(JointRow::Delay, 3), 0.01);
+        assert_eq!(params.joint(JointRow::Delay, RAIL), 0.0);
         assert_eq!(
             params.set("joint.thumb_0.delay", 0.0),
             Err(ParamError::Unknown("joint.thumb_0.delay".into()))

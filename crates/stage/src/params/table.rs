@@ -60,7 +60,7 @@ const fn joint(
 
 rows! {
     /// Numbers of the keyboard and of the hand as a whole.
-    World, WORLD_ROWS {
+    WorldRow, WORLD_ROWS {
         /// Height of the keyboard.
         KeyboardHeight = row("keyboard.height", "m", 0.0, [-0.03, 0.03],
             "height of the keyboard relative to its nominal place under the hand"),
@@ -93,7 +93,7 @@ rows! {
 
 rows! {
     /// Numbers that every driven joint has.
-    Joint, JOINT_ROWS {
+    JointRow, JOINT_ROWS {
         /// Proportional gain.
         Stiffness = joint("stiffness", "N·m/rad", 3.0, 20_000.0, [0.0, 50_000.0],
             "proportional gain of the joint's controller; fingers: 3600/1200 as HORA deploys on the v4 hand (github.com/HaozhiQi/hora, \
@@ -147,16 +147,16 @@ const FINGER_TORQUE_LIMITS: [f64; FINGER_JOINTS] = [0.3125, 0.5625, 0.375, 0.237
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Slot {
     /// A number of the world.
-    World(World),
+    World(WorldRow),
     /// A number of the joint with this index.
-    Joint(Joint, usize),
+    Joint(JointRow, usize),
 }
 
 impl Slot {
     /// Every number, in a fixed order: the world's, then row by row those of all joints.
     pub fn all() -> impl Iterator<Item = Slot> {
-        let joints = Joint::ALL.iter().flat_map(|row| (0..JOINTS).map(|joint| Slot::Joint(*row, joint)));
-        World::ALL.iter().map(|row| Slot::World(*row)).chain(joints)
+        let joints = JointRow::ALL.iter().flat_map(|row| (0..JOINTS).map(|joint| Slot::Joint(*row, joint)));
+        WorldRow::ALL.iter().map(|row| Slot::World(*row)).chain(joints)
     }
 
     /// The numbers that `path` names: one, or several where it is `joint.all.<name>` or `joint.fingers.<name>`.
@@ -165,12 +165,12 @@ impl Slot {
     /// If no number has this path.
     pub fn named(path: &str) -> Result<Vec<Slot>, ParamError> {
         let unknown = || ParamError::Unknown(path.to_string());
-        if let Some(row) = World::ALL.iter().find(|row| row.row().name == path) {
+        if let Some(row) = WorldRow::ALL.iter().find(|row| row.row().name == path) {
             return Ok(vec![Slot::World(*row)]);
         }
         let (who, name) =
             path.strip_prefix("joint.").and_then(|rest| rest.split_once('.')).ok_or_else(unknown)?;
-        let row = Joint::ALL.iter().find(|row| row.row().name == name).ok_or_else(unknown)?;
+        let row = JointRow::ALL.iter().find(|row| row.row().name == name).ok_or_else(unknown)?;
         let is_named = |joint: &usize| match who {
             "all" => true,
             "fingers" => *joint != RAIL,
@@ -200,7 +200,7 @@ impl Slot {
     pub fn default_value(self) -> f64 {
         match self {
             Slot::Joint(row, RAIL) => row.row().rail_default,
-            Slot::Joint(Joint::TorqueLimit, joint) => FINGER_TORQUE_LIMITS[joint % FINGER_JOINTS],
+            Slot::Joint(JointRow::TorqueLimit, joint) => FINGER_TORQUE_LIMITS[joint % FINGER_JOINTS],
             _ => self.row().default,
         }
     }

@@ -21,7 +21,7 @@ use crate::geometry::{HALF_WIDTH, WHITE};
 use crate::hand::{FINGER_JOINTS, FINGERS, JOINTS, RAIL, TIP_RADIUS, joint_range, root_lateral};
 use crate::kinematics;
 use crate::mjcf::{key_place, keyboard_place, mjcf_with, passive_damping};
-use crate::params::{Joint, PhysicalParams, World as Quantity};
+use crate::params::{JointRow, PhysicalParams, WorldRow};
 use layout::Layout;
 pub use snapshot::{Snapshot, SnapshotError};
 pub use step::StepOutcome;
@@ -106,7 +106,7 @@ impl World {
         let step = self.options.step_secs;
         let value = |quantity| params.world(quantity);
         for key in 0..KEYS {
-            self.threshold[key] = value(Quantity::KeyThreshold) * self.lower_stop(key);
+            self.threshold[key] = value(WorldRow::KeyThreshold) * self.lower_stop(key);
         }
         for joint in 0..JOINTS {
             self.gains[joint] = Gains::new(params, joint, self.config.actuation, step);
@@ -118,16 +118,16 @@ impl World {
             let dof = self.layout.key_dof[key];
             model.body_pos_mut()[self.layout.key_body[key]] =
                 key_place(params, self.options.keyboard_yaw_rad, key);
-            model.jnt_stiffness_mut()[dof] = value(Quantity::KeyStiffness) * self.options.keys[key].stiffness;
-            model.dof_damping_mut()[dof] = value(Quantity::KeyDamping);
-            model.dof_armature_mut()[dof] = value(Quantity::KeyArmature);
-            model.geom_friction_mut()[self.layout.key_geom[key]][0] = value(Quantity::KeyFriction);
+            model.jnt_stiffness_mut()[dof] = value(WorldRow::KeyStiffness) * self.options.keys[key].stiffness;
+            model.dof_damping_mut()[dof] = value(WorldRow::KeyDamping);
+            model.dof_armature_mut()[dof] = value(WorldRow::KeyArmature);
+            model.geom_friction_mut()[self.layout.key_geom[key]][0] = value(WorldRow::KeyFriction);
         }
         for joint in 0..JOINTS {
             let dof = self.layout.joint_dof[joint];
             model.dof_damping_mut()[dof] = passive_damping(&self.config, params, joint);
-            model.dof_frictionloss_mut()[dof] = params.joint(Joint::Friction, joint);
-            model.dof_armature_mut()[dof] = params.joint(Joint::Armature, joint);
+            model.dof_frictionloss_mut()[dof] = params.joint(JointRow::Friction, joint);
+            model.dof_armature_mut()[dof] = params.joint(JointRow::Armature, joint);
         }
         // MuJoCo derives constants from the inertias, such as the scaling of contacts: compute them again.
         self.data.set_const();
@@ -186,7 +186,7 @@ impl World {
     /// The starting pose in true positions.
     fn start_pose_true(&self) -> [f64; JOINTS] {
         let mut pose = [0.0; JOINTS];
-        pose[RAIL] = self.params.world(Quantity::HandStart).clamp(-HALF_WIDTH, HALF_WIDTH);
+        pose[RAIL] = self.params.world(WorldRow::HandStart).clamp(-HALF_WIDTH, HALF_WIDTH);
         let (x, z) = (WHITE.target()[0], WHITE.top() + TIP_RADIUS + HOVER);
         for finger in 0..FINGERS {
             let y = root_lateral(self.config.side, finger) + pose[RAIL];

@@ -2,7 +2,7 @@
 
 use etude_stage::geometry::{HALF_WIDTH, KeyShape};
 use etude_stage::hand::{FINGER_JOINTS, TIP_RADIUS, root_lateral};
-use etude_stage::params::{Joint, World as Quantity};
+use etude_stage::params::{JointRow, WorldRow};
 use etude_stage::{FINGERS, JOINTS, PhysicalParams, RAIL, StageConfig, World, joint_range, kinematics};
 use proptest::prelude::*;
 
@@ -27,17 +27,17 @@ pub fn over_beside(
 ) -> Option<[f64; JOINTS]> {
     let side = world.config().side;
     let [x, y, _] = world.key_target(key);
-    let top = KeyShape::of(key).top() + world.params().world(Quantity::KeyboardHeight);
+    let top = KeyShape::of(key).top() + world.params().world(WorldRow::KeyboardHeight);
     let rail = y - root_lateral(side, finger);
     if rail.abs() > HALF_WIDTH {
         return None;
     }
     let mut pose = world.start_pose();
     let angles = kinematics::reach(side, finger, [x, y + aside, top + TIP_RADIUS + height], rail)?;
-    pose[RAIL] = rail + world.params().joint(Joint::EncoderBias, RAIL);
+    pose[RAIL] = rail + world.params().joint(JointRow::EncoderBias, RAIL);
     for (number, angle) in angles.into_iter().enumerate() {
         let joint = finger * FINGER_JOINTS + number;
-        pose[joint] = angle + world.params().joint(Joint::EncoderBias, joint);
+        pose[joint] = angle + world.params().joint(JointRow::EncoderBias, joint);
     }
     Some(pose)
 }

@@ -15,7 +15,7 @@
 
 use etude_stage::geometry::BLACK;
 use etude_stage::hand::{FINGERS, LINK_MASSES, PALM_MASS, THUMB_MASS};
-use etude_stage::params::{Joint, World as Quantity};
+use etude_stage::params::{JointRow, WorldRow};
 use etude_stage::{Actuation, JOINTS, PhysicalParams, RAIL, StageConfig, World, joint_range};
 use proptest::prelude::*;
 
@@ -50,7 +50,7 @@ fn params(actuation: Actuation) -> impl Strategy<Value = PhysicalParams> {
 
 fn keep_to_the_rules(params: &mut PhysicalParams, actuation: Actuation) {
     let stiffest = KEY_SHARE * stiffest_stable_key(params);
-    params.set_world(Quantity::KeyStiffness, params.world(Quantity::KeyStiffness).min(stiffest));
+    params.set_world(WorldRow::KeyStiffness, params.world(WorldRow::KeyStiffness).min(stiffest));
     for joint in 0..JOINTS {
         let (quantity, most) = strongest_drive(params, joint, actuation);
         params.set_joint(quantity, joint, params.joint(quantity, joint).min(most));
@@ -61,8 +61,8 @@ fn keep_to_the_rules(params: &mut PhysicalParams, actuation: Actuation) {
 fn stiffest_stable_key(params: &PhysicalParams) -> f64 {
     let [length, _, height] = BLACK.size;
     let box_about_its_rear = BLACK.mass * (length * length / 3.0 + height * height / 12.0);
-    let inertia = box_about_its_rear + params.world(Quantity::KeyArmature);
-    2.0 * (2.0 * inertia + STEP_SECS * params.world(Quantity::KeyDamping)) / (STEP_SECS * STEP_SECS)
+    let inertia = box_about_its_rear + params.world(WorldRow::KeyArmature);
+    2.0 * (2.0 * inertia + STEP_SECS * params.world(WorldRow::KeyDamping)) / (STEP_SECS * STEP_SECS)
 }
 
 /// The number that says how strong a joint's drive is, and how great it may be. All the way from one end of the range to
@@ -70,10 +70,10 @@ fn stiffest_stable_key(params: &PhysicalParams) -> f64 {
 fn strongest_drive(params: &PhysicalParams, joint: usize, actuation: Actuation) -> (Joint, f64) {
     let [low, high] = joint_range(joint);
     let hand = PALM_MASS + THUMB_MASS + FINGERS as f64 * LINK_MASSES.iter().sum::<f64>();
-    let inertia = params.joint(Joint::Armature, joint) + if joint == RAIL { hand } else { 0.0 };
+    let inertia = params.joint(JointRow::Armature, joint) + if joint == RAIL { hand } else { 0.0 };
     match actuation {
-        Actuation::Controlled => (Joint::TorqueLimit, inertia * FASTEST.powi(2) * (high - low) / 2.0),
-        Actuation::Position => (Joint::Stiffness, inertia * FASTEST.powi(2)),
+        Actuation::Controlled => (JointRow::TorqueLimit, inertia * FASTEST.powi(2) * (high - low) / 2.0),
+        Actuation::Position => (JointRow::Stiffness, inertia * FASTEST.powi(2)),
     }
 }
 
@@ -125,9 +125,9 @@ fn the_defaults_keep_to_the_rules() {
 #[test]
 fn an_engine_that_starts_over_says_so() {
     let mut params = PhysicalParams::default();
-    params.set_world(Quantity::KeyArmature, 1e-5);
-    params.set_world(Quantity::KeyDamping, 0.001);
-    params.set_world(Quantity::KeyStiffness, 5.0);
+    params.set_world(WorldRow::KeyArmature, 1e-5);
+    params.set_world(WorldRow::KeyDamping, 0.001);
+    params.set_world(WorldRow::KeyStiffness, 5.0);
     let mut world = World::new(&StageConfig::default(), &params).unwrap();
     let mut outcomes = (0..400).map(|step| {
         let shares = std::array::from_fn(|joint| 0.5 + 0.5 * (0.7 * (step * (joint + 1)) as f64).sin());

@@ -1,7 +1,7 @@
 //! How fast the joints move, and that they stand still when they should.
 
 use etude_stage::geometry::HALF_WIDTH;
-use etude_stage::params::{Joint, PhysicalParams};
+use etude_stage::params::{JointRow, PhysicalParams};
 use etude_stage::{Actuation, RAIL, Side, StageConfig, World};
 
 use crate::bench;
@@ -34,7 +34,7 @@ fn a_full_width_move_takes_what_the_limits_say() {
     let params = PhysicalParams::default();
     let limit = |quantity| params.joint(quantity, RAIL);
     let (velocity, acceleration, jerk) =
-        (limit(Joint::VelocityLimit), limit(Joint::AccelerationLimit), limit(Joint::JerkLimit));
+        (limit(JointRow::VelocityLimit), limit(JointRow::AccelerationLimit), limit(JointRow::JerkLimit));
     let distance = 2.0 * HALF_WIDTH;
     let least = fastest_secs(distance, velocity, acceleration, jerk);
     let mut world = bench::nominal();

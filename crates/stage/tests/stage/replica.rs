@@ -8,7 +8,7 @@
 use etude_music::{KEYS, KeySet};
 use etude_stage::controller::{Controller, Gains};
 use etude_stage::geometry::KeyShape;
-use etude_stage::params::{Joint, World as Quantity};
+use etude_stage::params::{JointRow, WorldRow};
 use etude_stage::{JOINTS, PHYSICS_STEPS, World, joint_range, mjcf};
 use mujoco_rs::prelude::{MjData, MjModel, MjtObjBase};
 
@@ -34,13 +34,13 @@ impl Replica {
         let dof = |name: &str| model.name_to_id(MjtObjBase::mjOBJ_JOINT, name).unwrap();
         let dofs = etude_stage::JOINT_NAMES.map(dof);
         let keys = std::array::from_fn(|key| dof(&format!("key_{key}")));
-        let threshold = world.params().world(Quantity::KeyThreshold);
+        let threshold = world.params().world(WorldRow::KeyThreshold);
         let mut data = MjData::try_new(Box::new(model)).unwrap();
         let actuation = world.config().actuation;
         let gains = std::array::from_fn(|joint| Gains::new(world.params(), joint, actuation, STEP_SECS));
         let readings = world.start_pose();
         for (joint, dof) in dofs.into_iter().enumerate() {
-            let bias = world.params().joint(Joint::EncoderBias, joint);
+            let bias = world.params().joint(JointRow::EncoderBias, joint);
             data.qpos_mut()[dof] = readings[joint] - bias;
         }
         data.forward();

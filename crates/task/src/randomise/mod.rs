@@ -13,7 +13,7 @@ mod widths;
 #[cfg(test)]
 mod tests;
 
-use etude_stage::params::{Joint, PhysicalParams, Slot, World};
+use etude_stage::params::{JointRow, PhysicalParams, Slot, WorldRow};
 use etude_stage::{Actuation, JOINTS, RAIL};
 use rand_pcg::Pcg64;
 use serde::{Deserialize, Serialize};
@@ -39,22 +39,22 @@ pub struct RandomisationConfig {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Full {
     /// One value for the world, anywhere between the two.
-    Between(World, f64, f64),
+    Between(WorldRow, f64, f64),
     /// One value for the world, the nominal one plus or minus this.
-    Around(World, f64),
+    Around(WorldRow, f64),
     /// A factor for each finger joint and the rail, one plus or minus this.
-    Scaled(Joint, f64),
+    Scaled(JointRow, f64),
 }
 
 /// The paper's seven quantities ("Domain Randomization") with their ranges at full intensity.
 pub const RANDOMISED: &[(&str, Full)] = &[
-    ("height of the piano", Full::Around(World::KeyboardHeight, 0.0085)),
-    ("starting position of the hand", Full::Around(World::HandStart, 0.33)),
-    ("dampening of the joints", Full::Scaled(Joint::Damping, 0.9)),
-    ("applied force of each actuator", Full::Scaled(Joint::Stiffness, 0.9)),
-    ("threshold of a key", Full::Between(World::KeyThreshold, 0.1, 0.9)),
-    ("stiffness of the springs", Full::Between(World::KeyStiffness, 0.3, 2.3)),
-    ("friction of keys and fingertips", Full::Between(World::KeyFriction, 0.2, 2.5)),
+    ("height of the piano", Full::Around(WorldRow::KeyboardHeight, 0.0085)),
+    ("starting position of the hand", Full::Around(WorldRow::HandStart, 0.33)),
+    ("dampening of the joints", Full::Scaled(JointRow::Damping, 0.9)),
+    ("applied force of each actuator", Full::Scaled(JointRow::Stiffness, 0.9)),
+    ("threshold of a key", Full::Between(WorldRow::KeyThreshold, 0.1, 0.9)),
+    ("stiffness of the springs", Full::Between(WorldRow::KeyStiffness, 0.3, 2.3)),
+    ("friction of keys and fingertips", Full::Between(WorldRow::KeyFriction, 0.2, 2.5)),
 ];
 
 /// Draws worlds about a nominal one.

@@ -8,7 +8,7 @@
 use etude_music::CONTROL_HZ;
 use etude_stage::geometry::BLACK;
 use etude_stage::hand::{FINGERS, LINK_MASSES, PALM_MASS, THUMB_MASS};
-use etude_stage::params::{Joint, PhysicalParams, World};
+use etude_stage::params::{JointRow, PhysicalParams, WorldRow};
 use etude_stage::{Actuation, JOINTS, PHYSICS_STEPS, RAIL, joint_range};
 
 /// Length of a physics step, s.
@@ -21,13 +21,13 @@ const FASTEST: f64 = 0.4 / STEP_SECS;
 /// Clamps drawn numbers to the limits. A number whose nominal value is already beyond its limit is not clamped: the
 /// configuration asks for it.
 pub(super) fn keep(params: &mut PhysicalParams, nominal: &PhysicalParams, actuation: Actuation) {
-    if nominal.world(World::KeyStiffness) <= stiffest_key(nominal) {
-        let stiffness = params.world(World::KeyStiffness).min(stiffest_key(params));
-        params.set_world(World::KeyStiffness, stiffness);
+    if nominal.world(WorldRow::KeyStiffness) <= stiffest_key(nominal) {
+        let stiffness = params.world(WorldRow::KeyStiffness).min(stiffest_key(params));
+        params.set_world(WorldRow::KeyStiffness, stiffness);
     }
     let drive = match actuation {
-        Actuation::Controlled => Joint::TorqueLimit,
-        Actuation::Position => Joint::Stiffness,
+        Actuation::Controlled => JointRow::TorqueLimit,
+        Actuation::Position => JointRow::Stiffness,
     };
     for joint in 0..JOINTS {
         if nominal.joint(drive, joint) <= strongest_drive(nominal, joint, actuation) {
@@ -42,9 +42,9 @@ pub(super) fn keep(params: &mut PhysicalParams, nominal: &PhysicalParams, actuat
 fn stiffest_key(params: &PhysicalParams) -> f64 {
     let [length, _, height] = BLACK.size;
     let box_about_its_rear = BLACK.mass * (length * length / 3.0 + height * height / 12.0);
-    let inertia = box_about_its_rear + params.world(World::KeyArmature);
+    let inertia = box_about_its_rear + params.world(WorldRow::KeyArmature);
     let unstable =
-        2.0 * (2.0 * inertia + STEP_SECS * params.world(World::KeyDamping)) / (STEP_SECS * STEP_SECS);
+        2.0 * (2.0 * inertia + STEP_SECS * params.world(WorldRow::KeyDamping)) / (STEP_SECS * STEP_SECS);
     KEY_SHARE * unstable
 }
 
@@ -53,7 +53,7 @@ fn stiffest_key(params: &PhysicalParams) -> f64 {
 fn strongest_drive(params: &PhysicalParams, joint: usize, actuation: Actuation) -> f64 {
     let [low, high] = joint_range(joint);
     let hand = PALM_MASS + THUMB_MASS + FINGERS as f64 * LINK_MASSES.iter().sum::<f64>();
-    let inertia = params.joint(Joint::Armature, joint) + if joint == RAIL { hand } else { 0.0 };
+    let inertia = params.joint(JointRow::Armature, joint) + if joint == RAIL { hand } else { 0.0 };
     match actuation {
         Actuation::Controlled => inertia * FASTEST.powi(2) * (high - low) / 2.0,
         Actuation::Position => inertia * FASTEST.powi(2),

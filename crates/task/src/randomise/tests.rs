@@ -52,7 +52,7 @@ fn the_papers_draws_are_those_of_recorded_runs() {
 #[test]
 fn full_intensity_fills_the_ranges_and_half_stays_inside() {
     for (intensity, low, high) in [(1.0, 0.1, 0.9), (0.5, 0.3, 0.7)] {
-        let values: Vec<f64> = draws(intensity).iter().map(|p| p.world(World::KeyThreshold)).collect();
+        let values: Vec<f64> = draws(intensity).iter().map(|p| p.world(WorldRow::KeyThreshold)).collect();
         assert!(values.iter().all(|v| (low..=high).contains(v)));
         let (least, most) = values.iter().fold((1.0f64, 0.0f64), |(l, m), v| (l.min(*v), m.max(*v)));
         assert!(least < low + 0.03 && most > high - 0.03);
@@ -129,10 +129,10 @@ fn identified_widths_are_half_widths_and_the_more_exact_path_counts() {
         let share = farthest(path) / (0.5 * width);
         assert!((0.98..=1.0 + 1e-9).contains(&share), "{path}: {share} of the half-width");
     }
-    assert_eq!(drawn[0].joint(Joint::Stiffness, 0), nominal.joint(Joint::Stiffness, 0));
+    assert_eq!(drawn[0].joint(JointRow::Stiffness, 0), nominal.joint(JointRow::Stiffness, 0));
     // Joints of a group are drawn one by one, and what leaves the row is clamped to it.
-    assert_ne!(drawn[0].joint(Joint::Damping, 0), drawn[0].joint(Joint::Damping, 4));
-    let clamped = drawn.iter().filter(|p| p.world(World::KeyThreshold) == 0.95).count();
+    assert_ne!(drawn[0].joint(JointRow::Damping, 0), drawn[0].joint(JointRow::Damping, 4));
+    let clamped = drawn.iter().filter(|p| p.world(WorldRow::KeyThreshold) == 0.95).count();
     assert_eq!(clamped, 0, "0.5 + 0.4 is inside");
     assert!((farthest("key.threshold") - 0.4).abs() < 0.01);
 }

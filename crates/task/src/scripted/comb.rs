@@ -3,7 +3,7 @@
 use etude_music::key_is_black;
 use etude_stage::geometry::{BLACK, FENCE_RISE, HALF_WIDTH, KeyShape, WHITE, key_target};
 use etude_stage::hand::TIP_RADIUS;
-use etude_stage::params::World;
+use etude_stage::params::WorldRow;
 use etude_stage::{PhysicalParams, Side, kinematics};
 
 /// Clearance of a waiting fingertip over its key, m: above the fences, low enough for a quick strike.
@@ -28,8 +28,8 @@ pub(super) struct Comb {
 
 impl Comb {
     pub(super) fn new(side: Side, params: &PhysicalParams) -> Self {
-        let keyboard =
-            [World::KeyboardDepth, World::KeyboardLateral, World::KeyboardHeight].map(|q| params.world(q));
+        let keyboard = [WorldRow::KeyboardDepth, WorldRow::KeyboardLateral, WorldRow::KeyboardHeight]
+            .map(|q| params.world(q));
         Self { side, keyboard }
     }
 

@@ -5,7 +5,7 @@
 //! a strike takes 85 ms (black: 95), a release 65 ms (60), and a turn lags by 90 ms.
 
 use etude_stage::hand::FINGER_JOINTS;
-use etude_stage::params::Joint;
+use etude_stage::params::JointRow;
 use etude_stage::{JOINTS, PhysicalParams, RAIL, StageConfig, World};
 
 use super::comb::Comb;
@@ -44,7 +44,7 @@ impl Lags {
     ) -> Result<Self, TaskError> {
         // Without encoder biases, since lags do not depend on them.
         let mut params = params.clone();
-        (0..JOINTS).for_each(|joint| params.set_joint(Joint::EncoderBias, joint, 0.0));
+        (0..JOINTS).for_each(|joint| params.set_joint(JointRow::EncoderBias, joint, 0.0));
         let mut world = World::new(stage, &params)?;
         let mut lags = Self { strike: [1; 2], release: [1; 2], follow_secs: 0.0 };
         for (kind, key) in KEYS.into_iter().enumerate() {

@@ -5,7 +5,7 @@
 
 use etude_music::key_is_black;
 use etude_stage::hand::FINGER_JOINTS;
-use etude_stage::params::{Joint, PhysicalParams};
+use etude_stage::params::{JointRow, PhysicalParams};
 use etude_stage::{FINGERS, JOINTS, PHYSICS_STEPS, RAIL, joint_range};
 
 use super::comb::Comb;
@@ -141,7 +141,7 @@ pub(super) fn targets(
         let index = (at_secs / CONTROL_SECS * PHYSICS_STEPS as f64).round() as usize;
         path.get(index).or(path.last()).copied().unwrap_or(rail.start)
     };
-    let bias = |joint: usize| params.joint(Joint::EncoderBias, joint);
+    let bias = |joint: usize| params.joint(JointRow::EncoderBias, joint);
     let mut table: Vec<[f64; JOINTS]> = sent
         .iter()
         .map(|rail| {

@@ -7,7 +7,7 @@ use etude_music::CONTROL_HZ;
 use etude_stage::controller::{Actuation, Controller, Gains};
 use etude_stage::geometry::HALF_WIDTH;
 use etude_stage::hand::{LINK_MASSES, PALM_MASS, THUMB_MASS};
-use etude_stage::params::{Joint, World};
+use etude_stage::params::{JointRow, WorldRow};
 use etude_stage::{FINGERS, PHYSICS_STEPS, PhysicalParams, RAIL, StageConfig};
 
 /// Control steps by which the rail starts before the release of the note that it leaves.
@@ -36,15 +36,15 @@ impl Rail {
         let fingers = LINK_MASSES.iter().sum::<f64>() * FINGERS as f64;
         let passive = match stage.actuation {
             Actuation::Controlled => 0.0,
-            Actuation::Position => joint(Joint::Damping),
+            Actuation::Position => joint(JointRow::Damping),
         };
         let mut rail = Self {
             gains: Gains::new(params, RAIL, stage.actuation, stage.physics_step_secs()),
-            mass_kg: joint(Joint::Armature) + PALM_MASS + THUMB_MASS + fingers,
-            damping: joint(Joint::Viscosity) + passive,
+            mass_kg: joint(JointRow::Armature) + PALM_MASS + THUMB_MASS + fingers,
+            damping: joint(JointRow::Viscosity) + passive,
             step_secs: stage.physics_step_secs(),
             responses: Vec::new(),
-            start: params.world(World::HandStart).clamp(-HALF_WIDTH, HALF_WIDTH),
+            start: params.world(WorldRow::HandStart).clamp(-HALF_WIDTH, HALF_WIDTH),
         };
         rail.responses = (0..MOVES)
             .map(|doubling| {

@@ -9,7 +9,7 @@ use etude_learn::Policy;
 use etude_music::metrics::frame_scores;
 use etude_music::{KEYS, KeySet, repertoire};
 use etude_stage::geometry::KeyShape;
-use etude_stage::params::World as Quantity;
+use etude_stage::params::WorldRow;
 use etude_stage::{PhysicalParams, RAIL, StageConfig, World, joint_range};
 use etude_task::{ACTION_LEN, Piece, TargetRange, TaskConfig, layout, observe};
 
@@ -54,7 +54,7 @@ fn at_hand(xml: &str) -> (String, String) {
 /// Gravity; the hand's bodies float, and the springs of the keys hold them where they rest without it.
 fn gravity(xml: String) -> String {
     let (mut keys, hand) = at_hand(&swap(xml, r#"gravity="0 0 0""#, r#"gravity="0 0 -9.81""#));
-    let stiffness = PhysicalParams::default().world(Quantity::KeyStiffness);
+    let stiffness = PhysicalParams::default().world(WorldRow::KeyStiffness);
     for key in 0..KEYS {
         let shape = KeyShape::of(key);
         let rest = -shape.mass * 9.81 * shape.size[0] / 2.0 / stiffness;

@@ -1,7 +1,7 @@
 //! The reward's terms against numbers worked out by hand from docs/algorithm.md.
 
 use etude_music::KeySet;
-use etude_stage::params::Joint;
+use etude_stage::params::JointRow;
 use etude_stage::{FINGERS, PhysicalParams, RAIL, StageConfig, StepOutcome, World};
 use etude_task::ACTION_LEN;
 use etude_task::reward::{Moment, TERMS, tolerance};
@@ -126,7 +126,7 @@ fn the_palm_earns_for_the_place_where_it_is_and_not_for_what_its_encoder_reads()
     let middle = (place.key_target(24)[1] + place.key_target(28)[1]) / 2.0;
     for bias in [0.0, 0.1] {
         let mut params = PhysicalParams::default();
-        params.set_joint(Joint::EncoderBias, RAIL, bias);
+        params.set_joint(JointRow::EncoderBias, RAIL, bias);
         let mut world = World::new(&StageConfig::default(), &params).unwrap();
         for (beside, expected) in [(0.0, 1.0), (0.03, 1.0), (-0.18, tolerance(0.18, 0.03, 0.3))] {
             let mut pose = world.start_pose();

@@ -1,4 +1,4 @@
-//! The stages of an identification, their order and their methods.
+//! The passes of an identification, their order and their methods.
 
 use serde::{Deserialize, Serialize};
 
@@ -10,7 +10,7 @@ use crate::group::{Group, fingers, joints, keyboard};
 const MOST_ROUNDS: usize = 6;
 /// Another round follows one that reduced the error by at least this share.
 const LEAST_GAIN: f64 = 0.01;
-/// Step of the differences for the last stage's Jacobians and for the estimates' intervals, as a share of each range.
+/// Step of the differences for the last pass's Jacobians and for the estimates' intervals, as a share of each range.
 pub(super) const ESTIMATE_STEP: f64 = 1e-3;
 /// Curvature of the cost along a parameter whose own interval is just identifiable.
 const LEAST_CURVATURE: f64 = (HALF_INTERVAL / WEAK_HALF_INTERVAL) * (HALF_INTERVAL / WEAK_HALF_INTERVAL);
@@ -18,7 +18,7 @@ const LEAST_CURVATURE: f64 = (HALF_INTERVAL / WEAK_HALF_INTERVAL) * (HALF_INTERV
 /// Parts of an identification, in order.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
-pub enum Stage {
+pub enum Pass {
     /// Every joint separately.
     Joints,
     /// Every joint separately, from another start, kept where it ends better; Levenberg–Marquardt only.
@@ -29,11 +29,11 @@ pub enum Stage {
     Contact,
 }
 
-/// The result of a stage.
+/// The result of a pass.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct StageEnd {
-    /// The stage.
-    pub stage: Stage,
+pub struct PassEnd {
+    /// The pass.
+    pub pass: Pass,
     /// Replays of all motions.
     pub replays: u64,
     /// Time for replays and method, s, interruptions excluded.
@@ -42,7 +42,7 @@ pub struct StageEnd {
     pub rms: [f64; 2],
 }
 
-impl Stage {
+impl Pass {
     /// Its name in reports.
     pub fn name(self) -> &'static str {
         match self {
@@ -61,7 +61,7 @@ impl Stage {
         }
     }
 
-    /// The stage's method. Stage [`Fingers`](Self::Fingers) decides the drives' parameters, so it uses wide central
+    /// The pass's method. Pass [`Fingers`](Self::Fingers) decides the drives' parameters, so it uses wide central
     /// differences, which average the roughness of the replays without a bias to one side. It starts with little damping
     /// and a small tolerance, because a joint's scale of torque changes the cost by only one part in 250. A parameter
     /// that the recordings do not identify stays fixed, because a step along it can leave the region of the minimum.
@@ -81,23 +81,23 @@ impl Stage {
     }
 }
 
-/// The stage that follows those that have ended. `air` and `keys`: whether there are motions without keys and with keys.
-pub(super) fn next(ended: &[StageEnd], method: &MethodConfig, air: bool, keys: bool) -> Option<Stage> {
+/// The pass that follows those that have ended. `air` and `keys`: whether there are motions without keys and with keys.
+pub(super) fn next(ended: &[PassEnd], method: &MethodConfig, air: bool, keys: bool) -> Option<Pass> {
     let lm = matches!(method, MethodConfig::Lm(_));
-    let times = |stage: Stage| ended.iter().filter(|end| end.stage == stage).count();
-    let error = |end: &StageEnd| end.rms[1];
+    let times = |pass: Pass| ended.iter().filter(|end| end.pass == pass).count();
+    let error = |end: &PassEnd| end.rms[1];
     let gained = match ended {
         [.., before, last] => error(last) < (1.0 - LEAST_GAIN) * error(before),
         _ => true,
     };
-    match ended.last().map(|end| end.stage) {
-        None if air => Some(Stage::Joints),
+    match ended.last().map(|end| end.pass) {
+        None if air => Some(Pass::Joints),
         // All joints move while one is fitted, which disturbs its slopes. The next round starts with better neighbours.
-        Some(Stage::Joints | Stage::Restart) if lm && gained && times(Stage::Joints) < MOST_ROUNDS => {
-            Some(Stage::Joints)
+        Some(Pass::Joints | Pass::Restart) if lm && gained && times(Pass::Joints) < MOST_ROUNDS => {
+            Some(Pass::Joints)
         }
-        Some(Stage::Joints) if lm && times(Stage::Restart) == 0 => Some(Stage::Restart),
-        Some(Stage::Joints | Stage::Restart) if lm => Some(Stage::Fingers),
-        _ => (keys && times(Stage::Contact) == 0).then_some(Stage::Contact),
+        Some(Pass::Joints) if lm && times(Pass::Restart) == 0 => Some(Pass::Restart),
+        Some(Pass::Joints | Pass::Restart) if lm => Some(Pass::Fingers),
+        _ => (keys && times(Pass::Contact) == 0).then_some(Pass::Contact),
     }
 }
