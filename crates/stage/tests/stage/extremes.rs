@@ -67,7 +67,7 @@ fn stiffest_stable_key(params: &PhysicalParams) -> f64 {
 
 /// The number that says how strong a joint's drive is, and how great it may be. All the way from one end of the range to
 /// the other, a constant torque reaches v² = 2·range·torque/inertia, and a spring v² = range²·stiffness/inertia.
-fn strongest_drive(params: &PhysicalParams, joint: usize, actuation: Actuation) -> (Joint, f64) {
+fn strongest_drive(params: &PhysicalParams, joint: usize, actuation: Actuation) -> (JointRow, f64) {
     let [low, high] = joint_range(joint);
     let hand = PALM_MASS + THUMB_MASS + FINGERS as f64 * LINK_MASSES.iter().sum::<f64>();
     let inertia = params.joint(JointRow::Armature, joint) + if joint == RAIL { hand } else { 0.0 };
