@@ -34,6 +34,7 @@ def task_config(
     variant: Literal["main", "appendix"] = "main",
     observation_scale: Literal["normalised", "si"] | None = None,
     previous_joints: bool | None = None,
+    previous_actions: int | None = None,
     lookahead: int | None = None,
     initial_silence_secs: float | None = None,
     random_start: bool | None = None,
@@ -51,6 +52,7 @@ def task_config(
         variant: The decision process of the paper's main text or of its appendix; the rest changes single things of it.
         observation_scale: Joint readings by their ranges, or in rad and m.
         previous_joints: Whether the observation holds the joints of one step ago.
+        previous_actions: Previous actions that the observation shows, 0 to 4.
         lookahead: Control steps of the sheet shown beyond the current one, 0 to 40.
         initial_silence_secs: Silence before the first note, s.
         random_start: Whether episodes start anywhere in the song.
@@ -69,6 +71,7 @@ def task_config(
     single = {
         "scale": observation_scale,
         "previous_joints": previous_joints,
+        "previous_actions": previous_actions,
         "lookahead": lookahead,
         "initial_silence_secs": initial_silence_secs,
         "random_start": random_start,

@@ -123,6 +123,7 @@ KEYWORDS = st.fixed_dictionaries(
         "variant": ANYTHING,
         "observation_scale": ANYTHING,
         "previous_joints": ANYTHING,
+        "previous_actions": ANYTHING,
         "lookahead": ANYTHING,
         "initial_silence_secs": ANYTHING,
         "random_start": ANYTHING,

@@ -250,6 +250,7 @@ fn warm_start(path: &Path, song: &Song, config: &RunConfig, parts: &Parts) -> an
             format!("with joint readings scaled {:?} (`task.scale`)", task.scale),
             format!("with {} steps of lookahead (`task.lookahead`)", task.lookahead),
             format!("with previous joints {} (`task.previous_joints`)", task.previous_joints),
+            format!("with {} previous actions (`task.previous_actions`)", task.previous_actions),
         ]
     };
     let pairs = told(learned, &theirs).into_iter().zip(told(song.title(), config));

@@ -2,7 +2,7 @@
 
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use etude_task::{ACTION_LEN, Piece, Player, TargetRange, TaskConfig, layout, observe};
+use etude_task::{ACTION_LEN, History, Piece, Player, TargetRange, TaskConfig, layout, observe};
 
 use crate::error::PerformError;
 use crate::performance::{Ending, Performance};
@@ -50,15 +50,16 @@ fn play(
     let range = TargetRange::new(&piece);
     let mut observation = vec![0.0; layout(task).len()];
     let mut action = [0.0; ACTION_LEN];
-    let mut previous = rig.seen().joints;
+    let joints = rig.seen().joints;
+    let mut history = History::at_rest(joints, range.action(&joints));
     for step in 0..piece.steps() {
         if interrupt.load(Ordering::Relaxed) {
             return Ok(Ending::Interrupted);
         }
         let Seen { joints, keys } = rig.seen();
-        observe(task, &joints, &previous, keys, &piece, step, &mut observation);
-        previous = joints;
+        observe(task, &joints, &history, keys, &piece, step, &mut observation);
         player.act(step, &observation, &mut action);
+        history.push(joints, &action);
         let targets = range.targets(&action);
         let command = Command { step, observation: &observation, action: &action, targets };
         match rig.step(&command, recorder)? {

@@ -6,6 +6,7 @@ use etude_stage::{ParamError, PhysicalParams, StageConfig};
 use serde::{Deserialize, Serialize};
 
 use crate::error::TaskError;
+use crate::observation::MOST_ACTIONS;
 use crate::randomise::RandomisationConfig;
 
 /// Scale of the joint positions in the observation.
@@ -38,6 +39,9 @@ pub struct TaskConfig {
     pub lookahead: usize,
     /// Whether the observation holds the joints of one step ago (main text) or not (appendix).
     pub previous_joints: bool,
+    /// Previous actions that the observation shows, the newest first. The paper's is 0. They tell the policy what is still to come
+    /// of slow or late drives, whose references it does not see.
+    pub previous_actions: usize,
     /// Scale of the joint readings in the observation.
     pub scale: ObservationScale,
     /// Whether training episodes start anywhere in the song. Evaluations always play the whole song.
@@ -54,6 +58,7 @@ impl Default for TaskConfig {
             initial_silence_secs: 1.0,
             lookahead: 5,
             previous_joints: true,
+            previous_actions: 0,
             scale: ObservationScale::default(),
             random_start: false,
         }
@@ -85,6 +90,7 @@ impl TaskConfig {
             ("randomisation.intensity", self.randomisation.intensity, 0.0, 1.0),
             ("initial_silence_secs", self.initial_silence_secs, 0.0, 60.0),
             ("lookahead", self.lookahead as f64, 0.0, 40.0),
+            ("previous_actions", self.previous_actions as f64, 0.0, MOST_ACTIONS as f64),
         ];
         for (name, value, low, high) in limits {
             if !(low..=high).contains(&value) {

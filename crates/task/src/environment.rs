@@ -12,7 +12,7 @@ use rand::{RngExt as _, SeedableRng as _};
 use rand_pcg::Pcg64;
 use serde::{Deserialize, Serialize};
 
-use crate::observation::observe;
+use crate::observation::{History, observe};
 use crate::randomise::Randomisation;
 use crate::reward::{Moment, Reward};
 use crate::{ACTION_LEN, Piece, TargetRange, TaskConfig, TaskError};
@@ -46,8 +46,7 @@ pub struct Environment {
     steps_made: u64,
     /// Number of environments of the same training, this one included. They step together.
     peers: u64,
-    previous_joints: [f64; JOINTS],
-    previous_action: [f32; ACTION_LEN],
+    history: History,
 }
 
 /// What [`Environment::save`] keeps.
@@ -57,11 +56,8 @@ struct Saved {
     params: PhysicalParams,
     random: Pcg64,
     step: usize,
-    /// Absent in states saved before there was a curriculum; it is not used then.
-    #[serde(default)]
     steps_made: u64,
-    previous_joints: [f64; JOINTS],
-    previous_action: [f32; ACTION_LEN],
+    history: History,
 }
 
 impl Environment {
@@ -85,8 +81,7 @@ impl Environment {
             step: 0,
             steps_made: 0,
             peers: 1,
-            previous_joints: [0.0; JOINTS],
-            previous_action: [0.0; ACTION_LEN],
+            history: History::at_rest([0.0; JOINTS], [0.0; ACTION_LEN]),
         };
         environment.reset();
         Ok(environment)
@@ -137,8 +132,8 @@ impl Environment {
                 self.world.reset_to(&pose);
             }
         }
-        self.previous_joints = self.world.joints();
-        self.previous_action = self.range.action(&self.previous_joints);
+        let joints = self.world.joints();
+        self.history = History::at_rest(joints, self.range.action(&joints));
     }
 
     /// Of the next frame in which keys are due, the lowest white key, or the lowest key if all are black.
@@ -151,13 +146,13 @@ impl Environment {
     /// of [`Reward::names`].
     pub fn step(&mut self, action: &[f32; ACTION_LEN], parts: &mut [f32]) -> Step {
         let due = self.piece.due(self.step);
-        self.previous_joints = self.world.joints();
+        let joints = self.world.joints();
         let outcome = self.world.step(&self.range.targets(action));
         let moment =
-            Moment { world: &self.world, due, outcome, action, previous_action: &self.previous_action };
+            Moment { world: &self.world, due, outcome, action, previous_action: &self.history.actions[0] };
         let reward = self.reward.evaluate(&moment, parts);
         let reward = if outcome.unstable { f64::NAN } else { reward };
-        self.previous_action = *action;
+        self.history.push(joints, action);
         self.step += 1;
         self.steps_made = self.steps_made.saturating_add(1);
         let song_over = self.step >= self.piece.steps();
@@ -168,7 +163,7 @@ impl Environment {
     pub fn observe(&self, out: &mut [f32]) {
         let joints = self.world.joints();
         let pressed = self.world.pressed();
-        observe(&self.config, &joints, &self.previous_joints, pressed, &self.piece, self.step, out);
+        observe(&self.config, &joints, &self.history, pressed, &self.piece, self.step, out);
     }
 
     /// Plays one control step and writes the observation after it into `last`. When the song is over the next episode begins.
@@ -219,8 +214,7 @@ impl Environment {
             random: self.random.clone(),
             step: self.step,
             steps_made: self.steps_made,
-            previous_joints: self.previous_joints,
-            previous_action: self.previous_action,
+            history: self.history,
         };
         serde_json::to_vec(&saved).expect("plain numbers and strings become JSON")
     }
@@ -240,8 +234,7 @@ impl Environment {
         self.random = saved.random;
         self.step = saved.step;
         self.steps_made = saved.steps_made;
-        self.previous_joints = saved.previous_joints;
-        self.previous_action = saved.previous_action;
+        self.history = saved.history;
         Ok(())
     }
 }

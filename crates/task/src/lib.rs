@@ -21,7 +21,7 @@ pub use assignment::assign;
 pub use config::{ObservationScale, TaskConfig};
 pub use environment::{Environment, Step};
 pub use error::TaskError;
-pub use observation::{layout, observe};
+pub use observation::{History, layout, observe};
 pub use piece::Piece;
 pub use player::Player;
 pub use randomise::{Full, RANDOMISED, Randomisation, RandomisationConfig, Widths};

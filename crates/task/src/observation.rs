@@ -4,14 +4,43 @@ use etude_learn::ObservationLayout;
 use etude_music::{KEYS, KeySet};
 use etude_stage::geometry::WHITE_PITCH;
 use etude_stage::{JOINTS, RAIL, joint_range};
+use serde::{Deserialize, Serialize};
 
+use crate::ACTION_LEN;
 use crate::config::{ObservationScale, TaskConfig};
 use crate::piece::Piece;
+
+/// The most previous actions that an observation can show.
+pub const MOST_ACTIONS: usize = 4;
+
+/// What an observation shows of earlier control steps.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct History {
+    /// Joints one control step ago.
+    pub joints: [f64; JOINTS],
+    /// Previous actions, the newest first.
+    pub actions: [[f32; ACTION_LEN]; MOST_ACTIONS],
+}
+
+impl History {
+    /// The history at rest: `joints` have not moved, and `action` holds them.
+    pub fn at_rest(joints: [f64; JOINTS], action: [f32; ACTION_LEN]) -> Self {
+        Self { joints, actions: [action; MOST_ACTIONS] }
+    }
+
+    /// Adds a control step: `action` was chosen where the encoders read `joints`.
+    pub fn push(&mut self, joints: [f64; JOINTS], action: &[f32; ACTION_LEN]) {
+        self.joints = joints;
+        self.actions.rotate_right(1);
+        self.actions[0] = *action;
+    }
+}
 
 /// Columns of the observation that `config` asks for.
 pub fn layout(config: &TaskConfig) -> ObservationLayout {
     let joints = if config.previous_joints { 2 * JOINTS } else { JOINTS };
-    ObservationLayout { real: joints, binary: KEYS * (config.lookahead + 2) }
+    let actions = config.previous_actions * ACTION_LEN;
+    ObservationLayout { real: joints + actions, binary: KEYS * (config.lookahead + 2) }
 }
 
 /// Writes an observation of [`layout`]'s length: `joints` (encoder readings), those of one control step ago, the keys
@@ -19,14 +48,18 @@ pub fn layout(config: &TaskConfig) -> ObservationLayout {
 pub fn observe(
     config: &TaskConfig,
     joints: &[f64; JOINTS],
-    previous: &[f64; JOINTS],
+    history: &History,
     pressed: KeySet,
     piece: &Piece,
     step: usize,
     out: &mut [f32],
 ) {
     let (real, binary) = out.split_at_mut(layout(config).real);
-    for (half, readings) in real.chunks_exact_mut(JOINTS).zip([joints, previous]) {
+    let (halves, actions) = real.split_at_mut(if config.previous_joints { 2 * JOINTS } else { JOINTS });
+    for (columns, action) in actions.chunks_exact_mut(ACTION_LEN).zip(&history.actions) {
+        columns.copy_from_slice(action);
+    }
+    for (half, readings) in halves.chunks_exact_mut(JOINTS).zip([joints, &history.joints]) {
         for (joint, slot) in half.iter_mut().enumerate() {
             *slot = scaled(config.scale, joint, readings[joint]);
         }
@@ -66,13 +99,28 @@ mod tests {
         let mut out = vec![9.0; 369];
         let mut pressed = KeySet::EMPTY;
         pressed.insert(48);
-        observe(&config, &joints, &previous, pressed, &piece, 18, &mut out);
+        let history = History::at_rest(previous, [9.0; ACTION_LEN]);
+        observe(&config, &joints, &history, pressed, &piece, 18, &mut out);
         assert_eq!((out[1], out[12], out[14], out[25]), (0.01, 0.12, -0.01, -0.12));
         assert_eq!(out[26 + 48], 1.0);
         // The first note, middle C, starts at step 20: two steps ahead of step 18.
         let sheet = &out[26 + 49..];
         assert_eq!((sheet[49 + 24], sheet[2 * 49 + 24], sheet[5 * 49 + 24]), (0.0, 1.0, 1.0));
         assert_eq!(out.iter().skip(26).filter(|v| **v == 1.0).count(), 1 + 4);
+    }
+
+    #[test]
+    fn previous_actions_follow_the_joints_newest_first() {
+        let config = TaskConfig { previous_actions: 2, ..TaskConfig::default() };
+        let piece = Piece::new(&repertoire::get("c-major-scale").expect("built in"), 1.0).unwrap();
+        let mut history = History::at_rest([0.0; JOINTS], [0.5; ACTION_LEN]);
+        history.push([0.0; JOINTS], &[-0.25; ACTION_LEN]);
+        let mut out = vec![9.0; layout(&config).len()];
+        assert_eq!(out.len(), 369 + 2 * ACTION_LEN);
+        observe(&config, &[0.0; JOINTS], &history, KeySet::EMPTY, &piece, 0, &mut out);
+        let actions = &out[2 * JOINTS..][..2 * ACTION_LEN];
+        assert!(actions[..ACTION_LEN].iter().all(|value| *value == -0.25));
+        assert!(actions[ACTION_LEN..].iter().all(|value| *value == 0.5));
     }
 
     #[test]

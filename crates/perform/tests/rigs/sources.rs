@@ -11,8 +11,8 @@ use etude_twin::Truth;
 
 use crate::bench::{Kind, play};
 
-/// Columns of the observation that show joints, now and one control step ago.
-const JOINT_COLUMNS: usize = 2 * JOINTS;
+/// Previous actions that the observation shows.
+const ACTIONS: usize = 2;
 
 /// What one rig measured at the end of a control step, as an observation would show it.
 struct Seen {
@@ -28,10 +28,11 @@ impl Seen {
     }
 }
 
-/// The observations of a performance in `mode`, and what the simulation and the robot measured after each control step.
-fn observed(mode: Mode, folder: &Path) -> (Vec<Vec<f32>>, Vec<Seen>, Vec<Seen>, Piece) {
+/// The observations of a performance in `mode`, and what the simulation and the robot measured after each control step; the
+/// piece and who played it.
+fn observed(mode: Mode, folder: &Path) -> (Vec<Vec<f32>>, Vec<Seen>, Vec<Seen>, Piece, ScriptedPlayer) {
     // The units of the paper: the columns are then the readings themselves.
-    let task = TaskConfig { scale: ObservationScale::Si, ..TaskConfig::default() };
+    let task = TaskConfig { scale: ObservationScale::Si, previous_actions: ACTIONS, ..TaskConfig::default() };
     let song = repertoire::get("twinkle").expect("built in");
     let piece = Piece::new(&song, task.initial_silence_secs).unwrap();
     // A truth whose joints and keys differ from the simulation's.
@@ -57,7 +58,7 @@ fn observed(mode: Mode, folder: &Path) -> (Vec<Vec<f32>>, Vec<Seen>, Vec<Seen>, 
         .iter()
         .zip(&played.alongside)
         .map(|(step, keys)| Seen::new(&step.targets, keys.pitches()));
-    (observations, simulated.collect(), robot.collect(), piece)
+    (observations, simulated.collect(), robot.collect(), piece, script)
 }
 
 /// Control steps after which the two sources show different values.
@@ -69,7 +70,7 @@ fn differences(a: &[Seen], b: &[Seen], of: impl Fn(&Seen) -> &Vec<f32>) -> usize
 fn each_column_comes_from_the_rig_that_the_mode_names() {
     let folder = tempfile::tempdir().unwrap();
     for mode in Mode::ALL {
-        let (observations, simulated, robot, piece) = observed(mode, folder.path());
+        let (observations, simulated, robot, piece, script) = observed(mode, folder.path());
         assert_eq!(observations.len(), piece.steps(), "{mode}");
         let (joints, keys) = match mode {
             Mode::JointMirroring => (&simulated, &simulated),
@@ -84,10 +85,14 @@ fn each_column_comes_from_the_rig_that_the_mode_names() {
         }
         // What is observed before a step is what was measured at the end of the one before.
         for step in 2..observations.len() {
-            let (real, binary) = observations[step].split_at(JOINT_COLUMNS);
-            let (now, before) = real.split_at(JOINTS);
+            let (now, rest) = observations[step].split_at(JOINTS);
+            let (before, rest) = rest.split_at(JOINTS);
+            let (actions, binary) = rest.split_at(ACTIONS * ACTION_LEN);
             assert_eq!(now, joints[step - 1].joints, "{mode}, step {step}: joints");
             assert_eq!(before, joints[step - 2].joints, "{mode}, step {step}: previous joints");
+            for (ago, columns) in actions.chunks_exact(ACTION_LEN).enumerate() {
+                assert_eq!(columns, script.action(step - 1 - ago), "{mode}, step {step}: action {ago}");
+            }
             let (pressed, sheet) = binary.split_at(KEYS);
             assert_eq!(pressed, keys[step - 1].keys, "{mode}, step {step}: keys");
             for (ahead, columns) in sheet.chunks_exact(KEYS).enumerate() {

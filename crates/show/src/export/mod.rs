@@ -85,6 +85,9 @@ fn contract(pianist: &Pianist, song: &Song) -> Result<serde_json::Value, TaskErr
     if task.previous_joints {
         columns.push(json!({"name": "joints one control step ago", "columns": JOINTS, "scale": task.scale}));
     }
+    for ago in 1..=task.previous_actions {
+        columns.push(json!({"name": format!("action {ago} control steps ago"), "columns": ACTION_LEN}));
+    }
     columns.push(json!({"name": "keys that sound, 0 or 1", "columns": KEYS}));
     for ahead in 0..=task.lookahead {
         columns.push(json!({"name": format!("keys due in {ahead} control steps, 0 or 1"), "columns": KEYS}));

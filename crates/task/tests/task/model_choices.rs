@@ -11,7 +11,7 @@ use etude_music::{KEYS, KeySet, repertoire};
 use etude_stage::geometry::KeyShape;
 use etude_stage::params::WorldRow;
 use etude_stage::{PhysicalParams, RAIL, StageConfig, World, joint_range};
-use etude_task::{ACTION_LEN, Piece, TargetRange, TaskConfig, layout, observe};
+use etude_task::{ACTION_LEN, History, Piece, TargetRange, TaskConfig, layout, observe};
 
 use crate::bench::play_nominal;
 use crate::replica::{Moment, Replica, swap};
@@ -112,12 +112,14 @@ impl Player {
         let range = TargetRange::new(&self.piece);
         let mut observation = vec![0.0; layout(&self.config).len()];
         let (mut pressed, mut moments) = (Vec::new(), Vec::new());
-        let (mut now, mut previous) = (KeySet::EMPTY, replica.joints());
+        let joints = replica.joints();
+        let (mut now, mut history) = (KeySet::EMPTY, History::at_rest(joints, range.action(&joints)));
         for step in 0..self.piece.steps() {
             let joints = replica.joints();
-            observe(&self.config, &joints, &previous, now, &self.piece, step, &mut observation);
-            previous = joints;
-            let targets = range.targets(&self.act(&observation));
+            observe(&self.config, &joints, &history, now, &self.piece, step, &mut observation);
+            let action = self.act(&observation);
+            history.push(joints, &action);
+            let targets = range.targets(&action);
             moments.extend(replica.record(&[targets]));
             now = replica.down(replica.data.qpos());
             pressed.push(now);

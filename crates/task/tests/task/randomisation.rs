@@ -161,20 +161,6 @@ fn the_curriculum_counts_the_steps_of_the_training() {
     assert_ne!(*rig.world().params(), nominal);
 }
 
-/// Without a curriculum a state from before there was one still loads, to the same continuation.
-#[test]
-fn states_without_a_step_count_still_load() {
-    let mut piano = VectorPiano::new(&restless(), &short_piece(), 1, 2).unwrap();
-    play(&mut piano, &mut Actions::new(1, 3), 40);
-    let text = String::from_utf8(piano.save_state()).unwrap();
-    let older = text.replace(r#""steps_made":40,"#, "");
-    assert_ne!(older, text);
-    let mut resumed = VectorPiano::new(&restless(), &short_piece(), 1, 7).unwrap();
-    resumed.load_state(older.as_bytes()).unwrap();
-    assert!(play(&mut piano, &mut Actions::new(1, 4), 40) == play(&mut resumed, &mut Actions::new(1, 4), 40));
-    assert_eq!(worlds_of(&piano), worlds_of(&resumed));
-}
-
 #[test]
 fn a_performance_in_a_world_is_one_where_it_is_nominal() {
     let piece = short_piece();
