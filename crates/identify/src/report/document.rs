@@ -1,5 +1,16 @@
 //! The parts of a report as Markdown, and its charts as SVG. Texts are plain; they are escaped here.
 
+use plotters::coord::Shift;
+use plotters::prelude::*;
+
+/// Size of a chart.
+const SIZE: (u32, u32) = (560, 320);
+/// Room for the legend above the curves, as a share of their height.
+const LEGEND: f64 = 0.3;
+/// Colour and width of the curves: grey, and two of Okabe and Ito's colours, which colour-blind readers can tell apart.
+const STROKES: [(RGBColor, u32); 3] =
+    [(RGBColor(187, 187, 187), 5), (RGBColor(213, 94, 0), 1), (RGBColor(0, 114, 178), 2)];
+
 /// A report.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Report {
@@ -55,39 +66,43 @@ impl Figure {
 
     /// The chart as an SVG file.
     pub fn svg(&self) -> String {
-        let all = || self.curves.iter().flat_map(|curve| &curve.points);
+        let mut text = String::new();
+        self.draw(&SVGBackend::with_string(&mut text, SIZE).into_drawing_area())
+            .expect("a text can be drawn on");
+        text
+    }
+
+    fn draw(
+        &self,
+        area: &DrawingArea<SVGBackend<'_>, Shift>,
+    ) -> Result<(), DrawingAreaErrorKind<std::io::Error>> {
         let range = |axis: usize| {
-            let extent = all()
-                .map(|point| point[axis])
-                .fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], v| [low.min(v), high.max(v)]);
-            if extent[0] < extent[1] { extent } else { [-1.0, 1.0] }
+            let values = self.curves.iter().flat_map(|curve| &curve.points).map(|point| point[axis]);
+            let [low, high] =
+                values.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], v| [low.min(v), high.max(v)]);
+            if low < high { low..high } else { -1.0..1.0 }
         };
-        let [[left, right], [low, high]] = [range(0), range(1)];
-        let place = |[secs, value]: &[f64; 2]| {
-            let (x, y) = ((secs - left) / (right - left), (value - low) / (high - low));
-            format!("{:.1},{:.1} ", 60.0 + 410.0 * x, 250.0 - 220.0 * y)
-        };
-        let text = |x: f64, y: f64, text: String| format!("<text x=\"{x}\" y=\"{y}\">{text}</text>\n");
-        // Okabe and Ito's colours, which colour-blind readers can tell apart.
-        let strokes = ["#bbb\" stroke-width=\"5", "#d55e00\" stroke-dasharray=\"6 4", "#0072b2"]
-            .into_iter()
-            .zip([130.0, 240.0, 350.0]);
-        let mut out = "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 480 280\" font-size=\"12\" fill=\"none\">\n\
-                       <style>text{font-family:sans-serif;fill:#111}</style>\n"
-            .to_string();
-        for (curve, (stroke, x)) in self.curves.iter().zip(strokes) {
-            let points: String = curve.points.iter().map(place).collect();
-            out += &format!(
-                "<polyline stroke=\"{stroke}\" points=\"{points}\"/>\n<path stroke=\"{stroke}\" d=\"M{x} 14h30\"/>\n"
-            );
+        let values = range(1);
+        area.fill(&WHITE)?;
+        let mut chart = ChartBuilder::on(area)
+            .margin(10)
+            .x_label_area_size(36)
+            .y_label_area_size(56)
+            .build_cartesian_2d(range(0), values.start..values.end + LEGEND * (values.end - values.start))?;
+        chart.configure_mesh().disable_mesh().x_desc("s").y_desc(self.unit).draw()?;
+        for (curve, (colour, width)) in self.curves.iter().zip(STROKES) {
+            let stroke = colour.stroke_width(width);
             let diverged = if curve.points.is_empty() { " (diverged)" } else { "" };
-            out += &text(x + 36.0, 18.0, format!("{}{diverged}", curve.name));
+            chart
+                .draw_series(LineSeries::new(
+                    curve.points.iter().map(|[secs, value]| (*secs, *value)),
+                    stroke,
+                ))?
+                .label(format!("{}{diverged}", curve.name))
+                .legend(move |(x, y)| PathElement::new([(x, y), (x + 18, y)], stroke));
         }
-        out += "<path stroke=\"#999\" d=\"M60 30V250H470\"/>\n";
-        out += &text(4.0, 34.0, format!("{high:.1} {}", self.unit));
-        out += &text(4.0, 250.0, format!("{low:.1}"));
-        out += &text(60.0, 270.0, format!("{left:.2} s"));
-        out + &text(430.0, 270.0, format!("{right:.2} s")) + "</svg>\n"
+        chart.configure_series_labels().position(SeriesLabelPosition::UpperRight).draw()?;
+        area.present()
     }
 }
 
