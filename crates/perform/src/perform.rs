@@ -50,8 +50,7 @@ fn play(
     let range = TargetRange::new(&piece);
     let mut observation = vec![0.0; layout(task).len()];
     let mut action = [0.0; ACTION_LEN];
-    let joints = rig.seen().joints;
-    let mut history = History::at_rest(joints, range.action(&joints));
+    let mut history = History::at_rest(rig.seen().joints, &range);
     for step in 0..piece.steps() {
         if interrupt.load(Ordering::Relaxed) {
             return Ok(Ending::Interrupted);

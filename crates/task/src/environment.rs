@@ -70,10 +70,10 @@ impl Environment {
         let params = config.params()?;
         let randomisation =
             Randomisation::new(params.clone(), &config.randomisation, config.stage.actuation)?;
+        let range = TargetRange::new(piece);
         let mut environment = Self {
             world: World::new(&config.stage, &params)?,
             piece: piece.clone(),
-            range: TargetRange::new(piece),
             config: config.clone(),
             reward: Reward::new(&config.reward)?,
             randomisation,
@@ -81,7 +81,8 @@ impl Environment {
             step: 0,
             steps_made: 0,
             peers: 1,
-            history: History::at_rest([0.0; JOINTS], [0.0; ACTION_LEN]),
+            history: History::at_rest([0.0; JOINTS], &range),
+            range,
         };
         environment.reset();
         Ok(environment)
@@ -132,8 +133,7 @@ impl Environment {
                 self.world.reset_to(&pose);
             }
         }
-        let joints = self.world.joints();
-        self.history = History::at_rest(joints, self.range.action(&joints));
+        self.history = History::at_rest(self.world.joints(), &self.range);
     }
 
     /// Of the next frame in which keys are due, the lowest white key, or the lowest key if all are black.

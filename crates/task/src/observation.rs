@@ -9,6 +9,7 @@ use serde::{Deserialize, Serialize};
 use crate::ACTION_LEN;
 use crate::config::{ObservationScale, TaskConfig};
 use crate::piece::Piece;
+use crate::range::TargetRange;
 
 /// The most previous actions that an observation can show.
 pub const MOST_ACTIONS: usize = 4;
@@ -23,9 +24,9 @@ pub struct History {
 }
 
 impl History {
-    /// The history at rest: `joints` have not moved, and `action` holds them.
-    pub fn at_rest(joints: [f64; JOINTS], action: [f32; ACTION_LEN]) -> Self {
-        Self { joints, actions: [action; MOST_ACTIONS] }
+    /// The history at rest: `joints` have not moved, and the actions were those that hold them.
+    pub fn at_rest(joints: [f64; JOINTS], range: &TargetRange) -> Self {
+        Self { joints, actions: [range.action(&joints); MOST_ACTIONS] }
     }
 
     /// Adds a control step: `action` was chosen where the encoders read `joints`.
@@ -99,7 +100,7 @@ mod tests {
         let mut out = vec![9.0; 369];
         let mut pressed = KeySet::EMPTY;
         pressed.insert(48);
-        let history = History::at_rest(previous, [9.0; ACTION_LEN]);
+        let history = History { joints: previous, actions: [[9.0; ACTION_LEN]; MOST_ACTIONS] };
         observe(&config, &joints, &history, pressed, &piece, 18, &mut out);
         assert_eq!((out[1], out[12], out[14], out[25]), (0.01, 0.12, -0.01, -0.12));
         assert_eq!(out[26 + 48], 1.0);
@@ -113,7 +114,7 @@ mod tests {
     fn previous_actions_follow_the_joints_newest_first() {
         let config = TaskConfig { previous_actions: 2, ..TaskConfig::default() };
         let piece = Piece::new(&repertoire::get("c-major-scale").expect("built in"), 1.0).unwrap();
-        let mut history = History::at_rest([0.0; JOINTS], [0.5; ACTION_LEN]);
+        let mut history = History { joints: [0.0; JOINTS], actions: [[0.5; ACTION_LEN]; MOST_ACTIONS] };
         history.push([0.0; JOINTS], &[-0.25; ACTION_LEN]);
         let mut out = vec![9.0; layout(&config).len()];
         assert_eq!(out.len(), 369 + 2 * ACTION_LEN);

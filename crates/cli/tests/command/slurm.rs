@@ -1,4 +1,4 @@
-//! The Slurm launcher against a real Slurm of one node, which the test starts: a trial that was told to stop saves itself and is
+//! The Slurm launcher against a real Slurm of one node, which the test starts: a stopped trial saves itself and is
 //! requeued, one that was killed half way goes on too, and the results are those of the local launcher, byte for byte.
 //!
 //! Needs `slurmctld`, `slurmd`, `sbatch` and `munged`, and root, without which `slurmd` starts no jobs (Debian, Ubuntu:

@@ -15,7 +15,7 @@ struct Client {
     now: Duration,
     transaction: u16,
     parser: FrameParser,
-    /// Kind, register and result of every command of which it was told.
+    /// Kind, register and result of every command that it received.
     feedback: Vec<(u8, u8, u8)>,
 }
 

@@ -112,8 +112,7 @@ impl Player {
         let range = TargetRange::new(&self.piece);
         let mut observation = vec![0.0; layout(&self.config).len()];
         let (mut pressed, mut moments) = (Vec::new(), Vec::new());
-        let joints = replica.joints();
-        let (mut now, mut history) = (KeySet::EMPTY, History::at_rest(joints, range.action(&joints)));
+        let (mut now, mut history) = (KeySet::EMPTY, History::at_rest(replica.joints(), &range));
         for step in 0..self.piece.steps() {
             let joints = replica.joints();
             observe(&self.config, &joints, &history, now, &self.piece, step, &mut observation);
