@@ -13,13 +13,15 @@ use crate::space::{Parameter, Scale};
 enum Bounds {
     /// The value divided and multiplied by this; on a logarithmic scale.
     Factor(f64),
+    /// As `Factor` with the first value, about the second if that is lower: higher values have no effect.
+    FactorBelow(f64, f64),
     /// From zero to the first value, starting at the second.
     UpTo(f64, f64),
     /// The value plus and minus this.
     Around(f64),
 }
 
-use Bounds::{Around, Factor, UpTo};
+use Bounds::{Around, Factor, FactorBelow, UpTo};
 
 /// Parameters of a finger joint. Dry friction: up to a tenth of the joint's torque.
 const FINGER: &[(JointRow, Bounds)] = &[
@@ -29,7 +31,8 @@ const FINGER: &[(JointRow, Bounds)] = &[
     (JointRow::Armature, Factor(8.0)),
     (JointRow::LowPass, Factor(8.0)),
     (JointRow::Delay, UpTo(0.05, 0.0025)),
-    (JointRow::JerkLimit, Factor(8.0)),
+    // The default is the acceleration limit within one physics step. A fit that began there would not see a slower drive.
+    (JointRow::JerkLimit, FactorBelow(8.0, 50_000.0)),
     (JointRow::TorqueLimit, Factor(3.0)),
 ];
 
@@ -64,10 +67,12 @@ const PRIOR: f64 = 0.15;
 fn parameter(path: String, range: [f64; 2], before: f64, bounds: &Bounds) -> Parameter {
     let [low, high] = range;
     let within = |value: f64| value.clamp(low, high);
+    let factored = |factor: f64, start: f64| {
+        Parameter::new(&path, within(start / factor), within(start * factor), start).logarithmic()
+    };
     match *bounds {
-        Factor(factor) => {
-            Parameter::new(&path, within(before / factor), within(before * factor), before).logarithmic()
-        }
+        Factor(factor) => factored(factor, before),
+        FactorBelow(factor, most) => factored(factor, before.min(most)),
         UpTo(most, start) => {
             Parameter::new(&path, 0.0, most, if before > 0.0 { before.min(most) } else { start })
         }

@@ -102,11 +102,12 @@ pub struct LimitsConfig {
 impl Default for LimitsConfig {
     fn default() -> Self {
         Self {
-            // The velocity in the v4 URDF; acceleration and jerk are above what the simulated
-            // fingers do in a song, so that mirroring them passes unchanged.
-            finger_velocity: 7.0,
-            finger_acceleration: 500.0,
-            finger_jerk: 100_000.0,
+            // The highest speed that allegro_hand_ros_v4 names.
+            finger_velocity: 13.0,
+            // From rest to that in 6.5 ms, two periods of the hand. The torque clamp bounds the fingers before this does.
+            finger_acceleration: 2000.0,
+            // All of it within one set-point.
+            finger_jerk: 400_000.0,
             rail_range_m: [-0.337, 0.337],
             // 1.2 m/s is where the arm stops itself with error 60 (xArm user manual).
             rail_velocity: 0.8,
@@ -134,9 +135,8 @@ impl LimitsConfig {
     /// The largest values that a rig's file may have (sources at each).
     fn ceilings(&self) -> [Ceiling; 11] {
         [
-            // The highest speed that allegro_hand_ros_v4 names.
+            // Sources: at the defaults.
             ("finger_velocity", self.finger_velocity, 13.0),
-            // From rest to that in 6.5 ms, two periods of the hand; and all of it within one set-point.
             ("finger_acceleration", self.finger_acceleration, 2000.0),
             ("finger_jerk", self.finger_jerk, 400_000.0),
             // The flange's own limit; error 60 stops the arm at 1.2.

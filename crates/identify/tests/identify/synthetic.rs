@@ -99,11 +99,18 @@ fn recorded(
     Ok(motion)
 }
 
+/// Jerk limit of the synthetic robot's fingers, rad/s³, before its draw.
+const FINGER_JERK: f64 = 60_000.0;
+
 /// A robot whose parameters differ from the start of a fit.
 fn truth(joints: &[usize], seed: u64) -> PhysicalParams {
     let mut random = Pcg64::seed_from_u64(seed);
     let mut params = shaping_params(&RigConfig::default().limits);
     for &joint in joints {
+        if joint != RAIL {
+            // The default is the acceleration limit within one physics step, which no recording can show.
+            params.set_joint(JointRow::JerkLimit, joint, FINGER_JERK);
+        }
         let mut scale = |quantity: JointRow, most: f64| {
             let factor: f64 = random.random_range(1.0 / most..=most);
             params.set_joint(quantity, joint, params.joint(quantity, joint) * factor);

@@ -118,18 +118,17 @@ rows! {
         LowPass = joint("low_pass", "s", 0.01, 0.01, [0.0, 1.0],
             "time constant of the first-order low-pass on the joint's target"),
         /// Velocity limit.
-        VelocityLimit = joint("velocity_limit", "rad/s", 7.0, 0.8, [0.01, 50.0],
-            "largest velocity of the reference trajectory; fingers: URDF of simlabrobotics/allegro_hand_ros_v4; rail: below the \
-             xArm7's 1 m/s"),
+        VelocityLimit = joint("velocity_limit", "rad/s", 12.0, 0.76, [0.01, 50.0],
+            "largest velocity of the reference trajectory; fingers: below the highest speed that simlabrobotics/allegro_hand_ros_v4 \
+             names, 13 rad/s; rail: below the xArm7's 1 m/s"),
         /// Acceleration limit.
-        AccelerationLimit = joint("acceleration_limit", "rad/s²", 300.0, 14.0, [0.1, 5_000.0],
-            "largest acceleration of the reference trajectory; fingers: our choice, well inside what the torque allows; \
-             rail: what the xArm7's joint limit of 1145 °/s² (xarm_ros2) gives 0.7 m from the axis; along the keyboard it \
-             gives about half (docs/results/robot.md)"),
+        AccelerationLimit = joint("acceleration_limit", "rad/s²", 1900.0, 7.1, [0.1, 5_000.0],
+            "largest acceleration of the reference trajectory; fingers: above what the torque limit allows, which is what bounds \
+             them; rail: the xArm7's joint limit of 1145 °/s² (xarm_ros2) over the 2.57 rad that joint 4 turns a metre, with a \
+             margin"),
         /// Jerk limit.
-        JerkLimit = joint("jerk_limit", "rad/s³", 60_000.0, 2000.0, [1.0, 1e6],
-            "largest jerk of the reference trajectory; our choice until identified; docs/results/learning.md has the F1 with slower \
-             joints"),
+        JerkLimit = joint("jerk_limit", "rad/s³", 380_000.0, 1425.0, [1.0, 1e6],
+            "largest jerk of the reference trajectory: the acceleration limit within one physics step; our choice until identified"),
         /// Delay.
         Delay = joint("delay", "s", 0.0, 0.0, [0.0, 0.1],
             "time from a target to its effect, in addition to the low-pass"),

@@ -2,7 +2,7 @@
 //!
 //! The lags depend on filters, limits, gains, masses and the springs of the keys, all of which may vary. So they are measured: one
 //! finger strikes one white and one black key and turns once, which takes a few milliseconds of computing. With the default numbers
-//! a strike takes 85 ms (black: 95), a release 65 ms (60), and a turn lags by 90 ms.
+//! a strike takes 70 ms (black: 85) and a release 55 ms.
 
 use etude_stage::hand::FINGER_JOINTS;
 use etude_stage::params::JointRow;

@@ -20,6 +20,9 @@ const BERTH_M: f64 = 0.0255;
 const CROSS_STEPS: usize = 2;
 /// Control steps for which a lifted finger stays over its old key, so that it clears the fences before it moves sideways.
 const LIFT_STEPS: usize = 1;
+/// A finger that is farther than this to the side of its key turns over it first and strikes one control step later, m. Else it
+/// comes down on a fence, since it bends faster than it turns.
+const ASIDE_M: f64 = 0.008;
 /// Height of a finger that has nothing to play, m above its hover.
 const IDLE_RISE: f64 = 0.006;
 /// Control steps in which a finger rises before it goes from white to black keys or back.
@@ -155,11 +158,16 @@ pub(super) fn targets(
         Part { finger, notes, comb, lags }
     });
     let mut angles = [[0.0; FINGER_JOINTS]; FINGERS];
+    let mut lateral = [None; FINGERS];
     for (step, row) in table.iter_mut().enumerate() {
         let place = place_at(secs(step) + lags.follow_secs);
         let mut tips: [Tip; FINGERS] = std::array::from_fn(|finger| parts[finger].tip(step, place));
         make_room(&mut tips, comb);
-        for (finger, tip) in tips.iter().enumerate() {
+        for (finger, tip) in tips.iter_mut().enumerate() {
+            let before = lateral[finger].replace(tip.at[1]).unwrap_or(tip.at[1]);
+            if tip.striking && (tip.at[1] - before).abs() > ASIDE_M {
+                tip.at[2] += comb.hover(0) - comb.pressed(0);
+            }
             // Only a waiting finger can be out of reach: it keeps its angles.
             angles[finger] = comb.angles(finger, tip.at, place).unwrap_or(angles[finger]);
             row[finger * FINGER_JOINTS..][..FINGER_JOINTS].copy_from_slice(&angles[finger]);

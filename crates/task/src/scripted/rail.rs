@@ -1,6 +1,6 @@
 //! A model of the rail: its controller, the moved mass and the damping.
 //!
-//! The rail is slow (a movement by one key takes a third of a second), the fingers are fast. So fingers turn to compensate the
+//! The rail is slow (a movement by one key takes a fifth of a second), the fingers are fast. So fingers turn to compensate the
 //! movement of the rail, for which its position must be predicted. This model does so to a fraction of a millimetre.
 
 use etude_music::CONTROL_HZ;
