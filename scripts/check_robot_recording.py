@@ -20,7 +20,7 @@ from sklearn.metrics import f1_score
 
 LOWEST, KEYS, RAIL = 36, 49, 12
 PWM = [375, 675, 450, 285] * 3 + [525, 405, 270, 270]
-FINGER = {"velocity": 7.0, "acceleration": 500.0, "jerk": 100_000.0}
+FINGER = {"velocity": 13.0, "acceleration": 2000.0, "jerk": 400_000.0}
 RAIL_LIMITS = {"velocity": 0.8, "acceleration": 7.5, "jerk": 1500.0}
 SETPOINT_SECS = 0.005
 
