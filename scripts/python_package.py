@@ -65,6 +65,7 @@ envs = gymnasium.make_vec("etude/Twinkle-v0", num_envs=2, vectorization_mode="ve
 envs.reset(seed=0)
 envs.step(envs.action_space.sample())
 policy = etude.load_policy("twinkle")
+env = etude.PianoEnv("twinkle", config=policy.task)
 print("fresh environment:", policy.song, policy.act(env.reset(seed=0)[0]).shape)
 """
 
