@@ -13,6 +13,11 @@ const TRAVEL_M: f64 = 0.010;
 /// Depth of a strike as a fraction of the key's travel. It is above 1 because the reference slows down near its target and because
 /// the springs of key and joints yield.
 const DEPTH: f64 = 1.2;
+/// Least lateral distance of a waiting finger from a neighbour that plays, m.
+const BERTH_M: f64 = 0.0255;
+/// A finger that is farther than this to the side of its key turns over it first and strikes one control step later, m. Else it
+/// comes down on a fence, since it bends faster than it turns.
+pub(super) const ASIDE_M: f64 = 0.008;
 /// How far a fingertip may be to either side of its place with an unturned root, m.
 pub(super) const PLAY_M: f64 = 0.020;
 /// Where white keys are pressed, m toward the player from their middle.
@@ -66,6 +71,12 @@ impl Comb {
         let bent =
             kinematics::fingertip(self.side, finger, &[0.0, std::f64::consts::FRAC_PI_2, 0.0, 0.0], 0.0);
         straight[1] + (bent[1] - straight[1]) * (x - straight[0]) / (bent[0] - straight[0])
+    }
+
+    /// The lateral place nearest to `[x, y]` at which `finger` is clear of its neighbour `other`, which plays at `theirs`, m.
+    pub(super) fn beside(&self, finger: usize, [x, y]: [f64; 2], other: usize, theirs: f64) -> f64 {
+        let above = self.unturned(finger, x) > self.unturned(other, x);
+        if above { y.max(theirs + BERTH_M) } else { y.min(theirs - BERTH_M) }
     }
 
     /// Rail positions from which `finger` can play `key`, m.

@@ -9,7 +9,7 @@ use etude_music::key_is_black;
 use etude_stage::FINGERS;
 use etude_stage::geometry::HALF_WIDTH;
 
-use super::comb::{Comb, PLAY_M};
+use super::comb::{ASIDE_M, Comb, PLAY_M};
 use super::limits::{Limit, LimitKind, Limits};
 use super::rail::{CONTROL_SECS, LEAD_STEPS, Rail};
 use super::strokes::{Slice, Stroke};
@@ -215,7 +215,19 @@ impl Planner<'_> {
                 rail_steps.max(finger_steps[finger]).saturating_sub(gap)
             })
             .sum();
-        let cost = (lost + given_up) as f64 + TRAVEL_COST * (to.rail - from.rail).abs();
+        // A finger whose way to its next key is barred by a neighbour that plays strikes one step late (`ASIDE_M`).
+        let barred = |finger: usize| {
+            let Some(next) = to.hand[finger].filter(|_| !kept(finger)) else { return false };
+            let place = self.comb.over(self.strokes[next].key);
+            (0..FINGERS).filter(|other| other.abs_diff(finger) == 1).any(|other| {
+                let Some(stroke) = from.hand[other] else { return false };
+                let theirs = self.comb.over(self.strokes[stroke].key)[1];
+                let aside = (self.comb.beside(finger, place, other, theirs) - place[1]).abs();
+                released(stroke) == step && aside > ASIDE_M
+            })
+        };
+        let late = (0..FINGERS).filter(|finger| barred(*finger)).count();
+        let cost = (lost + given_up + late) as f64 + TRAVEL_COST * (to.rail - from.rail).abs();
         Some(Change { rail_steps, travel, finger_steps, cost })
     }
 

@@ -8,21 +8,16 @@ use etude_stage::hand::FINGER_JOINTS;
 use etude_stage::params::{JointRow, PhysicalParams};
 use etude_stage::{FINGERS, JOINTS, PHYSICS_STEPS, RAIL, joint_range};
 
-use super::comb::Comb;
+use super::comb::{ASIDE_M, Comb};
 use super::fingering::{Place, Played, secs};
 use super::lags::Lags;
 use super::rail::{CONTROL_SECS, LEAD_STEPS, Rail};
 use super::strokes::Slice;
 
-/// Least lateral distance of a waiting finger from a neighbour that plays, m.
-const BERTH_M: f64 = 0.0255;
 /// Control steps in which a finger crosses the edge between white and black keys.
 const CROSS_STEPS: usize = 2;
 /// Control steps for which a lifted finger stays over its old key, so that it clears the fences before it moves sideways.
 const LIFT_STEPS: usize = 1;
-/// A finger that is farther than this to the side of its key turns over it first and strikes one control step later, m. Else it
-/// comes down on a fence, since it bends faster than it turns.
-const ASIDE_M: f64 = 0.008;
 /// Height of a finger that has nothing to play, m above its hover.
 const IDLE_RISE: f64 = 0.006;
 /// Control steps in which a finger rises before it goes from white to black keys or back.
@@ -124,8 +119,7 @@ fn make_room(tips: &mut [Tip; FINGERS], comb: &Comb) {
             }
             let [x, y, _] = tips[finger].at;
             let theirs = tips[other].at[1];
-            let above = comb.unturned(finger, x) > comb.unturned(other, x);
-            tips[finger].at[1] = if above { y.max(theirs + BERTH_M) } else { y.min(theirs - BERTH_M) };
+            tips[finger].at[1] = comb.beside(finger, [x, y], other, theirs);
         }
     }
 }
