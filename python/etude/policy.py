@@ -57,7 +57,8 @@ class Policy:
         x = np.asarray(observation, np.float32)
         if x.shape[-1:] != self.weights[0].shape[:1]:
             raise EtudeError(
-                f"{self.path} reads observations of {self.weights[0].shape[0]} columns, and this one has the shape {x.shape}"
+                f"{self.path} reads observations of {self.weights[0].shape[0]} columns, and this one has the shape {x.shape}; "
+                "make the environment with config=policy.task"
             )
         for weight, bias in zip(self.weights[:-1], self.biases[:-1]):
             x = _gelu(x @ weight + bias)

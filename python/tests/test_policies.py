@@ -42,11 +42,11 @@ def test_its_task_is_the_one_that_its_scores_are_of():
 
 def test_many_observations_at_once():
     policy = etude.load_policy("twinkle")
-    observations = np.random.default_rng(0).normal(size=(2, 5, 369)).astype(np.float32)
+    observations = np.random.default_rng(0).normal(size=(2, 5, policy.weights[0].shape[0])).astype(np.float32)
     actions = policy.act(observations)
     assert actions.shape == (2, 5, 13) and np.all(np.abs(actions) <= 1)
     np.testing.assert_allclose(actions[1, 3], policy.act(observations[1, 3]), atol=1e-5)
-    with pytest.raises(etude.EtudeError, match="369 columns"):
+    with pytest.raises(etude.EtudeError, match="382 columns.*config=policy.task"):
         policy.act(np.zeros(356, np.float32))
 
 
