@@ -13,7 +13,7 @@ use crate::space::{Parameter, Scale};
 enum Bounds {
     /// The value divided and multiplied by this; on a logarithmic scale.
     Factor(f64),
-    /// As `Factor` with the first value, about the second if that is lower: higher values have no effect.
+    /// As `Factor` with the first value, about the second if that is lower, where a change still shows.
     FactorBelow(f64, f64),
     /// From zero to the first value, starting at the second.
     UpTo(f64, f64),

@@ -220,10 +220,11 @@ impl Planner<'_> {
             let Some(next) = to.hand[finger].filter(|_| !kept(finger)) else { return false };
             let place = self.comb.over(self.strokes[next].key);
             (0..FINGERS).filter(|other| other.abs_diff(finger) == 1).any(|other| {
-                let Some(stroke) = from.hand[other] else { return false };
+                let Some(stroke) = from.hand[other].filter(|stroke| released(*stroke) == step) else {
+                    return false;
+                };
                 let theirs = self.comb.over(self.strokes[stroke].key)[1];
-                let aside = (self.comb.beside(finger, place, other, theirs) - place[1]).abs();
-                released(stroke) == step && aside > ASIDE_M
+                (self.comb.beside(finger, place, other, theirs) - place[1]).abs() > ASIDE_M
             })
         };
         let late = (0..FINGERS).filter(|finger| barred(*finger)).count();
