@@ -35,6 +35,7 @@ def task_config(
     observation_scale: Literal["normalised", "si"] | None = None,
     previous_joints: bool | None = None,
     previous_actions: int | None = None,
+    fingering: bool | None = None,
     lookahead: int | None = None,
     initial_silence_secs: float | None = None,
     random_start: bool | None = None,
@@ -53,6 +54,8 @@ def task_config(
         observation_scale: Joint readings by their ranges, or in rad and m.
         previous_joints: Whether the observation holds the joints of one step ago.
         previous_actions: Previous actions that the observation shows, 0 to 4.
+        fingering: Whether a fingering is planned for the song: the observation shows each finger its goal, and the rail's action is a
+            distance from its planned place. The reward terms `fingering` and `preparation` need it.
         lookahead: Control steps of the sheet shown beyond the current one, 0 to 40.
         initial_silence_secs: Silence before the first note, s.
         random_start: Whether episodes start anywhere in the song.
@@ -72,6 +75,7 @@ def task_config(
         "scale": observation_scale,
         "previous_joints": previous_joints,
         "previous_actions": previous_actions,
+        "fingering": fingering,
         "lookahead": lookahead,
         "initial_silence_secs": initial_silence_secs,
         "random_start": random_start,

@@ -149,7 +149,7 @@ impl Pianos {
         py.detach(|| {
             let song = find_song(song).map_err(error)?;
             config.check().map_err(error)?;
-            let piece = Piece::new(&song, config.initial_silence_secs).map_err(error)?;
+            let piece = Piece::for_task(&song, &config).map_err(error)?;
             let slot = |seed: usize| {
                 let environment = Environment::new(&config, &piece, seed as u64).map_err(error)?;
                 Ok(Slot { environment, tally: FrameTally::default(), over: false })
@@ -180,7 +180,7 @@ impl Pianos {
     #[getter]
     fn action_range(&self) -> ([f64; ACTION_LEN], [f64; ACTION_LEN]) {
         let range = TargetRange::new(&self.piece);
-        (range.targets(&[-1.0; ACTION_LEN]), range.targets(&[1.0; ACTION_LEN]))
+        (range.targets(&[-1.0; ACTION_LEN], 0), range.targets(&[1.0; ACTION_LEN], 0))
     }
 
     /// Control steps of an episode.

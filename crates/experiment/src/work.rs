@@ -163,7 +163,7 @@ impl Doing<'_, '_> {
             bail!(STOPPED);
         }
         let pianist = load_pianist(&training.song, "", Some(&folder))?;
-        let piece = Piece::new(&song, pianist.config.task.initial_silence_secs)?;
+        let piece = Piece::for_task(&song, &pianist.config.task)?;
         let sim = scores_in_simulation(&pianist, &piece)?.frame;
         let of_sim = [("sim_f1", sim.f1), ("sim_precision", sim.precision), ("sim_recall", sim.recall)];
         let mut rows = Vec::new();

@@ -105,7 +105,7 @@ pub fn evaluate_grid(
     let mut task = pianist.config.task.clone();
     task.randomisation.intensity = grid.intensity;
     task.check()?;
-    let piece = Piece::new(song, task.initial_silence_secs)?;
+    let piece = Piece::for_task(song, &task)?;
     let nominal = task.params().map_err(TaskError::from)?;
     let randomisation = Randomisation::new(nominal.clone(), &task.randomisation, task.stage.actuation)?;
     let mut worlds = vec![nominal];

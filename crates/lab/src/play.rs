@@ -67,7 +67,7 @@ pub fn play(
     font: Option<&SoundFont>,
 ) -> anyhow::Result<PlayReport> {
     let task = &pianist.config.task;
-    let piece = Piece::new(song, task.initial_silence_secs)?;
+    let piece = Piece::for_task(song, task)?;
     let files = Files {
         midi: folder.join("performance.mid"),
         wav: folder.join("performance.wav"),

@@ -113,7 +113,7 @@ pub fn play_on_robot(
         );
     }
     let task = &pianist.config.task;
-    let piece = Piece::new(song, task.initial_silence_secs)?;
+    let piece = Piece::for_task(song, task)?;
     if let Some(folder) = folder {
         make_folder(folder)?;
     }

@@ -311,7 +311,7 @@ fn lock(folder: &Path) -> anyhow::Result<File> {
 }
 
 fn parts(song: &Song, config: &RunConfig) -> anyhow::Result<Parts> {
-    let piece = Piece::new(song, config.task.initial_silence_secs)?;
+    let piece = Piece::for_task(song, &config.task)?;
     let root = seed::split(config.trainer.seed, "task");
     let mut environment = VectorPiano::new(&config.task, &piece, config.trainer.num_envs, root)?;
     if config.trainer.demonstration_share > 0.0 {

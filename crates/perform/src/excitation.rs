@@ -96,7 +96,7 @@ impl ExcitationPlayer {
 
 impl Player for ExcitationPlayer {
     fn act(&mut self, step: usize, _: &[f32], action: &mut [f32; ACTION_LEN]) {
-        *action = self.range.action(&self.targets[step]);
+        *action = self.range.action(&self.targets[step], step);
     }
 }
 

@@ -50,7 +50,7 @@ fn play(
     let range = TargetRange::new(&piece);
     let mut observation = vec![0.0; layout(task).len()];
     let mut action = [0.0; ACTION_LEN];
-    let mut history = History::at_rest(rig.seen().joints, &range);
+    let mut history = History::at_rest(rig.seen().joints, &range, 0);
     for step in 0..piece.steps() {
         if interrupt.load(Ordering::Relaxed) {
             return Ok(Ending::Interrupted);
@@ -59,7 +59,7 @@ fn play(
         observe(task, &joints, &history, keys, &piece, step, &mut observation);
         player.act(step, &observation, &mut action);
         history.push(joints, &action);
-        let targets = range.targets(&action);
+        let targets = range.targets(&action, step);
         let command = Command { step, observation: &observation, action: &action, targets };
         match rig.step(&command, recorder)? {
             Ok(stepped) => performance.push(stepped),

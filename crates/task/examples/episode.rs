@@ -15,7 +15,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let [song, seed, steps] = arguments.as_slice() else { return Err("episode SONG SEED STEPS".into()) };
     let mut config = TaskConfig { random_start: true, ..TaskConfig::default() };
     config.randomisation.intensity = 0.5;
-    let piece = Piece::new(&etude_music::resolve(song)?, config.initial_silence_secs)?;
+    let piece = Piece::for_task(&etude_music::resolve(song)?, &config)?;
     let mut environment = Environment::new(&config, &piece, seed.parse()?)?;
     let mut parts = vec![0.0; environment.reward().names().len()];
     let mut observation = vec![0.0; layout(&config).len()];

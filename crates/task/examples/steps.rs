@@ -21,7 +21,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     };
     let (num_envs, secs): (usize, f64) = (num_envs.parse()?, secs.parse()?);
     let config = TaskConfig::default();
-    let piece = Piece::new(&etude_music::resolve(song)?, config.initial_silence_secs)?;
+    let piece = Piece::for_task(&etude_music::resolve(song)?, &config)?;
     let mut vector = VectorPiano::new(&config, &piece, num_envs, 0)?;
     let mut batch = StepBatch::new(num_envs, vector.layout(), vector.reward_term_names().len());
     let bytes = std::fs::read(actions)?;

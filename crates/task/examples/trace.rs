@@ -16,7 +16,7 @@ use rand_pcg::Pcg64;
 fn main() -> Result<(), Box<dyn Error>> {
     let song = std::env::args().nth(1).ok_or("trace SONG")?;
     let config = TaskConfig::default();
-    let piece = Piece::new(&etude_music::resolve(&song)?, config.initial_silence_secs)?;
+    let piece = Piece::for_task(&etude_music::resolve(&song)?, &config)?;
     let range = TargetRange::new(&piece);
     let mut world = World::new(&config.stage, &config.params()?)?;
     let mut random = Pcg64::seed_from_u64(0);
@@ -27,9 +27,9 @@ fn main() -> Result<(), Box<dyn Error>> {
         text.push('\n');
     };
     add(&world);
-    for _ in 0..piece.steps() {
+    for step in 0..piece.steps() {
         let action: [f32; ACTION_LEN] = std::array::from_fn(|_| random.random_range(-1.0..=1.0));
-        world.step_watched(&range.targets(&action), &mut add);
+        world.step_watched(&range.targets(&action, step), &mut add);
     }
     Ok(std::io::stdout().write_all(text.as_bytes())?)
 }

@@ -33,7 +33,7 @@ impl Stepping {
 /// # Errors
 /// If the configuration is not sound.
 pub fn stepping(config: &TaskConfig, song: &Song, secs: f64) -> Result<Stepping, TaskError> {
-    let piece = Piece::new(song, config.initial_silence_secs)?;
+    let piece = Piece::for_task(song, config)?;
     let mut environment = Environment::new(config, &piece, 0)?;
     let mut observer = World::new(&config.stage, &config.params()?)?;
     let mut bare = World::new(&config.stage, &config.params()?)?;
@@ -53,8 +53,9 @@ pub fn stepping(config: &TaskConfig, song: &Song, secs: f64) -> Result<Stepping,
         full_secs += start.elapsed().as_secs_f64();
         let mut torques: Vec<[f64; JOINTS]> = Vec::new();
         for action in &actions {
-            observer
-                .step_watched(&environment.range().targets(action), |world| torques.push(*world.torques()));
+            observer.step_watched(&environment.range().targets(action, 0), |world| {
+                torques.push(*world.torques())
+            });
         }
         observer.reset();
         let start = Instant::now();
@@ -77,7 +78,7 @@ pub fn stepping(config: &TaskConfig, song: &Song, secs: f64) -> Result<Stepping,
 /// # Errors
 /// If the configuration is not sound.
 pub fn all_cores(config: &TaskConfig, song: &Song, secs: f64) -> Result<f64, TaskError> {
-    let piece = Piece::new(song, config.initial_silence_secs)?;
+    let piece = Piece::for_task(song, config)?;
     let num_envs = 4 * std::thread::available_parallelism().map_or(1, usize::from);
     let mut vector = VectorPiano::new(config, &piece, num_envs, 0)?;
     let mut batch = StepBatch::new(num_envs, vector.layout(), vector.reward_term_names().len());

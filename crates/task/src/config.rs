@@ -42,6 +42,10 @@ pub struct TaskConfig {
     /// Previous actions that the observation shows, the newest first. The paper's is 0. They tell the policy what is still to come
     /// of slow or late drives, whose references it does not see.
     pub previous_actions: usize,
+    /// Whether the policy is shown a planned [`Fingering`](crate::Fingering) of the song: the observation has the way of each
+    /// fingertip to its goal, and the rail's action is a distance from its planned place. The reward terms `fingering` and
+    /// `preparation` need it. The paper has none.
+    pub fingering: bool,
     /// Scale of the joint readings in the observation.
     pub scale: ObservationScale,
     /// Whether training episodes start anywhere in the song. Evaluations always play the whole song.
@@ -59,6 +63,7 @@ impl Default for TaskConfig {
             lookahead: 5,
             previous_joints: true,
             previous_actions: 0,
+            fingering: false,
             scale: ObservationScale::default(),
             random_start: false,
         }
@@ -96,6 +101,12 @@ impl TaskConfig {
             if !(low..=high).contains(&value) {
                 return Err(TaskError::Value(format!("task.{name} = {value} must lie in {low} … {high}")));
             }
+        }
+        let needs = |term: &&&str| self.reward.get(**term).is_some_and(|weight| *weight != 0.0);
+        if let Some(term) = crate::reward::OF_A_FINGERING.iter().find(needs).filter(|_| !self.fingering) {
+            return Err(TaskError::Value(format!(
+                "the reward term `{term}` needs a fingering; set task.fingering = true"
+            )));
         }
         Ok(())
     }

@@ -70,6 +70,10 @@ impl Environment {
         let params = config.params()?;
         let randomisation =
             Randomisation::new(params.clone(), &config.randomisation, config.stage.actuation)?;
+        if config.fingering != piece.fingering().is_some() {
+            let error = "the piece and the configuration differ in `fingering`; make it by `Piece::for_task`";
+            return Err(TaskError::Value(error.to_string()));
+        }
         let range = TargetRange::new(piece);
         let mut environment = Self {
             world: World::new(&config.stage, &params)?,
@@ -81,7 +85,7 @@ impl Environment {
             step: 0,
             steps_made: 0,
             peers: 1,
-            history: History::at_rest([0.0; JOINTS], &range),
+            history: History::at_rest([0.0; JOINTS], &range, 0),
             range,
         };
         environment.reset();
@@ -133,7 +137,7 @@ impl Environment {
                 self.world.reset_to(&pose);
             }
         }
-        self.history = History::at_rest(self.world.joints(), &self.range);
+        self.history = History::at_rest(self.world.joints(), &self.range, self.step);
     }
 
     /// Of the next frame in which keys are due, the lowest white key, or the lowest key if all are black.
@@ -147,9 +151,15 @@ impl Environment {
     pub fn step(&mut self, action: &[f32; ACTION_LEN], parts: &mut [f32]) -> Step {
         let due = self.piece.due(self.step);
         let joints = self.world.joints();
-        let outcome = self.world.step(&self.range.targets(action));
-        let moment =
-            Moment { world: &self.world, due, outcome, action, previous_action: &self.history.actions[0] };
+        let outcome = self.world.step(&self.range.targets(action, self.step));
+        let moment = Moment {
+            world: &self.world,
+            due,
+            outcome,
+            action,
+            previous_action: &self.history.actions[0],
+            goals: self.piece.goals(self.step),
+        };
         let reward = self.reward.evaluate(&moment, parts);
         let reward = if outcome.unstable { f64::NAN } else { reward };
         self.history.push(joints, action);

@@ -1,13 +1,16 @@
-//! The observation: joints, previous joints, pressed keys, and the keys due now and in the next control steps.
+//! The observation: joints, previous joints, pressed keys, and the keys due now and in the next control steps. Options add previous
+//! actions and a fingering.
 
 use etude_learn::ObservationLayout;
 use etude_music::{KEYS, KeySet};
 use etude_stage::geometry::WHITE_PITCH;
-use etude_stage::{JOINTS, RAIL, joint_range};
+use etude_stage::hand::FINGER_JOINTS;
+use etude_stage::{FINGERS, JOINTS, RAIL, joint_range, kinematics};
 use serde::{Deserialize, Serialize};
 
 use crate::ACTION_LEN;
 use crate::config::{ObservationScale, TaskConfig};
+use crate::fingering::{AHEAD_STEPS, Goal};
 use crate::piece::Piece;
 use crate::range::TargetRange;
 
@@ -25,8 +28,8 @@ pub struct History {
 
 impl History {
     /// The history at rest: `joints` have not moved, and the actions were those that hold them.
-    pub fn at_rest(joints: [f64; JOINTS], range: &TargetRange) -> Self {
-        Self { joints, actions: [range.action(&joints); MOST_ACTIONS] }
+    pub fn at_rest(joints: [f64; JOINTS], range: &TargetRange, step: usize) -> Self {
+        Self { joints, actions: [range.action(&joints, step); MOST_ACTIONS] }
     }
 
     /// Adds a control step: `action` was chosen where the encoders read `joints`.
@@ -37,15 +40,26 @@ impl History {
     }
 }
 
+/// Real columns for each finger's goal: see [`observe`].
+const GOAL_COLUMNS: usize = 3;
+/// Farthest way to a goal that the observation shows, white keys.
+const FARTHEST_KEYS: f64 = 4.0;
+
 /// Columns of the observation that `config` asks for.
 pub fn layout(config: &TaskConfig) -> ObservationLayout {
     let joints = if config.previous_joints { 2 * JOINTS } else { JOINTS };
     let actions = config.previous_actions * ACTION_LEN;
-    ObservationLayout { real: joints + actions, binary: KEYS * (config.lookahead + 2) }
+    let goals = if config.fingering { GOAL_COLUMNS * FINGERS } else { 0 };
+    let playing = if config.fingering { FINGERS * (config.lookahead + 1) } else { 0 };
+    ObservationLayout { real: joints + actions + goals, binary: KEYS * (config.lookahead + 2) + playing }
 }
 
-/// Writes an observation of [`layout`]'s length: `joints` (encoder readings), those of one control step ago, the keys
-/// down (0 or 1), and the keys due at `step` and the next `lookahead` steps (0 or 1).
+/// Writes an observation of [`layout`]'s length: `joints` (encoder readings) and those of one control step ago, previous actions,
+/// the way from each fingertip to its goal; then, each 0 or 1, the keys down, the keys due at `step` and in the next `lookahead`
+/// steps, and the fingers that should play in each of these steps.
+///
+/// The way to a goal has three columns: toward the player and along the keyboard, in white keys, and the time until the note
+/// begins, as a fraction of [`AHEAD_STEPS`]. A finger without a goal has 0, 0 and 1.
 pub fn observe(
     config: &TaskConfig,
     joints: &[f64; JOINTS],
@@ -56,22 +70,42 @@ pub fn observe(
     out: &mut [f32],
 ) {
     let (real, binary) = out.split_at_mut(layout(config).real);
-    let (halves, actions) = real.split_at_mut(if config.previous_joints { 2 * JOINTS } else { JOINTS });
-    for (columns, action) in actions.chunks_exact_mut(ACTION_LEN).zip(&history.actions) {
-        columns.copy_from_slice(action);
-    }
+    let (halves, real) = real.split_at_mut(if config.previous_joints { 2 * JOINTS } else { JOINTS });
+    let (actions, ways) = real.split_at_mut(config.previous_actions * ACTION_LEN);
     for (half, readings) in halves.chunks_exact_mut(JOINTS).zip([joints, &history.joints]) {
         for (joint, slot) in half.iter_mut().enumerate() {
             *slot = scaled(config.scale, joint, readings[joint]);
         }
     }
+    for (columns, action) in actions.chunks_exact_mut(ACTION_LEN).zip(&history.actions) {
+        columns.copy_from_slice(action);
+    }
+    for (finger, columns) in ways.chunks_exact_mut(GOAL_COLUMNS).enumerate() {
+        let goal = piece.goals(step)[finger];
+        columns.copy_from_slice(&goal.map_or([0.0, 0.0, 1.0], |goal| way(config, joints, finger, &goal)));
+    }
     binary.fill(0.0);
-    for (index, columns) in binary.chunks_exact_mut(KEYS).enumerate() {
+    let (keys, playing) = binary.split_at_mut(KEYS * (config.lookahead + 2));
+    for (index, columns) in keys.chunks_exact_mut(KEYS).enumerate() {
         let keys = if index == 0 { pressed } else { piece.due(step + index - 1) };
         for key in keys.iter() {
             columns[key] = 1.0;
         }
     }
+    for (ahead, columns) in playing.chunks_exact_mut(FINGERS).enumerate() {
+        for (slot, goal) in columns.iter_mut().zip(piece.goals(step + ahead)) {
+            *slot = f32::from(u8::from(goal.is_some_and(|goal| goal.wait_steps == 0)));
+        }
+    }
+}
+
+/// The columns of a finger's goal.
+fn way(config: &TaskConfig, joints: &[f64; JOINTS], finger: usize, goal: &Goal) -> [f32; GOAL_COLUMNS] {
+    let angles = joints[finger * FINGER_JOINTS..].first_chunk().expect("a finger's joints");
+    let tip = kinematics::fingertip(config.stage.side, finger, angles, joints[RAIL]);
+    let keys = |away: f64| (away / WHITE_PITCH).clamp(-FARTHEST_KEYS, FARTHEST_KEYS) as f32;
+    let [x, y] = goal.over;
+    [keys(tip[0] - x), keys(tip[1] - y), goal.wait_steps as f32 / AHEAD_STEPS as f32]
 }
 
 fn scaled(scale: ObservationScale, joint: usize, reading: f64) -> f32 {

@@ -4,6 +4,8 @@ use std::sync::Arc;
 
 use etude_music::{CONTROL_HZ, KeySet, Note, Song, SongError};
 
+use crate::{Fingering, Goals, TaskConfig, TaskError};
+
 /// A song in control steps. Cheap to clone: environments share it.
 #[derive(Clone, Debug)]
 pub struct Piece {
@@ -11,6 +13,7 @@ pub struct Piece {
     due: Arc<[KeySet]>,
     notes: Arc<[Note]>,
     bars: Arc<[f64]>,
+    fingering: Option<Arc<Fingering>>,
 }
 
 impl Piece {
@@ -26,13 +29,37 @@ impl Piece {
             due: song.episode_frames(CONTROL_HZ, silence_secs)?.into(),
             notes: silent_start.notes().into(),
             bars: silent_start.beats().bar_lines(silent_start.duration_secs()).into(),
+            fingering: None,
         })
     }
 
     /// `steps` control steps in which no key is due, for motions without a song.
     pub fn silent(steps: usize) -> Self {
         let (notes, bars) = ([].into(), [].into());
-        Self { title: String::new(), due: vec![KeySet::EMPTY; steps].into(), notes, bars }
+        Self { title: String::new(), due: vec![KeySet::EMPTY; steps].into(), notes, bars, fingering: None }
+    }
+
+    /// The song as `config` plays it: after its initial silence and, if it asks for one, with a fingering for its world.
+    ///
+    /// # Errors
+    /// As [`Piece::new`]; also if the configuration's physical numbers are not sound.
+    pub fn for_task(song: &Song, config: &TaskConfig) -> Result<Self, TaskError> {
+        let mut piece = Self::new(song, config.initial_silence_secs)?;
+        if config.fingering {
+            let fingering = Fingering::plan(&config.stage, &config.params()?, &piece);
+            piece.fingering = Some(Arc::new(fingering));
+        }
+        Ok(piece)
+    }
+
+    /// Its fingering, if a task asked for one.
+    pub fn fingering(&self) -> Option<&Arc<Fingering>> {
+        self.fingering.as_ref()
+    }
+
+    /// The goals of the fingers in control step `step`; none without a fingering.
+    pub fn goals(&self, step: usize) -> Goals {
+        self.fingering.as_ref().map(|fingering| fingering.goals(step)).unwrap_or_default()
     }
 
     /// Title of the song.

@@ -1,45 +1,63 @@
 //! The mapping from actions to joint targets.
 
+use std::sync::Arc;
+
 use etude_stage::geometry::{HALF_WIDTH, WHITE_PITCH, key_lateral};
 use etude_stage::hand::ROOT_SPACING;
 use etude_stage::{JOINTS, RAIL, joint_range};
 
-use crate::{ACTION_LEN, Piece};
+use crate::{ACTION_LEN, Fingering, Piece};
 
 /// Range of each joint's target, to which an action in [−1, 1] is mapped: the joint's own range for a finger joint, the part of the
-/// keyboard that the piece needs for the rail.
+/// keyboard that the piece needs for the rail. With a fingering, the rail's range is [`PLAY_M`] to either side of its planned place.
 ///
 /// If the rail's range were the whole keyboard, a change of its action by 0.02 would be 7 mm, more than a fingertip may be off the
 /// middle of a key between fences. docs/results/learning.md compares the two.
 #[derive(Clone, Debug, PartialEq)]
-pub struct TargetRange([[f64; 2]; JOINTS]);
+pub struct TargetRange {
+    ranges: [[f64; 2]; JOINTS],
+    fingering: Option<Arc<Fingering>>,
+}
+
+/// How far the rail's target may be from its planned place, m: nearly two white keys.
+const PLAY_M: f64 = 0.04;
 
 impl TargetRange {
-    /// The range for `piece`: the rail can bring any finger over any of its keys, and one white key further.
+    /// The range for `piece`. Without a fingering, the rail can bring any finger over any of its keys, and one white key further.
     pub fn new(piece: &Piece) -> Self {
-        let mut range = std::array::from_fn(joint_range);
+        let mut ranges = std::array::from_fn(joint_range);
         let keys = || piece.frames().iter().flat_map(|due| due.iter()).map(key_lateral);
         let (lowest, highest) =
             (keys().fold(f64::INFINITY, f64::min), keys().fold(f64::NEG_INFINITY, f64::max));
-        if lowest <= highest {
+        let fingering = piece.fingering().cloned();
+        if fingering.is_some() {
+            ranges[RAIL] = [-PLAY_M, PLAY_M];
+        } else if lowest <= highest {
             let beyond = ROOT_SPACING + WHITE_PITCH;
-            range[RAIL] = [(lowest - beyond).max(-HALF_WIDTH), (highest + beyond).min(HALF_WIDTH)];
+            ranges[RAIL] = [(lowest - beyond).max(-HALF_WIDTH), (highest + beyond).min(HALF_WIDTH)];
         }
-        Self(range)
+        Self { ranges, fingering }
     }
 
-    /// Joint targets (rad, the rail in m) of an action, whose values are clamped to ±1.
-    pub fn targets(&self, action: &[f32; ACTION_LEN]) -> [f64; JOINTS] {
+    /// Lowest and highest target of `joint` in control step `step`, rad or m.
+    pub fn ends(&self, joint: usize, step: usize) -> [f64; 2] {
+        let fingering = self.fingering.as_ref().filter(|_| joint == RAIL);
+        let place = fingering.map_or(0.0, |fingering| fingering.rail_at(step));
+        self.ranges[joint].map(|end| place + end)
+    }
+
+    /// Joint targets (rad, the rail in m) of an action in control step `step`; its values are clamped to ±1.
+    pub fn targets(&self, action: &[f32; ACTION_LEN], step: usize) -> [f64; JOINTS] {
         std::array::from_fn(|joint| {
-            let [low, high] = self.0[joint];
+            let [low, high] = self.ends(joint, step);
             low + (f64::from(action[joint].clamp(-1.0, 1.0)) + 1.0) / 2.0 * (high - low)
         })
     }
 
     /// The action with these [`targets`](Self::targets); targets beyond a range give ±1.
-    pub fn action(&self, targets: &[f64; JOINTS]) -> [f32; ACTION_LEN] {
+    pub fn action(&self, targets: &[f64; JOINTS], step: usize) -> [f32; ACTION_LEN] {
         std::array::from_fn(|joint| {
-            let [low, high] = self.0[joint];
+            let [low, high] = self.ends(joint, step);
             (((targets[joint] - low) / (high - low) * 2.0 - 1.0).clamp(-1.0, 1.0)) as f32
         })
     }
@@ -58,15 +76,15 @@ mod tests {
     fn action_undoes_targets() {
         let range = scale();
         let action: [f32; ACTION_LEN] = std::array::from_fn(|j| j as f32 / 6.0 - 1.0);
-        let back = range.action(&range.targets(&action));
+        let back = range.action(&range.targets(&action, 0), 0);
         assert!(action.iter().zip(back).all(|(a, b)| (a - b).abs() < 1e-6));
-        assert_eq!(range.targets(&[9.0; ACTION_LEN]), range.targets(&[1.0; ACTION_LEN]));
+        assert_eq!(range.targets(&[9.0; ACTION_LEN], 0), range.targets(&[1.0; ACTION_LEN], 0));
     }
 
     #[test]
     fn the_rail_brings_every_finger_over_every_key_of_the_piece() {
         let range = scale();
-        let [low, high] = [-1.0, 1.0].map(|end| range.targets(&[end; ACTION_LEN])[RAIL]);
+        let [low, high] = range.ends(RAIL, 0);
         // From middle C (key 24) to the C above.
         assert!(low < key_lateral(24) - ROOT_SPACING && high > key_lateral(36) + ROOT_SPACING);
         assert!(high - low < 0.3);

@@ -5,13 +5,15 @@
 //! Sources: the paper describes the terms in words, with a number for the collision term only. Key press, energy and tolerance are
 //! those of RoboPianist (github.com/google-research/robopianist, `suite/tasks/piano_with_shadow_hands.py`); the assignment of fingers
 //! by optimal transport is that of RP1M (arXiv 2408.11048); the appendix's terms are those of lasr-lab/learning-to-play-piano on
-//! GitHub (`robopianist/suite/tasks/piano_with_hands.py`). Other weights are our choice.
+//! GitHub (`robopianist/suite/tasks/piano_with_hands.py`). `wrong_travel` and the terms of a fingering are ours (RoboPianist rewards
+//! a fingering that people have written down). Other weights are our choice.
 
 use std::collections::BTreeMap;
 
 use etude_music::{KEYS, KeySet};
 use etude_stage::{FINGERS, RAIL, StepOutcome, World};
 
+use crate::fingering::{Goal, Goals};
 use crate::{ACTION_LEN, TaskError, assign};
 
 /// What the terms are computed from: the world after a control step, the action and the due keys.
@@ -26,13 +28,15 @@ pub struct Moment<'a> {
     pub action: &'a [f32; ACTION_LEN],
     /// The action of the previous step; in the first step, the one whose targets are the starting pose.
     pub previous_action: &'a [f32; ACTION_LEN],
+    /// The goals of the fingers in the step; none without a fingering.
+    pub goals: Goals,
 }
 
 /// One named term of the reward.
 pub struct Term {
     /// Name in configurations and metrics.
     pub name: &'static str,
-    /// Default weight: that of the paper's main text, 0 for a term of its appendix (`configs/presets/appendix.toml`).
+    /// Default weight: that of the paper's main text, 0 for a term that it does not have (`configs/presets` sets those).
     pub main: f64,
     /// Its value before weighting.
     pub value: fn(&Moment) -> f64,
@@ -53,7 +57,14 @@ pub const TERMS: &[Term] = &[
     term("hand_position", 0.0, hand_position),
     term("graded_key_press", 0.0, graded_key_press),
     term("sliding", 0.0, sliding),
+    // Ours, of the preset `fast`.
+    term("wrong_travel", 0.0, wrong_travel),
+    term("fingering", 0.0, fingering),
+    term("preparation", 0.0, preparation),
 ];
+
+/// Terms that need [`TaskConfig::fingering`](crate::TaskConfig::fingering).
+pub const OF_A_FINGERING: [&str; 2] = ["fingering", "preparation"];
 
 /// Weight of the rail's power relative to that of the fingers, as in lasr-lab/learning-to-play-piano.
 const RAIL_SHARE: f64 = 0.003;
@@ -67,6 +78,13 @@ fn energy(moment: &Moment) -> f64 {
 fn action_change(moment: &Moment) -> f64 {
     let squares = moment.action.iter().zip(moment.previous_action).map(|(a, b)| f64::from(a - b).powi(2));
     -squares.sum::<f64>() / ACTION_LEN as f64
+}
+
+/// Minus the squared travel of the keys that are not due, summed. `key_press` pays nothing for lifting one of two wrong keys, and
+/// nothing for lifting a key half; this does.
+fn wrong_travel(moment: &Moment) -> f64 {
+    let wrong = (0..KEYS).filter(|key| !moment.due.contains(*key));
+    -wrong.map(|key| moment.world.key_travel(key).clamp(0.0, 1.0).powi(2)).sum::<f64>()
 }
 
 /// Half for how far the due keys are down, half if no other key sounds (RoboPianist).
@@ -106,6 +124,32 @@ fn optimal_transport(moment: &Moment) -> f64 {
         .map(|distance| tolerance(distance, OT_BOUND, OT_MARGIN))
         .sum();
     closeness / count.min(FINGERS) as f64
+}
+
+/// Mean closeness of the fingers that should play to their keys.
+fn fingering(moment: &Moment) -> f64 {
+    closeness_to_goals(moment, |goal| goal.wait_steps == 0, distance)
+}
+
+/// Mean closeness of the fingers that wait to the upright line over their next keys.
+fn preparation(moment: &Moment) -> f64 {
+    closeness_to_goals(moment, |goal| goal.wait_steps > 0, |a, b| (a[0] - b[0]).hypot(a[1] - b[1]))
+}
+
+/// Mean over the fingers whose goal `counts`; 1 if there is none.
+fn closeness_to_goals(
+    moment: &Moment,
+    counts: fn(&Goal) -> bool,
+    distance: fn(&[f64; 3], &[f64; 3]) -> f64,
+) -> f64 {
+    let (mut sum, mut count) = (0.0, 0);
+    for (finger, goal) in moment.goals.iter().enumerate() {
+        let Some(goal) = goal.filter(counts) else { continue };
+        let away = distance(&moment.world.finger_pad(finger), &moment.world.key_target(goal.key));
+        sum += tolerance(away, OT_BOUND, OT_MARGIN);
+        count += 1;
+    }
+    if count == 0 { 1.0 } else { sum / f64::from(count) }
 }
 
 /// 0.5 if there was no contact other than fingertips on the keyboard during the step, else 0.
@@ -240,6 +284,7 @@ mod tests {
                 outcome: StepOutcome::default(),
                 action: &action,
                 previous_action: &[0.0; ACTION_LEN],
+                goals: Goals::default(),
             };
             for term in TERMS {
                 let value = (term.value)(&moment);
@@ -257,6 +302,7 @@ mod tests {
             outcome: StepOutcome::default(),
             action: &[0.0; ACTION_LEN],
             previous_action: &[0.0; ACTION_LEN],
+            goals: Goals::default(),
         };
         let reward = Reward::new(&BTreeMap::new()).unwrap();
         let mut parts = [0.0; 5];

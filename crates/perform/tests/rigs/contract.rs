@@ -53,8 +53,8 @@ fn it_begins_in_the_starting_pose_and_follows_targets() {
     for kind in Kind::ALL {
         let (task, piece) = (task(), piece());
         let (start, range) = (start_pose(&task), TargetRange::new(&piece));
-        let still = range.action(&start);
-        let up = range.action(&targets(false));
+        let still = range.action(&start, 0);
+        let up = range.action(&targets(false), 0);
         let mut observed: Vec<Vec<f32>> = Vec::new();
         let mut player = |step: usize, observation: &[f32], action: &mut [f32; ACTION_LEN]| {
             observed.push(observation[..JOINTS].to_vec());
@@ -82,7 +82,7 @@ fn it_shows_the_keys_that_it_presses_and_reports_them_as_events() {
     for kind in Kind::ALL {
         let (task, piece) = (task(), piece());
         let range = TargetRange::new(&piece);
-        let [up, down] = [false, true].map(|down| range.action(&targets(down)));
+        let [up, down] = [false, true].map(|down| range.action(&targets(down), 0));
         let mut seen = Vec::new();
         let mut player = |step: usize, observation: &[f32], action: &mut [f32; ACTION_LEN]| {
             seen.push(observation[2 * JOINTS + KEY]);

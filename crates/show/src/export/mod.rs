@@ -10,8 +10,9 @@ use etude_learn::PolicyLayer;
 use etude_music::{CONTROL_HZ, KEYS, LOWEST_PITCH, Song};
 use etude_perform::write_file;
 use etude_stage::geometry::WHITE_PITCH;
-use etude_stage::{JOINT_NAMES, JOINTS, RAIL};
-use etude_task::{ACTION_LEN, Piece, TargetRange, TaskError};
+use etude_stage::{FINGERS, JOINT_NAMES, JOINTS, RAIL};
+use etude_task::fingering::Goal;
+use etude_task::{ACTION_LEN, Fingering, Piece, TargetRange, TaskError};
 use prost::Message as _;
 use serde_json::json;
 
@@ -75,12 +76,19 @@ pub fn export_onnx(pianist: &Pianist, song: &Song, path: &Path) -> anyhow::Resul
     Ok(write_file(path, &model.encode_to_vec())?)
 }
 
+/// For each control step, the place of the rail and the goal of each finger.
+fn goals_json(fingering: &Fingering) -> serde_json::Value {
+    let goal = |goal: Goal| json!({"key": goal.key, "x_m": goal.over[0], "y_m": goal.over[1], "wait": goal.wait_steps});
+    let steps = 0..fingering.rail().len();
+    let goals: Vec<_> = steps.map(|step| fingering.goals(step).map(|it| it.map(goal))).collect();
+    json!({"rail_m": fingering.rail(), "goals": goals})
+}
+
 /// What the columns of the observation and of the action mean.
 fn contract(pianist: &Pianist, song: &Song) -> Result<serde_json::Value, TaskError> {
     let task = &pianist.config.task;
-    let piece = Piece::new(song, task.initial_silence_secs)?;
+    let piece = Piece::for_task(song, task)?;
     let range = TargetRange::new(&piece);
-    let [low, high] = [-1.0, 1.0].map(|end| range.targets(&[end; ACTION_LEN]));
     let mut columns = vec![json!({"name": "joints", "columns": JOINTS, "scale": task.scale})];
     if task.previous_joints {
         columns.push(json!({"name": "joints one control step ago", "columns": JOINTS, "scale": task.scale}));
@@ -88,14 +96,27 @@ fn contract(pianist: &Pianist, song: &Song) -> Result<serde_json::Value, TaskErr
     for ago in 1..=task.previous_actions {
         columns.push(json!({"name": format!("action {ago} control steps ago"), "columns": ACTION_LEN}));
     }
+    if task.fingering {
+        let name =
+            "for each finger: its goal toward the player and along the keyboard, white keys; time to it";
+        columns.push(json!({"name": name, "columns": 3 * FINGERS}));
+    }
     columns.push(json!({"name": "keys that sound, 0 or 1", "columns": KEYS}));
     for ahead in 0..=task.lookahead {
         columns.push(json!({"name": format!("keys due in {ahead} control steps, 0 or 1"), "columns": KEYS}));
     }
+    if task.fingering {
+        for ahead in 0..=task.lookahead {
+            columns.push(json!({"name": format!("fingers that play in {ahead} control steps, 0 or 1"), "columns": FINGERS}));
+        }
+    }
+    let fingering = piece.fingering();
     let unit = |joint: usize| if joint == RAIL { "m" } else { "rad" };
     let joints: Vec<_> = (0..JOINTS)
         .map(|joint| {
-            json!({"name": JOINT_NAMES[joint], "low": low[joint], "high": high[joint], "unit": unit(joint)})
+            let place = fingering.filter(|_| joint == RAIL).map_or(0.0, |fingering| fingering.rail_at(0));
+            let [low, high] = range.ends(joint, 0).map(|end| end - place);
+            json!({"name": JOINT_NAMES[joint], "low": low, "high": high, "unit": unit(joint)})
         })
         .collect();
     Ok(json!({
@@ -112,7 +133,8 @@ fn contract(pianist: &Pianist, song: &Song) -> Result<serde_json::Value, TaskErr
                 "normalised": "finger joints from the action's `low` … `high` to -1 … 1, the rail in white keys from the middle",
             },
         },
-        "action": {"meaning": "targets, -1 at `low` and 1 at `high`", "joints": joints},
+        "action": {"meaning": "targets, -1 at `low` and 1 at `high`; with a fingering, the rail's are relative to its `rail_m`", "joints": joints},
+        "fingering": fingering.map(|fingering| goals_json(fingering)),
         "task": task,
     }))
 }

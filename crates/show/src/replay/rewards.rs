@@ -5,6 +5,7 @@ use std::collections::BTreeMap;
 use etude_music::KeySet;
 use etude_perform::Recording;
 use etude_stage::{JOINTS, StepOutcome, World};
+use etude_task::fingering::Goals;
 use etude_task::reward::{Moment, Reward};
 use etude_task::{ACTION_LEN, TaskConfig};
 use serde::Serialize;
@@ -18,8 +19,9 @@ pub struct RewardCurve {
     pub values: Vec<f64>,
 }
 
-/// Terms that need what no robot measures: power, contacts, the rail's speed within a step.
-const NOT_MEASURED: [&str; 3] = ["energy", "collision", "sliding"];
+/// Terms that need what no robot measures (power, contacts, the rail's speed within a step) or what no recording has (the goals of
+/// a fingering).
+const NOT_KNOWN: [&str; 5] = ["energy", "collision", "sliding", "fingering", "preparation"];
 
 /// The terms and a note about them: as a simulation has recorded them, or as the measured joints and keys of a robot would
 /// have earned them.
@@ -38,9 +40,10 @@ pub(super) fn rewards(
         return (Vec::new(), None);
     }
     let Ok(reward) = Reward::new(&task.reward) else { return (Vec::new(), None) };
+    let left_out: Vec<_> = reward.names().filter(|name| NOT_KNOWN.contains(name)).collect();
     let note = format!(
-        "What the measured joints and keys would have earned in simulation. A robot does not measure {}.",
-        NOT_MEASURED.join(", ")
+        "What the measured joints and keys would have earned in simulation. A recording of a robot does not tell {}.",
+        left_out.join(", ")
     );
     (measured(recording, &reward, world, due, pressed, positions), Some(note))
 }
@@ -87,6 +90,7 @@ fn measured(
             outcome: StepOutcome::default(),
             action: &action,
             previous_action: &previous.unwrap_or(action),
+            goals: Goals::default(),
         };
         reward.evaluate(&moment, &mut parts);
         for (curve, part) in curves.iter_mut().zip(&parts) {
@@ -94,6 +98,6 @@ fn measured(
         }
         previous = Some(action);
     }
-    curves.retain(|curve| !NOT_MEASURED.contains(&curve.name.as_str()));
+    curves.retain(|curve| !NOT_KNOWN.contains(&curve.name.as_str()));
     curves
 }

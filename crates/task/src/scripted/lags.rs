@@ -8,9 +8,9 @@ use etude_stage::hand::FINGER_JOINTS;
 use etude_stage::params::JointRow;
 use etude_stage::{JOINTS, PhysicalParams, RAIL, StageConfig, World};
 
-use super::comb::Comb;
-use super::rail::CONTROL_SECS;
 use crate::TaskError;
+use crate::fingering::comb::Comb;
+use crate::fingering::rail::CONTROL_SECS;
 
 /// The finger that is measured: the middle one, whose root is not splayed.
 const FINGER: usize = 1;

@@ -1,24 +1,19 @@
 //! The scripted player: inverse kinematics and timing, no learning.
 //!
-//! It is a hand-designed baseline, and shows that a song can be played in this world. It plans the whole song in advance: strokes
-//! from the frames (`strokes`), fingers and rail by dynamic programming (`fingering`, with the models `comb` and `rail`), then joint
-//! targets that compensate lags measured in advance (`motion`, `lags`). It plays the plan open loop, without feedback.
+//! It is a hand-designed baseline, and shows that a song can be played in this world. It turns a [`Fingering`] into joint targets
+//! that compensate lags measured in advance (`motion`, `lags`), and plays them open loop, without feedback.
 
-mod comb;
-mod fingering;
 mod lags;
-mod limits;
 mod motion;
-mod rail;
-mod strokes;
 #[cfg(test)]
 mod tests;
 
 use etude_stage::{JOINTS, PhysicalParams, StageConfig};
 
+use crate::fingering::comb::Comb;
+use crate::fingering::rail::Rail;
+use crate::fingering::{Fingering, Limits};
 use crate::{ACTION_LEN, Piece, TargetRange, TaskConfig, TaskError};
-
-pub use limits::{Limit, LimitKind, Limits};
 
 /// A song as joint targets, one row for each control step.
 #[derive(Clone, Debug, PartialEq)]
@@ -42,18 +37,12 @@ impl ScriptedPlayer {
     /// # Errors
     /// If the world in which the lags are measured cannot be built.
     pub fn plan(stage: &StageConfig, params: &PhysicalParams, piece: &Piece) -> Result<Self, TaskError> {
-        let strokes = strokes::strokes(piece.frames());
-        let slices = strokes::slices(&strokes);
-        let comb = comb::Comb::new(stage.side, params);
-        let rail = rail::Rail::new(stage, params);
-        let planner = fingering::Planner { comb: &comb, rail: &rail, strokes: &strokes, slices: &slices };
-        let plan = planner.plan();
-        let notes = fingering::played(&planner, &plan);
+        let fingering = Fingering::plan(stage, params, piece);
+        let comb = Comb::new(stage.side, params);
+        let rail = Rail::new(stage, params);
         let lags = lags::Lags::measure(stage, params, &comb)?;
-        let world = (&comb, &rail, &lags, params);
-        let targets = motion::targets(world, &slices, &plan, &notes, piece.steps());
-        let range = TargetRange::new(piece);
-        Ok(Self { targets, range, limits: fingering::limits(&planner, &notes) })
+        let targets = motion::targets((&comb, &rail, &lags, params), &fingering);
+        Ok(Self { targets, range: TargetRange::new(piece), limits: fingering.limits().clone() })
     }
 
     /// Joint targets of control step `step`: encoder readings in rad, the rail in m. After the end, those of the last step.
@@ -63,7 +52,7 @@ impl ScriptedPlayer {
 
     /// The action with these targets.
     pub fn action(&self, step: usize) -> [f32; ACTION_LEN] {
-        self.range.action(&self.targets(step))
+        self.range.action(&self.targets(step), step)
     }
 
     /// The notes that are not played as written.

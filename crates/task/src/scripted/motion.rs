@@ -1,18 +1,16 @@
-//! From a plan to joint targets: those of the rail at each control step, then those of each finger.
+//! From a fingering to joint targets.
 //!
-//! The rail starts to move as early as the keys that are held allow. Its predicted path is then known, and every finger is turned to
-//! compensate it. A finger lifts, moves over its next key, waits, strikes, holds, lifts.
+//! The rail's predicted path is known, and every finger is turned to compensate it. A finger lifts, moves over its next key, waits, strikes, holds, lifts.
 
 use etude_music::key_is_black;
 use etude_stage::hand::FINGER_JOINTS;
 use etude_stage::params::{JointRow, PhysicalParams};
 use etude_stage::{FINGERS, JOINTS, PHYSICS_STEPS, RAIL, joint_range};
 
-use super::comb::{ASIDE_M, Comb};
-use super::fingering::{Place, Played, secs};
 use super::lags::Lags;
-use super::rail::{CONTROL_SECS, LEAD_STEPS, Rail};
-use super::strokes::Slice;
+use crate::fingering::comb::{ASIDE_M, Comb};
+use crate::fingering::rail::{CONTROL_SECS, Rail};
+use crate::fingering::{Fingering, Played};
 
 /// Control steps in which a finger crosses the edge between white and black keys.
 const CROSS_STEPS: usize = 2;
@@ -22,26 +20,6 @@ const LIFT_STEPS: usize = 1;
 const IDLE_RISE: f64 = 0.006;
 /// Control steps in which a finger rises before it goes from white to black keys or back.
 const CLIMB_STEPS: usize = 2;
-
-/// Target of the rail at each of `steps` control steps, m.
-fn rail_targets(slices: &[Slice], plan: &[Place], notes: &[Played], steps: usize) -> Vec<f64> {
-    let Some(first) = plan.first() else { return vec![0.0; steps] };
-    let mut targets = vec![first.rail; steps];
-    for (index, place) in plan.iter().enumerate() {
-        let Some(next) = plan.get(index + 1) else { break };
-        let (start, end) = (slices[index].start, slices[index + 1].start);
-        let ending = notes.iter().filter(|note| {
-            place.hand.contains(&Some(note.stroke)) && !next.hand.contains(&Some(note.stroke))
-        });
-        let released = ending.map(|note| note.end).max().unwrap_or(start);
-        let leave = released.saturating_sub(LEAD_STEPS).max(start);
-        let waiting = next.rail.clamp(place.tube[0], place.tube[1]);
-        targets[start.min(steps)..leave.min(steps)].fill(waiting);
-        targets[leave.min(steps)..].fill(next.rail);
-        debug_assert!(leave <= end);
-    }
-    targets
-}
 
 /// What one finger plays, in order.
 struct Part<'a> {
@@ -124,22 +102,19 @@ fn make_room(tips: &mut [Tip; FINGERS], comb: &Comb) {
     }
 }
 
-/// The targets of all joints at each of `steps` control steps: encoder readings in rad, the rail in m.
+/// The targets of all joints at each control step: encoder readings in rad, the rail in m.
 pub(super) fn targets(
     (comb, rail, lags, params): (&Comb, &Rail, &Lags, &PhysicalParams),
-    slices: &[Slice],
-    plan: &[Place],
-    notes: &[Played],
-    steps: usize,
+    fingering: &Fingering,
 ) -> Vec<[f64; JOINTS]> {
-    let sent = rail_targets(slices, plan, notes, steps);
-    let path = rail.follow(rail.start, &sent);
+    let path = rail.follow(rail.start, fingering.rail());
     let place_at = |at_secs: f64| {
         let index = (at_secs / CONTROL_SECS * PHYSICS_STEPS as f64).round() as usize;
         path.get(index).or(path.last()).copied().unwrap_or(rail.start)
     };
     let bias = |joint: usize| params.joint(JointRow::EncoderBias, joint);
-    let mut table: Vec<[f64; JOINTS]> = sent
+    let mut table: Vec<[f64; JOINTS]> = fingering
+        .rail()
         .iter()
         .map(|rail| {
             let mut row = [0.0; JOINTS];
@@ -148,13 +123,13 @@ pub(super) fn targets(
         })
         .collect();
     let parts: [Part<'_>; FINGERS] = std::array::from_fn(|finger| {
-        let notes = notes.iter().filter(|note| note.finger == finger).collect();
+        let notes = fingering.notes().iter().filter(|note| note.finger == finger).collect();
         Part { finger, notes, comb, lags }
     });
     let mut angles = [[0.0; FINGER_JOINTS]; FINGERS];
     let mut lateral = [None; FINGERS];
     for (step, row) in table.iter_mut().enumerate() {
-        let place = place_at(secs(step) + lags.follow_secs);
+        let place = place_at(step as f64 * CONTROL_SECS + lags.follow_secs);
         let mut tips: [Tip; FINGERS] = std::array::from_fn(|finger| parts[finger].tip(step, place));
         make_room(&mut tips, comb);
         for (finger, tip) in tips.iter_mut().enumerate() {

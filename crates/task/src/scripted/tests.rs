@@ -2,6 +2,7 @@ use etude_music::{Note, Song, repertoire};
 use etude_stage::joint_range;
 
 use super::*;
+use crate::fingering::LimitKind;
 
 fn piece(id: &str) -> Piece {
     Piece::new(&repertoire::get(id).unwrap(), 1.0).unwrap()

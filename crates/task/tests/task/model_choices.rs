@@ -112,13 +112,13 @@ impl Player {
         let range = TargetRange::new(&self.piece);
         let mut observation = vec![0.0; layout(&self.config).len()];
         let (mut pressed, mut moments) = (Vec::new(), Vec::new());
-        let (mut now, mut history) = (KeySet::EMPTY, History::at_rest(replica.joints(), &range));
+        let (mut now, mut history) = (KeySet::EMPTY, History::at_rest(replica.joints(), &range, 0));
         for step in 0..self.piece.steps() {
             let joints = replica.joints();
             observe(&self.config, &joints, &history, now, &self.piece, step, &mut observation);
             let action = self.act(&observation);
             history.push(joints, &action);
-            let targets = range.targets(&action);
+            let targets = range.targets(&action, step);
             moments.extend(replica.record(&[targets]));
             now = replica.down(replica.data.qpos());
             pressed.push(now);

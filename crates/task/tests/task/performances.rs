@@ -64,7 +64,7 @@ fn a_performance_holds_every_step_and_event() {
         let height = if step % 20 > 10 { -0.01 } else { 0.02 };
         let angles = kinematics::reach(side, 1, [x, y, z + TIP_RADIUS + height], targets[RAIL]);
         targets[4..8].copy_from_slice(&angles.expect("in reach"));
-        *act = range.action(&targets);
+        *act = range.action(&targets, step);
     };
     let performance = play_on(&mut rig, &task, &piece, &mut player);
     assert_eq!((watched, performance.pressed.len(), performance.piece.steps()), (31, 31, 31));
@@ -90,7 +90,7 @@ fn collisions_are_counted_without_the_collision_term_too() {
         let mut config = nominal();
         config.reward.insert("collision".into(), weight);
         let start = World::new(&config.stage, &config.params().unwrap()).unwrap().start_pose();
-        let still = TargetRange::new(&piece).action(&start);
+        let still = TargetRange::new(&piece).action(&start, 0);
         let mut player = |_: usize, _: &[f32], act: &mut [f32; ACTION_LEN]| *act = still;
         let free = play_nominal(&config, &piece, &mut player).simulation.unwrap().collision_free;
         assert!((free - 1.0).abs() < 1e-9, "weight {weight}: {free}");

@@ -4,6 +4,7 @@ use etude_music::KeySet;
 use etude_stage::params::JointRow;
 use etude_stage::{FINGERS, PhysicalParams, RAIL, StageConfig, StepOutcome, World};
 use etude_task::ACTION_LEN;
+use etude_task::fingering::Goals;
 use etude_task::reward::{Moment, TERMS, tolerance};
 
 const STILL: [f32; ACTION_LEN] = [0.0; ACTION_LEN];
@@ -28,7 +29,14 @@ fn term(name: &str, moment: &Moment) -> f64 {
 
 fn moment<'a>(world: &'a World, due: &[usize]) -> Moment<'a> {
     let outcome = StepOutcome::default();
-    Moment { world, due: keys(due), outcome, action: &STILL, previous_action: &STILL }
+    Moment {
+        world,
+        due: keys(due),
+        outcome,
+        action: &STILL,
+        previous_action: &STILL,
+        goals: Goals::default(),
+    }
 }
 
 fn assert_near(value: f64, expected: f64, what: &str) {

@@ -17,29 +17,29 @@ const DEPTH: f64 = 1.2;
 const BERTH_M: f64 = 0.0255;
 /// A finger that is farther than this to the side of its key turns over it first and strikes one control step later, m. Else it
 /// comes down on a fence, since it bends faster than it turns.
-pub(super) const ASIDE_M: f64 = 0.008;
+pub(crate) const ASIDE_M: f64 = 0.008;
 /// How far a fingertip may be to either side of its place with an unturned root, m.
-pub(super) const PLAY_M: f64 = 0.020;
+pub(crate) const PLAY_M: f64 = 0.020;
 /// Where white keys are pressed, m toward the player from their middle.
 const WHITE_X_M: f64 = 0.028;
 /// Where black keys are pressed, m toward the player from their middle: near the front, close to the white keys.
 const BLACK_X_M: f64 = 0.034;
 
 /// Places for the centres of the fingertips, in the world frame.
-pub(super) struct Comb {
+pub(crate) struct Comb {
     side: Side,
     keyboard: [f64; 3],
 }
 
 impl Comb {
-    pub(super) fn new(side: Side, params: &PhysicalParams) -> Self {
+    pub(crate) fn new(side: Side, params: &PhysicalParams) -> Self {
         let keyboard = [WorldRow::KeyboardDepth, WorldRow::KeyboardLateral, WorldRow::KeyboardHeight]
             .map(|q| params.world(q));
         Self { side, keyboard }
     }
 
     /// Place `[x, y]` over a key, m.
-    pub(super) fn over(&self, key: usize) -> [f64; 2] {
+    pub(crate) fn over(&self, key: usize) -> [f64; 2] {
         let [_, y, _] = key_target(key);
         let black = key_is_black(key);
         let x = if black { BLACK.x + BLACK_X_M } else { WHITE.x + WHITE_X_M };
@@ -47,17 +47,17 @@ impl Comb {
     }
 
     /// Height of a waiting fingertip over `key`, m.
-    pub(super) fn hover(&self, key: usize) -> f64 {
+    pub(crate) fn hover(&self, key: usize) -> f64 {
         KeyShape::of(key).top() + TIP_RADIUS + HOVER_M.max(FENCE_RISE) + self.keyboard[2]
     }
 
     /// Height at which a fingertip passes over black keys, m.
-    pub(super) fn travel(&self) -> f64 {
+    pub(crate) fn travel(&self) -> f64 {
         BLACK.top() + TIP_RADIUS + TRAVEL_M + self.keyboard[2]
     }
 
     /// Height that a strike of `key` aims for, m.
-    pub(super) fn pressed(&self, key: usize) -> f64 {
+    pub(crate) fn pressed(&self, key: usize) -> f64 {
         let shape = KeyShape::of(key);
         let from_hinge = self.over(key)[0] - self.keyboard[0] - shape.x + shape.size[0] / 2.0;
         let travel = shape.max_angle() * from_hinge;
@@ -65,7 +65,7 @@ impl Comb {
     }
 
     /// Lateral place of a fingertip at depth `x` when the finger's root is not turned and the rail is centred, m.
-    pub(super) fn unturned(&self, finger: usize, x: f64) -> f64 {
+    pub(crate) fn unturned(&self, finger: usize, x: f64) -> f64 {
         // An unturned finger moves in one upright plane, which two of its poses define.
         let straight = kinematics::fingertip(self.side, finger, &[0.0; 4], 0.0);
         let bent =
@@ -74,20 +74,20 @@ impl Comb {
     }
 
     /// The lateral place nearest to `[x, y]` at which `finger` is clear of its neighbour `other`, which plays at `theirs`, m.
-    pub(super) fn beside(&self, finger: usize, [x, y]: [f64; 2], other: usize, theirs: f64) -> f64 {
+    pub(crate) fn beside(&self, finger: usize, [x, y]: [f64; 2], other: usize, theirs: f64) -> f64 {
         let above = self.unturned(finger, x) > self.unturned(other, x);
         if above { y.max(theirs + BERTH_M) } else { y.min(theirs - BERTH_M) }
     }
 
     /// Rail positions from which `finger` can play `key`, m.
-    pub(super) fn tube(&self, finger: usize, key: usize) -> [f64; 2] {
+    pub(crate) fn tube(&self, finger: usize, key: usize) -> [f64; 2] {
         let [x, y] = self.over(key);
         let rail = y - self.unturned(finger, x);
         [(rail - PLAY_M).max(-HALF_WIDTH), (rail + PLAY_M).min(HALF_WIDTH)]
     }
 
     /// Joint angles that bring a fingertip to `target`, or as near to it laterally as the finger's play allows.
-    pub(super) fn angles(&self, finger: usize, target: [f64; 3], rail: f64) -> Option<[f64; 4]> {
+    pub(crate) fn angles(&self, finger: usize, target: [f64; 3], rail: f64) -> Option<[f64; 4]> {
         let [x, y, z] = target;
         let unturned = self.unturned(finger, x) + rail;
         // A little more than the planned play: the rail is not always where it is planned to be.

@@ -7,7 +7,7 @@ use etude_music::KeySet;
 
 /// One stroke: `key` sounds in the control steps `start..end`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) struct Stroke {
+pub(crate) struct Stroke {
     pub key: usize,
     pub start: usize,
     pub end: usize,
@@ -15,14 +15,14 @@ pub(super) struct Stroke {
 
 /// A moment at which at least one stroke begins, with all strokes that sound then.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub(super) struct Slice {
+pub(crate) struct Slice {
     pub start: usize,
     /// Indices of strokes, lowest key first.
     pub sounding: Vec<usize>,
 }
 
 /// All strokes in order of their beginning, lowest key first.
-pub(super) fn strokes(frames: &[KeySet]) -> Vec<Stroke> {
+pub(crate) fn strokes(frames: &[KeySet]) -> Vec<Stroke> {
     let mut found = Vec::new();
     let mut before = KeySet::EMPTY;
     for (start, &now) in frames.iter().enumerate() {
@@ -36,7 +36,7 @@ pub(super) fn strokes(frames: &[KeySet]) -> Vec<Stroke> {
 }
 
 /// The moments at which strokes begin.
-pub(super) fn slices(strokes: &[Stroke]) -> Vec<Slice> {
+pub(crate) fn slices(strokes: &[Stroke]) -> Vec<Slice> {
     let mut starts: Vec<usize> = strokes.iter().map(|stroke| stroke.start).collect();
     starts.dedup();
     let sounds = |stroke: &Stroke, step: usize| (stroke.start..stroke.end).contains(&step);

@@ -11,7 +11,7 @@ use etude_stage::geometry::HALF_WIDTH;
 
 use super::comb::{ASIDE_M, Comb, PLAY_M};
 use super::limits::{Limit, LimitKind, Limits};
-use super::rail::{CONTROL_SECS, LEAD_STEPS, Rail};
+use super::rail::{LEAD_STEPS, Rail};
 use super::strokes::{Slice, Stroke};
 
 /// Least distance of two neighbouring fingers that press at once, m: the width of a finger's links.
@@ -33,7 +33,7 @@ const TRAVEL_COST: f64 = 3.0;
 
 /// A state: what the hand plays at one moment, and where it is.
 #[derive(Clone, Debug)]
-pub(super) struct Place {
+pub(crate) struct Place {
     /// The stroke that each finger plays.
     pub hand: [Option<usize>; FINGERS],
     /// The rail, m.
@@ -44,7 +44,7 @@ pub(super) struct Place {
 }
 
 /// What it takes to get from one place to the next.
-pub(super) struct Change {
+pub(crate) struct Change {
     /// Control steps of silence that the rail needs before the next strikes.
     pub rail_steps: usize,
     /// How far the rail moves in them, m.
@@ -55,7 +55,7 @@ pub(super) struct Change {
 }
 
 /// The song, and the models of hand and rail.
-pub(super) struct Planner<'a> {
+pub(crate) struct Planner<'a> {
     pub comb: &'a Comb,
     pub rail: &'a Rail,
     pub strokes: &'a [Stroke],
@@ -64,7 +64,7 @@ pub(super) struct Planner<'a> {
 
 impl Planner<'_> {
     /// The best place for each slice.
-    pub(super) fn plan(&self) -> Vec<Place> {
+    pub(crate) fn plan(&self) -> Vec<Place> {
         // One layer a slice: the places kept, each with its cost so far and the place before it.
         let mut layers: Vec<Vec<(Place, f64, usize)>> = Vec::with_capacity(self.slices.len());
         for (index, slice) in self.slices.iter().enumerate() {
@@ -170,7 +170,7 @@ impl Planner<'_> {
 
     /// What it takes to get from a place at slice `index` to one at the next; `None` if a held note would change fingers or a note
     /// would begin late.
-    pub(super) fn change(&self, index: usize, from: &Place, to: &Place) -> Option<Change> {
+    pub(crate) fn change(&self, index: usize, from: &Place, to: &Place) -> Option<Change> {
         let step = self.slices[index + 1].start;
         let kept = |finger: usize| to.hand[finger].is_some() && to.hand[finger] == from.hand[finger];
         let held = |stroke: usize| self.strokes[stroke].start < step;
@@ -233,24 +233,29 @@ impl Planner<'_> {
     }
 
     /// Why a stroke of a slice is played by no finger.
-    pub(super) fn why_skipped(&self, slice: &Slice) -> LimitKind {
+    pub(crate) fn why_skipped(&self, slice: &Slice) -> LimitKind {
         if slice.sounding.len() > FINGERS { LimitKind::TooManyKeys } else { LimitKind::OutOfReach }
     }
 }
 
-/// A note as it will be played, and why it ends early if it does.
+/// A note as it will be played.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Played {
+pub struct Played {
+    /// The finger that plays it.
     pub finger: usize,
+    /// The key (0 is the lowest C).
     pub key: usize,
+    /// Control step of its beginning.
     pub start: usize,
+    /// Control step after its last.
     pub end: usize,
+    /// Why it ends early, if it does.
     pub cut: Option<LimitKind>,
-    pub stroke: usize,
+    pub(crate) stroke: usize,
 }
 
 /// Every note that the plan plays, in order of their start; each ends when its finger must move on.
-pub(super) fn played(planner: &Planner<'_>, plan: &[Place]) -> Vec<Played> {
+pub(crate) fn played(planner: &Planner<'_>, plan: &[Place]) -> Vec<Played> {
     let mut notes: Vec<Played> = Vec::new();
     for (index, (slice, place)) in planner.slices.iter().zip(plan).enumerate() {
         for (finger, stroke) in place.hand.iter().enumerate() {
@@ -287,7 +292,7 @@ pub(super) fn played(planner: &Planner<'_>, plan: &[Place]) -> Vec<Played> {
 }
 
 /// Lists the notes that are not played as written.
-pub(super) fn limits(planner: &Planner<'_>, played: &[Played]) -> Limits {
+pub(crate) fn limits(planner: &Planner<'_>, played: &[Played]) -> Limits {
     let mut limits = Limits { total_notes: planner.strokes.len(), ..Limits::default() };
     for (index, stroke) in planner.strokes.iter().enumerate() {
         let note = played.iter().find(|note| note.stroke == index);
@@ -309,9 +314,4 @@ pub(super) fn limits(planner: &Planner<'_>, played: &[Played]) -> Limits {
         })
         .count();
     limits
-}
-
-/// Time until `step`, s.
-pub(super) fn secs(step: usize) -> f64 {
-    step as f64 * CONTROL_SECS
 }

@@ -11,7 +11,7 @@ use etude_stage::params::{JointRow, WorldRow};
 use etude_stage::{FINGERS, PHYSICS_STEPS, PhysicalParams, RAIL, StageConfig};
 
 /// Control steps by which the rail starts before the release of the note that it leaves.
-pub(super) const LEAD_STEPS: usize = 2;
+pub(crate) const LEAD_STEPS: usize = 2;
 /// Length of the table of response times, control steps.
 const LONGEST_STEPS: usize = 60;
 /// Moves in the table, m, each twice the one before.
@@ -19,7 +19,7 @@ const SHORTEST_M: f64 = 0.005;
 const MOVES: usize = 9;
 
 /// A model of the rail alone.
-pub(super) struct Rail {
+pub(crate) struct Rail {
     gains: Gains,
     mass_kg: f64,
     damping: f64,
@@ -31,7 +31,7 @@ pub(super) struct Rail {
 }
 
 impl Rail {
-    pub(super) fn new(stage: &StageConfig, params: &PhysicalParams) -> Self {
+    pub(crate) fn new(stage: &StageConfig, params: &PhysicalParams) -> Self {
         let joint = |quantity| params.joint(quantity, RAIL);
         let fingers = LINK_MASSES.iter().sum::<f64>() * FINGERS as f64;
         let passive = match stage.actuation {
@@ -57,7 +57,7 @@ impl Rail {
     }
 
     /// Place of the rail, m: at the start, then after every physics step under one target a control step.
-    pub(super) fn follow(&self, start: f64, targets: &[f64]) -> Vec<f64> {
+    pub(crate) fn follow(&self, start: f64, targets: &[f64]) -> Vec<f64> {
         let mut controller = Controller::at_rest(self.gains.measured(start));
         let (mut place, mut velocity) = (start, 0.0);
         let mut path = Vec::with_capacity(targets.len() * PHYSICS_STEPS + 1);
@@ -75,7 +75,7 @@ impl Rail {
     }
 
     /// Control steps from the target until the rail has moved by `needed` of a move by `distance`, both in m and positive.
-    pub(super) fn steps_to(&self, distance: f64, needed: f64) -> usize {
+    pub(crate) fn steps_to(&self, distance: f64, needed: f64) -> usize {
         if needed <= 0.0 {
             return 0;
         }
@@ -89,7 +89,7 @@ impl Rail {
 const SETTLED: f64 = 0.97;
 
 /// Time of one control step, s.
-pub(super) const CONTROL_SECS: f64 = 1.0 / CONTROL_HZ;
+pub(crate) const CONTROL_SECS: f64 = 1.0 / CONTROL_HZ;
 
 #[cfg(test)]
 mod tests {

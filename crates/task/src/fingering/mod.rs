@@ -1,0 +1,127 @@
+//! The fingering of a song: which finger plays which key, and where the hand is.
+//!
+//! It is planned for the whole song in advance: strokes from the frames (`strokes`), then fingers and places of the rail by dynamic
+//! programming (`planner`, with the models `comb` of the fingers and `rail` of the rail). The scripted player plays it; a policy can
+//! be shown it ([`TaskConfig::fingering`](crate::TaskConfig::fingering)).
+
+pub(crate) mod comb;
+mod limits;
+pub(crate) mod planner;
+pub(crate) mod rail;
+mod strokes;
+
+use etude_stage::{FINGERS, PhysicalParams, StageConfig};
+
+use crate::Piece;
+use comb::Comb;
+use planner::{Place, Planner};
+use rail::{LEAD_STEPS, Rail};
+use strokes::Slice;
+
+pub use limits::{Limit, LimitKind, Limits};
+pub use planner::Played;
+
+/// Control steps before the beginning of a note from which its key is the goal of its finger: half a second, enough for every
+/// move of the fingers and most of the rail.
+pub const AHEAD_STEPS: usize = 10;
+
+/// The key at which a finger should be in one control step.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Goal {
+    /// The key (0 is the lowest C).
+    pub key: usize,
+    /// Place `[x, y]` for the centre of the fingertip, m.
+    pub over: [f64; 2],
+    /// Control steps until the note begins; 0 while it sounds.
+    pub wait_steps: usize,
+}
+
+/// The goal of each finger in one control step, if it has one.
+pub type Goals = [Option<Goal>; FINGERS];
+
+/// The fingering of a song.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Fingering {
+    notes: Vec<Played>,
+    rail: Vec<f64>,
+    goals: Vec<Goals>,
+    limits: Limits,
+}
+
+impl Fingering {
+    /// Plans `piece` for this stage with these physical numbers.
+    pub fn plan(stage: &StageConfig, params: &PhysicalParams, piece: &Piece) -> Self {
+        let strokes = strokes::strokes(piece.frames());
+        let slices = strokes::slices(&strokes);
+        let comb = Comb::new(stage.side, params);
+        let rail = Rail::new(stage, params);
+        let planner = Planner { comb: &comb, rail: &rail, strokes: &strokes, slices: &slices };
+        let places = planner.plan();
+        let notes = planner::played(&planner, &places);
+        let limits = planner::limits(&planner, &notes);
+        let rail = rail_places(&slices, &places, &notes, piece.steps());
+        let goals = goals(&comb, &notes, piece.steps());
+        Self { notes, rail, goals, limits }
+    }
+
+    /// The notes as the fingers play them, in order of their beginning.
+    pub fn notes(&self) -> &[Played] {
+        &self.notes
+    }
+
+    /// Target of the rail in each control step, m.
+    pub fn rail(&self) -> &[f64] {
+        &self.rail
+    }
+
+    /// Target of the rail in control step `step`; after the end, that of the last, m.
+    pub fn rail_at(&self, step: usize) -> f64 {
+        self.rail.get(step).or(self.rail.last()).copied().unwrap_or(0.0)
+    }
+
+    /// The goals of the fingers in control step `step`; none after the end.
+    pub fn goals(&self, step: usize) -> Goals {
+        self.goals.get(step).copied().unwrap_or_default()
+    }
+
+    /// The notes that are not played as written.
+    pub fn limits(&self) -> &Limits {
+        &self.limits
+    }
+}
+
+/// Target of the rail at each of `steps` control steps, m. The rail leaves as early as the keys that are held allow.
+fn rail_places(slices: &[Slice], places: &[Place], notes: &[Played], steps: usize) -> Vec<f64> {
+    let Some(first) = places.first() else { return vec![0.0; steps] };
+    let mut targets = vec![first.rail; steps];
+    for (index, place) in places.iter().enumerate() {
+        let Some(next) = places.get(index + 1) else { break };
+        let (start, end) = (slices[index].start, slices[index + 1].start);
+        let ending = notes.iter().filter(|note| {
+            place.hand.contains(&Some(note.stroke)) && !next.hand.contains(&Some(note.stroke))
+        });
+        let released = ending.map(|note| note.end).max().unwrap_or(start);
+        let leave = released.saturating_sub(LEAD_STEPS).max(start);
+        let waiting = next.rail.clamp(place.tube[0], place.tube[1]);
+        targets[start.min(steps)..leave.min(steps)].fill(waiting);
+        targets[leave.min(steps)..].fill(next.rail);
+        debug_assert!(leave <= end);
+    }
+    targets
+}
+
+/// A finger's goal is the key that it plays or, from [`AHEAD_STEPS`] before, the next one.
+fn goals(comb: &Comb, notes: &[Played], steps: usize) -> Vec<Goals> {
+    let mut goals = vec![Goals::default(); steps];
+    for note in notes {
+        let first = note.start.saturating_sub(AHEAD_STEPS);
+        for (step, goals) in goals.iter_mut().enumerate().take(note.end).skip(first) {
+            let wait_steps = note.start.saturating_sub(step);
+            let goal = &mut goals[note.finger];
+            if goal.is_none_or(|goal| goal.wait_steps > wait_steps) {
+                *goal = Some(Goal { key: note.key, over: comb.over(note.key), wait_steps });
+            }
+        }
+    }
+    goals
+}
