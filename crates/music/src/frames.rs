@@ -73,7 +73,7 @@ fn floor_frame(frames: f64) -> usize {
     (frames + ON_BORDER_FRAMES).floor() as usize
 }
 
-fn ceil_frame(frames: f64) -> usize {
+pub(crate) fn ceil_frame(frames: f64) -> usize {
     (frames - ON_BORDER_FRAMES).ceil().max(0.0) as usize
 }
 

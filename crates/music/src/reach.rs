@@ -33,6 +33,8 @@ pub enum WarningKind {
     TooManyNotes,
     /// The fingers cannot reach these keys at once.
     OutOfReach,
+    /// A key is struck again too soon: it cannot be up for long enough in between.
+    QuickRepeat,
 }
 
 /// A moment that the hand cannot play as written.
@@ -58,6 +60,9 @@ impl fmt::Display for Warning {
             }
             WarningKind::OutOfReach => {
                 write!(f, "cannot be reached together: the fingers are too close or too far apart for them")
+            }
+            WarningKind::QuickRepeat => {
+                write!(f, "is struck again too soon for the key to come up; the note before it is shortened")
             }
         }
     }

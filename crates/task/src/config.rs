@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 
+use etude_music::PlanConfig;
 use etude_stage::{ParamError, PhysicalParams, StageConfig};
 use serde::{Deserialize, Serialize};
 
@@ -33,6 +34,9 @@ pub struct TaskConfig {
     pub reward: BTreeMap<String, f64>,
     /// Domain randomisation.
     pub randomisation: RandomisationConfig,
+    /// What is due, and when: how repeated keys are let go, and how early they are struck. The default is RoboPianist's rule, which
+    /// the paper uses.
+    pub plan: PlanConfig,
     /// Silence before the first note, s.
     pub initial_silence_secs: f64,
     /// Control steps of the song that the observation shows beyond the current one.
@@ -59,6 +63,7 @@ impl Default for TaskConfig {
             physics: BTreeMap::new(),
             reward: BTreeMap::new(),
             randomisation: RandomisationConfig::default(),
+            plan: PlanConfig::default(),
             initial_silence_secs: 1.0,
             lookahead: 5,
             previous_joints: true,
@@ -102,6 +107,7 @@ impl TaskConfig {
                 return Err(TaskError::Value(format!("task.{name} = {value} must lie in {low} … {high}")));
             }
         }
+        self.plan.check()?;
         let needs = |term: &&&str| self.reward.get(**term).is_some_and(|weight| *weight != 0.0);
         if let Some(term) = crate::reward::OF_A_FINGERING.iter().find(needs).filter(|_| !self.fingering) {
             return Err(TaskError::Value(format!(

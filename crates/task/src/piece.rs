@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use etude_music::{CONTROL_HZ, KeySet, Note, Song, SongError};
+use etude_music::{KeySet, Note, Plan, PlanConfig, Song, SongError};
 
 use crate::{Fingering, Goals, TaskConfig, TaskError};
 
@@ -17,20 +17,23 @@ pub struct Piece {
 }
 
 impl Piece {
-    /// The song after `initial_silence_secs` of silence, rounded to whole control steps.
+    /// The song by RoboPianist's rules, after `initial_silence_secs` of silence, rounded to whole control steps.
     ///
     /// # Errors
     /// If a note lies outside the keyboard, or the song is longer than the frames may be.
     pub fn new(song: &Song, initial_silence_secs: f64) -> Result<Self, SongError> {
-        let silence_secs = (initial_silence_secs * CONTROL_HZ).round() / CONTROL_HZ;
-        let silent_start = song.with_initial_silence(silence_secs)?;
-        Ok(Self {
+        Ok(Self::of(PlanConfig::default().plan(song, initial_silence_secs)?))
+    }
+
+    fn of(plan: Plan) -> Self {
+        let song = plan.song;
+        Self {
             title: song.title().to_string(),
-            due: song.episode_frames(CONTROL_HZ, silence_secs)?.into(),
-            notes: silent_start.notes().into(),
-            bars: silent_start.beats().bar_lines(silent_start.duration_secs()).into(),
+            due: plan.frames.into(),
+            notes: song.notes().into(),
+            bars: song.beats().bar_lines(song.duration_secs()).into(),
             fingering: None,
-        })
+        }
     }
 
     /// `steps` control steps in which no key is due, for motions without a song.
@@ -39,12 +42,12 @@ impl Piece {
         Self { title: String::new(), due: vec![KeySet::EMPTY; steps].into(), notes, bars, fingering: None }
     }
 
-    /// The song as `config` plays it: after its initial silence and, if it asks for one, with a fingering for its world.
+    /// The song as `config` plays it: its plan, after its initial silence and, if it asks for one, with a fingering for its world.
     ///
     /// # Errors
-    /// As [`Piece::new`]; also if the configuration's physical numbers are not sound.
+    /// As [`Piece::new`]; also if the plan's numbers or the physical ones are not sound.
     pub fn for_task(song: &Song, config: &TaskConfig) -> Result<Self, TaskError> {
-        let mut piece = Self::new(song, config.initial_silence_secs)?;
+        let mut piece = Self::of(config.plan.plan(song, config.initial_silence_secs)?);
         if config.fingering {
             let fingering = Fingering::plan(&config.stage, &config.params()?, &piece);
             piece.fingering = Some(Arc::new(fingering));
@@ -87,7 +90,7 @@ impl Piece {
         &self.bars
     }
 
-    /// The notes, with times that include the initial silence.
+    /// The notes that are due, with times that include the initial silence.
     pub fn notes(&self) -> &[Note] {
         &self.notes
     }

@@ -73,6 +73,10 @@ rows! {
         /// Fraction of travel at which a key sounds.
         KeyThreshold = row("key.threshold", "fraction of travel", 0.5, [0.05, 0.95],
             "fraction of a key's travel at which it counts as pressed; the paper's authors randomise it from 0.1 to 0.9"),
+        /// How far a key rises before it is silent.
+        KeyHysteresis = row("key.hysteresis", "fraction of the threshold", 0.0, [0.0, 0.95],
+            "how far a key that sounds must rise above its threshold until it is silent: real keys are silent when their first contact \
+             opens, and the paper's simulator has one threshold"),
         /// Spring of the keys.
         KeyStiffness = row("key.stiffness", "N·m/rad", 1.0, [0.05, 5.0],
             "spring of every key about its hinge; as lasr-lab/learning-to-play-piano without randomisation"),

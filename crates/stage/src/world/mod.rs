@@ -45,6 +45,8 @@ pub struct World {
     gains: [Gains; JOINTS],
     /// Angle of each key from which on it sounds, rad.
     threshold: [f64; KEYS],
+    /// Angle of each key below which it is silent again, rad; at most its threshold.
+    release: [f64; KEYS],
     controllers: [Controller; JOINTS],
     pressed: KeySet,
     /// Physics steps since the last reset.
@@ -89,6 +91,7 @@ impl World {
                 Gains::new(params, joint, config.actuation, options.step_secs)
             }),
             threshold: [0.0; KEYS],
+            release: [0.0; KEYS],
             controllers: std::array::from_fn(|_| Controller::at_rest(0.0)),
             pressed: KeySet::EMPTY,
             physics_steps: 0,
@@ -107,6 +110,7 @@ impl World {
         let value = |quantity| params.world(quantity);
         for key in 0..KEYS {
             self.threshold[key] = value(WorldRow::KeyThreshold) * self.lower_stop(key);
+            self.release[key] = self.threshold[key] * (1.0 - value(WorldRow::KeyHysteresis));
         }
         for joint in 0..JOINTS {
             self.gains[joint] = Gains::new(params, joint, self.config.actuation, step);

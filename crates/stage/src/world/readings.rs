@@ -29,7 +29,7 @@ impl World {
         &self.torques
     }
 
-    /// Keys that are down past their threshold: those that sound.
+    /// Keys that sound: down past their threshold, and since then not risen above where they are silent.
     pub fn pressed(&self) -> KeySet {
         self.pressed
     }

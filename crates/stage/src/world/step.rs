@@ -123,14 +123,15 @@ impl World {
         self.watch_keys();
     }
 
-    /// Finds the keys that have crossed their threshold since the last physics step, and adds their events.
+    /// Finds the keys that have begun or ceased to sound since the last physics step, and adds their events.
     pub(super) fn watch_keys(&mut self) {
         let secs = self.physics_steps as f64 * self.options.step_secs;
         let angles = self.data.qpos();
         let velocities = self.data.qvel();
         let mut now = KeySet::EMPTY;
         for key in 0..KEYS {
-            if angles[self.layout.key_dof[key]] >= self.threshold[key] {
+            let border = if self.pressed.contains(key) { self.release[key] } else { self.threshold[key] };
+            if angles[self.layout.key_dof[key]] >= border {
                 now.insert(key);
             }
         }

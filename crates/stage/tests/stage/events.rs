@@ -10,12 +10,14 @@ use crate::replica::{Replica, STEP_SECS};
 proptest! {
     #![proptest_config(bench::cases(16))]
     #[test]
-    fn events_are_the_crossings_of_the_threshold_at_their_physics_step(
+    fn events_are_the_crossings_of_both_thresholds_at_their_physics_step(
         gestures in bench::gestures(),
         threshold in 0.1f64..0.9,
+        hysteresis in prop_oneof![Just(0.0), 0.0f64..0.9],
     ) {
         let mut params = PhysicalParams::default();
         params.set("key.threshold", threshold).unwrap();
+        params.set("key.hysteresis", hysteresis).unwrap();
         let mut world = World::new(&StageConfig::default(), &params).unwrap();
         let mut replica = Replica::of(&world, |xml| xml);
         let mut before = KeySet::EMPTY;
@@ -26,7 +28,7 @@ proptest! {
             for _ in 0..PHYSICS_STEPS {
                 replica_step(&mut replica, &targets);
                 physics_steps += 1;
-                let now = replica.down(replica.data.qpos());
+                let now = replica.sounding(replica.data.qpos(), before, hysteresis);
                 let secs = f64::from(physics_steps) * STEP_SECS;
                 expected.extend(now.difference(before).iter().map(|key| (secs, key, true)));
                 expected.extend(before.difference(now).iter().map(|key| (secs, key, false)));

@@ -89,9 +89,16 @@ impl Replica {
 
     /// Keys past the threshold at these positions of the model.
     pub fn down(&self, positions: &[f64]) -> KeySet {
-        let past =
-            |key: &usize| positions[self.keys[*key]] >= self.threshold * KeyShape::of(*key).max_angle();
-        (0..KEYS).filter(past).collect()
+        self.sounding(positions, KeySet::EMPTY, 0.0)
+    }
+
+    /// Keys that sound at these positions if those of `before` did, and a key is silent `hysteresis` of the threshold above it.
+    pub fn sounding(&self, positions: &[f64], before: KeySet, hysteresis: f64) -> KeySet {
+        let sounds = |key: &usize| {
+            let share = if before.contains(*key) { 1.0 - hysteresis } else { 1.0 };
+            positions[self.keys[*key]] >= share * self.threshold * KeyShape::of(*key).max_angle()
+        };
+        (0..KEYS).filter(sounds).collect()
     }
 
     /// Degree of freedom of the joint called `name`.

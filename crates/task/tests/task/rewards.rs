@@ -32,6 +32,7 @@ fn moment<'a>(world: &'a World, due: &[usize]) -> Moment<'a> {
     Moment {
         world,
         due: keys(due),
+        due_before: KeySet::EMPTY,
         outcome,
         action: &STILL,
         previous_action: &STILL,

@@ -1,0 +1,260 @@
+//! The performance plan: what is due, as a player means a score.
+//!
+//! A score gives the end of a repeated note as the beginning of the next one. A key has to be up before it can be struck again, so a
+//! player leaves it earlier. RoboPianist's frames instead begin the next note one frame late ([`Song::frames`]): a player who follows
+//! them exactly is 50 ms late on every repeated note.
+
+use serde::{Deserialize, Serialize};
+
+use crate::CONTROL_HZ;
+use crate::error::SongError;
+use crate::frames::ceil_frame;
+use crate::keys::KeySet;
+use crate::note::Note;
+use crate::reach::{Warning, WarningKind};
+use crate::song::Song;
+
+/// Longest time that a key may be asked to be up before it is struck again, s.
+const LONGEST_RESTRIKE_SECS: f64 = 1.0;
+/// Longest time by which a player may be early, s.
+const LONGEST_LEAD_SECS: f64 = 0.25;
+
+/// How the notes of a score become keys that are due.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum PlanRule {
+    /// [`Song::frames`]: a note covers every frame that it touches; where a key is struck again, the later note begins a frame late.
+    #[default]
+    Robopianist,
+    /// A note begins and ends at the nearest frames; where a key is struck again, the earlier note ends
+    /// [`PlanConfig::restrike_secs`] before the later one.
+    Articulated,
+}
+
+/// How a song becomes a [`Plan`].
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct PlanConfig {
+    /// From notes to keys.
+    pub rule: PlanRule,
+    /// How long a key is up before it is struck again, s: for [`PlanRule::Articulated`].
+    pub restrike_secs: f64,
+    /// How much earlier than written the player starts to play, s. A key that is due in a control step may go down at any time in
+    /// it, half a step after its beginning on average; with half a step here notes are on time on average. RoboPianist has 0.
+    pub lead_secs: f64,
+}
+
+impl Default for PlanConfig {
+    fn default() -> Self {
+        Self { rule: PlanRule::default(), restrike_secs: 0.1, lead_secs: 0.0 }
+    }
+}
+
+/// What is due, at [`CONTROL_HZ`]. Time zero is the beginning of the first frame.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Plan {
+    /// The notes to be heard. Their onsets are those of the score, after the initial silence and the lead.
+    pub song: Song,
+    /// The keys that are due in each frame.
+    pub frames: Vec<KeySet>,
+}
+
+impl PlanConfig {
+    /// The plan of a song after this much silence, which is rounded to whole frames.
+    ///
+    /// With [`PlanRule::Articulated`], a note keeps at least half of the frames until its key is struck again;
+    /// [`PlanConfig::warnings`] lists where the rest is shorter for that reason.
+    ///
+    /// # Errors
+    /// As [`Song::episode_frames`]; also if a number is out of its range.
+    pub fn plan(&self, song: &Song, initial_silence_secs: f64) -> Result<Plan, SongError> {
+        self.check()?;
+        let silence_secs = (initial_silence_secs * CONTROL_HZ).round() / CONTROL_HZ;
+        let with_notes = |notes| Song::new(song.title(), notes, song.duration_secs());
+        let (heard, gridded) = match self.rule {
+            PlanRule::Robopianist => (song.clone(), song.clone()),
+            PlanRule::Articulated => {
+                let (heard, gridded) = self.articulated(song.notes());
+                (with_notes(heard)?.with_beats(song.beats().clone()), with_notes(gridded)?)
+            }
+        };
+        Ok(Plan {
+            song: heard.with_initial_silence(silence_secs + self.lead_secs)?,
+            frames: gridded.episode_frames(CONTROL_HZ, silence_secs)?,
+        })
+    }
+
+    /// The notes with their ends as they should be heard, and the same on the grid of frames.
+    fn articulated(&self, notes: &[Note]) -> (Vec<Note>, Vec<Note>) {
+        let mut heard = notes.to_vec();
+        let mut gridded: Vec<Note> = notes.iter().map(on_grid).collect();
+        for repeat in repeats(notes) {
+            let end_secs = (repeat.first + repeat.sounding(self.rest_frames())) as f64 / CONTROL_HZ;
+            for note in [&mut heard[repeat.note], &mut gridded[repeat.note]] {
+                note.end_secs = note.end_secs.min(end_secs).max(note.start_secs);
+            }
+        }
+        (heard, gridded)
+    }
+
+    /// The repeated notes that come too soon for the whole rest, in order of time; none with [`PlanRule::Robopianist`].
+    pub fn warnings(&self, song: &Song) -> Vec<Warning> {
+        if self.rule == PlanRule::Robopianist {
+            return Vec::new();
+        }
+        let notes = song.notes();
+        let rest = self.rest_frames();
+        let quick = repeats(notes).filter(|repeat| repeat.frames < repeat.sounding(rest) + rest);
+        let mut warnings: Vec<Warning> = quick
+            .map(|repeat| Warning {
+                kind: WarningKind::QuickRepeat,
+                pitches: vec![notes[repeat.note].pitch],
+                start_secs: notes[repeat.again].start_secs,
+                position: song.position(notes[repeat.again].start_secs),
+            })
+            .collect();
+        warnings.sort_by(|a, b| a.start_secs.total_cmp(&b.start_secs));
+        warnings
+    }
+
+    /// Checks the numbers.
+    ///
+    /// # Errors
+    /// Names the one that is out of range.
+    pub fn check(&self) -> Result<(), SongError> {
+        let limits = [
+            ("restrike_secs", self.restrike_secs, LONGEST_RESTRIKE_SECS),
+            ("lead_secs", self.lead_secs, LONGEST_LEAD_SECS),
+        ];
+        for (name, secs, longest) in limits {
+            if !(0.0..=longest).contains(&secs) {
+                return Err(SongError::Invalid(format!("plan.{name} = {secs} must lie in 0 … {longest} s")));
+            }
+        }
+        Ok(())
+    }
+
+    fn rest_frames(&self) -> usize {
+        ceil_frame(self.restrike_secs * CONTROL_HZ)
+    }
+}
+
+/// Two neighbouring notes of one pitch.
+struct Repeat {
+    /// Index of the earlier note.
+    note: usize,
+    /// Index of the later note.
+    again: usize,
+    /// Frame in which the earlier note begins.
+    first: usize,
+    /// Frames from one beginning to the other.
+    frames: usize,
+}
+
+impl Repeat {
+    /// Frames for which the key may sound so that it is up for `rest` frames afterwards; at least half of all.
+    fn sounding(&self, rest: usize) -> usize {
+        self.frames.saturating_sub(rest).max(self.frames.div_ceil(2)).max(1)
+    }
+}
+
+/// The frame whose beginning is nearest to a time.
+fn nearest_frame(secs: f64) -> usize {
+    (secs * CONTROL_HZ).round() as usize
+}
+
+/// The note from frame to frame, one at least.
+fn on_grid(note: &Note) -> Note {
+    let first = nearest_frame(note.start_secs);
+    let end = nearest_frame(note.end_secs).max(first + 1);
+    Note { start_secs: first as f64 / CONTROL_HZ, end_secs: end as f64 / CONTROL_HZ, ..*note }
+}
+
+/// Every two neighbouring notes of one pitch. `notes` are in order of time.
+fn repeats(notes: &[Note]) -> impl Iterator<Item = Repeat> {
+    let next_of_pitch = |index: usize| {
+        let later = notes.iter().enumerate().skip(index + 1);
+        later.filter(|(_, note)| note.pitch == notes[index].pitch).map(|(again, _)| again).next()
+    };
+    (0..notes.len()).filter_map(move |note| {
+        let again = next_of_pitch(note)?;
+        let [first, next] = [note, again].map(|index| nearest_frame(notes[index].start_secs));
+        Some(Repeat { note, again, first, frames: next - first })
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const ARTICULATED: PlanConfig =
+        PlanConfig { rule: PlanRule::Articulated, restrike_secs: 0.1, lead_secs: 0.0 };
+
+    fn song(notes: &[(u8, f64, f64)]) -> Song {
+        let note = |&(pitch, start_secs, end_secs)| Note { pitch, velocity: 64, start_secs, end_secs };
+        Song::new("", notes.iter().map(note).collect(), 0.0).unwrap()
+    }
+
+    fn frames(config: PlanConfig, notes: &[(u8, f64, f64)]) -> String {
+        let frames = config.plan(&song(notes), 0.0).unwrap().frames;
+        frames.iter().map(|keys| if *keys == KeySet::EMPTY { '.' } else { '#' }).collect()
+    }
+
+    #[test]
+    fn a_key_is_up_before_it_is_struck_again_and_onsets_stay() {
+        let twice = [(60, 0.0, 0.4), (60, 0.4, 0.7)];
+        assert_eq!(frames(PlanConfig::default(), &twice), "########.#####.");
+        assert_eq!(frames(ARTICULATED, &twice), "######..######.");
+        let longer = PlanConfig { restrike_secs: 0.12, ..ARTICULATED };
+        assert_eq!(frames(longer, &twice), "#####...######.");
+        // A rest that is written stays.
+        assert_eq!(frames(ARTICULATED, &[(60, 0.0, 0.1), (60, 0.4, 0.5)]), "##......##.");
+    }
+
+    #[test]
+    fn notes_off_the_grid_begin_at_the_nearest_frame_and_are_heard_as_written() {
+        let notes = [(60, 0.03, 0.08), (62, 0.12, 0.36), (64, 0.36, 0.37)];
+        let plan = ARTICULATED.plan(&song(&notes), 0.0).unwrap();
+        let due: Vec<String> = plan.frames.iter().map(KeySet::to_string).collect();
+        assert_eq!(due, ["", "60", "62", "62", "62", "62", "62", "64", ""]);
+        assert_eq!(plan.song, song(&notes));
+    }
+
+    #[test]
+    fn silence_moves_frames_and_the_lead_does_not() {
+        let early = PlanConfig { lead_secs: 0.025, ..ARTICULATED };
+        let plan = early.plan(&song(&[(60, 0.1, 0.2)]), 0.26).unwrap();
+        let due: Vec<usize> = plan.frames.iter().map(|keys| keys.len()).collect();
+        assert_eq!(due, [0, 0, 0, 0, 0, 0, 0, 1, 1, 0]);
+        assert!((plan.song.notes()[0].start_secs - (0.25 + 0.1 + 0.025)).abs() < 1e-12);
+    }
+
+    #[test]
+    fn other_keys_are_left_alone() {
+        let legato = song(&[(60, 0.0, 0.4), (62, 0.4, 0.8), (64, 0.6, 1.0)]);
+        let plan = ARTICULATED.plan(&legato, 0.0).unwrap();
+        assert_eq!((plan.frames, plan.song), (legato.frames(CONTROL_HZ).unwrap(), legato.clone()));
+        assert_eq!(ARTICULATED.warnings(&legato), []);
+    }
+
+    #[test]
+    fn quick_repeats_keep_half_a_note_and_are_named() {
+        let quick = [(60, 0.0, 0.15), (60, 0.15, 0.25), (60, 0.25, 0.30), (60, 0.30, 0.35)];
+        // Three frames, two, one: the last two cannot be told apart by a key that has to be up in between.
+        assert_eq!(frames(ARTICULATED, &quick), "##.#.#..");
+        let warnings = ARTICULATED.warnings(&song(&quick));
+        assert_eq!(warnings.iter().map(|warning| warning.start_secs).collect::<Vec<_>>(), [0.15, 0.25, 0.30]);
+        assert!(warnings[0].to_string().contains("C4"), "{}", warnings[0]);
+        assert_eq!(PlanConfig::default().warnings(&song(&quick)), []);
+    }
+
+    #[test]
+    fn silly_numbers_are_refused() {
+        let refused =
+            |config: PlanConfig| config.plan(&song(&[(60, 0.0, 1.0)]), 0.0).unwrap_err().to_string();
+        for secs in [-0.1, 2.0, f64::NAN] {
+            assert!(refused(PlanConfig { restrike_secs: secs, ..ARTICULATED }).contains("restrike_secs"));
+            assert!(refused(PlanConfig { lead_secs: secs, ..ARTICULATED }).contains("lead_secs"));
+        }
+    }
+}
