@@ -3,6 +3,7 @@
 
 mod assignment;
 mod bench;
+mod fingerings;
 mod model_choices;
 mod performances;
 mod randomisation;

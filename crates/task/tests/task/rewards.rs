@@ -4,7 +4,7 @@ use etude_music::KeySet;
 use etude_stage::params::JointRow;
 use etude_stage::{FINGERS, PhysicalParams, RAIL, StageConfig, StepOutcome, World};
 use etude_task::ACTION_LEN;
-use etude_task::fingering::Goals;
+use etude_task::fingering::{Goal, Goals};
 use etude_task::reward::{Moment, TERMS, tolerance};
 
 const STILL: [f32; ACTION_LEN] = [0.0; ACTION_LEN];
@@ -174,4 +174,91 @@ fn sliding_costs_while_keys_are_down_and_twice_as_much_on_neighbours() {
         let value = term("sliding", &moment(&world, &[]));
         assert_near(value, 1.0 - factor * velocity * velocity, &format!("down {down:?}"));
     }
+}
+
+#[test]
+fn keys_that_are_not_due_cost_by_how_far_they_are_down() {
+    let mut world = world();
+    let pose = world.start_pose();
+    world.pose(&pose, keys(&[24, 26, 31]));
+    let table: [(&[usize], f64); 4] = [(&[], 3.0), (&[24], 2.0), (&[24, 26, 31], 0.0), (&[40], 3.0)];
+    for (due, cost) in table {
+        let value = term("wrong_travel", &moment(&world, due));
+        assert!((value + cost).abs() < 1e-3, "due {due:?}: {value}, not −{cost}");
+    }
+    // The squared travel on the way up: lifting a key half pays.
+    let mut last = -3.0;
+    for _ in 0..4 {
+        world.step(&pose);
+        let value = term("wrong_travel", &moment(&world, &[]));
+        let travel = (0..49).map(|key| world.key_travel(key).clamp(0.0, 1.0).powi(2)).sum::<f64>();
+        assert_near(value, -travel, "squares");
+        assert!(value > last || value > -1e-3, "{value} after {last}");
+        last = value;
+    }
+}
+
+#[test]
+fn a_finger_earns_for_its_own_goal_and_for_no_other() {
+    let mut world = world();
+    let pose = world.start_pose();
+    world.pose(&pose, KeySet::EMPTY);
+    let goal = |key: usize, wait_steps| Some(Goal { key, over: [0.0; 2], wait_steps });
+    let away = |finger: usize, key: usize, upright: bool| {
+        let (pad, target) = (world.finger_pad(finger), world.key_target(key));
+        let squares = (0..if upright { 2 } else { 3 }).map(|axis| (pad[axis] - target[axis]).powi(2));
+        tolerance(squares.sum::<f64>().sqrt(), 0.01, 0.05)
+    };
+    let earned = |name: &str, goals: Goals| term(name, &Moment { goals, ..moment(&world, &[]) });
+    for name in ["fingering", "preparation"] {
+        assert_near(earned(name, [None; FINGERS]), 1.0, "without a goal");
+    }
+    let playing = [goal(22, 0), None, goal(27, 0)];
+    assert_near(earned("fingering", playing), (away(0, 22, false) + away(2, 27, false)) / 2.0, "two play");
+    assert_near(earned("preparation", playing), 1.0, "none waits");
+    let mixed = [goal(22, 0), goal(24, 7), None];
+    assert_near(earned("fingering", mixed), away(0, 22, false), "one plays");
+    assert_near(earned("preparation", mixed), away(1, 24, true), "one waits, and its height does not count");
+    let swapped = earned("fingering", [goal(27, 0), None, goal(22, 0)]);
+    assert!((swapped - earned("fingering", playing)).abs() > 0.05, "fingers can be told apart: {swapped}");
+}
+
+#[test]
+fn strikes_count_when_they_are_due_to_begin_and_once() {
+    let mut world = world();
+    let press = |world: &World, key: usize, height: f64| {
+        let [x, y, _] = world.key_target(key);
+        let side = world.config().side;
+        let rail = y - etude_stage::hand::root_lateral(side, 1);
+        let top = etude_stage::geometry::KeyShape::of(key).top() + etude_stage::hand::TIP_RADIUS;
+        let angles = etude_stage::kinematics::reach(side, 1, [x, y, top + height], rail).unwrap();
+        let mut pose = world.start_pose();
+        pose[RAIL] = rail;
+        pose[etude_stage::hand::FINGER_JOINTS..][..etude_stage::hand::FINGER_JOINTS].copy_from_slice(&angles);
+        pose
+    };
+    let above = press(&world, 24, 0.02);
+    for _ in 0..40 {
+        world.step(&above);
+    }
+    let strikes = |world: &World, due: &[usize], before: &[usize]| {
+        term("strikes", &Moment { due_before: keys(before), ..moment(world, due) })
+    };
+    assert_near(strikes(&world, &[], &[]), 0.0, "nothing happens");
+    assert_near(strikes(&world, &[24], &[]), 0.0, "due and not struck");
+    let down = press(&world, 24, -0.03);
+    let struck = (0..20).any(|_| {
+        world.step(&down);
+        world.events().iter().any(|event| event.key == 24 && event.velocity > 0)
+    });
+    let times = world.events().iter().filter(|event| event.velocity > 0).count();
+    assert!(struck && times == 1, "{:?}", world.events());
+    assert_near(strikes(&world, &[24], &[]), 1.0, "on time");
+    assert_near(strikes(&world, &[24, 28], &[]), 0.5, "one of two");
+    assert_near(strikes(&world, &[24, 28], &[28]), 1.0, "the other has begun earlier");
+    assert_near(strikes(&world, &[24], &[24]), 0.0, "late");
+    assert_near(strikes(&world, &[], &[]), -1.0, "not due");
+    assert_near(strikes(&world, &[28], &[]), -1.0, "another is due");
+    world.step(&down);
+    assert_near(strikes(&world, &[24], &[]), 0.0, "held and not struck");
 }

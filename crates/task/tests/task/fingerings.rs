@@ -1,0 +1,147 @@
+//! A planned fingering where a policy meets it: its goals, the columns of the observation, the rail's range and the reward.
+
+use etude_music::{KeySet, Note, Song};
+use etude_stage::geometry::{WHITE_PITCH, key_lateral};
+use etude_stage::hand::FINGER_JOINTS;
+use etude_stage::{FINGERS, JOINTS, RAIL, kinematics};
+use etude_task::fingering::AHEAD_STEPS;
+use etude_task::{
+    ACTION_LEN, Environment, Fingering, History, Piece, TargetRange, TaskConfig, layout, observe,
+};
+
+fn with_fingering() -> TaskConfig {
+    TaskConfig { fingering: true, ..TaskConfig::default() }
+}
+
+/// Middle C for half a second, then after half a second the C above it, both at the end of a second of silence.
+fn two_notes() -> (Song, Piece) {
+    let note = |pitch, start_secs| Note { pitch, velocity: 64, start_secs, end_secs: start_secs + 0.5 };
+    let song = Song::new("two notes", vec![note(60, 0.0), note(72, 1.0)], 2.0).unwrap();
+    let piece = Piece::for_task(&song, &with_fingering()).unwrap();
+    (song, piece)
+}
+
+const FIRST: (usize, usize) = (24, 20);
+const SECOND: (usize, usize) = (36, 40);
+
+#[test]
+fn a_finger_has_its_key_as_goal_from_half_a_second_before_until_the_note_ends() {
+    let (_, piece) = two_notes();
+    let fingering = piece.fingering().unwrap();
+    for ((key, start), played) in [FIRST, SECOND].into_iter().zip(fingering.notes()) {
+        assert_eq!((played.key, played.start, played.end), (key, start, start + 10));
+        for step in 0..piece.steps() + 5 {
+            let goal = piece.goals(step)[played.finger].filter(|goal| goal.key == key);
+            let expected =
+                (start - AHEAD_STEPS..start + 10).contains(&step).then(|| start.saturating_sub(step));
+            assert_eq!(goal.map(|goal| goal.wait_steps), expected, "key {key}, step {step}");
+            if let Some(goal) = goal {
+                assert!((goal.over[1] - key_lateral(key)).abs() < 1e-9, "{goal:?}");
+            }
+        }
+    }
+    let goals = (0..piece.steps()).map(|step| piece.goals(step).iter().flatten().count());
+    assert_eq!(goals.sum::<usize>(), 2 * (AHEAD_STEPS + 10), "one goal a note and no other");
+}
+
+#[test]
+fn the_rail_waits_where_the_finger_that_plays_is_over_its_key() {
+    let (_, piece) = two_notes();
+    let fingering = piece.fingering().unwrap();
+    let range = TargetRange::new(&piece);
+    for (played, (key, start)) in fingering.notes().iter().zip([FIRST, SECOND]) {
+        let place = fingering.rail_at(start);
+        let straight = etude_stage::hand::root_lateral(TaskConfig::default().stage.side, played.finger);
+        assert!((place + straight - key_lateral(key)).abs() < WHITE_PITCH, "{place} for key {key}");
+        let [low, high] = range.ends(RAIL, start);
+        assert!((low - (place - 0.04)).abs() < 1e-12 && (high - (place + 0.04)).abs() < 1e-12);
+        assert!((range.targets(&[0.0; ACTION_LEN], start)[RAIL] - place).abs() < 1e-9);
+        let mut targets = range.targets(&[0.25; ACTION_LEN], start);
+        assert!((targets[RAIL] - (place + 0.01)).abs() < 1e-9);
+        assert!((range.action(&targets, start)[RAIL] - 0.25).abs() < 1e-6);
+        targets[RAIL] = place - 1.0;
+        assert_eq!(range.action(&targets, start)[RAIL], -1.0);
+    }
+    assert_ne!(range.ends(RAIL, FIRST.1), range.ends(RAIL, SECOND.1));
+    // The fingers' ranges are those of their joints, at any time.
+    assert_eq!(range.ends(0, 0), range.ends(0, SECOND.1));
+    // After the end, the hand stays.
+    assert_eq!(range.ends(RAIL, piece.steps() + 100), range.ends(RAIL, piece.steps() - 1));
+}
+
+#[test]
+fn the_observation_shows_the_way_to_each_goal_and_who_plays_when() {
+    let config = TaskConfig { previous_actions: 1, ..with_fingering() };
+    let (_, piece) = two_notes();
+    let (real, ways) = (2 * JOINTS + ACTION_LEN, 3 * FINGERS);
+    let (keys, playing) = (49 * (config.lookahead + 2), FINGERS * (config.lookahead + 1));
+    assert_eq!((layout(&config).real, layout(&config).binary), (real + ways, keys + playing));
+
+    let finger = piece.fingering().unwrap().notes()[0].finger;
+    let history = History { joints: [0.0; JOINTS], actions: [[0.5; ACTION_LEN]; 4] };
+    let shown = |joints: &[f64; JOINTS], step: usize| {
+        let mut out = vec![9.0; layout(&config).len()];
+        observe(&config, joints, &history, KeySet::EMPTY, &piece, step, &mut out);
+        let way: [f32; 3] = out[real + 3 * finger..].first_chunk().copied().unwrap();
+        (way, out)
+    };
+    // Three steps before the note, in a pose like any other.
+    let step = FIRST.1 - 3;
+    let mut joints: [f64; JOINTS] = std::array::from_fn(|joint| 0.02 * joint as f64);
+    joints[RAIL] = 0.01;
+    let goal = piece.goals(step)[finger].unwrap();
+    let angles = joints[finger * FINGER_JOINTS..].first_chunk().unwrap();
+    let tip = kinematics::fingertip(config.stage.side, finger, angles, joints[RAIL]);
+    let (way, out) = shown(&joints, step);
+    let expected = [(tip[0] - goal.over[0]) / WHITE_PITCH, (tip[1] - goal.over[1]) / WHITE_PITCH, 0.3];
+    for (shown, expected) in way.iter().zip(expected) {
+        assert!((f64::from(*shown) - expected.clamp(-4.0, 4.0)).abs() < 1e-5, "{way:?}, not {expected:?}");
+    }
+    assert!(way[1].abs() < 3.9, "far enough from the limit that a move shows: {way:?}");
+    // The hand one white key further along the keyboard.
+    joints[RAIL] += WHITE_PITCH;
+    let (moved, _) = shown(&joints, step);
+    assert!((moved[1] - way[1] - 1.0).abs() < 1e-5 && moved[0] == way[0], "{way:?} {moved:?}");
+    // Who plays: from the third of the shown steps on, and nobody else.
+    let plays = &out[real + ways + keys..];
+    assert_eq!(plays.len(), playing);
+    for (slot, column) in plays.iter().enumerate() {
+        let expected = slot % FINGERS == finger && slot / FINGERS >= 3;
+        assert_eq!(*column, f32::from(u8::from(expected)), "column {slot}");
+    }
+    // Without a goal.
+    assert_eq!(shown(&joints, 0).0, [0.0, 0.0, 1.0]);
+}
+
+#[test]
+fn a_piece_and_a_task_agree_about_the_fingering() {
+    let (song, fingered) = two_notes();
+    let plain = Piece::new(&song, 1.0).unwrap();
+    assert!(Environment::new(&with_fingering(), &fingered, 0).is_ok());
+    for (config, piece) in [(TaskConfig::default(), &fingered), (with_fingering(), &plain)] {
+        let refused = Environment::new(&config, piece, 0).err().unwrap().to_string();
+        assert!(refused.contains("Piece::for_task"), "{refused}");
+    }
+    for term in ["fingering", "preparation"] {
+        let mut config = TaskConfig::default();
+        config.reward.insert(term.to_string(), 0.5);
+        let refused = config.check().unwrap_err().to_string();
+        assert!(refused.contains(term) && refused.contains("task.fingering = true"), "{refused}");
+        config.fingering = true;
+        config.check().unwrap();
+    }
+}
+
+#[test]
+fn every_song_has_a_plan_with_a_finger_for_every_note_that_three_fingers_can_play() {
+    for known in etude_music::repertoire::PIECES {
+        let piece = Piece::for_task(&known.song(), &with_fingering()).unwrap();
+        let fingering: &Fingering = piece.fingering().unwrap();
+        assert_eq!(fingering.rail().len(), piece.steps());
+        for played in fingering.notes() {
+            let goal = piece.goals(played.start)[played.finger].unwrap();
+            assert_eq!((goal.key, goal.wait_steps), (played.key, 0), "{}: {played:?}", known.id);
+            assert!(piece.due(played.start).contains(played.key));
+        }
+    }
+}
