@@ -199,6 +199,7 @@ mod tests {
             demonstration_noise = 0.03 # our choice, from here on, except the evaluations
             log_every_steps = 2_000
             evaluate_every_steps = 10_000
+            best_by = ""
             checkpoint_every_steps = 50_000
             threads = 0
             overlap = true

@@ -152,7 +152,7 @@ impl Run {
         self.trainer.step()
     }
 
-    /// The best F1 of the evaluations so far.
+    /// F1 of the best policy so far.
     pub fn best_f1(&self) -> Option<f64> {
         self.trainer.best().and_then(|best| best.scores.first()).map(|score| score.value)
     }
@@ -183,7 +183,7 @@ pub struct TrainingProgress {
     pub step: u64,
     /// Environment steps in all.
     pub total: u64,
-    /// Best F1 so far.
+    /// F1 of the best policy so far.
     pub best_f1: Option<f64>,
 }
 
@@ -206,8 +206,9 @@ impl TrainingObserver for Watch<'_, '_> {
     }
 
     fn on_evaluation(&mut self, row: &EvaluationRow) {
-        let f1 = row.scores.first().map(|score| score.value);
-        self.at.best_f1 = self.at.best_f1.into_iter().chain(f1).reduce(f64::max);
+        if row.best {
+            self.at.best_f1 = row.scores.first().map(|score| score.value);
+        }
         self.at.step = row.step;
         self.job.tell(&self.at);
     }

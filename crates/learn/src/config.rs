@@ -178,6 +178,8 @@ pub struct TrainerConfig {
     pub log_every_steps: u64,
     /// Environment steps between evaluations; 0 for none.
     pub evaluate_every_steps: u64,
+    /// Name of the evaluator's score that decides which policy is the best; its first score if this is empty.
+    pub best_by: String,
     /// Environment steps between checkpoints.
     pub checkpoint_every_steps: u64,
     /// Threads for environments and learning together; 0 for one a processor core. The result does not depend on it.
@@ -198,6 +200,7 @@ impl Default for TrainerConfig {
             demonstration_noise: 0.03,
             log_every_steps: 2_000,
             evaluate_every_steps: 10_000,
+            best_by: String::new(),
             checkpoint_every_steps: 50_000,
             threads: 0,
             overlap: true,

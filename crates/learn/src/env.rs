@@ -119,7 +119,7 @@ pub struct Score {
     pub value: f64,
 }
 
-/// Plays whole episodes with a fixed policy; the first score decides which policy is the best.
+/// Plays whole episodes with a fixed policy; one of the scores decides which policy is the best.
 ///
 /// The scores must not depend on earlier calls, because a resumed training builds a new evaluator.
 pub trait Evaluator: Send {

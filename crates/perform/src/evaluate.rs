@@ -7,7 +7,8 @@ use etude_task::{ACTION_LEN, Piece, TaskConfig, TaskError};
 
 use crate::{SimRig, perform};
 
-/// Plays the song once for each evaluation, always in the nominal world, and scores it.
+/// Plays the song once for each evaluation, always in the nominal world, and scores it. The score `overall` is the mean of the paper's
+/// F1 and the F1 of the notes' onsets.
 pub struct SongEvaluator {
     rig: SimRig,
     task: TaskConfig,
@@ -39,6 +40,7 @@ impl Evaluator for SongEvaluator {
             ("pooled_f1", scores.frame.pooled_f1),
             ("onset_f1", scores.note.onset_f1),
             ("onset_offset_f1", scores.note.onset_offset_f1),
+            ("overall", (scores.frame.f1 + scores.note.onset_f1) / 2.0),
             ("collision_free", simulated.collision_free),
             ("return", simulated.reward),
         ];

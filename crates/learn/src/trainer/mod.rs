@@ -67,7 +67,7 @@ pub struct Outcome {
 pub struct Parts {
     /// The environments.
     pub environment: Box<dyn VectorEnvironment>,
-    /// The evaluator, whose first score decides which policy is the best.
+    /// The evaluator.
     pub evaluator: Box<dyn Evaluator>,
     /// Written into the policy files as `notes.training`, for example song and resolved configuration.
     pub notes: serde_json::Value,
@@ -78,7 +78,7 @@ pub struct Parts {
 /// ```text
 /// metrics.jsonl                     one flat JSON object per log interval or evaluation
 /// events.out.tfevents.etude         the same for TensorBoard
-/// policy-best.safetensors           the policy with the best first score so far
+/// policy-best.safetensors           the policy with the best score so far
 /// policy-best-STEP.safetensors      a better one, from an evaluation after the checkpoint that was resumed
 /// policy-last.safetensors           the policy of the last checkpoint
 /// checkpoints/last.safetensors      the state, from which resuming continues bit for bit

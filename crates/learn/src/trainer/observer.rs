@@ -18,7 +18,7 @@ pub struct EvaluationRow {
     pub step: u64,
     /// The evaluator's scores.
     pub scores: Vec<Score>,
-    /// Whether the first score is the best of this training so far.
+    /// Whether the deciding score is the best of this training so far.
     pub best: bool,
 }
 

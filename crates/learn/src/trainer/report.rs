@@ -36,16 +36,14 @@ impl Trainer {
         let values: Vec<_> =
             scores.iter().map(|score| (format!("eval/{}", score.name), score.value)).collect();
         self.metrics.write(self.step, &values)?;
-        let first = scores.first().map_or(f64::NAN, |score| score.value);
-        let record = self
-            .best
-            .as_ref()
-            .and_then(|best| best.scores.first())
-            .map_or(f64::NEG_INFINITY, |best| best.value);
-        let best = first > record;
+        let best_by = &self.config.best_by;
+        let deciding = deciding(best_by, &scores)?;
+        let record = self.best.as_ref().and_then(|best| deciding_in(best_by, &best.scores));
+        let record = record.map_or(f64::NEG_INFINITY, |best| best.value);
+        let best = deciding.is_some_and(|score| score.value > record);
         if best {
             let path = self.folder.join(BEST_POLICY);
-            set_aside(&path, scores.first())?;
+            set_aside(&path, deciding)?;
             self.policy_with(&scores).save(&path)?;
             // JSON, and so the checkpoint, cannot express a score that is not finite.
             let finite = scores.iter().filter(|score| score.value.is_finite()).cloned().collect();
@@ -54,6 +52,24 @@ impl Trainer {
         observer.on_evaluation(&EvaluationRow { step: self.step, scores, best });
         Ok(())
     }
+}
+
+/// The score called `best_by`, or the first if that is empty.
+fn deciding_in<'a>(best_by: &str, scores: &'a [Score]) -> Option<&'a Score> {
+    scores.iter().find(|score| best_by.is_empty() || score.name == best_by)
+}
+
+/// As [`deciding_in`]; none only where there are no scores.
+fn deciding<'a>(best_by: &str, scores: &'a [Score]) -> Result<Option<&'a Score>, TrainError> {
+    let found = deciding_in(best_by, scores);
+    if found.is_none() && !scores.is_empty() {
+        let known: Vec<_> = scores.iter().map(|score| score.name.as_str()).collect();
+        return Err(TrainError::Refused(format!(
+            "no score is called `{best_by}` (trainer.best_by); there are: {}",
+            known.join(", ")
+        )));
+    }
+    Ok(found)
 }
 
 /// Before a policy with `score` replaces the one at `path`: renames the old one after its step if it was better. That happens only if a

@@ -31,6 +31,25 @@ fn the_toy_is_solved() {
     assert_eq!(score, best.scores[0].value);
 }
 
+#[test]
+fn the_score_that_the_configuration_names_decides_which_policy_is_the_best() {
+    let run = |best_by: &str| {
+        let folder = tempfile::tempdir().unwrap();
+        let config = TrainerConfig { best_by: best_by.to_string(), ..config(4_000) };
+        let mut watch = Watch::default();
+        let outcome = Trainer::start(folder.path(), &droq(), &config, parts(), None).unwrap().run(&mut watch);
+        outcome.map(|outcome| (outcome.best.unwrap(), watch.evaluations))
+    };
+    let value = |scores: &[Score], name: &str| scores.iter().find(|score| score.name == name).unwrap().value;
+    for best_by in ["closeness", "distance"] {
+        let (best, evaluations) = run(best_by).unwrap();
+        let highest = evaluations.iter().map(|row| value(&row.scores, best_by)).fold(f64::MIN, f64::max);
+        assert_eq!(value(&best.scores, best_by), highest, "{best_by}");
+    }
+    let refused = run("f2").err().unwrap().to_string();
+    assert!(refused.contains("`f2` (trainer.best_by)") && refused.contains("closeness"), "{refused}");
+}
+
 /// A learner whose batch is two shards.
 fn two_shards() -> DroqConfig {
     DroqConfig { batch: 200, ..droq() }

@@ -117,6 +117,7 @@ impl Evaluator for Grid {
         vec![
             Score { name: "closeness".to_owned(), value: f64::from(1.0 - distance) },
             Score { name: "undefined".to_owned(), value: f64::NAN },
+            Score { name: "distance".to_owned(), value: f64::from(distance) },
         ]
     }
 }
@@ -148,6 +149,7 @@ pub(super) fn config(total_steps: u64) -> TrainerConfig {
         demonstration_noise: 0.1,
         log_every_steps: 150,
         evaluate_every_steps: 400,
+        best_by: String::new(),
         checkpoint_every_steps: 400,
         threads: 2,
         overlap: true,
