@@ -155,7 +155,6 @@ impl Environment {
         let moment = Moment {
             world: &self.world,
             due,
-            due_before: self.step.checked_sub(1).map_or(KeySet::EMPTY, |before| self.piece.due(before)),
             outcome,
             action,
             previous_action: &self.history.actions[0],

@@ -5,7 +5,7 @@
 //! Sources: the paper describes the terms in words, with a number for the collision term only. Key press, energy and tolerance are
 //! those of RoboPianist (github.com/google-research/robopianist, `suite/tasks/piano_with_shadow_hands.py`); the assignment of fingers
 //! by optimal transport is that of RP1M (arXiv 2408.11048); the appendix's terms are those of lasr-lab/learning-to-play-piano on
-//! GitHub (`robopianist/suite/tasks/piano_with_hands.py`). `wrong_travel`, `strikes` and the terms of a fingering are ours (RoboPianist rewards
+//! GitHub (`robopianist/suite/tasks/piano_with_hands.py`). `wrong_travel` and the terms of a fingering are ours (RoboPianist rewards
 //! a fingering that people have written down). Other weights are our choice.
 
 use std::collections::BTreeMap;
@@ -22,8 +22,6 @@ pub struct Moment<'a> {
     pub world: &'a World,
     /// Keys that were due in the step.
     pub due: KeySet,
-    /// Keys that were due in the step before.
-    pub due_before: KeySet,
     /// Power and collisions of the step.
     pub outcome: StepOutcome,
     /// The action of the step.
@@ -61,7 +59,6 @@ pub const TERMS: &[Term] = &[
     term("sliding", 0.0, sliding),
     // Ours, of the preset `fast`.
     term("wrong_travel", 0.0, wrong_travel),
-    term("strikes", 0.0, strikes),
     term("fingering", 0.0, fingering),
     term("preparation", 0.0, preparation),
 ];
@@ -88,25 +85,6 @@ fn action_change(moment: &Moment) -> f64 {
 fn wrong_travel(moment: &Moment) -> f64 {
     let wrong = (0..KEYS).filter(|key| !moment.due.contains(*key));
     -wrong.map(|key| moment.world.key_travel(key).clamp(0.0, 1.0).powi(2)).sum::<f64>()
-}
-
-/// Most wrong strikes that count in one control step.
-const MOST_WRONG: usize = 2;
-
-/// Share of the notes that begin in the step whose keys are struck in it, minus the number of wrong strikes: of keys that are not
-/// due, and every strike of a key after its first in the step. The other terms hardly tell a note that begins on time from one that
-/// is a step late; who listens does.
-fn strikes(moment: &Moment) -> f64 {
-    let begin = moment.due.difference(moment.due_before);
-    let (mut struck, mut wrong) = (KeySet::EMPTY, 0);
-    for event in moment.world.events().iter().filter(|event| event.velocity > 0) {
-        if struck.contains(event.key) || !moment.due.contains(event.key) {
-            wrong += 1;
-        }
-        struck.insert(event.key);
-    }
-    let right = begin.intersection(struck).len() as f64 / begin.len().max(1) as f64;
-    right - wrong.min(MOST_WRONG) as f64
 }
 
 /// Half for how far the due keys are down, half if no other key sounds (RoboPianist).
@@ -303,7 +281,6 @@ mod tests {
             let moment = Moment {
                 world: &world,
                 due,
-                due_before: KeySet::EMPTY,
                 outcome: StepOutcome::default(),
                 action: &action,
                 previous_action: &[0.0; ACTION_LEN],
@@ -322,7 +299,6 @@ mod tests {
         let moment = Moment {
             world: &world,
             due: KeySet::EMPTY,
-            due_before: KeySet::EMPTY,
             outcome: StepOutcome::default(),
             action: &[0.0; ACTION_LEN],
             previous_action: &[0.0; ACTION_LEN],

@@ -19,9 +19,9 @@ pub struct RewardCurve {
     pub values: Vec<f64>,
 }
 
-/// Terms that need what no robot measures (power, contacts, the rail's speed within a step) or what a pose of the world lacks
-/// (events of keys, the goals of a fingering).
-const NOT_KNOWN: [&str; 6] = ["energy", "collision", "sliding", "strikes", "fingering", "preparation"];
+/// Terms that need what no robot measures (power, contacts, the rail's speed within a step) or what no recording has (the goals of
+/// a fingering).
+const NOT_KNOWN: [&str; 5] = ["energy", "collision", "sliding", "fingering", "preparation"];
 
 /// The terms and a note about them: as a simulation has recorded them, or as the measured joints and keys of a robot would
 /// have earned them.
@@ -87,7 +87,6 @@ fn measured(
         let moment = Moment {
             world,
             due: due.get(step).copied().unwrap_or_default(),
-            due_before: KeySet::EMPTY,
             outcome: StepOutcome::default(),
             action: &action,
             previous_action: &previous.unwrap_or(action),

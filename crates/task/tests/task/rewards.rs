@@ -32,7 +32,6 @@ fn moment<'a>(world: &'a World, due: &[usize]) -> Moment<'a> {
     Moment {
         world,
         due: keys(due),
-        due_before: KeySet::EMPTY,
         outcome,
         action: &STILL,
         previous_action: &STILL,
@@ -221,44 +220,4 @@ fn a_finger_earns_for_its_own_goal_and_for_no_other() {
     assert_near(earned("preparation", mixed), away(1, 24, true), "one waits, and its height does not count");
     let swapped = earned("fingering", [goal(27, 0), None, goal(22, 0)]);
     assert!((swapped - earned("fingering", playing)).abs() > 0.05, "fingers can be told apart: {swapped}");
-}
-
-#[test]
-fn strikes_count_when_they_are_due_to_begin_and_once() {
-    let mut world = world();
-    let press = |world: &World, key: usize, height: f64| {
-        let [x, y, _] = world.key_target(key);
-        let side = world.config().side;
-        let rail = y - etude_stage::hand::root_lateral(side, 1);
-        let top = etude_stage::geometry::KeyShape::of(key).top() + etude_stage::hand::TIP_RADIUS;
-        let angles = etude_stage::kinematics::reach(side, 1, [x, y, top + height], rail).unwrap();
-        let mut pose = world.start_pose();
-        pose[RAIL] = rail;
-        pose[etude_stage::hand::FINGER_JOINTS..][..etude_stage::hand::FINGER_JOINTS].copy_from_slice(&angles);
-        pose
-    };
-    let above = press(&world, 24, 0.02);
-    for _ in 0..40 {
-        world.step(&above);
-    }
-    let strikes = |world: &World, due: &[usize], before: &[usize]| {
-        term("strikes", &Moment { due_before: keys(before), ..moment(world, due) })
-    };
-    assert_near(strikes(&world, &[], &[]), 0.0, "nothing happens");
-    assert_near(strikes(&world, &[24], &[]), 0.0, "due and not struck");
-    let down = press(&world, 24, -0.03);
-    let struck = (0..20).any(|_| {
-        world.step(&down);
-        world.events().iter().any(|event| event.key == 24 && event.velocity > 0)
-    });
-    let times = world.events().iter().filter(|event| event.velocity > 0).count();
-    assert!(struck && times == 1, "{:?}", world.events());
-    assert_near(strikes(&world, &[24], &[]), 1.0, "on time");
-    assert_near(strikes(&world, &[24, 28], &[]), 0.5, "one of two");
-    assert_near(strikes(&world, &[24, 28], &[28]), 1.0, "the other has begun earlier");
-    assert_near(strikes(&world, &[24], &[24]), 0.0, "late");
-    assert_near(strikes(&world, &[], &[]), -1.0, "not due");
-    assert_near(strikes(&world, &[28], &[]), -1.0, "another is due");
-    world.step(&down);
-    assert_near(strikes(&world, &[24], &[]), 0.0, "held and not struck");
 }
