@@ -19,6 +19,9 @@ pub struct RunConfig {
     pub task: TaskConfig,
 }
 
+/// The preset that is used where none is named.
+pub const DEFAULT_PRESET: &str = "fast";
+
 /// The presets: name and text.
 const PRESETS: &[(&str, &str)] = &[
     ("fast", include_str!("../../../configs/presets/fast.toml")),

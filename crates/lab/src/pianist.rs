@@ -7,7 +7,7 @@ use etude_learn::Policy;
 use etude_music::Song;
 use etude_task::{ACTION_LEN, Piece, ScriptedPlayer, TaskConfig, TaskError, layout};
 
-use crate::config::{RunConfig, change};
+use crate::config::{DEFAULT_PRESET, RunConfig, change, resolve};
 use crate::folder::{other_notes, policy_in};
 
 /// Folder of the runs, in the working folder.
@@ -147,9 +147,10 @@ pub(crate) fn open(path: &Path) -> anyhow::Result<Pianist> {
 }
 
 impl Pianist {
-    /// The scripted player: the baseline that needs no training.
+    /// The scripted player, the baseline that needs no training, in the world of the default preset.
     pub fn scripted() -> Self {
-        Self { kind: Kind::Script, config: RunConfig::default(), song: None, claimed_f1: None }
+        let config = resolve(DEFAULT_PRESET, None, &[]).expect("a preset of our own is sound");
+        Self { kind: Kind::Script, config, song: None, claimed_f1: None }
     }
 
     /// The network that decides the actions; the scripted player has none.

@@ -28,9 +28,9 @@ use etude_music::Song;
 /// The layers of configuration that several verbs take.
 #[derive(clap::Args)]
 pub struct ConfigArgs {
-    /// Start from this preset: fast (a song in minutes), quick (the same without a teacher), paper (as published),
-    /// appendix (the paper's variant) or appendix-fast (that, learned as fast learns)
-    #[arg(long, default_value = "fast", value_name = "NAME")]
+    /// Start from this preset: fast (a song in minutes), quick (without a fingering, in more steps), paper (as
+    /// published), appendix (the paper's variant) or appendix-fast (that, with a scripted teacher)
+    #[arg(long, default_value = etude_lab::DEFAULT_PRESET, value_name = "NAME")]
     preset: String,
     /// Then take what this TOML file says
     #[arg(long, value_name = "FILE")]

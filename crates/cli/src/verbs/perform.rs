@@ -8,6 +8,7 @@ use etude_perform::stand::{RigChoice, rig_choice};
 use etude_perform::{Ending as Played, Job, Mode};
 use etude_twin::OrderedFault;
 
+use super::play::heard;
 use super::{PianistArgs, json, line, note, slug};
 use crate::Ending;
 use crate::progress::stop_flag;
@@ -143,16 +144,10 @@ fn print(report: &RobotReport) -> anyhow::Result<()> {
     ))?;
     for run in &report.runs {
         let (notes, times) = (&run.scores.note, &run.timing);
+        line(heard(notes))?;
         line(format!(
-            "{} notes right, {} missed, {} wrong; {} set-points clamped; {} of {} deadlines missed, {} commands late (worst {:.1} ms)",
-            notes.matched,
-            notes.missed,
-            notes.wrong,
-            run.clamped,
-            times.missed,
-            times.commands,
-            times.late,
-            times.late_worst_ms
+            "{} set-points clamped; {} of {} deadlines missed, {} commands late (worst {:.1} ms)",
+            run.clamped, times.missed, times.commands, times.late, times.late_worst_ms
         ))?;
         if let Some(files) = &run.files {
             line(format!("Listen: {}   recording: {}", files.wav.display(), files.recording.display()))?;

@@ -4,6 +4,7 @@ use std::path::PathBuf;
 
 use anyhow::Context as _;
 use etude_lab::{PlayReport, find_song, play};
+use etude_music::metrics::NoteScores;
 use etude_music::sound::SoundFont;
 use etude_perform::Scores;
 
@@ -54,24 +55,30 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
     Ok(Ending::Done)
 }
 
+/// What a listener hears, in one line.
+pub(super) fn heard(note: &NoteScores) -> String {
+    let error = note
+        .onset_error_median_secs
+        .map_or_else(String::new, |median| format!("; onsets {:+.0} ms in the median", median * 1e3));
+    let notes = note.matched + note.missed;
+    format!("{} of {notes} notes right, {} wrong{error}", note.matched, note.wrong)
+}
+
 fn print(report: &PlayReport) -> anyhow::Result<()> {
     let Scores { frame, note } = &report.scores;
     line(format!("{} played by {}, {} control steps", report.song, report.player, report.steps))?;
+    line(heard(note))?;
     line(format!("{:22} {:>9} {:>9} {:>9}", "", "precision", "recall", "F1"))?;
     let row = |name: &str, values: [f64; 3]| {
         line(format!("{name:22} {:>9.3} {:>9.3} {:>9.3}", values[0], values[1], values[2]))
     };
-    row("by control step", [frame.precision, frame.recall, frame.f1])?;
-    row("pooled over key-time", [frame.pooled_precision, frame.pooled_recall, frame.pooled_f1])?;
     row("notes, onset", [note.onset_precision, note.onset_recall, note.onset_f1])?;
     row(
         "notes, onset + offset",
         [note.onset_offset_precision, note.onset_offset_recall, note.onset_offset_f1],
     )?;
-    let error = note
-        .onset_error_median_secs
-        .map_or_else(String::new, |median| format!(", onsets {:+.0} ms in the median", median * 1e3));
-    line(format!("{} notes right, {} missed, {} wrong{error}", note.matched, note.missed, note.wrong))?;
+    row("by control step", [frame.precision, frame.recall, frame.f1])?;
+    row("pooled over key-time", [frame.pooled_precision, frame.pooled_recall, frame.pooled_f1])?;
     if let Some(limits) = &report.limits {
         line(limits)?;
     }

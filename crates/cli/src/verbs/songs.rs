@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use etude_lab::{find_song, policies};
-use etude_music::{CONTROL_HZ, Note, pitch_name, repertoire};
+use etude_music::{CONTROL_HZ, Note, PlanConfig, PlanRule, pitch_name, repertoire};
 use serde_json::json as object;
 
 use super::{json, line};
@@ -101,7 +101,9 @@ fn show(name: &str, frames_csv: Option<PathBuf>, silence: f64, as_json: bool) ->
     let pitches = || song.notes().iter().map(|note| note.pitch);
     let (notes, secs) = (song.notes().len(), song.duration_secs());
     let (lowest, highest) = (pitches().min(), pitches().max());
-    let warnings: Vec<String> = song.warnings().iter().map(ToString::to_string).collect();
+    let articulated = PlanConfig { rule: PlanRule::Articulated, ..PlanConfig::default() };
+    let (hard, quick) = (song.warnings(), articulated.warnings(&song));
+    let warnings: Vec<String> = hard.iter().chain(&quick).map(ToString::to_string).collect();
     if as_json {
         json(&object!({
             "title": song.title(), "notes": notes, "secs": secs, "frames": frames.len(), "lowest": lowest,

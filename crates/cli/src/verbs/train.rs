@@ -83,7 +83,8 @@ fn ignore_broken_pipe(said: anyhow::Result<()>) -> anyhow::Result<()> {
 }
 
 fn announce(run: &Run, args: &Args, folder: &Path) -> anyhow::Result<()> {
-    for warning in run.song().warnings() {
+    let quick = run.config().task.plan.warnings(run.song());
+    for warning in run.song().warnings().iter().chain(&quick) {
         note(format!("warning: {warning}"));
     }
     let trainer = &run.config().trainer;
