@@ -1,4 +1,5 @@
-"""Plays every built-in song on the twin in every mode and prints the table of docs/results/robot.md.
+"""Plays every built-in song on the twin in every mode and prints the table of docs/results/robot.md: F1 (mean of the runs), notes right
+and median onset error (first run).
 
     make build && python3 scripts/robot_table.py [--runs 3] [--truth standard]
 """
@@ -28,6 +29,8 @@ def main():
     print("|---|---|" + "---|" * len(MODES))
     columns = {mode: [] for mode in MODES}
     simulation = []
+    right = {mode: 0 for mode in MODES}
+    due = 0
     for song in songs:
         cells = []
         for mode in MODES:
@@ -35,12 +38,19 @@ def main():
                 "perform", "--song", song, "--mode", mode, "--robot", "twin", "--truth", options.truth,
                 "--policy", f"policies/{song}.safetensors", "--runs", options.runs, "--out", f"out/robot-table/{options.truth}/{song}-{mode}", "--json",
             )
-            cells.append(f"{report['robot_f1']:.3f} ± {report['robot_f1_std']:.3f}")
+            first = report["runs"][0]
+            notes = first["matched"] + first["missed"]
+            late = first["onset_error_median_secs"]
+            late = f"{1e3 * late:+.0f} ms" if late is not None else "–"
+            cells.append(f"{report['robot_f1']:.3f}; {first['matched']} of {notes}; {late}")
             columns[mode].append(report["robot_f1"])
+            right[mode] += first["matched"]
+        due += notes
         simulation.append(report["sim_f1"])
         print(f"| {song} | {report['sim_f1']:.3f} | " + " | ".join(cells) + " |", flush=True)
     mean = lambda values: f"{sum(values) / len(values):.3f}"
-    print(f"| mean | {mean(simulation)} | " + " | ".join(mean(columns[mode]) for mode in MODES) + " |")
+    sums = (f"{mean(columns[mode])}; {right[mode]} of {due}" for mode in MODES)
+    print(f"| mean; sum | {mean(simulation)} | " + " | ".join(sums) + " |")
 
 
 if __name__ == "__main__":

@@ -36,6 +36,7 @@ def task_config(
     previous_joints: bool | None = None,
     previous_actions: int | None = None,
     fingering: bool | None = None,
+    plan: Mapping[str, Any] | None = None,
     lookahead: int | None = None,
     initial_silence_secs: float | None = None,
     random_start: bool | None = None,
@@ -56,6 +57,8 @@ def task_config(
         previous_actions: Previous actions that the observation shows, 0 to 4.
         fingering: Whether a fingering is planned for the song: the observation shows each finger its goal, and the rail's action is a
             distance from its planned place. The reward terms `fingering` and `preparation` need it.
+        plan: What is due, by name: `rule` (`robopianist` or `articulated`), `restrike_secs` and `lead_secs`; the others keep the
+            variant's.
         lookahead: Control steps of the sheet shown beyond the current one, 0 to 40.
         initial_silence_secs: Silence before the first note, s.
         random_start: Whether episodes start anywhere in the song.
@@ -84,6 +87,8 @@ def task_config(
         "stage.actuation": actuation,
     }
     changes = {path: value for path, value in single.items() if value is not None}
+    if plan is not None:
+        changes |= _flat("plan", plan)
     if reward is not None:
         changes |= _flat("reward", reward)
     if physics is not None:

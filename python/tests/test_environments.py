@@ -54,6 +54,25 @@ def test_the_variants_differ_as_in_the_paper():
     assert heavier["stage"]["actuation"] == "position"
 
 
+def test_a_fingering_and_a_plan_change_what_is_shown_and_due():
+    plain, planned = etude.PianoEnv("twinkle"), etude.PianoEnv("twinkle", fingering=True, plan={"rule": "articulated"})
+    assert planned.observation_space.shape == (369 + 9 + 18,) and planned.task["plan"]["rule"] == "articulated"
+    # The rail's action is a distance of up to 40 mm from its planned place.
+    assert planned.action_high[12] - planned.action_low[12] == pytest.approx(0.08)
+    rested = []
+    for env, keys in (plain, 26 + 49), (planned, 26 + 9 + 49):
+        observation, _ = env.reset(seed=0)
+        due = []
+        for _ in range(env.steps):
+            due.append(np.flatnonzero(observation[keys : keys + 49]).tolist())
+            observation, *_ = env.step(np.zeros(13, np.float32))
+        # Twinkle's first two notes are the same C, ten control steps each, after one second.
+        rested.append([step for step in range(20, 40) if due[step] != [24]])
+    assert rested == [[30], [28, 29]]
+    with pytest.raises(etude.EtudeError, match="restrike_secs"):
+        etude.PianoEnv("twinkle", plan={"restrike_secs": 5.0})
+
+
 def test_the_song_is_a_truncation_and_ends_with_its_scores(short_song):
     env = etude.PianoEnv(short_song)
     observation, _ = env.reset(seed=0)

@@ -124,6 +124,8 @@ KEYWORDS = st.fixed_dictionaries(
         "observation_scale": ANYTHING,
         "previous_joints": ANYTHING,
         "previous_actions": ANYTHING,
+        "fingering": ANYTHING,
+        "plan": st.one_of(ANYTHING, TABLES),
         "lookahead": ANYTHING,
         "initial_silence_secs": ANYTHING,
         "random_start": ANYTHING,

@@ -56,6 +56,8 @@ pub struct RobotReport {
     pub robot_f1_std: f64,
     /// The share of `sim_f1` that is lost on the robot.
     pub gap: f64,
+    /// The lead of the plan that was played, s (`task.plan.lead_secs`).
+    pub lead_secs: f64,
     /// The runs.
     pub runs: Vec<RobotRun>,
 }
@@ -167,6 +169,7 @@ pub fn play_on_robot(
         robot_f1,
         robot_f1_std,
         gap: gap(sim_f1, robot_f1),
+        lead_secs: task.plan.lead_secs,
         runs,
     };
     if let Some(folder) = folder {

@@ -142,6 +142,9 @@ fn print(report: &RobotReport) -> anyhow::Result<()> {
         report.robot,
         100.0 * report.gap
     ))?;
+    if let Some(lead_secs) = better_lead(report) {
+        line(format!("To have notes on time in the median: --set task.plan.lead_secs={lead_secs:.3}"))?;
+    }
     for run in &report.runs {
         let (notes, times) = (&run.scores.note, &run.timing);
         line(heard(notes))?;
@@ -154,4 +157,14 @@ fn print(report: &RobotReport) -> anyhow::Result<()> {
         }
     }
     Ok(())
+}
+
+/// Median error of onsets from which on another lead is worth a line, s.
+const NOTICEABLE_SECS: f64 = 0.01;
+
+/// The lead of the plan with which the median onset of the first run would have been on time, if it was not.
+fn better_lead(report: &RobotReport) -> Option<f64> {
+    let late = report.runs.first()?.scores.note.onset_error_median_secs?;
+    let lead = report.lead_secs + late;
+    (late.abs() > NOTICEABLE_SECS && lead >= 0.0).then_some(lead)
 }
