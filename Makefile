@@ -3,7 +3,7 @@
 CARGO ?= cargo
 PYTHON ?= python3
 ETUDE := target/release/etude
-# Minutes after which the training stops at the latest; two cores need two.
+# Minutes after which the training stops at the latest.
 MINUTES ?= 10
 SONG ?= twinkle
 

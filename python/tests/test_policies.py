@@ -46,7 +46,7 @@ def test_many_observations_at_once():
     actions = policy.act(observations)
     assert actions.shape == (2, 5, 13) and np.all(np.abs(actions) <= 1)
     np.testing.assert_allclose(actions[1, 3], policy.act(observations[1, 3]), atol=1e-5)
-    with pytest.raises(etude.EtudeError, match="382 columns.*config=policy.task"):
+    with pytest.raises(etude.EtudeError, match="409 columns.*config=policy.task"):
         policy.act(np.zeros(356, np.float32))
 
 
