@@ -16,7 +16,7 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
 MODES = ["joint-mirroring", "hybrid", "real"]
-TRAININGS = {"fast": 2500, "quick": 2500, "paper": 1500, "appendix": 1500}
+TRAININGS = {"fast": 2500, "quick": 2500, "paper": 1500, "appendix-fast": 1500}
 TRAINED = ["policy-best.safetensors", "policy-last.safetensors", "checkpoints"]
 
 # Records of the MCAP format: one byte of opcode, eight of length, then the content (mcap.dev/spec).

@@ -131,7 +131,9 @@ impl TrainingObserver for Progress {
     fn on_evaluation(&mut self, row: &EvaluationRow) {
         let f1 = row.scores.first().map_or(0.0, |score| score.value);
         self.last_f1 = Some(f1);
-        self.best_f1 = self.best_f1.max(f1);
+        if row.best {
+            self.best_f1 = f1;
+        }
         let message = self.message(row.step);
         if self.bar.is_hidden() && !self.quiet {
             note(format!("{:>7.0} s  {message}", self.started.elapsed().as_secs_f64()));

@@ -34,7 +34,7 @@ pub struct Experiment {
     /// How many seeds, counted from 0.
     pub seeds: u64,
     /// Preset of the trainings.
-    #[serde(default = "fast")]
+    #[serde(default = "default_preset")]
     pub preset: String,
     /// Overrides of its values, `path=value`.
     #[serde(default)]
@@ -59,8 +59,8 @@ pub struct Experiment {
     pub paper: Vec<Published>,
 }
 
-fn fast() -> String {
-    "fast".to_string()
+fn default_preset() -> String {
+    etude_lab::DEFAULT_PRESET.to_string()
 }
 
 /// One variant of the configuration.

@@ -97,7 +97,8 @@ pub fn policies(slug: &str) -> Vec<PathBuf> {
 }
 
 /// Loads the policy at `path` (a policy file or a run's folder), or else the best usable one that there is for `slug`,
-/// the short form of the song that was `asked` for. Among equally good policies, one of a run is preferred to the shipped one.
+/// the short form of the song that was `asked` for: that with the highest F1, one by an articulated plan before all others, because F1 does
+/// not compare between plans. Among equally good policies, one of a run is preferred to the shipped one.
 ///
 /// # Errors
 /// If there is none, or it cannot be used.
@@ -118,7 +119,11 @@ pub fn load_pianist(asked: &str, slug: &str, path: Option<&Path>) -> anyhow::Res
             Err(error) => errors.push(error),
         }
     }
-    pianists.sort_by(|a, b| b.claimed_f1.unwrap_or(0.0).total_cmp(&a.claimed_f1.unwrap_or(0.0)));
+    let rank = |pianist: &Pianist| (pianist.config.task.plan.rule, pianist.claimed_f1.unwrap_or(0.0));
+    pianists.sort_by(|a, b| {
+        let ((rule_a, f1_a), (rule_b, f1_b)) = (rank(a), rank(b));
+        rule_b.cmp(&rule_a).then(f1_b.total_cmp(&f1_a))
+    });
     let none = || {
         anyhow!(
             "there is no policy for `{asked}` yet: `etude train {asked}` makes one, or name one with --policy (looked in \

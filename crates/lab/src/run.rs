@@ -252,6 +252,7 @@ fn warm_start(path: &Path, song: &Song, config: &RunConfig, parts: &Parts) -> an
             format!("with {} steps of lookahead (`task.lookahead`)", task.lookahead),
             format!("with previous joints {} (`task.previous_joints`)", task.previous_joints),
             format!("with {} previous actions (`task.previous_actions`)", task.previous_actions),
+            format!("with a fingering {} (`task.fingering`)", task.fingering),
         ]
     };
     let pairs = told(learned, &theirs).into_iter().zip(told(song.title(), config));

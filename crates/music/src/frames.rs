@@ -11,7 +11,7 @@ use crate::song::Song;
 
 /// A time this close to a frame's border, in frames, is on it. RoboPianist truncates floating point products, so that with steps of
 /// 0.7 s some notes are one frame off; here they are not.
-const ON_BORDER_FRAMES: f64 = 1e-6;
+pub(crate) const ON_BORDER_FRAMES: f64 = 1e-6;
 
 impl Song {
     /// One set of keys a control step.

@@ -43,7 +43,7 @@ pub use keys::{HIGHEST_PITCH, KEYS, KeySet, LOWEST_PITCH, key_is_black, pitch_na
 pub use limits::{MAX_DURATION_SECS, MAX_NOTES};
 pub use meter::{BeatGrid, Position};
 pub use note::Note;
-pub use plan::{Plan, PlanConfig, PlanRule};
+pub use plan::{LONGEST_LEAD_SECS, Plan, PlanConfig, PlanRule};
 pub use range::{OffendingNote, OutOfRange};
 pub use reach::{
     FINGER_PLAY_MM, FINGER_SPACING_MM, PLAYING_FINGERS, WHITE_KEY_PITCH_MM, Warning, WarningKind,

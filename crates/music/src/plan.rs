@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::CONTROL_HZ;
 use crate::error::SongError;
-use crate::frames::ceil_frame;
+use crate::frames::{ON_BORDER_FRAMES, ceil_frame};
 use crate::keys::KeySet;
 use crate::note::Note;
 use crate::reach::{Warning, WarningKind};
@@ -17,10 +17,10 @@ use crate::song::Song;
 /// Longest time that a key may be asked to be up before it is struck again, s.
 const LONGEST_RESTRIKE_SECS: f64 = 1.0;
 /// Longest time by which a player may be early, s.
-const LONGEST_LEAD_SECS: f64 = 0.25;
+pub const LONGEST_LEAD_SECS: f64 = 0.25;
 
 /// How the notes of a score become keys that are due.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum PlanRule {
     /// [`Song::frames`]: a note covers every frame that it touches; where a key is struck again, the later note begins a frame late.
@@ -104,7 +104,11 @@ impl PlanConfig {
         }
         let notes = song.notes();
         let rest = self.rest_frames();
-        let quick = repeats(notes).filter(|repeat| repeat.frames < repeat.sounding(rest) + rest);
+        let up_frames = |repeat: &Repeat| {
+            let written = nearest_frame(notes[repeat.note].end_secs).max(repeat.first + 1) - repeat.first;
+            repeat.frames.saturating_sub(written.min(repeat.sounding(rest)))
+        };
+        let quick = repeats(notes).filter(|repeat| up_frames(repeat) < rest);
         let mut warnings: Vec<Warning> = quick
             .map(|repeat| Warning {
                 kind: WarningKind::QuickRepeat,
@@ -128,14 +132,17 @@ impl PlanConfig {
         ];
         for (name, secs, longest) in limits {
             if !(0.0..=longest).contains(&secs) {
-                return Err(SongError::Invalid(format!("plan.{name} = {secs} must lie in 0 … {longest} s")));
+                return Err(SongError::Invalid(format!(
+                    "task.plan.{name} = {secs} must lie in 0 … {longest} s"
+                )));
             }
         }
         Ok(())
     }
 
+    /// Frames in which a key is up before it is struck again; without one, it would not be struck.
     fn rest_frames(&self) -> usize {
-        ceil_frame(self.restrike_secs * CONTROL_HZ)
+        ceil_frame(self.restrike_secs * CONTROL_HZ).max(1)
     }
 }
 
@@ -160,7 +167,7 @@ impl Repeat {
 
 /// The frame whose beginning is nearest to a time.
 fn nearest_frame(secs: f64) -> usize {
-    (secs * CONTROL_HZ).round() as usize
+    (secs * CONTROL_HZ + ON_BORDER_FRAMES).round() as usize
 }
 
 /// The note from frame to frame, one at least.
@@ -207,6 +214,8 @@ mod tests {
         assert_eq!(frames(ARTICULATED, &twice), "######..######.");
         let longer = PlanConfig { restrike_secs: 0.12, ..ARTICULATED };
         assert_eq!(frames(longer, &twice), "#####...######.");
+        // Without any rest the second note would not begin.
+        assert_eq!(frames(PlanConfig { restrike_secs: 0.0, ..ARTICULATED }, &twice), "#######.######.");
         // A rest that is written stays.
         assert_eq!(frames(ARTICULATED, &[(60, 0.0, 0.1), (60, 0.4, 0.5)]), "##......##.");
     }
@@ -246,6 +255,8 @@ mod tests {
         assert_eq!(warnings.iter().map(|warning| warning.start_secs).collect::<Vec<_>>(), [0.15, 0.25, 0.30]);
         assert!(warnings[0].to_string().contains("C4"), "{}", warnings[0]);
         assert_eq!(PlanConfig::default().warnings(&song(&quick)), []);
+        // Three frames, and the written note leaves two of them for the rest.
+        assert_eq!(ARTICULATED.warnings(&song(&[(60, 0.0, 0.05), (60, 0.15, 0.2)])), []);
     }
 
     #[test]

@@ -62,7 +62,7 @@ impl fmt::Display for Warning {
                 write!(f, "cannot be reached together: the fingers are too close or too far apart for them")
             }
             WarningKind::QuickRepeat => {
-                write!(f, "is struck again too soon for the key to come up; the note before it is shortened")
+                write!(f, "is struck again before the key has been up for long enough")
             }
         }
     }

@@ -27,7 +27,7 @@ fn main() -> Result<(), Box<dyn Error>> {
 
 fn play(config: &TaskConfig, id: &str) -> Result<(ScriptedPlayer, Performance), Box<dyn Error>> {
     let song = repertoire::get(id).ok_or("no such song")?;
-    let piece = Piece::for_task(&song, &config)?;
+    let piece = Piece::for_task(&song, config)?;
     let mut player = ScriptedPlayer::new(config, &piece)?;
     let mut rig = SimRig::nominal(config, &piece)?;
     let never = AtomicBool::new(false);

@@ -52,8 +52,8 @@ pub fn stepping(config: &TaskConfig, song: &Song, secs: f64) -> Result<Stepping,
         environment.reset();
         full_secs += start.elapsed().as_secs_f64();
         let mut torques: Vec<[f64; JOINTS]> = Vec::new();
-        for action in &actions {
-            observer.step_watched(&environment.range().targets(action, 0), |world| {
+        for (step, action) in actions.iter().enumerate() {
+            observer.step_watched(&environment.range().targets(action, step), |world| {
                 torques.push(*world.torques())
             });
         }

@@ -46,8 +46,8 @@ pub struct TaskConfig {
     /// Previous actions that the observation shows, the newest first. The paper's is 0. They tell the policy what is still to come
     /// of slow or late drives, whose references it does not see.
     pub previous_actions: usize,
-    /// Whether the policy is shown a planned [`Fingering`](crate::Fingering) of the song: the observation has the way of each
-    /// fingertip to its goal, and the rail's action is a distance from its planned place. The reward terms `fingering` and
+    /// Whether the policy is shown a planned [`Fingering`](crate::Fingering) of the song: the observation has the place of
+    /// each fingertip relative to its goal, and the rail's action is a distance from its planned place. The reward terms `fingering` and
     /// `preparation` need it. The paper has none.
     pub fingering: bool,
     /// Scale of the joint readings in the observation.

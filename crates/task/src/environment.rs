@@ -133,7 +133,8 @@ impl Environment {
                     *reading -= self.world.params().joint(JointRow::EncoderBias, joint);
                 }
                 let over = self.world.key_target(key)[1] - root_lateral(self.config.stage.side, finger);
-                pose[RAIL] = over.clamp(-HALF_WIDTH, HALF_WIDTH);
+                let planned = self.piece.fingering().map(|fingering| fingering.rail_at(self.step));
+                pose[RAIL] = planned.unwrap_or(over).clamp(-HALF_WIDTH, HALF_WIDTH);
                 self.world.reset_to(&pose);
             }
         }

@@ -27,7 +27,7 @@ pub struct History {
 }
 
 impl History {
-    /// The history at rest: `joints` have not moved, and the actions were those that hold them.
+    /// The history at rest: `joints` have not moved, and the actions were those that hold them, as far as the range allows.
     pub fn at_rest(joints: [f64; JOINTS], range: &TargetRange, step: usize) -> Self {
         Self { joints, actions: [range.action(&joints, step); MOST_ACTIONS] }
     }
@@ -42,7 +42,7 @@ impl History {
 
 /// Real columns for each finger's goal: see [`observe`].
 const GOAL_COLUMNS: usize = 3;
-/// Farthest way to a goal that the observation shows, white keys.
+/// Farthest distance from a goal that the observation shows, white keys.
 const FARTHEST_KEYS: f64 = 4.0;
 
 /// Columns of the observation that `config` asks for.
@@ -55,11 +55,12 @@ pub fn layout(config: &TaskConfig) -> ObservationLayout {
 }
 
 /// Writes an observation of [`layout`]'s length: `joints` (encoder readings) and those of one control step ago, previous actions,
-/// the way from each fingertip to its goal; then, each 0 or 1, the keys down, the keys due at `step` and in the next `lookahead`
+/// the place of each fingertip relative to its goal; then, each 0 or 1, the keys down, the keys due at `step` and in the next `lookahead`
 /// steps, and the fingers that should play in each of these steps.
 ///
-/// The way to a goal has three columns: toward the player and along the keyboard, in white keys, and the time until the note
-/// begins, as a fraction of [`AHEAD_STEPS`]. A finger without a goal has 0, 0 and 1.
+/// The place relative to a goal has three columns: how far the fingertip is beyond it toward the player (x) and along the
+/// keyboard, in white keys from −4 to 4, and the time until the note begins, as a fraction of [`AHEAD_STEPS`]. A finger without a
+/// goal has 0, 0 and 1. The fingertip is the centre of the rounded tip where the readings place it.
 pub fn observe(
     config: &TaskConfig,
     joints: &[f64; JOINTS],
@@ -71,7 +72,7 @@ pub fn observe(
 ) {
     let (real, binary) = out.split_at_mut(layout(config).real);
     let (halves, real) = real.split_at_mut(if config.previous_joints { 2 * JOINTS } else { JOINTS });
-    let (actions, ways) = real.split_at_mut(config.previous_actions * ACTION_LEN);
+    let (actions, places) = real.split_at_mut(config.previous_actions * ACTION_LEN);
     for (half, readings) in halves.chunks_exact_mut(JOINTS).zip([joints, &history.joints]) {
         for (joint, slot) in half.iter_mut().enumerate() {
             *slot = scaled(config.scale, joint, readings[joint]);
@@ -80,9 +81,10 @@ pub fn observe(
     for (columns, action) in actions.chunks_exact_mut(ACTION_LEN).zip(&history.actions) {
         columns.copy_from_slice(action);
     }
-    for (finger, columns) in ways.chunks_exact_mut(GOAL_COLUMNS).enumerate() {
+    for (finger, columns) in places.chunks_exact_mut(GOAL_COLUMNS).enumerate() {
         let goal = piece.goals(step)[finger];
-        columns.copy_from_slice(&goal.map_or([0.0, 0.0, 1.0], |goal| way(config, joints, finger, &goal)));
+        columns
+            .copy_from_slice(&goal.map_or([0.0, 0.0, 1.0], |goal| from_goal(config, joints, finger, &goal)));
     }
     binary.fill(0.0);
     let (keys, playing) = binary.split_at_mut(KEYS * (config.lookahead + 2));
@@ -100,7 +102,7 @@ pub fn observe(
 }
 
 /// The columns of a finger's goal.
-fn way(config: &TaskConfig, joints: &[f64; JOINTS], finger: usize, goal: &Goal) -> [f32; GOAL_COLUMNS] {
+fn from_goal(config: &TaskConfig, joints: &[f64; JOINTS], finger: usize, goal: &Goal) -> [f32; GOAL_COLUMNS] {
     let angles = joints[finger * FINGER_JOINTS..].first_chunk().expect("a finger's joints");
     let tip = kinematics::fingertip(config.stage.side, finger, angles, joints[RAIL]);
     let keys = |away: f64| (away / WHITE_PITCH).clamp(-FARTHEST_KEYS, FARTHEST_KEYS) as f32;

@@ -9,7 +9,7 @@ use etude_stage::{JOINTS, RAIL, joint_range};
 use crate::{ACTION_LEN, Fingering, Piece};
 
 /// Range of each joint's target, to which an action in [−1, 1] is mapped: the joint's own range for a finger joint, the part of the
-/// keyboard that the piece needs for the rail. With a fingering, the rail's range is [`PLAY_M`] to either side of its planned place.
+/// keyboard that the piece needs for the rail. With a fingering, the rail's range is [`RAIL_PLAY_M`] to either side of its planned place.
 ///
 /// If the rail's range were the whole keyboard, a change of its action by 0.02 would be 7 mm, more than a fingertip may be off the
 /// middle of a key between fences. docs/results/learning.md compares the two.
@@ -20,7 +20,7 @@ pub struct TargetRange {
 }
 
 /// How far the rail's target may be from its planned place, m: nearly two white keys.
-const PLAY_M: f64 = 0.04;
+const RAIL_PLAY_M: f64 = 0.04;
 
 impl TargetRange {
     /// The range for `piece`. Without a fingering, the rail can bring any finger over any of its keys, and one white key further.
@@ -31,12 +31,17 @@ impl TargetRange {
             (keys().fold(f64::INFINITY, f64::min), keys().fold(f64::NEG_INFINITY, f64::max));
         let fingering = piece.fingering().cloned();
         if fingering.is_some() {
-            ranges[RAIL] = [-PLAY_M, PLAY_M];
+            ranges[RAIL] = [-RAIL_PLAY_M, RAIL_PLAY_M];
         } else if lowest <= highest {
             let beyond = ROOT_SPACING + WHITE_PITCH;
             ranges[RAIL] = [(lowest - beyond).max(-HALF_WIDTH), (highest + beyond).min(HALF_WIDTH)];
         }
         Self { ranges, fingering }
+    }
+
+    /// Lowest and highest target of `joint`, rad or m; with a fingering, the rail's relative to its planned place.
+    pub fn relative(&self, joint: usize) -> [f64; 2] {
+        self.ranges[joint]
     }
 
     /// Lowest and highest target of `joint` in control step `step`, rad or m.

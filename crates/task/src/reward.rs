@@ -26,7 +26,8 @@ pub struct Moment<'a> {
     pub outcome: StepOutcome,
     /// The action of the step.
     pub action: &'a [f32; ACTION_LEN],
-    /// The action of the previous step; in the first step, the one whose targets are the starting pose.
+    /// The action of the previous step; in the first step, the one whose targets are the starting pose, as far
+    /// as the range allows.
     pub previous_action: &'a [f32; ACTION_LEN],
     /// The goals of the fingers in the step; none without a fingering.
     pub goals: Goals,

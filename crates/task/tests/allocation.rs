@@ -35,7 +35,8 @@ static COUNTING: Counting = Counting;
 fn steps_and_restarts_do_not_allocate() {
     let mut drawn = TaskConfig { random_start: true, ..TaskConfig::default() };
     drawn.randomisation.intensity = 0.5;
-    for config in [TaskConfig::default(), drawn] {
+    let fingered = TaskConfig { fingering: true, ..drawn.clone() };
+    for config in [TaskConfig::default(), drawn, fingered] {
         do_not_allocate(&config);
     }
     assert!(CALLS.load(Ordering::Relaxed) > 0, "the counter does not count");
@@ -43,7 +44,7 @@ fn steps_and_restarts_do_not_allocate() {
 
 fn do_not_allocate(config: &TaskConfig) {
     let song = repertoire::get("twinkle").expect("built in");
-    let piece = Piece::new(&song, config.initial_silence_secs).unwrap();
+    let piece = Piece::for_task(&song, config).unwrap();
     let num_envs = 3;
     let mut vector = VectorPiano::new(config, &piece, num_envs, 0).unwrap();
     vector = vector.with_demonstrator(ScriptedPlayer::new(config, &piece).unwrap());

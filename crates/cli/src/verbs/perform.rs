@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 
 use etude_lab::{RobotPlay, RobotReport, RunEnded, find_song, play_on_robot};
+use etude_music::LONGEST_LEAD_SECS;
 use etude_music::sound::SoundFont;
 use etude_perform::stand::{RigChoice, rig_choice};
 use etude_perform::{Ending as Played, Job, Mode};
@@ -166,5 +167,5 @@ const NOTICEABLE_SECS: f64 = 0.01;
 fn better_lead(report: &RobotReport) -> Option<f64> {
     let late = report.runs.first()?.scores.note.onset_error_median_secs?;
     let lead = report.lead_secs + late;
-    (late.abs() > NOTICEABLE_SECS && lead >= 0.0).then_some(lead)
+    (late.abs() > NOTICEABLE_SECS && (0.0..=LONGEST_LEAD_SECS).contains(&lead)).then_some(lead)
 }

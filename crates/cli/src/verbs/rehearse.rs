@@ -45,7 +45,7 @@ pub struct Args {
     #[arg(long, default_value = "real")]
     mode: Mode,
     /// Preset of the trainings
-    #[arg(long, default_value = "fast", value_name = "NAME")]
+    #[arg(long, default_value = etude_lab::DEFAULT_PRESET, value_name = "NAME")]
     preset: String,
     /// Set a value of it, for example --set task.randomisation.intensity=0.2; may be repeated
     #[arg(long = "set", value_name = "PATH=VALUE")]

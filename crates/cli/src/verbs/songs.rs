@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use etude_lab::{find_song, policies};
-use etude_music::{CONTROL_HZ, Note, PlanConfig, PlanRule, pitch_name, repertoire};
+use etude_music::{CONTROL_HZ, Note, pitch_name, repertoire};
 use serde_json::json as object;
 
 use super::{json, line};
@@ -31,7 +31,8 @@ enum What {
     Show {
         /// A built-in id or a MIDI file
         song: String,
-        /// Write the keys due at each control step (20 a second) to this CSV file: step,due
+        /// Write the keys due at each control step (20 a second), as the preset `fast` plans them, to this CSV file:
+        /// step,due
         #[arg(long, value_name = "OUT.csv")]
         frames: Option<PathBuf>,
         /// Silence before the first note, s
@@ -97,12 +98,12 @@ fn list(as_json: bool) -> anyhow::Result<()> {
 fn show(name: &str, frames_csv: Option<PathBuf>, silence: f64, as_json: bool) -> anyhow::Result<()> {
     let song = find_song(name)?;
     let fits = song.check_range();
-    let frames = if fits.is_ok() { song.episode_frames(CONTROL_HZ, silence)? } else { Vec::new() };
+    let plan = etude_lab::resolve(etude_lab::DEFAULT_PRESET, None, &[])?.task.plan;
+    let frames = if fits.is_ok() { plan.plan(&song, silence)?.frames } else { Vec::new() };
     let pitches = || song.notes().iter().map(|note| note.pitch);
     let (notes, secs) = (song.notes().len(), song.duration_secs());
     let (lowest, highest) = (pitches().min(), pitches().max());
-    let articulated = PlanConfig { rule: PlanRule::Articulated, ..PlanConfig::default() };
-    let (hard, quick) = (song.warnings(), articulated.warnings(&song));
+    let (hard, quick) = (song.warnings(), plan.warnings(&song));
     let warnings: Vec<String> = hard.iter().chain(&quick).map(ToString::to_string).collect();
     if as_json {
         json(&object!({

@@ -76,12 +76,14 @@ pub fn export_onnx(pianist: &Pianist, song: &Song, path: &Path) -> anyhow::Resul
     Ok(write_file(path, &model.encode_to_vec())?)
 }
 
-/// For each control step, the place of the rail and the goal of each finger.
-fn goals_json(fingering: &Fingering) -> serde_json::Value {
+/// For each control step, the place of the rail and the goal of each finger; and how the columns are computed from them.
+fn fingering_json(fingering: &Fingering) -> serde_json::Value {
     let goal = |goal: Goal| json!({"key": goal.key, "x_m": goal.over[0], "y_m": goal.over[1], "wait": goal.wait_steps});
     let steps = 0..fingering.rail().len();
     let goals: Vec<_> = steps.map(|step| fingering.goals(step).map(|it| it.map(goal))).collect();
-    json!({"rail_m": fingering.rail(), "goals": goals})
+    let meaning = "x and y of the centre of the fingertip, computed from the joint readings, minus those of the goal, in white keys, \
+                   clamped to -4 ... 4; then wait / 10. Without a goal 0, 0, 1. After the end there is no goal, and the last rail_m stays.";
+    json!({"meaning": meaning, "rail_m": fingering.rail(), "goals": goals})
 }
 
 /// What the columns of the observation and of the action mean.
@@ -97,8 +99,7 @@ fn contract(pianist: &Pianist, song: &Song) -> Result<serde_json::Value, TaskErr
         columns.push(json!({"name": format!("action {ago} control steps ago"), "columns": ACTION_LEN}));
     }
     if task.fingering {
-        let name =
-            "for each finger: its goal toward the player and along the keyboard, white keys; time to it";
+        let name = "for each finger: x and y relative to its goal, time until its note (see `fingering`)";
         columns.push(json!({"name": name, "columns": 3 * FINGERS}));
     }
     columns.push(json!({"name": "keys that sound, 0 or 1", "columns": KEYS}));
@@ -114,8 +115,7 @@ fn contract(pianist: &Pianist, song: &Song) -> Result<serde_json::Value, TaskErr
     let unit = |joint: usize| if joint == RAIL { "m" } else { "rad" };
     let joints: Vec<_> = (0..JOINTS)
         .map(|joint| {
-            let place = fingering.filter(|_| joint == RAIL).map_or(0.0, |fingering| fingering.rail_at(0));
-            let [low, high] = range.ends(joint, 0).map(|end| end - place);
+            let [low, high] = range.relative(joint);
             json!({"name": JOINT_NAMES[joint], "low": low, "high": high, "unit": unit(joint)})
         })
         .collect();
@@ -134,7 +134,8 @@ fn contract(pianist: &Pianist, song: &Song) -> Result<serde_json::Value, TaskErr
             },
         },
         "action": {"meaning": "targets, -1 at `low` and 1 at `high`; with a fingering, the rail's are relative to its `rail_m`", "joints": joints},
-        "fingering": fingering.map(|fingering| goals_json(fingering)),
+        "due": piece.frames().iter().map(|due| due.pitches().collect()).collect::<Vec<Vec<u8>>>(),
+        "fingering": fingering.map(|fingering| fingering_json(fingering)),
         "task": task,
     }))
 }

@@ -41,10 +41,10 @@ pub(super) fn rewards(
     }
     let Ok(reward) = Reward::new(&task.reward) else { return (Vec::new(), None) };
     let left_out: Vec<_> = reward.names().filter(|name| NOT_KNOWN.contains(name)).collect();
-    let note = format!(
-        "What the measured joints and keys would have earned in simulation. A recording of a robot does not tell {}.",
-        left_out.join(", ")
-    );
+    let mut note = "What the measured joints and keys would have earned in simulation.".to_string();
+    if !left_out.is_empty() {
+        note += &format!(" Left out, because the recording lacks what they need: {}.", left_out.join(", "));
+    }
     (measured(recording, &reward, world, due, pressed, positions), Some(note))
 }
 

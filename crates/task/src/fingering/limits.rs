@@ -1,4 +1,4 @@
-//! Notes that the scripted player cannot play as written, and why.
+//! Notes that a fingering does not play as written, and why.
 
 use std::fmt;
 

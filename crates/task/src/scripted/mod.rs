@@ -8,6 +8,8 @@ mod motion;
 #[cfg(test)]
 mod tests;
 
+use std::sync::Arc;
+
 use etude_stage::{JOINTS, PhysicalParams, StageConfig};
 
 use crate::fingering::comb::Comb;
@@ -37,7 +39,8 @@ impl ScriptedPlayer {
     /// # Errors
     /// If the world in which the lags are measured cannot be built.
     pub fn plan(stage: &StageConfig, params: &PhysicalParams, piece: &Piece) -> Result<Self, TaskError> {
-        let fingering = Fingering::plan(stage, params, piece);
+        let planned = || Arc::new(Fingering::plan(stage, params, piece));
+        let fingering = piece.fingering().cloned().unwrap_or_else(planned);
         let comb = Comb::new(stage.side, params);
         let rail = Rail::new(stage, params);
         let lags = lags::Lags::measure(stage, params, &comb)?;

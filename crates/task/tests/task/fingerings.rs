@@ -138,6 +138,7 @@ fn every_song_has_a_plan_with_a_finger_for_every_note_that_three_fingers_can_pla
         let piece = Piece::for_task(&known.song(), &with_fingering()).unwrap();
         let fingering: &Fingering = piece.fingering().unwrap();
         assert_eq!(fingering.rail().len(), piece.steps());
+        assert_eq!(fingering.notes().len(), known.song().notes().len(), "{}", known.id);
         for played in fingering.notes() {
             let goal = piece.goals(played.start)[played.finger].unwrap();
             assert_eq!((goal.key, goal.wait_steps), (played.key, 0), "{}: {played:?}", known.id);

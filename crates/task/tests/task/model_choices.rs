@@ -92,7 +92,7 @@ impl Player {
         let policy = Policy::load(&folder.join(format!("{song}.safetensors"))).unwrap();
         let config = &policy.header().notes["training"]["config"]["task"];
         let config: TaskConfig = serde_json::from_value(config.clone()).unwrap();
-        let piece = Piece::new(&repertoire::get(song).unwrap(), config.initial_silence_secs).unwrap();
+        let piece = Piece::for_task(&repertoire::get(song).unwrap(), &config).unwrap();
         Self { policy, config, piece }
     }
 
