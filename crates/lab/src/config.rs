@@ -4,6 +4,7 @@ use std::path::Path;
 
 use anyhow::{anyhow, bail};
 use etude_learn::{DroqConfig, TrainerConfig};
+use etude_perform::SCORES;
 use etude_task::TaskConfig;
 use serde::{Deserialize, Serialize};
 
@@ -57,6 +58,10 @@ impl RunConfig {
     pub fn check(&self) -> anyhow::Result<()> {
         self.droq.validate()?;
         self.trainer.validate()?;
+        let best_by = self.trainer.best_by.as_str();
+        if !best_by.is_empty() && !SCORES.contains(&best_by) {
+            bail!("trainer.best_by is `{best_by}`, which is no score; there are: {}", SCORES.join(", "));
+        }
         Ok(())
     }
 }
@@ -277,6 +282,12 @@ mod tests {
     fn what_cannot_work_is_refused_and_so_is_a_change_of_what_was_learned() {
         let check = |text: &str| resolve("fast", None, &[text.to_string()]).unwrap().check();
         assert!(check("trainer.seed=3").is_ok());
+        assert!(
+            check("trainer.best_by=overal")
+                .unwrap_err()
+                .to_string()
+                .contains("onset_f1, onset_offset_f1, overall")
+        );
         assert!(check("droq.batch=0").unwrap_err().to_string().contains("droq.batch"));
         assert!(check("trainer.num_envs=100000000000").unwrap_err().to_string().contains("at most 4096"));
         let change = |text: &str| change_free(&RunConfig::default(), &[text.to_string()]);

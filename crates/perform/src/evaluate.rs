@@ -7,8 +7,20 @@ use etude_task::{ACTION_LEN, Piece, TaskConfig, TaskError};
 
 use crate::{SimRig, perform};
 
-/// Plays the song once for each evaluation, always in the nominal world, and scores it. The score `overall` is the mean of the paper's
-/// F1 and the F1 of the notes' onsets.
+/// Names of the scores of [`SongEvaluator`]. `overall` is the mean of the paper's F1 and the F1 of the notes' onsets.
+pub const SCORES: [&str; 9] = [
+    "f1",
+    "precision",
+    "recall",
+    "pooled_f1",
+    "onset_f1",
+    "onset_offset_f1",
+    "overall",
+    "collision_free",
+    "return",
+];
+
+/// Plays the song once for each evaluation, always in the nominal world, and scores it.
 pub struct SongEvaluator {
     rig: SimRig,
     task: TaskConfig,
@@ -33,17 +45,17 @@ impl Evaluator for SongEvaluator {
         let performance = perform(&mut self.rig, &mut player, &self.task, &self.piece, None, &never)
             .expect("a simulation has no recording here that could fail");
         let (scores, simulated) = (performance.scores(), performance.simulation.unwrap_or_default());
-        let scores = [
-            ("f1", scores.frame.f1),
-            ("precision", scores.frame.precision),
-            ("recall", scores.frame.recall),
-            ("pooled_f1", scores.frame.pooled_f1),
-            ("onset_f1", scores.note.onset_f1),
-            ("onset_offset_f1", scores.note.onset_offset_f1),
-            ("overall", (scores.frame.f1 + scores.note.onset_f1) / 2.0),
-            ("collision_free", simulated.collision_free),
-            ("return", simulated.reward),
+        let values = [
+            scores.frame.f1,
+            scores.frame.precision,
+            scores.frame.recall,
+            scores.frame.pooled_f1,
+            scores.note.onset_f1,
+            scores.note.onset_offset_f1,
+            (scores.frame.f1 + scores.note.onset_f1) / 2.0,
+            simulated.collision_free,
+            simulated.reward,
         ];
-        scores.map(|(name, value)| Score { name: name.to_string(), value }).to_vec()
+        SCORES.into_iter().zip(values).map(|(name, value)| Score { name: name.to_string(), value }).collect()
     }
 }

@@ -130,7 +130,7 @@ fn show(status: &mut Status, step: &RehearsalStep) {
         ),
         RehearsalStep::Training(round, at) => status.now(
             &format!("round {round}: training"),
-            &format!(", step {} of {}, best F1 {:.3}", at.step, at.total, at.best_f1.unwrap_or(0.0)),
+            &format!(", step {} of {}, F1 {:.3}", at.step, at.total, at.best_f1.unwrap_or(0.0)),
         ),
         RehearsalStep::Performed { round, run, f1 } => {
             status.now(&format!("round {round}: run {} played, F1 {f1:.3}", run + 1), "");

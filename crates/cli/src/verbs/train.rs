@@ -107,13 +107,15 @@ fn report(args: &Args, folder: &Path, run: &Run, outcome: &Outcome) -> anyhow::R
     let best = outcome.best.as_ref();
     let policy =
         folder.join(if best.is_some() { "policy-best.safetensors" } else { "policy-last.safetensors" });
-    let f1 = best.and_then(|best| best.scores.first()).map(|score| score.value);
+    let value = |name: &str| best?.scores.iter().find(|score| score.name == name).map(|score| score.value);
+    let (f1, onset_f1) = (value("f1"), value("onset_f1"));
     if args.json {
         return super::json(&json!({
             "run": folder,
             "policy": policy,
             "song": run.song().title(),
             "f1": f1,
+            "onset_f1": onset_f1,
             "best_step": best.map(|best| best.step),
             "step": outcome.step,
             "updates": outcome.updates,
@@ -132,7 +134,10 @@ fn report(args: &Args, folder: &Path, run: &Run, outcome: &Outcome) -> anyhow::R
         outcome.elapsed_secs
     ))?;
     match f1 {
-        Some(f1) => line(format!("Best F1 {f1:.3}; the policy is {}", policy.display()))?,
+        Some(f1) => {
+            let notes = onset_f1.map_or_else(String::new, |onset| format!(", {onset:.3} by note"));
+            line(format!("The best policy has F1 {f1:.3}{notes}: {}", policy.display()))?;
+        }
         None => line(format!("Not evaluated yet; the policy so far is {}", policy.display()))?,
     }
     let song = args.song.clone().unwrap_or_else(|| folder.join("song.mid").display().to_string());
