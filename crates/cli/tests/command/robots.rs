@@ -40,6 +40,18 @@ fn every_mode_plays_on_the_twin() {
 }
 
 #[test]
+fn the_proposed_lead_puts_notes_on_time() {
+    let desk = Desk::new();
+    let args = "perform --song twinkle --scripted --mode joint-mirroring --robot twin -o late";
+    let said = desk.ok(args);
+    let lead = said.lines().find_map(|line| line.split_once("--set task.plan.lead_secs=")).expect(&said).1;
+    let report = desk.json(&format!("{args} --set task.plan.lead_secs={lead} --json"));
+    assert_eq!(report["lead_secs"].as_f64().unwrap(), lead.parse::<f64>().unwrap());
+    let late = report["runs"][0]["onset_error_median_secs"].as_f64().unwrap();
+    assert!(late.abs() <= 0.01, "{late} s with a lead of {lead} s");
+}
+
+#[test]
 fn the_same_seed_gives_the_same_recording_byte_for_byte() {
     let desk = Desk::new();
     let play = |out: &str, more: &str| {
