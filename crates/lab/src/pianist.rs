@@ -152,9 +152,12 @@ pub(crate) fn open(path: &Path) -> anyhow::Result<Pianist> {
 }
 
 impl Pianist {
-    /// The scripted player, the baseline that needs no training, in the world of the default preset.
+    /// The scripted player, the baseline that needs no training, in the world of the default preset. It plans for itself, so its actions
+    /// are those of a task without a fingering: it moves the rail earlier than the plan, by the rail's lag.
     pub fn scripted() -> Self {
-        let config = resolve(DEFAULT_PRESET, None, &[]).expect("a preset of our own is sound");
+        let changes = ["task.fingering=false", "task.reward.fingering=0", "task.reward.preparation=0"];
+        let config =
+            resolve(DEFAULT_PRESET, None, &changes.map(String::from)).expect("a preset of our own is sound");
         Self { kind: Kind::Script, config, song: None, claimed_f1: None }
     }
 
