@@ -3,6 +3,7 @@
 
 use etude_music::{CONTROL_HZ, KEYS};
 use etude_stage::hand::{FINGER_JOINTS, FINGER_NAMES};
+use etude_stage::params::WorldRow;
 use etude_stage::{JOINT_NAMES, JOINTS, PhysicalParams, RAIL};
 use serde::{Deserialize, Serialize};
 
@@ -109,10 +110,11 @@ impl Group {
     }
 }
 
-/// Two residuals a control step: by how much the keys that sounded at its end are short of their threshold, and by how much
-/// the others are beyond it.
+/// Two residuals a control step: by how much the keys that sounded at its end are short of where they are silent again, and by how
+/// much the others are beyond their threshold.
 fn key_residuals(params: &PhysicalParams, motion: &Motion, trace: &Trace, residuals: &mut Vec<f64>) {
-    let threshold = params.world(etude_stage::params::WorldRow::KeyThreshold);
+    let threshold = params.world(WorldRow::KeyThreshold);
+    let release = threshold * (1.0 - params.world(WorldRow::KeyHysteresis));
     let mut sounding = [false; KEYS];
     let mut events = motion.keys.iter().peekable();
     for step in 0..motion.commands.steps() {
@@ -122,7 +124,7 @@ fn key_residuals(params: &PhysicalParams, motion: &Motion, trace: &Trace, residu
         }
         let (mut missing, mut extra) = (0.0, 0.0);
         for (key, sounds) in sounding.iter().enumerate() {
-            let beyond = trace.key_travel(key, secs) - threshold;
+            let beyond = trace.key_travel(key, secs) - if *sounds { release } else { threshold };
             if *sounds { missing += (-beyond).max(0.0) } else { extra += beyond.max(0.0) }
         }
         residuals.extend([missing / KEY_NOISE, extra / KEY_NOISE]);

@@ -45,7 +45,7 @@ fn a_run_is_complete_and_describes_itself() {
     let desk = Desk::new();
     let printed: serde_json::Value =
         serde_json::from_str(&succeed(desk.tiny("short.mid -o run --json"))).unwrap();
-    assert_eq!((&printed["step"], &printed["updates"]), (&400.into(), &300.into()));
+    assert_eq!((&printed["step"], &printed["updates"]), (&400.into(), &600.into()));
     assert!(
         printed["f1"].is_number() && printed["stopped"].is_null() && printed["run"] == "run",
         "{printed}"

@@ -61,6 +61,9 @@ fn why(path: &str, estimated: &BTreeSet<&str>) -> &'static str {
             "keyboard.depth" | "key.armature" | "key.friction" | "hand.start" => {
                 "it hardly changes which keys sound, and when"
             }
+            "key.hysteresis" => {
+                "no residual depends on it alone; set it if the places of the contacts are known"
+            }
             _ if touches => "no fit estimates it",
             _ => "no recording that was fitted touches a key",
         };
