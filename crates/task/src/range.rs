@@ -9,7 +9,7 @@ use etude_stage::{JOINTS, RAIL, joint_range};
 use crate::{ACTION_LEN, Fingering, Piece};
 
 /// Range of each joint's target, to which an action in [−1, 1] is mapped: the joint's own range for a finger joint, the part of the
-/// keyboard that the piece needs for the rail. With a fingering, the rail's range is [`RAIL_PLAY_M`] to either side of its planned place.
+/// keyboard that the piece needs for the rail. With a fingering, the rail's range is 40 mm to either side of its planned place.
 ///
 /// If the rail's range were the whole keyboard, a change of its action by 0.02 would be 7 mm, more than a fingertip may be off the
 /// middle of a key between fences. docs/results/learning.md compares the two.
