@@ -39,7 +39,6 @@ else:
         curves[variant].append(sorted(rows, key=lambda row: int(row["step"])))
 
 
-
 def best(rows):
     """The evaluation whose policy is kept: by the mean of F1 and onset F1 if the curve has it, else by F1."""
     return max(rows, key=lambda row: float(row.get("overall") or row["f1"]))

@@ -20,6 +20,12 @@ def etude(*arguments):
     return json.loads(done.stdout)
 
 
+def median_ms(scores):
+    """The median onset error of a performance, in ms."""
+    secs = scores["onset_error_median_secs"]
+    return "–" if secs is None else f"{1e3 * secs:+.0f} ms"
+
+
 def lead(mode, truth):
     """The lead of the plan with which the notes of one song are on time in the median, s, from two performances of it."""
     secs = 0.025
@@ -56,9 +62,7 @@ def main():
             )
             first = report["runs"][0]
             notes = first["matched"] + first["missed"]
-            late = first["onset_error_median_secs"]
-            late = f"{1e3 * late:+.0f} ms" if late is not None else "–"
-            cells.append(f"{report['robot_f1']:.3f}; {first['matched']} of {notes}; {late}")
+            cells.append(f"{report['robot_f1']:.3f}; {first['matched']} of {notes}; {median_ms(first)}")
             columns[mode].append(report["robot_f1"])
             right[mode] += first["matched"]
         due += notes

@@ -88,8 +88,9 @@ impl PlanConfig {
     fn articulated(&self, notes: &[Note]) -> (Vec<Note>, Vec<Note>) {
         let mut heard = notes.to_vec();
         let mut gridded: Vec<Note> = notes.iter().map(on_grid).collect();
+        let rest = self.rest_frames();
         for repeat in repeats(notes) {
-            let end_secs = (repeat.first + repeat.sounding(self.rest_frames())) as f64 / CONTROL_HZ;
+            let end_secs = (repeat.first + repeat.sounding(rest)) as f64 / CONTROL_HZ;
             for note in [&mut heard[repeat.note], &mut gridded[repeat.note]] {
                 note.end_secs = note.end_secs.min(end_secs).max(note.start_secs);
             }
@@ -103,12 +104,10 @@ impl PlanConfig {
             return Vec::new();
         }
         let notes = song.notes();
+        let (_, gridded) = self.articulated(notes);
+        let end_frame = |repeat: &Repeat| nearest_frame(gridded[repeat.note].end_secs);
         let rest = self.rest_frames();
-        let up_frames = |repeat: &Repeat| {
-            let written = nearest_frame(notes[repeat.note].end_secs).max(repeat.first + 1) - repeat.first;
-            repeat.frames.saturating_sub(written.min(repeat.sounding(rest)))
-        };
-        let quick = repeats(notes).filter(|repeat| up_frames(repeat) < rest);
+        let quick = repeats(notes).filter(|repeat| end_frame(repeat) + rest > repeat.first + repeat.frames);
         let mut warnings: Vec<Warning> = quick
             .map(|repeat| Warning {
                 kind: WarningKind::QuickRepeat,

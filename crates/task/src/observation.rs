@@ -81,8 +81,8 @@ pub fn observe(
     for (columns, action) in actions.chunks_exact_mut(ACTION_LEN).zip(&history.actions) {
         columns.copy_from_slice(action);
     }
-    for (finger, columns) in places.chunks_exact_mut(GOAL_COLUMNS).enumerate() {
-        let goal = piece.goals(step)[finger];
+    let goals = piece.goals(step);
+    for (finger, (columns, goal)) in places.chunks_exact_mut(GOAL_COLUMNS).zip(goals).enumerate() {
         columns
             .copy_from_slice(&goal.map_or([0.0, 0.0, 1.0], |goal| from_goal(config, joints, finger, &goal)));
     }

@@ -26,15 +26,11 @@ impl TargetRange {
     /// The range for `piece`. Without a fingering, the rail can bring any finger over any of its keys, and one white key further.
     pub fn new(piece: &Piece) -> Self {
         let mut ranges = std::array::from_fn(joint_range);
-        let keys = || piece.frames().iter().flat_map(|due| due.iter()).map(key_lateral);
-        let (lowest, highest) =
-            (keys().fold(f64::INFINITY, f64::min), keys().fold(f64::NEG_INFINITY, f64::max));
         let fingering = piece.fingering().cloned();
         if fingering.is_some() {
             ranges[RAIL] = [-RAIL_PLAY_M, RAIL_PLAY_M];
-        } else if lowest <= highest {
-            let beyond = ROOT_SPACING + WHITE_PITCH;
-            ranges[RAIL] = [(lowest - beyond).max(-HALF_WIDTH), (highest + beyond).min(HALF_WIDTH)];
+        } else if let Some(range) = over_its_keys(piece) {
+            ranges[RAIL] = range;
         }
         Self { ranges, fingering }
     }
@@ -66,6 +62,14 @@ impl TargetRange {
             (((targets[joint] - low) / (high - low) * 2.0 - 1.0).clamp(-1.0, 1.0)) as f32
         })
     }
+}
+
+/// Places of the rail from which any finger is over any key of the piece, and one white key further, m; none without keys.
+fn over_its_keys(piece: &Piece) -> Option<[f64; 2]> {
+    let keys = || piece.frames().iter().flat_map(|due| due.iter()).map(key_lateral);
+    let (lowest, highest) = (keys().reduce(f64::min)?, keys().reduce(f64::max)?);
+    let beyond = ROOT_SPACING + WHITE_PITCH;
+    Some([(lowest - beyond).max(-HALF_WIDTH), (highest + beyond).min(HALF_WIDTH)])
 }
 
 #[cfg(test)]

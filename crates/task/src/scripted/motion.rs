@@ -1,6 +1,7 @@
 //! From a fingering to joint targets.
 //!
-//! The rail's predicted path is known, and every finger is turned to compensate it. A finger lifts, moves over its next key, waits, strikes, holds, lifts.
+//! The rail's predicted path is known, and every finger is turned to compensate it. A finger lifts, moves over its next key, waits,
+//! strikes, holds, lifts.
 
 use etude_music::key_is_black;
 use etude_stage::hand::FINGER_JOINTS;
