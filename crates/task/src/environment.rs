@@ -152,10 +152,13 @@ impl Environment {
     pub fn step(&mut self, action: &[f32; ACTION_LEN], parts: &mut [f32]) -> Step {
         let due = self.piece.due(self.step);
         let joints = self.world.joints();
+        let pressed_before = self.world.pressed();
         let outcome = self.world.step(&self.range.targets(action, self.step));
         let moment = Moment {
             world: &self.world,
             due,
+            held: self.piece.held(self.step),
+            pressed_before,
             outcome,
             action,
             previous_action: &self.history.actions[0],

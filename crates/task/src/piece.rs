@@ -80,6 +80,17 @@ impl Piece {
         self.due.get(step).copied().unwrap_or_default()
     }
 
+    /// Keys to hold in control step `step`: those that are due or, with a fingering, those that it plays then.
+    pub fn held(&self, step: usize) -> KeySet {
+        let Some(fingering) = &self.fingering else { return self.due(step) };
+        let mut held = KeySet::EMPTY;
+        let goals = fingering.goals(step);
+        for goal in goals.iter().flatten().filter(|goal| goal.wait_steps == 0) {
+            held.insert(goal.key);
+        }
+        held
+    }
+
     /// Keys due at every control step.
     pub fn frames(&self) -> &[KeySet] {
         &self.due

@@ -13,6 +13,7 @@ use std::collections::BTreeMap;
 use etude_music::{KEYS, KeySet};
 use etude_stage::{FINGERS, RAIL, StepOutcome, World};
 
+use crate::fingering::comb::beyond_target;
 use crate::fingering::{Goal, Goals};
 use crate::{ACTION_LEN, TaskError, assign};
 
@@ -22,6 +23,10 @@ pub struct Moment<'a> {
     pub world: &'a World,
     /// Keys that were due in the step.
     pub due: KeySet,
+    /// Those of them to hold: a fingering leaves some keys early, to be on time at the next ones.
+    pub held: KeySet,
+    /// Keys that sounded before the step.
+    pub pressed_before: KeySet,
     /// Power and collisions of the step.
     pub outcome: StepOutcome,
     /// The action of the step.
@@ -81,20 +86,25 @@ fn action_change(moment: &Moment) -> f64 {
     -squares.sum::<f64>() / ACTION_LEN as f64
 }
 
-/// Minus the squared travel of the keys that are not due, summed. `key_press` pays nothing for lifting one of two wrong keys, and
-/// nothing for lifting a key half; this does.
+/// Minus the squared travel of the keys that are not due, summed. A key that sounded before the step counts at its end, any other
+/// where it was deepest: a neighbour that a finger brushes is heard, even if it is up again at the end. `key_press` pays nothing for
+/// lifting one of two wrong keys, and nothing for lifting a key half; this does.
 fn wrong_travel(moment: &Moment) -> f64 {
+    let travel = |key| {
+        let lifted = moment.pressed_before.contains(key);
+        if lifted { moment.world.key_travel(key) } else { moment.world.deepest_travel(key) }
+    };
     let wrong = (0..KEYS).filter(|key| !moment.due.contains(*key));
-    -wrong.map(|key| moment.world.key_travel(key).clamp(0.0, 1.0).powi(2)).sum::<f64>()
+    -wrong.map(|key| travel(key).clamp(0.0, 1.0).powi(2)).sum::<f64>()
 }
 
-/// Half for how far the due keys are down, half if no other key sounds (RoboPianist).
+/// Half for how far the keys to hold are down, half if no key sounds that is not due (RoboPianist, where all due keys are to hold).
 fn key_press(moment: &Moment) -> f64 {
-    let due = moment.due;
+    let held = moment.held;
     let closeness: f64 =
-        due.iter().map(|key| tolerance((1.0 - moment.world.key_travel(key)).max(0.0), 0.05, 0.5)).sum();
-    let right = if due.is_empty() { 0.0 } else { closeness / due.len() as f64 };
-    let clean = moment.world.pressed().difference(due).is_empty();
+        held.iter().map(|key| tolerance((1.0 - moment.world.key_travel(key)).max(0.0), 0.05, 0.5)).sum();
+    let right = if held.is_empty() { 0.0 } else { closeness / held.len() as f64 };
+    let clean = moment.world.pressed().difference(moment.due).is_empty();
     0.5 * right + if clean { 0.5 } else { 0.0 }
 }
 
@@ -127,7 +137,7 @@ fn optimal_transport(moment: &Moment) -> f64 {
     closeness / count.min(FINGERS) as f64
 }
 
-/// Mean closeness of the fingers that should play to their keys.
+/// Mean closeness of the fingers that should play to the places on their keys.
 fn fingering(moment: &Moment) -> f64 {
     closeness_to_goals(moment, |goal| goal.wait_steps == 0, distance)
 }
@@ -146,7 +156,9 @@ fn closeness_to_goals(
     let (mut sum, mut count) = (0.0, 0);
     for (finger, goal) in moment.goals.iter().enumerate() {
         let Some(goal) = goal.filter(counts) else { continue };
-        let away = distance(&moment.world.finger_pad(finger), &moment.world.key_target(goal.key));
+        let mut place = moment.world.key_target(goal.key);
+        place[0] += beyond_target(goal.key);
+        let away = distance(&moment.world.finger_pad(finger), &place);
         sum += tolerance(away, OT_BOUND, OT_MARGIN);
         count += 1;
     }
@@ -282,6 +294,8 @@ mod tests {
             let moment = Moment {
                 world: &world,
                 due,
+                held: due,
+                pressed_before: KeySet::EMPTY,
                 outcome: StepOutcome::default(),
                 action: &action,
                 previous_action: &[0.0; ACTION_LEN],
@@ -300,6 +314,8 @@ mod tests {
         let moment = Moment {
             world: &world,
             due: KeySet::EMPTY,
+            held: KeySet::EMPTY,
+            pressed_before: KeySet::EMPTY,
             outcome: StepOutcome::default(),
             action: &[0.0; ACTION_LEN],
             previous_action: &[0.0; ACTION_LEN],

@@ -1,9 +1,10 @@
 //! Rendering notes as sound.
 //!
-//! With a SoundFont a performance sounds like a piano; without one there is a simple built-in tone. Samples are mono, 44.1 kHz, from −1 to
+//! With a SoundFont a performance sounds like a piano; without one there is a built-in tone in a small room. Samples are mono, 44.1 kHz, from −1 to
 //! 1, with a second for the last note to decay, as RoboPianist renders them.
 
 mod piano;
+mod room;
 mod soundfont;
 mod wav;
 
@@ -98,7 +99,10 @@ pub fn render(notes: &[Note], font: Option<&SoundFont>) -> Result<Vec<f32>, Soun
     let mut samples = vec![0.0; sample_at(last_secs + TAIL_SECS)];
     match font {
         Some(font) => font.render(notes, &mut samples)?,
-        None => notes.iter().for_each(|note| piano::strike(note, &mut samples)),
+        None => {
+            notes.iter().for_each(|note| piano::strike(note, &mut samples));
+            room::reverberate(&mut samples);
+        }
     }
     normalise(&mut samples);
     Ok(samples)
@@ -150,11 +154,19 @@ mod tests {
 
     #[test]
     fn the_tone_has_the_pitch_of_its_note() {
-        // Upward zero crossings of a pure enough tone, once the attack is over: A4 is 440 Hz.
+        // Of the frequencies within a semitone of A4, the one that the sound has most of.
         let samples = render(&[note(69, 100, 0.0, 3.0)], None).unwrap();
-        let part = &samples[sample_at(1.0)..sample_at(2.0)];
-        let crossings = part.windows(2).filter(|pair| pair[0] < 0.0 && pair[1] >= 0.0).count();
-        assert!((436..=444).contains(&crossings), "{crossings}");
+        let part = &samples[sample_at(0.2)..sample_at(1.2)];
+        let strength = |cents: &i32| {
+            let angle = std::f64::consts::TAU * 440.0 * (f64::from(*cents) / 1200.0).exp2()
+                / f64::from(SAMPLE_RATE_HZ);
+            let turned = |of: fn(f64) -> f64| {
+                part.iter().enumerate().map(|(i, s)| f64::from(*s) * of(angle * i as f64)).sum::<f64>()
+            };
+            turned(f64::sin).hypot(turned(f64::cos))
+        };
+        let strongest = (-100..=100).step_by(5).max_by(|a, b| strength(a).total_cmp(&strength(b)));
+        assert!(strongest.is_some_and(|cents| cents.abs() <= 5), "{strongest:?} cents");
     }
 
     #[test]

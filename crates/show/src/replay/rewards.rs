@@ -19,9 +19,9 @@ pub struct RewardCurve {
     pub values: Vec<f64>,
 }
 
-/// Terms that need what no robot measures (power, contacts, the rail's speed within a step) or what no recording has (the goals of
-/// a fingering).
-const NOT_KNOWN: [&str; 5] = ["energy", "collision", "sliding", "fingering", "preparation"];
+/// Terms that need what no robot measures (power, contacts, the rail's speed within a step, how deep a silent key is) or what no
+/// recording has (the goals of a fingering).
+const NOT_KNOWN: [&str; 6] = ["energy", "collision", "sliding", "wrong_travel", "fingering", "preparation"];
 
 /// The terms and a note about them: as a simulation has recorded them, or as the measured joints and keys of a robot would
 /// have earned them.
@@ -84,9 +84,12 @@ fn measured(
         let action = recording.policy.get(step).and_then(|message| message.action.as_slice().try_into().ok());
         let action = action.or(previous).unwrap_or([0.0; ACTION_LEN]);
         world.pose(joints, *pressed);
+        let due = due.get(step).copied().unwrap_or_default();
         let moment = Moment {
             world,
-            due: due.get(step).copied().unwrap_or_default(),
+            due,
+            held: due,
+            pressed_before: KeySet::EMPTY,
             outcome: StepOutcome::default(),
             action: &action,
             previous_action: &previous.unwrap_or(action),

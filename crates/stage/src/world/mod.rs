@@ -57,6 +57,8 @@ pub struct World {
     torques: [f64; JOINTS],
     /// Key events of the last control step.
     events: Vec<KeyEvent>,
+    /// Greatest angle of each key since the last control step began, rad.
+    deepest: [f64; KEYS],
 }
 
 impl World {
@@ -98,6 +100,7 @@ impl World {
             derived_at: [0.0; KEYS],
             torques: [0.0; JOINTS],
             events: Vec::with_capacity(EVENTS),
+            deepest: [0.0; KEYS],
         };
         world.set_params(params);
         world.reset();

@@ -39,6 +39,11 @@ impl World {
         self.data.qpos()[self.layout.key_dof[key]] / self.lower_stop(key)
     }
 
+    /// How far a key was down at most in the last control step, as a fraction of its travel.
+    pub fn deepest_travel(&self, key: usize) -> f64 {
+        self.deepest[key] / self.lower_stop(key)
+    }
+
     /// Angle of a key at its lower stop, rad.
     pub(super) fn lower_stop(&self, key: usize) -> f64 {
         KeyShape::of(key).max_angle() * self.options.keys[key].travel

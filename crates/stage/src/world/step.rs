@@ -59,6 +59,7 @@ impl World {
     ) -> StepOutcome {
         let mut outcome = StepOutcome::default();
         self.events.clear();
+        self.deepest = [0.0; KEYS];
         let begun = self.data.ffi().time;
         for step in 0..PHYSICS_STEPS {
             self.physics_step(wanted(step), law, &mut outcome);
@@ -130,8 +131,10 @@ impl World {
         let velocities = self.data.qvel();
         let mut now = KeySet::EMPTY;
         for key in 0..KEYS {
+            let angle = angles[self.layout.key_dof[key]];
+            self.deepest[key] = self.deepest[key].max(angle);
             let border = if self.pressed.contains(key) { self.release[key] } else { self.threshold[key] };
-            if angles[self.layout.key_dof[key]] >= border {
+            if angle >= border {
                 now.insert(key);
             }
         }

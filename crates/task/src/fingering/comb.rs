@@ -25,6 +25,12 @@ const WHITE_X_M: f64 = 0.028;
 /// Where black keys are pressed, m toward the player from their middle: near the front, close to the white keys.
 const BLACK_X_M: f64 = 0.034;
 
+/// How far toward the player from [`key_target`] a fingering presses `key`, m.
+pub(crate) fn beyond_target(key: usize) -> f64 {
+    let x = if key_is_black(key) { BLACK.x + BLACK_X_M } else { WHITE.x + WHITE_X_M };
+    x - key_target(key)[0]
+}
+
 /// Places for the centres of the fingertips, in the world frame.
 pub(crate) struct Comb {
     side: Side,
@@ -40,10 +46,8 @@ impl Comb {
 
     /// Place `[x, y]` over a key, m.
     pub(crate) fn over(&self, key: usize) -> [f64; 2] {
-        let [_, y, _] = key_target(key);
-        let black = key_is_black(key);
-        let x = if black { BLACK.x + BLACK_X_M } else { WHITE.x + WHITE_X_M };
-        [x + self.keyboard[0], y + self.keyboard[1]]
+        let [x, y, _] = key_target(key);
+        [x + beyond_target(key) + self.keyboard[0], y + self.keyboard[1]]
     }
 
     /// Height of a waiting fingertip over `key`, m.

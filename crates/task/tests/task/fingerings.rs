@@ -1,6 +1,6 @@
 //! A planned fingering where a policy meets it: its goals, the columns of the observation, the rail's range and the reward.
 
-use etude_music::{KeySet, Note, Song};
+use etude_music::{KeySet, Note, Song, repertoire};
 use etude_stage::geometry::{WHITE_PITCH, key_lateral};
 use etude_stage::hand::FINGER_JOINTS;
 use etude_stage::{FINGERS, JOINTS, RAIL, kinematics};
@@ -145,4 +145,19 @@ fn every_song_has_a_plan_with_a_finger_for_every_note_that_three_fingers_can_pla
             assert!(piece.due(played.start).contains(played.key));
         }
     }
+}
+
+#[test]
+fn keys_are_held_while_they_are_due_and_some_are_left_early() {
+    let song = repertoire::get("chord-progression").expect("built in");
+    let piece = Piece::for_task(&song, &with_fingering()).unwrap();
+    let steps = || 0..piece.steps();
+    assert!(steps().all(|step| piece.held(step).difference(piece.due(step)).is_empty()));
+    let early: usize = steps().map(|step| piece.due(step).difference(piece.held(step)).len()).sum();
+    let cut: usize = piece.fingering().unwrap().limits().lost_steps();
+    assert!(early > 0);
+    assert_eq!(early, cut, "what the plan says is lost");
+    // Without a fingering nobody leaves early.
+    let piece = Piece::for_task(&song, &TaskConfig::default()).unwrap();
+    assert!((0..piece.steps()).all(|step| piece.held(step) == piece.due(step)));
 }

@@ -1,6 +1,6 @@
 //! The reward's terms against numbers worked out by hand from docs/algorithm.md.
 
-use etude_music::KeySet;
+use etude_music::{KeySet, key_is_black};
 use etude_stage::params::JointRow;
 use etude_stage::{FINGERS, PhysicalParams, RAIL, StageConfig, StepOutcome, World};
 use etude_task::ACTION_LEN;
@@ -32,6 +32,8 @@ fn moment<'a>(world: &'a World, due: &[usize]) -> Moment<'a> {
     Moment {
         world,
         due: keys(due),
+        held: keys(due),
+        pressed_before: world.pressed(),
         outcome,
         action: &STILL,
         previous_action: &STILL,
@@ -188,12 +190,34 @@ fn keys_that_are_not_due_cost_by_how_far_they_are_down() {
     // The squared travel on the way up: lifting a key half pays.
     let mut last = -3.0;
     for _ in 0..4 {
+        let before = [24, 26, 31].map(|key| world.key_travel(key));
         world.step(&pose);
-        let value = term("wrong_travel", &moment(&world, &[]));
-        let travel = (0..49).map(|key| world.key_travel(key).clamp(0.0, 1.0).powi(2)).sum::<f64>();
-        assert_near(value, -travel, "squares");
+        let squares = |travel: &dyn Fn(usize) -> f64| {
+            -(0..49).map(|key| travel(key).clamp(0.0, 1.0).powi(2)).sum::<f64>()
+        };
+        let wrong = |pressed_before| term("wrong_travel", &Moment { pressed_before, ..moment(&world, &[]) });
+        let value = wrong(keys(&[24, 26, 31]));
+        assert_near(value, squares(&|key| world.key_travel(key)), "keys that are let go");
         assert!(value > last || value > -1e-3, "{value} after {last}");
         last = value;
+        // Had they been silent before the step, they would count where they were deepest in it, which is near its beginning.
+        let brushed = wrong(KeySet::EMPTY);
+        assert_near(brushed, squares(&|key| world.deepest_travel(key)), "keys that are brushed");
+        for (key, before) in [24, 26, 31].into_iter().zip(before) {
+            assert!(world.deepest_travel(key) > world.key_travel(key).max(0.5 * before), "{before}");
+        }
+    }
+}
+
+#[test]
+fn a_key_that_the_fingering_leaves_early_neither_earns_nor_costs() {
+    let mut world = world();
+    let pose = world.start_pose();
+    let up = 0.1f64.powf(1.9 * 1.9);
+    for (down, expected) in [(&[24][..], 1.0), (&[24, 28], 1.0), (&[28], 0.5 * up + 0.5), (&[24, 29], 0.5)] {
+        world.pose(&pose, keys(down));
+        let moment = Moment { held: keys(&[24]), ..moment(&world, &[24, 28]) };
+        assert_near(term("key_press", &moment), expected, &format!("down {down:?}"));
     }
 }
 
@@ -204,7 +228,9 @@ fn a_finger_earns_for_its_own_goal_and_for_no_other() {
     world.pose(&pose, KeySet::EMPTY);
     let goal = |key: usize, wait_steps| Some(Goal { key, over: [0.0; 2], wait_steps });
     let away = |finger: usize, key: usize, upright: bool| {
-        let (pad, target) = (world.finger_pad(finger), world.key_target(key));
+        let (pad, mut target) = (world.finger_pad(finger), world.key_target(key));
+        // Where the fingering presses, 28 mm and 34 mm from the middle of the key's length, and not where the paper's reward aims.
+        target[0] += if key_is_black(key) { 0.034 - 0.35 * 0.045 } else { 0.028 - 0.35 * 0.075 };
         let squares = (0..if upright { 2 } else { 3 }).map(|axis| (pad[axis] - target[axis]).powi(2));
         tolerance(squares.sum::<f64>().sqrt(), 0.01, 0.05)
     };
