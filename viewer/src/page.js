@@ -4,6 +4,7 @@ import { Cameras } from './cameras.js';
 import { Player, Timebase, barAround } from './clock.js';
 import { Controls } from './controls.js';
 import { element } from './dom.js';
+import { noteTable, summary } from './notes.js';
 import { Pane } from './pane.js';
 import { Plots } from './plots.js';
 import { Quality } from './quality.js';
@@ -46,6 +47,7 @@ export class Page {
     this.timeline = new Timeline(this.player);
     this.controls = new Controls(this.#actions(), this.player, count > 1 ? this.letters : []);
     this.rolls = element('section', { class: 'rolls' });
+    this.notes = null;
     this.plots = null;
     this.chosen = this.panes.map((_, index) => index);
     root.append(
@@ -88,9 +90,11 @@ export class Page {
         roll.root,
       ]).filter((part) => part !== null),
     );
+    this.notes?.remove();
     this.plots?.root.remove();
+    this.notes = noteTable(shown, seek);
     this.plots = new Plots(shown, seek);
-    this.main.append(this.plots.root);
+    this.main.append(...[this.notes, this.plots.root].filter((part) => part !== null));
     this.#layOut();
   }
 
@@ -99,10 +103,12 @@ export class Page {
     if (this.letters[index]) parts.push(element('span', { class: `letter take-${'ab'[index]}`, text: this.letters[index] }));
     if (this.takes.length > MOST_PANES) parts.push(this.#chooser(index));
     parts.push(element('span', { class: 'what', text: take.caption() || take.name, title: take.name }));
+    const heard = summary(take);
+    if (heard) parts.push(element('span', { class: 'score', text: heard }));
     const { final } = take;
     const says = (value) => (Number.isFinite(value) ? value.toFixed(3) : '–');
     if (final) {
-      const more = `precision ${says(final.precision)}, recall ${says(final.recall)}, pooled F1 ${says(final.pooled_f1)}, onset F1 ${says(final.onset_f1)}`;
+      const more = `precision ${says(final.precision)}, recall ${says(final.recall)}, pooled F1 ${says(final.pooled_f1)}`;
       parts.push(element('span', { class: 'score', title: more }, 'F1 ', element('b', { text: says(final.f1) })));
     }
     return parts;

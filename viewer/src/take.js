@@ -30,6 +30,10 @@ export class Take {
     const notes = list(take.notes);
     this.duration = Math.max(this.steps / this.hz, ...notes.map((note) => note.end ?? note.start));
     this.notes = notes.map((note) => ({ ...note, end: note.end ?? this.duration }));
+    this.dueNotes = list(take.due_notes);
+    /** By which of `notes` each due note was played: `{note, right}` or null. */
+    this.heard = this.dueNotes.map((_, index) => list(take.heard)[index] ?? null);
+    this.noteScores = take.note_scores ?? null;
     /** @type {Map<number, any[]>} */
     this.notesOf = new Map();
     for (const note of this.notes) this.notesOf.set(note.pitch, [...(this.notesOf.get(note.pitch) ?? []), note]);

@@ -144,6 +144,26 @@ test('every note played in a stretch is heard, and in its time', async () => {
   });
 });
 
+test('each due note is listed with how it was played, and a click goes there', async () => {
+  await withPage(given, {}, async (page) => {
+    const take = data.takes[0];
+    const rows = page.locator('.notes tbody tr');
+    assert.equal(await rows.count(), take.due_notes.length);
+    const heard = take.note_scores;
+    await page.getByText(`${heard.matched} of ${heard.matched + heard.missed} notes right, ${heard.wrong} wrong`).first().waitFor();
+    for (const [index, due] of take.due_notes.entries()) {
+      const says = await rows.nth(index).textContent();
+      const played = take.heard[index] && take.notes[take.heard[index].note];
+      if (!played) assert.match(says, /missed/);
+      else assert.ok(says.includes(String(played.velocity)), says);
+      if (played && !take.heard[index].right) assert.match(says, /too (late|early)/);
+      assert.equal(/missed|too/.test(says), !take.heard[index]?.right, `${says} of ${JSON.stringify(due)}`);
+    }
+    await rows.nth(2).getByRole('button').click();
+    assert.ok(Math.abs((await page.evaluate(() => window.etude.time())) - take.due_notes[2].start) < 1e-6);
+  });
+});
+
 test('half speed takes twice as long', async () => {
   await withPage(given, {}, async (page) => {
     await page.keyboard.press('h');
@@ -183,6 +203,9 @@ test('two takes stand side by side, with the places where they part', async () =
       await page.getByRole('button', { name: 'parting' }).first().click();
       assert.ok(Math.abs((await page.evaluate(() => window.etude.time())) - from) < 1e-6);
       assert.ok((await overflow(page)) <= 0);
+      const notes = page.locator('.notes tbody tr');
+      assert.equal(await notes.count(), two.takes[0].due_notes.length);
+      assert.equal(await page.locator('.notes thead th[scope="colgroup"]').count(), 2, 'the notes of A beside those of B');
       await page.getByRole('button', { name: 'Hear take A' }).click();
       await page.screenshot({ path: path.join(screenshots, `replay-two-${name}.png`), fullPage: true });
     });

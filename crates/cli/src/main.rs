@@ -45,6 +45,8 @@ enum Verb {
     Play(verbs::play::Args),
     /// Make a page that shows and plays a recording
     Replay(verbs::replay::Args),
+    /// Compare two performances of one piece, note by note
+    Compare(verbs::compare::Args),
     /// An index page of recordings, each with its replay
     Gallery(verbs::gallery::Args),
     /// Stills and videos of a recording
@@ -91,6 +93,7 @@ fn main() -> ExitCode {
         Verb::Watch(args) => verbs::watch::run(args),
         Verb::Play(args) => verbs::play::run(args),
         Verb::Replay(args) => verbs::replay::run(args),
+        Verb::Compare(args) => verbs::compare::run(args),
         Verb::Gallery(args) => verbs::gallery::run(args),
         Verb::Render(args) => verbs::render::run(args),
         Verb::Export(args) => verbs::export::run(args),

@@ -7,7 +7,8 @@ use anyhow::bail;
 use etude_music::sound::{self, SoundFont};
 use etude_music::{CONTROL_HZ, Song};
 use etude_perform::{
-    Ending, Header, Performance, RecordingWriter, Scores, SimRig, perform, write_file, write_frames_csv,
+    DueNote, Ending, Header, Performance, RecordingWriter, Scores, SimRig, perform, write_file,
+    write_frames_csv,
 };
 use etude_robot::rig::RigConfig;
 use etude_stage::JOINT_NAMES;
@@ -124,6 +125,7 @@ pub(crate) fn header(piece: &Piece, pianist: &Pianist, rig: &str, config: Option
         control_hz: CONTROL_HZ,
         joints: JOINT_NAMES.map(str::to_string).to_vec(),
         due: piece.frames().iter().map(|keys| keys.pitches().collect()).collect(),
+        due_notes: piece.notes().iter().map(|note| DueNote::from(*note)).collect(),
         bar_secs: piece.bars().to_vec(),
         run: Some(serde_json::to_value(&pianist.config).expect("a configuration is plain data")),
         rig_config: config,

@@ -33,7 +33,7 @@ pub use excitation::{Excitation, ExcitationPlayer};
 pub use files::{FileError, write_file, write_frames_csv};
 pub use job::Job;
 pub use messages::{
-    Activity, ArmMessage, HandMessage, Header, KeyMessage, Message, NoteMessage, PolicyMessage,
+    Activity, ArmMessage, DueNote, HandMessage, Header, KeyMessage, Message, NoteMessage, PolicyMessage,
     RewardMessage, SetPointMessage, StepMessage, TargetMessage,
 };
 pub use mode::Mode;

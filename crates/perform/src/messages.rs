@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 
+use etude_music::Note;
 use etude_robot::rig::RigConfig;
 use schemars::{JsonSchema, Schema};
 use serde::de::DeserializeOwned;
@@ -91,6 +92,8 @@ pub struct Header {
     pub joints: Vec<String>,
     /// MIDI numbers of the keys due at each control step.
     pub due: Vec<Vec<u8>>,
+    /// The notes that are due.
+    pub due_notes: Vec<DueNote>,
     /// Times of the score's bar lines, s.
     pub bar_secs: Vec<f64>,
     /// The resolved configuration of the run that the player comes from, as in the run's `config.toml`; without one for an excitation and
@@ -99,6 +102,31 @@ pub struct Header {
     /// The rig's file, resolved; none in simulation.
     #[schemars(with = "Option<serde_json::Value>")]
     pub rig_config: Option<RigConfig>,
+}
+
+/// A note that is due. Times in s from the beginning of the recording.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct DueNote {
+    /// MIDI number.
+    pub pitch: u8,
+    /// MIDI velocity.
+    pub velocity: u8,
+    /// When its key should go down.
+    pub start_secs: f64,
+    /// When it should come up.
+    pub end_secs: f64,
+}
+
+impl From<Note> for DueNote {
+    fn from(Note { pitch, velocity, start_secs, end_secs }: Note) -> Self {
+        Self { pitch, velocity, start_secs, end_secs }
+    }
+}
+
+impl From<DueNote> for Note {
+    fn from(DueNote { pitch, velocity, start_secs, end_secs }: DueNote) -> Self {
+        Self { pitch, velocity, start_secs, end_secs }
+    }
 }
 
 /// One control step, as it stood at its end. Rad and N·m; the rail in m and N.

@@ -1,6 +1,7 @@
 //! Everything that shows a run: replay pages, galleries, pictures and videos, running trainings, the page of a rehearsal, and
 //! models for other programs.
 
+pub mod compare;
 pub mod export;
 pub mod gallery;
 pub mod html;

@@ -1,6 +1,7 @@
 //! One module a verb.
 
 pub mod bench;
+pub mod compare;
 pub mod doctor;
 pub mod evaluate;
 pub mod experiment;

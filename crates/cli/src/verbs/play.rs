@@ -57,9 +57,10 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
 
 /// What a listener hears, in one line.
 pub(super) fn heard(note: &NoteScores) -> String {
-    let error = note
-        .onset_error_median_secs
-        .map_or_else(String::new, |median| format!("; onsets {:+.0} ms in the median", median * 1e3));
+    let error = note.onset_error_median_secs.zip(note.onset_error_p95_secs);
+    let error = error.map_or_else(String::new, |(median, most)| {
+        format!("; onsets {:+.0} ms in the median, 95 % within {:.0} ms", median * 1e3, most * 1e3)
+    });
     let notes = note.matched + note.missed;
     format!("{} of {notes} notes right, {} wrong{error}", note.matched, note.wrong)
 }

@@ -111,6 +111,57 @@ fn half_a_recording_is_shown_as_far_as_it_goes() {
 }
 
 #[test]
+fn two_performances_are_compared_note_by_note() {
+    let desk = played();
+    // A key that sounds deeper comes later, and with luck not at all.
+    desk.ok("play short.mid --scripted --set task.physics.key.threshold=0.9 -o deep");
+    let compared = desk.json("compare out deep -o both.html --json");
+    let notes = compared["notes"].as_array().unwrap();
+    for (side, folder) in ["out", "deep"].into_iter().enumerate() {
+        let report: Value = serde_json::from_slice(&desk.bytes(&format!("{folder}/report.json"))).unwrap();
+        let count = |what: &str| report[what].as_u64().unwrap() as usize;
+        assert_eq!(notes.len(), count("matched") + count("missed"));
+        let strokes: Vec<&Value> =
+            notes.iter().map(|note| &note["played"][side]).filter(|stroke| !stroke.is_null()).collect();
+        let mut late: Vec<f64> = strokes
+            .iter()
+            .filter(|stroke| stroke["right"] == true)
+            .map(|stroke| stroke["onset_error_secs"].as_f64().unwrap())
+            .collect();
+        assert_eq!(late.len(), count("matched"), "{folder}");
+        let strays = compared["strays"][side].as_array().unwrap().len();
+        assert_eq!(strokes.len() + strays, count("matched") + count("wrong"), "{folder}");
+        late.sort_by(f64::total_cmp);
+        if let Some(median) = report["onset_error_median_secs"].as_f64() {
+            let middle = late.len() / 2;
+            let even = late.len() % 2 == 0;
+            let ours = if even { (late[middle - 1] + late[middle]) / 2.0 } else { late[middle] };
+            assert!((ours - median).abs() < 1e-4, "{folder}: {ours} s, in the report {median} s");
+        }
+    }
+    let onset = |side: usize| notes[0]["played"][side]["onset_error_secs"].as_f64();
+    assert!(onset(1).is_none_or(|deep| deep > onset(0).unwrap()), "{:?}", [onset(0), onset(1)]);
+    // The page has both and its table the same notes.
+    let both = data(&desk.bytes("both.html"));
+    assert_eq!(both["takes"].as_array().unwrap().len(), 2);
+    assert_eq!(both["takes"][1]["due_notes"].as_array().unwrap().len(), notes.len());
+    let text = desk.ok("compare out deep");
+    let row = text.lines().find(|line| line.contains(notes[0]["name"].as_str().unwrap())).unwrap();
+    assert!(row.contains(&format!("{:+.0}", onset(0).unwrap() * 1e3)), "{text}");
+    // What cannot be compared is named.
+    desk.ok("play twinkle --scripted -o other");
+    for (args, part) in [
+        ("compare out other", "are not of the same notes"),
+        ("compare out short.mid", "short.mid is not a recording of Étude"),
+        ("compare . out", "name one of them"),
+    ] {
+        let output = desk.command(args).output().unwrap();
+        let said = errors(&output);
+        assert!(output.status.code() == Some(1) && said.contains(part), "{args}: {said}");
+    }
+}
+
+#[test]
 fn no_text_of_a_recording_becomes_markup() {
     let desk = Desk::new();
     let evil = "a<img src=x onerror=alert(1)>\"'<!--<script>.mid";

@@ -8,7 +8,7 @@ mod frame;
 mod note;
 
 pub use frame::{FrameScores, FrameTally, StepScores, frame_scores, step_scores};
-pub use note::{NoteScores, note_scores};
+pub use note::{NoteScores, matched_notes, note_scores};
 
 /// A share of something, or `otherwise` where there is nothing to share.
 fn share(part: usize, whole: usize, otherwise: f64) -> f64 {

@@ -37,6 +37,8 @@ pub struct NoteScores {
     pub onset_error_median_secs: Option<f64>,
     /// Distance between the quartiles of the same errors, in seconds.
     pub onset_error_iqr_secs: Option<f64>,
+    /// Size of these errors, whether early or late, that 95 % of them do not exceed, in seconds.
+    pub onset_error_p95_secs: Option<f64>,
     /// Their mean, in seconds: the bias.
     pub onset_error_mean_secs: Option<f64>,
     /// Notes matched by pitch and onset.
@@ -47,31 +49,18 @@ pub struct NoteScores {
     pub wrong: usize,
 }
 
-/// Scores played notes against those of the song.
-///
-/// Of all largest matchings by onset, the one with the smallest sum of onset errors is taken. The time grows with the square of
-/// the number of strokes of one pitch that follow each other within the tolerance.
+/// Scores played notes against those of the song. The time grows with the square of the number of strokes of one pitch that follow
+/// each other within the tolerance.
 pub fn note_scores(reference: &[Note], played: &[Note]) -> NoteScores {
-    let mut errors = Vec::new();
-    let mut with_offset = 0;
-    for pitch in 0..=u8::MAX {
-        let strokes = |notes: &[Note]| {
-            let mut notes: Vec<Note> = notes.iter().filter(|note| note.pitch == pitch).copied().collect();
-            notes.sort_by(|a, b| {
-                a.start_secs.total_cmp(&b.start_secs).then(a.end_secs.total_cmp(&b.end_secs))
-            });
-            notes
-        };
-        let (due, heard) = (strokes(reference), strokes(played));
-        for (due, heard) in clusters(&due, &heard) {
-            nearest_onsets(due, heard, &mut errors);
-            with_offset += most_pairs(due, heard);
-        }
-    }
-    let matched = errors.len();
+    let (pairs, with_offset) = matchings(reference, played);
+    let matched = pairs.len();
+    let mut errors: Vec<f64> =
+        pairs.iter().map(|[due, heard]| played[*heard].start_secs - reference[*due].start_secs).collect();
     errors.sort_by(f64::total_cmp);
-    let quantile = |q| (matched > 0).then(|| quantile(&errors, q));
-    let iqr = quantile(0.75).zip(quantile(0.25)).map(|(upper, lower)| upper - lower);
+    let mut sizes: Vec<f64> = errors.iter().map(|error| error.abs()).collect();
+    sizes.sort_by(f64::total_cmp);
+    let of = |sorted: &[f64], q| (matched > 0).then(|| quantile(sorted, q));
+    let iqr = of(&errors, 0.75).zip(of(&errors, 0.25)).map(|(upper, lower)| upper - lower);
     let [onset_precision, onset_recall, onset_f1] = rates(matched, reference.len(), played.len());
     let [onset_offset_precision, onset_offset_recall, onset_offset_f1] =
         rates(with_offset, reference.len(), played.len());
@@ -82,13 +71,48 @@ pub fn note_scores(reference: &[Note], played: &[Note]) -> NoteScores {
         onset_offset_precision,
         onset_offset_recall,
         onset_offset_f1,
-        onset_error_median_secs: quantile(0.5),
+        onset_error_median_secs: of(&errors, 0.5),
         onset_error_iqr_secs: iqr,
+        onset_error_p95_secs: of(&sizes, 0.95),
         onset_error_mean_secs: (matched > 0).then(|| errors.iter().sum::<f64>() / matched as f64),
         matched,
         missed: reference.len() - matched,
         wrong: played.len() - matched,
     }
+}
+
+/// Pairs of a note of the song and the played note that matches it by pitch and onset, as indices into the two lists, in the order of
+/// the song's.
+///
+/// Of all largest matchings, it is the one with the smallest sum of onset errors.
+pub fn matched_notes(reference: &[Note], played: &[Note]) -> Vec<[usize; 2]> {
+    matchings(reference, played).0
+}
+
+/// A note and its index in the caller's list.
+type Indexed = (usize, Note);
+
+/// The pairs by onset, and how many could be matched if the releases must be near as well.
+fn matchings(reference: &[Note], played: &[Note]) -> (Vec<[usize; 2]>, usize) {
+    let mut pairs = Vec::new();
+    let mut with_offset = 0;
+    for pitch in 0..=u8::MAX {
+        let strokes = |notes: &[Note]| {
+            let of_pitch = notes.iter().copied().enumerate().filter(|(_, note)| note.pitch == pitch);
+            let mut notes: Vec<Indexed> = of_pitch.collect();
+            notes.sort_by(|(_, a), (_, b)| {
+                a.start_secs.total_cmp(&b.start_secs).then(a.end_secs.total_cmp(&b.end_secs))
+            });
+            notes
+        };
+        let (due, heard) = (strokes(reference), strokes(played));
+        for (due, heard) in clusters(&due, &heard) {
+            nearest_onsets(due, heard, &mut pairs);
+            with_offset += most_pairs(due, heard);
+        }
+    }
+    pairs.sort_unstable();
+    (pairs, with_offset)
 }
 
 fn rates(matched: usize, reference: usize, played: usize) -> [f64; 3] {
@@ -112,14 +136,14 @@ fn ends_near(due: &Note, heard: &Note) -> bool {
 }
 
 /// Cuts two sorted lists where no match is possible across the cut: where the next onset of either is too far away.
-fn clusters<'a>(due: &'a [Note], heard: &'a [Note]) -> Vec<(&'a [Note], &'a [Note])> {
+fn clusters<'a>(due: &'a [Indexed], heard: &'a [Indexed]) -> Vec<(&'a [Indexed], &'a [Indexed])> {
     let mut cut = Vec::new();
     let (mut d, mut h) = (0, 0);
     let (mut d0, mut h0) = (0, 0);
     let mut latest = f64::NEG_INFINITY;
     while d < due.len() || h < heard.len() {
-        let next_due = due.get(d).map_or(f64::INFINITY, |note| note.start_secs);
-        let next_heard = heard.get(h).map_or(f64::INFINITY, |note| note.start_secs);
+        let next_due = due.get(d).map_or(f64::INFINITY, |(_, note)| note.start_secs);
+        let next_heard = heard.get(h).map_or(f64::INFINITY, |(_, note)| note.start_secs);
         let next = next_due.min(next_heard);
         if rounded(next - latest) > ONSET_SECS {
             cut.push((&due[d0..d], &heard[h0..h]));
@@ -135,27 +159,27 @@ fn clusters<'a>(due: &'a [Note], heard: &'a [Note]) -> Vec<(&'a [Note], &'a [Not
     cut
 }
 
-/// Matches onsets, as many as possible and then with the smallest sum of distances, and appends the errors
-/// (played minus due, in seconds). Along a line such a matching never crosses, so dynamic programming finds it.
-fn nearest_onsets(due: &[Note], heard: &[Note], errors: &mut Vec<f64>) {
+/// Matches onsets, as many as possible and then with the smallest sum of distances, and appends the pairs. Along a line such a
+/// matching never crosses, so dynamic programming finds it.
+fn nearest_onsets(due: &[Indexed], heard: &[Indexed], pairs: &mut Vec<[usize; 2]>) {
     /// Pairs made, and their summed distance in seconds.
     type Cell = (usize, f64);
     if due.len().saturating_mul(heard.len()) > MAX_CELLS {
-        return first_come(due, heard, errors);
+        return first_come(due, heard, pairs);
     }
     let better = |a: Cell, b: Cell| if (a.0, -a.1) >= (b.0, -b.1) { a } else { b };
     let width = heard.len() + 1;
     let mut best: Vec<Cell> = vec![(0, 0.0); (due.len() + 1) * width];
-    let pair = |d: usize, h: usize| {
-        let error = heard[h].start_secs - due[d].start_secs;
-        (rounded(error.abs()) <= ONSET_SECS).then_some(error)
+    let distance = |d: usize, h: usize| {
+        let error = (heard[h].1.start_secs - due[d].1.start_secs).abs();
+        (rounded(error) <= ONSET_SECS).then_some(error)
     };
     for d in 1..=due.len() {
         for h in 1..=heard.len() {
             let mut cell = better(best[(d - 1) * width + h], best[d * width + h - 1]);
-            if let Some(error) = pair(d - 1, h - 1) {
-                let (pairs, distance) = best[(d - 1) * width + h - 1];
-                cell = better((pairs + 1, distance + error.abs()), cell);
+            if let Some(error) = distance(d - 1, h - 1) {
+                let (pairs, sum) = best[(d - 1) * width + h - 1];
+                cell = better((pairs + 1, sum + error), cell);
             }
             best[d * width + h] = cell;
         }
@@ -168,8 +192,8 @@ fn nearest_onsets(due: &[Note], heard: &[Note], errors: &mut Vec<f64>) {
         } else if cell == best[d * width + h - 1] {
             h -= 1;
         } else {
-            errors.extend(pair(d - 1, h - 1));
             (d, h) = (d - 1, h - 1);
+            pairs.push([due[d].0, heard[h].0]);
         }
     }
 }
@@ -178,12 +202,12 @@ fn nearest_onsets(due: &[Note], heard: &[Note], errors: &mut Vec<f64>) {
 const MAX_CELLS: usize = 1 << 22;
 
 /// Matches as many onsets as possible, each with the first possible one.
-fn first_come(due: &[Note], heard: &[Note], errors: &mut Vec<f64>) {
+fn first_come(due: &[Indexed], heard: &[Indexed], pairs: &mut Vec<[usize; 2]>) {
     let (mut d, mut h) = (0, 0);
     while d < due.len() && h < heard.len() {
-        let error = heard[h].start_secs - due[d].start_secs;
+        let error = heard[h].1.start_secs - due[d].1.start_secs;
         if rounded(error.abs()) <= ONSET_SECS {
-            errors.push(error);
+            pairs.push([due[d].0, heard[h].0]);
             (d, h) = (d + 1, h + 1);
         } else if error < 0.0 {
             h += 1;
@@ -194,14 +218,16 @@ fn first_come(due: &[Note], heard: &[Note], errors: &mut Vec<f64>) {
 }
 
 /// Size of a largest matching where releases must be near as well, by augmenting paths (breadth first).
-fn most_pairs(due: &[Note], heard: &[Note]) -> usize {
+fn most_pairs(due: &[Indexed], heard: &[Indexed]) -> usize {
     // Notes are sorted by onset, so the candidates are consecutive; the window is a little wider because of rounding.
     let candidates = |d: usize| {
-        let start = due[d].start_secs;
-        let first = heard.partition_point(|note| note.start_secs < start - ONSET_SECS * 1.01 - 1e-3);
-        let near_enough = move |h: &usize| onsets_near(&due[d], &heard[*h]) && ends_near(&due[d], &heard[*h]);
-        let window =
-            heard[first..].iter().take_while(move |note| note.start_secs <= start + ONSET_SECS * 1.01 + 1e-3);
+        let start = due[d].1.start_secs;
+        let first = heard.partition_point(|(_, note)| note.start_secs < start - ONSET_SECS * 1.01 - 1e-3);
+        let near_enough =
+            move |h: &usize| onsets_near(&due[d].1, &heard[*h].1) && ends_near(&due[d].1, &heard[*h].1);
+        let window = heard[first..]
+            .iter()
+            .take_while(move |(_, note)| note.start_secs <= start + ONSET_SECS * 1.01 + 1e-3);
         (first..first + window.count()).filter(near_enough)
     };
     let mut partner_of_due: Vec<Option<usize>> = vec![None; due.len()];
@@ -258,6 +284,8 @@ mod tests {
         let scores = note_scores(&strokes(&[1.0, 1.04]), &strokes(&[0.96, 1.01]));
         assert_eq!((scores.matched, scores.missed, scores.wrong), (2, 0, 0));
         assert!((scores.onset_error_mean_secs.unwrap() + 0.035).abs() < 1e-12);
+        assert_eq!(matched_notes(&strokes(&[1.0, 1.04]), &strokes(&[0.96, 1.01])), [[0, 0], [1, 1]]);
+        assert_eq!(matched_notes(&strokes(&[2.0, 1.0]), &strokes(&[1.01, 9.0, 2.0])), [[0, 2], [1, 0]]);
         // Two ways to match one: the nearer counts.
         let scores = note_scores(&strokes(&[1.0]), &strokes(&[0.97, 1.01]));
         assert_eq!((scores.matched, scores.wrong), (1, 1));

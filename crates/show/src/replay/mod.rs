@@ -2,6 +2,7 @@
 //!
 //! [`Take`] is the page's data of a recording; `viewer/` draws it.
 
+mod heard;
 mod page;
 mod rewards;
 mod roll;
@@ -13,6 +14,7 @@ use anyhow::{Context as _, bail};
 use etude_perform::Recording;
 use walkdir::WalkDir;
 
+pub use heard::Heard;
 pub use page::replay_page;
 pub(crate) use roll::roll_svg;
 pub use take::{Mark, MarkKind, PlayedNote, Take};

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use etude_music::metrics::{FrameScores, FrameTally, frame_scores};
+use etude_music::metrics::{FrameScores, FrameTally, NoteScores, frame_scores, note_scores};
 use etude_music::sound::{self, SoundError};
 use etude_music::{CONTROL_HZ, HIGHEST_PITCH, KeyEvent, KeySet, LOWEST_PITCH, Note, notes_from_key_events};
 use etude_perform::stand::stage_side;
@@ -11,6 +11,7 @@ use etude_stage::{JOINTS, Scene, StageConfig, World};
 use etude_task::TaskConfig;
 use serde::Serialize;
 
+use super::heard::{Heard, heard};
 use super::rewards::{RewardCurve, rewards, rounded};
 
 /// Clamps of one joint by one limit that are no further apart than this are one mark, s.
@@ -52,6 +53,12 @@ pub struct Take {
     pub pressed: Vec<Vec<u8>>,
     /// The notes that were played.
     pub notes: Vec<PlayedNote>,
+    /// The notes that were due; empty without a song, and in a recording of an Étude that did not write them yet.
+    pub due_notes: Vec<PlayedNote>,
+    /// By which of `notes` each of `due_notes` was played.
+    pub heard: Vec<Option<Heard>>,
+    /// Scores by note; none without `due_notes`.
+    pub note_scores: Option<NoteScores>,
     /// Scores of the steps so far, after each step; empty without a song.
     pub running: Running,
     /// Scores of the whole song, in which steps that were not played count as silent; none without a song.
@@ -68,14 +75,14 @@ pub struct Take {
     task: TaskConfig,
 }
 
-/// A note as it was played.
+/// A note, as it was played or as it was due.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct PlayedNote {
     /// MIDI number.
     pub pitch: u8,
-    /// When its key was struck.
+    /// When its key goes down.
     pub start: f64,
-    /// When its key was released.
+    /// When its key comes up.
     pub end: f64,
     /// MIDI velocity.
     pub velocity: u8,
@@ -151,6 +158,8 @@ impl Take {
         }
         let positions: Vec<[f64; JOINTS]> =
             steps.iter().map(|step| std::array::from_fn(|joint| step.positions[joint])).collect();
+        let notes = played(recording, end_secs);
+        let due_notes: Vec<Note> = header.due_notes.iter().map(|note| Note::from(*note)).collect();
         let (rewards, rewards_note) = rewards(recording, &task, &mut world, &due, &pressed, &positions);
         Ok(Self {
             name,
@@ -165,7 +174,10 @@ impl Take {
             joints: header.joints.clone(),
             positions: positions.iter().map(|row| row.map(rounded).to_vec()).collect(),
             start,
-            notes: played(recording, end_secs),
+            heard: heard(&due_notes, &notes),
+            note_scores: (!due_notes.is_empty()).then(|| note_scores(&due_notes, &notes)),
+            due_notes: due_notes.iter().map(PlayedNote::of).collect(),
+            notes: notes.iter().map(PlayedNote::of).collect(),
             running,
             last: (!due.is_empty()).then(|| frame_scores(&due, &pressed)),
             due: due.iter().map(|keys| keys.pitches().collect()).collect(),
@@ -221,7 +233,14 @@ fn task_of(header: &Header) -> TaskConfig {
     })
 }
 
-fn played(recording: &Recording, end_secs: f64) -> Vec<PlayedNote> {
+impl PlayedNote {
+    fn of(note: &Note) -> Self {
+        let (start, end) = (rounded(note.start_secs), rounded(note.end_secs));
+        Self { pitch: note.pitch, start, end, velocity: note.velocity }
+    }
+}
+
+fn played(recording: &Recording, end_secs: f64) -> Vec<Note> {
     let on_keyboard = |pitch: u8| (LOWEST_PITCH..=HIGHEST_PITCH).contains(&pitch);
     let events: Vec<KeyEvent> = recording
         .keys
@@ -234,15 +253,7 @@ fn played(recording: &Recording, end_secs: f64) -> Vec<PlayedNote> {
             velocity: key.velocity,
         })
         .collect();
-    let notes = notes_from_key_events(&events, end_secs).into_iter();
-    notes
-        .map(|note| PlayedNote {
-            pitch: note.pitch,
-            start: rounded(note.start_secs),
-            end: rounded(note.end_secs),
-            velocity: note.velocity,
-        })
-        .collect()
+    notes_from_key_events(&events, end_secs)
 }
 
 fn incomplete(recording: &Recording, steps: usize, due: usize) -> Option<String> {

@@ -1,0 +1,115 @@
+//! `etude compare`: two performances of one piece, note by note.
+
+use std::path::{Path, PathBuf};
+
+use anyhow::bail;
+use etude_music::pitch_name;
+use etude_show::compare::{Comparison, Stroke};
+use etude_show::replay::{PlayedNote, Take, read_take, recordings, replay_page};
+use serde_json::json as object;
+
+use super::play::heard;
+use super::{file_to_write, json, line, note};
+use crate::Ending;
+
+/// The two performances, and the page.
+#[derive(clap::Args)]
+#[command(after_help = "\
+Onset, length: played minus due, in ms; late and long are positive. A note marked ! is more than 50 ms early or \
+late: it counts as missed, and its stroke as wrong. Velocity: MIDI, 1 to 127.
+
+Examples:
+  etude compare out/twinkle out/twinkle-real
+  etude compare before.mcap after.mcap -o both.html   # and a page with both, to see and to hear")]
+pub struct Args {
+    /// A recording (*.mcap), or a folder that holds one
+    #[arg(value_name = "A")]
+    one: PathBuf,
+    /// Another one of the same piece
+    #[arg(value_name = "B")]
+    other: PathBuf,
+    /// Also write a replay page that shows and plays both
+    #[arg(short = 'o', long = "out", value_name = "FILE")]
+    out: Option<PathBuf>,
+    /// Print JSON: a and b (name, player, scores), notes (due_secs, name, played: onset_error_secs, …), strays, page
+    #[arg(long)]
+    json: bool,
+}
+
+/// Runs the verb.
+pub fn run(args: Args) -> anyhow::Result<Ending> {
+    let takes = [take(&args.one)?, take(&args.other)?];
+    let comparison = Comparison::new(&takes[0], &takes[1])?;
+    let page =
+        args.out.map(|page| file_to_write(page, "html", "a replay is written as .html")).transpose()?;
+    if let Some(page) = &page {
+        replay_page(&takes, page)?;
+    }
+    if args.json {
+        let [a, b] = takes.each_ref().map(summary);
+        let Comparison { notes, strays } = &comparison;
+        json(&object!({ "a": a, "b": b, "notes": notes, "strays": strays, "page": page }))?;
+    } else {
+        print(&takes, &comparison)?;
+        if let Some(page) = &page {
+            line(format!("Open in a browser: {}", page.display()))?;
+        }
+    }
+    Ok(Ending::Done)
+}
+
+fn take(path: &Path) -> anyhow::Result<Take> {
+    let found = recordings(path)?;
+    let [recording] = found.as_slice() else {
+        let names: Vec<String> = found.iter().map(|path| path.display().to_string()).collect();
+        bail!("{} holds {} recordings; name one of them: {}", path.display(), found.len(), names.join(", "));
+    };
+    read_take(recording)
+}
+
+fn summary(take: &Take) -> serde_json::Value {
+    object!({ "name": take.name, "song": take.song, "player": take.player, "rig": take.rig, "mode": take.mode,
+              "notes": take.note_scores, "frames": take.last })
+}
+
+fn print(takes: &[Take; 2], comparison: &Comparison) -> anyhow::Result<()> {
+    line(&takes[0].song)?;
+    for (letter, take) in ["A", "B"].into_iter().zip(takes) {
+        let what = [&take.rig, &take.mode, &take.player].map(String::as_str);
+        let what: Vec<&str> = what.into_iter().filter(|text| !text.is_empty()).collect();
+        line(format!("{letter}  {} ({})", take.name, what.join(" · ")))?;
+        let f1 = take.last.map_or_else(String::new, |frame| format!("; F1 {:.3}", frame.f1));
+        line(format!("   {}{f1}", take.note_scores.as_ref().map_or_else(String::new, heard)))?;
+    }
+    line("")?;
+    line(format!("{:>18}{:^28}{:^28}", "", "A", "B"))?;
+    let heads = format!("{:>9} {:>7} {:>9} ", "onset", "length", "velocity");
+    line(format!("{:>9}  {:7}{heads}{heads}", "due", "note").trim_end())?;
+    for due in &comparison.notes {
+        let [a, b] = due.played.map(cells);
+        line(format!("{:>7.2} s  {:7}{a}{b}", due.due_secs, due.name).trim_end())?;
+    }
+    for (letter, strays) in ["A", "B"].into_iter().zip(&comparison.strays) {
+        if !strays.is_empty() {
+            let strokes: Vec<String> = strays.iter().map(said).collect();
+            line(format!("Strokes of {letter} that play no due note: {}", strokes.join(", ")))?;
+        }
+    }
+    for take in takes {
+        if let Some(text) = &take.incomplete {
+            note(format!("{}: {text}", take.name));
+        }
+    }
+    Ok(())
+}
+
+fn cells(stroke: Option<Stroke>) -> String {
+    let Some(stroke) = stroke else { return format!("{:>9} {:>7} {:>9} ", "missed", "", "") };
+    let mark = if stroke.right { ' ' } else { '!' };
+    let (onset, length) = (stroke.onset_error_secs * 1e3, stroke.length_error_secs * 1e3);
+    format!("{:>8} {:>7} {:>9} ", format!("{onset:+.0}{mark}"), format!("{length:+.0}"), stroke.velocity)
+}
+
+fn said(note: &PlayedNote) -> String {
+    format!("{} at {:.2} s for {:.0} ms", pitch_name(note.pitch), note.start, (note.end - note.start) * 1e3)
+}

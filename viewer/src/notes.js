@@ -1,0 +1,71 @@
+/** Note by note: every due note with how each take played it, and the strokes that play none. A click goes to its place. */
+
+import { clockText, element, pitchName } from './dom.js';
+
+const signed = (secs) => `${secs < -0.0005 ? '−' : '+'}${Math.abs(secs * 1000).toFixed(0)}`;
+
+/** What a listener hears of a take, in a few words; null without notes that were due. */
+export function summary(take) {
+  const { noteScores: scores } = take;
+  if (!scores) return null;
+  return `${scores.matched} of ${scores.matched + scores.missed} notes right, ${scores.wrong} wrong`;
+}
+
+/**
+ * @param {{take: any, letter: string}[]} shown one or two takes of the same notes
+ * @returns {HTMLElement | null} null if no take has notes that were due, or if two are of different notes
+ */
+export function noteTable(shown, seek) {
+  const [{ take: first }] = shown;
+  const pitches = (take) => take.dueNotes.map((note) => note.pitch).join();
+  if (first.dueNotes.length === 0 || shown.some(({ take }) => pitches(take) !== pitches(first))) return null;
+  const place = (secs, name) => element('button', { text: clockText(secs), 'aria-label': `${name} at ${clockText(secs)}`, on: { click: () => seek(secs) } });
+  const heads = (names) => names.map((text) => element('th', { scope: 'col', text }));
+  const rows = first.dueNotes.map((due, index) => element(
+    'tr', {},
+    element('td', {}, place(due.start, pitchName(due.pitch))),
+    element('th', { scope: 'row', text: pitchName(due.pitch) }),
+    ...shown.flatMap(({ take }) => cells(take, index)),
+  ));
+  const letters = shown.length > 1 && element(
+    'tr', {},
+    element('td', { colspan: 2 }),
+    ...shown.map(({ letter }, index) => element('th', { scope: 'colgroup', colspan: 3, class: `take-${'ab'[index]}`, text: letter })),
+  );
+  return element(
+    'section', { class: 'notes' },
+    element('h2', { text: 'Note by note' }),
+    element('p', { class: 'note', text: 'Onset and length: played minus due, in ms; late and long are positive. A note more than 50 ms early or late counts as missed, and its stroke as wrong. Velocity: MIDI.' }),
+    element(
+      'div', { class: 'scroll', tabindex: '0', role: 'region', 'aria-label': 'Notes' },
+      element(
+        'table', {},
+        element('thead', {}, letters || null, element('tr', {}, ...heads(['due', 'note']), ...shown.flatMap(() => heads(['onset', 'length', 'velocity'])))),
+        element('tbody', {}, ...rows),
+      ),
+    ),
+    ...shown.map(({ take, letter }) => strays(take, letter, place)),
+  );
+}
+
+function cells(take, index) {
+  const heard = take.heard[index];
+  const note = heard && take.notes[heard.note];
+  if (!note) return [element('td', { class: 'missed', colspan: 3, text: 'missed' })];
+  const due = take.dueNotes[index];
+  const error = note.start - due.start;
+  const late = error > 0 ? 'late' : 'early';
+  return [
+    element('td', { class: heard.right ? null : 'off', text: heard.right ? signed(error) : `${signed(error)}, too ${late}` }),
+    element('td', { text: signed(note.end - note.start - (due.end - due.start)) }),
+    element('td', { text: String(note.velocity) }),
+  ];
+}
+
+function strays(take, letter, place) {
+  const played = new Set(take.heard.filter((heard) => heard).map((heard) => heard.note));
+  const left = take.notes.filter((_, index) => !played.has(index));
+  if (left.length === 0) return null;
+  const stroke = (note) => element('li', {}, place(note.start, `Stray ${pitchName(note.pitch)}`), ` ${pitchName(note.pitch)}, ${((note.end - note.start) * 1000).toFixed(0)} ms`);
+  return element('div', { class: 'strays' }, element('h3', { text: `Strokes that play no due note${letter && `, ${letter}`}` }), element('ul', {}, ...left.map(stroke)));
+}
