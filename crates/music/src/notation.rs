@@ -1,8 +1,9 @@
 //! Music written as text, for songs in source code.
 //!
 //! Tokens are separated by spaces: a pitch with its octave (`C4`, `Bb4`, `F#5`), several joined by `+` for a chord,
-//! or `-` for a rest; then, unless it lasts one beat, a colon and its length in beats. `|` ends a bar. The
-//! lengths of bars are checked; a short first bar is a pickup, and the last bar may be short.
+//! or `-` for a rest; `>` for an accent; then, unless it lasts one beat, a colon and its length in beats. `|` ends a bar. The
+//! lengths of bars are checked; a short first bar is a pickup, and the last bar may be short. `pp`, `p`, `mp`, `mf`, `f` and `ff` say how
+//! loud what follows is; `mf` before the first of them.
 //!
 //! ```
 //! let song = etude_music::notation::read("Lullaby", "C4 D4:.5 E4:.5 C4+G4:2 | - G4:3", 0.5, 4)?;
@@ -14,10 +15,14 @@
 use crate::error::SongError;
 use crate::meter::BeatGrid;
 use crate::note::Note;
-use crate::song::Song;
+use crate::song::{MAX_VELOCITY, Song};
 
-/// How loud written music is struck: *mezzo-forte*.
-const VELOCITY: u8 = 80;
+/// MIDI velocities of the dynamic marks, as MuseScore plays them.
+const DYNAMICS: [(&str, u8); 6] = [("pp", 33), ("p", 49), ("mp", 64), ("mf", 80), ("f", 96), ("ff", 112)];
+/// How loud music without marks is.
+const MEZZO_FORTE: u8 = DYNAMICS[3].1;
+/// How much louder an accent is: one mark.
+const ACCENT: u8 = 16;
 /// Lengths are decimal fractions of a beat; sums of them are compared to this, in beats.
 const SAME_BEATS: f64 = 1e-6;
 
@@ -30,6 +35,7 @@ pub fn read(title: &str, music: &str, beat_secs: f64, beats_per_bar: u8) -> Resu
     let mut beat = 0.0;
     let mut bar_began = 0.0;
     let mut pickup = None;
+    let mut velocity = MEZZO_FORTE;
     for (index, text) in music.split_whitespace().enumerate() {
         let wrong = |why: &str| {
             SongError::Invalid(format!("in the written music, token {} (`{text}`): {why}", index + 1))
@@ -44,17 +50,25 @@ pub fn read(title: &str, music: &str, beat_secs: f64, beats_per_bar: u8) -> Resu
             bar_began = beat;
             continue;
         }
+        if let Some((_, marked)) = DYNAMICS.iter().find(|(mark, _)| *mark == text) {
+            velocity = *marked;
+            continue;
+        }
         let (sound, length) = text.split_once(':').unwrap_or((text, "1"));
         let length: f64 = length.parse().map_err(|_| wrong("its length is not a number of beats"))?;
         if !(length > 0.0 && length.is_finite()) {
             return Err(wrong("its length must be above zero"));
         }
+        let (sound, velocity) = match sound.strip_suffix('>') {
+            Some(accented) => (accented, velocity.saturating_add(ACCENT).min(MAX_VELOCITY)),
+            None => (sound, velocity),
+        };
         if sound != "-" {
             for name in sound.split('+') {
                 let pitch =
                     pitch(name).ok_or_else(|| wrong("a pitch is a letter, perhaps # or b, and an octave"))?;
                 let (start_secs, end_secs) = (beat * beat_secs, (beat + length) * beat_secs);
-                notes.push(Note { pitch, velocity: VELOCITY, start_secs, end_secs });
+                notes.push(Note { pitch, velocity, start_secs, end_secs });
             }
         }
         beat += length;
@@ -96,6 +110,13 @@ mod tests {
         for bad in ["", "H4", "C", "C44", "c4", "G#9", "Cb-1", "C#", "Dé"] {
             assert_eq!(pitch(bad), None, "{bad}");
         }
+    }
+
+    #[test]
+    fn marks_and_accents_say_how_loud() {
+        let song = read("", "C4 p D4 E4+G4>:2 | ff F4> F4:3", 1.0, 4).unwrap();
+        let velocities: Vec<_> = song.notes().iter().map(|note| note.velocity).collect();
+        assert_eq!(velocities, [80, 49, 65, 65, 127, 112]);
     }
 
     #[test]

@@ -1,4 +1,4 @@
-//! The built-in songs: those of the paper and of its first version.
+//! The built-in songs: those of the paper and of its first version, and one with dynamics.
 //!
 //! To add a song: one entry in [`PIECES`]. Melodies are in the middle range, one voice for one hand. Tempos are chosen so that episodes
 //! are as long as the paper's, which follow from its unrounded F1 values. Songs have no silence in front; an episode adds it
@@ -85,6 +85,17 @@ pub const PIECES: &[Piece] = &[
         beat_secs: 0.5,
         beats_per_bar: 4,
         music: "C4+E4:4 | F4+A4+C5:4 | G4+B4+D5:4 | C4+E4+G4:4",
+    },
+    // A folk song with dynamics of ours: a crescendo, an accent, an echo.
+    Piece {
+        id: "au-clair",
+        title: "Au Clair de la Lune",
+        beat_secs: 0.5,
+        beats_per_bar: 4,
+        music: "mp C4 C4 C4 D4 | mf E4:2 D4:2 | mp C4 E4 D4 D4 | C4:4 |
+                p D4 D4 mp D4 D4 | mf A3:2 f A3:2 | ff D4> f C4 mf B3 mp A3 | p G3:4 |
+                f C4 C4 C4 D4 | E4>:2 D4:2 | mf C4 E4 D4 D4 | mp C4:4 |
+                pp C4 C4 C4 D4 | p E4:2 D4:2 | pp C4 E4 D4 D4 | C4:4",
     },
 ];
 

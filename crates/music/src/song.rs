@@ -18,7 +18,7 @@ use crate::note::{Note, one_string_a_pitch};
 use crate::range::{OffendingNote, OutOfRange};
 
 const MAX_PITCH: u8 = 127;
-const MAX_VELOCITY: u8 = 127;
+pub(crate) const MAX_VELOCITY: u8 = 127;
 
 /// Notes with times in seconds, a title, and bars and beats.
 #[derive(Clone, Debug, PartialEq)]

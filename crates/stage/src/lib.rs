@@ -24,6 +24,7 @@ mod mjcf;
 pub mod params;
 mod picture;
 mod scene;
+mod strike;
 mod world;
 
 pub use config::{Cone, Integrator, KeyFactors, ModelOptions, PHYSICS_STEPS, StageConfig};
@@ -35,4 +36,5 @@ pub use mujoco_rs::mujoco_version;
 pub use params::{ParamError, PhysicalParams};
 pub use picture::{Painter, PictureError, View, picture_size};
 pub use scene::{Scene, SceneBody, SceneGeom, SceneJoint};
+pub use strike::{LOUDEST_SECS, SOFTEST_SECS, strike_velocity};
 pub use world::{Snapshot, SnapshotError, StepOutcome, World};

@@ -50,6 +50,8 @@ pub struct TaskConfig {
     /// each fingertip relative to its goal, and the rail's action is a distance from its planned place. The reward terms `fingering` and
     /// `preparation` need it. The paper has none.
     pub fingering: bool,
+    /// Whether the observation shows, with each finger's goal, the velocity of its note. It needs a fingering.
+    pub velocities: bool,
     /// Scale of the joint readings in the observation.
     pub scale: ObservationScale,
     /// Whether training episodes start anywhere in the song. Evaluations always play the whole song.
@@ -69,6 +71,7 @@ impl Default for TaskConfig {
             previous_joints: true,
             previous_actions: 0,
             fingering: false,
+            velocities: false,
             scale: ObservationScale::default(),
             random_start: false,
         }
@@ -113,6 +116,12 @@ impl TaskConfig {
             return Err(TaskError::Value(format!(
                 "the reward term `{term}` needs a fingering; set task.fingering = true"
             )));
+        }
+        if self.velocities && !self.fingering {
+            return Err(TaskError::Value(
+                "task.velocities shows them with the goals of a fingering; set task.fingering = true"
+                    .to_string(),
+            ));
         }
         Ok(())
     }

@@ -42,6 +42,11 @@ impl History {
 
 /// Real columns for each finger's goal: see [`observe`].
 const GOAL_COLUMNS: usize = 3;
+/// Columns of a finger's goal.
+fn goal_columns(config: &TaskConfig) -> usize {
+    GOAL_COLUMNS + usize::from(config.velocities)
+}
+
 /// Farthest distance from a goal that the observation shows, white keys.
 const FARTHEST_KEYS: f64 = 4.0;
 
@@ -49,7 +54,7 @@ const FARTHEST_KEYS: f64 = 4.0;
 pub fn layout(config: &TaskConfig) -> ObservationLayout {
     let joints = if config.previous_joints { 2 * JOINTS } else { JOINTS };
     let actions = config.previous_actions * ACTION_LEN;
-    let goals = if config.fingering { GOAL_COLUMNS * FINGERS } else { 0 };
+    let goals = if config.fingering { goal_columns(config) * FINGERS } else { 0 };
     let playing = if config.fingering { FINGERS * (config.lookahead + 1) } else { 0 };
     ObservationLayout { real: joints + actions + goals, binary: KEYS * (config.lookahead + 2) + playing }
 }
@@ -59,8 +64,8 @@ pub fn layout(config: &TaskConfig) -> ObservationLayout {
 /// steps, and the fingers that should play in each of these steps.
 ///
 /// The place relative to a goal has three columns: how far the fingertip is beyond it toward the player (x) and along the
-/// keyboard, in white keys from −4 to 4, and the time until the note begins, as a fraction of [`AHEAD_STEPS`]. A finger without a
-/// goal has 0, 0 and 1. The fingertip is the centre of the rounded tip where the readings place it.
+/// keyboard, in white keys from −4 to 4, and the time until the note begins, as a fraction of [`AHEAD_STEPS`]. With
+/// [`TaskConfig::velocities`] a fourth is the note's MIDI velocity over 127. A finger without a goal has 0, 0, 1 and 0. The fingertip is the centre of the rounded tip where the readings place it.
 pub fn observe(
     config: &TaskConfig,
     joints: &[f64; JOINTS],
@@ -82,9 +87,10 @@ pub fn observe(
         columns.copy_from_slice(action);
     }
     let goals = piece.goals(step);
-    for (finger, (columns, goal)) in places.chunks_exact_mut(GOAL_COLUMNS).zip(goals).enumerate() {
-        columns
-            .copy_from_slice(&goal.map_or([0.0, 0.0, 1.0], |goal| from_goal(config, joints, finger, &goal)));
+    for (finger, (columns, goal)) in places.chunks_exact_mut(goal_columns(config)).zip(goals).enumerate() {
+        let (place, velocity) = columns.split_at_mut(GOAL_COLUMNS);
+        place.copy_from_slice(&goal.map_or([0.0, 0.0, 1.0], |goal| from_goal(config, joints, finger, &goal)));
+        velocity.fill(goal.map_or(0.0, |goal| f32::from(goal.velocity) / 127.0));
     }
     binary.fill(0.0);
     let (keys, playing) = binary.split_at_mut(KEYS * (config.lookahead + 2));

@@ -67,10 +67,11 @@ pub const TERMS: &[Term] = &[
     term("wrong_travel", 0.0, wrong_travel),
     term("fingering", 0.0, fingering),
     term("preparation", 0.0, preparation),
+    term("velocity", 0.0, velocity),
 ];
 
 /// Terms that need [`TaskConfig::fingering`](crate::TaskConfig::fingering).
-pub const OF_A_FINGERING: [&str; 2] = ["fingering", "preparation"];
+pub const OF_A_FINGERING: [&str; 3] = ["fingering", "preparation", "velocity"];
 
 /// Weight of the rail's power relative to that of the fingers, as in lasr-lab/learning-to-play-piano.
 const RAIL_SHARE: f64 = 0.003;
@@ -163,6 +164,19 @@ fn closeness_to_goals(
         count += 1;
     }
     if count == 0 { 1.0 } else { sum / f64::from(count) }
+}
+
+/// Steps before its beginning from which a strike counts as that of a note.
+const STRIKE_EARLY_STEPS: usize = 1;
+
+/// Minus the squared difference, as a share of 127, of the velocity of each strike to that of the note that it plays.
+fn velocity(moment: &Moment) -> f64 {
+    let strikes = moment.world.events().iter().filter(|event| event.velocity > 0);
+    let played = strikes.filter_map(|strike| {
+        let plays = |goal: &&Goal| goal.key == strike.key && goal.wait_steps <= STRIKE_EARLY_STEPS;
+        moment.goals.iter().flatten().find(plays).map(|goal| (strike.velocity, goal.velocity))
+    });
+    -played.map(|(ours, due)| ((f64::from(ours) - f64::from(due)) / 127.0).powi(2)).sum::<f64>()
 }
 
 /// 0.5 if there was no contact other than fingertips on the keyboard during the step, else 0.

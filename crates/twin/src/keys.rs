@@ -6,11 +6,9 @@
 use std::time::Duration;
 
 use etude_music::KEYS;
+use etude_stage::strike_velocity;
 
 use crate::numbers::{KeysTruth, STEP};
-
-/// Largest MIDI velocity.
-const LOUDEST: f64 = 127.0;
 
 /// An event of a key.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -84,11 +82,9 @@ impl Keys {
         }
     }
 
-    /// MIDI velocity of a key whose contacts closed so far apart: falls evenly with the time's logarithm.
+    /// MIDI velocity of a key whose contacts closed so far apart.
     fn velocity(&self, between: Duration) -> u8 {
-        let secs = between.max(STEP).as_secs_f64();
-        let share = (secs / self.loudest_secs).ln() / (self.softest_secs / self.loudest_secs).ln();
-        (LOUDEST - (LOUDEST - 1.0) * share).round().clamp(1.0, LOUDEST) as u8
+        strike_velocity(between.max(STEP).as_secs_f64(), self.loudest_secs, self.softest_secs)
     }
 }
 

@@ -149,8 +149,8 @@ impl Default for KeysTruth {
             stiffness_spread: 0.0,
             travel: 1.0,
             first_contact: 0.3,
-            loudest_secs: 0.004,
-            softest_secs: 0.15,
+            loudest_secs: etude_stage::LOUDEST_SECS,
+            softest_secs: etude_stage::SOFTEST_SECS,
         }
     }
 }

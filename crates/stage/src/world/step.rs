@@ -9,9 +9,7 @@ use super::World;
 use crate::config::PHYSICS_STEPS;
 use crate::controller::{Controller, Gains};
 use crate::hand::{JOINTS, RAIL, joint_range};
-
-/// Speed of a key at its threshold that gives the greatest MIDI velocity, rad/s: a finger at about 0.3 m/s.
-const LOUDEST_RAD_PER_SEC: f64 = 2.0;
+use crate::strike::{CONTACTS_APART, LOUDEST_SECS, SOFTEST_SECS, strike_velocity};
 
 /// What happened during one control step.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -142,8 +140,9 @@ impl World {
             return;
         }
         for key in now.difference(self.pressed).iter() {
-            let speed = velocities[self.layout.key_dof[key]] / LOUDEST_RAD_PER_SEC;
-            let velocity = (speed.clamp(0.0, 1.0) * 126.0).round() as u8 + 1;
+            let speed = velocities[self.layout.key_dof[key]].max(0.0);
+            let between_secs = CONTACTS_APART * self.lower_stop(key) / speed;
+            let velocity = strike_velocity(between_secs, LOUDEST_SECS, SOFTEST_SECS);
             self.events.push(KeyEvent { secs, key, velocity });
         }
         for key in self.pressed.difference(now).iter() {

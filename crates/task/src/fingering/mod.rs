@@ -34,6 +34,8 @@ pub struct Goal {
     pub over: [f64; 2],
     /// Control steps until the note begins; 0 while it sounds.
     pub wait_steps: usize,
+    /// MIDI velocity of the note.
+    pub velocity: u8,
 }
 
 /// The goal of each finger in one control step, if it has one.
@@ -51,7 +53,7 @@ pub struct Fingering {
 impl Fingering {
     /// Plans `piece` for this stage with these physical numbers.
     pub fn plan(stage: &StageConfig, params: &PhysicalParams, piece: &Piece) -> Self {
-        let strokes = strokes::strokes(piece.frames());
+        let strokes = strokes::strokes(piece.frames(), piece.notes());
         let slices = strokes::slices(&strokes);
         let comb = Comb::new(stage.side, params);
         let rail = Rail::new(stage, params);
@@ -119,7 +121,8 @@ fn goals(comb: &Comb, notes: &[Played], steps: usize) -> Vec<Goals> {
             let wait_steps = note.start.saturating_sub(step);
             let goal = &mut goals[note.finger];
             if goal.is_none_or(|goal| goal.wait_steps > wait_steps) {
-                *goal = Some(Goal { key: note.key, over: comb.over(note.key), wait_steps });
+                let (key, velocity) = (note.key, note.velocity);
+                *goal = Some(Goal { key, over: comb.over(key), wait_steps, velocity });
             }
         }
     }

@@ -249,6 +249,8 @@ pub struct Played {
     pub start: usize,
     /// Control step after its last.
     pub end: usize,
+    /// Its MIDI velocity.
+    pub velocity: u8,
     /// Why it ends early, if it does.
     pub cut: Option<LimitKind>,
     pub(crate) stroke: usize,
@@ -260,9 +262,9 @@ pub(crate) fn played(planner: &Planner<'_>, plan: &[Place]) -> Vec<Played> {
     for (index, (slice, place)) in planner.slices.iter().zip(plan).enumerate() {
         for (finger, stroke) in place.hand.iter().enumerate() {
             let Some(stroke) = *stroke else { continue };
-            let Stroke { key, start, end } = planner.strokes[stroke];
+            let Stroke { key, start, end, velocity } = planner.strokes[stroke];
             if start == slice.start {
-                notes.push(Played { finger, key, start, end, cut: None, stroke });
+                notes.push(Played { finger, key, start, end, velocity, cut: None, stroke });
             }
         }
         let Some(next) = plan.get(index + 1) else { break };

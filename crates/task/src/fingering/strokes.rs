@@ -3,7 +3,10 @@
 //! Strokes are read from the frames and not from the notes, because the frames are scored: they already contain the gap between two
 //! strokes of one key.
 
-use etude_music::KeySet;
+use etude_music::{CONTROL_HZ, KeySet, LOWEST_PITCH, Note};
+
+/// Velocity of a key that is due without a note, which only tests make.
+const UNKNOWN_VELOCITY: u8 = 64;
 
 /// One stroke: `key` sounds in the control steps `start..end`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -11,6 +14,8 @@ pub(crate) struct Stroke {
     pub key: usize,
     pub start: usize,
     pub end: usize,
+    /// MIDI velocity.
+    pub velocity: u8,
 }
 
 /// A moment at which at least one stroke begins, with all strokes that sound then.
@@ -21,14 +26,20 @@ pub(crate) struct Slice {
     pub sounding: Vec<usize>,
 }
 
-/// All strokes in order of their beginning, lowest key first.
-pub(crate) fn strokes(frames: &[KeySet]) -> Vec<Stroke> {
+/// All strokes in order of their beginning, lowest key first. Each has the velocity of the note of its key that begins nearest.
+pub(crate) fn strokes(frames: &[KeySet], notes: &[Note]) -> Vec<Stroke> {
+    let velocity = |key: usize, start: usize| {
+        let away = |note: &&Note| (note.start_secs - start as f64 / CONTROL_HZ).abs();
+        let of_key = notes.iter().filter(|note| usize::from(note.pitch) == key + usize::from(LOWEST_PITCH));
+        of_key.min_by(|a, b| away(a).total_cmp(&away(b))).map_or(UNKNOWN_VELOCITY, |note| note.velocity)
+    };
     let mut found = Vec::new();
     let mut before = KeySet::EMPTY;
     for (start, &now) in frames.iter().enumerate() {
         for key in now.difference(before).iter() {
             let length = frames[start..].iter().take_while(|frame| frame.contains(key)).count();
-            found.push(Stroke { key, start, end: start + length });
+            let (end, velocity) = (start + length, velocity(key, start));
+            found.push(Stroke { key, start, end, velocity });
         }
         before = now;
     }
@@ -63,9 +74,11 @@ mod tests {
         let frames: Vec<KeySet> = [&[][..], &[60], &[60, 64], &[64], &[], &[64]]
             .map(|p| KeySet::from_pitches(p.iter().copied()))
             .into();
-        let strokes = strokes(&frames);
-        let stroke = |key, start, end| Stroke { key, start, end };
-        assert_eq!(strokes, [stroke(24, 1, 3), stroke(28, 2, 4), stroke(28, 5, 6)]);
+        let note =
+            |pitch, start_secs, velocity| Note { pitch, velocity, start_secs, end_secs: start_secs + 0.1 };
+        let strokes = strokes(&frames, &[note(60, 0.06, 50), note(64, 0.26, 90), note(64, 0.11, 70)]);
+        let stroke = |key, start, end, velocity| Stroke { key, start, end, velocity };
+        assert_eq!(strokes, [stroke(24, 1, 3, 50), stroke(28, 2, 4, 70), stroke(28, 5, 6, 90)]);
         let sounding: Vec<_> =
             slices(&strokes).into_iter().map(|slice| (slice.start, slice.sounding)).collect();
         assert_eq!(sounding, [(1, vec![0]), (2, vec![0, 1]), (5, vec![2])]);

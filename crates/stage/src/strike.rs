@@ -1,0 +1,32 @@
+//! MIDI velocity of a strike, as keyboards measure it: by the time between a key's two contacts.
+//!
+//! The velocity falls evenly with the logarithm of that time. The times are judgements: no manual of the Keystation gives them.
+
+/// Travel between the first contact and the one at which a key sounds, as a share of the whole.
+pub const CONTACTS_APART: f64 = 0.2;
+/// Time between the contacts of the loudest strike, s.
+pub const LOUDEST_SECS: f64 = 0.004;
+/// The same of the softest, s.
+pub const SOFTEST_SECS: f64 = 0.15;
+
+/// Greatest MIDI velocity.
+const GREATEST: f64 = 127.0;
+
+/// Velocity, 1 to 127, of a strike whose contacts close `between_secs` apart, where `loudest_secs` and less is the loudest and
+/// `softest_secs` and more the softest.
+pub fn strike_velocity(between_secs: f64, loudest_secs: f64, softest_secs: f64) -> u8 {
+    let share = (between_secs / loudest_secs).ln() / (softest_secs / loudest_secs).ln();
+    (GREATEST - (GREATEST - 1.0) * share).round().clamp(1.0, GREATEST) as u8
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn velocity_falls_evenly_with_the_logarithm() {
+        let velocity = |secs| strike_velocity(secs, LOUDEST_SECS, SOFTEST_SECS);
+        assert_eq!([0.0, 0.004, 0.15, 1e9, f64::INFINITY].map(velocity), [127, 127, 1, 1, 1]);
+        assert_eq!(velocity((LOUDEST_SECS * SOFTEST_SECS).sqrt()), 64);
+    }
+}
