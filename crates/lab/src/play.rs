@@ -48,6 +48,8 @@ pub struct Files {
     pub midi: PathBuf,
     /// What was played, as sound.
     pub wav: PathBuf,
+    /// What should have been played, as sound.
+    pub reference: PathBuf,
     /// Keys due and pressed at each control step.
     pub frames: PathBuf,
     /// Every control step, as MCAP.
@@ -72,6 +74,7 @@ pub fn play(
     let files = Files {
         midi: folder.join("performance.mid"),
         wav: folder.join("performance.wav"),
+        reference: folder.join(REFERENCE),
         frames: folder.join("frames.csv"),
         recording: folder.join("recording.mcap"),
         report: Some(folder.join(REPORT)),
@@ -104,6 +107,8 @@ pub fn play(
 }
 
 const REPORT: &str = "report.json";
+/// What should have been played, as sound.
+pub(crate) const REFERENCE: &str = "reference.wav";
 
 /// Scores of the pianist in simulation alone, in the nominal world: the scores in a randomised world depend on the draw.
 ///
@@ -133,10 +138,11 @@ pub(crate) fn header(piece: &Piece, pianist: &Pianist, rig: &str, config: Option
     }
 }
 
-/// Writes what was played as MIDI, as sound and as a table of keys.
+/// Writes what was played as MIDI, as sound and as a table of keys, and beside it what should have been played as sound.
 pub(crate) fn keep(files: &Files, performance: &Performance, font: Option<&SoundFont>) -> anyhow::Result<()> {
     let (notes, piece) = (performance.notes(), &performance.piece);
     sound::write_wav(&files.wav, &sound::render(&notes, font)?)?;
+    sound::write_wav(&files.reference, &sound::render(piece.notes(), font)?)?;
     Song::new(piece.title(), notes, performance.secs())?.save(&files.midi)?;
     Ok(write_frames_csv(&files.frames, piece.frames(), Some(&performance.every_step()))?)
 }

@@ -19,7 +19,7 @@ use serde::Serialize;
 use crate::errors::released;
 use crate::folder::make_folder;
 use crate::pianist::Pianist;
-use crate::play::{Files, header, keep, scores_in_simulation, write_report};
+use crate::play::{Files, REFERENCE, header, keep, scores_in_simulation, write_report};
 
 /// How to play.
 #[derive(Clone, Debug)]
@@ -132,7 +132,8 @@ pub fn play_on_robot(
         let files = folder.map(|folder| {
             let file = |kind: &str| folder.join(format!("run-{}.{kind}", index + 1));
             let (midi, wav, frames, recording) = (file("mid"), file("wav"), file("csv"), file("mcap"));
-            Files { midi, wav, frames, recording, report: None }
+            let reference = folder.join(REFERENCE);
+            Files { midi, wav, reference, frames, recording, report: None }
         });
         let mut writer =
             files.as_ref().map(|files| RecordingWriter::create(&files.recording, &header)).transpose()?;

@@ -86,16 +86,16 @@ pub const PIECES: &[Piece] = &[
         beats_per_bar: 4,
         music: "C4+E4:4 | F4+A4+C5:4 | G4+B4+D5:4 | C4+E4+G4:4",
     },
-    // A folk song with dynamics of ours: a crescendo, an accent, an echo.
+    // Haydn, symphony 94, the theme of the second movement: soft, softer, and the surprise. The crescendos are ours.
     Piece {
-        id: "au-clair",
-        title: "Au Clair de la Lune",
+        id: "surprise",
+        title: "Surprise Symphony",
         beat_secs: 0.5,
         beats_per_bar: 4,
-        music: "mp C4 C4 C4 D4 | mf E4:2 D4:2 | mp C4 E4 D4 D4 | C4:4 |
-                p D4 D4 mp D4 D4 | mf A3:2 f A3:2 | ff D4> f C4 mf B3 mp A3 | p G3:4 |
-                f C4 C4 C4 D4 | E4>:2 D4:2 | mf C4 E4 D4 D4 | mp C4:4 |
-                pp C4 C4 C4 D4 | p E4:2 D4:2 | pp C4 E4 D4 D4 | C4:4",
+        music: "p C4 C4 E4 E4 | G4 G4 E4:2 | mp F4 F4 mf D4 D4 | f B3 B3 mf G3:2 |
+                p C4 C4 E4 E4 | mp G4 G4 E4:2 | mf C4 C4 f F#4> F#4 | G4:4 |
+                pp C4 C4 E4 E4 | G4 G4 E4:2 | F4 F4 D4 D4 | B3 B3 G3:2 |
+                C4 C4 E4 E4 | G4 G4 E4:2 | C4 C4 F#4 F#4 | G4:2 ff G4+B4+D5>:2",
     },
 ];
 

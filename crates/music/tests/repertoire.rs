@@ -68,10 +68,12 @@ fn pieces_are_as_their_sources_say() {
     assert_eq!(frames.iter().filter(|frame| frame.is_empty()).count(), 6 + 1);
     assert_eq!(pitches("c-major-scale"), [60, 62, 64, 65, 67, 69, 71, 72, 71, 69, 67, 65, 64, 62, 60]);
     assert_eq!(pitches("d-major-scale"), [62, 64, 66, 67, 69, 71, 73, 74, 73, 71, 69, 67, 66, 64, 62]);
-    // Loud and soft: every mark, and an accent on top.
-    let velocities: std::collections::BTreeSet<u8> =
-        get("au-clair").notes().iter().map(|note| note.velocity).collect();
+    // Loud and soft: every mark, and the surprise on top.
+    let surprise = get("surprise");
+    let velocities: std::collections::BTreeSet<u8> = surprise.notes().iter().map(|note| note.velocity).collect();
     assert_eq!(velocities, [33, 49, 64, 80, 96, 112, 127].into());
+    let last: Vec<_> = surprise.notes().iter().rev().take(4).map(|note| (note.pitch, note.velocity)).collect();
+    assert_eq!(last, [(74, 127), (71, 127), (67, 127), (67, 33)]);
     let chords: Vec<String> = get("chord-progression")
         .frames(CONTROL_HZ)
         .unwrap()

@@ -36,5 +36,5 @@ pub use mujoco_rs::mujoco_version;
 pub use params::{ParamError, PhysicalParams};
 pub use picture::{Painter, PictureError, View, picture_size};
 pub use scene::{Scene, SceneBody, SceneGeom, SceneJoint};
-pub use strike::{LOUDEST_SECS, SOFTEST_SECS, strike_velocity};
+pub use strike::{LOUDEST_SECS, SOFTEST_SECS, Strike, strike_velocity};
 pub use world::{Snapshot, SnapshotError, StepOutcome, World};

@@ -12,11 +12,30 @@ pub const SOFTEST_SECS: f64 = 0.15;
 /// Greatest MIDI velocity.
 const GREATEST: f64 = 127.0;
 
+/// A strike of a key in the simulator.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Strike {
+    /// The key (0 is the lowest C).
+    pub key: usize,
+    /// Its velocity on MIDI's scale but without its ends: above 127 for strikes that are harder than the loudest.
+    pub force: f64,
+}
+
 /// Velocity, 1 to 127, of a strike whose contacts close `between_secs` apart, where `loudest_secs` and less is the loudest and
 /// `softest_secs` and more the softest.
 pub fn strike_velocity(between_secs: f64, loudest_secs: f64, softest_secs: f64) -> u8 {
+    midi(force(between_secs, loudest_secs, softest_secs))
+}
+
+/// The velocity without the ends of MIDI's scale.
+pub(crate) fn force(between_secs: f64, loudest_secs: f64, softest_secs: f64) -> f64 {
     let share = (between_secs / loudest_secs).ln() / (softest_secs / loudest_secs).ln();
-    (GREATEST - (GREATEST - 1.0) * share).round().clamp(1.0, GREATEST) as u8
+    GREATEST - (GREATEST - 1.0) * share
+}
+
+/// A force as MIDI velocity.
+pub(crate) fn midi(force: f64) -> u8 {
+    force.round().clamp(1.0, GREATEST) as u8
 }
 
 #[cfg(test)]
@@ -28,5 +47,6 @@ mod tests {
         let velocity = |secs| strike_velocity(secs, LOUDEST_SECS, SOFTEST_SECS);
         assert_eq!([0.0, 0.004, 0.15, 1e9, f64::INFINITY].map(velocity), [127, 127, 1, 1, 1]);
         assert_eq!(velocity((LOUDEST_SECS * SOFTEST_SECS).sqrt()), 64);
+        assert!(force(0.001, LOUDEST_SECS, SOFTEST_SECS) > 150.0);
     }
 }

@@ -80,13 +80,16 @@ impl Piece {
         self.due.get(step).copied().unwrap_or_default()
     }
 
-    /// Keys to hold in control step `step`: those that are due or, with a fingering, those that it plays then.
+    /// Keys to hold in control step `step`: those that are due or, with a fingering, those of them that it plays then or played one
+    /// step before. It leaves keys as early as the scripted player must; a policy is a step quicker.
     pub fn held(&self, step: usize) -> KeySet {
-        let Some(fingering) = &self.fingering else { return self.due(step) };
+        let due = self.due(step);
+        let Some(fingering) = &self.fingering else { return due };
         let mut held = KeySet::EMPTY;
-        let goals = fingering.goals(step);
-        for goal in goals.iter().flatten().filter(|goal| goal.wait_steps == 0) {
-            held.insert(goal.key);
+        for goals in [fingering.goals(step), fingering.goals(step.saturating_sub(1))] {
+            for goal in goals.iter().flatten().filter(|goal| goal.wait_steps == 0 && due.contains(goal.key)) {
+                held.insert(goal.key);
+            }
         }
         held
     }

@@ -169,14 +169,13 @@ fn closeness_to_goals(
 /// Steps before its beginning from which a strike counts as that of a note.
 const STRIKE_EARLY_STEPS: usize = 1;
 
-/// Minus the squared difference, as a share of 127, of the velocity of each strike to that of the note that it plays.
+/// Minus the squared difference, as a share of 127, of the force of each strike to the velocity of the note that it plays.
 fn velocity(moment: &Moment) -> f64 {
-    let strikes = moment.world.events().iter().filter(|event| event.velocity > 0);
-    let played = strikes.filter_map(|strike| {
+    let played = moment.world.strikes().iter().filter_map(|strike| {
         let plays = |goal: &&Goal| goal.key == strike.key && goal.wait_steps <= STRIKE_EARLY_STEPS;
-        moment.goals.iter().flatten().find(plays).map(|goal| (strike.velocity, goal.velocity))
+        moment.goals.iter().flatten().find(plays).map(|goal| strike.force - f64::from(goal.velocity))
     });
-    -played.map(|(ours, due)| ((f64::from(ours) - f64::from(due)) / 127.0).powi(2)).sum::<f64>()
+    -played.map(|error| (error / 127.0).powi(2)).sum::<f64>()
 }
 
 /// 0.5 if there was no contact other than fingertips on the keyboard during the step, else 0.

@@ -24,7 +24,8 @@ The twin is an emulated robot: its devices use the same bytes as the real ones, 
 from the simulator (--truth) moves them. It runs as fast as it can be computed, and the same seed gives the same recording. \
 For a twin by the wall clock start `etude twin` in another terminal and give its rig.
 
-Files, per run: run-N.mcap (what was asked, sent and measured), .mid, .wav, .csv; and report.json.
+Files, per run: run-N.mcap (what was asked, sent and measured), .mid, .wav, .csv; and report.json, \
+reference.wav (what should have been played).
 
 Examples:
   etude perform --song twinkle --robot twin

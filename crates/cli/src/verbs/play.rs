@@ -16,8 +16,9 @@ use crate::Ending;
 #[command(after_help = "\
 Without --policy the best policy is taken that comes with Étude or lies in a run of this song under runs/.
 
-Files: performance.mid and performance.wav (what was played), frames.csv (step,due,pressed: MIDI numbers of the keys \
-due and pressed at each control step, so that anyone can compute the scores again), recording.mcap, report.json.
+Files: performance.mid and performance.wav (what was played), reference.wav (what should have been played), frames.csv \
+(step,due,pressed: MIDI numbers of the keys due and pressed at each control step, so that anyone can compute the scores \
+again), recording.mcap, report.json.
 
 Examples:
   etude play twinkle
@@ -85,6 +86,7 @@ fn print(report: &PlayReport) -> anyhow::Result<()> {
     }
     let files = &report.files;
     line(format!("Listen: {}", files.wav.display()))?;
+    line(format!("        {} (as written)", files.reference.display()))?;
     for path in [&files.midi, &files.frames, &files.recording].into_iter().chain(&files.report) {
         line(format!("        {}", path.display()))?;
     }

@@ -97,6 +97,14 @@ pub(crate) fn check_elsewhere(script: &str, files: &[PathBuf]) {
     println!("{said}");
 }
 
+/// What the score says is also what another program hears.
+#[test]
+fn the_sound_of_the_shipped_twinkle_has_its_onsets() {
+    let desk = Desk::new();
+    desk.ok("play twinkle -o out");
+    check_elsewhere("check_sound.py", &[desk.path("out")]);
+}
+
 #[test]
 fn of_equally_good_policies_that_of_a_run_plays() {
     let desk = Desk::new();

@@ -22,6 +22,7 @@ use crate::hand::{FINGER_JOINTS, FINGERS, JOINTS, RAIL, TIP_RADIUS, joint_range,
 use crate::kinematics;
 use crate::mjcf::{key_place, keyboard_place, mjcf_with, passive_damping};
 use crate::params::{JointRow, PhysicalParams, WorldRow};
+use crate::strike::Strike;
 use layout::Layout;
 pub use snapshot::{Snapshot, SnapshotError};
 pub use step::StepOutcome;
@@ -57,6 +58,8 @@ pub struct World {
     torques: [f64; JOINTS],
     /// Key events of the last control step.
     events: Vec<KeyEvent>,
+    /// Strikes of the last control step.
+    strikes: Vec<Strike>,
     /// Greatest angle of each key since the last control step began, rad.
     deepest: [f64; KEYS],
 }
@@ -100,6 +103,7 @@ impl World {
             derived_at: [0.0; KEYS],
             torques: [0.0; JOINTS],
             events: Vec::with_capacity(EVENTS),
+            strikes: Vec::with_capacity(EVENTS),
             deepest: [0.0; KEYS],
         };
         world.set_params(params);
@@ -168,6 +172,7 @@ impl World {
     fn forget_last_step(&mut self) {
         self.torques.copy_from_slice(self.data.ctrl());
         self.events.clear();
+        self.strikes.clear();
     }
 
     /// Puts the world into a pose in which nothing moves: the joints at these encoder readings (rad, the rail in m), the keys of

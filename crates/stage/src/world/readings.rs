@@ -6,6 +6,7 @@ use super::World;
 use crate::geometry::KeyShape;
 use crate::hand::JOINTS;
 use crate::mjcf::on_keyboard;
+use crate::strike::Strike;
 
 impl World {
     /// Joint positions as the encoders read them: rad, the rail in m.
@@ -69,6 +70,11 @@ impl World {
     pub fn key_target(&self, key: usize) -> [f64; 3] {
         let target = crate::geometry::key_target(key);
         on_keyboard(&self.params, self.options.keyboard_yaw_rad, target)
+    }
+
+    /// Strikes of the last control step in order of time, with how hard they were.
+    pub fn strikes(&self) -> &[Strike] {
+        &self.strikes
     }
 
     /// Time since the last reset, s.

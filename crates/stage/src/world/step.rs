@@ -9,7 +9,7 @@ use super::World;
 use crate::config::PHYSICS_STEPS;
 use crate::controller::{Controller, Gains};
 use crate::hand::{JOINTS, RAIL, joint_range};
-use crate::strike::{CONTACTS_APART, LOUDEST_SECS, SOFTEST_SECS, strike_velocity};
+use crate::strike::{CONTACTS_APART, LOUDEST_SECS, SOFTEST_SECS, Strike, force, midi};
 
 /// What happened during one control step.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -57,6 +57,7 @@ impl World {
     ) -> StepOutcome {
         let mut outcome = StepOutcome::default();
         self.events.clear();
+        self.strikes.clear();
         self.deepest = [0.0; KEYS];
         let begun = self.data.ffi().time;
         for step in 0..PHYSICS_STEPS {
@@ -95,6 +96,7 @@ impl World {
     /// the robot's own drives. The events are then those of this physics step.
     pub fn drive(&mut self, torques: &[f64; JOINTS]) {
         self.events.clear();
+        self.strikes.clear();
         self.torques = *torques;
         self.advance();
     }
@@ -142,7 +144,9 @@ impl World {
         for key in now.difference(self.pressed).iter() {
             let speed = velocities[self.layout.key_dof[key]].max(0.0);
             let between_secs = CONTACTS_APART * self.lower_stop(key) / speed;
-            let velocity = strike_velocity(between_secs, LOUDEST_SECS, SOFTEST_SECS);
+            let force = force(between_secs, LOUDEST_SECS, SOFTEST_SECS);
+            let velocity = midi(force);
+            self.strikes.push(Strike { key, force });
             self.events.push(KeyEvent { secs, key, velocity });
         }
         for key in self.pressed.difference(now).iter() {
