@@ -36,6 +36,7 @@ def task_config(
     previous_joints: bool | None = None,
     previous_actions: int | None = None,
     fingering: bool | None = None,
+    velocities: bool | None = None,
     plan: Mapping[str, Any] | None = None,
     lookahead: int | None = None,
     initial_silence_secs: float | None = None,
@@ -57,6 +58,7 @@ def task_config(
         previous_actions: Previous actions that the observation shows, 0 to 4.
         fingering: Whether a fingering is planned for the song: the observation shows each finger its goal, and the rail's action is a
             distance from its planned place. The reward terms `fingering` and `preparation` need it.
+        velocities: Whether the observation shows, with each finger's goal, how loud its note is. It needs a fingering.
         plan: What is due, by name: `rule` (`robopianist` or `articulated`), `restrike_secs` and `lead_secs`; the others keep the
             variant's.
         lookahead: Control steps of the sheet shown beyond the current one, 0 to 40.
@@ -79,6 +81,7 @@ def task_config(
         "previous_joints": previous_joints,
         "previous_actions": previous_actions,
         "fingering": fingering,
+        "velocities": velocities,
         "lookahead": lookahead,
         "initial_silence_secs": initial_silence_secs,
         "random_start": random_start,

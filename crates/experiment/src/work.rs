@@ -24,7 +24,7 @@ use etude_lab::{
     scores_in_simulation,
 };
 use etude_perform::stand::{TWIN, rig_choice, unix_secs};
-use etude_perform::{Job, Mode, gap, write_file};
+use etude_perform::{Job, Mode, Scores, gap, write_file};
 use etude_show::RehearsalPage;
 use etude_task::Piece;
 use serde::Serialize;
@@ -164,8 +164,13 @@ impl Doing<'_, '_> {
         }
         let pianist = load_pianist(&training.song, "", Some(&folder))?;
         let piece = Piece::for_task(&song, &pianist.config.task)?;
-        let sim = scores_in_simulation(&pianist, &piece)?.frame;
-        let of_sim = [("sim_f1", sim.f1), ("sim_precision", sim.precision), ("sim_recall", sim.recall)];
+        let Scores { frame: sim, note: sim_note } = scores_in_simulation(&pianist, &piece)?;
+        let of_sim = [
+            ("sim_f1", sim.f1),
+            ("sim_precision", sim.precision),
+            ("sim_recall", sim.recall),
+            ("sim_onset_f1", sim_note.onset_f1),
+        ];
         let mut rows = Vec::new();
         match perform {
             None => rows.push(row(&[], &of_sim)),
@@ -195,6 +200,7 @@ impl Doing<'_, '_> {
                             ("f1", frame.f1),
                             ("precision", frame.precision),
                             ("recall", frame.recall),
+                            ("onset_f1", played.scores.note.onset_f1),
                             ("gap", gap(sim.f1, frame.f1)),
                             ("complete", whole),
                         ];

@@ -70,9 +70,11 @@ fn pieces_are_as_their_sources_say() {
     assert_eq!(pitches("d-major-scale"), [62, 64, 66, 67, 69, 71, 73, 74, 73, 71, 69, 67, 66, 64, 62]);
     // Loud and soft: every mark, and the surprise on top.
     let surprise = get("surprise");
-    let velocities: std::collections::BTreeSet<u8> = surprise.notes().iter().map(|note| note.velocity).collect();
+    let velocities: std::collections::BTreeSet<u8> =
+        surprise.notes().iter().map(|note| note.velocity).collect();
     assert_eq!(velocities, [33, 49, 64, 80, 96, 112, 127].into());
-    let last: Vec<_> = surprise.notes().iter().rev().take(4).map(|note| (note.pitch, note.velocity)).collect();
+    let last: Vec<_> =
+        surprise.notes().iter().rev().take(4).map(|note| (note.pitch, note.velocity)).collect();
     assert_eq!(last, [(74, 127), (71, 127), (67, 127), (67, 33)]);
     let chords: Vec<String> = get("chord-progression")
         .frames(CONTROL_HZ)

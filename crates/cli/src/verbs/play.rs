@@ -62,8 +62,11 @@ pub(super) fn heard(note: &NoteScores) -> String {
     let error = error.map_or_else(String::new, |(median, most)| {
         format!("; onsets {:+.0} ms in the median, 95 % within {:.0} ms", median * 1e3, most * 1e3)
     });
+    let loudness = note.velocity_correlation.map_or_else(String::new, |correlation| {
+        format!("; loud and soft as written: correlation {correlation:.2}")
+    });
     let notes = note.matched + note.missed;
-    format!("{} of {notes} notes right, {} wrong{error}", note.matched, note.wrong)
+    format!("{} of {notes} notes right, {} wrong{error}{loudness}", note.matched, note.wrong)
 }
 
 fn print(report: &PlayReport) -> anyhow::Result<()> {

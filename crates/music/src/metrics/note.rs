@@ -41,6 +41,9 @@ pub struct NoteScores {
     pub onset_error_p95_secs: Option<f64>,
     /// Their mean, in seconds: the bias.
     pub onset_error_mean_secs: Option<f64>,
+    /// Correlation (Pearson's) of played and due MIDI velocities over the notes matched by onset. None where either is the same for
+    /// all of them.
+    pub velocity_correlation: Option<f64>,
     /// Notes matched by pitch and onset.
     pub matched: usize,
     /// Notes of the song that were not.
@@ -75,6 +78,7 @@ pub fn note_scores(reference: &[Note], played: &[Note]) -> NoteScores {
         onset_error_iqr_secs: iqr,
         onset_error_p95_secs: of(&sizes, 0.95),
         onset_error_mean_secs: (matched > 0).then(|| errors.iter().sum::<f64>() / matched as f64),
+        velocity_correlation: velocity_correlation(&pairs, reference, played),
         matched,
         missed: reference.len() - matched,
         wrong: played.len() - matched,
@@ -261,6 +265,20 @@ fn most_pairs(due: &[Indexed], heard: &[Indexed]) -> usize {
     pairs
 }
 
+fn velocity_correlation(pairs: &[[usize; 2]], reference: &[Note], played: &[Note]) -> Option<f64> {
+    let velocities = |of: fn([Note; 2]) -> Note| -> Vec<f64> {
+        let notes = pairs.iter().map(|[due, heard]| of([reference[*due], played[*heard]]));
+        let values: Vec<f64> = notes.map(|note| f64::from(note.velocity)).collect();
+        let mean = values.iter().sum::<f64>() / values.len().max(1) as f64;
+        values.iter().map(|value| value - mean).collect()
+    };
+    let (due, heard) = (velocities(|[due, _]| due), velocities(|[_, heard]| heard));
+    let product = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
+    let spread = (product(&due, &due) * product(&heard, &heard)).sqrt();
+    // Velocities are whole numbers, so that any difference is far above rounding.
+    (spread > 1e-6).then(|| product(&due, &heard) / spread)
+}
+
 /// Linear interpolation between order statistics, as numpy's default; the list is sorted and not empty.
 fn quantile(sorted: &[f64], q: f64) -> f64 {
     let place = q * (sorted.len() - 1) as f64;
@@ -297,6 +315,28 @@ mod tests {
         let scores = note_scores(&strokes(&[1.0]), &strokes(&[1.05]));
         assert_eq!(scores.onset_f1, 1.0);
         assert_eq!(note_scores(&strokes(&[1.0]), &strokes(&[1.0502])).onset_f1, 0.0);
+    }
+
+    #[test]
+    fn velocities_are_correlated_over_the_notes_that_match() {
+        let notes = |velocities: &[u8]| -> Vec<Note> {
+            let at =
+                |(index, velocity): (usize, &u8)| Note { velocity: *velocity, ..strokes(&[index as f64])[0] };
+            velocities.iter().enumerate().map(at).collect()
+        };
+        let of = |due: &[u8], heard: &[u8]| note_scores(&notes(due), &notes(heard)).velocity_correlation;
+        assert_eq!(of(&[20, 40, 60], &[50, 60, 70]), Some(1.0));
+        assert_eq!(of(&[20, 40, 60], &[70, 60, 50]), Some(-1.0));
+        // As numpy.corrcoef has it.
+        let mixed = of(&[10, 20, 60], &[90, 30, 120]).unwrap();
+        assert!((mixed - 0.618_589_6).abs() < 1e-6, "{mixed}");
+        assert_eq!(of(&[64, 64, 64], &[50, 60, 70]), None);
+        assert_eq!(of(&[20, 40], &[90, 90]), None);
+        assert_eq!(of(&[20], &[90]), None);
+        // A note that matches none does not count.
+        let mut heard = notes(&[50, 60, 70]);
+        heard.push(Note { start_secs: 7.0, velocity: 1, ..heard[0] });
+        assert_eq!(note_scores(&notes(&[20, 40, 60]), &heard).velocity_correlation, Some(1.0));
     }
 
     #[test]
