@@ -1,4 +1,4 @@
-//! The built-in songs: those of the paper and of its first version, and one with dynamics.
+//! The built-in songs: those of the paper and of its first version.
 //!
 //! To add a song: one entry in [`PIECES`]. Melodies are in the middle range, one voice for one hand. Tempos are chosen so that episodes
 //! are as long as the paper's, which follow from its unrounded F1 values. Songs have no silence in front; an episode adds it
@@ -85,17 +85,6 @@ pub const PIECES: &[Piece] = &[
         beat_secs: 0.5,
         beats_per_bar: 4,
         music: "C4+E4:4 | F4+A4+C5:4 | G4+B4+D5:4 | C4+E4+G4:4",
-    },
-    // Haydn, symphony 94, the theme of the second movement: soft, softer, and the surprise. The crescendos are ours.
-    Piece {
-        id: "surprise",
-        title: "Surprise Symphony",
-        beat_secs: 0.5,
-        beats_per_bar: 4,
-        music: "p C4 C4 E4 E4 | G4 G4 E4:2 | mp F4 F4 mf D4 D4 | f B3 B3 mf G3:2 |
-                p C4 C4 E4 E4 | mp G4 G4 E4:2 | mf C4 C4 f F#4> F#4 | G4:4 |
-                pp C4 C4 E4 E4 | G4 G4 E4:2 | F4 F4 D4 D4 | B3 B3 G3:2 |
-                C4 C4 E4 E4 | G4 G4 E4:2 | C4 C4 F#4 F#4 | G4:2 ff G4+B4+D5>:2",
     },
 ];
 

@@ -68,14 +68,6 @@ fn pieces_are_as_their_sources_say() {
     assert_eq!(frames.iter().filter(|frame| frame.is_empty()).count(), 6 + 1);
     assert_eq!(pitches("c-major-scale"), [60, 62, 64, 65, 67, 69, 71, 72, 71, 69, 67, 65, 64, 62, 60]);
     assert_eq!(pitches("d-major-scale"), [62, 64, 66, 67, 69, 71, 73, 74, 73, 71, 69, 67, 66, 64, 62]);
-    // Loud and soft: every mark, and the surprise on top.
-    let surprise = get("surprise");
-    let velocities: std::collections::BTreeSet<u8> =
-        surprise.notes().iter().map(|note| note.velocity).collect();
-    assert_eq!(velocities, [33, 49, 64, 80, 96, 112, 127].into());
-    let last: Vec<_> =
-        surprise.notes().iter().rev().take(4).map(|note| (note.pitch, note.velocity)).collect();
-    assert_eq!(last, [(74, 127), (71, 127), (67, 127), (67, 33)]);
     let chords: Vec<String> = get("chord-progression")
         .frames(CONTROL_HZ)
         .unwrap()
@@ -96,6 +88,18 @@ fn the_song_in_a_file_is_found_by_its_path() {
     assert_eq!(song.position(39.375).to_string(), "bar 16, beat 4");
     assert_eq!(song.warnings(), []);
     song.frames(CONTROL_HZ).unwrap();
+}
+
+/// Every mark from *pianissimo* on, an accent, and the surprise: a chord of three, the loudest of all.
+#[test]
+fn the_song_with_dynamics_is_soft_and_loud() {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../songs/surprise-symphony.mid");
+    let song = resolve(path.to_str().unwrap()).unwrap();
+    assert_eq!((song.notes().len(), song.duration_secs()), (55, 32.0));
+    let velocities: std::collections::BTreeSet<u8> = song.notes().iter().map(|note| note.velocity).collect();
+    assert_eq!(velocities, [33, 49, 64, 80, 96, 112, 127].into());
+    let last: Vec<_> = song.notes().iter().rev().take(4).map(|note| (note.pitch, note.velocity)).collect();
+    assert_eq!(last, [(74, 127), (71, 127), (67, 127), (67, 33)]);
 }
 
 #[test]

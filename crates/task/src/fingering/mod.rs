@@ -34,6 +34,8 @@ pub struct Goal {
     pub over: [f64; 2],
     /// Control steps until the note begins; 0 while it sounds.
     pub wait_steps: usize,
+    /// Whether the note begins in this step.
+    pub begins: bool,
     /// MIDI velocity of the note.
     pub velocity: u8,
 }
@@ -121,8 +123,8 @@ fn goals(comb: &Comb, notes: &[Played], steps: usize) -> Vec<Goals> {
             let wait_steps = note.start.saturating_sub(step);
             let goal = &mut goals[note.finger];
             if goal.is_none_or(|goal| goal.wait_steps > wait_steps) {
-                let (key, velocity) = (note.key, note.velocity);
-                *goal = Some(Goal { key, over: comb.over(key), wait_steps, velocity });
+                let (key, velocity, begins) = (note.key, note.velocity, step == note.start);
+                *goal = Some(Goal { key, over: comb.over(key), wait_steps, begins, velocity });
             }
         }
     }

@@ -35,6 +35,7 @@ fn a_finger_has_its_key_as_goal_from_half_a_second_before_until_the_note_ends() 
             let expected =
                 (start - AHEAD_STEPS..start + 10).contains(&step).then(|| start.saturating_sub(step));
             assert_eq!(goal.map(|goal| goal.wait_steps), expected, "key {key}, step {step}");
+            assert_eq!(goal.is_some_and(|goal| goal.begins), step == start, "key {key}, step {step}");
             if let Some(goal) = goal {
                 assert!((goal.over[1] - key_lateral(key)).abs() < 1e-9, "{goal:?}");
             }
@@ -161,4 +162,31 @@ fn keys_are_held_while_they_are_due_and_some_are_left_early() {
     // Without a fingering nobody leaves early.
     let piece = Piece::for_task(&song, &TaskConfig::default()).unwrap();
     assert!((0..piece.steps()).all(|step| piece.held(step) == piece.due(step)));
+}
+
+#[test]
+fn velocities_are_a_fourth_column_of_a_goal() {
+    let note = |pitch, start_secs, velocity| Note { pitch, velocity, start_secs, end_secs: start_secs + 0.5 };
+    let song = Song::new("soft and loud", vec![note(60, 0.0, 40), note(72, 1.0, 110)], 2.0).unwrap();
+    let config = TaskConfig { velocities: true, ..with_fingering() };
+    config.check().unwrap();
+    let piece = Piece::for_task(&song, &config).unwrap();
+    let shown = |config: &TaskConfig, step: usize| {
+        let range = TargetRange::new(&piece);
+        let history = History::at_rest([0.0; JOINTS], &range, step);
+        let mut out = vec![9.0; layout(config).len()];
+        observe(config, &[0.0; JOINTS], &history, KeySet::EMPTY, &piece, step, &mut out);
+        out
+    };
+    let goals = |step: usize| shown(&config, step)[2 * JOINTS..][..4 * FINGERS].to_vec();
+    let plain = |step: usize| shown(&with_fingering(), step)[2 * JOINTS..][..3 * FINGERS].to_vec();
+    for (step, velocities) in [(0, vec![]), (21, vec![40.0 / 127.0]), (FIRST.1 + 12, vec![110.0 / 127.0])] {
+        let (goals, plain) = (goals(step), plain(step));
+        let of_goals: Vec<f32> = goals.chunks(4).map(|goal| goal[3]).filter(|v| *v > 0.0).collect();
+        assert_eq!(of_goals, velocities, "step {step}");
+        let places: Vec<f32> = goals.chunks(4).flat_map(|goal| goal[..3].to_vec()).collect();
+        assert_eq!(places, plain, "step {step}: the other columns are as without");
+    }
+    let without = TaskConfig { velocities: true, ..TaskConfig::default() };
+    assert!(without.check().unwrap_err().to_string().contains("task.fingering = true"));
 }

@@ -1,8 +1,10 @@
 //! The reward's terms against numbers worked out by hand from docs/algorithm.md.
 
 use etude_music::{KeySet, key_is_black};
+use etude_stage::geometry::WHITE;
+use etude_stage::hand::{FINGER_JOINTS, TIP_RADIUS};
 use etude_stage::params::JointRow;
-use etude_stage::{FINGERS, PhysicalParams, RAIL, StageConfig, StepOutcome, World};
+use etude_stage::{FINGERS, PhysicalParams, RAIL, StageConfig, StepOutcome, World, kinematics};
 use etude_task::ACTION_LEN;
 use etude_task::fingering::{Goal, Goals};
 use etude_task::reward::{Moment, TERMS, tolerance};
@@ -226,7 +228,8 @@ fn a_finger_earns_for_its_own_goal_and_for_no_other() {
     let mut world = world();
     let pose = world.start_pose();
     world.pose(&pose, KeySet::EMPTY);
-    let goal = |key: usize, wait_steps| Some(Goal { key, over: [0.0; 2], wait_steps, velocity: 64 });
+    let goal =
+        |key: usize, wait_steps| Some(Goal { key, over: [0.0; 2], wait_steps, begins: false, velocity: 64 });
     let away = |finger: usize, key: usize, upright: bool| {
         let (pad, mut target) = (world.finger_pad(finger), world.key_target(key));
         // Where the fingering presses, 28 mm and 34 mm from the middle of the key's length, and not where the paper's reward aims.
@@ -246,4 +249,39 @@ fn a_finger_earns_for_its_own_goal_and_for_no_other() {
     assert_near(earned("preparation", mixed), away(1, 24, true), "one waits, and its height does not count");
     let swapped = earned("fingering", [goal(27, 0), None, goal(22, 0)]);
     assert!((swapped - earned("fingering", playing)).abs() > 0.05, "fingers can be told apart: {swapped}");
+}
+
+#[test]
+fn a_strike_earns_by_how_near_it_is_to_the_velocity_of_its_note() {
+    let mut world = world();
+    // The middle finger over middle C, then far below its top; it strikes some key there.
+    let over = |height: f64| {
+        let z = WHITE.top() + TIP_RADIUS + height;
+        let angles = kinematics::reach(StageConfig::default().side, 1, [0.028, 0.0, z], 0.0).unwrap();
+        let mut pose = World::new(&StageConfig::default(), &PhysicalParams::default()).unwrap().start_pose();
+        pose[RAIL] = 0.0;
+        pose[FINGER_JOINTS..2 * FINGER_JOINTS].copy_from_slice(&angles);
+        pose
+    };
+    world.reset_to(&over(0.02));
+    let struck = (0..10).any(|_| {
+        world.step(&over(-0.02));
+        !world.strikes().is_empty()
+    });
+    assert!(struck);
+    let strike = world.strikes()[0];
+    let event = world.events()[0];
+    let struck = strike.key;
+    assert_eq!(event.key, struck);
+    assert_eq!(f64::from(event.velocity), strike.force.round().clamp(1.0, 127.0));
+    let earned = |key: usize, begins: bool, velocity: u8| {
+        let goal = Goal { key, over: [0.0; 2], wait_steps: 0, begins, velocity };
+        term("velocity", &Moment { goals: [None, Some(goal), None], ..moment(&world, &[24]) })
+    };
+    for velocity in [1, 64, 127] {
+        let error = (strike.force - f64::from(velocity)).abs() / 127.0;
+        assert_near(earned(struck, true, velocity), tolerance(error, 0.05, 0.4), "a note that begins");
+    }
+    assert_near(earned(struck, false, 64), 0.0, "a note that sounds already");
+    assert_near(earned(struck + 7, true, 64), 0.0, "a note that is not struck");
 }
