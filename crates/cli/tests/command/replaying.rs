@@ -118,7 +118,7 @@ fn two_performances_are_compared_note_by_note() {
     let compared = desk.json("compare out deep -o both.html --json");
     let notes = compared["notes"].as_array().unwrap();
     for (side, folder) in ["out", "deep"].into_iter().enumerate() {
-        let report: Value = serde_json::from_slice(&desk.bytes(&format!("{folder}/report.json"))).unwrap();
+        let report: Value = serde_json::from_slice(&desk.bytes(format!("{folder}/report.json"))).unwrap();
         let count = |what: &str| report[what].as_u64().unwrap() as usize;
         assert_eq!(notes.len(), count("matched") + count("missed"));
         let strokes: Vec<&Value> =
@@ -134,7 +134,7 @@ fn two_performances_are_compared_note_by_note() {
         late.sort_by(f64::total_cmp);
         if let Some(median) = report["onset_error_median_secs"].as_f64() {
             let middle = late.len() / 2;
-            let even = late.len() % 2 == 0;
+            let even = late.len().is_multiple_of(2);
             let ours = if even { (late[middle - 1] + late[middle]) / 2.0 } else { late[middle] };
             assert!((ours - median).abs() < 1e-4, "{folder}: {ours} s, in the report {median} s");
         }
