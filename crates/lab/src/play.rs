@@ -102,6 +102,7 @@ pub fn play(
         files,
     };
     keep(&report.files, &performance, font)?;
+    keep_reference(&report.files.reference, &piece, font)?;
     write_report(folder, &report)?;
     Ok(report)
 }
@@ -138,11 +139,15 @@ pub(crate) fn header(piece: &Piece, pianist: &Pianist, rig: &str, config: Option
     }
 }
 
-/// Writes what was played as MIDI, as sound and as a table of keys, and beside it what should have been played as sound.
+/// Writes what should be played as sound.
+pub(crate) fn keep_reference(path: &Path, piece: &Piece, font: Option<&SoundFont>) -> anyhow::Result<()> {
+    Ok(sound::write_wav(path, &sound::render(piece.notes(), font)?)?)
+}
+
+/// Writes what was played as MIDI, as sound and as a table of keys.
 pub(crate) fn keep(files: &Files, performance: &Performance, font: Option<&SoundFont>) -> anyhow::Result<()> {
     let (notes, piece) = (performance.notes(), &performance.piece);
     sound::write_wav(&files.wav, &sound::render(&notes, font)?)?;
-    sound::write_wav(&files.reference, &sound::render(piece.notes(), font)?)?;
     Song::new(piece.title(), notes, performance.secs())?.save(&files.midi)?;
     Ok(write_frames_csv(&files.frames, piece.frames(), Some(&performance.every_step()))?)
 }

@@ -19,7 +19,7 @@ use serde::Serialize;
 use crate::errors::released;
 use crate::folder::make_folder;
 use crate::pianist::Pianist;
-use crate::play::{Files, REFERENCE, header, keep, scores_in_simulation, write_report};
+use crate::play::{Files, REFERENCE, header, keep, keep_reference, scores_in_simulation, write_report};
 
 /// How to play.
 #[derive(Clone, Debug)]
@@ -118,6 +118,7 @@ pub fn play_on_robot(
     let piece = Piece::for_task(song, task)?;
     if let Some(folder) = folder {
         make_folder(folder)?;
+        keep_reference(&folder.join(REFERENCE), &piece, font)?;
     }
     let sim_f1 = scores_in_simulation(pianist, &piece)?.frame.f1;
     let start = World::new(&task.stage, &task.params().map_err(TaskError::from)?)

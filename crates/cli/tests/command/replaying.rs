@@ -22,6 +22,13 @@ fn played() -> Desk {
     desk
 }
 
+/// The command fails, and its message has this part.
+fn refuses(desk: &Desk, args: &str, part: &str) {
+    let output = desk.command(args).output().unwrap();
+    let said = errors(&output);
+    assert!(output.status.code() == Some(1) && said.contains(part), "{args}: {said}");
+}
+
 /// Says why nothing is tested; CI, which installs everything, must test.
 pub fn skip(why: &str) {
     assert!(std::env::var_os("ETUDE_NEEDS_ALL").is_none(), "{why}");
@@ -155,9 +162,7 @@ fn two_performances_are_compared_note_by_note() {
         ("compare out short.mid", "short.mid is not a recording of Étude"),
         ("compare . out", "name one of them"),
     ] {
-        let output = desk.command(args).output().unwrap();
-        let said = errors(&output);
-        assert!(output.status.code() == Some(1) && said.contains(part), "{args}: {said}");
+        refuses(&desk, args, part);
     }
 }
 
@@ -203,9 +208,7 @@ fn what_cannot_be_shown_is_named() {
         ("render text.mcap -o x.mp4", "text.mcap is not a recording of Étude"),
         ("render text.mcap -o x.avi", "a video is written as .mp4"),
     ] {
-        let output = desk.command(args).output().unwrap();
-        let said = errors(&output);
-        assert!(output.status.code() == Some(1) && said.contains(part), "{args}: {said}");
+        refuses(&desk, args, part);
     }
 }
 

@@ -255,10 +255,11 @@ fn a_finger_earns_for_its_own_goal_and_for_no_other() {
 fn a_strike_earns_by_how_near_it_is_to_the_velocity_of_its_note() {
     let mut world = world();
     // The middle finger over middle C, then far below its top; it strikes some key there.
+    let start = world.start_pose();
     let over = |height: f64| {
         let z = WHITE.top() + TIP_RADIUS + height;
         let angles = kinematics::reach(StageConfig::default().side, 1, [0.028, 0.0, z], 0.0).unwrap();
-        let mut pose = World::new(&StageConfig::default(), &PhysicalParams::default()).unwrap().start_pose();
+        let mut pose = start;
         pose[RAIL] = 0.0;
         pose[FINGER_JOINTS..2 * FINGER_JOINTS].copy_from_slice(&angles);
         pose
