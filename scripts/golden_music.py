@@ -120,6 +120,40 @@ def note_cases():
     return cases
 
 
+def velocity_case(name, reference, played):
+    """Notes are (pitch, velocity, start, end)."""
+    arrays = []
+    for notes in (reference, played):
+        intervals, pitches = mir_arrays([(pitch, start, end) for pitch, _, start, end in notes])
+        arrays += [intervals, pitches, np.array([velocity for _, velocity, _, _ in notes])]
+    f1 = mir_eval.transcription_velocity.precision_recall_f1_overlap(*arrays, offset_ratio=None)[2]
+    return {"name": name, "reference": reference, "played": played, "scores": {"onset_velocity_f1": float(f1)}}
+
+
+def velocity_cases():
+    rng = random.Random(60)
+    # Notes of a pitch are far apart, so that there is one matching.
+    line = lambda velocities: [(60 + i % 5, v, 0.5 * i, 0.5 * i + 0.4) for i, v in enumerate(velocities)]
+    crescendo = list(range(40, 100, 5))
+    cases = [
+        velocity_case("as written", line(crescendo), line(crescendo)),
+        velocity_case("louder by the same", line(crescendo), line([v + 20 for v in crescendo])),
+        velocity_case("all as loud as can be", line(crescendo), line([127] * 12)),
+        velocity_case("the other way round", line(crescendo), line(crescendo[::-1])),
+        velocity_case("no dynamics written", line([64] * 12), line(crescendo)),
+        velocity_case("one note", line([64]), line([20])),
+    ]
+    for i in range(20):
+        due, played = line([rng.randint(1, 127) for _ in range(rng.randint(1, 30))]), []
+        spread = rng.choice([3, 10, 30])
+        for pitch, velocity, start, end in due:
+            heard = min(127, max(1, round(0.6 * velocity + 30 + rng.gauss(0.0, spread))))
+            start = max(0.0, round(start + rng.gauss(0.0, 0.03), 4))
+            played.append((pitch if rng.random() < 0.9 else pitch + 7, heard, start, end))
+        cases.append(velocity_case(f"random {i}", due, played))
+    return cases
+
+
 # --------------------------------------------------------------------------------------------- piano rolls
 
 
@@ -332,6 +366,6 @@ def write(name, value):
 if __name__ == "__main__":
     warnings.filterwarnings("ignore", message="(Reference|Estimated) notes are empty", module="mir_eval")
     OUT.mkdir(parents=True, exist_ok=True)
-    write("metrics.json", {"frames": frame_cases(), "notes": note_cases()})
+    write("metrics.json", {"frames": frame_cases(), "notes": note_cases(), "velocities": velocity_cases()})
     write("rolls.json", roll_cases())
     write("midi.json", midi_cases())

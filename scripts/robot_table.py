@@ -1,5 +1,5 @@
-"""Plays every built-in song on the twin in every mode and prints the table of docs/results/robot.md: F1 (mean of the runs), notes right
-and median onset error (first run).
+"""Plays every built-in song on the twin in every mode and prints the table of docs/results/robot.md, as means over the runs: F1, notes
+right and wrong, and how late everything was.
 
     make build && python3 scripts/robot_table.py [--runs 3] [--truth standard]
 """
@@ -20,22 +20,14 @@ def etude(*arguments):
     return json.loads(done.stdout)
 
 
-def median_ms(scores):
-    """The median onset error of a performance, in ms."""
-    secs = scores["onset_error_median_secs"]
-    return "–" if secs is None else f"{1e3 * secs:+.0f} ms"
-
-
 def lead(mode, truth):
-    """The lead of the plan with which the notes of one song are on time in the median, s, from two performances of it."""
+    """The lead of the plan with which the notes of one song are on time in the median, s."""
     secs = 0.025
-    for _ in range(2):
-        report = etude(
-            "perform", "--song", CALIBRATION, "--mode", mode, "--robot", "twin", "--truth", truth, "--policy", f"policies/{CALIBRATION}.safetensors",
-            "--set", f"task.plan.lead_secs={secs}", "--out", f"out/robot-table/{truth}/lead-{mode}", "--json",
-        )
-        secs = round(max(secs + (report["runs"][0]["onset_error_median_secs"] or 0.0), 0.0), 3)
-    return secs
+    report = etude(
+        "perform", "--song", CALIBRATION, "--mode", mode, "--robot", "twin", "--truth", truth, "--policy", f"policies/{CALIBRATION}.safetensors",
+        "--set", f"task.plan.lead_secs={secs}", "--out", f"out/robot-table/{truth}/lead-{mode}", "--json",
+    )
+    return round(max(secs + report["lag_secs"], 0.0), 3)
 
 
 def main():
@@ -48,7 +40,7 @@ def main():
     print("|---|---|" + "---|" * len(MODES))
     columns = {mode: [] for mode in MODES}
     simulation = []
-    right = {mode: 0 for mode in MODES}
+    right, wrong = {mode: 0 for mode in MODES}, {mode: 0 for mode in MODES}
     leads = {mode: lead(mode, options.truth) for mode in MODES}
     print("| lead | | " + " | ".join(f"{1e3 * leads[mode]:.0f} ms" for mode in MODES) + " |", flush=True)
     due = 0
@@ -60,16 +52,17 @@ def main():
                 "--policy", f"policies/{song}.safetensors", "--runs", options.runs, "--set", f"task.plan.lead_secs={leads[mode]}",
                 "--out", f"out/robot-table/{options.truth}/{song}-{mode}", "--json",
             )
-            first = report["runs"][0]
-            notes = first["matched"] + first["missed"]
-            cells.append(f"{report['robot_f1']:.3f}; {first['matched']} of {notes}; {median_ms(first)}")
+            lag = report.get("lag_secs")
+            late = "–" if lag is None else f"{1e3 * lag:+.0f} ms"
+            cells.append(f"{report['robot_f1']:.3f}; {report['notes_right']:g} of {report['notes_due']}, {report['notes_wrong']:g}; {late}")
             columns[mode].append(report["robot_f1"])
-            right[mode] += first["matched"]
-        due += notes
+            right[mode] += report["notes_right"]
+            wrong[mode] += report["notes_wrong"]
+        due += report["notes_due"]
         simulation.append(report["sim_f1"])
         print(f"| {song} | {report['sim_f1']:.3f} | " + " | ".join(cells) + " |", flush=True)
     mean = lambda values: f"{sum(values) / len(values):.3f}"
-    sums = (f"{mean(columns[mode])}; {right[mode]} of {due}" for mode in MODES)
+    sums = (f"{mean(columns[mode])}; {right[mode]:g} of {due}, {wrong[mode]:g}" for mode in MODES)
     print(f"| mean; sum | {mean(simulation)} | " + " | ".join(sums) + " |")
 
 

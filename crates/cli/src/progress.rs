@@ -6,7 +6,8 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 use etude_lab::Run;
-use etude_learn::{EvaluationRow, LogRow, StopReason, TrainingObserver};
+use etude_learn::{EvaluationRow, LogRow, Score, StopReason, TrainingObserver};
+use etude_perform::NoteCounts;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 
 use signal_hook::consts::{SIGINT, SIGTERM};
@@ -67,8 +68,8 @@ pub struct Progress {
     total: u64,
     started: Instant,
     first_step: u64,
-    last_f1: Option<f64>,
-    best_f1: f64,
+    last: Vec<Score>,
+    best: Vec<Score>,
     told: bool,
 }
 
@@ -85,8 +86,8 @@ impl Progress {
             total,
             started,
             first_step: run.step(),
-            last_f1: None,
-            best_f1: run.best_f1().unwrap_or(0.0),
+            last: Vec::new(),
+            best: run.best_scores().to_vec(),
             told: false,
         }
     }
@@ -97,13 +98,14 @@ impl Progress {
     }
 
     fn message(&self, step: u64) -> String {
-        let f1 = self.last_f1.map_or_else(
-            || "F1 not yet evaluated".to_string(),
-            |f1| format!("F1 {f1:.3} (best {:.3})", self.best_f1),
-        );
+        let best = self.best.first().map_or(0.0, |f1| f1.value);
+        let played = match heard(&self.last) {
+            None => "not yet evaluated".to_string(),
+            Some(last) => format!("{last} (best {best:.3})"),
+        };
         // A warm start is evaluated before its first step, when its speed is not known.
         if step == self.first_step {
-            return format!("{f1}  step {step}");
+            return format!("{played}  step {step}");
         }
         let rate =
             step.saturating_sub(self.first_step) as f64 / self.started.elapsed().as_secs_f64().max(1e-3);
@@ -111,8 +113,14 @@ impl Progress {
         let left = self.deadline.map_or(by_steps, |deadline| {
             by_steps.min(deadline.saturating_duration_since(Instant::now()).as_secs_f64())
         });
-        format!("{f1}  step {step}  {rate:.0} steps/s  {} left", clock(left))
+        format!("{played}  step {step}  {rate:.0} steps/s  {} left", clock(left))
     }
+}
+
+/// An evaluation in words: notes, then F1. None without scores.
+pub fn heard(scores: &[Score]) -> Option<String> {
+    let f1 = format!("F1 {:.3}", scores.first()?.value);
+    Some(NoteCounts::of_evaluation(scores).map_or_else(|| f1.clone(), |notes| format!("{notes}, {f1}")))
 }
 
 /// A time as a clock shows it.
@@ -129,10 +137,9 @@ impl TrainingObserver for Progress {
     }
 
     fn on_evaluation(&mut self, row: &EvaluationRow) {
-        let f1 = row.scores.first().map_or(0.0, |score| score.value);
-        self.last_f1 = Some(f1);
+        self.last.clone_from(&row.scores);
         if row.best {
-            self.best_f1 = f1;
+            self.best.clone_from(&row.scores);
         }
         let message = self.message(row.step);
         if self.bar.is_hidden() && !self.quiet {
@@ -155,7 +162,20 @@ impl TrainingObserver for Progress {
 
 #[cfg(test)]
 mod tests {
-    use super::clock;
+    use etude_learn::Score;
+
+    use super::{clock, heard};
+
+    #[test]
+    fn notes_come_first() {
+        let score = |(name, value): (&str, f64)| Score { name: name.to_string(), value };
+        let counted =
+            [("f1", 0.96), ("notes_right", 12.0), ("notes_missed", 2.0), ("notes_wrong", 3.0)].map(score);
+        assert_eq!(heard(&counted).unwrap(), "12 of 14 notes right, 3 wrong, F1 0.960");
+        // A run of an earlier version.
+        assert_eq!(heard(&counted[..1]).unwrap(), "F1 0.960");
+        assert_eq!(heard(&[]), None);
+    }
 
     #[test]
     fn times_read_like_a_clock() {

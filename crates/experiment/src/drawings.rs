@@ -20,6 +20,7 @@ pub(crate) fn measure_name(measure: &str, in_course: bool) -> String {
         "sim_precision" => "precision, simulation".to_string(),
         "sim_recall" => "recall, simulation".to_string(),
         "onset_f1" => "F1 of onsets, twin".to_string(),
+        "onset_f1_without_lag" => "F1 of onsets without lag, twin".to_string(),
         "sim_onset_f1" => "F1 of onsets, simulation".to_string(),
         "held_out_before" => "held-out error before, rad".to_string(),
         "held_out_after" => "held-out error after, rad".to_string(),

@@ -201,6 +201,7 @@ impl Doing<'_, '_> {
                             ("precision", frame.precision),
                             ("recall", frame.recall),
                             ("onset_f1", played.scores.note.onset_f1),
+                            ("onset_f1_without_lag", played.scores.note.onset_f1_without_lag),
                             ("gap", gap(sim.f1, frame.f1)),
                             ("complete", whole),
                         ];
@@ -260,6 +261,8 @@ impl Doing<'_, '_> {
             let mut values = vec![
                 ("sim_f1", round.sim_f1),
                 ("f1", round.robot_f1),
+                ("onset_f1", round.notes.onset_f1),
+                ("onset_f1_without_lag", round.notes.onset_f1_without_lag),
                 ("gap", gap(round.sim_f1, round.robot_f1)),
             ];
             if let Some([before, after]) = round.held_out_rad {

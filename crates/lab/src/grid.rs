@@ -40,6 +40,10 @@ pub struct WorldScores {
     pub recall: f64,
     /// F1 pooled over key-time.
     pub pooled_f1: f64,
+    /// Notes of the song that were played in time.
+    pub notes_right: usize,
+    /// Strokes that play no note of the song.
+    pub notes_wrong: usize,
     /// F1 of notes, by their onsets.
     pub onset_f1: f64,
     /// Fraction of control steps without a collision.
@@ -69,6 +73,16 @@ pub struct GridReport {
     /// The grid.
     #[serde(flatten)]
     pub grid: GridConfig,
+    /// Notes of the song.
+    pub notes_due: usize,
+    /// Notes right in the nominal world.
+    pub nominal_notes_right: usize,
+    /// Mean of the notes right over the worlds.
+    pub mean_notes_right: f64,
+    /// Mean over the tenth of the worlds with the fewest notes right (at least one).
+    pub worst_decile_notes_right: f64,
+    /// Notes right in the world with the fewest.
+    pub worst_notes_right: usize,
     /// F1 in the nominal world.
     pub nominal_f1: f64,
     /// Mean F1 over the worlds.
@@ -130,22 +144,29 @@ pub fn evaluate_grid(
     let played: Option<Vec<WorldScores>> = played.into_iter().collect();
     let Some(mut scores) = played.filter(|_| !stopped.load(Ordering::Relaxed)) else { return Ok(None) };
 
-    let nominal_f1 = scores.remove(0).f1;
+    let nominal_scores = scores.remove(0);
     let paths: Vec<String> = randomisation.paths().collect();
     let read = |params: &PhysicalParams| paths.iter().map(|path| params.get(path)).collect();
     let mut values =
         worlds.iter().map(read).collect::<Result<Vec<Vec<f64>>, _>>().map_err(TaskError::from)?;
     let middle = values.remove(0);
     let f1: Vec<f64> = scores.iter().map(|scores| scores.f1).collect();
-    let sorted = sorted(f1.iter().copied());
+    let sorted_f1 = sorted(f1.iter().copied());
+    let right = sorted(scores.iter().map(|scores| scores.notes_right as f64));
+    let worst_tenth = |sorted: &[f64]| mean(&sorted[..sorted.len().div_ceil(10)]);
     Ok(Some(GridReport {
         song: song.title().to_string(),
         player: pianist.name(),
         grid: *grid,
-        nominal_f1,
+        notes_due: piece.notes().len(),
+        nominal_notes_right: nominal_scores.notes_right,
+        mean_notes_right: mean(&right),
+        worst_decile_notes_right: worst_tenth(&right),
+        worst_notes_right: right.first().map_or(nominal_scores.notes_right, |right| *right as usize),
+        nominal_f1: nominal_scores.f1,
         mean_f1: mean(&f1),
-        worst_decile_f1: mean(&sorted[..sorted.len().div_ceil(10)]),
-        worst_f1: sorted.first().copied().unwrap_or(nominal_f1),
+        worst_decile_f1: worst_tenth(&sorted_f1),
+        worst_f1: sorted_f1.first().copied().unwrap_or(nominal_scores.f1),
         marginals: marginals(&paths, &middle, &values, &f1),
         scores,
         values,
@@ -161,6 +182,8 @@ fn scores(performance: &Performance) -> WorldScores {
         precision: frame.precision,
         recall: frame.recall,
         pooled_f1: frame.pooled_f1,
+        notes_right: note.matched,
+        notes_wrong: note.wrong,
         onset_f1: note.onset_f1,
         collision_free: performance.simulation.unwrap_or_default().collision_free,
     }
@@ -194,13 +217,16 @@ impl GridReport {
     /// # Errors
     /// If the file cannot be written.
     pub fn write_csv(&mut self, path: &Path) -> anyhow::Result<()> {
-        let mut text = String::from("world,f1,precision,recall,pooled_f1,onset_f1,collision_free");
+        let mut text = String::from(
+            "world,f1,precision,recall,pooled_f1,notes_right,notes_wrong,onset_f1,collision_free",
+        );
         text.extend(self.paths.iter().map(|path| format!(",{path}")));
         for (index, (scores, values)) in self.scores.iter().zip(&self.values).enumerate() {
-            let WorldScores { f1, precision, recall, pooled_f1, onset_f1, collision_free } = scores;
-            let scores = [f1, precision, recall, pooled_f1, onset_f1, collision_free];
+            let &WorldScores { f1, precision, recall, pooled_f1, onset_f1, collision_free, .. } = scores;
+            let [right, wrong] = [scores.notes_right, scores.notes_wrong].map(|count| count as f64);
+            let scores = [f1, precision, recall, pooled_f1, right, wrong, onset_f1, collision_free];
             text.push_str(&format!("\n{index}"));
-            text.extend(scores.into_iter().chain(values).map(|value| format!(",{value}")));
+            text.extend(scores.iter().chain(values).map(|value| format!(",{value}")));
         }
         if let Some(folder) = path.parent().filter(|folder| !folder.as_os_str().is_empty()) {
             make_folder(folder)?;

@@ -32,5 +32,5 @@ pub use pianist::{Pianist, load_pianist, policies, shipped_policy};
 pub use play::{Files, PlayReport, play, scores_in_simulation};
 pub use record::{Motion, Recorded, record_robot};
 pub use rehearse::{RehearsalConfig, RehearsalStep, Round, rehearse_on_robot};
-pub use robot::{RobotPlay, RobotReport, RobotRun, RunEnded, play_on_robot};
+pub use robot::{MeanNotes, RobotPlay, RobotReport, RobotRun, RunEnded, play_on_robot};
 pub use run::{Run, TrainingProgress, find_song};

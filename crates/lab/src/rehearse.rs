@@ -18,7 +18,7 @@ use std::path::{Path, PathBuf};
 use etude_identify::{Motion, MotionError, Progress};
 use etude_music::Song;
 use etude_perform::stand::RigChoice;
-use etude_perform::{Excitation, Job, Mode, write_file};
+use etude_perform::{Excitation, Job, Mode, NoteCounts, write_file};
 use serde::{Deserialize, Serialize};
 
 use crate::config::resolve;
@@ -27,8 +27,11 @@ use crate::excitations::{excitation_file, record_excitations, stopped_itself};
 use crate::folder::make_folder;
 use crate::identify::{Identification, IdentifyMethod, IdentifyReport, identify_robot};
 use crate::pianist::load_pianist;
-use crate::robot::{RobotPlay, RobotReport, RunEnded, play_on_robot};
+use crate::robot::{MeanNotes, RobotPlay, RobotReport, RunEnded, lead_against, play_on_robot};
 use crate::run::{Run, TrainingProgress};
+
+/// The setting that a round adjusts.
+const LEAD: &str = "task.plan.lead_secs";
 
 /// What to rehearse, and how.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -68,6 +71,13 @@ pub struct RehearsalConfig {
 pub struct Round {
     /// Its number; 0 is before any identification.
     pub round: usize,
+    /// Notes on the robot.
+    #[serde(flatten)]
+    pub notes: MeanNotes,
+    /// The lead of the plan, s. Each round leads by what the round before was late.
+    pub lead_secs: f64,
+    /// How late the notes were on the robot, s.
+    pub lag_secs: Option<f64>,
     /// F1 of the policy in the simulator that it was trained in.
     pub sim_f1: f64,
     /// Mean F1 on the robot.
@@ -108,6 +118,8 @@ pub enum RehearsalStep {
         round: usize,
         /// The run, from 0.
         run: usize,
+        /// Its notes.
+        notes: NoteCounts,
         /// Its F1 by control step.
         f1: f64,
     },
@@ -198,14 +210,18 @@ impl Rehearsal<'_> {
             physics = report.identified.physics;
             layer = Some(report.file);
         }
+        let lead_secs = before.and_then(|before| self.better_lead_secs(before));
         let policy = match (&self.config.policy, before) {
             (Some(policy), None) => policy.clone(),
-            _ => self.train(round, layer.as_deref(), before.map(|before| before.policy.as_path()), job)?,
+            _ => self.train(round, layer.as_deref(), before, lead_secs, job)?,
         };
-        let report = self.play(round, &policy, &folder.join("performance"), job)?;
+        let report = self.play(round, &policy, lead_secs, &folder.join("performance"), job)?;
         let recordings = report.runs.into_iter().filter_map(|run| run.files).map(|files| files.recording);
         let done = Round {
             round,
+            notes: report.notes,
+            lead_secs: report.lead_secs,
+            lag_secs: report.lag_secs,
             sim_f1: report.sim_f1,
             robot_f1: report.robot_f1,
             robot_f1_std: report.robot_f1_std,
@@ -262,17 +278,27 @@ impl Rehearsal<'_> {
         )
     }
 
-    /// Trains in the simulator of `layer`, from what `source` has learned; resumes a training that was interrupted.
+    /// The lead with which the robot will be on time, from the lag of the round before; none if the settings name one.
+    fn better_lead_secs(&self, before: &Round) -> Option<f64> {
+        let is_set = self.config.overrides.iter().any(|set| set.trim_start().starts_with(LEAD));
+        let late = before.lag_secs.filter(|_| !is_set)?;
+        Some(lead_against(before.lead_secs, late))
+    }
+
+    /// Trains in the simulator of `layer`, from what the round before has learned; resumes a training that was interrupted.
     fn train(
         &self,
         round: usize,
         layer: Option<&Path>,
-        source: Option<&Path>,
+        before: Option<&Round>,
+        lead_secs: Option<f64>,
         job: &mut Job<'_, RehearsalStep>,
     ) -> anyhow::Result<PathBuf> {
         let folder = self.round_folder(round).join("training");
         let mut config = resolve(&self.config.preset, layer, &self.config.overrides)?;
         config.trainer.threads = self.config.threads.unwrap_or(config.trainer.threads);
+        config.task.plan.lead_secs = lead_secs.unwrap_or(config.task.plan.lead_secs);
+        let source = before.map(|before| before.policy.as_path());
         let command = format!("etude rehearse, round {round}");
         let mut run = Run::start_or_resume(self.song.clone(), config, &folder, &command, source)?;
         let told = |at: &TrainingProgress| RehearsalStep::Training(round, *at);
@@ -287,10 +313,13 @@ impl Rehearsal<'_> {
         &self,
         round: usize,
         policy: &Path,
+        lead_secs: Option<f64>,
         folder: &Path,
         job: &mut Job<'_, RehearsalStep>,
     ) -> anyhow::Result<RobotReport> {
-        let pianist = load_pianist(&self.config.song, "", Some(policy))?;
+        let mut pianist = load_pianist(&self.config.song, "", Some(policy))?;
+        let plan = &mut pianist.config.task.plan;
+        plan.lead_secs = lead_secs.unwrap_or(plan.lead_secs);
         let play = RobotPlay {
             mode: self.config.mode,
             runs: self.config.runs,
@@ -300,6 +329,7 @@ impl Rehearsal<'_> {
         let performed = |ended: &RunEnded| RehearsalStep::Performed {
             round,
             run: ended.index,
+            notes: NoteCounts::from(&ended.run.scores.note),
             f1: ended.run.scores.frame.f1,
         };
         let report = job.part(performed, |job| {

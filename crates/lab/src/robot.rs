@@ -4,7 +4,9 @@ use std::path::Path;
 use std::sync::atomic::AtomicBool;
 
 use anyhow::bail;
+use etude_music::LONGEST_LEAD_SECS;
 use etude_music::Song;
+use etude_music::metrics::NoteScores;
 use etude_music::sound::SoundFont;
 use etude_perform::stand::{RigChoice, Stand};
 use etude_perform::stats::{deviation, mean};
@@ -14,7 +16,7 @@ use etude_perform::{
 };
 use etude_stage::{JOINTS, World};
 use etude_task::{Piece, TaskError};
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 use crate::errors::released;
 use crate::folder::make_folder;
@@ -58,8 +60,55 @@ pub struct RobotReport {
     pub gap: f64,
     /// The lead of the plan that was played, s (`task.plan.lead_secs`).
     pub lead_secs: f64,
+    /// Mean over the runs of how late the whole performance was, s; absent if no run has a right key near its time.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub lag_secs: Option<f64>,
+    /// Notes, as means over the runs.
+    #[serde(flatten)]
+    pub notes: MeanNotes,
     /// The runs.
     pub runs: Vec<RobotRun>,
+}
+
+/// Notes of several runs, as means over them.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct MeanNotes {
+    /// Notes of the song that were played in time.
+    pub notes_right: f64,
+    /// Notes of the song.
+    pub notes_due: usize,
+    /// Strokes that play no note of the song.
+    pub notes_wrong: f64,
+    /// F1 of notes, by their onsets.
+    pub onset_f1: f64,
+    /// The same if each run had been played earlier by its lag.
+    pub onset_f1_without_lag: f64,
+}
+
+impl MeanNotes {
+    fn of(due: usize, runs: &[RobotRun]) -> Self {
+        let of = |score: fn(&NoteScores) -> f64| {
+            mean(&runs.iter().map(|run| score(&run.scores.note)).collect::<Vec<_>>())
+        };
+        Self {
+            notes_right: of(|note| note.matched as f64),
+            notes_due: due,
+            notes_wrong: of(|note| note.wrong as f64),
+            onset_f1: of(|note| note.onset_f1),
+            onset_f1_without_lag: of(|note| note.onset_f1_without_lag),
+        }
+    }
+}
+
+impl std::fmt::Display for MeanNotes {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let count = |mean: f64| match mean.fract() {
+            0.0 => format!("{mean:.0}"),
+            _ => format!("{mean:.1}"),
+        };
+        let [right, wrong] = [self.notes_right, self.notes_wrong].map(count);
+        write!(f, "{right} of {} notes right, {wrong} wrong", self.notes_due)
+    }
 }
 
 /// One run.
@@ -84,6 +133,22 @@ pub struct RobotRun {
     /// The files that were written.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub files: Option<Files>,
+}
+
+/// Mean lag from which on another lead is worth having, s.
+const NOTICEABLE_SECS: f64 = 0.005;
+
+impl RobotReport {
+    /// The lead of the plan with which the notes would have been on time in the median, if they were not.
+    pub fn better_lead_secs(&self) -> Option<f64> {
+        let late = self.lag_secs.filter(|late| late.abs() > NOTICEABLE_SECS)?;
+        Some(lead_against(self.lead_secs, late))
+    }
+}
+
+/// The lead with which notes are on time that came `late_secs` late with `lead_secs`.
+pub(crate) fn lead_against(lead_secs: f64, late_secs: f64) -> f64 {
+    (lead_secs + late_secs).clamp(0.0, LONGEST_LEAD_SECS)
 }
 
 /// A run that has ended, of a performance on a robot.
@@ -156,6 +221,7 @@ pub fn play_on_robot(
             break;
         }
     }
+    let lags: Vec<f64> = runs.iter().filter_map(|run| run.scores.note.lag_secs).collect();
     let f1: Vec<f64> = runs.iter().map(|run| run.scores.frame.f1).collect();
     let (robot_f1, robot_f1_std) = (mean(&f1), deviation(&f1));
     let report = RobotReport {
@@ -172,6 +238,8 @@ pub fn play_on_robot(
         robot_f1_std,
         gap: gap(sim_f1, robot_f1),
         lead_secs: task.plan.lead_secs,
+        lag_secs: (!lags.is_empty()).then(|| mean(&lags)),
+        notes: MeanNotes::of(piece.notes().len(), &runs),
         runs,
     };
     if let Some(folder) = folder {

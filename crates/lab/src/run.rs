@@ -5,11 +5,11 @@ use std::path::Path;
 
 use anyhow::{anyhow, bail};
 use etude_learn::{
-    EvaluationRow, LogRow, Outcome, Parts, StopReason, TrainError, Trainer, TrainerConfig, TrainingObserver,
-    WarmStart, seed,
+    EvaluationRow, LogRow, Outcome, Parts, Score, StopReason, TrainError, Trainer, TrainerConfig,
+    TrainingObserver, WarmStart, seed,
 };
 use etude_music::{Song, SongError};
-use etude_perform::{Job, SongEvaluator, write_file};
+use etude_perform::{Job, NoteCounts, SongEvaluator, write_file};
 use etude_task::{Piece, ScriptedPlayer, TaskConfig, VectorPiano};
 use serde_json::json;
 
@@ -152,9 +152,9 @@ impl Run {
         self.trainer.step()
     }
 
-    /// F1 of the best policy so far.
-    pub fn best_f1(&self) -> Option<f64> {
-        self.trainer.best().and_then(|best| best.scores.first()).map(|score| score.value)
+    /// Scores of the best policy so far; none before the first evaluation.
+    pub fn best_scores(&self) -> &[Score] {
+        self.trainer.best().map_or(&[], |best| &best.scores)
     }
 
     /// Trains to the end, or until the observer stops it; in both cases everything is saved.
@@ -171,7 +171,7 @@ impl Run {
     /// As [`run`](Self::run).
     pub fn run_job(&mut self, job: &mut Job<'_, TrainingProgress>) -> anyhow::Result<Outcome> {
         let (step, total) = (self.step(), self.config.trainer.total_steps);
-        let at = TrainingProgress { step, total, best_f1: self.best_f1() };
+        let at = TrainingProgress::new(step, total, self.best_scores());
         self.run(&mut Watch { at, job })
     }
 }
@@ -183,11 +183,22 @@ pub struct TrainingProgress {
     pub step: u64,
     /// Environment steps in all.
     pub total: u64,
-    /// F1 of the best policy so far.
+    /// Notes of the best policy so far.
+    pub best_notes: Option<NoteCounts>,
+    /// Its F1 by control step.
     pub best_f1: Option<f64>,
 }
 
 impl TrainingProgress {
+    fn new(step: u64, total: u64, best: &[Score]) -> Self {
+        Self {
+            step,
+            total,
+            best_notes: NoteCounts::of_evaluation(best),
+            best_f1: best.first().map(|score| score.value),
+        }
+    }
+
     /// The share of the training that is done, 0 to 1.
     pub fn share(&self) -> f64 {
         self.step as f64 / self.total.max(1) as f64
@@ -206,10 +217,10 @@ impl TrainingObserver for Watch<'_, '_> {
     }
 
     fn on_evaluation(&mut self, row: &EvaluationRow) {
-        if row.best {
-            self.at.best_f1 = row.scores.first().map(|score| score.value);
-        }
-        self.at.step = row.step;
+        self.at = match row.best {
+            true => TrainingProgress::new(row.step, self.at.total, &row.scores),
+            false => TrainingProgress { step: row.step, ..self.at },
+        };
         self.job.tell(&self.at);
     }
 

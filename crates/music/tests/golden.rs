@@ -60,7 +60,7 @@ fn frame_scores_are_those_of_scikit_learn() {
 #[test]
 fn note_scores_are_those_of_mir_eval() {
     let golden = read("metrics.json");
-    for case in list(&golden["notes"]) {
+    for case in list(&golden["notes"]).iter().chain(list(&golden["velocities"])) {
         let scores = note_scores(&notes(&case["reference"]), &notes(&case["played"]));
         assert_scores(case, &serde_json::to_value(scores).unwrap());
     }

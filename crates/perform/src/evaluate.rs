@@ -3,16 +3,20 @@
 use std::sync::atomic::AtomicBool;
 
 use etude_learn::{Evaluator, Score};
+use etude_music::metrics::NoteScores;
 use etude_task::{ACTION_LEN, Piece, TaskConfig, TaskError};
 
 use crate::{SimRig, perform};
 
 /// Names of the scores of [`SongEvaluator`]. `overall` is the mean of the paper's F1 and the F1 of the notes' onsets.
-pub const SCORES: [&str; 9] = [
+pub const SCORES: [&str; 12] = [
     "f1",
     "precision",
     "recall",
     "pooled_f1",
+    "notes_right",
+    "notes_missed",
+    "notes_wrong",
     "onset_f1",
     "onset_offset_f1",
     "overall",
@@ -50,6 +54,9 @@ impl Evaluator for SongEvaluator {
             scores.frame.precision,
             scores.frame.recall,
             scores.frame.pooled_f1,
+            scores.note.matched as f64,
+            scores.note.missed as f64,
+            scores.note.wrong as f64,
             scores.note.onset_f1,
             scores.note.onset_offset_f1,
             (scores.frame.f1 + scores.note.onset_f1) / 2.0,
@@ -57,5 +64,39 @@ impl Evaluator for SongEvaluator {
             simulated.reward,
         ];
         SCORES.into_iter().zip(values).map(|(name, value)| Score { name: name.to_string(), value }).collect()
+    }
+}
+
+/// How many notes are right, for people to read.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct NoteCounts {
+    /// Notes of the song that were played in time.
+    pub right: usize,
+    /// Notes of the song.
+    pub due: usize,
+    /// Strokes that play no note of the song.
+    pub wrong: usize,
+}
+
+impl NoteCounts {
+    /// Those of an evaluation; none of runs that have not counted notes.
+    pub fn of_evaluation(scores: &[Score]) -> Option<Self> {
+        let count = |name: &str| {
+            Some(scores.iter().find(|score| score.name == name)?.value).map(|value| value as usize)
+        };
+        let (right, missed, wrong) = (count("notes_right")?, count("notes_missed")?, count("notes_wrong")?);
+        Some(Self { right, due: right + missed, wrong })
+    }
+}
+
+impl From<&NoteScores> for NoteCounts {
+    fn from(scores: &NoteScores) -> Self {
+        Self { right: scores.matched, due: scores.matched + scores.missed, wrong: scores.wrong }
+    }
+}
+
+impl std::fmt::Display for NoteCounts {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "{} of {} notes right, {} wrong", self.right, self.due, self.wrong)
     }
 }

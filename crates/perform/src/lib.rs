@@ -28,7 +28,7 @@ mod timing;
 mod writer;
 
 pub use error::PerformError;
-pub use evaluate::{SCORES, SongEvaluator};
+pub use evaluate::{NoteCounts, SCORES, SongEvaluator};
 pub use excitation::{Excitation, ExcitationPlayer};
 pub use files::{FileError, write_file, write_frames_csv};
 pub use job::Job;

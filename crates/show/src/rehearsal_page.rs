@@ -79,6 +79,9 @@ fn scores(rounds: &[Round]) -> Markup {
             .map_or_else(Default::default, |errors| errors.map(|e| format!("{:.2}", 1e3 * e)));
         vec![
             round.round.to_string(),
+            format!("{:.1} of {}", round.notes.notes_right, round.notes.notes_due),
+            format!("{:.1}", round.notes.notes_wrong),
+            round.lag_secs.map_or_else(String::new, |lag| format!("{:+.0}", 1e3 * lag)),
             format!("{:.3}", round.sim_f1),
             format!("{:.3} ± {:.3}", round.robot_f1, round.robot_f1_std),
             format!("{:.1} %", 100.0 * round.gap),
@@ -86,10 +89,19 @@ fn scores(rounds: &[Round]) -> Markup {
             after,
         ]
     });
-    let robot = "robot (mean ± standard deviation)";
-    let columns = ["round", "simulation", robot, "gap", "fingers before, mrad", "after, mrad"];
+    let columns = [
+        "round",
+        "notes right on the robot",
+        "wrong",
+        "late, ms",
+        "F1, simulation",
+        "F1, robot (mean ± standard deviation)",
+        "gap",
+        "fingers before, mrad",
+        "after, mrad",
+    ];
     table(
-        "F1 by control step, and the error of the simulator in motions that no fit has seen",
+        "Notes, F1 by control step, and the error of the simulator in motions that no fit has seen",
         &columns,
         rows,
     )
@@ -122,11 +134,14 @@ fn number(value: f64) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use etude_lab::IdentifyMethod;
+    use etude_lab::{IdentifyMethod, MeanNotes};
 
     fn round(round: usize) -> Round {
         Round {
             round,
+            notes: MeanNotes { notes_right: 13.5, notes_due: 14, notes_wrong: 2.0, ..Default::default() },
+            lead_secs: 0.025,
+            lag_secs: Some(0.06),
             sim_f1: 0.96,
             robot_f1: 0.9,
             robot_f1_std: 0.01,
@@ -162,7 +177,7 @@ mod tests {
         for part in [
             "&lt;b&gt;&amp;.mid",
             "truth worn",
-            "<td>0.900 ± 0.010</td><td>6.0 %</td><td>13.00</td><td>1.70</td>",
+            "<td>13.5 of 14</td><td>2.0</td><td>+60</td><td>0.960</td><td>0.900 ± 0.010</td><td>6.0 %</td><td>13.00</td><td>1.70</td>",
             "src=\"round-1/performance/run-1.wav\"",
             "<td>joint.index_1.delay</td><td>s</td><td>0</td><td>0.01230</td>",
         ] {

@@ -17,7 +17,7 @@ const SHOWN: usize = 8;
 #[command(after_help = "\
 The worlds are a fixed, evenly spread set over what the policy's own configuration randomises (the paper's seven \
 quantities, or task.randomisation.widths), the same for the same --worlds, --intensity and --seed. The CSV has one line a \
-world: world, f1, precision, recall, pooled_f1, onset_f1, collision_free, then every number that varies.
+world: world, f1, precision, recall, pooled_f1, notes_right, notes_wrong, onset_f1, collision_free, then every number that varies.
 
 Examples:
   etude evaluate twinkle
@@ -40,7 +40,8 @@ pub struct Args {
     /// Where the table goes; out/SONG/worlds.csv if not given
     #[arg(short = 'o', long = "out", value_name = "FILE.csv")]
     out: Option<PathBuf>,
-    /// Print JSON: nominal_f1, mean_f1, worst_decile_f1, worst_f1, marginals (path, range, f1 by thirds), scores, csv
+    /// Print JSON: notes_due, nominal_notes_right, mean_notes_right, worst_decile_notes_right, worst_notes_right, nominal_f1, mean_f1,
+    /// worst_decile_f1, worst_f1, marginals (path, range, f1 by thirds), scores, csv
     #[arg(long)]
     json: bool,
 }
@@ -77,13 +78,15 @@ fn print(report: &GridReport) -> anyhow::Result<()> {
         "{} played by {} in {} worlds of intensity {}",
         report.song, report.player, report.grid.worlds, report.grid.intensity
     ))?;
-    for (name, f1) in [
-        ("nominal world", report.nominal_f1),
-        ("mean", report.mean_f1),
-        ("worst tenth", report.worst_decile_f1),
-        ("worst world", report.worst_f1),
+    line(format!("{:16} {:>16} {:>8}", "", "notes right", "F1"))?;
+    for (name, right, f1) in [
+        ("nominal world", report.nominal_notes_right as f64, report.nominal_f1),
+        ("mean", report.mean_notes_right, report.mean_f1),
+        ("worst tenth", report.worst_decile_notes_right, report.worst_decile_f1),
+        ("worst world", report.worst_notes_right as f64, report.worst_f1),
     ] {
-        line(format!("F1 {name:16} {f1:.3}"))?;
+        let notes = format!("{right:.1} of {}", report.notes_due);
+        line(format!("{name:16} {notes:>16} {f1:>8.3}"))?;
     }
     let mut marginals: Vec<_> = report.marginals.iter().collect();
     let swing =

@@ -3,10 +3,9 @@
 use std::path::PathBuf;
 
 use etude_lab::{RobotPlay, RobotReport, RunEnded, find_song, play_on_robot};
-use etude_music::LONGEST_LEAD_SECS;
 use etude_music::sound::SoundFont;
 use etude_perform::stand::{RigChoice, rig_choice};
-use etude_perform::{Ending as Played, Job, Mode};
+use etude_perform::{Ending as Played, Job, Mode, NoteCounts};
 use etude_twin::OrderedFault;
 
 use super::play::heard;
@@ -64,7 +63,7 @@ pub struct Args {
     /// A SoundFont (.sf2) for the sound; a built-in piano tone if not given
     #[arg(long, value_name = "FILE")]
     soundfont: Option<PathBuf>,
-    /// Print JSON: sim_f1, robot_f1, robot_f1_std, gap, runs, …
+    /// Print JSON: notes_right, notes_due, notes_wrong, onset_f1, lag_secs, sim_f1, robot_f1, robot_f1_std, gap, runs, …
     #[arg(long)]
     json: bool,
 }
@@ -89,7 +88,8 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
     let quiet = args.json;
     let mut tell = |RunEnded { index, run }: &RunEnded| {
         if !quiet {
-            note(format!("run {}: F1 {:.3}, {}", index + 1, run.scores.frame.f1, run.ending));
+            let notes = NoteCounts::from(&run.scores.note);
+            note(format!("run {}: {notes}, F1 {:.3}, {}", index + 1, run.scores.frame.f1, run.ending));
         }
     };
     let mut job = Job::new(&mut tell, &stop);
@@ -128,6 +128,18 @@ fn print(report: &RobotReport) -> anyhow::Result<()> {
         report.truth.as_ref().map_or_else(String::new, |truth| format!(" (truth `{truth}`)")),
         report.mode
     ))?;
+    for (index, run) in report.runs.iter().enumerate() {
+        line(format!("run {}: {}", index + 1, heard(&run.scores.note)))?;
+    }
+    if let Some((lag, lead)) = report.lag_secs.zip(report.better_lead_secs()) {
+        line(format!(
+            "Everything came {:.0} ms {}. Onset F1 {:.3}; without that {:.3}: --set task.plan.lead_secs={lead:.3}",
+            lag.abs() * 1e3,
+            if lag > 0.0 { "late" } else { "early" },
+            report.notes.onset_f1,
+            report.notes.onset_f1_without_lag
+        ))?;
+    }
     line(format!("{:22} {:>9} {:>9} {:>9}", "by control step", "precision", "recall", "F1"))?;
     line(format!("{:22} {:>9} {:>9} {:>9.3}", "simulation alone", "", "", report.sim_f1))?;
     for (index, run) in report.runs.iter().enumerate() {
@@ -144,12 +156,8 @@ fn print(report: &RobotReport) -> anyhow::Result<()> {
         report.robot,
         100.0 * report.gap
     ))?;
-    if let Some(lead_secs) = better_lead(report) {
-        line(format!("To have notes on time in the median: --set task.plan.lead_secs={lead_secs:.3}"))?;
-    }
     for run in &report.runs {
-        let (notes, times) = (&run.scores.note, &run.timing);
-        line(heard(notes))?;
+        let times = &run.timing;
         line(format!(
             "{} set-points clamped; {} of {} deadlines missed, {} commands late (worst {:.1} ms)",
             run.clamped, times.missed, times.commands, times.late, times.late_worst_ms
@@ -159,14 +167,4 @@ fn print(report: &RobotReport) -> anyhow::Result<()> {
         }
     }
     Ok(())
-}
-
-/// Median error of onsets from which on another lead is worth a line, s.
-const NOTICEABLE_SECS: f64 = 0.01;
-
-/// The lead of the plan with which the median onset of the first run would have been on time, if it was not.
-fn better_lead(report: &RobotReport) -> Option<f64> {
-    let late = report.runs.first()?.scores.note.onset_error_median_secs?;
-    let lead = report.lead_secs + late;
-    (late.abs() > NOTICEABLE_SECS && (0.0..=LONGEST_LEAD_SECS).contains(&lead)).then_some(lead)
 }

@@ -6,7 +6,7 @@ use anyhow::Context as _;
 use etude_lab::{PlayReport, find_song, play};
 use etude_music::metrics::NoteScores;
 use etude_music::sound::SoundFont;
-use etude_perform::Scores;
+use etude_perform::{NoteCounts, Scores};
 
 use super::{PianistArgs, json, line, slug};
 use crate::Ending;
@@ -65,8 +65,7 @@ pub(super) fn heard(note: &NoteScores) -> String {
     let loudness = note.velocity_correlation.map_or_else(String::new, |correlation| {
         format!("; loud and soft as written: correlation {correlation:.2}")
     });
-    let notes = note.matched + note.missed;
-    format!("{} of {notes} notes right, {} wrong{error}{loudness}", note.matched, note.wrong)
+    format!("{}{error}{loudness}", NoteCounts::from(note))
 }
 
 fn print(report: &PlayReport) -> anyhow::Result<()> {

@@ -128,16 +128,20 @@ fn show(status: &mut Status, step: &RehearsalStep) {
             &format!("round {round}: identifying, {}", at.pass.name()),
             &format!(", {} replays, residuals {:.2} times the noise", at.replays, at.rms),
         ),
-        RehearsalStep::Training(round, at) => status.now(
-            &format!("round {round}: training"),
-            &format!(", step {} of {}, F1 {:.3}", at.step, at.total, at.best_f1.unwrap_or(0.0)),
-        ),
-        RehearsalStep::Performed { round, run, f1 } => {
-            status.now(&format!("round {round}: run {} played, F1 {f1:.3}", run + 1), "");
+        RehearsalStep::Training(round, at) => {
+            let notes = at.best_notes.map_or_else(String::new, |notes| format!(", {notes}"));
+            status.now(
+                &format!("round {round}: training"),
+                &format!(", step {} of {}{notes}, F1 {:.3}", at.step, at.total, at.best_f1.unwrap_or(0.0)),
+            );
+        }
+        RehearsalStep::Performed { round, run, notes, f1 } => {
+            status.now(&format!("round {round}: run {} played, {notes}, F1 {f1:.3}", run + 1), "");
         }
         RehearsalStep::Round(round) => status.done(&format!(
-            "round {}: F1 {:.3} in simulation, {:.3} on the robot: a gap of {:.1} %",
+            "round {}: {} on the robot; F1 {:.3} in simulation, {:.3} on the robot: a gap of {:.1} %",
             round.round,
+            round.notes,
             round.sim_f1,
             round.robot_f1,
             100.0 * round.gap
@@ -147,9 +151,12 @@ fn show(status: &mut Status, step: &RehearsalStep) {
 
 fn print(rounds: &[Round], mode: Mode) -> anyhow::Result<()> {
     line(format!(
-        "{:<8}{:>12}{:>16}{:>8}   held-out error of the fingers, mrad",
+        "{:<8}{:>14}{:>8}{:>8}{:>16}{:>16}{:>8}   held-out error of the fingers, mrad",
         "round",
-        "simulation",
+        "notes right",
+        "wrong",
+        "late",
+        "F1, simulation",
         mode.name(),
         "gap"
     ))?;
@@ -158,8 +165,11 @@ fn print(rounds: &[Round], mode: Mode) -> anyhow::Result<()> {
             .held_out_rad
             .map_or_else(String::new, |[before, after]| format!("{:.2} → {:.2}", before * 1e3, after * 1e3));
         line(format!(
-            "{:<8}{:>12.3}{:>16}{:>8}   {held_out}",
+            "{:<8}{:>14}{:>8.1}{:>8}{:>16.3}{:>16}{:>8}   {held_out}",
             round.round,
+            format!("{:.1} of {}", round.notes.notes_right, round.notes.notes_due),
+            round.notes.notes_wrong,
+            round.lag_secs.map_or_else(String::new, |lag| format!("{:+.0} ms", lag * 1e3)),
             round.sim_f1,
             format!("{:.3} ± {:.3}", round.robot_f1, round.robot_f1_std),
             format!("{:.1} %", 100.0 * round.gap)

@@ -5,10 +5,11 @@ use std::time::Duration;
 
 use etude_lab::{Run, find_song};
 use etude_learn::{Outcome, StopReason};
+use etude_perform::NoteCounts;
 use serde_json::json;
 
 use super::{ConfigArgs, line, note, slug};
-use crate::progress::{Progress, stop_flag};
+use crate::progress::{Progress, heard, stop_flag};
 use crate::{Ending, broken_pipe};
 
 /// What to learn, how and for how long.
@@ -42,8 +43,8 @@ pub struct Args {
     /// Stop after this much time, counted from this start, saving everything
     #[arg(long, value_name = "MINUTES", value_parser = super::positive, allow_hyphen_values = true)]
     minutes: Option<f64>,
-    /// Print nothing but one JSON object at the end: run, policy, song, f1, best_step, step, updates, secs,
-    /// stopped
+    /// Print nothing but one JSON object at the end: run, policy, song, notes_right, notes_due, notes_wrong, f1, onset_f1,
+    /// best_step, step, updates, secs, stopped
     #[arg(long)]
     json: bool,
 }
@@ -108,14 +109,17 @@ fn report(args: &Args, folder: &Path, run: &Run, outcome: &Outcome) -> anyhow::R
     let policy =
         folder.join(if best.is_some() { "policy-best.safetensors" } else { "policy-last.safetensors" });
     let value = |name: &str| best?.scores.iter().find(|score| score.name == name).map(|score| score.value);
-    let (f1, onset_f1) = (value("f1"), value("onset_f1"));
     if args.json {
+        let notes = best.and_then(|best| NoteCounts::of_evaluation(&best.scores));
         return super::json(&json!({
             "run": folder,
             "policy": policy,
             "song": run.song().title(),
-            "f1": f1,
-            "onset_f1": onset_f1,
+            "notes_right": notes.map(|notes| notes.right),
+            "notes_due": notes.map(|notes| notes.due),
+            "notes_wrong": notes.map(|notes| notes.wrong),
+            "f1": value("f1"),
+            "onset_f1": value("onset_f1"),
             "best_step": best.map(|best| best.step),
             "step": outcome.step,
             "updates": outcome.updates,
@@ -133,11 +137,8 @@ fn report(args: &Args, folder: &Path, run: &Run, outcome: &Outcome) -> anyhow::R
         outcome.updates,
         outcome.elapsed_secs
     ))?;
-    match f1 {
-        Some(f1) => {
-            let notes = onset_f1.map_or_else(String::new, |onset| format!(", {onset:.3} by note"));
-            line(format!("The best policy has F1 {f1:.3}{notes}: {}", policy.display()))?;
-        }
+    match best.and_then(|best| heard(&best.scores)) {
+        Some(heard) => line(format!("The best policy: {heard}; {}", policy.display()))?,
         None => line(format!("Not evaluated yet; the policy so far is {}", policy.display()))?,
     }
     let song = args.song.clone().unwrap_or_else(|| folder.join("song.mid").display().to_string());

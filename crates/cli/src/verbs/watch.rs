@@ -30,7 +30,7 @@ pub struct Args {
     #[arg(long)]
     once: bool,
     /// Print JSON and end; of each run: run, name, song, state (waiting, running, silent, finished), secs_since_written, step,
-    /// total_steps, secs, steps_per_sec, secs_left, best_f1, best_step, last_f1, reward_per_step, reward (its terms)
+    /// total_steps, secs, steps_per_sec, secs_left, notes_right, notes_due, notes_wrong, best_f1, best_step, last_f1, reward_per_step, reward (its terms)
     #[arg(long)]
     json: bool,
 }
@@ -59,15 +59,19 @@ fn print(runs: &[RunFigures]) -> anyhow::Result<()> {
     let name_width = runs.iter().map(|run| run.name.chars().count()).fold(3, usize::max);
     let song = |run: &RunFigures| run.song.clone().unwrap_or_else(|| "-".to_string());
     let song_width = runs.iter().map(|run| song(run).chars().count()).fold(4, usize::max);
-    let row = |name: &str, song: &str, figures: [&str; 5], state: &str| {
-        let [step, rate, left, best, last] = figures;
+    let row = |name: &str, song: &str, figures: [&str; 6], state: &str| {
+        let [step, rate, left, notes, best, last] = figures;
         let (name, song) = (format!("{name:name_width$}"), format!("{song:song_width$}"));
-        line(format!("{name}  {song}  {step:>12} {rate:>8} {left:>11} {best:>8} {last:>8}  {state}"))
+        line(format!(
+            "{name}  {song}  {step:>12} {rate:>8} {left:>11} {notes:>10} {best:>8} {last:>8}  {state}"
+        ))
     };
-    row("run", "song", ["step", "steps/s", "left", "best F1", "last F1"], "state")?;
+    row("run", "song", ["step", "steps/s", "left", "notes", "best F1", "last F1"], "state")?;
     for run in runs {
         let [best, last] = [run.best_f1, run.last_f1].map(text::score);
-        let figures = [&text::steps(run), &text::rate(run), &text::left(run), &best, &last];
+        let [steps, rate, left, notes] =
+            [text::steps(run), text::rate(run), text::left(run), text::notes(run)];
+        let figures = [&steps, &rate, &left, &notes, &best, &last];
         row(&run.name, &song(run), figures.map(String::as_str), &text::long_state(run))?;
     }
     Ok(())

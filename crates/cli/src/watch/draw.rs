@@ -15,7 +15,7 @@ const CHART: u16 = 8;
 const COMFORTABLE_CHART: u16 = 16;
 /// The list of runs shrinks to so many when room is short; it scrolls.
 const RUNS: u16 = 3;
-/// From this width on the song has a column.
+/// From this width on song and speed have a column.
 const WIDE: u16 = 110;
 
 const HELP: &[(&str, &str)] = &[
@@ -25,7 +25,8 @@ const HELP: &[(&str, &str)] = &[
     ("?", "this help"),
     ("", ""),
     ("a, b, …", "mark the same run in the list and on its curve"),
-    ("F1 best, last", "of the evaluations so far, and of the last one"),
+    ("notes 13/14 +2", "in the last evaluation: right, due, and wrong ones"),
+    ("F1 best", "of the evaluations so far; the chart has them all"),
     ("steps/s, left", "at the speed of the last ten log lines"),
     ("silent 12 min", "has logged nothing for so long: stopped, or slow"),
     ("lowest … highest", "the scale of the small curve beside it"),
@@ -72,16 +73,16 @@ impl View {
 
     fn draw_list(&self, frame: &mut Frame, area: Rect) {
         let wide = area.width >= WIDE;
-        // The other columns take 63 characters, and the song's 31 if there is room.
-        let name_width = area.width.saturating_sub(if wide { 94 } else { 63 });
+        // The other columns take 62 characters; those of song and speed 39 more, if there is room.
+        let name_width = area.width.saturating_sub(if wide { 101 } else { 62 });
         let mut widths = vec![Constraint::Length(2), Constraint::Length(name_width)];
         let mut head = vec![Line::default(), Line::from("run")];
         if wide {
-            widths.push(Constraint::Length(30));
-            head.push(Line::from("song"));
+            widths.extend([30, 7].map(Constraint::Length));
+            head.extend([Line::from("song"), right("steps/s")]);
         }
-        widths.extend([11, 7, 11, 7, 5, 13].map(Constraint::Length));
-        head.extend(["step", "steps/s", "left", "F1 best", "last"].map(right));
+        widths.extend([11, 11, 10, 7, 13].map(Constraint::Length));
+        head.extend(["step", "left", "notes", "F1 best"].map(right));
         head.push(Line::from("state"));
         let rows = self.figures.iter().enumerate().map(|(at, run)| {
             let mut cells = vec![
@@ -90,9 +91,10 @@ impl View {
             ];
             if wide {
                 cells.push(Line::from(text::shortened(run.song.as_deref().unwrap_or("-"), 30)));
+                cells.push(right(text::rate(run)));
             }
-            cells.extend([text::steps(run), text::rate(run), text::left(run)].map(right));
-            cells.extend([run.best_f1, run.last_f1].map(text::score).map(right));
+            let figures = [text::steps(run), text::left(run), text::notes(run), text::score(run.best_f1)];
+            cells.extend(figures.map(right));
             cells.push(Line::from(text::state(run)));
             Row::new(cells.into_iter().map(Cell::from))
         });

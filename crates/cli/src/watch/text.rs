@@ -45,6 +45,14 @@ pub fn score(f1: Option<f64>) -> String {
     f1.map_or(UNKNOWN.to_string(), |f1| format!("{f1:.3}"))
 }
 
+/// Notes right of notes due, and how many are wrong.
+pub fn notes(run: &RunFigures) -> String {
+    match (run.notes_right, run.notes_due, run.notes_wrong) {
+        (Some(right), Some(due), Some(wrong)) => format!("{right}/{due} +{wrong}"),
+        _ => UNKNOWN.to_string(),
+    }
+}
+
 /// The state of the run, in one or two words.
 pub fn state(run: &RunFigures) -> String {
     match run.state {

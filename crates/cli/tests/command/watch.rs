@@ -18,8 +18,11 @@ fn write_run(folder: &Path) {
             step / 100
         )
     };
-    let evaluation =
-        |step: u32, f1: f64| format!("{{\"step\":{step},\"eval/f1\":{f1},\"eval/recall\":0.1}}\n");
+    let evaluation = |step: u32, f1: f64| {
+        format!(
+            "{{\"step\":{step},\"eval/f1\":{f1},\"eval/recall\":0.1,\"eval/notes_right\":3.0,\"eval/notes_missed\":1.0,\"eval/notes_wrong\":2.0}}\n"
+        )
+    };
     let lines = [
         row(1000, 0.25),
         evaluation(1000, 0.75),
@@ -46,7 +49,7 @@ fn figures_are_printed_once() {
         let expected = serde_json::json!({
             "run": run["run"], "name": name, "song": "Short", "state": "running",
             "secs_since_written": run["secs_since_written"], "step": 2000, "total_steps": 4000, "secs": 20.0,
-            "steps_per_sec": 100.0, "secs_left": 20.0, "best_f1": 0.75, "best_step": 1000, "last_f1": 0.625,
+            "steps_per_sec": 100.0, "secs_left": 20.0, "notes_right": 3, "notes_due": 4, "notes_wrong": 2, "best_f1": 0.75, "best_step": 1000, "last_f1": 0.625,
             "reward_per_step": 0.5, "reward": { "energy": -0.25, "key_press": 0.5 },
         });
         assert_eq!(*run, expected);
@@ -58,7 +61,13 @@ fn figures_are_printed_once() {
     let lines: Vec<_> = table.lines().collect();
     assert!(lines.len() == 3 && lines[0].starts_with("run "), "{table}");
     assert!(lines[1..].iter().any(|line| line.starts_with("task ") && line.contains("2k/4k")), "{table}");
-    assert!(table.contains("0.750") && table.contains("0.625") && table.contains("0:20"), "{table}");
+    assert!(
+        table.contains("3/4 +2")
+            && table.contains("0.750")
+            && table.contains("0.625")
+            && table.contains("0:20"),
+        "{table}"
+    );
     assert!(!table.contains('\u{1b}'), "{table:?}");
 }
 

@@ -5,6 +5,7 @@
 //! what a listener would notice about them. Reports give both.
 
 mod frame;
+mod matching;
 mod note;
 
 pub use frame::{FrameScores, FrameTally, StepScores, frame_scores, step_scores};

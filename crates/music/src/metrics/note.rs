@@ -6,15 +6,15 @@
 
 use serde::{Deserialize, Serialize};
 
+use super::matching::{ONSET_SECS, matched_with_offset, pairs_within};
 use super::share;
 use crate::note::Note;
 
-/// Onsets may differ by this much, in seconds. This tolerance and the next two are the defaults of `mir_eval.transcription`.
-const ONSET_SECS: f64 = 0.05;
-/// Releases may always differ by this much, in seconds …
-const OFFSET_SECS: f64 = 0.05;
-/// … and by this share of the length of the song's note, if that is more.
-const OFFSET_RATIO: f64 = 0.2;
+/// A note that comes later or earlier than this is not the same note, s (a judgement; the time between two eighths at 120 a minute).
+const LAG_SECS: f64 = 0.25;
+
+/// Share of the range of the song's velocities by which a velocity may differ; the default of `mir_eval.transcription_velocity`.
+const VELOCITY_TOLERANCE: f64 = 0.1;
 
 /// Scores of a performance by note. Precision, recall and F1 are from 0 to 1, and 0 where the song or the
 /// performance has no notes, as in `mir_eval`.
@@ -41,9 +41,16 @@ pub struct NoteScores {
     pub onset_error_p95_secs: Option<f64>,
     /// Their mean, in seconds: the bias.
     pub onset_error_mean_secs: Option<f64>,
+    /// Median of played minus due onset over notes of the same pitch that are matched within 250 ms, in seconds: how late the whole
+    /// performance is. None without a match.
+    pub lag_secs: Option<f64>,
+    /// `onset_f1` if everything were played earlier by `lag_secs`.
+    pub onset_f1_without_lag: f64,
     /// Correlation (Pearson's) of played and due MIDI velocities over the notes matched by onset. None where either is the same for
     /// all of them.
     pub velocity_correlation: Option<f64>,
+    /// As `onset_f1`, with the velocity near as well, after the played velocities were scaled and shifted to fit the song's best.
+    pub onset_velocity_f1: f64,
     /// Notes matched by pitch and onset.
     pub matched: usize,
     /// Notes of the song that were not.
@@ -55,7 +62,14 @@ pub struct NoteScores {
 /// Scores played notes against those of the song. The time grows with the square of the number of strokes of one pitch that follow
 /// each other within the tolerance.
 pub fn note_scores(reference: &[Note], played: &[Note]) -> NoteScores {
-    let (pairs, with_offset) = matchings(reference, played);
+    let mut pairs = matched_notes(reference, played);
+    // Sums are then the same in whatever order the notes are given.
+    pairs.sort_by(|[a, _], [b, _]| {
+        let (a, b) = (&reference[*a], &reference[*b]);
+        a.start_secs.total_cmp(&b.start_secs).then(a.pitch.cmp(&b.pitch))
+    });
+    let with_offset = matched_with_offset(reference, played);
+    let lag_secs = lag_secs(reference, played);
     let matched = pairs.len();
     let mut errors: Vec<f64> =
         pairs.iter().map(|[due, heard]| played[*heard].start_secs - reference[*due].start_secs).collect();
@@ -78,6 +92,13 @@ pub fn note_scores(reference: &[Note], played: &[Note]) -> NoteScores {
         onset_error_iqr_secs: iqr,
         onset_error_p95_secs: of(&sizes, 0.95),
         onset_error_mean_secs: (matched > 0).then(|| errors.iter().sum::<f64>() / matched as f64),
+        lag_secs,
+        onset_f1_without_lag: onset_f1_without(lag_secs.unwrap_or(0.0), reference, played),
+        onset_velocity_f1: rates(
+            matched_with_velocity(&pairs, reference, played),
+            reference.len(),
+            played.len(),
+        )[2],
         velocity_correlation: velocity_correlation(&pairs, reference, played),
         matched,
         missed: reference.len() - matched,
@@ -90,33 +111,27 @@ pub fn note_scores(reference: &[Note], played: &[Note]) -> NoteScores {
 ///
 /// Of all largest matchings, it is the one with the smallest sum of onset errors.
 pub fn matched_notes(reference: &[Note], played: &[Note]) -> Vec<[usize; 2]> {
-    matchings(reference, played).0
+    pairs_within(ONSET_SECS, reference, played)
 }
 
-/// A note and its index in the caller's list.
-type Indexed = (usize, Note);
+fn lag_secs(reference: &[Note], played: &[Note]) -> Option<f64> {
+    let pairs = pairs_within(LAG_SECS, reference, played);
+    let lags = pairs.iter().map(|[due, heard]| played[*heard].start_secs - reference[*due].start_secs);
+    let mut lags: Vec<f64> = lags.collect();
+    lags.sort_by(f64::total_cmp);
+    (!lags.is_empty()).then(|| quantile(&lags, 0.5))
+}
 
-/// The pairs by onset, and how many could be matched if the releases must be near as well.
-fn matchings(reference: &[Note], played: &[Note]) -> (Vec<[usize; 2]>, usize) {
-    let mut pairs = Vec::new();
-    let mut with_offset = 0;
-    for pitch in 0..=u8::MAX {
-        let strokes = |notes: &[Note]| {
-            let of_pitch = notes.iter().copied().enumerate().filter(|(_, note)| note.pitch == pitch);
-            let mut notes: Vec<Indexed> = of_pitch.collect();
-            notes.sort_by(|(_, a), (_, b)| {
-                a.start_secs.total_cmp(&b.start_secs).then(a.end_secs.total_cmp(&b.end_secs))
-            });
-            notes
-        };
-        let (due, heard) = (strokes(reference), strokes(played));
-        for (due, heard) in clusters(&due, &heard) {
-            nearest_onsets(due, heard, &mut pairs);
-            with_offset += most_pairs(due, heard);
-        }
-    }
-    pairs.sort_unstable();
-    (pairs, with_offset)
+fn onset_f1_without(lag_secs: f64, reference: &[Note], played: &[Note]) -> f64 {
+    let earlier: Vec<Note> = played
+        .iter()
+        .map(|note| Note {
+            start_secs: note.start_secs - lag_secs,
+            end_secs: note.end_secs - lag_secs,
+            ..*note
+        })
+        .collect();
+    rates(matched_notes(reference, &earlier).len(), reference.len(), played.len())[2]
 }
 
 fn rates(matched: usize, reference: usize, played: usize) -> [f64; 3] {
@@ -124,159 +139,42 @@ fn rates(matched: usize, reference: usize, played: usize) -> [f64; 3] {
     [precision, recall, share(2 * matched, reference + played, 0.0)]
 }
 
-/// Differences are rounded as in `mir_eval`, so that a note exactly at the tolerance is within it.
-fn rounded(secs: f64) -> f64 {
-    const STEPS_PER_SEC: f64 = 1e4;
-    (secs * STEPS_PER_SEC).round_ties_even() / STEPS_PER_SEC
-}
-
-fn onsets_near(due: &Note, heard: &Note) -> bool {
-    rounded((due.start_secs - heard.start_secs).abs()) <= ONSET_SECS
-}
-
-fn ends_near(due: &Note, heard: &Note) -> bool {
-    let tolerance = (OFFSET_RATIO * due.duration_secs().abs()).max(OFFSET_SECS);
-    rounded((due.end_secs - heard.end_secs).abs()) <= tolerance
-}
-
-/// Cuts two sorted lists where no match is possible across the cut: where the next onset of either is too far away.
-fn clusters<'a>(due: &'a [Indexed], heard: &'a [Indexed]) -> Vec<(&'a [Indexed], &'a [Indexed])> {
-    let mut cut = Vec::new();
-    let (mut d, mut h) = (0, 0);
-    let (mut d0, mut h0) = (0, 0);
-    let mut latest = f64::NEG_INFINITY;
-    while d < due.len() || h < heard.len() {
-        let next_due = due.get(d).map_or(f64::INFINITY, |(_, note)| note.start_secs);
-        let next_heard = heard.get(h).map_or(f64::INFINITY, |(_, note)| note.start_secs);
-        let next = next_due.min(next_heard);
-        if rounded(next - latest) > ONSET_SECS {
-            cut.push((&due[d0..d], &heard[h0..h]));
-            (d0, h0) = (d, h);
-        }
-        latest = next;
-        // One of the two advances even if a time is not a number.
-        let take_due = h == heard.len() || (d < due.len() && next_due <= next_heard);
-        if take_due { d += 1 } else { h += 1 }
-    }
-    cut.push((&due[d0..], &heard[h0..]));
-    cut.retain(|(due, heard)| !due.is_empty() && !heard.is_empty());
-    cut
-}
-
-/// Matches onsets, as many as possible and then with the smallest sum of distances, and appends the pairs. Along a line such a
-/// matching never crosses, so dynamic programming finds it.
-fn nearest_onsets(due: &[Indexed], heard: &[Indexed], pairs: &mut Vec<[usize; 2]>) {
-    /// Pairs made, and their summed distance in seconds.
-    type Cell = (usize, f64);
-    if due.len().saturating_mul(heard.len()) > MAX_CELLS {
-        return first_come(due, heard, pairs);
-    }
-    let better = |a: Cell, b: Cell| if (a.0, -a.1) >= (b.0, -b.1) { a } else { b };
-    let width = heard.len() + 1;
-    let mut best: Vec<Cell> = vec![(0, 0.0); (due.len() + 1) * width];
-    let distance = |d: usize, h: usize| {
-        let error = (heard[h].1.start_secs - due[d].1.start_secs).abs();
-        (rounded(error) <= ONSET_SECS).then_some(error)
-    };
-    for d in 1..=due.len() {
-        for h in 1..=heard.len() {
-            let mut cell = better(best[(d - 1) * width + h], best[d * width + h - 1]);
-            if let Some(error) = distance(d - 1, h - 1) {
-                let (pairs, sum) = best[(d - 1) * width + h - 1];
-                cell = better((pairs + 1, sum + error), cell);
-            }
-            best[d * width + h] = cell;
-        }
-    }
-    let (mut d, mut h) = (due.len(), heard.len());
-    while d > 0 && h > 0 {
-        let cell = best[d * width + h];
-        if cell == best[(d - 1) * width + h] {
-            d -= 1;
-        } else if cell == best[d * width + h - 1] {
-            h -= 1;
-        } else {
-            (d, h) = (d - 1, h - 1);
-            pairs.push([due[d].0, heard[h].0]);
-        }
-    }
-}
-
-/// Largest table that is filled; no playable song comes near it.
-const MAX_CELLS: usize = 1 << 22;
-
-/// Matches as many onsets as possible, each with the first possible one.
-fn first_come(due: &[Indexed], heard: &[Indexed], pairs: &mut Vec<[usize; 2]>) {
-    let (mut d, mut h) = (0, 0);
-    while d < due.len() && h < heard.len() {
-        let error = heard[h].1.start_secs - due[d].1.start_secs;
-        if rounded(error.abs()) <= ONSET_SECS {
-            pairs.push([due[d].0, heard[h].0]);
-            (d, h) = (d + 1, h + 1);
-        } else if error < 0.0 {
-            h += 1;
-        } else {
-            d += 1;
-        }
-    }
-}
-
-/// Size of a largest matching where releases must be near as well, by augmenting paths (breadth first).
-fn most_pairs(due: &[Indexed], heard: &[Indexed]) -> usize {
-    // Notes are sorted by onset, so the candidates are consecutive; the window is a little wider because of rounding.
-    let candidates = |d: usize| {
-        let start = due[d].1.start_secs;
-        let first = heard.partition_point(|(_, note)| note.start_secs < start - ONSET_SECS * 1.01 - 1e-3);
-        let near_enough =
-            move |h: &usize| onsets_near(&due[d].1, &heard[*h].1) && ends_near(&due[d].1, &heard[*h].1);
-        let window = heard[first..]
-            .iter()
-            .take_while(move |(_, note)| note.start_secs <= start + ONSET_SECS * 1.01 + 1e-3);
-        (first..first + window.count()).filter(near_enough)
-    };
-    let mut partner_of_due: Vec<Option<usize>> = vec![None; due.len()];
-    let mut partner_of_heard: Vec<Option<usize>> = vec![None; heard.len()];
-    let mut pairs = 0;
-    for free in 0..due.len() {
-        let mut reached_from: Vec<Option<usize>> = vec![None; heard.len()];
-        let mut queue = std::collections::VecDeque::from([free]);
-        let mut open = None;
-        'search: while let Some(d) = queue.pop_front() {
-            for h in candidates(d) {
-                if reached_from[h].is_none() {
-                    reached_from[h] = Some(d);
-                    match partner_of_heard[h] {
-                        Some(next) => queue.push_back(next),
-                        None => {
-                            open = Some(h);
-                            break 'search;
-                        }
-                    }
-                }
-            }
-        }
-        pairs += usize::from(open.is_some());
-        while let Some(h) = open {
-            let Some(d) = reached_from[h] else { break };
-            partner_of_heard[h] = Some(d);
-            open = partner_of_due[d].replace(h);
-        }
-    }
-    pairs
-}
-
-fn velocity_correlation(pairs: &[[usize; 2]], reference: &[Note], played: &[Note]) -> Option<f64> {
-    let velocities = |of: fn([Note; 2]) -> Note| -> Vec<f64> {
-        let notes = pairs.iter().map(|[due, heard]| of([reference[*due], played[*heard]]));
-        let values: Vec<f64> = notes.map(|note| f64::from(note.velocity)).collect();
+/// Velocities of the matched notes, the song's and the played ones, without their means.
+fn velocities(pairs: &[[usize; 2]], reference: &[Note], played: &[Note]) -> [Vec<f64>; 2] {
+    [(0, reference), (1, played)].map(|(side, notes)| {
+        let values: Vec<f64> = pairs.iter().map(|pair| f64::from(notes[pair[side]].velocity)).collect();
         let mean = values.iter().sum::<f64>() / values.len().max(1) as f64;
         values.iter().map(|value| value - mean).collect()
-    };
-    let (due, heard) = (velocities(|[due, _]| due), velocities(|[_, heard]| heard));
-    let product = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
+    })
+}
+
+fn product(a: &[f64], b: &[f64]) -> f64 {
+    a.iter().zip(b).map(|(a, b)| a * b).sum()
+}
+
+/// Velocities are whole numbers, so that any difference is far above rounding.
+const SAME_VELOCITIES: f64 = 1e-6;
+
+fn velocity_correlation(pairs: &[[usize; 2]], reference: &[Note], played: &[Note]) -> Option<f64> {
+    let [due, heard] = velocities(pairs, reference, played);
     let spread = (product(&due, &due) * product(&heard, &heard)).sqrt();
-    // Velocities are whole numbers, so that any difference is far above rounding.
-    (spread > 1e-6).then(|| product(&due, &heard) / spread)
+    (spread > SAME_VELOCITIES).then(|| product(&due, &heard) / spread)
+}
+
+/// How many of the matched notes also have the velocity that is due, by the rule of `mir_eval.transcription_velocity`: the line
+/// through the matched velocities with the least squares takes out how loud the instrument is.
+fn matched_with_velocity(pairs: &[[usize; 2]], reference: &[Note], played: &[Note]) -> usize {
+    let ends = reference
+        .iter()
+        .fold((u8::MAX, u8::MIN), |(low, high), note| (low.min(note.velocity), high.max(note.velocity)));
+    let range = f64::from(ends.1.saturating_sub(ends.0).max(1));
+    let [due, heard] = velocities(pairs, reference, played);
+    let spread = product(&heard, &heard);
+    let slope = if spread > SAME_VELOCITIES { product(&due, &heard) / spread } else { 0.0 };
+    due.iter()
+        .zip(&heard)
+        .filter(|(due, heard)| (slope * *heard - *due).abs() / range < VELOCITY_TOLERANCE)
+        .count()
 }
 
 /// Linear interpolation between order statistics, as numpy's default; the list is sorted and not empty.
@@ -337,6 +235,18 @@ mod tests {
         let mut heard = notes(&[50, 60, 70]);
         heard.push(Note { start_secs: 7.0, velocity: 1, ..heard[0] });
         assert_eq!(note_scores(&notes(&[20, 40, 60]), &heard).velocity_correlation, Some(1.0));
+    }
+
+    #[test]
+    fn a_lag_is_no_mistake_of_the_player() {
+        let due = strokes(&[0.5, 1.0, 1.5, 2.0]);
+        let scores = note_scores(&due, &strokes(&[0.57, 1.08, 1.59, 2.2]));
+        assert_eq!((scores.matched, scores.onset_f1_without_lag), (0, 0.75));
+        assert!((scores.lag_secs.unwrap() - 0.085).abs() < 1e-12);
+        let early = note_scores(&due, &strokes(&[0.4, 0.9, 1.4, 1.9]));
+        assert!((early.lag_secs.unwrap() + 0.1).abs() < 1e-12 && early.onset_f1_without_lag == 1.0);
+        // A note later is another note.
+        assert_eq!(note_scores(&due[..1], &strokes(&[0.8])).lag_secs, None);
     }
 
     #[test]

@@ -21,6 +21,8 @@ pub struct Point {
 pub struct History {
     /// F1 of the evaluations.
     pub f1: Vec<Point>,
+    /// Notes of the last evaluation: right, missed, wrong; none of a run that has not counted them.
+    pub notes: Option<[f64; 3]>,
     /// Reward per step, summed over its terms.
     pub reward: Vec<Point>,
     /// The terms of the reward, by name.
@@ -42,6 +44,10 @@ impl History {
         // Evaluations say no time; each comes right after a row that does.
         self.secs = get("perf/elapsed_secs").unwrap_or(self.secs);
         (self.step, self.rows) = (step, self.rows + 1);
+        let notes = ["eval/notes_right", "eval/notes_missed", "eval/notes_wrong"].map(get);
+        if let [Some(right), Some(missed), Some(wrong)] = notes {
+            self.notes = Some([right, missed, wrong]);
+        }
         for (key, value) in &row {
             let Some(value) = *value else { continue };
             let series = match (key.as_str(), key.strip_prefix("reward/")) {
@@ -101,8 +107,9 @@ mod tests {
               \"losses/critic\":3.0,\"perf/steps_per_sec\":50.0,\"perf/elapsed_secs\":2.0}\n\
              {\"step\":100,\"eval/f1\":0.5,\"eval/recall\":0.7}\n\
              {\"step\":200,\"charts/reward_per_step\":null,\"perf/steps_per_sec\":100.0,\"perf/elapsed_secs\":4.0}\n\
-             {\"step\":200,\"eval/f1\":0.4}\n",
+             {\"step\":200,\"eval/f1\":0.4,\"eval/notes_right\":3.0,\"eval/notes_missed\":2.0,\"eval/notes_wrong\":1.0}\n",
         );
+        assert_eq!(history.notes, Some([3.0, 2.0, 1.0]));
         let at = |step, secs, value| Point { step, secs, value };
         assert_eq!(history.f1, [at(100.0, 2.0, 0.5), at(200.0, 4.0, 0.4)]);
         assert_eq!(history.reward, [at(100.0, 2.0, 0.5)]);

@@ -85,6 +85,12 @@ pub struct RunFigures {
     pub steps_per_sec: Option<f64>,
     /// Seconds until all steps are made, at that speed; only while it runs.
     pub secs_left: Option<f64>,
+    /// Notes right in the last evaluation.
+    pub notes_right: Option<u64>,
+    /// Notes of the song.
+    pub notes_due: Option<u64>,
+    /// Strokes that play no note of the song.
+    pub notes_wrong: Option<u64>,
     /// Best F1 of its evaluations.
     pub best_f1: Option<f64>,
     /// The step of that evaluation.
@@ -169,6 +175,9 @@ impl WatchedRun {
             secs: history.secs(),
             steps_per_sec,
             secs_left: secs_left.filter(|_| state == RunState::Running),
+            notes_right: history.notes.map(|[right, _, _]| right as u64),
+            notes_due: history.notes.map(|[right, missed, _]| (right + missed) as u64),
+            notes_wrong: history.notes.map(|[_, _, wrong]| wrong as u64),
             best_f1: best.map(|best| best.value),
             best_step: best.map(|best| best.step as u64),
             last_f1: last(&history.f1),
