@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from mcap.exceptions import McapError
-from mcap.records import Channel, Message
+from mcap.records import Channel, Footer, Message
 from mcap.stream_reader import StreamReader
 from numpy.typing import NDArray
 
@@ -126,6 +126,8 @@ def read_recording(path: str | os.PathLike[str]) -> Recording:
                     topic = channels[record.channel_id]
                     messages.setdefault(topic, []).append(json.loads(record.data))
                     times.setdefault(topic, []).append(record.log_time * 1e-9)
+                elif isinstance(record, Footer) and record.summary_start == 0:
+                    incomplete = "the program that wrote it was killed"
     except (McapError, ValueError, KeyError, EOFError, struct.error) as error:
         incomplete = f"it ends in the middle: {error or type(error).__name__}"
     except OSError as error:

@@ -51,6 +51,10 @@ def test_half_a_recording_is_read_as_far_as_it_goes(played, tmp_path):
         assert recording.incomplete
         lengths.add(len(recording))
     assert max(lengths) > 0
+    # What a program leaves that is killed: an end that names no index.
+    footer = whole[-37:]
+    half.write_bytes(whole[:-37] + footer[:9] + bytes(20) + footer[29:])
+    assert read_recording(half).incomplete == "the program that wrote it was killed"
     for content in (b"", b"nonsense", whole[:8]):
         half.write_bytes(content)
         with pytest.raises(etude.EtudeError, match="not a recording"):

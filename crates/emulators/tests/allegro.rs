@@ -206,6 +206,24 @@ fn the_same_inputs_give_the_same_frames() {
 }
 
 #[test]
+fn a_hand_is_told_to_let_go_until_it_confirms_it() {
+    let mut bench = Bench::ready();
+    // Nothing that is sent is heard for 350 ms.
+    let until = bench.now + ms(350);
+    bench.heard = Box::new(move |now, _| now >= until);
+    let mut out = vec![];
+    bench.hand.stop(bench.now, &mut out);
+    bench.to_hand.extend(out);
+    bench.run(ms(340));
+    assert!(!bench.hand.has_let_go() && bench.emulator.servo_on(), "nothing was heard");
+    bench.run(ms(160));
+    assert!(bench.hand.has_let_go() && !bench.emulator.servo_on());
+    bench.sent.clear();
+    bench.run(ms(500));
+    assert!(bench.sent.is_empty(), "then it is quiet: another controller may come");
+}
+
+#[test]
 fn lost_frames_neither_stall_nor_shake_the_loop() {
     let mut bench = Bench::ready();
     let mut random = Pcg64::seed_from_u64(5);
@@ -220,7 +238,11 @@ fn lost_frames_neither_stall_nor_shake_the_loop() {
 #[test]
 fn stop_is_allowed_always_and_often() {
     let mut stopped = zero_torques(3);
-    stopped.extend([HostMessage::ServoOff, HostMessage::Positions(0)]);
+    stopped.extend([
+        HostMessage::ServoOff,
+        HostMessage::Request(Request::Information),
+        HostMessage::Positions(0),
+    ]);
     let mut hand = Hand::new(&HandConfig::default()).unwrap();
     for _ in 0..2 {
         let mut out = vec![];
@@ -233,9 +255,11 @@ fn stop_is_allowed_always_and_often() {
     bench.run(ms(200));
     let mut out = vec![];
     bench.hand.stop(bench.now, &mut out);
+    assert!(!bench.hand.has_let_go());
     bench.to_hand.extend(out);
     bench.sent.clear();
     bench.run(ms(500));
+    assert!(bench.hand.has_let_go());
     assert_eq!((bench.sent.len(), bench.emulator.pwm(), bench.emulator.servo_on()), (0, [0; JOINTS], false));
     // And a new start is a new start.
     bench.start();
@@ -373,9 +397,11 @@ fn fault_after(change: impl FnOnce(&mut Bench)) -> HandFault {
     // Again and again, and nothing else.
     let said = bench.said(after);
     assert_eq!(said.iter().filter(|message| **message == HostMessage::ServoOff).count(), 10);
-    assert!(
-        said.iter().all(|message| *message == HostMessage::ServoOff || zero_torques(1).contains(message))
-    );
+    let is_release = |message: &HostMessage| match message {
+        HostMessage::ServoOff | HostMessage::Request(Request::Information) => true,
+        message => zero_torques(1).contains(message),
+    };
+    assert!(said.iter().all(is_release));
     let mut out = vec![];
     assert_eq!(bench.hand.torque(bench.now, &[100.0; JOINTS], &mut out), [0; JOINTS]);
     assert!(out.is_empty());

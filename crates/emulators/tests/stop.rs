@@ -69,30 +69,54 @@ fn wait(stopping: ScopedJoinHandle<'_, Stopped>, mut turn: impl FnMut()) -> Stop
     stopping.join().unwrap()
 }
 
+/// An emulated hand on a hub's bus.
+struct BusHand {
+    bus: HubTransport,
+    hand: HandEmulator,
+    /// Whether the servo was switched off.
+    let_go: bool,
+}
+
+impl BusHand {
+    fn new(path: &Path) -> Self {
+        let hand = HandEmulator::new(&HandEmulatorConfig::default());
+        Self { bus: HubTransport::connect(path).unwrap(), hand, let_go: false }
+    }
+
+    fn turn(&mut self, now: Duration, answers: bool) {
+        let mut said = Vec::new();
+        while let Some(frame) = self.bus.receive().unwrap() {
+            self.let_go |= frame.id() == SERVO_OFF;
+            self.hand.receive(now, &frame, &mut said);
+        }
+        for frame in said.into_iter().filter(|_| answers) {
+            self.bus.send(frame).unwrap();
+        }
+    }
+}
+
 /// The arm answers only after the hand was let go, and nobody answers at its report port at all.
 #[test]
 fn the_hand_does_not_wait_for_the_arm_nor_the_arm_for_its_reports() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("bus");
     let mut hub = Hub::bind(&path).unwrap();
-    let mut hand = HubTransport::connect(&path).unwrap();
+    let mut hand = BusHand::new(&path);
     let (mut arm, mut server, port) = moving_arm();
     // Port 1 refuses.
     let rig = rig(bus(&path), &format!("127.0.0.1:{port}:1"));
-    let (begun, mut let_go) = (Instant::now(), false);
+    let begun = Instant::now();
     let stopped = std::thread::scope(|scope| {
         wait(scope.spawn(|| stop(&rig)), || {
             hub.turn();
-            while let Some(frame) = hand.receive().unwrap() {
-                let_go |= frame.id() == SERVO_OFF;
-            }
-            if let_go {
+            hand.turn(begun.elapsed(), true);
+            if hand.let_go {
                 arm.advance(begun.elapsed());
                 server.serve_once(begun.elapsed(), &mut arm);
             }
         })
     });
-    assert!(let_go && stopped.is_sure(), "{stopped:?}");
+    assert!(hand.let_go && stopped.is_sure(), "{stopped:?}");
     assert_eq!(arm.state(), 4);
 }
 
@@ -111,18 +135,18 @@ fn one_that_cannot_be_reached_does_not_save_the_other() {
     assert!(stopped.hand.is_err() && stopped.arm.is_ok() && arm.state() == 4, "{stopped:?}");
     let path = folder.path().join("bus");
     let mut hub = Hub::bind(&path).unwrap();
-    let mut hand = HubTransport::connect(&path).unwrap();
     let without_an_arm = rig(bus(&path), "127.0.0.1:1:1");
-    let mut let_go = false;
-    let stopped = std::thread::scope(|scope| {
-        wait(scope.spawn(|| stop(&without_an_arm)), || {
-            hub.turn();
-            while let Some(frame) = hand.receive().unwrap() {
-                let_go |= frame.id() == SERVO_OFF;
-            }
-        })
-    });
-    assert!(let_go && stopped.hand.is_ok() && stopped.arm.is_err(), "{stopped:?}");
+    // A hand that does not answer was told, and is not called stopped.
+    for answers in [true, false] {
+        let mut hand = BusHand::new(&path);
+        let stopped = std::thread::scope(|scope| {
+            wait(scope.spawn(|| stop(&without_an_arm)), || {
+                hub.turn();
+                hand.turn(begun.elapsed(), answers);
+            })
+        });
+        assert!(hand.let_go && stopped.hand.is_ok() == answers && stopped.arm.is_err(), "{stopped:?}");
+    }
 }
 
 /// Emulated hand and adapter on a pseudo terminal; what the hand was told.
@@ -173,7 +197,7 @@ fn a_joined_adapter_keeps_its_channel() {
         // The channel is still open, so that a controller that runs on can let go as well.
         controller.send(on).unwrap();
     });
-    assert_eq!((count(&told, SERVO_ON), count(&told, SERVO_OFF)), (2, 1), "{told:?}");
+    assert_eq!((count(&told, SERVO_ON), count(&told, SERVO_OFF)), (2, 2), "{told:?}");
 }
 
 #[test]

@@ -29,15 +29,18 @@ pub(crate) fn unusable(path: &Path, why: impl Display) -> anyhow::Error {
     anyhow!("{}: {why}; choose another folder with -o", path.display())
 }
 
-/// Releases the robot of `stand` after `outcome`. An error of the release is never hidden by an earlier one: the operator must
-/// use the hardware stop then.
+/// Releases the robot of `stand` after `outcome`. Neither an error of the release nor what came before it hides the other: the operator
+/// must use the hardware stop, and know why.
 ///
 /// # Errors
 /// That of `outcome`, and that of the release.
 pub fn released<T>(stand: &mut Stand, outcome: anyhow::Result<T>) -> anyhow::Result<T> {
     match (outcome, stand.let_go()) {
         (outcome, Ok(())) => outcome,
-        (Ok(_), Err(why)) => Err(anyhow!(why)),
+        (Ok(_), Err(why)) => Err(match stand.robot.fault() {
+            Some(fault) => anyhow!("{fault}").context(why),
+            None => anyhow!(why),
+        }),
         (Err(error), Err(why)) => Err(error.context(why)),
     }
 }

@@ -205,7 +205,11 @@ pub fn play_on_robot(
             files.as_ref().map(|files| RecordingWriter::create(&files.recording, &header)).transpose()?;
         let mut stand = rig.open(task.stage.side, play.seed.wrapping_add(index as u64))?;
         let played = one_run(&mut stand, pianist, &piece, play, &start, writer.as_mut(), job.interrupt());
-        let performance = released(&mut stand, played)?;
+        let performance = match played {
+            // What was played is kept even if the robot does not confirm that it was released.
+            Ok(performance) => after_release(performance, stand.let_go()),
+            Err(error) => released(&mut stand, Err(error))?,
+        };
         // The robot is stopped: its guard is not needed while the files are written.
         drop(stand);
         if let Some(writer) = writer {
@@ -246,6 +250,16 @@ pub fn play_on_robot(
         write_report(folder, &report)?;
     }
     Ok(report)
+}
+
+/// The performance with what the release of the robot has added to its ending.
+fn after_release(performance: Performance, release: Result<(), String>) -> Performance {
+    let ending = match (performance.ending, release) {
+        (ending, Ok(())) => ending,
+        (Ending::Fault(fault), Err(why)) => Ending::Fault(format!("{fault}; {why}")),
+        (Ending::Complete | Ending::Interrupted, Err(why)) => Ending::Fault(why),
+    };
+    Performance { ending, ..performance }
 }
 
 /// Brings the robot to the keyboard and plays once.

@@ -18,7 +18,7 @@ const WAIT: Duration = Duration::from_millis(20);
 pub(crate) const STOPPED: &str = "it was stopped by `etude robot stop`, or its guard is gone";
 
 /// Starts a robot's devices, waits until it holds still, and, if there is a `pose` (rad, the rail in m), moves it there
-/// slowly. Its records go into the recording, with time 0.
+/// slowly. Its records go into the recording, with time 0 and their time on the robot's clock.
 ///
 /// # Errors
 /// If a device does not start, the robot is not there after two minutes, `interrupt` is set, or the recording cannot be
@@ -30,24 +30,28 @@ pub fn prepare(
     writer: Option<&mut RecordingWriter>,
     interrupt: &AtomicBool,
 ) -> Result<(), PerformError> {
+    let mut recorder = Recorder::new(writer);
     robot.start(pace.now());
-    let ready = wait_for(robot, pace, interrupt).and_then(|()| match pose {
-        Some(pose) => {
-            robot.home(pace.now(), pose)?;
-            wait_for(robot, pace, interrupt)
-        }
-        None => Ok(()),
-    });
-    RobotRecords::since(pace.now()).take(robot, &mut Recorder::new(writer), &mut Timing::default())?;
-    ready
+    wait_for(robot, pace, &mut recorder, interrupt)?;
+    if let Some(pose) = pose {
+        robot.home(pace.now(), pose)?;
+        wait_for(robot, pace, &mut recorder, interrupt)?;
+    }
+    Ok(())
 }
 
-/// Waits until the robot holds still.
-fn wait_for(robot: &mut Robot, pace: &mut dyn Pace, interrupt: &AtomicBool) -> Result<(), PerformError> {
+/// Waits until the robot holds still, and records it meanwhile.
+fn wait_for(
+    robot: &mut Robot,
+    pace: &mut dyn Pace,
+    recorder: &mut Recorder<'_>,
+    interrupt: &AtomicBool,
+) -> Result<(), PerformError> {
     let begun = pace.now();
     loop {
         let next = pace.now() + WAIT;
         pace.run_until(robot, next);
+        RobotRecords::since(pace.now()).take(robot, recorder, &mut Timing::default())?;
         match robot.phase() {
             Phase::Holding => return Ok(()),
             Phase::Fault => {

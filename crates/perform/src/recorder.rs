@@ -23,6 +23,18 @@ impl<'a> Recorder<'a> {
         Self { writer, events: Vec::new() }
     }
 
+    /// Writes what a device measured at `device_secs` of the robot's clock, which is `secs` of the performance.
+    ///
+    /// # Errors
+    /// If writing fails.
+    fn measured<M: Message>(
+        &mut self,
+        [secs, device_secs]: [f64; 2],
+        message: impl FnOnce() -> M,
+    ) -> Result<(), RecordingError> {
+        self.writer.as_mut().map_or(Ok(()), |writer| writer.write_measured(secs, device_secs, &message()))
+    }
+
     /// Takes a key event. An event before time zero (while a robot is prepared) is written, but not kept in `events`.
     ///
     /// # Errors
@@ -86,32 +98,35 @@ impl RobotRecords {
     }
 
     fn write(&self, record: &Record, recorder: &mut Recorder<'_>) -> Result<(), RecordingError> {
-        let secs = |at: &Duration| at.as_secs_f64() - self.begun.as_secs_f64();
+        let secs = |at: &Duration| {
+            let device_secs = at.as_secs_f64();
+            [device_secs - self.begun.as_secs_f64(), device_secs]
+        };
         match record {
             Record::Key(change) => {
-                let secs = secs(&change.at);
+                let [secs, _] = secs(&change.at);
                 recorder.key(KeyEvent { secs, key: change.key, velocity: change.velocity })
             }
-            Record::SetPoint { at, asked, sent, clamps } => recorder.write(secs(at), || SetPointMessage {
+            Record::SetPoint { at, asked, sent, clamps } => recorder.measured(secs(at), || SetPointMessage {
                 asked: asked.to_vec(),
                 sent: sent.to_vec(),
                 clamps: clamps.iter().map(|(joint, clamp)| (*joint, clamp.name().to_string())).collect(),
             }),
             Record::Hand { at, positions, reference, wanted, pwm } => {
-                recorder.write(secs(at), || HandMessage {
+                recorder.measured(secs(at), || HandMessage {
                     positions: positions.to_vec(),
                     reference: reference.to_vec(),
                     wanted: wanted.iter().map(|pwm| (pwm * 10.0).round() / 10.0).collect(),
                     pwm: pwm.to_vec(),
                 })
             }
-            Record::Arm { at, measured, sent, rail_m } => recorder.write(secs(at), || ArmMessage {
+            Record::Arm { at, measured, sent, rail_m } => recorder.measured(secs(at), || ArmMessage {
                 measured: measured.to_vec(),
                 sent: sent.map(|joints| joints.to_vec()),
                 rail_m: *rail_m,
             }),
             Record::Note { at, kind, text } => {
-                recorder.write(secs(at), || NoteMessage { kind: (*kind).to_string(), text: text.clone() })
+                recorder.measured(secs(at), || NoteMessage { kind: (*kind).to_string(), text: text.clone() })
             }
         }
     }

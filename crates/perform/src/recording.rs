@@ -19,8 +19,9 @@
 //! | `/note` | [`NoteMessage`] | at a new phase, a warning, a fault |
 //!
 //! Messages are JSON with a JSON schema. Log times are nanoseconds since the start of the performance; what comes before
-//! it has the time 0. The file is written front to back and flushed once a second, so a recording that was cut short,
-//! even by kill -9, can be read up to its end. [`RecordingWriter`](crate::RecordingWriter) writes it, [`Recording`] reads it.
+//! it has the time 0. The publish times of what a robot's devices measured are those of the robot's clock, since its wires were opened.
+//! The file has an end at any moment, so a recording that was cut short, even by kill -9, can be opened by any reader of MCAP, and at
+//! most its last second is missing. [`RecordingWriter`](crate::RecordingWriter) writes it, [`Recording`] reads it.
 
 use std::path::{Path, PathBuf};
 
@@ -28,6 +29,7 @@ use crate::messages::{
     ArmMessage, HandMessage, Header, KeyMessage, Message, NoteMessage, PolicyMessage, RewardMessage,
     SetPointMessage, StepMessage, TargetMessage,
 };
+use crate::writer::UNINDEXED_END;
 
 /// Version of the messages ([`Header::schema`]).
 pub(crate) const SCHEMA: u32 = 2;
@@ -112,7 +114,7 @@ impl Recording {
             Ok(taken) => taken?,
             Err(_) => recording.complete = false,
         }
-        recording.complete &= bytes.ends_with(mcap::MAGIC);
+        recording.complete &= bytes.ends_with(mcap::MAGIC) && !bytes.ends_with(&UNINDEXED_END);
         match recording.header.schema {
             SCHEMA => Ok(recording),
             0 => Err("it has no header".to_string()),

@@ -1,25 +1,96 @@
 //! Writing a recording: messages become JSON on the calling thread, and a separate thread writes the file, so that a slow disk
 //! does not delay a robot.
+//!
+//! The file is whole at any moment: after each chunk comes an end without an index, which the next chunk replaces. So other readers
+//! of MCAP open it too when the program was killed.
 
 use std::collections::BTreeMap;
 use std::fs::File;
-use std::io::BufWriter;
+use std::io::Write;
+use std::os::unix::fs::FileExt as _;
 use std::path::{Path, PathBuf};
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
-use std::sync::{Arc, OnceLock};
+use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 use std::thread::JoinHandle;
 
 use mcap::records::MessageHeader;
+use mcap::write::NoSeek;
 
 use crate::messages::{Header, Message, topics};
 use crate::recording::{RecordingError, SCHEMA};
 
-/// Time between two flushes of the file to the operating system, s.
+/// Time of a performance after which a chunk is written even if it is small, s.
 const FLUSH_SECS: f64 = 1.0;
+/// Size at which a chunk is written: less than a second of a robot.
+const CHUNK_BYTES: u64 = 64 * 1024;
+/// The end of a file without an index: the record that ends the data (opcode 15, without a checksum), the footer (opcode 2), which
+/// names no index, and the magic bytes.
+pub(crate) const UNINDEXED_END: [u8; 50] = {
+    let mut end = [0; 50];
+    (end[0], end[1]) = (15, 4);
+    (end[13], end[14]) = (2, 20);
+    let mut index = 0;
+    while index < mcap::MAGIC.len() {
+        end[42 + index] = mcap::MAGIC[index];
+        index += 1;
+    }
+    end
+};
 /// Most messages that wait for the disk, about two minutes of a robot. When the queue is full, [`RecordingWriter::write`] blocks.
 const WAITING: usize = 65_536;
 
-type McapFile = mcap::Writer<BufWriter<File>>;
+type McapFile = mcap::Writer<NoSeek<Pending>>;
+
+/// What the MCAP writer has written and the file does not yet have: it is not at the end of a record after each of its writes.
+#[derive(Clone, Default)]
+struct Pending(Arc<Mutex<Vec<u8>>>);
+
+impl Pending {
+    /// No code panics while it holds the lock.
+    fn take(&self) -> Vec<u8> {
+        std::mem::take(&mut self.0.lock().unwrap_or_else(PoisonError::into_inner))
+    }
+}
+
+impl Write for Pending {
+    fn write(&mut self, bytes: &[u8]) -> std::io::Result<usize> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner).extend(bytes);
+        Ok(bytes.len())
+    }
+
+    fn flush(&mut self) -> std::io::Result<()> {
+        Ok(())
+    }
+}
+
+/// A file that always has an end.
+struct Ended {
+    file: File,
+    /// Where the end begins.
+    len: u64,
+}
+
+impl Ended {
+    /// Writes whole records in the place of the end, with a new end behind them.
+    fn add(&mut self, mut records: Vec<u8>) -> std::io::Result<()> {
+        if records.is_empty() {
+            return Ok(());
+        }
+        let len = records.len();
+        records.extend(UNINDEXED_END);
+        self.file.write_all_at(&records, self.len)?;
+        self.len += len as u64;
+        Ok(())
+    }
+
+    /// Writes the last records, which have an end of their own.
+    fn complete(&mut self, records: &[u8]) -> std::io::Result<()> {
+        self.file.write_all_at(records, self.len)?;
+        // A pipe or a device has no length.
+        let len = self.len + records.len() as u64;
+        if self.file.metadata()?.is_file() { self.file.set_len(len) } else { Ok(()) }
+    }
+}
 
 /// One message on its way to the file.
 struct Line {
@@ -28,7 +99,7 @@ struct Line {
     flush: bool,
 }
 
-/// Writes a recording front to back.
+/// Writes a recording.
 pub struct RecordingWriter {
     path: PathBuf,
     channels: Vec<(&'static str, u16)>,
@@ -46,16 +117,16 @@ impl RecordingWriter {
     /// # Errors
     /// If the file cannot be created or written.
     pub fn create(path: &Path, header: &Header) -> Result<Self, RecordingError> {
-        let file =
-            File::create(path).map_err(|source| RecordingError::Open { path: path.to_path_buf(), source })?;
         let fail = |message: String| RecordingError::Write { path: path.to_path_buf(), message };
         let options = mcap::WriteOptions::new()
             .compression(None)
             .profile("")
             .library(concat!("etude ", env!("CARGO_PKG_VERSION")))
-            .chunk_size(Some(64 * 1024));
+            .chunk_size(Some(CHUNK_BYTES))
+            .disable_seeking(true);
+        let pending = Pending::default();
         let open = || -> mcap::McapResult<(McapFile, Vec<(&'static str, u16)>)> {
-            let mut writer = options.create(BufWriter::new(file))?;
+            let mut writer = options.create(NoSeek::new(pending.clone()))?;
             let mut channels = Vec::new();
             for (topic, name, schema) in topics() {
                 let schema =
@@ -65,13 +136,17 @@ impl RecordingWriter {
             Ok((writer, channels))
         };
         let (writer, channels) = open().map_err(|error| fail(cause(&error)))?;
+        let file =
+            File::create(path).map_err(|source| RecordingError::Open { path: path.to_path_buf(), source })?;
+        let mut file = Ended { file, len: 0 };
+        file.add(pending.take()).map_err(|error| fail(error.to_string()))?;
         let failed = Arc::new(OnceLock::new());
         let (lines, waiting) = sync_channel(WAITING);
         let told = Arc::clone(&failed);
         let thread = std::thread::Builder::new()
             .name("recording".to_string())
             .spawn(move || {
-                if let Err(error) = write_lines(writer, &waiting) {
+                if let Err(error) = write_lines(writer, &pending, file, &waiting) {
                     // Only this thread sets it while it runs.
                     let _ = told.set(cause(&error));
                 }
@@ -117,14 +192,27 @@ impl RecordingWriter {
     /// # Errors
     /// If writing fails, or failed before.
     pub fn write<M: Message>(&mut self, secs: f64, message: &M) -> Result<(), RecordingError> {
+        self.write_measured(secs, secs, message)
+    }
+
+    /// The same for what a device measured at `device_secs` of the robot's clock, which also counts before the performance: the publish
+    /// time of the message.
+    ///
+    /// # Errors
+    /// If writing fails, or failed before.
+    pub fn write_measured<M: Message>(
+        &mut self,
+        secs: f64,
+        device_secs: f64,
+        message: &M,
+    ) -> Result<(), RecordingError> {
         self.sequence += 1;
         let channel = self.channels.iter().find(|(topic, _)| *topic == M::TOPIC);
         let channel_id = channel.expect("every kind of message has a channel").1;
-        let nanos = (secs.max(0.0) * 1e9).round() as u64;
-        let header =
-            MessageHeader { channel_id, sequence: self.sequence, log_time: nanos, publish_time: nanos };
+        let [log_time, publish_time] = [secs, device_secs].map(|secs| (secs.max(0.0) * 1e9).round() as u64);
+        let header = MessageHeader { channel_id, sequence: self.sequence, log_time, publish_time };
         let text = serde_json::to_vec(message).expect("messages are plain numbers and strings");
-        let flush = secs >= self.flushed_secs + FLUSH_SECS;
+        let flush = M::TOPIC == Header::TOPIC || secs >= self.flushed_secs + FLUSH_SECS;
         if flush {
             self.flushed_secs = secs;
         }
@@ -156,14 +244,21 @@ fn cause(error: &mcap::McapError) -> String {
 }
 
 /// Writes lines until the channel closes, then completes the file.
-fn write_lines(mut writer: McapFile, lines: &Receiver<Line>) -> mcap::McapResult<()> {
+fn write_lines(
+    mut writer: McapFile,
+    pending: &Pending,
+    mut file: Ended,
+    lines: &Receiver<Line>,
+) -> mcap::McapResult<()> {
     for line in lines {
         writer.write_to_known_channel(&line.header, &line.text)?;
         if line.flush {
             writer.flush()?;
         }
+        file.add(pending.take())?;
     }
-    writer.finish().map(|_| ())
+    writer.finish()?;
+    Ok(file.complete(&pending.take())?)
 }
 
 #[cfg(test)]

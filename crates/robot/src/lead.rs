@@ -3,13 +3,17 @@
 use std::time::{Duration, Instant};
 
 use crate::rig::RigConfig;
+use crate::stop::NOT_STOPPED;
+use crate::xarm::codec::STOPPED;
 use crate::xarm::kinematics::JOINTS;
 use crate::xarm::{Arm, ArmConnection, ArmError, ArmFault, ArmLinkError, ArmState};
 
 /// Time in which the arm must come up, and change its mode.
 const READY: Duration = Duration::from_secs(8);
+/// Time in which it must confirm that it stands still.
+const CONFIRM: Duration = Duration::from_secs(1);
 /// Time between two polls.
-const POLL: Duration = Duration::from_millis(1);
+pub const POLL: Duration = Duration::from_millis(1);
 
 /// The arm could not be read or led.
 #[derive(Debug, thiserror::Error)]
@@ -29,6 +33,12 @@ pub enum LeadError {
     /// It does not get ready.
     #[error("the arm did not get ready within {} s: look at its control box", READY.as_secs())]
     Slow,
+    /// It does not confirm that it was stopped.
+    #[error("arm: {NOT_STOPPED}")]
+    NotStopped,
+    /// Nothing would stop the arm if this program ended now.
+    #[error("the guard of the robot has ended: the arm was stopped; start again")]
+    Unguarded,
 }
 
 /// Where an arm was left.
@@ -40,17 +50,30 @@ pub struct Shown {
     pub serial: String,
 }
 
-/// Lets an operator show a place: brings the arm up, frees it while `wait` waits if it is to be led `by_hand`, and reads
-/// where it stands then. The arm is left standing, in state 4.
+/// What a program does while the arm is shown a place.
+pub trait Showing {
+    /// A sign of life to the arm's guard, at least every [`POLL`].
+    ///
+    /// # Errors
+    /// If the guard has ended: the arm is then stopped.
+    fn beat(&mut self) -> Result<(), LeadError>;
+
+    /// Whether the operator still leads the arm.
+    fn is_led(&mut self) -> bool;
+}
+
+/// Lets an operator show a place: brings the arm up, frees it if it is to be led `by_hand`, and reads where it stands then. The arm is
+/// left standing, in state 4, which it has confirmed.
 ///
 /// # Errors
-/// If the arm cannot be reached or stops itself.
-pub fn show(config: &RigConfig, by_hand: bool, wait: &mut dyn FnMut() -> bool) -> Result<Shown, LeadError> {
+/// If the arm cannot be reached, stops itself, or does not confirm that it stands.
+pub fn show(config: &RigConfig, by_hand: bool, showing: &mut dyn Showing) -> Result<Shown, LeadError> {
     let mut leader = Leader {
         wire: ArmConnection::open(&config.wires.arm)?,
         arm: Arm::new(config.arm.clone())?,
         begun: Instant::now(),
         bytes: Vec::new(),
+        showing,
     };
     leader.arm.connected(Duration::ZERO);
     leader.arm.start(Duration::ZERO)?;
@@ -58,7 +81,7 @@ pub fn show(config: &RigConfig, by_hand: bool, wait: &mut dyn FnMut() -> bool) -
     if by_hand {
         leader.arm.manual(leader.begun.elapsed(), true)?;
         leader.until(|arm| arm.state() == ArmState::Manual)?;
-        while wait() {
+        while leader.showing.is_led() {
             leader.poll()?;
         }
         leader.arm.manual(leader.begun.elapsed(), false)?;
@@ -67,17 +90,39 @@ pub fn show(config: &RigConfig, by_hand: bool, wait: &mut dyn FnMut() -> bool) -
     let since = leader.begun.elapsed();
     leader.until(|arm| arm.joints_at().is_some_and(|at| at > since))?;
     let serial = leader.arm.serial().unwrap_or_default().to_string();
-    Ok(Shown { joints_rad: leader.arm.joints().ok_or(LeadError::Slow)?, serial })
+    let shown = Shown { joints_rad: leader.arm.joints().ok_or(LeadError::Slow)?, serial };
+    leader.stop()?;
+    Ok(shown)
 }
 
-struct Leader {
+struct Leader<'a> {
     wire: ArmConnection,
     arm: Arm,
     begun: Instant,
     bytes: Vec<u8>,
+    showing: &'a mut dyn Showing,
 }
 
-impl Leader {
+impl Leader<'_> {
+    /// Stops the arm and waits until it has confirmed it.
+    fn stop(&mut self) -> Result<(), LeadError> {
+        let begun = self.begun.elapsed();
+        self.bytes.clear();
+        self.arm.stop(begun, &mut self.bytes);
+        self.wire.commands.send(&self.bytes)?;
+        let end = Instant::now() + CONFIRM;
+        loop {
+            self.poll()?;
+            let told = self.arm.joints_at().is_some_and(|at| at > begun);
+            if told && self.arm.report().is_some_and(|report| report.state == STOPPED) {
+                return Ok(());
+            }
+            if Instant::now() > end {
+                return Err(LeadError::NotStopped);
+            }
+        }
+    }
+
     fn until(&mut self, is_so: impl Fn(&Arm) -> bool) -> Result<(), LeadError> {
         let end = Instant::now() + READY;
         while !is_so(&self.arm) {
@@ -90,6 +135,7 @@ impl Leader {
     }
 
     fn poll(&mut self) -> Result<(), LeadError> {
+        self.showing.beat()?;
         let now = self.begun.elapsed();
         self.bytes.clear();
         self.wire.commands.receive(&mut self.bytes)?;
@@ -108,7 +154,7 @@ impl Leader {
     }
 }
 
-impl Drop for Leader {
+impl Drop for Leader<'_> {
     /// Always leaves the arm stopped, and never free or in servo mode without a program that commands it.
     fn drop(&mut self) {
         self.bytes.clear();

@@ -1,33 +1,39 @@
 //! Stops a robot from outside its controller: from another terminal, or from the guard process.
 //!
 //! It opens its own connections, and neither device waits for the other. The hand is released (zero torque three times, servo
-//! off); the arm is put into state 4, which is read back. No protocol can stop a hand whose cable is out
-//! (it holds its last torque), or an arm whose network is out. Both cases need the hardware stop, which must be within the
-//! operator's reach.
+//! off), which its information reply confirms; the arm is put into state 4, which is read back. No protocol can stop a hand whose
+//! cable is out (it holds its last torque), or an arm whose network is out. Both cases need the hardware stop, which must be within
+//! the operator's reach.
 
 use std::time::{Duration, Instant};
 
-use crate::allegro::{Hand, HostMessage, Request};
-use crate::can::{self, CanError, CanFrame, CanTransport};
+use crate::allegro::Hand;
+use crate::can::{self, CanError, CanTransport};
 use crate::rig::RigConfig;
 use crate::xarm::{ArmCommands, Stopper};
 
 /// Time within which the arm must confirm.
 const CONFIRM: Duration = Duration::from_secs(1);
-/// Frames are given this long to leave the adapter.
-const SETTLE: Duration = Duration::from_millis(50);
+/// Time within which the hand must confirm; it is told again every 100 ms.
+const LET_GO: Duration = Duration::from_millis(350);
+/// Time within which a controller sees the request to stop.
+const CONTROLLER: Duration = Duration::from_millis(100);
+/// What to do about an arm that does not confirm that it stands still.
+pub const NOT_STOPPED: &str = "it did not confirm that it stands still: press its emergency stop";
+/// What to do about a hand that does not confirm that it was released.
+pub const NOT_LET_GO: &str = "it did not confirm that its servo is off: switch off its power";
 
 /// The result of a stop. `Err` names what an operator must do now.
 #[derive(Debug)]
 pub struct Stopped {
-    /// The hand: whether the frames could be sent.
+    /// The hand: whether it confirmed that its servo is off.
     pub hand: Result<(), String>,
     /// The arm: whether it confirmed.
     pub arm: Result<(), String>,
 }
 
 impl Stopped {
-    /// Whether both were commanded to stop, and the arm confirmed it.
+    /// Whether both have confirmed.
     pub fn is_sure(&self) -> bool {
         self.hand.is_ok() && self.arm.is_ok()
     }
@@ -45,37 +51,47 @@ pub fn stop(config: &RigConfig) -> Stopped {
 
 fn stop_hand(config: &RigConfig) -> Result<(), String> {
     let spec = &config.wires.can;
-    let mut hand = Hand::new(&config.hand).map_err(|error| error.to_string())?;
-    let mut frames = Vec::new();
-    hand.stop(Duration::ZERO, &mut frames);
-    // An answer shows that the bus works.
-    frames.push(HostMessage::Request(Request::Information).encode(config.hand.device_id));
-    let told = can::join(spec).and_then(|mut bus| tell(&mut *bus, &frames));
-    let told = match told {
-        // No answer: perhaps the adapter's channel is not open.
-        Ok(false) | Err(_) if can::is_serial(spec) => {
-            can::open(spec).and_then(|mut bus| tell(&mut *bus, &frames))
-        }
-        told => told,
+    let hand = Hand::new(&config.hand).map_err(|error| error.to_string())?;
+    let let_go = |bus: &mut dyn CanTransport| {
+        // Twice: a controller that is starting may switch the servo on once more, until it has seen the request to stop.
+        Ok(lets_go(bus, hand.clone())? && {
+            std::thread::sleep(CONTROLLER);
+            lets_go(bus, hand.clone())?
+        })
     };
-    told.map(drop).map_err(|error| error.to_string())
+    let confirmed = match can::join(spec).and_then(|mut bus| let_go(&mut *bus)) {
+        // No answer: perhaps the adapter's channel is not open.
+        Ok(false) | Err(_) if can::is_serial(spec) => can::open(spec).and_then(|mut bus| let_go(&mut *bus)),
+        confirmed => confirmed,
+    };
+    match confirmed {
+        Ok(true) => Ok(()),
+        Ok(false) => Err(NOT_LET_GO.to_string()),
+        Err(error) => Err(error.to_string()),
+    }
 }
 
-/// Sends the frames; returns whether anything came from the bus.
-fn tell(bus: &mut dyn CanTransport, frames: &[CanFrame]) -> Result<bool, CanError> {
-    for frame in frames {
-        bus.send(*frame)?;
-    }
-    let mut heard = false;
-    let until = Instant::now() + SETTLE;
-    while Instant::now() < until {
-        // Reading keeps an adapter's queue moving.
-        while bus.receive()?.is_some() {
-            heard = true;
+/// Releases the hand; returns whether it confirmed it.
+fn lets_go(bus: &mut dyn CanTransport, mut hand: Hand) -> Result<bool, CanError> {
+    // What lies in the queue was sent before.
+    while bus.receive()?.is_some() {}
+    let begun = Instant::now();
+    let mut frames = Vec::new();
+    hand.stop(Duration::ZERO, &mut frames);
+    while begun.elapsed() <= LET_GO {
+        for frame in frames.drain(..) {
+            bus.send(frame)?;
+        }
+        while let Some(frame) = bus.receive()? {
+            let _ = hand.receive(begun.elapsed(), &frame);
+        }
+        if hand.has_let_go() {
+            return Ok(true);
         }
         std::thread::sleep(Duration::from_millis(1));
+        let _ = hand.poll(begun.elapsed(), &mut frames);
     }
-    Ok(heard)
+    Ok(false)
 }
 
 fn stop_arm(config: &RigConfig) -> Result<(), String> {
@@ -95,5 +111,5 @@ fn stop_arm(config: &RigConfig) -> Result<(), String> {
         }
         std::thread::sleep(Duration::from_millis(1));
     }
-    Err("it did not confirm that it stands still: press its emergency stop".to_string())
+    Err(NOT_STOPPED.to_string())
 }

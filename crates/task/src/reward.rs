@@ -166,15 +166,20 @@ fn closeness_to_goals(
     if count == 0 { 1.0 } else { sum / f64::from(count) }
 }
 
-/// For each note that begins in the step and is struck in it: 1 minus the difference between the force and the note's velocity, as a
-/// share of 127. It is never negative, so that holding a key through pays less than striking it again.
+/// Difference between force and velocity, as a share of 127, up to which a strike earns everything, and further that at which it earns
+/// a tenth.
+const VELOCITY_BOUND: f64 = 0.05;
+const VELOCITY_MARGIN: f64 = 0.4;
+
+/// For each note that begins in the step and is struck in it, how near the force is to the note's velocity. It is never negative,
+/// so that holding a key through pays less than striking it again.
 fn velocity(moment: &Moment) -> f64 {
     let begun = moment.goals.iter().flatten().filter(|goal| goal.begins);
     let struck = begun.filter_map(|goal| {
         let strike = moment.world.strikes().iter().find(|strike| strike.key == goal.key)?;
         Some((strike.force - f64::from(goal.velocity)).abs() / 127.0)
     });
-    struck.map(|error| (1.0 - error).max(0.0)).sum()
+    struck.map(|error| tolerance(error, VELOCITY_BOUND, VELOCITY_MARGIN)).sum()
 }
 
 /// 0.5 if there was no contact other than fingertips on the keyboard during the step, else 0.

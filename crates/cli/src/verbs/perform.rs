@@ -73,8 +73,9 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
     let song = find_song(&args.song)?;
     song.check_range()?;
     let name = slug(&args.song);
-    let pianist = args.pianist.load(&args.song, &song)?;
+    // First, so that no request to stop the robot is lost while a policy is loaded.
     let rig = with_faults(rig_choice(&args.robot, &args.truth)?, &args.faults)?;
+    let pianist = args.pianist.load(&args.song, &song)?;
     let font = args.soundfont.as_deref().map(SoundFont::load).transpose()?;
     let folder =
         args.out.clone().unwrap_or_else(|| PathBuf::from("out").join(format!("{name}-{}", args.mode)));
@@ -102,7 +103,7 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
     match report.runs.last().map(|run| &run.ending) {
         None | Some(Played::Complete) => Ok(Ending::Done),
         Some(Played::Interrupted) => Ok(Ending::Stopped),
-        Some(Played::Fault(fault)) => anyhow::bail!("the performance was cut short: {fault}"),
+        Some(Played::Fault(fault)) => anyhow::bail!("the performance ended with a fault: {fault}"),
     }
 }
 

@@ -4,17 +4,17 @@ use std::io::BufRead as _;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::mpsc::{TryRecvError, channel};
+use std::sync::mpsc::{Receiver, TryRecvError, channel};
 use std::time::{Duration, Instant};
 
 use anyhow::Context as _;
 use etude_lab::released;
 use etude_perform::prepare;
 use etude_perform::stand::{
-    READY, RigChoice, Stand, TWIN, claim, pitches_to_show, rig_choice, stand_guard, start_pose, store_point,
-    tell_to_stop, try_path,
+    Guard, READY, RigChoice, Stand, TWIN, claim, pitches_to_show, rig_choice, stand_guard, start_guard,
+    start_pose, store_point, tell_to_stop, try_path,
 };
-use etude_robot::lead::show;
+use etude_robot::lead::{LeadError, Showing, show};
 use etude_robot::monitor::Monitor;
 use etude_robot::rig::RigConfig;
 use etude_robot::stop::stop;
@@ -199,7 +199,7 @@ fn home(rig: &Rig) -> anyhow::Result<Ending> {
 
 fn calibrate(args: &Calibrate) -> anyhow::Result<Ending> {
     let rig = RigConfig::load(&args.robot)?;
-    let _claim = claim(&args.robot)?;
+    let _claim = claim(&rig)?;
     let index = args.at as usize;
     let key = SHOWN_KEYS[index];
     let pitch = etude_music::LOWEST_PITCH + key as u8;
@@ -209,17 +209,12 @@ fn calibrate(args: &Calibrate) -> anyhow::Result<Ending> {
             ["the lowest C", "the middle C", "the highest C"][index]
         ));
     }
-    let (sender, entered) = channel();
-    std::thread::spawn(move || {
-        let mut text = String::new();
-        let _ = std::io::stdin().lock().read_line(&mut text);
-        let _ = sender.send(());
-    });
-    let interrupt = stop_flag()?;
-    let shown = show(&rig, args.by_hand, &mut || {
-        matches!(entered.try_recv(), Err(TryRecvError::Empty)) && !interrupt.load(Ordering::Relaxed)
-    })?;
-    if interrupt.load(Ordering::Relaxed) {
+    let mut operator =
+        Operator { guard: start_guard(&args.robot)?, entered: enter(), interrupt: stop_flag()? };
+    let shown = show(&rig, args.by_hand, &mut operator)?;
+    // The arm has confirmed that it stands still.
+    operator.guard.farewell();
+    if operator.interrupt.load(Ordering::Relaxed) {
         return Ok(Ending::Stopped);
     }
     let calibration = store_point(&rig, key, &shown)?;
@@ -234,10 +229,38 @@ fn calibrate(args: &Calibrate) -> anyhow::Result<Ending> {
     Ok(Ending::Done)
 }
 
+/// The operator who leads the arm and presses Enter.
+struct Operator {
+    guard: Guard,
+    entered: Receiver<()>,
+    interrupt: Arc<AtomicBool>,
+}
+
+impl Showing for Operator {
+    fn beat(&mut self) -> Result<(), LeadError> {
+        if self.guard.beat() { Ok(()) } else { Err(LeadError::Unguarded) }
+    }
+
+    fn is_led(&mut self) -> bool {
+        matches!(self.entered.try_recv(), Err(TryRecvError::Empty)) && !self.interrupt.load(Ordering::Relaxed)
+    }
+}
+
+/// Receives when a line was entered, or standard input has ended.
+fn enter() -> Receiver<()> {
+    let (sender, entered) = channel();
+    std::thread::spawn(move || {
+        let mut text = String::new();
+        let _ = std::io::stdin().lock().read_line(&mut text);
+        let _ = sender.send(());
+    });
+    entered
+}
+
 fn stop_now(rig: &Rig) -> anyhow::Result<Ending> {
     let config = file(&rig.robot)?;
     // A controller that is starting would move the arm again: it checks for this request before it moves.
-    let told = tell_to_stop(Path::new(&rig.robot));
+    let told = tell_to_stop(&config.wires);
     let stopped = stop(&config);
     told.context("a running controller could not be asked to stop")?;
     let text = |result: &Result<(), String>| result.clone().err().unwrap_or_else(|| "stopped".to_string());
@@ -264,10 +287,10 @@ fn guard(rig: &Rig) -> anyhow::Result<Ending> {
     }
     let config = file(&rig.robot)?;
     line(READY)?;
-    if let Some(stopped) = stand_guard(&config) {
-        note("guard: the controller has ended or hangs; the hand was released and the arm stopped");
-        for error in [stopped.arm, stopped.hand].into_iter().filter_map(Result::err) {
-            note(format!("guard: {error}"));
+    if let Some(stopped) = stand_guard(&config)? {
+        note("guard: the controller has ended or hangs");
+        for (what, result) in [("arm", stopped.arm), ("hand", stopped.hand)] {
+            note(format!("guard: {what} {}", result.err().unwrap_or_else(|| "stopped".to_string())));
         }
     }
     Ok(Ending::Done)
@@ -277,7 +300,7 @@ fn monitor(args: &MonitorArgs) -> anyhow::Result<Ending> {
     let rig = RigConfig::load(&args.robot)?;
     // A serial adapter has one user: a second one would take its bytes and close its channel.
     let serial = rig.wires.can.starts_with("slcan:");
-    let claimed = match claim(&args.robot) {
+    let claimed = match claim(&rig) {
         Err(error) if serial => return Err(error.into()),
         claimed => claimed.ok(),
     };

@@ -81,20 +81,27 @@ fn a_run_is_found_by_its_song_and_a_damaged_one_does_not_hide_it() {
 
 /// A script of `scripts` on `files`, by the Python that has the readers we did not write.
 pub(crate) fn check_elsewhere(script: &str, files: &[PathBuf]) {
+    if let Some(said) = read_elsewhere(script, files) {
+        println!("{said}");
+    }
+}
+
+/// What the script prints, which must succeed; none without a Python for it.
+pub(crate) fn read_elsewhere(script: &str, files: &[PathBuf]) -> Option<String> {
     let Some(python) = std::env::var_os(PYTHON) else {
         // Not through a macro: the test harness would swallow it.
         let _ = writeln!(
             std::io::stderr(),
             "\n*** SKIPPED: {script}. Set {PYTHON} to a Python that has them. ***\n"
         );
-        return;
+        return None;
     };
     let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../scripts").join(script);
     let output = Command::new(&python).arg(script).args(files).output();
     let output = output.unwrap_or_else(|error| panic!("{PYTHON}={python:?} does not run: {error}"));
-    let said = String::from_utf8_lossy(&output.stdout);
+    let said = String::from_utf8_lossy(&output.stdout).into_owned();
     assert!(output.status.success(), "{said}{}", errors(&output));
-    println!("{said}");
+    Some(said)
 }
 
 /// What the score says is also what another program hears.

@@ -1,6 +1,7 @@
 //! Which robot: a twin in lockstep, or a rig by its file (which may be a twin in another process).
 
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 use std::time::{SystemTime, UNIX_EPOCH};
 
 use super::claim::Claim;
@@ -29,8 +30,8 @@ pub enum RigChoice {
         path: PathBuf,
         /// Its content.
         rig: Box<RigConfig>,
-        /// The `etude` program, a second process of which is the guard of the robot.
-        guard: PathBuf,
+        /// The claim on it, from the beginning of the program to its end.
+        claim: Arc<Claim>,
     },
 }
 
@@ -50,13 +51,18 @@ pub enum StandError {
     #[error(transparent)]
     Twin(#[from] TwinError),
     /// It is in use.
-    #[error("cannot claim the rig {path}: {source}")]
+    #[error("cannot claim the rig {rig}: {source}")]
     Claimed {
-        /// The rig's file.
-        path: PathBuf,
+        /// Its name.
+        rig: String,
         /// Why.
         source: std::io::Error,
     },
+    /// Another process has requested to stop it.
+    #[error(
+        "the robot was stopped by `etude robot stop` while this program was getting ready: start it again"
+    )]
+    Stopped,
     /// The guard, which stops the robot if this process ends, cannot be started.
     #[error("the guard of the robot cannot be started: {0}")]
     Guard(std::io::Error),
@@ -115,16 +121,18 @@ impl RigChoice {
                 let robot = controller(&rig, &calibration(TWIN))?;
                 Ok(Stand { robot, pace: StandPace::Lockstep(Box::new(lockstep)) })
             }
-            Self::File { path, rig, guard } => {
+            Self::File { path, rig, claim } => {
                 if rig.hand.side != wanted {
                     return Err(StandError::Side { policy: side, rig: rig.hand.side });
                 }
                 let place = load_calibration(rig)?;
                 let robot = controller(rig, &place)?;
-                let claim = claim(path)?;
+                if claim.is_told_to_stop() {
+                    return Err(StandError::Stopped);
+                }
                 let wires = OpenWires::open(&rig.wires)?;
-                let guard = Guard::start(guard, path).map_err(StandError::Guard)?;
-                Ok(Stand { robot, pace: StandPace::Live(Box::new(Live::new(wires, guard, claim))) })
+                let guard = start_guard(path)?;
+                Ok(Stand { robot, pace: StandPace::Live(Box::new(Live::new(wires, guard, claim.clone()))) })
             }
         }
     }
@@ -146,12 +154,21 @@ fn controller(rig: &RigConfig, place: &Calibration) -> Result<Robot, StandError>
     Ok(Robot::new(rig, path)?)
 }
 
-/// Claims a rig for this process.
+/// Claims the robot of a rig for this process.
 ///
 /// # Errors
 /// If another process has it.
-pub fn claim(rig: &Path) -> Result<Claim, StandError> {
-    Claim::new(rig).map_err(|source| StandError::Claimed { path: rig.to_path_buf(), source })
+pub fn claim(rig: &RigConfig) -> Result<Claim, StandError> {
+    Claim::new(&rig.wires).map_err(|source| StandError::Claimed { rig: rig.name.clone(), source })
+}
+
+/// Starts the guard of the rig in the file `rig`, which stops its robot if this process ends or hangs.
+///
+/// # Errors
+/// If it cannot be started.
+pub fn start_guard(rig: &Path) -> Result<Guard, StandError> {
+    let program = std::env::current_exe().map_err(StandError::Guard)?;
+    Guard::start(&program, rig).map_err(StandError::Guard)
 }
 
 /// Seconds since 1970.
@@ -166,17 +183,17 @@ fn hand_side(side: Side) -> HandSide {
     }
 }
 
-/// The rig that `--robot` names: `twin`, or a file.
+/// The rig that `--robot` names: `twin`, or a file, whose robot is claimed. To be called before any long work.
 ///
 /// # Errors
-/// If the truth of the twin or the rig's file is not valid, or the path of this program is unknown.
+/// If another process has the robot, or the truth of the twin or the rig's file is not valid.
 pub fn rig_choice(robot: &str, truth: &str) -> Result<RigChoice, StandError> {
     if robot == TWIN {
         return Ok(RigChoice::Twin(Box::new(Truth::load(truth).map_err(TwinError::from)?)));
     }
-    let guard = std::env::current_exe().map_err(StandError::Guard)?;
     let path = Path::new(robot).to_path_buf();
-    Ok(RigChoice::File { rig: Box::new(RigConfig::load(&path)?), path, guard })
+    let rig = Box::new(RigConfig::load(&path)?);
+    Ok(RigChoice::File { claim: Arc::new(claim(&rig)?), rig, path })
 }
 
 /// The pose in which every song begins, in the nominal world: rad, the rail in m.

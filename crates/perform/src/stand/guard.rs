@@ -1,80 +1,143 @@
 //! The guard: a separate process. It stops the robot when the controller has ended, for example by a panic or by kill -9, or
 //! hangs.
 //!
-//! The controller sends a byte at least every 50 ms. If no byte arrives for 300 ms, or the pipe ends without the byte for a
-//! regular end, the guard stops the robot. The controller sends that byte only after the robot has confirmed that it stands still.
+//! The controller sends a byte at least every 50 ms, and the guard answers each. If no byte arrives for 300 ms, or the connection ends
+//! without the byte for a regular end, the guard stops the robot, and tries again until the robot has confirmed it. The controller sends
+//! the byte for a regular end only after the robot has confirmed that it stands still. If no answer comes for 300 ms, the guard hangs,
+//! and the controller stops the robot. Neither waits for the other.
 
-use std::io::{BufRead as _, BufReader, Read as _, Write as _};
+use std::io::{BufRead as _, BufReader, ErrorKind, Read as _, Write as _};
+use std::os::fd::{AsFd as _, OwnedFd};
+use std::os::unix::net::UnixStream;
 use std::path::Path;
-use std::process::{Child, ChildStdin, Command, Stdio};
-use std::sync::mpsc::{RecvTimeoutError, channel};
-use std::time::Duration;
+use std::process::{Child, Command, Stdio};
+use std::time::{Duration, Instant};
 
 use etude_robot::rig::RigConfig;
 use etude_robot::stop::{Stopped, stop};
 
-/// Time without a byte after which the guard acts; the controller sends six times as often.
+/// Least time between two bytes; the controller sends one at least every 50 ms.
+const PERIOD: Duration = Duration::from_millis(20);
+/// Time without a byte after which either side acts.
 const SILENCE: Duration = Duration::from_millis(300);
 /// The same before the first byte, while the controller starts; nothing moves until then.
 const FIRST_SILENCE: Duration = Duration::from_secs(10);
+/// Longest time for which the guard tries to stop a robot that does not confirm it.
+const TRIES: Duration = Duration::from_secs(30);
+const PAUSE: Duration = Duration::from_millis(100);
 const BEAT: u8 = b'.';
 const FAREWELL: u8 = b'q';
 /// The guard prints this line when it is ready.
 pub const READY: &str = "on guard";
 
-/// The controller's side of the pipe.
-pub(super) struct Guard {
+/// The controller's side.
+#[derive(Debug)]
+pub struct Guard {
     child: Child,
-    pipe: ChildStdin,
+    line: UnixStream,
+    /// When the last byte was sent.
+    sent: Option<Instant>,
+    /// When the first of the bytes was sent that have no answer.
+    unanswered: Option<Instant>,
 }
 
 impl Guard {
     /// Starts the guard of a rig (`PROGRAM robot guard`) and waits until it is ready.
+    ///
+    /// # Errors
+    /// If it cannot be started.
     pub fn start(program: &Path, rig: &Path) -> std::io::Result<Self> {
+        let (line, theirs) = UnixStream::pair()?;
+        line.set_nonblocking(true)?;
         let mut command = Command::new(program);
-        command.args(["robot", "guard", "--robot"]).arg(rig).stdin(Stdio::piped()).stdout(Stdio::piped());
+        command.args(["robot", "guard", "--robot"]).arg(rig);
+        command.stdin(OwnedFd::from(theirs)).stdout(Stdio::piped());
         // Ctrl-C in a terminal goes to the whole group, and the guard must outlive the controller.
         std::os::unix::process::CommandExt::process_group(&mut command, 0);
         let mut child = command.spawn()?;
-        let (Some(pipe), Some(output)) = (child.stdin.take(), child.stdout.take()) else {
-            return Err(std::io::ErrorKind::BrokenPipe.into());
-        };
+        // It holds this process's copy of the guard's end, whose end this process must see.
+        drop(command);
+        let Some(output) = child.stdout.take() else { return Err(ErrorKind::BrokenPipe.into()) };
         let mut said = String::new();
         BufReader::new(output).read_line(&mut said)?;
         if said.trim_end() != READY {
             let _ = child.wait();
             return Err(std::io::Error::other("it ended at once; its message is above"));
         }
-        Ok(Self { child, pipe })
+        Ok(Self { child, line, sent: None, unanswered: None })
     }
 
-    /// Sends a sign of life; `false` if the guard has ended.
+    /// Sends a sign of life if the last one is old; `false` if the guard has ended or hangs. Never waits.
     pub fn beat(&mut self) -> bool {
-        self.pipe.write_all(&[BEAT]).is_ok()
+        let mut answers = [0; 64];
+        loop {
+            match self.line.read(&mut answers) {
+                Ok(0) => return false,
+                Ok(_) => self.unanswered = None,
+                Err(error) if error.kind() == ErrorKind::Interrupted => {}
+                Err(error) if error.kind() == ErrorKind::WouldBlock => break,
+                Err(_) => return false,
+            }
+        }
+        if self.sent.is_none_or(|sent| sent.elapsed() >= PERIOD) {
+            let now = Instant::now();
+            match self.line.write(&[BEAT]) {
+                // A full line is one that the guard does not read.
+                Err(error) if !matches!(error.kind(), ErrorKind::WouldBlock | ErrorKind::Interrupted) => {
+                    return false;
+                }
+                _ => self.sent = Some(now),
+            }
+            self.unanswered.get_or_insert(now);
+        }
+        self.unanswered.is_none_or(|since| since.elapsed() <= SILENCE)
     }
 
     /// Ends the guard. To be called only when the robot stands still.
     pub fn farewell(&mut self) {
-        // It may have ended already.
-        let _ = self.pipe.write_all(&[FAREWELL]);
-        let _ = self.child.wait();
+        // It may have ended already, or hang.
+        let _ = self.line.write(&[FAREWELL]);
+        let until = Instant::now() + SILENCE;
+        while matches!(self.child.try_wait(), Ok(None)) {
+            if Instant::now() > until {
+                let _ = self.child.kill();
+                let _ = self.child.wait();
+                return;
+            }
+            std::thread::sleep(Duration::from_millis(1));
+        }
     }
 }
 
-/// The guard's side of the pipe: reads the controller's bytes from standard input and stops the robot when they stop. `None` after a
-/// regular end.
-pub fn stand_guard(rig: &RigConfig) -> Option<Stopped> {
-    let (beats, heard) = channel();
-    std::thread::spawn(move || {
-        let mut byte = [0];
-        while matches!(std::io::stdin().read(&mut byte), Ok(1)) && beats.send(byte[0]).is_ok() {}
-    });
-    let mut patience = FIRST_SILENCE;
+/// The guard's side: reads the controller's bytes from standard input, which is a socket, answers them there, and stops the robot when
+/// they stop. `None` after a regular end.
+///
+/// # Errors
+/// If standard input cannot be read with a time limit.
+pub fn stand_guard(rig: &RigConfig) -> std::io::Result<Option<Stopped>> {
+    let mut line = UnixStream::from(std::io::stdin().as_fd().try_clone_to_owned()?);
+    line.set_write_timeout(Some(SILENCE))?;
+    line.set_read_timeout(Some(FIRST_SILENCE))?;
+    let mut bytes = [0; 64];
     loop {
-        match heard.recv_timeout(patience) {
-            Ok(FAREWELL) => return None,
-            Ok(_) => patience = SILENCE,
-            Err(RecvTimeoutError::Timeout | RecvTimeoutError::Disconnected) => return Some(stop(rig)),
+        match line.read(&mut bytes) {
+            Ok(0) => break,
+            Ok(count) if bytes[..count].contains(&FAREWELL) => return Ok(None),
+            Ok(_) => {
+                line.set_read_timeout(Some(SILENCE))?;
+                // A controller that has ended is noticed at the next read.
+                let _ = line.write(&[BEAT]);
+            }
+            Err(error) if error.kind() == ErrorKind::Interrupted => {}
+            Err(_) => break,
         }
+    }
+    let until = Instant::now() + TRIES;
+    loop {
+        let stopped = stop(rig);
+        if stopped.is_sure() || Instant::now() > until {
+            return Ok(Some(stopped));
+        }
+        std::thread::sleep(PAUSE);
     }
 }

@@ -7,9 +7,11 @@ mod guard;
 mod session;
 
 pub use calibrate::{pitches_to_show, store_point, try_path};
-pub use choice::{RigChoice, StandError, TWIN, claim, load_calibration, rig_choice, start_pose, unix_secs};
+pub use choice::{
+    RigChoice, StandError, TWIN, claim, load_calibration, rig_choice, start_guard, start_pose, unix_secs,
+};
 pub use claim::{Claim, tell_to_stop};
-pub use guard::{READY, stand_guard};
+pub use guard::{Guard, READY, stand_guard};
 pub use session::{Live, Stand, StandPace};
 
 pub use etude_twin::stage_side;

@@ -1,8 +1,10 @@
 //! A robot with its controller and its clock. When the stand is dropped, the hand is released and the arm is stopped.
 
+use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 use std::time::Duration;
 
+use etude_robot::stop::{NOT_LET_GO, NOT_STOPPED};
 use etude_robot::wires::{OpenWires, Wires};
 use etude_robot::xarm::codec::STOPPED;
 use etude_robot::{Pace, Phase, RealTime, Robot};
@@ -15,7 +17,7 @@ use crate::prepare::prepare;
 
 /// Longest time between two signs of life to the guard, and between two checks for a request to stop.
 const BEAT_PERIOD: Duration = Duration::from_millis(50);
-/// Time within which the arm must confirm that it stands still.
+/// Time within which arm and hand must confirm that they are stopped.
 const CONFIRM: Duration = Duration::from_secs(1);
 
 /// A robot with its controller.
@@ -38,11 +40,11 @@ pub enum StandPace {
 pub struct Live {
     pace: RealTime<OpenWires>,
     guard: Guard,
-    claim: Claim,
+    claim: Arc<Claim>,
 }
 
 impl Live {
-    pub(super) fn new(wires: OpenWires, guard: Guard, claim: Claim) -> Self {
+    pub(super) fn new(wires: OpenWires, guard: Guard, claim: Arc<Claim>) -> Self {
         Self { pace: RealTime::new(wires), guard, claim }
     }
 }
@@ -60,10 +62,10 @@ impl Stand {
         Ok(robot.fault().map(ToString::to_string))
     }
 
-    /// Releases the hand, stops the arm, and waits until the arm reports that it stands still.
+    /// Releases the hand, stops the arm, and waits until both have confirmed it.
     ///
     /// # Errors
-    /// If it does not report so. Then the guard tries again, and the operator must use the hardware stop.
+    /// If they do not: what the operator must do. The guard then tries again.
     pub fn let_go(&mut self) -> Result<(), String> {
         let begun = self.pace.now();
         self.robot.stop(begun, self.pace.wires());
@@ -71,11 +73,15 @@ impl Stand {
             let now = self.pace.now();
             self.pace.run_until(&mut self.robot, now + Duration::from_millis(10));
             let told = self.robot.arm().joints_at().is_some_and(|at| at > begun);
-            if told && self.robot.arm().report().is_some_and(|report| report.state == STOPPED) {
+            let arm = told && self.robot.arm().report().is_some_and(|report| report.state == STOPPED);
+            let hand = self.robot.hand().has_let_go();
+            if arm && hand {
                 return Ok(());
             }
             if self.pace.now() > begun + CONFIRM {
-                return Err("the arm did not confirm that it stands still: use the hardware stop".to_string());
+                let arm = (!arm).then_some(format!("arm: {NOT_STOPPED}"));
+                let hand = (!hand).then_some(format!("hand: {NOT_LET_GO}"));
+                return Err([arm, hand].into_iter().flatten().collect::<Vec<_>>().join("; "));
             }
         }
     }

@@ -129,17 +129,20 @@ impl HandMessage {
     pub fn decode(device: DeviceId, frame: &CanFrame) -> Option<Self> {
         let message = message_id(device, frame).filter(|_| !frame.is_remote())?;
         Some(match (message, frame.payload()) {
-            (INFORMATION, &[h0, h1, f0, f1, side, board_celsius, status]) => Self::Information(Information {
-                hardware: u16::from_le_bytes([h0, h1]),
-                firmware: u16::from_le_bytes([f0, f1]),
-                side: match side {
-                    0 => HandSide::Right,
-                    1 => HandSide::Left,
-                    _ => return None,
-                },
-                board_celsius,
-                status: StatusBits(status),
-            }),
+            // Some firmware sends an eighth byte, whose meaning nobody documents.
+            (INFORMATION, &[h0, h1, f0, f1, side, board_celsius, status, ..]) => {
+                Self::Information(Information {
+                    hardware: u16::from_le_bytes([h0, h1]),
+                    firmware: u16::from_le_bytes([f0, f1]),
+                    side: match side {
+                        0 => HandSide::Right,
+                        1 => HandSide::Left,
+                        _ => return None,
+                    },
+                    board_celsius,
+                    status: StatusBits(status),
+                })
+            }
             (SERIAL, payload) => Self::Serial(Serial(payload.try_into().ok()?)),
             (_, payload) => match finger(message, POSITION) {
                 Some(finger) => Self::Position { finger, counts: words_of(payload)? },
@@ -221,7 +224,7 @@ mod tests {
             {
                 assert_eq!(HostMessage::decode(device, &frame(id)).is_some(), good, "{id:03X} {len}");
             }
-            for (id, good) in [(0x200, len == 7), (0x220, len == 8), (0x80, len == 8), (0xE0, len >= 4)] {
+            for (id, good) in [(0x200, len >= 7), (0x220, len == 8), (0x80, len == 8), (0xE0, len >= 4)] {
                 assert_eq!(HandMessage::decode(device, &frame(id)).is_some(), good, "{id:03X} {len}");
             }
         }

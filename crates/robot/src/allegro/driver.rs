@@ -43,7 +43,10 @@ pub struct Hand {
     known: Known,
     next_heartbeat: Duration,
     heartbeats: usize,
+    /// Whether it was released in the present fault.
     released: bool,
+    /// Whether it has reported since its last release that its servo is off.
+    confirmed: bool,
     /// When the last torque other than zero was sent.
     driven: Option<Duration>,
 }
@@ -65,6 +68,7 @@ impl Hand {
             next_heartbeat: Duration::ZERO,
             heartbeats: 0,
             released: false,
+            confirmed: false,
             driven: None,
         })
     }
@@ -77,12 +81,17 @@ impl Hand {
         self.started = now;
         self.next_heartbeat = now;
         self.released = false;
+        self.confirmed = false;
         self.driven = None;
     }
 
     /// Takes a frame that arrived at `now`. Frames of other devices and damaged frames are ignored.
     pub fn receive(&mut self, now: Duration, frame: &CanFrame) -> HandEvent {
         let message = HandMessage::decode(self.config.device_id, frame);
+        if let Some(HandMessage::Information(information)) = message {
+            let let_go = self.released || self.state == HandState::Stopped;
+            self.confirmed |= let_go && !information.status.servo_on();
+        }
         let Some(message) = message.filter(|_| self.listens()) else { return HandEvent::Nothing };
         match message {
             HandMessage::Position { finger, counts } => return self.take_position(now, finger, counts),
@@ -104,7 +113,12 @@ impl Hand {
         };
         self.watch(now);
         match self.state {
-            HandState::Off | HandState::Stopped => {}
+            HandState::Off => {}
+            HandState::Stopped => {
+                if !self.confirmed && now >= self.next_heartbeat {
+                    self.let_go(now, 1, out);
+                }
+            }
             HandState::Starting => self.continue_start(now, out),
             HandState::Ready => {
                 self.ask(now, out);
@@ -115,12 +129,10 @@ impl Hand {
             }
             HandState::Fault(_) => {
                 if !self.released {
-                    self.commands.release(REPEATS, out);
                     self.released = true;
-                    self.next_heartbeat = now.saturating_add(HEARTBEAT);
+                    self.let_go(now, REPEATS, out);
                 } else if now >= self.next_heartbeat {
-                    self.commands.release(1, out);
-                    self.next_heartbeat = now.saturating_add(HEARTBEAT);
+                    self.let_go(now, 1, out);
                 }
             }
         }
@@ -150,14 +162,28 @@ impl Hand {
         sent
     }
 
-    /// Releases the hand: zero torque three times, servo off, streams off. Allowed at any time; a fault stays a fault.
-    pub fn stop(&mut self, _now: Duration, out: &mut Vec<CanFrame>) {
-        self.commands.release(REPEATS, out);
+    /// Releases the hand: zero torque three times, servo off, streams off. Allowed at any time; a fault stays a fault. Until the hand
+    /// has confirmed it, [`poll`](Self::poll) repeats zero torque and servo off.
+    pub fn stop(&mut self, now: Duration, out: &mut Vec<CanFrame>) {
+        self.confirmed = false;
+        self.let_go(now, REPEATS, out);
         self.commands.silence(out);
         self.driven = None;
         if !matches!(self.state, HandState::Fault(_)) {
             self.state = HandState::Stopped;
         }
+    }
+
+    /// Sends zero torque and servo off, and asks for the state.
+    fn let_go(&mut self, now: Duration, times: usize, out: &mut Vec<CanFrame>) {
+        self.commands.release(times, out);
+        self.commands.message(HostMessage::Request(Request::Information), out);
+        self.next_heartbeat = now.saturating_add(HEARTBEAT);
+    }
+
+    /// Whether the hand has reported, since it was released last, that its servo is off.
+    pub fn has_let_go(&self) -> bool {
+        self.confirmed
     }
 
     /// The state of the driver.
@@ -361,6 +387,7 @@ impl Hand {
         if !matches!(self.state, HandState::Fault(_)) {
             self.state = HandState::Fault(fault);
             self.released = false;
+            self.confirmed = false;
             self.driven = None;
         }
     }

@@ -22,6 +22,8 @@ pub use socket::SocketCanTransport;
 
 /// What a serial adapter's spec begins with.
 const SERIAL: &str = "slcan:";
+/// What a hub's spec begins with.
+const HUB: &str = "bus:";
 
 /// Opens the bus that `spec` names: `can0` or `vcan0` (the kernel's), `slcan:/dev/ttyUSB0` (a serial adapter;
 /// the serial speed may follow as `@115200`), or `bus:/path/to/socket` (a hub).
@@ -32,10 +34,22 @@ pub fn open(spec: &str) -> Result<Box<dyn CanTransport>, CanError> {
     if let Some(port) = spec.strip_prefix(SERIAL) {
         return Ok(Box::new(SlcanTransport::open(port)?));
     }
-    if let Some(path) = spec.strip_prefix("bus:") {
+    if let Some(path) = spec.strip_prefix(HUB) {
         return Ok(Box::new(HubTransport::connect(path)?));
     }
     open_interface(spec)
+}
+
+/// The bus that `spec` names, the same for every spelling of it.
+pub fn device(spec: &str) -> String {
+    let (kind, path) = match (spec.strip_prefix(SERIAL), spec.strip_prefix(HUB)) {
+        (Some(port), _) => (SERIAL, port.rsplit_once('@').map_or(port, |(path, _)| path)),
+        (_, Some(path)) => (HUB, path),
+        _ => return spec.to_string(),
+    };
+    // A link such as /dev/serial/by-id/… is the same device.
+    let path = std::fs::canonicalize(path).unwrap_or_else(|_| path.into());
+    format!("{kind}{}", path.display())
 }
 
 /// Whether `spec` names a serial adapter, whose channel has to be opened and is one program's.
@@ -65,4 +79,22 @@ fn open_interface(name: &str) -> Result<Box<dyn CanTransport>, CanError> {
     let message =
         "only Linux has CAN interfaces: use a serial adapter (slcan:/dev/tty...) or bus:PATH".to_owned();
     Err(CanError::Open { bus: name.to_owned(), message })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::device;
+
+    #[test]
+    fn a_device_has_one_name() {
+        let folder = tempfile::tempdir().unwrap();
+        let folder = folder.path().canonicalize().unwrap();
+        let [tty, link] = ["tty", "link"].map(|name| folder.join(name));
+        std::fs::write(&tty, "").unwrap();
+        std::os::unix::fs::symlink(&tty, &link).unwrap();
+        let [tty, link] = [tty, link].map(|path| path.display().to_string());
+        assert_eq!(device(&format!("slcan:{link}@115200")), format!("slcan:{tty}"));
+        assert_eq!(device(&format!("bus:{link}")), format!("bus:{tty}"));
+        assert_eq!((device("can0"), device("bus:/none/x")), ("can0".to_string(), "bus:/none/x".to_string()));
+    }
 }

@@ -21,4 +21,4 @@ pub mod tcp;
 pub use driver::{Arm, ArmConfig, ArmError, ArmFault, ArmState, ArmVersion, TargetError};
 pub use fence::{Fence, OutsideFence};
 pub use stopper::Stopper;
-pub use tcp::{ArmCommands, ArmConnection, ArmLinkError};
+pub use tcp::{ArmCommands, ArmConnection, ArmLinkError, device};

@@ -113,6 +113,12 @@ impl ArmConnection {
     }
 }
 
+/// The arm at `host`, the same for every spelling of its address.
+pub fn device(host: &str) -> String {
+    let found = parse(host).and_then(|(name, (command, _))| (name, command).to_socket_addrs().ok()?.next());
+    found.map_or_else(|| host.to_string(), |address| address.to_string())
+}
+
 /// Splits the ports off an address that has both.
 fn parse(host: &str) -> Option<(&str, (u16, u16))> {
     let mut parts = host.split(':');

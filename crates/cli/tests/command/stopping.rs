@@ -1,0 +1,286 @@
+//! A robot in another process: however its controller ends, it is let go.
+
+use std::io::{BufRead as _, BufReader};
+use std::path::{Path, PathBuf};
+use std::process::{Child, Stdio};
+use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::time::{Duration, Instant};
+
+use etude_perform::Recording;
+use serde_json::Value;
+
+use crate::playing::read_elsewhere;
+use crate::processes::{self, children_of, with_arguments};
+use crate::{Desk, errors};
+
+/// A twin in a process of its own.
+struct Served {
+    process: Child,
+    rig: PathBuf,
+    _alone: MutexGuard<'static, ()>,
+}
+
+/// By the wall clock, one robot at a time: several at once are late on a small machine.
+static ALONE: Mutex<()> = Mutex::new(());
+
+impl Served {
+    fn start(desk: &Desk) -> Self {
+        Self::with_fault(desk, None)
+    }
+
+    fn with_fault(desk: &Desk, fault: Option<&str>) -> Self {
+        let alone = ALONE.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut command = desk.command("twin -o twin --json");
+        command.args(fault.iter().flat_map(|fault| ["--fault", fault]));
+        let mut process = command.stdout(Stdio::piped()).stderr(Stdio::null()).spawn().unwrap();
+        let mut line = String::new();
+        BufReader::new(process.stdout.take().unwrap()).read_line(&mut line).unwrap();
+        let ready: Value = serde_json::from_str(&line).unwrap();
+        let rig = PathBuf::from(ready["rig"].as_str().unwrap());
+        // A busy machine must not fail the test: what is waited for here is the stop, not the fault.
+        let text = std::fs::read_to_string(&rig).unwrap();
+        let text = text.replace("stale_after_secs = 0.05", "stale_after_secs = 0.1");
+        std::fs::write(&rig, text.replace("report_stale_after_secs = 0.1", "report_stale_after_secs = 1.0"))
+            .unwrap();
+        Self { process, rig, _alone: alone }
+    }
+
+    /// What the monitor saw last: servo of the hand, state of the arm.
+    fn seen(&self, desk: &Desk) -> (Value, Value) {
+        let text = desk.ok(&format!("robot monitor --robot {} --secs 0.7 --json", self.rig.display()));
+        let last: Value = serde_json::from_str(text.lines().last().unwrap()).unwrap();
+        (last["hand"]["servo_on"].clone(), last["arm"]["state"].clone())
+    }
+}
+
+impl Drop for Served {
+    fn drop(&mut self) {
+        let _ = self.process.kill();
+        let _ = self.process.wait();
+    }
+}
+
+/// Servo off and state 4.
+fn is_safe((servo_on, state): (Value, Value)) -> bool {
+    servo_on == false && state == 4
+}
+
+#[test]
+fn however_a_controller_ends_the_robot_is_let_go() {
+    let desk = Desk::new();
+    let twin = Served::start(&desk);
+    let rig = twin.rig.display().to_string();
+    let check = desk.json(&format!("robot check --robot {rig} --json"));
+    assert_eq!((&check["rig"], &check["fault"]), (&"twin".into(), &Value::Null), "{check}");
+    assert!(is_safe(twin.seen(&desk)), "after a check it is let go");
+
+    // Far from the keyboard it refuses to play.
+    let refused =
+        desk.command(&format!("perform --song short.mid --scripted --robot {rig}")).output().unwrap();
+    assert!(errors(&refused).contains("etude robot home"), "{}", errors(&refused));
+
+    let home = || {
+        let mut home = desk.command(&format!("robot home --robot {rig}"));
+        let home = home.stderr(Stdio::piped()).spawn().unwrap();
+        // Until it has claimed the rig, the monitor would read the keyboard.
+        std::thread::sleep(Duration::from_secs(1));
+        let on_its_way = Instant::now() + Duration::from_secs(20);
+        while twin.seen(&desk) != (Value::Bool(true), 1.into()) {
+            assert!(Instant::now() < on_its_way, "the arm never moved");
+        }
+        home
+    };
+    let lets_go = |what: &str, mut home: Child| {
+        assert!(!home.wait().unwrap().success(), "{what}");
+        std::thread::sleep(Duration::from_millis(600));
+        assert!(is_safe(twin.seen(&desk)), "{what}");
+    };
+
+    let mut killed = home();
+    killed.kill().unwrap();
+    lets_go("killed", killed);
+
+    let stopped = home();
+    // A second one must not interfere, whatever file names the robot.
+    let copy = desk.path("copy.toml");
+    std::fs::copy(&twin.rig, &copy).unwrap();
+    let copy = copy.display();
+    let second = desk.command(&format!("robot check --robot {copy}")).output().unwrap();
+    assert!(errors(&second).contains("another `etude`"), "{}", errors(&second));
+    let stop = desk.json(&format!("robot stop --robot {copy} --json"));
+    assert_eq!(stop["sure"], true, "{stop}");
+    lets_go("stopped from another terminal", stopped);
+
+    let interrupted = home();
+    signal(&interrupted, "INT");
+    lets_go("interrupted", interrupted);
+
+    // A controller that hangs is as good as gone; when it wakes up it finds the arm stopped.
+    let hung = home();
+    signal(&hung, "STOP");
+    std::thread::sleep(Duration::from_millis(1500));
+    assert!(is_safe(twin.seen(&desk)), "hung");
+    signal(&hung, "CONT");
+    lets_go("woken", hung);
+
+    // Without its guard the controller gives up, and also beside one that hangs.
+    for (end, what) in [("KILL", "unguarded"), ("STOP", "beside a guard that hangs")] {
+        let unguarded = home();
+        let guards = with_arguments(&["robot", "guard", "--robot", &rig]);
+        let guards: Vec<u32> =
+            children_of(unguarded.id()).into_iter().filter(|id| guards.contains(id)).collect();
+        assert_eq!(guards.len(), 1);
+        processes::signal(guards[0], end);
+        lets_go(what, unguarded);
+        assert!(
+            !with_arguments(&["robot", "guard", "--robot", &rig]).contains(&guards[0]),
+            "{what}: it is left"
+        );
+    }
+
+    // A file that cannot be written is told with the robot let go.
+    std::fs::create_dir_all(desk.path("full/run-1.mcap")).unwrap();
+    let failed = desk.command(&format!("perform --song short.mid --scripted --robot {rig} --home -o full"));
+    let failed = { failed }.output().unwrap();
+    assert!(errors(&failed).contains("run-1.mcap"), "{}", errors(&failed));
+    assert!(is_safe(twin.seen(&desk)), "a file that cannot be written");
+}
+
+fn signal(process: &Child, name: &str) {
+    processes::signal(process.id(), name);
+}
+
+/// Waits until the file is there.
+fn wait_for(what: &str, is_so: impl Fn() -> bool) {
+    let until = Instant::now() + Duration::from_secs(20);
+    while !is_so() {
+        assert!(Instant::now() < until, "{what}");
+        std::thread::sleep(Duration::from_millis(2));
+    }
+}
+
+/// The request is made as soon as the controller has claimed the robot, long before it has loaded what it plays.
+#[test]
+fn a_stop_is_not_lost_while_a_controller_starts() {
+    let desk = Desk::new();
+    let twin = Served::start(&desk);
+    let rig = twin.rig.display();
+    let mut perform =
+        desk.command(&format!("perform --song ode-to-joy --scripted --robot {rig} --home -o p"));
+    let perform = perform.stderr(Stdio::piped()).spawn().unwrap();
+    let bus = claimed_bus(&twin.rig);
+    wait_for("it never claimed the robot", || bus.exists());
+    let stop = desk.json(&format!("robot stop --robot {rig} --json"));
+    assert_eq!(stop["sure"], true, "{stop}");
+    let ended = perform.wait_with_output().unwrap();
+    let said = errors(&ended);
+    assert!(!ended.status.success() && said.contains("stopped by `etude robot stop`"), "{said}");
+    assert!(!desk.path("p/run-1.wav").exists() && is_safe(twin.seen(&desk)));
+    // Afterwards it can be used again, and nothing is left behind.
+    assert_eq!(desk.json(&format!("robot check --robot {rig} --json"))["fault"], Value::Null);
+    assert!(!bus.exists() && !bus.with_extension("stop").exists());
+}
+
+/// The file that claims the hand's bus of a rig.
+fn claimed_bus(rig: &Path) -> PathBuf {
+    let text = std::fs::read_to_string(rig).unwrap();
+    let bus = text.split('"').find(|text| text.starts_with("bus:")).unwrap();
+    let path = Path::new(bus.trim_start_matches("bus:")).canonicalize().unwrap();
+    let name = format!("bus:{}", path.display()).replace('-', "--").replace('/', "-");
+    Path::new("/tmp").join(format!("etude-{name}.lock"))
+}
+
+#[test]
+fn a_hand_that_does_not_answer_is_not_called_stopped() {
+    let desk = Desk::new();
+    let twin = Served::with_fault(&desk, Some("can-silent@0"));
+    let stop = desk.command(&format!("robot stop --robot {} --json", twin.rig.display())).output().unwrap();
+    let told: Value = serde_json::from_slice(&stop.stdout).unwrap();
+    assert_eq!((&told["arm"], &told["sure"]), (&"stopped".into(), &false.into()), "{told}");
+    assert!(told["hand"].as_str().unwrap().contains("switch off its power"), "{told}");
+    assert!(!stop.status.success() && errors(&stop).contains("hardware stop"), "{}", errors(&stop));
+}
+
+#[test]
+fn an_arm_that_is_led_by_hand_is_not_left_free() {
+    let desk = Desk::new();
+    let twin = Served::start(&desk);
+    let mut led =
+        desk.command(&format!("robot calibrate --robot {} --at middle --by-hand", twin.rig.display()));
+    let mut led = led.stdin(Stdio::piped()).stdout(Stdio::null()).stderr(Stdio::null()).spawn().unwrap();
+    let (free, stopped) = (Value::from(2), Value::from(4));
+    let mode = || {
+        let text = desk.ok(&format!("robot monitor --robot {} --secs 0.6 --json", twin.rig.display()));
+        let last: Value = serde_json::from_str(text.lines().last().unwrap()).unwrap();
+        (last["arm"]["mode"].clone(), last["arm"]["state"].clone())
+    };
+    wait_for("the arm was never free", || mode().0 == free);
+    led.kill().unwrap();
+    led.wait().unwrap();
+    wait_for("the arm was left free", || mode().1 == stopped);
+}
+
+/// What the operator must do now does not hide what happened.
+#[test]
+fn a_release_that_is_not_confirmed_does_not_hide_its_cause() {
+    let desk = Desk::new();
+    let play = "perform --song short.mid --scripted --robot twin --fault can-bus-off@10.5 -o f";
+    let output = desk.command(play).output().unwrap();
+    let said = errors(&output);
+    assert!(said.contains("`ip link set can0 down`") && said.contains("switch off its power"), "{said}");
+    assert!(desk.path("f/run-1.wav").exists() && desk.path("f/report.json").exists());
+}
+
+/// Kills recordings at `moments` (s, from when the file is there), on a robot that first moves to the keyboard, and in lockstep. Any
+/// reader of MCAP must open each, with all but the last second.
+fn kill_recordings(robot: &[f64], lockstep: &[f64]) {
+    let desk = Desk::new();
+    let twin = Served::start(&desk);
+    let live = format!("record --robot {} --home --excitation open-close", twin.rig.display());
+    let in_lockstep = "perform --song ode-to-joy --scripted --mode joint-mirroring --robot twin";
+    let mut files = Vec::new();
+    for (index, moment) in robot.iter().chain(lockstep).enumerate() {
+        let is_live = index < robot.len();
+        let file = desk.path(&if is_live { format!("{index}.mcap") } else { format!("{index}/run-1.mcap") });
+        let mut command = match is_live {
+            true => desk.command(&format!("{live} -o {index}.mcap")),
+            false => desk.command(&format!("{in_lockstep} -o {index}")),
+        };
+        let mut process = command.stdout(Stdio::null()).stderr(Stdio::null()).spawn().unwrap();
+        wait_for("it never began to record", || file.exists());
+        std::thread::sleep(Duration::from_secs_f64(*moment));
+        process.kill().unwrap();
+        process.wait().unwrap();
+        if is_live {
+            wait_for("the guard did not stop the robot", || is_safe(twin.seen(&desk)));
+        }
+        let ours = Recording::read(&file).unwrap();
+        assert!(!ours.complete || !is_live, "{moment} s: it was killed");
+        files.push(file);
+    }
+    let Some(found) = read_elsewhere("check_cut_recordings.py", &files) else { return };
+    let found: Vec<(u64, f64)> = serde_json::from_str(&found).unwrap();
+    for ((messages, secs), moment) in found.iter().zip(robot) {
+        // Until its wires are open, nothing can be recorded.
+        const OPENING_SECS: f64 = 1.0;
+        assert!(*messages > 0 && *secs > moment - 1.0 - OPENING_SECS, "{moment} s: {messages} to {secs} s");
+    }
+    assert!(found.iter().all(|(messages, _)| *messages > 0), "{found:?}");
+}
+
+/// The bits of a small generator as moments up to `longest`, s.
+fn moments(count: u64, longest: f64) -> Vec<f64> {
+    let noise = |index: u64| (index + 1).wrapping_mul(0x9E37_79B9_7F4A_7C15) >> 11;
+    (0..count).map(|index| longest * noise(index) as f64 / (1u64 << 53) as f64).collect()
+}
+
+#[test]
+fn a_recording_that_was_cut_off_opens_anywhere() {
+    kill_recordings(&[2.5], &moments(4, 0.4));
+}
+
+#[test]
+#[ignore = "takes minutes: `make test-heavy`, which .ci/run calls"]
+fn fifty_recordings_that_were_cut_off_open_anywhere() {
+    kill_recordings(&moments(20, 6.0), &moments(30, 1.0));
+}
