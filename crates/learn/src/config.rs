@@ -169,9 +169,6 @@ pub struct TrainerConfig {
     pub updates_per_round: usize,
     /// Environment steps with uniformly random actions, before the first update.
     pub warmup_steps: u64,
-    /// Share of the training, at its end, in which the step sizes of actor and critics fall evenly to 0; with 0 they stay the same (the
-    /// paper). Large steps learn fast, small ones settle.
-    pub decay_share: f64,
     /// Share of the control steps in which the environment's demonstrator acts instead of the policy, from the first step on. The
     /// paper's is 0.
     pub demonstration_share: f64,
@@ -199,7 +196,6 @@ impl Default for TrainerConfig {
             num_envs: 1,
             updates_per_round: 1,
             warmup_steps: 5_000,
-            decay_share: 0.0,
             demonstration_share: 0.0,
             demonstration_noise: 0.03,
             log_every_steps: 2_000,
@@ -225,7 +221,6 @@ impl TrainerConfig {
         let rule = "it must be at least 1, since updates need something to learn from";
         within("trainer.warmup_steps", self.warmup_steps, 1.., rule)?;
         let rule = "it must be at least 0 and at most 1";
-        within("trainer.decay_share", self.decay_share, 0.0..=1.0, rule)?;
         within("trainer.demonstration_share", self.demonstration_share, 0.0..=1.0, rule)?;
         within("trainer.demonstration_noise", self.demonstration_noise, 0.0..=1.0, rule)?;
         let rule = "it must be at least 1";

@@ -24,12 +24,11 @@ impl Critic {
     pub(crate) fn step<'a>(
         &mut self,
         config: &DroqConfig,
-        rate: f64,
         update: u64,
         gradients: impl Iterator<Item = &'a [f32]> + Clone,
     ) {
         self.learned.gather(gradients);
-        let step = AdamStep::new(rate * config.critic_learning_rate, update);
+        let step = AdamStep::new(config.critic_learning_rate, update);
         let Learned { parameters, gradient, mean, square } = &mut self.learned;
         adam_polyak(step, config.polyak as f32, parameters, gradient, mean, square, &mut self.target);
     }

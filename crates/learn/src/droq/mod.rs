@@ -67,8 +67,6 @@ pub(crate) struct Droq {
     updates: u64,
     /// Whether updates do not change the actor and the temperature.
     actor_held: bool,
-    /// Factor of the step sizes of actor and critics.
-    rate: f64,
     /// The batch in parts that threads share.
     shards: Vec<Shard>,
 }
@@ -122,7 +120,6 @@ impl Droq {
             log_temperature: [config.initial_temperature.ln() as f32, 0.0, 0.0],
             updates: 0,
             actor_held: false,
-            rate: 1.0,
             shards,
         }
     }
@@ -131,11 +128,6 @@ impl Droq {
     /// the current rayon pool; the result has the same bytes.
     pub(crate) fn learn(&mut self, replay: &Replay, parallel: bool) -> Losses {
         self.update(Some(replay), parallel)
-    }
-
-    /// Multiplies the step sizes of actor and critics by `rate` from now on.
-    pub(crate) fn set_rate(&mut self, rate: f64) {
-        self.rate = rate;
     }
 
     pub(crate) fn actor_network(&self) -> &Network {

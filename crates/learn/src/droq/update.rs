@@ -50,10 +50,10 @@ impl Droq {
     }
 
     fn step_critics(&mut self, parallel: bool) {
-        let Self { critics: [first, second], shards, config, updates, rate, .. } = self;
+        let Self { critics: [first, second], shards, config, updates, .. } = self;
         let gradients = |index: usize| shards.iter().map(move |shard| &shard.critic_gradients[index][..]);
-        let mut first = || first.step(config, *rate, *updates, gradients(0));
-        let mut second = || second.step(config, *rate, *updates, gradients(1));
+        let mut first = || first.step(config, *updates, gradients(0));
+        let mut second = || second.step(config, *updates, gradients(1));
         if parallel {
             rayon::join(first, second);
         } else {
@@ -64,7 +64,7 @@ impl Droq {
 
     fn step_actor(&mut self) {
         self.actor.gather(self.shards.iter().map(|shard| &shard.actor_gradient[..]));
-        let step = self.actor_step(self.rate * self.config.actor_learning_rate);
+        let step = self.actor_step(self.config.actor_learning_rate);
         let Learned { parameters, gradient, mean, square } = &mut self.actor;
         if self.config.policy_polyak < 1.0 {
             let polyak = self.config.policy_polyak as f32;

@@ -7,19 +7,12 @@ use super::{Buffers, TrainError, Trainer};
 use crate::{droq::Losses, replay::Transition};
 
 impl Trainer {
-    /// Factor of the learner's step sizes at this step.
-    fn rate(&self) -> f64 {
-        let (share, total) = (self.config.decay_share, self.config.total_steps as f64);
-        if share == 0.0 { 1.0 } else { ((total - self.step as f64) / (share * total)).clamp(0.0, 1.0) }
-    }
-
     pub(super) fn round(&mut self) -> Result<(), TrainError> {
         self.act();
         let learning = self.step >= self.config.warmup_steps;
         let updates = if learning { self.config.updates_per_round } else { 0 };
         let held = self.critics_learn_alone();
         self.droq.hold_actor(held);
-        self.droq.set_rate(self.rate());
         let (droq, replay, sums) = (&mut self.droq, &self.replay, &mut self.sums);
         let mut learn = move || -> Result<(), Losses> {
             for _ in 0..updates {

@@ -145,7 +145,6 @@ pub(super) fn config(total_steps: u64) -> TrainerConfig {
         num_envs: 4,
         updates_per_round: 2,
         warmup_steps: 100,
-        decay_share: 0.0,
         demonstration_share: 0.2,
         demonstration_noise: 0.1,
         log_every_steps: 150,

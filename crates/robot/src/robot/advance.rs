@@ -8,7 +8,6 @@ use super::motion::Easing;
 use super::{Fault, Phase, Record, Robot};
 use crate::allegro::{self, HandState};
 use crate::can::CanFrame;
-use crate::joints::RAIL;
 use crate::keyboard::KeyboardState;
 use crate::limiter::{Axis, Clamp};
 use crate::rig::SETPOINT_HZ;
@@ -124,7 +123,9 @@ impl Robot {
         self.easing = Easing::new(now, outside);
         self.following = Following::default();
         self.before = self.setpoints();
+        self.arm_axis.rest(self.axes[RAIL_AXIS].position());
         self.stepped = now;
+        self.arm.align(now, now);
         Ok(())
     }
 
@@ -150,14 +151,26 @@ impl Robot {
         }
         self.clamped += clamps.len() as u64;
         let sent = driven(&self.setpoints());
-        if let Some(near) = self.arm_sent {
-            let rail_m = sent[RAIL] + self.easing.left(at)[RAIL_AXIS];
-            let joints = self.path.joints(rail_m, &near).map_err(|source| Fault::Reach { rail_m, source })?;
-            self.arm.servo(at, joints)?;
-            self.arm_sent = Some(joints);
-        }
         let asked = asked.as_ref().map_or(sent, driven);
         self.journal.push(Record::SetPoint { at, asked, sent, clamps });
+        Ok(())
+    }
+
+    /// Gives the arm the next target if it can be sent now. After late replies the rail's set-point is far ahead: the arm catches up with
+    /// it within the same limits, from rest if it has stood still meanwhile.
+    pub(super) fn lead_arm(&mut self, now: Duration) -> Result<(), Fault> {
+        let Some(near) = self.arm_sent.filter(|_| self.is_live() && self.arm.takes_target(now)) else {
+            return Ok(());
+        };
+        let pause = self.arm.sent_at().map_or(Duration::ZERO, |at| now.saturating_sub(at));
+        if pause > self.config.arm.servo_period() * 7 / 4 {
+            self.arm_axis.rest(self.arm_axis.position());
+        }
+        self.arm_axis.step(self.axes[RAIL_AXIS].position());
+        let rail_m = self.arm_axis.position() + self.easing.left(now)[RAIL_AXIS];
+        let joints = self.path.joints(rail_m, &near).map_err(|source| Fault::Reach { rail_m, source })?;
+        self.arm.servo(now, joints)?;
+        self.arm_sent = Some(joints);
         Ok(())
     }
 

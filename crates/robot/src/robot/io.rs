@@ -20,7 +20,7 @@ impl Robot {
         let gap = now.saturating_sub(self.polled.unwrap_or(now));
         self.polled = Some(now);
         let fault = self.watch(now, gap);
-        let fault = fault.or_else(|| self.advance(now).err());
+        let fault = fault.or_else(|| self.advance(now).err()).or_else(|| self.lead_arm(now).err());
         if let Some(fault) = fault {
             self.fail(now, fault, wires);
         }

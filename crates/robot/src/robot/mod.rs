@@ -37,7 +37,7 @@ use crate::limiter::Axis;
 use crate::rig::{RigConfig, RigError, SETPOINT_HZ};
 use crate::wires::Wires;
 use crate::xarm::{Arm, kinematics};
-use axes::{AXES, all_axes, driven};
+use axes::{AXES, RAIL_AXIS, all_axes, driven};
 use following::Following;
 use motion::{Easing, SlowMove, Stretch};
 use plan::{Plan, Station, check_fence};
@@ -89,6 +89,8 @@ pub struct Robot {
     arm: Arm,
     keyboard: Keyboard,
     axes: [Axis; AXES],
+    /// The rail once more, as the arm is sent it: one step for each target.
+    arm_axis: Axis,
     phase: Phase,
     fault: Option<Fault>,
     plan: Option<Plan>,
@@ -136,6 +138,7 @@ impl Robot {
             arm: Arm::new(config.arm.clone()).map_err(RigError::from)?,
             keyboard: Keyboard::new(&config.keyboard).map_err(RigError::from)?,
             axes: std::array::from_fn(|axis| Axis::at_rest(limits[axis], 1.0 / SETPOINT_HZ, 0.0)),
+            arm_axis: Axis::at_rest(limits[RAIL_AXIS], config.arm.servo_period().as_secs_f64(), 0.0),
             config: config.clone(),
             phase: Phase::Off,
             fault: None,
@@ -257,6 +260,7 @@ impl Robot {
             }
             // The grid of the set-points begins with the stream.
             self.stepped = self.stepped.max(begun);
+            self.arm.align(begun, self.stepped);
             self.enter(begun, Phase::Following);
         }
         let mut kept = self.stream.take().map(|stretch| stretch.waypoints).unwrap_or_default();

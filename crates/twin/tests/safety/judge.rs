@@ -58,6 +58,8 @@ pub struct Judge {
     /// Register and first parameter of the last request that changes what the arm does.
     last_order: Option<(u8, u8)>,
     target: Option<(Duration, [f64; 7])>,
+    /// Speed along the keyboard between the last two targets, m/s.
+    arm_speed: f64,
     past: [Past; 13],
     /// Whether the arm is told where to be by the set-point of the rail.
     rail_moves: bool,
@@ -84,6 +86,7 @@ impl Judge {
             partial: Vec::new(),
             last_order: None,
             target: None,
+            arm_speed: 0.0,
             past: [Past::default(); 13],
             rail_moves: false,
             drove: false,
@@ -180,6 +183,7 @@ impl Judge {
         }
         if register != 29 {
             self.target = None;
+            self.arm_speed = 0.0;
         }
         // After a change of mode, the set-point of the rail begins anew where the arm then is.
         self.rail_moves = register == 29 || self.rail_moves && register != 19;
@@ -200,6 +204,21 @@ impl Judge {
             assert!(far(&before) <= JOINT_RAD_S * secs + rounding, "{} rad in {secs} s", far(&before));
             let way_m = (forward(&joints).position_m - forward(&before).position_m).norm();
             assert!(way_m <= FLANGE_M_S * secs + rounding, "{way_m} m in {secs} s");
+            // The arm takes each target at full speed, however late it comes, and stands still if none comes.
+            let along = forward(&joints).position_m[1] - forward(&before).position_m[1];
+            let speed = along / TARGET_SECS;
+            if (now - at).as_secs_f64() > 1.75 * TARGET_SECS {
+                self.arm_speed = 0.0;
+            }
+            let acceleration = (speed - self.arm_speed) / TARGET_SECS;
+            let limits = &self.limits[12];
+            // Besides: what a joint that started outside its range is eased by, and what floats round off.
+            assert!(speed.abs() <= limits.velocity + 0.03, "{speed} m/s along the keyboard");
+            assert!(
+                acceleration.abs() <= limits.acceleration * 1.02 + 0.3,
+                "{acceleration} m/s² along the keyboard"
+            );
+            self.arm_speed = speed;
         } else if let Some(arm) = &self.arm {
             assert!(far(arm) <= FIRST_RAD, "the first target is {} rad away", far(arm));
         }

@@ -98,14 +98,19 @@ impl Arm {
         self.report.is_none_or(|(_, at)| now.saturating_sub(at) > allowed)
     }
 
+    /// Whether a tick is due.
+    pub(super) fn is_due(&self, now: Duration) -> bool {
+        // A caller that polls at this very rate is sometimes early by a little.
+        self.next_tick.unwrap_or(now).saturating_sub(now) <= self.config.servo_period() / 8
+    }
+
     /// Sends the newest target if it is due and nothing is outstanding.
     pub(super) fn tick(&mut self, now: Duration, out: &mut Vec<u8>) {
         let period = self.config.servo_period();
-        let due = self.next_tick.unwrap_or(now);
-        // A caller that polls at this very rate is sometimes early by a little.
-        if due.saturating_sub(now) > period / 8 {
+        if !self.is_due(now) {
             return;
         }
+        let due = self.next_tick.unwrap_or(now);
         let missed = now.saturating_sub(due) >= period;
         self.next_tick = Some(if missed { now + period } else { due + period });
         let Some(target) = self.target.filter(|_| self.outstanding.is_none()) else { return };

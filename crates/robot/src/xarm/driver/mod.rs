@@ -82,6 +82,27 @@ impl Arm {
         Ok(())
     }
 
+    /// Whether a target that is given now is sent at the next [`poll`](Self::poll), without waiting for a tick or a reply.
+    pub fn takes_target(&self, now: Duration) -> bool {
+        let unsent = self.target.is_some_and(|target| target.at > self.sent_at());
+        matches!(self.phase, Phase::Ready) && self.outstanding.is_none() && self.is_due(now) && !unsent
+    }
+
+    /// When a target was sent last; `None` before the first.
+    pub fn sent_at(&self) -> Option<Duration> {
+        self.sent.and_then(|sent| sent.at)
+    }
+
+    /// Moves the ticks to a quarter of a period after the grid on which targets are computed, so that each is sent once. The next tick
+    /// comes no sooner than it would have.
+    pub fn align(&mut self, now: Duration, grid: Duration) {
+        let period = self.config.servo_period();
+        let earliest = self.next_tick.unwrap_or(now);
+        let phase = (grid + period / 4).as_nanos() % period.as_nanos();
+        let late = (phase + period.as_nanos() - earliest.as_nanos() % period.as_nanos()) % period.as_nanos();
+        self.next_tick = Some(earliest + Duration::from_nanos(late as u64));
+    }
+
     /// Plans and makes a move to `joints_rad` with at most `speed_rad_s`, then is ready again.
     ///
     /// # Errors
