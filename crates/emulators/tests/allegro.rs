@@ -579,7 +579,11 @@ fn storm(hostile: f64) -> u32 {
         emulator.receive(now, &to_host[0].clone(), &mut to_host);
         emulator.tick(now, &mut to_host);
         assert!(within_the_table(0, &emulator.pwm()));
-        for frame in &to_host {
+        // Another program that drives the hand is a fault at once.
+        let drives = |frame: &CanFrame| {
+            HostMessage::decode(DeviceId::default(), frame).is_some_and(|message| message.drives())
+        };
+        for frame in to_host.iter().filter(|frame| hostile == 1.0 || !drives(frame)) {
             let _ = hand.receive(now, frame);
         }
         let _ = hand.poll(now, &mut to_hand);

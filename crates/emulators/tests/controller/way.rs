@@ -12,6 +12,8 @@ fn the_arm_does_not_set_out_before_the_fingers_are_straight() {
     let mut bench = Bench::new();
     bench.devices.arm.place(beside(0.0, 0.05, 0.3));
     bench.devices.led[9] = Some(0.5);
+    // Encoders that are not noisy would look as if they repeated themselves.
+    bench.devices.hand.config_mut().noise_counts = 2;
     bench.start();
     bench.until(Phase::Holding, 3000);
     let stands = bench.devices.arm.joints();

@@ -92,6 +92,10 @@ impl Hand {
             let let_go = self.released || self.state == HandState::Stopped;
             self.confirmed |= let_go && !information.status.servo_on();
         }
+        let others = HostMessage::decode(self.config.device_id, frame);
+        if others.is_some_and(|message| message.drives()) && self.listens() {
+            self.fail(HandFault::OtherProgram);
+        }
         let Some(message) = message.filter(|_| self.listens()) else { return HandEvent::Nothing };
         match message {
             HandMessage::Position { finger, counts } => return self.take_position(now, finger, counts),
@@ -114,11 +118,6 @@ impl Hand {
         self.watch(now);
         match self.state {
             HandState::Off => {}
-            HandState::Stopped => {
-                if !self.confirmed && now >= self.next_heartbeat {
-                    self.let_go(now, 1, out);
-                }
-            }
             HandState::Starting => self.continue_start(now, out),
             HandState::Ready => {
                 self.ask(now, out);
@@ -127,14 +126,13 @@ impl Hand {
                     self.commands.zero(out);
                 }
             }
-            HandState::Fault(_) => {
-                if !self.released {
-                    self.released = true;
-                    self.let_go(now, REPEATS, out);
-                } else if now >= self.next_heartbeat {
-                    self.let_go(now, 1, out);
-                }
+            HandState::Fault(_) if !std::mem::replace(&mut self.released, true) => {
+                self.let_go(now, REPEATS, out);
             }
+            // A frame may be lost.
+            HandState::Stopped if self.confirmed => {}
+            HandState::Stopped | HandState::Fault(_) if now < self.next_heartbeat => {}
+            HandState::Stopped | HandState::Fault(_) => self.let_go(now, 1, out),
         }
         event
     }

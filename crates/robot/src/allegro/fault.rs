@@ -44,6 +44,9 @@ pub enum HandFault {
         /// Since its last frame, or since the stream was asked for.
         age: Duration,
     },
+    /// Servo on or torques on the bus that this program has not sent.
+    #[error("another program drives the hand: end it, then start again")]
+    OtherProgram,
     /// The board is too hot.
     #[error("the hand's board is at {celsius} °C, above {limit} °C: let it cool, then start again")]
     BoardHot {

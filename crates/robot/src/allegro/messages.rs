@@ -105,6 +105,17 @@ pub enum HostMessage {
     Request(Request),
 }
 
+impl HostMessage {
+    /// Whether it can make the hand move.
+    pub fn drives(&self) -> bool {
+        match self {
+            Self::ServoOn => true,
+            Self::Torque { pwm, .. } => *pwm != [0; 4],
+            Self::ServoOff | Self::Positions(_) | Self::Request(_) => false,
+        }
+    }
+}
+
 /// The status byte of the Information reply (allegro_hand_ros2, and fairo's Allegro client, which differ).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct StatusBits(pub u8);

@@ -3,6 +3,7 @@
 use std::time::Duration;
 
 use super::axes::{AXES, RAIL_AXIS, all_axes, driven, driven_index, period};
+use super::doubt::Doubts;
 use super::following::Following;
 use super::motion::Easing;
 use super::{Fault, Phase, Record, Robot};
@@ -43,6 +44,9 @@ impl Robot {
         if let Some((joint, by_rad)) = self.following.lost().filter(|_| self.is_live()) {
             return Some(Fault::NotFollowing { joint, by_rad });
         }
+        if let Some(doubt) = self.doubts.found().filter(|_| self.is_live()) {
+            return Some(Fault::Doubted(doubt.clone()));
+        }
         let stretch = self.stream.as_ref().filter(|_| self.phase == Phase::Following)?;
         let age = now.saturating_sub(stretch.end(period()));
         (age.as_secs_f64() > self.config.limits.stale_command_secs).then_some(Fault::StaleCommand { age })
@@ -59,7 +63,7 @@ impl Robot {
     }
 
     /// Whether torques are on.
-    fn is_live(&self) -> bool {
+    pub(super) fn is_live(&self) -> bool {
         matches!(self.phase, Phase::Holding | Phase::Moving | Phase::Following)
     }
 
@@ -122,6 +126,7 @@ impl Robot {
         self.arm_sent = self.arm.joints().filter(|_| on_path);
         self.easing = Easing::new(now, outside);
         self.following = Following::default();
+        self.doubts = Doubts::default();
         self.before = self.setpoints();
         self.arm_axis.rest(self.axes[RAIL_AXIS].position());
         self.stepped = now;
@@ -190,6 +195,7 @@ impl Robot {
         self.following.take(at, &positions, &reference, &self.config.limits);
         let wanted = self.joint_loop.pwm(at, &positions, &reference);
         let pwm = self.hand.torque(now, &wanted, frames);
+        self.doubts.hand(at, &positions, &reference, &pwm);
         self.journal.push(Record::Hand { at, positions, reference, wanted, pwm });
     }
 }

@@ -2,6 +2,7 @@
 
 use std::time::Duration;
 
+use super::doubt::Doubt;
 use crate::allegro::HandFault;
 use crate::calibration::CalibrationError;
 use crate::can::CanError;
@@ -39,6 +40,9 @@ pub enum Fault {
         /// How far it is off, rad.
         by_rad: f64,
     },
+    /// A measurement cannot be right, or the robot is not where it was sent.
+    #[error(transparent)]
+    Doubted(#[from] Doubt),
     /// A joint of the hand begins where it must not be.
     #[error(
         "joint {joint} of the hand is at {rad:.2} rad, outside its range from {low} to {high}: bring it into its range \

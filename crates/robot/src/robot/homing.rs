@@ -90,6 +90,7 @@ impl Robot {
         let joints = self.arm.joints().unwrap_or(*self.path.middle());
         self.axes[RAIL_AXIS].rest(self.path.place(&joints).rail_m);
         self.arm_axis.rest(self.axes[RAIL_AXIS].position());
+        self.doubts.arm_has_arrived();
         self.before = self.setpoints();
         self.arm_sent = Some(joints);
     }

@@ -105,12 +105,12 @@ impl Robot {
             return Ok(());
         };
         self.arm_seen = self.arm.joints_at();
-        let record = Record::Arm {
-            at: now,
-            measured,
-            sent: self.arm.sent(),
-            rail_m: self.path.place(&measured).rail_m,
-        };
+        let place = self.path.place(&measured);
+        // While the arm makes a move of its own, it is sent nowhere along the keyboard.
+        if self.is_live() && self.arm.sent().is_some() {
+            self.doubts.arm(now, &measured, &place, self.arm_axis.position());
+        }
+        let record = Record::Arm { at: now, measured, sent: self.arm.sent(), rail_m: place.rail_m };
         self.journal.push(record);
         Ok(())
     }

@@ -15,6 +15,7 @@
 
 mod advance;
 mod axes;
+mod doubt;
 mod fault;
 mod following;
 mod homing;
@@ -25,6 +26,7 @@ mod record;
 
 use std::time::Duration;
 
+pub use doubt::Doubt;
 pub use fault::{Fault, Refused, RobotError};
 pub use record::Record;
 
@@ -38,6 +40,7 @@ use crate::rig::{RigConfig, RigError, SETPOINT_HZ};
 use crate::wires::Wires;
 use crate::xarm::{Arm, kinematics};
 use axes::{AXES, RAIL_AXIS, all_axes, driven};
+use doubt::Doubts;
 use following::Following;
 use motion::{Easing, SlowMove, Stretch};
 use plan::{Plan, Station, check_fence};
@@ -100,6 +103,7 @@ pub struct Robot {
     /// The offsets of joints that started outside their ranges, which fade out.
     easing: Easing,
     following: Following,
+    doubts: Doubts,
     /// New angles have arrived, from which no torque was computed yet.
     measured: bool,
     stepped: Duration,
@@ -147,6 +151,7 @@ impl Robot {
             before: [0.0; AXES],
             easing: Easing::new(Duration::ZERO, [0.0; AXES]),
             following: Following::default(),
+            doubts: Doubts::default(),
             measured: false,
             stepped: Duration::ZERO,
             polled: None,

@@ -92,6 +92,10 @@ pub struct Mischief {
     pub frame_loss: f64,
     /// Counts that the first joint of a frame with this identifier is off by.
     pub encoder_off: Option<(u16, i16)>,
+    /// Frames with this identifier repeat the next one that comes.
+    pub repeated: Option<(u16, Option<CanFrame>)>,
+    /// The arm's reports repeat the next one that comes.
+    pub repeated_report: Option<Vec<u8>>,
     /// What arrives besides what the twin says.
     pub frames: VecDeque<CanFrame>,
     pub replies: Vec<u8>,
@@ -105,6 +109,8 @@ impl Default for Mischief {
         Self {
             frame_loss: 0.0,
             encoder_off: None,
+            repeated: None,
+            repeated_report: None,
             frames: VecDeque::new(),
             replies: Vec::new(),
             reports: Vec::new(),
@@ -143,6 +149,9 @@ impl Wires for Tap<'_> {
                 let off = i16::from_le_bytes(*first).saturating_add(counts).to_le_bytes();
                 return Ok(CanFrame::new(id, &[&off, rest].concat()));
             }
+            if let Some((_, first)) = mischief.repeated.as_mut().filter(|(id, _)| *id == frame.id()) {
+                return Ok(Some(*first.get_or_insert(frame)));
+            }
             return Ok(Some(frame));
         }
         Ok(self.mischief.frames.pop_front())
@@ -160,7 +169,16 @@ impl Wires for Tap<'_> {
 
     fn receive_report(&mut self, bytes: &mut Vec<u8>) -> Result<(), ArmLinkError> {
         bytes.append(&mut self.mischief.reports);
-        self.inner.receive_report(bytes)
+        let before = bytes.len();
+        self.inner.receive_report(bytes)?;
+        if let Some(first) = self.mischief.repeated_report.as_mut().filter(|_| bytes.len() > before) {
+            if first.is_empty() {
+                first.extend_from_slice(&bytes[before..]);
+            }
+            bytes.truncate(before);
+            bytes.extend_from_slice(first);
+        }
+        Ok(())
     }
 
     fn receive_midi(&mut self, bytes: &mut Vec<u8>) -> Result<(), MidiError> {

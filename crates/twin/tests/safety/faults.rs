@@ -1,6 +1,7 @@
 //! The rows of the fault matrix: what goes wrong, what must come of it in each phase, and how it is mended.
 
 use etude_robot::calibration::Calibration;
+use etude_robot::can::CanFrame;
 use etude_twin::{FaultKind, calibration};
 
 use crate::bench::{Bench, Policy, robot};
@@ -165,8 +166,8 @@ pub const ROWS: &[Row] = &[
     },
     Row {
         name: "arm's joints are held",
-        ends: [GoesOn, GoesOn, GoesOn, Fault(4000), Fault(2500), GoesOn],
-        says: "from where it was sent",
+        ends: [GoesOn, GoesOn, GoesOn, Fault(1200), Fault(800), GoesOn],
+        says: "see what holds it",
         lost: Lost::Nothing,
         stays: false,
         strike: |b| b.begin(FaultKind::ArmStuck),
@@ -245,6 +246,36 @@ pub const ROWS: &[Row] = &[
         stays: false,
         strike: |b| b.mischief.encoder_off = Some((0x084, 10_000)),
         mend: |b| b.mischief.encoder_off = None,
+    },
+    Row {
+        name: "a finger repeats its angles",
+        // At rest that is no fault, nor in a short slow move.
+        ends: [GoesOn, GoesOn, GoesOn, GoesOn, Fault(1500), GoesOn],
+        says: "finger 0 of the hand has reported the same angles",
+        lost: Lost::Nothing,
+        stays: false,
+        strike: |b| b.mischief.repeated = Some((0x080, None)),
+        mend: |b| b.mischief.repeated = None,
+    },
+    Row {
+        name: "the arm's reports repeat",
+        // A move that the arm plans itself is over first.
+        ends: [GoesOn, GoesOn, Fault(15_000), Fault(1000), Fault(1500), GoesOn],
+        says: "arm",
+        lost: Lost::Nothing,
+        stays: false,
+        strike: |b| b.mischief.repeated_report = Some(Vec::new()),
+        mend: |b| b.mischief.repeated_report = None,
+    },
+    Row {
+        name: "another program drives the hand",
+        // Until it has asked the hand, a start does not listen.
+        ends: [GoesOn, Fault(2), Fault(2), Fault(2), Fault(2), GoesOn],
+        says: "another program drives the hand",
+        lost: Lost::Nothing,
+        stays: false,
+        strike: |b| b.mischief.frames.push_back(CanFrame::new(0x184, &[0, 0, 100, 0, 0, 0, 0, 0]).unwrap()),
+        mend: nothing,
     },
     Row {
         name: "policy falls silent",
