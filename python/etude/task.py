@@ -57,7 +57,7 @@ def task_config(
         previous_joints: Whether the observation holds the joints of one step ago.
         previous_actions: Previous actions that the observation shows, 0 to 4.
         fingering: Whether a fingering is planned for the song: the observation shows each finger its goal, and the rail's action is a
-            distance from its planned place. The reward terms `fingering` and `preparation` need it.
+            distance from its planned place. The reward terms `fingering`, `preparation` and `velocity` need it.
         velocities: Whether the observation shows, with each finger's goal, how loud its note is. It needs a fingering.
         plan: What is due, by name: `rule` (`robopianist` or `articulated`), `restrike_secs` and `lead_secs`; the others keep the
             variant's.

@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context as _, anyhow, bail};
 use etude_learn::Policy;
 use etude_music::Song;
+use etude_task::reward::OF_A_FINGERING;
 use etude_task::{ACTION_LEN, Piece, ScriptedPlayer, TaskConfig, TaskError, layout};
 
 use crate::config::{DEFAULT_PRESET, RunConfig, change, resolve};
@@ -155,9 +156,9 @@ impl Pianist {
     /// The scripted player, the baseline that needs no training, in the world of the default preset. It plans for itself, so its actions
     /// are those of a task without a fingering: it moves the rail earlier than the plan, by the rail's lag.
     pub fn scripted() -> Self {
-        let changes = ["task.fingering=false", "task.reward.fingering=0", "task.reward.preparation=0"];
-        let config =
-            resolve(DEFAULT_PRESET, None, &changes.map(String::from)).expect("a preset of our own is sound");
+        let mut changes = vec!["task.fingering=false".to_string()];
+        changes.extend(OF_A_FINGERING.map(|term| format!("task.reward.{term}=0")));
+        let config = resolve(DEFAULT_PRESET, None, &changes).expect("a preset of our own is sound");
         Self { kind: Kind::Script, config, song: None, claimed_f1: None }
     }
 

@@ -39,4 +39,4 @@ pub mod wires;
 pub mod xarm;
 
 pub use pace::{Pace, RealTime};
-pub use robot::{Doubt, Fault, Phase, Record, Refused, Robot, RobotError};
+pub use robot::{Doubt, Fault, Phase, Record, Refused, Robot, RobotError, propose_fence};

@@ -12,11 +12,12 @@ use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
 use etude_emulators::faults::FaultKind;
 use etude_emulators::{ArmPorts, ArmServer, Hub, MidiServer, Reach};
-use etude_robot::Pace as _;
-use etude_robot::calibration::CalibrationError;
+use etude_robot::calibration::{CalibrationError, RailPath};
 use etude_robot::can::{CanError, CanTransport as _, HubTransport};
 use etude_robot::keyboard::MidiError;
 use etude_robot::rig::{RigConfig, WiresConfig};
+use etude_robot::xarm::kinematics::PAPER_HOME_DEG;
+use etude_robot::{Pace as _, propose_fence};
 
 use crate::lockstep::Lockstep;
 use crate::numbers::STEP;
@@ -100,6 +101,8 @@ impl TwinServer {
         let today = SystemTime::now().duration_since(UNIX_EPOCH).map_or(0, |since| since.as_secs());
         place.points.iter_mut().for_each(|point| point.shown_unix_secs = today);
         place.save(&folder.join(&config.calibration))?;
+        let path = RailPath::new(&place, config.limits.rail_range_m, &PAPER_HOME_DEG.map(f64::to_radians))?;
+        config.arm.fence_mm.get_or_insert_with(|| propose_fence(&path, config.limits.rail_range_m));
         let text = toml::to_string(&config).map_err(|error| file(&rig_path, error.to_string()))?;
         std::fs::write(&rig_path, text).map_err(|error| file(&rig_path, error.to_string()))?;
         Ok(Self {

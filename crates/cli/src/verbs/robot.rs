@@ -11,8 +11,8 @@ use anyhow::Context as _;
 use etude_lab::released;
 use etude_perform::prepare;
 use etude_perform::stand::{
-    Guard, READY, RigChoice, Stand, TWIN, claim, pitches_to_show, rig_choice, stand_guard, start_guard,
-    start_pose, store_point, tell_to_stop, try_path,
+    Guard, READY, Stand, TWIN, claim, pitches_to_show, rig_choice, stand_guard, start_guard, start_pose,
+    store_point, tell_to_stop, try_path,
 };
 use etude_robot::lead::{LeadError, Showing, show};
 use etude_robot::monitor::Monitor;
@@ -127,13 +127,11 @@ fn file(robot: &str) -> anyhow::Result<RigConfig> {
     Ok(RigConfig::load(Path::new(robot))?)
 }
 
-fn open(choice: &RigChoice) -> anyhow::Result<Stand> {
-    Ok(choice.open(choice.side(), 0)?)
-}
-
 fn check(rig: &Rig) -> anyhow::Result<Ending> {
     let interrupt = stop_flag()?;
-    let mut stand = open(&rig_choice(&rig.robot, "standard")?)?;
+    let choice = rig_choice(&rig.robot, "standard")?;
+    let fence = choice.missing_fence()?;
+    let mut stand = choice.open_at_rest(choice.side(), 0)?;
     let held = stand.hold(Duration::from_millis(500), &interrupt).map_err(Into::into);
     let fault = released(&mut stand, held)?;
     let robot = &stand.robot;
@@ -151,6 +149,7 @@ fn check(rig: &Rig) -> anyhow::Result<Ending> {
         "rail": { "m": place.rail_m, "beside_m": place.beside_m, "turned_rad": place.turned_rad },
         "keyboard": robot.keyboard().state().to_string(),
         "warnings": robot.keyboard().warnings().map(|warning| warning.to_string()).collect::<Vec<_>>(),
+        "missing_fence": fence,
         "fault": fault,
     });
     if rig.json {
@@ -169,6 +168,11 @@ fn check(rig: &Rig) -> anyhow::Result<Ending> {
         for warning in robot.keyboard().warnings() {
             line(format!("warning   {warning}"))?;
         }
+        if let Some(fence) = fence {
+            line(format!(
+                "box       none yet; this one fits, write it into the rig's file under [arm]: {fence}"
+            ))?;
+        }
     }
     match fault {
         None => Ok(Ending::Done),
@@ -180,7 +184,7 @@ fn home(rig: &Rig) -> anyhow::Result<Ending> {
     let choice = rig_choice(&rig.robot, "standard")?;
     let interrupt = stop_flag()?;
     let pose = start_pose(choice.side())?;
-    let mut stand = open(&choice)?;
+    let mut stand = choice.open(choice.side(), 0)?;
     let Stand { robot, pace } = &mut stand;
     let prepared = prepare(robot, pace, Some(&pose), None, &interrupt).map_err(Into::into);
     released(&mut stand, prepared)?;

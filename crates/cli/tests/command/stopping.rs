@@ -284,3 +284,22 @@ fn a_recording_that_was_cut_off_opens_anywhere() {
 fn fifty_recordings_that_were_cut_off_open_anywhere() {
     kill_recordings(&moments(20, 6.0), &moments(30, 1.0));
 }
+
+#[test]
+fn an_arm_without_a_box_does_not_move_and_a_box_is_proposed() {
+    let desk = Desk::new();
+    let twin = Served::start(&desk);
+    let rig = twin.rig.display().to_string();
+    let text = std::fs::read_to_string(&twin.rig).unwrap();
+    let line = text.lines().find(|line| line.starts_with("fence_mm = ")).unwrap();
+    std::fs::write(&twin.rig, text.replace(line, "")).unwrap();
+    let check = desk.json(&format!("robot check --robot {rig} --json"));
+    let proposed = check["missing_fence"].as_str().unwrap();
+    for verb in ["robot home", "perform --song short.mid --scripted --home"] {
+        let refused = desk.command(&format!("{verb} --robot {rig}")).output().unwrap();
+        assert!(!refused.status.success() && errors(&refused).contains(proposed), "{}", errors(&refused));
+    }
+    std::fs::write(&twin.rig, text.replace(line, proposed)).unwrap();
+    let check = desk.json(&format!("robot check --robot {rig} --json"));
+    assert_eq!((&check["missing_fence"], &check["fault"]), (&Value::Null, &Value::Null));
+}

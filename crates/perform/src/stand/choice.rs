@@ -11,8 +11,9 @@ use etude_robot::allegro::HandSide;
 use etude_robot::calibration::{Calibration, CalibrationError, RailPath};
 use etude_robot::rig::{RigConfig, RigError};
 use etude_robot::wires::OpenWires;
+use etude_robot::xarm::Fence;
 use etude_robot::xarm::kinematics::PAPER_HOME_DEG;
-use etude_robot::{Robot, RobotError};
+use etude_robot::{Robot, RobotError, propose_fence};
 use etude_stage::{JOINTS, PhysicalParams, Side, StageConfig, StageError, World};
 use etude_twin::{Lockstep, Truth, Twin, TwinError, calibration, stage_side};
 
@@ -57,6 +58,16 @@ pub enum StandError {
         rig: String,
         /// Why.
         source: std::io::Error,
+    },
+    /// Nothing bounds where the arm may go.
+    #[error(
+        "the rig {rig} has no box for its arm, which nothing else would keep away from people and walls. This one holds the keyboard and the way to          it; look at it, then write it into the rig's file under [arm]: {line}"
+    )]
+    NoFence {
+        /// The rig's name.
+        rig: String,
+        /// A box that fits.
+        line: String,
     },
     /// Another process has requested to stop it.
     #[error(
@@ -112,6 +123,32 @@ impl RigChoice {
     /// # Errors
     /// If the rig's file, its calibration or its wires cannot be used.
     pub fn open(&self, side: Side, seed: u64) -> Result<Stand, StandError> {
+        if let (Self::File { rig, .. }, Some(line)) = (self, self.missing_fence()?) {
+            return Err(StandError::NoFence { rig: rig.name.clone(), line });
+        }
+        self.open_at_rest(side, seed)
+    }
+
+    /// A box for the arm as a line of the rig's file, if the rig needs one and has none.
+    ///
+    /// # Errors
+    /// If the rig's calibration cannot be used.
+    pub fn missing_fence(&self) -> Result<Option<String>, StandError> {
+        match self {
+            Self::File { rig, .. } if rig.arm.fence_mm.is_none() => {
+                let path = rail_path(rig, &load_calibration(rig)?)?;
+                let Fence(sides) = propose_fence(&path, rig.limits.rail_range_m);
+                Ok(Some(format!("fence_mm = {sides:?}")))
+            }
+            Self::File { .. } | Self::Twin(_) => Ok(None),
+        }
+    }
+
+    /// As [`open`](Self::open), also without a box for the arm: for a robot that is not to move.
+    ///
+    /// # Errors
+    /// If the rig's file, its calibration or its wires cannot be used.
+    pub fn open_at_rest(&self, side: Side, seed: u64) -> Result<Stand, StandError> {
         let wanted = hand_side(side);
         match self {
             Self::Twin(truth) => {
@@ -149,9 +186,11 @@ pub fn load_calibration(rig: &RigConfig) -> Result<Calibration, CalibrationError
 }
 
 fn controller(rig: &RigConfig, place: &Calibration) -> Result<Robot, StandError> {
-    let home = PAPER_HOME_DEG.map(f64::to_radians);
-    let path = RailPath::new(place, rig.limits.rail_range_m, &home)?;
-    Ok(Robot::new(rig, path)?)
+    Ok(Robot::new(rig, rail_path(rig, place)?)?)
+}
+
+fn rail_path(rig: &RigConfig, place: &Calibration) -> Result<RailPath, CalibrationError> {
+    RailPath::new(place, rig.limits.rail_range_m, &PAPER_HOME_DEG.map(f64::to_radians))
 }
 
 /// Claims the robot of a rig for this process.

@@ -161,7 +161,7 @@ impl Calibration {
 
 /// A calibration with the points of the paper's rig, for tests: C1, C3 and C5, at the ends and the middle of 673 mm.
 #[cfg(test)]
-pub(super) fn papers() -> Calibration {
+pub(crate) fn papers() -> Calibration {
     let point = |pitch, rail_m, position_mm| Point {
         pitch,
         rail_m,

@@ -6,5 +6,7 @@
 mod file;
 mod path;
 
+#[cfg(test)]
+pub(crate) use file::papers;
 pub use file::{Calibration, CalibrationError, Point};
 pub use path::{RailPath, RailPlace};

@@ -1,7 +1,8 @@
 //! Measurements that are doubted: values that repeat while the robot was sent elsewhere, joints that push at their limit for long, and
 //! an arm that is not where it was sent.
 //!
-//! The thresholds are judgements. On the twin, playing stays within half of each (docs/results/robot.md).
+//! The thresholds are judgements. Playing on the twin (`standard` and `worn`, real execution) reaches 0.57 of the 0.8 for torques, 38 of the
+//! 80 mm along the keyboard, and no finger repeats itself.
 
 use std::time::Duration;
 

@@ -28,6 +28,7 @@ use std::time::Duration;
 
 pub use doubt::Doubt;
 pub use fault::{Fault, Refused, RobotError};
+pub use plan::propose_fence;
 pub use record::Record;
 
 use crate::allegro::{Hand, JointLoop};

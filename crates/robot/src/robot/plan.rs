@@ -6,8 +6,8 @@ use super::fault::RobotError;
 use super::motion::SlowMove;
 use crate::calibration::RailPath;
 use crate::joints::DRIVEN;
-use crate::xarm::Fence;
 use crate::xarm::kinematics::{JOINTS, KinematicsError, PAPER_HOME_DEG};
+use crate::xarm::{Fence, way};
 
 /// How far above the keyboard the arm comes and goes, m.
 pub(super) const CLEAR_M: f64 = 0.08;
@@ -59,6 +59,15 @@ impl Station {
     }
 }
 
+/// Stations between which every move to the keyboard goes, from the keyboard on.
+const WAY: [(Station, &str); 3] = [
+    (Station::Middle, "the middle of the keyboard"),
+    (Station::Above, "above the keyboard"),
+    (Station::Home, "the way between home and the keyboard"),
+];
+/// Room around the places of the flange in a box that is proposed, mm: where a ringing arm or a lead by hand brings it.
+const ROOM_MM: f64 = 60.0;
+
 /// Whether the ways that every move to the keyboard has in common, and the whole `range` of the rail (m), stay in the
 /// arm's box.
 pub(super) fn check_fence(fence: &Fence, path: &RailPath, range: [f64; 2]) -> Result<(), RobotError> {
@@ -68,11 +77,7 @@ pub(super) fn check_fence(fence: &Fence, path: &RailPath, range: [f64; 2]) -> Re
         held.map_err(|source| RobotError::OutsideFence { place: place(), source })?;
     }
     let mut standing = *path.middle();
-    for (station, place) in [
-        (Station::Middle, "the middle of the keyboard"),
-        (Station::Above, "above the keyboard"),
-        (Station::Home, "the way between home and the keyboard"),
-    ] {
+    for (station, place) in WAY {
         // A station that cannot be reached is refused when the arm starts for it.
         let Ok(joints) = station.joints(path, &standing) else { return Ok(()) };
         let held = fence.holds_way(&standing, &joints);
@@ -80,4 +85,44 @@ pub(super) fn check_fence(fence: &Fence, path: &RailPath, range: [f64; 2]) -> Re
         standing = joints;
     }
     Ok(())
+}
+
+/// A box for the arm that holds the `range` of the rail (m), also when the arm goes straight up from there, and the ways to the keyboard.
+pub fn propose_fence(path: &RailPath, range: [f64; 2]) -> Fence {
+    let along = path.bends(range).map(|rail_m| path.pose(rail_m).position_m);
+    let above = along.map(|position_m| position_m + nalgebra::Vector3::new(0.0, 0.0, CLEAR_M));
+    let mut places = [along, above].concat();
+    let mut standing = *path.middle();
+    for (station, _) in WAY {
+        let Ok(joints) = station.joints(path, &standing) else { break };
+        places.extend(way(&standing, &joints));
+        standing = joints;
+    }
+    Fence::around(places, ROOM_MM)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::calibration::papers;
+
+    #[test]
+    fn what_is_proposed_holds_what_is_needed_and_little_more() {
+        let home = PAPER_HOME_DEG.map(f64::to_radians);
+        let range = [-0.3, 0.3];
+        let path = RailPath::new(&papers(), range, &home).unwrap();
+        let fence = propose_fence(&path, range);
+        check_fence(&fence, &path, range).unwrap();
+        let Fence(sides) = fence;
+        for axis in 0..3 {
+            for side in 0..2 {
+                let mut narrow = sides;
+                narrow[axis][side] += [70, -70][side];
+                assert!(
+                    check_fence(&Fence(narrow), &path, range).is_err() || axis == 2,
+                    "{fence:?}, {axis} {side}"
+                );
+            }
+        }
+    }
 }

@@ -45,6 +45,24 @@ impl Fence {
     /// The largest one.
     pub const WIDEST: Self = Self(WIDEST_MM);
 
+    /// The smallest box, in whole centimetres, that has these places of the flange `room_mm` inside its sides; no larger than
+    /// [`WIDEST`](Self::WIDEST).
+    pub fn around(positions_m: impl IntoIterator<Item = Vector3<f64>>, room_mm: f64) -> Self {
+        let mut ends = [[f64::INFINITY, f64::NEG_INFINITY]; 3];
+        for position in positions_m {
+            for ([low, high], metres) in ends.iter_mut().zip(position.iter()) {
+                (*low, *high) = (low.min(metres * 1e3), high.max(metres * 1e3));
+            }
+        }
+        let mut sides = WIDEST_MM;
+        for ([low, high], [lowest, highest]) in ends.iter().zip(&mut sides) {
+            let (down, up) =
+                (((low - room_mm) / 10.0).floor() * 10.0, ((high + room_mm) / 10.0).ceil() * 10.0);
+            (*lowest, *highest) = ((down as i32).max(*lowest), (up as i32).min(*highest));
+        }
+        Self(sides)
+    }
+
     /// What [`ArmConfig`](super::ArmConfig) checks: name, value, least and greatest value of each side.
     pub(super) fn sides(&self) -> [(&'static str, i32, i32, i32); 6] {
         let names = [
@@ -84,15 +102,7 @@ impl Fence {
     /// # Errors
     /// Names the first axis along which the flange would leave.
     pub fn holds_way(&self, from: &[f64; JOINTS], to: &[f64; JOINTS]) -> Result<(), OutsideFence> {
-        let turn = from.iter().zip(to).map(|(from, to)| (to - from).abs()).fold(0.0, f64::max);
-        // No joint turns by more than two full turns either way.
-        let steps = (turn / TRIAL_STEP_RAD).ceil().clamp(1.0, 2000.0) as u32;
-        for step in 0..=steps {
-            let share = f64::from(step) / f64::from(steps);
-            let joints = std::array::from_fn(|joint| from[joint] + (to[joint] - from[joint]) * share);
-            self.holds(&forward(&joints).position_m)?;
-        }
-        Ok(())
+        way(from, to).try_for_each(|position_m| self.holds(&position_m))
     }
 
     /// Whether the controller itself leaves the arm alone here: there is no margin.
@@ -114,6 +124,18 @@ impl Fence {
         let [x_high, x_low, y_high, y_low, z_high, z_low] = wire;
         Self([[x_low, x_high], [y_low, y_high], [z_low, z_high]])
     }
+}
+
+/// Places of the flange, m, on a move that the arm plans itself from these joints straight to those, rad.
+pub(crate) fn way(from: &[f64; JOINTS], to: &[f64; JOINTS]) -> impl Iterator<Item = Vector3<f64>> {
+    let turn = from.iter().zip(to).map(|(from, to)| (to - from).abs()).fold(0.0, f64::max);
+    // No joint turns by more than two full turns either way.
+    let steps = (turn / TRIAL_STEP_RAD).ceil().clamp(1.0, 2000.0) as u32;
+    let (from, to) = (*from, *to);
+    (0..=steps).map(move |step| {
+        let share = f64::from(step) / f64::from(steps);
+        forward(&std::array::from_fn(|joint| from[joint] + (to[joint] - from[joint]) * share)).position_m
+    })
 }
 
 #[cfg(test)]

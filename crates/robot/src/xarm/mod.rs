@@ -19,6 +19,7 @@ mod stopper;
 pub mod tcp;
 
 pub use driver::{Arm, ArmConfig, ArmError, ArmFault, ArmState, ArmVersion, TargetError};
+pub(crate) use fence::way;
 pub use fence::{Fence, OutsideFence};
 pub use stopper::Stopper;
 pub use tcp::{ArmCommands, ArmConnection, ArmLinkError, device};

@@ -6,7 +6,7 @@ use etude_music::KeySet;
 use etude_perform::Recording;
 use etude_stage::{JOINTS, StepOutcome, World};
 use etude_task::fingering::Goals;
-use etude_task::reward::{Moment, Reward};
+use etude_task::reward::{Moment, OF_A_FINGERING, Reward};
 use etude_task::{ACTION_LEN, TaskConfig};
 use serde::Serialize;
 
@@ -19,9 +19,13 @@ pub struct RewardCurve {
     pub values: Vec<f64>,
 }
 
-/// Terms that need what no robot measures (power, contacts, the rail's speed within a step, how deep a silent key is) or what no
-/// recording has (the goals of a fingering).
-const NOT_KNOWN: [&str; 6] = ["energy", "collision", "sliding", "wrong_travel", "fingering", "preparation"];
+/// Terms that need what no robot measures (power, contacts, the rail's speed within a step, how deep a silent key is). No recording has the
+/// goals of a fingering.
+const NOT_KNOWN: [&str; 4] = ["energy", "collision", "sliding", "wrong_travel"];
+
+fn is_unknown(name: &str) -> bool {
+    NOT_KNOWN.contains(&name) || OF_A_FINGERING.contains(&name)
+}
 
 /// The terms and a note about them: as a simulation has recorded them, or as the measured joints and keys of a robot would
 /// have earned them.
@@ -40,7 +44,7 @@ pub(super) fn rewards(
         return (Vec::new(), None);
     }
     let Ok(reward) = Reward::new(&task.reward) else { return (Vec::new(), None) };
-    let left_out: Vec<_> = reward.names().filter(|name| NOT_KNOWN.contains(name)).collect();
+    let left_out: Vec<_> = reward.names().filter(|name| is_unknown(name)).collect();
     let mut note = "What the measured joints and keys would have earned in simulation.".to_string();
     if !left_out.is_empty() {
         note += &format!(" Left out, because the recording lacks what they need: {}.", left_out.join(", "));
@@ -101,6 +105,6 @@ fn measured(
         }
         previous = Some(action);
     }
-    curves.retain(|curve| !NOT_KNOWN.contains(&curve.name.as_str()));
+    curves.retain(|curve| !is_unknown(&curve.name));
     curves
 }
