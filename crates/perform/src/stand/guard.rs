@@ -1,10 +1,10 @@
 //! The guard: a separate process. It stops the robot when the controller has ended, for example by a panic or by kill -9, or
 //! hangs.
 //!
-//! The controller sends a byte at least every 50 ms, and the guard answers each. If no byte arrives for 300 ms, or the connection ends
-//! without the byte for a regular end, the guard stops the robot, and tries again until the robot has confirmed it. The controller sends
-//! the byte for a regular end only after the robot has confirmed that it stands still. If no answer comes for 300 ms, the guard hangs,
-//! and the controller stops the robot. Neither waits for the other.
+//! The controller sends a byte every 20 ms, and the guard answers each. If no byte arrives for 100 ms, after which the controller itself
+//! would stop the robot, or the connection ends without the byte for a regular end, the guard stops the robot, and tries again until the
+//! robot has confirmed it. The controller sends the byte for a regular end only after the robot has confirmed that it stands still. If no
+//! answer comes for 300 ms, the guard hangs, and the controller stops the robot. Neither waits for the other.
 
 use std::io::{BufRead as _, BufReader, ErrorKind, Read as _, Write as _};
 use std::os::fd::{AsFd as _, OwnedFd};
@@ -16,10 +16,12 @@ use std::time::{Duration, Instant};
 use etude_robot::rig::RigConfig;
 use etude_robot::stop::{Stopped, stop};
 
-/// Least time between two bytes; the controller sends one at least every 50 ms.
-const PERIOD: Duration = Duration::from_millis(20);
-/// Time without a byte after which either side acts.
-const SILENCE: Duration = Duration::from_millis(300);
+/// Time between two bytes.
+pub(super) const PERIOD: Duration = Duration::from_millis(20);
+/// Time without a byte after which the guard acts.
+const SILENCE: Duration = Duration::from_millis(100);
+/// Time without an answer after which the controller acts: on a busy machine the guard may have to wait for its turn.
+const ANSWER: Duration = Duration::from_millis(300);
 /// The same before the first byte, while the controller starts; nothing moves until then.
 const FIRST_SILENCE: Duration = Duration::from_secs(10);
 /// Longest time for which the guard tries to stop a robot that does not confirm it.
@@ -90,14 +92,14 @@ impl Guard {
             }
             self.unanswered.get_or_insert(now);
         }
-        self.unanswered.is_none_or(|since| since.elapsed() <= SILENCE)
+        self.unanswered.is_none_or(|since| since.elapsed() <= ANSWER)
     }
 
     /// Ends the guard. To be called only when the robot stands still.
     pub fn farewell(&mut self) {
         // It may have ended already, or hang.
         let _ = self.line.write(&[FAREWELL]);
-        let until = Instant::now() + SILENCE;
+        let until = Instant::now() + ANSWER;
         while matches!(self.child.try_wait(), Ok(None)) {
             if Instant::now() > until {
                 let _ = self.child.kill();

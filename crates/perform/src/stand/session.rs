@@ -11,12 +11,10 @@ use etude_robot::{Pace, Phase, RealTime, Robot};
 use etude_twin::Lockstep;
 
 use super::claim::Claim;
-use super::guard::Guard;
+use super::guard::{Guard, PERIOD};
 use crate::error::PerformError;
 use crate::prepare::prepare;
 
-/// Longest time between two signs of life to the guard, and between two checks for a request to stop.
-const BEAT_PERIOD: Duration = Duration::from_millis(50);
 /// Time within which arm and hand must confirm that they are stopped.
 const CONFIRM: Duration = Duration::from_secs(1);
 
@@ -120,7 +118,7 @@ impl Pace for StandPace {
                 let now = live.pace.now();
                 robot.stop(now, live.pace.wires());
             }
-            let next = (live.pace.now() + BEAT_PERIOD).min(until);
+            let next = (live.pace.now() + PERIOD).min(until);
             live.pace.run_until(robot, next);
             if next >= until {
                 return;
