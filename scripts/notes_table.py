@@ -5,7 +5,15 @@ Without --scripted, the shipped policies play (policies/).
 
 import sys
 
-from robot_table import etude, median_ms
+from robot_table import etude
+
+
+
+def median_ms(scores):
+    """The median onset error of a performance, in ms."""
+    secs = scores["onset_error_median_secs"]
+    return "–" if secs is None else f"{1e3 * secs:+.0f} ms"
+
 
 scripted = "--scripted" in sys.argv
 limits = " limits |" if scripted else ""

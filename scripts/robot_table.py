@@ -27,7 +27,7 @@ def lead(mode, truth):
         "perform", "--song", CALIBRATION, "--mode", mode, "--robot", "twin", "--truth", truth, "--policy", f"policies/{CALIBRATION}.safetensors",
         "--set", f"task.plan.lead_secs={secs}", "--out", f"out/robot-table/{truth}/lead-{mode}", "--json",
     )
-    return round(max(secs + report["lag_secs"], 0.0), 3)
+    return round(max(secs + report.get("lag_secs", 0.0), 0.0), 3)
 
 
 def main():

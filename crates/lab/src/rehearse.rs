@@ -75,6 +75,7 @@ pub struct Round {
     #[serde(flatten)]
     pub notes: MeanNotes,
     /// The lead of the plan, s. Each round leads by what the round before was late.
+    #[serde(default)]
     pub lead_secs: f64,
     /// How late the notes were on the robot, s.
     pub lag_secs: Option<f64>,

@@ -72,6 +72,7 @@ pub struct RobotReport {
 
 /// Notes of several runs, as means over them.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(default)]
 pub struct MeanNotes {
     /// Notes of the song that were played in time.
     pub notes_right: f64,
@@ -142,7 +143,7 @@ impl RobotReport {
     /// The lead of the plan with which the notes would have been on time in the median, if they were not.
     pub fn better_lead_secs(&self) -> Option<f64> {
         let late = self.lag_secs.filter(|late| late.abs() > NOTICEABLE_SECS)?;
-        Some(lead_against(self.lead_secs, late))
+        Some(lead_against(self.lead_secs, late)).filter(|lead_secs| *lead_secs != self.lead_secs)
     }
 }
 

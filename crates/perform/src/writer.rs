@@ -86,7 +86,7 @@ impl Ended {
     /// Writes the last records, which have an end of their own.
     fn complete(&mut self, records: &[u8]) -> std::io::Result<()> {
         self.file.write_all_at(records, self.len)?;
-        // A pipe or a device has no length.
+        // A device such as /dev/full has no length.
         let len = self.len + records.len() as u64;
         if self.file.metadata()?.is_file() { self.file.set_len(len) } else { Ok(()) }
     }
@@ -104,7 +104,8 @@ pub struct RecordingWriter {
     path: PathBuf,
     channels: Vec<(&'static str, u16)>,
     sequence: u32,
-    flushed_secs: f64,
+    /// Times of the performance and of the robot's clock when a chunk was written last.
+    flushed_secs: [f64; 2],
     /// `None` once the file is complete.
     lines: Option<SyncSender<Line>>,
     thread: Option<JoinHandle<()>>,
@@ -156,7 +157,7 @@ impl RecordingWriter {
             path: path.to_path_buf(),
             channels,
             sequence: 0,
-            flushed_secs: 0.0,
+            flushed_secs: [0.0; 2],
             lines: Some(lines),
             thread: Some(thread),
             failed,
@@ -212,9 +213,12 @@ impl RecordingWriter {
         let [log_time, publish_time] = [secs, device_secs].map(|secs| (secs.max(0.0) * 1e9).round() as u64);
         let header = MessageHeader { channel_id, sequence: self.sequence, log_time, publish_time };
         let text = serde_json::to_vec(message).expect("messages are plain numbers and strings");
-        let flush = M::TOPIC == Header::TOPIC || secs >= self.flushed_secs + FLUSH_SECS;
+        // Not by the wall clock: the same performance gives the same file.
+        let times = [secs, device_secs];
+        let due = times.iter().zip(self.flushed_secs).any(|(now, flushed)| *now >= flushed + FLUSH_SECS);
+        let flush = M::TOPIC == Header::TOPIC || due;
         if flush {
-            self.flushed_secs = secs;
+            self.flushed_secs = std::array::from_fn(|clock| times[clock].max(self.flushed_secs[clock]));
         }
         let sent = self.lines.as_ref().map(|lines| lines.send(Line { header, text, flush }));
         if let Some(Err(_)) = sent {

@@ -102,7 +102,12 @@ impl TwinServer {
         place.points.iter_mut().for_each(|point| point.shown_unix_secs = today);
         place.save(&folder.join(&config.calibration))?;
         let path = RailPath::new(&place, config.limits.rail_range_m, &PAPER_HOME_DEG.map(f64::to_radians))?;
-        config.arm.fence_mm.get_or_insert_with(|| propose_fence(&path, config.limits.rail_range_m));
+        if config.arm.fence_mm.is_none() {
+            config.arm.fence_mm = Some(
+                propose_fence(&path, config.limits.rail_range_m)
+                    .map_err(|error| file(&rig_path, error.to_string()))?,
+            );
+        }
         let text = toml::to_string(&config).map_err(|error| file(&rig_path, error.to_string()))?;
         std::fs::write(&rig_path, text).map_err(|error| file(&rig_path, error.to_string()))?;
         Ok(Self {

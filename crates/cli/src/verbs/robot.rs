@@ -11,8 +11,8 @@ use anyhow::Context as _;
 use etude_lab::released;
 use etude_perform::prepare;
 use etude_perform::stand::{
-    Guard, READY, Stand, TWIN, claim, pitches_to_show, rig_choice, stand_guard, start_guard, start_pose,
-    store_point, tell_to_stop, try_path,
+    Claim, Guard, READY, Stand, TWIN, claim, pitches_to_show, rig_choice, stand_guard, start_guard,
+    start_pose, store_point, tell_to_stop, try_path,
 };
 use etude_robot::lead::{LeadError, Showing, show};
 use etude_robot::monitor::Monitor;
@@ -264,9 +264,13 @@ fn enter() -> Receiver<()> {
 fn stop_now(rig: &Rig) -> anyhow::Result<Ending> {
     let config = file(&rig.robot)?;
     // A controller that is starting would move the arm again: it checks for this request before it moves.
-    let told = tell_to_stop(&config.wires);
-    let stopped = stop(&config);
-    told.context("a running controller could not be asked to stop")?;
+    let (told, stopped) = std::thread::scope(|scope| {
+        let telling = scope.spawn(|| tell_to_stop(&config.wires));
+        let stopped = stop(&config);
+        (telling.join(), stopped)
+    });
+    // Without a controller the request is withdrawn.
+    drop(Claim::new(&config.wires));
     let text = |result: &Result<(), String>| result.clone().err().unwrap_or_else(|| "stopped".to_string());
     if rig.json {
         print_json(
@@ -276,11 +280,14 @@ fn stop_now(rig: &Rig) -> anyhow::Result<Ending> {
         line(format!("arm   {}", text(&stopped.arm)))?;
         line(format!("hand  {}", text(&stopped.hand)))?;
     }
-    if stopped.is_sure() {
-        Ok(Ending::Done)
-    } else {
+    if !stopped.is_sure() {
         anyhow::bail!("not everything was stopped: use the hardware stop")
     }
+    match told {
+        Ok(told) => told.context("a running controller could not be asked to stop: end it")?,
+        Err(_) => anyhow::bail!("a running controller could not be asked to stop: end it"),
+    }
+    Ok(Ending::Done)
 }
 
 fn guard(rig: &Rig) -> anyhow::Result<Ending> {

@@ -73,15 +73,15 @@ impl View {
 
     fn draw_list(&self, frame: &mut Frame, area: Rect) {
         let wide = area.width >= WIDE;
-        // The other columns take 62 characters; those of song and speed 39 more, if there is room.
-        let name_width = area.width.saturating_sub(if wide { 101 } else { 62 });
+        // The other columns take 64 characters; those of song and speed 39 more, if there is room.
+        let name_width = area.width.saturating_sub(if wide { 103 } else { 64 });
         let mut widths = vec![Constraint::Length(2), Constraint::Length(name_width)];
         let mut head = vec![Line::default(), Line::from("run")];
         if wide {
             widths.extend([30, 7].map(Constraint::Length));
             head.extend([Line::from("song"), right("steps/s")]);
         }
-        widths.extend([11, 11, 10, 7, 13].map(Constraint::Length));
+        widths.extend([11, 11, 12, 7, 13].map(Constraint::Length));
         head.extend(["step", "left", "notes", "F1 best"].map(right));
         head.push(Line::from("state"));
         let rows = self.figures.iter().enumerate().map(|(at, run)| {

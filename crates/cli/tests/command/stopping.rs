@@ -187,7 +187,7 @@ fn claimed_bus(rig: &Path) -> PathBuf {
     let bus = text.split('"').find(|text| text.starts_with("bus:")).unwrap();
     let path = Path::new(bus.trim_start_matches("bus:")).canonicalize().unwrap();
     let name = format!("bus:{}", path.display()).replace('-', "--").replace('/', "-");
-    Path::new("/tmp").join(format!("etude-{name}.lock"))
+    Path::new("/tmp/etude").join(format!("{name}.lock"))
 }
 
 #[test]

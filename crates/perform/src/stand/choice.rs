@@ -11,7 +11,6 @@ use etude_robot::allegro::HandSide;
 use etude_robot::calibration::{Calibration, CalibrationError, RailPath};
 use etude_robot::rig::{RigConfig, RigError};
 use etude_robot::wires::OpenWires;
-use etude_robot::xarm::Fence;
 use etude_robot::xarm::kinematics::PAPER_HOME_DEG;
 use etude_robot::{Robot, RobotError, propose_fence};
 use etude_stage::{JOINTS, PhysicalParams, Side, StageConfig, StageError, World};
@@ -61,7 +60,8 @@ pub enum StandError {
     },
     /// Nothing bounds where the arm may go.
     #[error(
-        "the rig {rig} has no box for its arm, which nothing else would keep away from people and walls. This one holds the keyboard and the way to          it; look at it, then write it into the rig's file under [arm]: {line}"
+        "the rig {rig} has no box for its arm, which nothing else would keep away from people and walls. This one holds the keyboard and \
+         the way to it; look at it, then write it into the rig's file under [arm]: {line}"
     )]
     NoFence {
         /// The rig's name.
@@ -137,8 +137,8 @@ impl RigChoice {
         match self {
             Self::File { rig, .. } if rig.arm.fence_mm.is_none() => {
                 let path = rail_path(rig, &load_calibration(rig)?)?;
-                let Fence(sides) = propose_fence(&path, rig.limits.rail_range_m);
-                Ok(Some(format!("fence_mm = {sides:?}")))
+                let fence = propose_fence(&path, rig.limits.rail_range_m)?;
+                Ok(Some(format!("fence_mm = {:?}", fence.0)))
             }
             Self::File { .. } | Self::Twin(_) => Ok(None),
         }

@@ -1,12 +1,12 @@
 //! The claim on a robot: only one process moves it, and any other can request it to stop.
 //!
 //! Claims and requests belong to the devices that move, not to the rig's file: a copy of the file names the same robot. They are files
-//! in `/tmp`, one for each device, so that every user of this machine sees them. A program claims the robot before it does anything
+//! in `/tmp/etude`, one for each device, which every user of this machine may write. A program claims the robot before it does anything
 //! else and keeps it until it ends, so that no request made meanwhile is lost.
 
-use std::fs::{File, OpenOptions};
+use std::fs::{File, OpenOptions, Permissions};
 use std::io::{Error, ErrorKind, Result};
-use std::os::unix::fs::MetadataExt as _;
+use std::os::unix::fs::{MetadataExt as _, PermissionsExt as _};
 use std::path::{Path, PathBuf};
 
 use etude_robot::rig::WiresConfig;
@@ -32,7 +32,7 @@ impl Claim {
     /// If another process has it, or the files cannot be used.
     pub fn new(wires: &WiresConfig) -> Result<Self> {
         let claimed: Result<Vec<ClaimedDevice>> =
-            devices(wires).iter().map(|device| ClaimedDevice::new(device)).collect();
+            DEVICES.iter().map(|device| ClaimedDevice::new(&device(wires))).collect();
         Ok(Self { devices: claimed? })
     }
 
@@ -61,7 +61,7 @@ impl ClaimedDevice {
 }
 
 impl Drop for ClaimedDevice {
-    /// Leaves no files behind. Another user's cannot be removed, and need not be.
+    /// Leaves no files behind.
     fn drop(&mut self) {
         let _ = std::fs::remove_file(&self.stop);
         let _ = std::fs::remove_file(&self.lock);
@@ -77,6 +77,10 @@ fn locked(path: &Path) -> Result<File> {
             }
             opened => opened,
         };
+        // For other users, whatever the mask of this one; only the owner can and need do so.
+        if let Ok(file) = &opened {
+            let _ = file.set_permissions(Permissions::from_mode(0o666));
+        }
         let file = match opened {
             // Another process was faster.
             Err(error) if error.kind() == ErrorKind::AlreadyExists => continue,
@@ -96,8 +100,9 @@ fn locked(path: &Path) -> Result<File> {
 /// # Errors
 /// If the files cannot be written.
 pub fn tell_to_stop(wires: &WiresConfig) -> Result<()> {
-    for device in devices(wires) {
-        let stop = file(&device, "stop");
+    // The hand first: the name of an arm may have to be looked up in a network.
+    for device in DEVICES {
+        let stop = file(&device(wires), "stop");
         match OpenOptions::new().write(true).create_new(true).open(&stop) {
             // A request that is there already says the same.
             Err(error) if error.kind() != ErrorKind::AlreadyExists => {
@@ -110,13 +115,16 @@ pub fn tell_to_stop(wires: &WiresConfig) -> Result<()> {
 }
 
 /// The devices that move.
-fn devices(wires: &WiresConfig) -> [String; 2] {
-    [can::device(&wires.can), xarm::device(&wires.arm)]
-}
+const DEVICES: [fn(&WiresConfig) -> String; 2] =
+    [|wires| can::device(&wires.can), |wires| xarm::device(&wires.arm)];
 
 fn file(device: &str, extension: &str) -> PathBuf {
-    let name = device.replace('-', "--").replace('/', "-");
-    Path::new("/tmp").join(format!("etude-{name}.{extension}"))
+    let folder = Path::new("/tmp/etude");
+    if std::fs::create_dir(folder).is_ok() {
+        // Whoever makes it makes it for everybody.
+        let _ = std::fs::set_permissions(folder, Permissions::from_mode(0o777));
+    }
+    folder.join(format!("{}.{extension}", device.replace('-', "--").replace('/', "-")))
 }
 
 #[cfg(test)]
@@ -149,9 +157,10 @@ mod tests {
         let again = Claim::new(&at("a", "127.0.0.1:61009:61010")).unwrap();
         assert!(!again.is_told_to_stop(), "what was requested before does not count");
         drop((again, other));
-        let left =
-            std::fs::read_dir("/tmp").unwrap().filter_map(|entry| entry.ok()?.file_name().into_string().ok());
+        let left = std::fs::read_dir("/tmp/etude")
+            .unwrap()
+            .filter_map(|entry| entry.ok()?.file_name().into_string().ok());
         let mark = folder.path().file_name().unwrap().to_string_lossy().replace('-', "--");
-        assert_eq!(left.filter(|name| name.contains(&mark) && name.starts_with("etude-")).count(), 0);
+        assert_eq!(left.filter(|name| name.contains(&mark)).count(), 0);
     }
 }

@@ -16,6 +16,8 @@ use std::time::{Duration, Instant};
 use etude_robot::rig::RigConfig;
 use etude_robot::stop::{Stopped, stop};
 
+use super::claim::Claim;
+
 /// Time between two bytes.
 pub(super) const PERIOD: Duration = Duration::from_millis(20);
 /// Time without a byte after which the guard acts.
@@ -135,11 +137,12 @@ pub fn stand_guard(rig: &RigConfig) -> std::io::Result<Option<Stopped>> {
         }
     }
     let until = Instant::now() + TRIES;
-    loop {
-        let stopped = stop(rig);
-        if stopped.is_sure() || Instant::now() > until {
-            return Ok(Some(stopped));
-        }
+    let mut stopped = stop(rig);
+    // A new controller must not be disturbed, and none may begin meanwhile.
+    let claim = Claim::new(&rig.wires);
+    while claim.is_ok() && !stopped.is_sure() && Instant::now() < until {
         std::thread::sleep(PAUSE);
+        stopped = stop(rig);
     }
+    Ok(Some(stopped))
 }

@@ -13,7 +13,7 @@ use etude_twin::Lockstep;
 use super::claim::Claim;
 use super::guard::{Guard, PERIOD};
 use crate::error::PerformError;
-use crate::prepare::prepare;
+use crate::prepare::{STOPPED as STOPPED_BY_ANOTHER, prepare};
 
 /// Time within which arm and hand must confirm that they are stopped.
 const CONFIRM: Duration = Duration::from_secs(1);
@@ -57,7 +57,8 @@ impl Stand {
         prepare(robot, pace, None, None, interrupt)?;
         let until = pace.now() + time;
         pace.run_until(robot, until);
-        Ok(robot.fault().map(ToString::to_string))
+        let stopped = (robot.phase() != Phase::Holding).then(|| STOPPED_BY_ANOTHER.to_string());
+        Ok(robot.fault().map(ToString::to_string).or(stopped))
     }
 
     /// Releases the hand, stops the arm, and waits until both have confirmed it.

@@ -16,6 +16,8 @@ const REPEATED: Duration = Duration::from_millis(100);
 const SENT_RAD: f64 = 0.15;
 /// How far the arm was sent along the keyboard meanwhile, m.
 const SENT_M: f64 = 0.02;
+/// Share of these at which the time begins: before, a joint is as good as at rest.
+const AWAY_SHARE: f64 = 0.1;
 /// Time in which a motor warms up, s. The torque is taken as a share of the joint's limit, squared as the losses of a motor are.
 const WARMING_SECS: f64 = 10.0;
 /// The mean of these squares that is too much: sixteen seconds at the limit from rest.
@@ -86,17 +88,24 @@ pub enum Doubt {
     },
 }
 
-/// Values that were reported, since when they are the same, and the lowest and highest places where the joints were sent since then.
+/// Values that were reported, and the lowest and highest places where the joints were sent while they stayed the same.
 #[derive(Clone, Copy, Debug)]
 struct Reported<const N: usize, const SENT: usize> {
     values: [f64; N],
+    /// When the joints were first sent away.
     since: Duration,
     sent: [[f64; 2]; SENT],
 }
 
 impl<const N: usize, const SENT: usize> Reported<N, SENT> {
-    /// Takes new values; returns since when they are the same and how far the joints were sent to and fro since then.
-    fn take(this: &mut Option<Self>, at: Duration, values: [f64; N], sent: [f64; SENT]) -> (Duration, f64) {
+    /// Takes new values; if they stay the same although the joints were sent to and fro by more than `least`, for how long, and how far.
+    fn take(
+        this: &mut Option<Self>,
+        at: Duration,
+        values: [f64; N],
+        sent: [f64; SENT],
+        least: f64,
+    ) -> Option<(Duration, f64)> {
         let new = Self { values, since: at, sent: sent.map(|sent| [sent; 2]) };
         let reported = this.get_or_insert(new);
         if reported.values != values {
@@ -107,7 +116,11 @@ impl<const N: usize, const SENT: usize> Reported<N, SENT> {
             (*low, *high) = (low.min(sent), high.max(sent));
             farthest = farthest.max(*high - *low);
         }
-        (at.saturating_sub(reported.since), farthest)
+        if farthest <= least * AWAY_SHARE {
+            reported.since = at;
+        }
+        let since = at.saturating_sub(reported.since);
+        (since >= REPEATED && farthest > least).then_some((since, farthest))
     }
 }
 
@@ -138,8 +151,7 @@ impl Doubts {
         for (finger, (reported, (positions, reference))) in
             self.fingers.iter_mut().zip(positions.iter().zip(reference)).enumerate()
         {
-            let (since, sent_rad) = Reported::take(reported, at, *positions, *reference);
-            if since >= REPEATED && sent_rad > SENT_RAD {
+            if let Some((since, sent_rad)) = Reported::take(reported, at, *positions, *reference, SENT_RAD) {
                 self.found.get_or_insert(Doubt::FingerRepeats { finger, since, sent_rad });
             }
         }
@@ -164,8 +176,7 @@ impl Doubts {
         place: &RailPlace,
         sent_rail_m: f64,
     ) {
-        let (since, sent_m) = Reported::take(&mut self.arm, at, *joints, [sent_rail_m]);
-        if since >= REPEATED && sent_m > SENT_M {
+        if let Some((since, sent_m)) = Reported::take(&mut self.arm, at, *joints, [sent_rail_m], SENT_M) {
             self.found.get_or_insert(Doubt::ArmRepeats { since, sent_m });
         }
         let along_m = (place.rail_m - sent_rail_m).abs();
@@ -222,6 +233,12 @@ mod tests {
         assert_eq!(stuck(None), None);
         let found = stuck(Some(2));
         assert!(matches!(found, Some(Doubt::FingerRepeats { finger: 2, .. })), "{found:?}");
+        // One that rests, and sets out 60 ms after it was sent, does not.
+        let late = after(400, |period| {
+            let sent = |period: u32| 0.01 * f64::from(period.saturating_sub(200));
+            ([sent(period.saturating_sub(20)); JOINTS], [sent(period); JOINTS], [0; JOINTS])
+        });
+        assert_eq!(late, None);
         // One joint that stands is not the encoder's fault, and nobody is sent anywhere at rest.
         let one = after(400, |period| {
             let mut positions = moving(period);

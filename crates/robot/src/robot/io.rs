@@ -2,6 +2,7 @@
 
 use std::time::Duration;
 
+use super::axes::RAIL_AXIS;
 use super::{Fault, Phase, Record, Robot};
 use crate::allegro::HandEvent;
 use crate::wires::Wires;
@@ -108,7 +109,7 @@ impl Robot {
         let place = self.path.place(&measured);
         // While the arm makes a move of its own, it is sent nowhere along the keyboard.
         if self.is_live() && self.arm.sent().is_some() {
-            self.doubts.arm(now, &measured, &place, self.arm_axis.position());
+            self.doubts.arm(now, &measured, &place, self.axes[RAIL_AXIS].position());
         }
         let record = Record::Arm { at: now, measured, sent: self.arm.sent(), rail_m: place.rail_m };
         self.journal.push(record);

@@ -1,10 +1,11 @@
 //! A robot that nobody disturbs.
 
-use etude_robot::Phase;
+use etude_emulators::faults::FaultPlan;
 use etude_robot::joints::RAIL;
+use etude_robot::{Doubt, Fault, Phase};
 use etude_twin::{Truth, calibration};
 
-use crate::bench::{Bench, Policy, start_pose};
+use crate::bench::{Bench, Policy, start_pose, with_links};
 
 #[test]
 fn it_starts_goes_to_the_keyboard_and_follows() {
@@ -26,4 +27,34 @@ fn it_starts_goes_to_the_keyboard_and_follows() {
     let world = bench.lockstep.twin.joints()[RAIL];
     assert!((world - bench.robot.joints()[RAIL]).abs() < 0.01, "{world}");
     println!("{} frames, {} targets", bench.judge.frames, bench.judge.targets);
+}
+
+/// Slow replies slow the arm a little; ones with which it cannot keep up are a fault, and do not leave the hand behind.
+#[test]
+fn an_arm_that_replies_late_follows_or_stops() {
+    // One way.
+    for (delay_secs, follows) in [(0.003, true), (0.0065, false)] {
+        let arm = FaultPlan { delay_secs, ..FaultPlan::default() };
+        let none = FaultPlan::default();
+        let mut bench = Bench::new(&with_links(&none, &arm, &none), &calibration("twin"));
+        bench.start_and_hold();
+        bench.robot.home(bench.now(), &start_pose()).unwrap();
+        bench.until_phase(Phase::Holding, 60_000);
+        bench.follow(Policy::Smooth);
+        for _ in 0..60 {
+            bench.run(50);
+            let [world, set] = [bench.lockstep.twin.joints()[RAIL], bench.robot.joints()[RAIL]];
+            assert!((world - set).abs() < 0.15, "{delay_secs} s: {world}, {set}");
+        }
+        assert_eq!(
+            bench.robot.phase() == Phase::Following,
+            follows,
+            "{delay_secs} s: {:?}",
+            bench.robot.fault()
+        );
+        if !follows {
+            let away = matches!(bench.robot.fault(), Some(Fault::Doubted(Doubt::ArmAway { .. })));
+            assert!(away, "{:?}", bench.robot.fault());
+        }
+    }
 }

@@ -107,13 +107,14 @@ impl Arm {
     /// Sends the newest target if it is due and nothing is outstanding.
     pub(super) fn tick(&mut self, now: Duration, out: &mut Vec<u8>) {
         let period = self.config.servo_period();
-        if !self.is_due(now) {
+        // A target that waits for a reply is sent as soon as that has come.
+        if !self.is_due(now) || self.outstanding.is_some() {
             return;
         }
         let due = self.next_tick.unwrap_or(now);
         let missed = now.saturating_sub(due) >= period;
         self.next_tick = Some(if missed { now + period } else { due + period });
-        let Some(target) = self.target.filter(|_| self.outstanding.is_none()) else { return };
+        let Some(target) = self.target else { return };
         let next = self.within_reach(Target { at: Some(now), ..target });
         let params = words(&next.joints, [0.0; 3]);
         self.request(now, Purpose::Target, Register::ServoJoints, params.as_flattened(), out);
