@@ -306,7 +306,7 @@ mod tests {
         let rows: Vec<Vec<&str>> = text.lines().map(|line| line.split(',').collect()).collect();
         assert_eq!((rows.len(), *rows[0].last().unwrap()), (13, "key.threshold"));
         for (row, (scores, values)) in rows[1..].iter().zip(report.scores.iter().zip(&report.values)) {
-            assert_eq!((row[1].parse(), row[7].parse()), (Ok(scores.f1), Ok(values[0])));
+            assert_eq!((row[1].parse(), row.last().unwrap().parse()), (Ok(scores.f1), Ok(values[0])));
         }
     }
 

@@ -27,7 +27,15 @@ fn write_run(folder: &Path, song: &str, lines: u32, best: f64) {
         )
         .unwrap();
         if line % 2 == 0 {
-            writeln!(text, "{{\"step\":{step},\"eval/f1\":{}}}", best * share).unwrap();
+            writeln!(
+                text,
+                "{{\"step\":{step},\"eval/f1\":{},\"eval/notes_right\":{},\"eval/notes_missed\":{},\"eval/notes_wrong\":{}}}",
+                best * share,
+                line / 2,
+                10 - line / 2,
+                line / 4
+            )
+            .unwrap();
         }
     }
     std::fs::write(folder.join("metrics.jsonl"), text).unwrap();
@@ -67,9 +75,9 @@ fn two_runs_fit_an_old_terminal() {
     assert_eq!(
         text[..3],
         [
-            "   run                      step steps/s        left F1 best  last state",
-            " a twinkle__fast__0      20k/20k     100           -   0.960 0.960 finished",
-            " b ode__fast__1           8k/20k     100        2:00   0.610 0.610 running",
+            "   run                     step        left        notes F1 best state",
+            " a twinkle__fast__0     20k/20k           -     10/10 +5   0.960 finished",
+            " b ode__fast__1          8k/20k        2:00      4/10 +2   0.610 running",
         ]
     );
     assert!(text[3].starts_with(" F1 over steps ─"), "{text:#?}");

@@ -12,14 +12,27 @@ fn the_table_holds_what_the_summary_says() {
     let printed = desk.json("evaluate short.mid --policy run --worlds 12 --json -o table/worlds.csv");
     assert_eq!((&printed["worlds"], &printed["csv"]), (&12.into(), &"table/worlds.csv".into()));
     let rows = csv(&desk.bytes("table/worlds.csv"));
-    assert_eq!((rows.len(), &rows[0][..2]), (13, &["world".to_string(), "f1".to_string()][..]));
+    let scores = [
+        "world",
+        "f1",
+        "precision",
+        "recall",
+        "pooled_f1",
+        "notes_right",
+        "notes_wrong",
+        "onset_f1",
+        "collision_free",
+    ];
+    assert_eq!((rows.len(), &rows[0][..scores.len()]), (13, scores.map(String::from).as_slice()));
     // The paper's quantities: five of the world, two of each of thirteen joints.
-    assert_eq!(rows[0].len(), 7 + 5 + 26);
+    assert_eq!(rows[0].len(), scores.len() + 5 + 26);
     let mut f1: Vec<f64> = rows[1..].iter().map(|row| row[1].parse().unwrap()).collect();
     f1.sort_by(f64::total_cmp);
     let close = |key: &str, value: f64| (printed[key].as_f64().unwrap() - value).abs() < 1e-12;
     assert!(close("mean_f1", f1.iter().sum::<f64>() / 12.0), "{printed}");
     assert!(close("worst_f1", f1[0]) && close("worst_decile_f1", (f1[0] + f1[1]) / 2.0), "{printed}");
+    let right: f64 = rows[1..].iter().map(|row| row[5].parse::<f64>().unwrap()).sum();
+    assert!(close("mean_notes_right", right / 12.0), "{printed}");
     assert!(close("nominal_f1", desk.json("play short.mid --policy run --json")["f1"].as_f64().unwrap()));
     assert_eq!(printed["marginals"].as_array().unwrap().len(), 31);
 
