@@ -18,8 +18,33 @@ const MAX_QUEUE: usize = 256;
 /// Room that the version and the serial numbers take.
 const TEXT: usize = 40;
 
+/// Bytes that the official client takes out of the reply of a register, whether or not it was obeyed: a refusal has as many
+/// zeros. What a real controller sends with a refusal is not known.
+const READ: [(u8, usize); 20] = [
+    (43, 28),
+    (44, 24),
+    (45, 1),
+    (46, 1),
+    (65, 1),
+    (76, 24),
+    (102, 4),
+    (104, 4),
+    (107, 4),
+    (111, 12),
+    (112, 12),
+    (113, 12),
+    (114, 12),
+    (115, 4),
+    (128, 4),
+    (130, 4),
+    (150, 24),
+    (200, 24),
+    (203, 1),
+    (204, 40),
+];
+
 /// The outcome of a request.
-enum Answer {
+pub(super) enum Answer {
     /// Done; with these parameters.
     Done(Vec<u8>),
     /// Not done: the register or its parameters are wrong.
@@ -48,15 +73,31 @@ impl ArmEmulator {
         };
         let answer = match Register::from_number(frame.register()) {
             Some(register) => self.obey(register, frame.params(), receipt).unwrap_or(Answer::Invalid),
-            None => Answer::Invalid,
+            None => self.obey_other(frame.register(), frame.params(), receipt),
         };
+        let zeros = READ.iter().find(|(register, _)| *register == frame.register());
         let (more, params) = match answer {
             Answer::Done(params) => (0, params),
-            Answer::Invalid => (ReplyState::INVALID, Vec::new()),
+            Answer::Invalid => (ReplyState::INVALID, vec![0; zeros.map_or(0, |(_, count)| *count)]),
             Answer::Idle(params) => (ReplyState::NOT_READY, params),
         };
         let head = [frame.register(), self.reply_state().0 | more];
         self.send(id, Frame::new(frame.transaction, frame.protocol, &[&head, &params]));
+    }
+
+    /// Registers that our driver does not use.
+    fn obey_other(&mut self, register: u8, params: &[u8], receipt: Receipt) -> Answer {
+        if let Some(answer) = self.move_by(register, params, receipt) {
+            return answer;
+        }
+        let answer = self
+            .calculate(register, params)
+            .or_else(|| self.line(register, params))
+            .or_else(|| self.setting(register, params));
+        if let (62..=64, Some(_)) = (register, &answer) {
+            self.feedback(&receipt, 64, self.trajectory_result());
+        }
+        answer.unwrap_or(Answer::Invalid)
     }
 
     fn refuse_modbus(&mut self, id: ConnectionId, frame: &Frame) {
@@ -89,7 +130,7 @@ impl ArmEmulator {
             },
             Register::SetMode => {
                 let mode = byte(0)?;
-                if mode > 2 {
+                if !matches!(mode, 0..=2 | 4..=7) {
                     return Some(Answer::Invalid);
                 }
                 self.mode = mode;
@@ -111,7 +152,8 @@ impl ArmEmulator {
             Register::MoveJoints => {
                 let values: [f32; 9] = floats(params)?;
                 let [speed, acceleration] = [values[7], values[8]].map(f64::from);
-                return Some(self.plan(joints(params)?, speed, acceleration, receipt));
+                let check = byte(40).is_some_and(|check| check != 0);
+                return Some(self.plan(joints(params)?, speed, acceleration, check, receipt));
             }
             Register::ServoJoints => return Some(self.servo(joints(params)?)),
             Register::TcpJerk
@@ -136,7 +178,8 @@ impl ArmEmulator {
             Register::TcpPose => push_floats(&mut reply, &self.tool().to_wire()),
             Register::JointPosition => {
                 let mut values = [0.0; 3 * JOINTS];
-                values.iter_mut().zip(self.joints()).for_each(|(to, from)| *to = from as f32);
+                let now = self.joints().into_iter().chain(self.motion.speeds());
+                values.iter_mut().zip(now).for_each(|(to, from)| *to = from as f32);
                 let sets = usize::from(byte(0).unwrap_or(1) & 3).max(1);
                 push_floats(&mut reply, &values[..sets * JOINTS]);
             }
@@ -174,23 +217,21 @@ impl ArmEmulator {
         Some(Answer::Done(self.queue_length().into()))
     }
 
-    /// Settings of the reduced mode, in the order of the report from its byte 495 on (ufactory_docs): off, the
-    /// box, speeds, ranges of the joints, whether the box is watched, no rebound.
-    fn reduced_mode(&self) -> Vec<u8> {
-        let mut reply = vec![0];
+    /// Settings of the reduced mode, in the order of the report from its byte 495 on (ufactory_docs): whether it is on, the
+    /// box, speeds, ranges of the joints, whether the box is watched, and rebound.
+    pub(super) fn reduced_mode(&self) -> Vec<u8> {
+        let extra = &self.extra;
+        let mut reply = vec![extra.reduced.into()];
         let side = |mm: i32| mm.clamp(i16::MIN.into(), i16::MAX.into()) as i16;
         reply.extend(self.fence.to_wire().map(|mm| side(mm).to_be_bytes()).as_flattened());
-        push_floats(&mut reply, &[1000.0, MAX_SPEED as f32]);
-        push_floats(
-            &mut reply,
-            WIDEST_LIMITS_RAD.map(|(low, high)| [low as f32, high as f32]).as_flattened(),
-        );
-        reply.extend([self.fenced.into(), 0]);
+        push_floats(&mut reply, &[extra.reduced_tcp_mm_s, extra.reduced_joint_rad_s]);
+        push_floats(&mut reply, extra.reduced_ranges_rad.as_flattened());
+        reply.extend([self.fenced, extra.rebound].map(u8::from));
         reply
     }
 
     /// What changes the set-up leaves the arm waiting for state 0.
-    fn reset(&mut self) {
+    pub(super) fn reset(&mut self) {
         self.halt(if self.settings.error == 0 { Condition::Reset } else { Condition::Stopped });
     }
 
@@ -198,18 +239,56 @@ impl ArmEmulator {
         (self.queue.len() as u16).to_be_bytes()
     }
 
-    fn moves_in(&self, mode: u8) -> bool {
+    pub(super) fn moves_in(&self, mode: u8) -> bool {
         let runs = matches!(self.condition, Condition::Running | Condition::Paused);
         runs && self.mode == mode && self.settings.enabled & ALL == ALL
     }
 
-    fn servo(&mut self, target: [f64; JOINTS]) -> Answer {
+    /// The answer to a move while the arm does not take it.
+    pub(super) fn idle(&self) -> Answer {
+        Answer::Idle(self.queue_length().into())
+    }
+
+    /// The answer to a move: moves in the queue, and what a check has found.
+    pub(super) fn taken(&self, found: u8) -> Answer {
+        let [high, low] = self.queue_length();
+        Answer::Done(vec![high, low, found])
+    }
+
+    /// Highest speed of a joint, rad/s.
+    pub(super) fn speed_limit(&self) -> f64 {
+        if self.extra.reduced { f64::from(self.extra.reduced_joint_rad_s).max(1e-3) } else { MAX_SPEED }
+    }
+
+    /// Whether a joint is beyond its limits or, in reduced mode, the range that was set.
+    pub(super) fn outside(&self, joints: &[f64; JOINTS]) -> bool {
+        let out = |(angle, [low, high]): (&f64, &[f32; 2])| {
+            !(f64::from(*low) - ROUNDING..=f64::from(*high) + ROUNDING).contains(angle)
+        };
+        beyond(joints) || self.extra.reduced && joints.iter().zip(&self.extra.reduced_ranges_rad).any(out)
+    }
+
+    /// Begins a move at once (modes 6 and 7), or lets it wait for its turn.
+    pub(super) fn queue_or_seek(&mut self, planned: Planned, online: bool) {
+        if self.queue.len() == MAX_QUEUE {
+            self.settings.warning = 11;
+        } else if online {
+            self.receipt(2, 2);
+            self.motion.seek(planned.to, planned.speed, planned.acceleration);
+            self.current = Some(planned.receipt);
+            self.receipt(1, 0);
+        } else {
+            self.queue.push_back(planned);
+        }
+    }
+
+    pub(super) fn servo(&mut self, target: [f64; JOINTS]) -> Answer {
         if !self.moves_in(1) {
             return Answer::Idle(Vec::new());
         }
         let aim = self.motion.aim();
         let farthest = target.iter().zip(aim).map(|(to, from)| (to - from).abs()).fold(0.0, f64::max);
-        if beyond(&target) {
+        if self.outside(&target) {
             self.inject_error(23);
         } else if farthest > MAX_SPEED * FAR_SECS {
             self.inject_error(24);
@@ -220,25 +299,38 @@ impl ArmEmulator {
         Answer::Done(Vec::new())
     }
 
-    fn plan(&mut self, to: [f64; JOINTS], speed: f64, acceleration: f64, receipt: Receipt) -> Answer {
-        if !self.moves_in(0) {
-            return Answer::Idle(self.queue_length().into());
+    /// A move of the joints (rad/s, rad/s²); `check` only tells whether it can be done.
+    pub(super) fn plan(
+        &mut self,
+        to: [f64; JOINTS],
+        speed: f64,
+        acceleration: f64,
+        check: bool,
+        receipt: Receipt,
+    ) -> Answer {
+        let online = self.moves_in(6);
+        if !(online || self.moves_in(0)) {
+            return self.idle();
         }
         let positive = |value: f64| value.is_finite() && value > 0.0;
         if !(positive(speed) && positive(acceleration)) {
             self.settings.warning = 12;
             return Answer::Invalid;
         }
-        if beyond(&to) {
-            self.inject_error(23);
-        } else if speed > MAX_SPEED + ROUNDING {
-            self.inject_error(24);
-        } else if self.queue.len() == MAX_QUEUE {
-            self.settings.warning = 11;
+        let error = match () {
+            () if self.outside(&to) => 23,
+            () if speed > MAX_SPEED + ROUNDING => 24,
+            () => 0,
+        };
+        if check {
+            return self.taken(error);
+        }
+        if error != 0 {
+            self.inject_error(error);
         } else {
-            let most = f64::from(self.settings.joint_limits_rad[2]);
-            let acceleration = acceleration.min(most);
-            self.queue.push_back(Planned { to, speed, acceleration, receipt });
+            let speed = speed.min(self.speed_limit());
+            let acceleration = acceleration.min(f64::from(self.settings.joint_limits_rad[2]));
+            self.queue_or_seek(Planned { to, speed, acceleration, receipt }, online);
         }
         Answer::Done(self.queue_length().into())
     }
@@ -249,7 +341,7 @@ fn joints(params: &[u8]) -> Option<[f64; JOINTS]> {
 }
 
 /// Whether a joint is beyond its limits, or not a number.
-fn beyond(joints: &[f64; JOINTS]) -> bool {
+pub(super) fn beyond(joints: &[f64; JOINTS]) -> bool {
     let inside = |(angle, (lowest, highest)): (&f64, (f64, f64))| {
         (lowest - ROUNDING..=highest + ROUNDING).contains(angle)
     };

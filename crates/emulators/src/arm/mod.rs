@@ -1,12 +1,16 @@
 //! An emulated arm and its controller, which answer and report with the same bytes as the real ones.
 //!
 //! The behaviour follows the sources that `etude_robot::xarm` names. Where they say nothing, the behaviour that is harder
-//! for a driver was chosen.
+//! for a driver was chosen. What our driver does not use follows xarm-python-sdk 1.18.4, whose calls all get an answer;
+//! `docs/results/robot.md` lists what differs from a real controller.
 
 mod answers;
+mod inputs;
 mod motion;
+mod moves;
 mod report;
 mod server;
+mod settings;
 
 use std::collections::VecDeque;
 use std::time::Duration;
@@ -16,8 +20,11 @@ use serde::{Deserialize, Serialize};
 use etude_robot::xarm::Fence;
 use etude_robot::xarm::codec::{FEEDBACK, Frame, FrameParser, ReplyState};
 use etude_robot::xarm::kinematics::{self, JOINTS, PAPER_HOME_DEG, Pose};
+use inputs::Lines;
 use motion::Motion;
+use moves::Steering;
 use report::Settings;
+use settings::Extra;
 
 pub use report::ReportKind;
 pub use server::{ArmPorts, ArmServer, Reach};
@@ -117,12 +124,16 @@ pub struct ArmEmulator {
     condition: Condition,
     mode: u8,
     settings: Settings,
+    extra: Extra,
+    lines: Lines,
+    /// Velocities of modes 4 and 5.
+    steering: Option<Steering>,
     /// The safety boundary, and whether it is watched.
     fence: Fence,
     fenced: bool,
     connections: Vec<Connection>,
     next_id: u64,
-    waiting: [Vec<u8>; 3],
+    waiting: [Vec<u8>; 4],
     silent: bool,
     mute: bool,
 }
@@ -140,11 +151,14 @@ impl ArmEmulator {
             condition: Condition::Stopped,
             mode: 0,
             settings: Settings::default(),
+            extra: Extra::default(),
+            lines: Lines::default(),
+            steering: None,
             fence: Fence::WIDEST,
             fenced: false,
             connections: Vec::new(),
             next_id: 0,
-            waiting: [Vec::new(), Vec::new(), Vec::new()],
+            waiting: [const { Vec::new() }; 4],
             silent: false,
             mute: false,
             config,
@@ -191,7 +205,7 @@ impl ArmEmulator {
     /// Lets time pass until `now`.
     pub fn advance(&mut self, now: Duration) {
         let until = u64::try_from(now.as_millis()).unwrap_or(u64::MAX);
-        let rests = !self.motion.moving() && self.queue.is_empty();
+        let rests = !self.motion.moving() && self.queue.is_empty() && self.steering.is_none();
         let longest = if rests { MAX_RESTING_MS } else { MAX_MOVING_MS };
         self.clock = self.clock.max(until.saturating_sub(longest));
         while self.clock < until {
@@ -268,6 +282,7 @@ impl ArmEmulator {
 
     /// One millisecond.
     fn step(&mut self) {
+        self.steer_on();
         let was_planned = self.motion.planned();
         self.motion.step(self.clock, self.condition == Condition::Paused);
         if was_planned && !self.motion.planned() {
@@ -303,6 +318,7 @@ impl ArmEmulator {
     /// Stops the arm and drops everything.
     fn halt(&mut self, condition: Condition) {
         self.condition = condition;
+        self.steering = None;
         self.motion.brake();
         self.receipt(2, 2);
         while let Some(dropped) = self.queue.pop_front() {
@@ -352,16 +368,8 @@ impl ArmEmulator {
         ReplyState(bits)
     }
 
-    /// Where the tool is: the flange with the offset that was set.
+    /// Where the tool is.
     fn tool(&self) -> Pose {
-        let (flange, offset) = (kinematics::forward(&self.motion.joints), self.offset());
-        Pose {
-            position_m: flange.position_m + flange.rotation * offset.position_m,
-            rotation: flange.rotation * offset.rotation,
-        }
-    }
-
-    fn offset(&self) -> Pose {
-        Pose::from_wire(self.settings.tcp_offset_mm_rad)
+        self.tool_with(self.motion.joints)
     }
 }

@@ -37,6 +37,10 @@ enum Drive {
     Follow(Joints),
     Brake,
     Plan(Plan),
+    /// Each joint to its target on its own: target, speed, acceleration.
+    Seek(Joints, f64, f64),
+    /// Each joint at its speed.
+    Turn(Joints),
 }
 
 /// A move along a straight line in joint space, with a trapezoid of speed.
@@ -64,14 +68,20 @@ impl Motion {
         let due = match self.drive {
             Drive::Hold => false,
             Drive::Follow(target) => self.joints != target,
-            Drive::Brake | Drive::Plan(_) => true,
+            Drive::Brake | Drive::Plan(_) | Drive::Seek(..) => true,
+            Drive::Turn(speeds) => speeds != [0.0; JOINTS],
         };
         due || !self.coming.is_empty() || self.speeds != [0.0; JOINTS]
     }
 
     /// Whether a planned move is under way.
     pub(super) fn planned(&self) -> bool {
-        matches!(self.drive, Drive::Plan(_))
+        matches!(self.drive, Drive::Plan(_) | Drive::Seek(..))
+    }
+
+    /// Speeds of the joints, rad/s.
+    pub(super) fn speeds(&self) -> Joints {
+        self.speeds
     }
 
     /// Where the arm is being sent, as far as is known.
@@ -79,7 +89,8 @@ impl Motion {
         match (self.coming.back(), self.drive) {
             (Some(&(_, target)), _) | (None, Drive::Follow(target)) => target,
             (None, Drive::Plan(plan)) => plan.to,
-            (None, Drive::Hold | Drive::Brake) => self.joints,
+            (None, Drive::Seek(target, ..)) => target,
+            (None, Drive::Hold | Drive::Brake | Drive::Turn(_)) => self.joints,
         }
     }
 
@@ -97,6 +108,17 @@ impl Motion {
         let longest = to.iter().zip(&self.joints).map(|(to, from)| (to - from).abs()).fold(1e-9, f64::max);
         let (top, slope) = (speed / longest, acceleration / longest);
         self.drive = Drive::Plan(Plan { from: self.joints, to, share: 0.0, rate: 0.0, top, slope });
+    }
+
+    /// Turns each joint to a target, as it moves now and in place of an earlier target: at most at this speed (rad/s), with
+    /// this acceleration (rad/s²).
+    pub(super) fn seek(&mut self, target: Joints, speed: f64, acceleration: f64) {
+        self.drive = Drive::Seek(target, speed, acceleration.min(MAX_ACCELERATION));
+    }
+
+    /// Turns each joint at a speed (rad/s) until something else is ordered.
+    pub(super) fn turn_at(&mut self, speeds: Joints) {
+        self.drive = Drive::Turn(speeds);
     }
 
     /// Drops every target and comes to a stop.
@@ -140,16 +162,43 @@ impl Motion {
                         .min((2.0 * MAX_ACCELERATION * apart.abs()).sqrt())
                         .min(MAX_SPEED)
                         .copysign(apart);
-                    self.turn(joint, wanted);
+                    self.turn(joint, wanted, MAX_ACCELERATION);
                     if apart.abs() < 1e-6 && self.speeds[joint].abs() < 1e-3 {
                         (self.joints[joint], self.speeds[joint]) = (target[joint], 0.0);
                     }
                 }
                 return;
             }
+            Drive::Seek(target, most, acceleration) => {
+                let (target, acceleration) = (*target, *acceleration);
+                let most = if paused { 0.0 } else { *most };
+                for joint in 0..JOINTS {
+                    let apart = target[joint] - before[joint];
+                    // Slower near the target than the acceleration would allow, so that it does not pass it.
+                    let wanted = (self.bandwidth * apart.abs())
+                        .min((acceleration * apart.abs()).sqrt())
+                        .min(most)
+                        .copysign(apart);
+                    self.turn(joint, wanted, acceleration);
+                    if apart.abs() < 1e-6 && self.speeds[joint].abs() < 1e-3 {
+                        (self.joints[joint], self.speeds[joint]) = (target[joint], 0.0);
+                    }
+                }
+                if self.joints == target {
+                    self.drive = Drive::Hold;
+                }
+                return;
+            }
+            Drive::Turn(speeds) => {
+                let speeds = if paused { [0.0; JOINTS] } else { *speeds };
+                for (joint, speed) in speeds.into_iter().enumerate() {
+                    self.turn(joint, speed, MAX_ACCELERATION);
+                }
+                return;
+            }
             Drive::Brake => {
                 for joint in 0..JOINTS {
-                    self.turn(joint, 0.0);
+                    self.turn(joint, 0.0, MAX_ACCELERATION);
                 }
                 if self.speeds == [0.0; JOINTS] {
                     self.drive = Drive::Hold;
@@ -164,8 +213,8 @@ impl Motion {
     }
 
     /// Turns one joint for a step, with its speed as near to `wanted` as its acceleration allows.
-    fn turn(&mut self, joint: usize, wanted: f64) {
-        let change = MAX_ACCELERATION * STEP_SECS;
+    fn turn(&mut self, joint: usize, wanted: f64, acceleration: f64) {
+        let change = acceleration * STEP_SECS;
         let speed = &mut self.speeds[joint];
         *speed += (wanted - *speed).clamp(-change, change);
         self.joints[joint] += *speed * STEP_SECS;

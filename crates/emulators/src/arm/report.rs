@@ -1,15 +1,14 @@
 //! The reports of the emulated controller (ufactory_docs): what its settings are, and the bytes of a report.
 
 use etude_robot::xarm::codec::push_floats;
-use etude_robot::xarm::kinematics::JOINTS;
+use etude_robot::xarm::kinematics::{JOINTS, jacobian, logarithm};
+use nalgebra::SVector;
 
 use super::ArmEmulator;
+use super::inputs::{CURRENTS_A, TEMPERATURES_C, VOLTS};
 
 /// Reports of each kind that wait to be taken at most, in bytes.
 const MAX_WAITING: usize = 1 << 14;
-/// How easily the arm follows the hand, and the direction of gravity: nothing changes them.
-const TEACH_SENSITIVITY: u8 = 3;
-const GRAVITY: [f32; 3] = [0.0, 0.0, -1.0];
 
 /// Which of the report ports.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -18,20 +17,23 @@ pub enum ReportKind {
     Real,
     /// Port 30001: the same with brakes, errors and payload, at 5 Hz.
     Normal,
-    /// Port 30002: the same with limits and servo errors, at 5 Hz.
+    /// Port 30002: the same with limits, servos, inputs and all other settings, at 5 Hz.
     Rich,
+    /// Port 30000: targets, joints, speeds, currents and pose at 250 Hz, with the time at the controller.
+    Control,
 }
 
 impl ReportKind {
     /// All of them.
-    pub const ALL: [Self; 3] = [Self::Real, Self::Normal, Self::Rich];
+    pub const ALL: [Self; 4] = [Self::Real, Self::Normal, Self::Rich, Self::Control];
 
     /// Its TCP port, its bytes, and the time from one to the next, ms.
     pub(super) fn numbers(self) -> (u16, usize, u64) {
         match self {
             Self::Real => (30003, 87, 10),
             Self::Normal => (30001, 145, 200),
-            Self::Rich => (30002, 245, 200),
+            Self::Rich => (30002, 587, 200),
+            Self::Control => (30000, 784, 4),
         }
     }
 }
@@ -76,36 +78,109 @@ impl Default for Settings {
 impl ArmEmulator {
     /// Adds a report to those that wait, if there is room.
     pub(super) fn tell(&mut self, kind: ReportKind) {
-        let (settings, (_, size, _)) = (&self.settings, kind.numbers());
+        let full = self.waiting.get(kind as usize).is_none_or(|waiting| waiting.len() >= MAX_WAITING);
+        if self.mute || full {
+            return;
+        }
+        let (settings, extra, (_, size, _)) = (&self.settings, &self.extra, kind.numbers());
         let mut report = Vec::with_capacity(size);
         report.extend((size as u32).to_be_bytes());
+        if kind == ReportKind::Control {
+            report.extend((self.clock * 1000).to_be_bytes());
+        }
         report.push(self.state() | self.mode << 4);
         report.extend((self.queue.len() as u16).to_be_bytes());
-        push_floats(&mut report, &self.motion.joints.map(|angle| angle as f32));
-        push_floats(&mut report, &self.tool().to_wire());
-        // Torques.
-        push_floats(&mut report, &[0.0; JOINTS]);
-        if kind != ReportKind::Real {
+        if kind == ReportKind::Control {
+            self.tell_motion(&mut report);
+        } else {
+            push_floats(&mut report, &self.motion.joints.map(|angle| angle as f32));
+            push_floats(&mut report, &self.tool().to_wire());
+            push_floats(&mut report, &self.torques());
+        }
+        if matches!(kind, ReportKind::Normal | ReportKind::Rich) {
             report.extend([settings.enabled, settings.enabled, settings.error, settings.warning]);
             push_floats(&mut report, &settings.tcp_offset_mm_rad);
             push_floats(&mut report, &settings.payload_kg_mm);
-            report.extend([settings.collision_sensitivity, TEACH_SENSITIVITY]);
-            push_floats(&mut report, &GRAVITY);
+            report.extend([settings.collision_sensitivity, extra.teach_sensitivity]);
+            push_floats(&mut report, &extra.gravity);
         }
         if kind == ReportKind::Rich {
-            // Type and axes, then what the controller calls its master, its slave and its motors.
-            report.extend([JOINTS as u8, JOINTS as u8, 0xAA, 0x55, 0, 0]);
-            report.extend(self.config.firmware.bytes().chain(std::iter::repeat(0)).take(30));
-            push_floats(&mut report, &settings.tcp_limits_mm);
-            push_floats(&mut report, &settings.joint_limits_rad);
+            self.tell_rest(&mut report);
         }
-        // The rest is jerk and acceleration of turns, which are not documented, and status and code of each servo.
         report.resize(size, 0);
-        if let Some(waiting) = self.waiting.get_mut(kind as usize)
-            && !self.mute
-            && waiting.len() < MAX_WAITING
-        {
+        if let Some(waiting) = self.waiting.get_mut(kind as usize) {
             waiting.append(&mut report);
         }
+    }
+
+    /// The report of port 30000 from its byte 15 on. The joints are where they were sent, and no acceleration, torque or force
+    /// is emulated.
+    fn tell_motion(&self, report: &mut Vec<u8>) {
+        let joints = self.motion.joints.map(|angle| angle as f32);
+        let speeds = self.motion.speeds().map(|speed| speed as f32);
+        let tool = self.tool();
+        let turn = logarithm(&tool.rotation);
+        let [x, y, z, ..] = tool.to_wire();
+        let pose = [x, y, z, turn.x as f32, turn.y as f32, turn.z as f32];
+        let mut twist = self.twist().map(|value| value as f32);
+        twist.iter_mut().take(3).for_each(|metres| *metres *= 1e3);
+        for (at, values) in [
+            (32, &joints[..]),
+            (60, &speeds),
+            (116, &joints),
+            (144, &speeds),
+            (200, &CURRENTS_A),
+            (424, &pose),
+            (448, &twist),
+            (472, &pose),
+            (496, &twist),
+        ] {
+            report.resize(at, 0);
+            push_floats(report, values);
+        }
+    }
+
+    /// Speed of the flange, m/s and rad/s.
+    fn twist(&self) -> [f64; 6] {
+        (jacobian(&self.motion.joints) * SVector::from(self.motion.speeds())).into()
+    }
+
+    /// Torques of the joints, which are not emulated, or their currents where those were asked for.
+    fn torques(&self) -> [f32; JOINTS] {
+        if self.extra.currents_for_torques == 0 { [0.0; JOINTS] } else { CURRENTS_A }
+    }
+
+    /// The rich report from its byte 145 on.
+    fn tell_rest(&self, report: &mut Vec<u8>) {
+        let (settings, extra, lines) = (&self.settings, &self.extra, &self.lines);
+        // Type and axes, then what the controller calls its master, its slave and its motors.
+        report.extend([JOINTS as u8, JOINTS as u8, 0xAA, 0x55, 0, 0]);
+        report.extend(self.config.firmware.bytes().chain(std::iter::repeat(0)).take(30));
+        push_floats(report, &settings.tcp_limits_mm);
+        push_floats(report, &settings.joint_limits_rad);
+        // Jerk and acceleration of turns, which are not documented, and status and code of each servo and of the flange.
+        report.resize(245, 0);
+        report.extend(TEMPERATURES_C);
+        let speeds = self.motion.speeds();
+        let [x, y, z, ..] = self.twist();
+        push_floats(report, &[x.hypot(y).hypot(z) as f32 * 1e3]);
+        push_floats(report, &speeds.map(|speed| speed as f32));
+        report.extend(extra.counter.to_be_bytes());
+        push_floats(report, &extra.world_offset_mm_rad);
+        report.extend(extra.reset_io);
+        report.extend([extra.simulated.into(), extra.self_collision.into(), extra.tool_model]);
+        push_floats(report, &extra.tool_size_mm);
+        report.extend([((VOLTS * 100.0) as u16).to_be_bytes(); JOINTS].as_flattened());
+        push_floats(report, &CURRENTS_A);
+        report.extend([0, 0]);
+        report.extend(lines.words().map(u16::to_be_bytes).as_flattened());
+        report.extend(lines.function_bytes());
+        // Forces, of which there is no sensor, and the share of an identification that is done.
+        report.resize(482, 0);
+        let turn = logarithm(&self.tool().rotation);
+        push_floats(report, &[turn.x, turn.y, turn.z].map(|angle| angle as f32));
+        report.push(extra.bits(self.fenced));
+        // Then alarms of inputs and devices beside the arm, of which there are none.
+        report.extend(self.reduced_mode());
     }
 }

@@ -27,18 +27,20 @@ pub struct ArmPorts {
     pub rich: u16,
     /// Reports at 100 Hz.
     pub real: u16,
+    /// The longest reports, at 250 Hz.
+    pub control: u16,
 }
 
 impl ArmPorts {
     /// Any free ports.
-    pub const FREE: Self = Self { command: 0, normal: 0, rich: 0, real: 0 };
+    pub const FREE: Self = Self { command: 0, normal: 0, rich: 0, real: 0, control: 0 };
 }
 
 impl Default for ArmPorts {
     /// The robot's own ones (ufactory_docs). The first of them needs more than a user's rights.
     fn default() -> Self {
-        let [real, normal, rich] = ReportKind::ALL.map(|kind| kind.numbers().0);
-        Self { command: 502, normal, rich, real }
+        let [real, normal, rich, control] = ReportKind::ALL.map(|kind| kind.numbers().0);
+        Self { command: 502, normal, rich, real, control }
     }
 }
 
@@ -70,11 +72,11 @@ struct Client<T> {
 #[derive(Debug)]
 pub struct ArmServer {
     commands: Port<ConnectionId>,
-    reports: [(ReportKind, Port<()>); 3],
+    reports: [(ReportKind, Port<()>); 4],
 }
 
 impl ArmServer {
-    /// Listens on four ports of an address.
+    /// Listens on five ports of an address.
     ///
     /// # Errors
     /// If the address is of a network and only this machine is meant, or a port is taken or not allowed.
@@ -87,13 +89,13 @@ impl ArmServer {
                 ),
             ));
         }
-        let numbers = [ports.real, ports.normal, ports.rich];
+        let numbers = [ports.real, ports.normal, ports.rich, ports.control];
         let mut bound = numbers.into_iter().map(|number| Port::bind(address, number));
         let mut next = || bound.next().unwrap_or_else(|| Err(ErrorKind::InvalidInput.into()));
-        let [real, normal, rich] = ReportKind::ALL;
+        let [real, normal, rich, control] = ReportKind::ALL;
         Ok(Self {
             commands: Port::bind(address, ports.command)?,
-            reports: [(real, next()?), (normal, next()?), (rich, next()?)],
+            reports: [(real, next()?), (normal, next()?), (rich, next()?), (control, next()?)],
         })
     }
 
@@ -103,12 +105,13 @@ impl ArmServer {
     /// If the system does not report them.
     pub fn ports(&self) -> io::Result<ArmPorts> {
         let number = |port: &TcpListener| port.local_addr().map(|address| address.port());
-        let [(_, real), (_, normal), (_, rich)] = &self.reports;
+        let [(_, real), (_, normal), (_, rich), (_, control)] = &self.reports;
         Ok(ArmPorts {
             command: number(&self.commands.listener)?,
             normal: number(&normal.listener)?,
             rich: number(&rich.listener)?,
             real: number(&real.listener)?,
+            control: number(&control.listener)?,
         })
     }
 

@@ -156,7 +156,7 @@ impl Bench {
         let mut bytes = Vec::new();
         self.run(400);
         self.emulator.take_reports(ReportKind::Rich, &mut bytes);
-        bytes.split_off(bytes.len() - 245)
+        bytes.split_off(bytes.len() - 587)
     }
 
     pub fn fault(&self) -> Option<ArmFault> {

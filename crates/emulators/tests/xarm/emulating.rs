@@ -66,6 +66,14 @@ impl Client {
         assert!(self.hear().is_empty());
     }
 
+    /// The newest rich report.
+    fn rich(&mut self) -> Vec<u8> {
+        self.run(400);
+        let mut bytes = Vec::new();
+        self.emulator.take_reports(ReportKind::Rich, &mut bytes);
+        bytes.split_off(bytes.len() - 587)
+    }
+
     fn hear(&mut self) -> Vec<Frame> {
         let (mut bytes, mut replies) = (Vec::new(), Vec::new());
         self.emulator.take(self.id, &mut bytes);
@@ -240,11 +248,11 @@ fn the_reports_have_the_documented_bytes() {
     client.ask_floats(35, &[5.0, 0.0, 0.0, 0.0, 0.0, 0.0]);
     client.emulator.inject_error(23);
     client.run(400);
-    for (kind, size) in [(ReportKind::Real, 87), (ReportKind::Normal, 145), (ReportKind::Rich, 245)] {
+    for (kind, size) in [(ReportKind::Real, 87), (ReportKind::Normal, 145), (ReportKind::Rich, 587_usize)] {
         let mut bytes = Vec::new();
         client.emulator.take_reports(kind, &mut bytes);
         let report = bytes.split_off(bytes.len() - size);
-        assert_eq!((&report[..4], &report[4..7]), (&[0, 0, 0, size as u8][..], &[0x14, 0, 0][..]));
+        assert_eq!((&report[..4], &report[4..7]), (&(size as u32).to_be_bytes()[..], &[0x14, 0, 0][..]));
         let joints: [f32; JOINTS] = floats(&report[7..]).unwrap();
         assert!(apart(&joints.map(f64::from), &home()) < 1e-6);
         if size > 87 {
@@ -258,6 +266,82 @@ fn the_reports_have_the_documented_bytes() {
             assert_eq!(floats(&report[181..]), Some([7000.0, 0.0, 50_000.0, 0.0, 1000.0]));
         }
     }
+}
+
+#[test]
+fn the_report_of_the_control_port_has_the_documented_bytes() {
+    let mut client = Client::running(4);
+    // 0.2 rad/s of the first joint, for no longer than half a second.
+    client.ask(81, &[&0.2_f32.to_le_bytes()[..], &[0; 24], &[1], &0.5_f32.to_le_bytes()].concat());
+    client.run(400);
+    let mut bytes = Vec::new();
+    client.emulator.take_reports(ReportKind::Control, &mut bytes);
+    bytes.clear();
+    client.run(4);
+    client.emulator.take_reports(ReportKind::Control, &mut bytes);
+    assert_eq!((bytes.len(), &bytes[..4]), (784, &784_u32.to_be_bytes()[..]));
+    assert_eq!((&bytes[4..12], bytes[12]), (&404_000_u64.to_be_bytes()[..], 0x41));
+    let joints: [f32; JOINTS] = floats(&bytes[116..]).unwrap();
+    assert!(apart(&joints.map(f64::from), &client.emulator.joints()) < 1e-6);
+    assert!((joints[0] - 0.08).abs() < 0.003, "{joints:?}");
+    let speeds: [f32; JOINTS] = floats(&bytes[144..]).unwrap();
+    assert!((speeds[0] - 0.2).abs() < 1e-5, "{speeds:?}");
+    let [x, y, ..]: [f32; 6] = floats(&bytes[472..]).unwrap();
+    let [speed_x, speed_y, ..]: [f32; 6] = floats(&bytes[496..]).unwrap();
+    assert!((speed_x + 0.2 * y).abs() < 0.1 && (speed_y - 0.2 * x).abs() < 0.1);
+    // The time is over, and nothing was sent: the arm stops by itself.
+    client.run(150);
+    let joints = client.emulator.joints();
+    client.run(100);
+    assert_eq!((joints, client.emulator.state(), client.emulator.error()), (client.emulator.joints(), 2, 0));
+    assert!((joints[0] - 0.1).abs() < 0.003, "{joints:?}");
+}
+
+#[test]
+fn a_velocity_stops_at_the_joints_limit() {
+    let mut client = Client::running(4);
+    let mut speeds = [0.0; JOINTS];
+    speeds[3] = 1.0;
+    client.ask_floats(81, &speeds);
+    client.run(3000);
+    assert_eq!((client.emulator.error(), client.emulator.state()), (23, 4));
+    assert!((3.9..4.0).contains(&client.emulator.joints()[3]), "{:?}", client.emulator.joints());
+}
+
+#[test]
+fn a_velocity_lasts_longer_than_any_clock() {
+    let mut client = Client::running(4);
+    client.run(1000);
+    client.ask(81, &[&0.2_f32.to_le_bytes()[..], &[0; 24], &[1], &f32::MAX.to_le_bytes()].concat());
+    client.run(5000);
+    assert_eq!((client.emulator.error(), client.emulator.state()), (0, 1));
+    let joints = client.emulator.joints();
+    assert!((joints[0] - 1.0).abs() < 0.01, "{joints:?}");
+}
+
+#[test]
+fn a_cleaned_configuration_is_as_delivered() {
+    let mut client = Client::running(0);
+    let delivered = client.rich();
+    for (register, value) in [(31, 3000.0), (32, 40_000.0), (33, 30.0), (34, 15.0)] {
+        client.ask_floats(register, &[value]);
+    }
+    client.ask_floats(36, &[1.0, 2.0, 3.0, 4.0]);
+    client.ask_floats(51, &[0.0, 1.0, 0.0]);
+    client.ask(50, &[1]);
+    client.ask(59, &[1]);
+    let [far, back] = [1024_i32, -1024].map(i32::to_le_bytes);
+    client.ask(52, &[far, back].concat().repeat(3));
+    client.ask_floats(35, &[0.0, 0.0, 50.0, 0.0, 0.0, 0.0]);
+    client.ask_floats(73, &[10.0, 20.0, 30.0, 0.0, 0.0, 0.0]);
+    client.ask(37, &[1]);
+    client.ask(38, &[1]);
+    client.ask(12, &[0]);
+    assert_ne!(client.rich(), delivered);
+    client.ask(39, &[]);
+    assert_eq!(client.emulator.state(), 5);
+    client.ask(12, &[0]);
+    assert_eq!(client.rich(), delivered);
 }
 
 #[test]

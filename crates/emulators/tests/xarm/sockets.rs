@@ -1,4 +1,5 @@
-//! The emulator on sockets: for our driver, and for UFACTORY's own client (`scripts/check_xarm.py`).
+//! The emulator on sockets: for our driver, and for UFACTORY's own client (`scripts/check_xarm.py` and
+//! `scripts/check_xarm_calls.py`).
 
 use std::io::{BufRead as _, BufReader, Write as _};
 use std::net::{IpAddr, Ipv4Addr};
@@ -89,6 +90,16 @@ fn driver_and_emulator_meet_on_sockets() {
 
 #[test]
 fn the_official_client_takes_the_emulator_for_an_arm() {
+    println!("{}", run_script("check_xarm.py"));
+}
+
+#[test]
+fn the_official_clients_calls_are_answered() {
+    println!("{}", run_script("check_xarm_calls.py"));
+}
+
+/// Runs a script of UFACTORY's client against an emulator, which must end well; what it prints.
+fn run_script(name: &str) -> String {
     let Some(python) = std::env::var_os(PYTHON) else {
         // Not through a macro: the test harness would swallow it.
         let _ = writeln!(
@@ -96,11 +107,11 @@ fn the_official_client_takes_the_emulator_for_an_arm() {
             "\n*** SKIPPED: the arm's emulator against UFACTORY's client. Set {PYTHON} to a Python with \
              xarm-python-sdk==1.18.4. ***\n"
         );
-        return;
+        return String::new();
     };
     let mut served = Served::new();
     let ports = served.server.ports().unwrap();
-    let script = concat!(env!("CARGO_MANIFEST_DIR"), "/../../scripts/check_xarm.py");
+    let script = format!("{}/../../scripts/{name}", env!("CARGO_MANIFEST_DIR"));
     let mut child = Command::new(&python)
         .arg(script)
         .args([ports.command, ports.normal, ports.rich, ports.real].map(|port| port.to_string()))
@@ -132,5 +143,5 @@ fn the_official_client_takes_the_emulator_for_an_arm() {
     reader.join().unwrap();
     transcript.extend(said.try_iter());
     assert!(status.success(), "{status}\n{transcript}");
-    println!("{transcript}");
+    transcript
 }
