@@ -2,6 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
+use etude_robot::priority::{Priority, Rank};
 use serde::Serialize;
 
 use crate::pianist::shipped_policy;
@@ -57,6 +58,13 @@ pub fn examine() -> Vec<Finding> {
             "no Allegro hand can be connected; simulation needs none (try: modprobe peak_usb or gs_usb)",
         ),
         optional(
+            "real time",
+            real_time(),
+            "not permitted to this user",
+            "a robot is safe but may stop on a busy machine; simulation and twin need none (in /etc/security/limits.conf: \
+             `USER - rtprio 60` and `USER - memlock unlimited`, then log in again)",
+        ),
+        optional(
             "python",
             program("python3"),
             "not on the PATH",
@@ -69,6 +77,16 @@ pub fn examine() -> Vec<Finding> {
             "`etude play` needs a run of the song under runs/, or --policy",
         ),
     ]
+}
+
+/// What a thread that controls a robot is given.
+fn real_time() -> Option<String> {
+    let memory = if Priority::of_this_thread(Rank::Guard).ok()?.locks_memory() {
+        "locked"
+    } else {
+        "not locked (limit memlock)"
+    };
+    Some(format!("priority {} for the robot's controller, memory {memory}", Rank::Controller as i32))
 }
 
 /// Where the policies are that come with Étude, as `etude play` looks for them.

@@ -16,6 +16,7 @@
 //! | [`calibration`] | where the keyboard stands, and the arm's way along it |
 //! | [`rig`] | a rig's file |
 //! | [`Robot`] | the controller of all three devices |
+//! | [`priority`] | real-time priority of the controlling thread |
 //! | [`setting`] | the ranges of settings |
 //! | [`stream`] | reading and writing without blocking |
 //!
@@ -30,6 +31,7 @@ pub mod lead;
 pub mod limiter;
 pub mod monitor;
 mod pace;
+pub mod priority;
 pub mod rig;
 mod robot;
 pub mod setting;

@@ -15,6 +15,7 @@ use etude_emulators::{ArmPorts, ArmServer, Hub, MidiServer, Reach};
 use etude_robot::calibration::{CalibrationError, RailPath};
 use etude_robot::can::{CanError, CanTransport as _, HubTransport};
 use etude_robot::keyboard::MidiError;
+use etude_robot::priority::{Priority, Rank};
 use etude_robot::rig::{RigConfig, WiresConfig};
 use etude_robot::xarm::kinematics::PAPER_HOME_DEG;
 use etude_robot::{Pace as _, propose_fence};
@@ -143,6 +144,8 @@ impl TwinServer {
     /// # Errors
     /// If the bus breaks.
     pub fn serve(&mut self, stop: &AtomicBool) -> Result<(), ServeError> {
+        // Hardware does not wait for other programs.
+        let _priority = Priority::of_this_thread(Rank::Controller);
         let mut started = Instant::now();
         while !stop.load(Ordering::Relaxed) {
             let behind = started.elapsed().saturating_sub(self.lockstep.now());

@@ -13,6 +13,7 @@ use std::path::Path;
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
+use etude_robot::priority::{Priority, Rank};
 use etude_robot::rig::RigConfig;
 use etude_robot::stop::{Stopped, stop};
 
@@ -119,6 +120,7 @@ impl Guard {
 /// # Errors
 /// If standard input cannot be read with a time limit.
 pub fn stand_guard(rig: &RigConfig) -> std::io::Result<Option<Stopped>> {
+    let _priority = Priority::of_this_thread(Rank::Guard);
     let mut line = UnixStream::from(std::io::stdin().as_fd().try_clone_to_owned()?);
     line.set_write_timeout(Some(SILENCE))?;
     line.set_read_timeout(Some(FIRST_SILENCE))?;

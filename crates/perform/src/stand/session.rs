@@ -4,6 +4,7 @@ use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 use std::time::Duration;
 
+use etude_robot::priority::{Priority, Rank};
 use etude_robot::stop::{NOT_LET_GO, NOT_STOPPED};
 use etude_robot::wires::{OpenWires, Wires};
 use etude_robot::xarm::codec::STOPPED;
@@ -39,11 +40,14 @@ pub struct Live {
     pace: RealTime<OpenWires>,
     guard: Guard,
     claim: Arc<Claim>,
+    /// `None` where the system does not permit it: on a busy machine the robot may then stop.
+    _priority: Option<Priority>,
 }
 
 impl Live {
     pub(super) fn new(wires: OpenWires, guard: Guard, claim: Arc<Claim>) -> Self {
-        Self { pace: RealTime::new(wires), guard, claim }
+        let _priority = Priority::of_this_thread(Rank::Controller).ok();
+        Self { pace: RealTime::new(wires), guard, claim, _priority }
     }
 }
 
