@@ -13,15 +13,15 @@ GOALS = [0.90, 0.946]
 
 
 def first(rows, goal):
-    """Seconds after which a curve first reached a goal, None if it never did."""
-    return next((float(row["secs"]) for row in rows if float(row["f1"]) >= goal), None)
+    """Steps and seconds after which a curve first reached a goal, None if it never did."""
+    return next(((int(row["step"]), float(row["secs"])) for row in rows if float(row["f1"]) >= goal), None)
 
 
-def seconds(times):
-    """The mean of the times, and how many there are if some are missing."""
-    reached = [time for time in times if time is not None]
-    missing = f" ({len(reached)} of {len(times)})" if len(reached) < len(times) else ""
-    return f"{statistics.mean(reached):.0f} s{missing}" if reached else "never"
+def reached(firsts):
+    """The means of steps and seconds, and how many there are if some are missing."""
+    there = [first for first in firsts if first is not None]
+    missing = f" ({len(there)} of {len(firsts)})" if len(there) < len(firsts) else ""
+    return "{:,.0f}; {:.0f} s".format(*map(statistics.mean, zip(*there))) + missing if there else "never"
 
 
 source = pathlib.Path(sys.argv[1])
@@ -61,7 +61,7 @@ for what, runs in curves.items():
         f"{means[-1]:.3f} ({', '.join(f'{f1:.3f}' for f1 in kept)})",
         mean([float(best(rows)["onset_f1"]) for rows in runs]),
         mean([float(row["f1"]) for rows in runs for row in rows[-5:]]),
-        *(seconds([first(rows, goal) for rows in runs]) for goal in GOALS),
+        *(reached([first(rows, goal) for rows in runs]) for goal in GOALS),
         f"{int(runs[0][-1]['step']):,}",
         f"{statistics.mean(float(rows[-1]['secs']) for rows in runs):.0f} s",
     ]
