@@ -75,6 +75,9 @@ pub struct DroqConfig {
     /// Fraction of the way that the policy moves towards the actor at each update. The policy, which is evaluated and saved, is thus
     /// an average over about `1 / policy_polyak` updates of the actor. With 1 it is the actor itself (the paper).
     pub policy_polyak: f64,
+    /// Weight of the squared change of the policy's action from one control step to the next, mean over the actions, in the actor's
+    /// loss (CAPS, arXiv 2012.06644): without it the hand trembles. The paper has none.
+    pub smoothness: f64,
     /// Adam step size of the actor.
     pub actor_learning_rate: f64,
     /// Adam step size of the critics.
@@ -101,6 +104,7 @@ impl Default for DroqConfig {
             n_step: 1,
             polyak: 0.005,
             policy_polyak: 1.0,
+            smoothness: 0.0,
             actor_learning_rate: 3e-4,
             critic_learning_rate: 3e-4,
             temperature_learning_rate: 3e-4,
@@ -132,6 +136,7 @@ impl DroqConfig {
         let rule = "it must be above 0 and at most 1";
         within("droq.polyak", self.polyak, ABOVE_ZERO..=1.0, rule)?;
         within("droq.policy_polyak", self.policy_polyak, ABOVE_ZERO..=1.0, rule)?;
+        within("droq.smoothness", self.smoothness, 0.0..=1000.0, "it must be between 0 and 1000")?;
         let rule = "it must be at least 0 and at most 1";
         within("droq.actor_learning_rate", self.actor_learning_rate, 0.0..=1.0, rule)?;
         within("droq.critic_learning_rate", self.critic_learning_rate, 0.0..=1.0, rule)?;

@@ -72,6 +72,33 @@ impl Gaussian {
         &self.action[..rows * self.action_len]
     }
 
+    /// The actions `tanh(mean)` (`[rows, action]`) that the actor's head asks for.
+    pub(crate) fn actions_without_noise(&self, output: &[f32], actions: &mut [f32]) {
+        let n = self.action_len;
+        for (actions, row) in actions.chunks_exact_mut(n).zip(output.chunks_exact(2 * n)) {
+            actions.iter_mut().zip(row).for_each(|(action, &mean)| *action = mean.tanh());
+        }
+    }
+
+    /// Adds to `output_error` the gradient of `weight · Σ over rows of the mean over actions of (tanh(mean) - next)²`, where `next`
+    /// (`[rows, action]`) is held.
+    pub(crate) fn backward_of_change(
+        &self,
+        output: &[f32],
+        next: &[f32],
+        weight: f32,
+        output_error: &mut [f32],
+    ) {
+        let n = self.action_len;
+        let rows = output.chunks_exact(2 * n).zip(output_error.chunks_exact_mut(2 * n));
+        for ((row, error), next) in rows.zip(next.chunks_exact(n)) {
+            for ((error, &mean), &next) in error.iter_mut().zip(&row[..n]).zip(next) {
+                let action = mean.tanh();
+                *error += 2.0 * weight / n as f32 * (action - next) * (1.0 - action * action);
+            }
+        }
+    }
+
     /// Gradient of `Σ over rows of (weight · log_prob + Σ action · action_error)` with respect to the actor's head, into
     /// `output_error` (`[rows, 2 · action]`); `action_error` is `[rows, action]`.
     ///

@@ -53,6 +53,8 @@ pub(super) struct Shard {
     actor: Workspace,
     critic: CriticPasses,
     policy: Gaussian,
+    /// `[rows, action]`: the policy's actions in the next observations, without exploration.
+    next_action: Vec<f32>,
     /// `[rows]`: target values of the critics.
     wanted: Vec<f32>,
     /// `[rows, 2 · action]`
@@ -80,6 +82,7 @@ impl Shard {
             actor: actor_network.workspace(rows, true, config.arithmetic),
             critic: CriticPasses::new(critic_network, config, rows),
             policy: Gaussian::new(action_len, rows),
+            next_action: vec![0.0; rows * action_len],
             wanted: vec![0.0; rows],
             output_error: vec![0.0; rows * 2 * action_len],
             action_error: vec![0.0; rows * action_len],
@@ -96,9 +99,12 @@ impl Shard {
 
     /// Computes the gradients of the critics.
     pub(super) fn fit_critics(&mut self, view: &View<'_>) {
-        let Self { batch, draws, actor, critic: passes, policy, wanted, .. } = self;
+        let Self { batch, draws, actor, critic: passes, policy, next_action, wanted, .. } = self;
         let output = view.actor_network.forward(view.actor, &batch.next_observation, &[], 0.0, false, actor);
         policy.sample(output, &draws.next_noise, view.config.log_std_bounds);
+        if view.config.smoothness > 0.0 {
+            policy.actions_without_noise(output, next_action);
+        }
         batch.next_observation.set_extra(policy.actions(wanted.len()));
         wanted.fill(f32::INFINITY);
         for (critic, drops) in view.critics.iter().zip(&draws.drops) {
@@ -123,7 +129,9 @@ impl Shard {
 
     /// Computes the gradient of the actor, and its entropy.
     pub(super) fn fit_actor(&mut self, view: &View<'_>) {
-        let Self { batch, draws, actor, critic: passes, policy, output_error, action_error, .. } = self;
+        let Self {
+            batch, draws, actor, critic: passes, policy, next_action, output_error, action_error, ..
+        } = self;
         let output = view.actor_network.forward(view.actor, &batch.observation, &[], 0.0, true, actor);
         policy.sample(output, &draws.noise, view.config.log_std_bounds);
         batch.observation.set_extra(policy.actions(batch.reward.len()));
@@ -140,6 +148,10 @@ impl Shard {
         let weight = view.temperature / view.config.batch as f32;
         let bounds = view.config.log_std_bounds;
         policy.backward(output, &draws.noise, bounds, weight, action_error, output_error);
+        if view.config.smoothness > 0.0 {
+            let weight = view.config.smoothness as f32 / view.config.batch as f32;
+            policy.backward_of_change(output, next_action, weight, output_error);
+        }
         let wanted = Wanted::Parameters(&mut self.actor_gradient);
         view.actor_network.backward(view.actor, &batch.observation, &[], 0.0, output_error, wanted, actor);
     }

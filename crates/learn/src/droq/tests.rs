@@ -125,7 +125,8 @@ fn actor_gradients_match_finite_differences_through_the_critics() {
     draws.fill(config, rows, streams);
     let (drops, noise) = (draws.drops.clone(), draws.noise.clone());
     let mut passes = CriticPasses::new(critic_network, config, rows);
-    let (temperature, bounds) = (0.3f32, config.log_std_bounds);
+    let (temperature, smoothness, bounds) = (0.3f32, 2.0f32, config.log_std_bounds);
+    let next: Vec<f32> = (0..rows * ACTION).map(|at| (at as f32).cos()).collect();
     let mut inputs = random_inputs(rows);
     let mut loss = |parameters: &[f32], inputs: &mut crate::network::Inputs| {
         let mut workspace = actor_network.workspace(rows, true, Arithmetic::F32);
@@ -142,6 +143,11 @@ fn actor_gradients_match_finite_differences_through_the_critics() {
         loss += policy.log_prob.iter().map(|&l| f64::from(temperature) * f64::from(l)).sum::<f64>();
         let mut output_error = vec![0.0; rows * 2 * ACTION];
         policy.backward(&output, &noise, bounds, temperature / rows as f32, &action_error, &mut output_error);
+        let mut action = vec![0.0; rows * ACTION];
+        policy.actions_without_noise(&output, &mut action);
+        let squares = action.iter().zip(&next).map(|(a, b)| f64::from(a - b).powi(2)).sum::<f64>();
+        loss += f64::from(smoothness) * squares / ACTION as f64;
+        policy.backward_of_change(&output, &next, smoothness / rows as f32, &mut output_error);
         let mut gradient = vec![0.0; parameters.len()];
         let wanted = Wanted::Parameters(&mut gradient);
         actor_network.backward(parameters, inputs, &[], 0.0, &output_error, wanted, &mut workspace);
