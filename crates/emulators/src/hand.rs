@@ -36,6 +36,10 @@ pub struct HandEmulatorConfig {
     pub joint_celsius: [u8; JOINTS],
     /// Bits of the status byte that are set besides the servo's.
     pub fault_bits: u8,
+    /// Joints whose encoder counts in the wrong direction.
+    pub reversed: [bool; JOINTS],
+    /// Joints whose motor has no torque.
+    pub dead: [bool; JOINTS],
     /// Encoder readings are off by up to so many counts, evenly.
     pub noise_counts: u16,
     /// Seed of that noise.
@@ -59,6 +63,8 @@ impl Default for HandEmulatorConfig {
             board_celsius: 35,
             joint_celsius: [33; JOINTS],
             fault_bits: 0,
+            reversed: [false; JOINTS],
+            dead: [false; JOINTS],
             noise_counts: 0,
             seed: 0,
             off_cuts: true,
@@ -157,12 +163,13 @@ impl HandEmulator {
         self.positions = *positions;
     }
 
-    /// The PWM that drives each flat joint now: what was last sent, within the table; 0 when the servo is off
-    /// or the torque has timed out.
+    /// The PWM that drives each flat joint now: what was last sent, within the table; 0 when the servo is off, the torque has timed out,
+    /// or the motor is dead.
     pub fn pwm(&self) -> [i16; JOINTS] {
         let age = self.clock.saturating_sub(self.torque_at).as_secs_f64();
         let timed_out = self.config.torque_timeout_secs.is_some_and(|timeout| age > timeout);
-        if self.servo_on && !timed_out { self.pwm } else { [0; JOINTS] }
+        let on = self.servo_on && !timed_out;
+        std::array::from_fn(|joint| if on && !self.config.dead[joint] { self.pwm[joint] } else { 0 })
     }
 
     /// Whether the servo is on.
@@ -211,7 +218,11 @@ impl HandEmulator {
     }
 
     fn counts(&mut self, finger: Finger) -> [i16; 4] {
-        let (fingers, _) = self.positions.as_chunks::<4>();
+        let mut shown = self.positions;
+        for (rad, reversed) in shown.iter_mut().zip(self.config.reversed) {
+            *rad = if reversed { -*rad } else { *rad };
+        }
+        let (fingers, _) = shown.as_chunks::<4>();
         let noise = i32::from(self.config.noise_counts);
         fingers.get(finger.number()).copied().unwrap_or_default().map(|rad| {
             let off = if noise == 0 { 0 } else { self.noise.random_range(-noise..=noise) };

@@ -41,4 +41,6 @@ pub mod wires;
 pub mod xarm;
 
 pub use pace::{Pace, RealTime};
-pub use robot::{Doubt, Fault, Phase, Record, Refused, Robot, RobotError, propose_fence};
+pub use robot::{
+    Doubt, Fault, Phase, Record, Refused, Robot, RobotError, WIGGLED, Wiggled, propose_fence, wiggle,
+};

@@ -166,6 +166,14 @@ impl Twin {
         self.devices.hand.set_positions(&to_wire(&self.encoders.read(&self.world.joints()), &thumb));
     }
 
+    /// Straightens the fingers by hand, clear of the keys.
+    pub fn straighten_fingers(&mut self) {
+        let mut pose = [0.0; JOINTS];
+        pose[RAIL] = self.world.joints()[RAIL];
+        self.world.reset_to(&pose);
+        self.show_joints();
+    }
+
     /// Time since it was switched on.
     pub fn now(&self) -> Duration {
         self.now

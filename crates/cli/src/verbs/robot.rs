@@ -1,5 +1,7 @@
 //! `etude robot`: check, home, calibrate, watch and stop a robot.
 
+mod check;
+
 use std::io::BufRead as _;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -36,7 +38,7 @@ pub struct Args {
 #[derive(clap::Subcommand)]
 enum Action {
     /// Bring hand, arm and keyboard up, hold still for half a second, print what they are, and release
-    Check(Rig),
+    Check(check::Args),
     /// Bring the robot slowly to the keyboard, fingers over the keys, from wherever it is. Stand clear
     Home(Rig),
     /// Show the arm where the keyboard is, one key at a time
@@ -108,7 +110,7 @@ struct MonitorArgs {
 /// Runs the verb.
 pub fn run(args: Args) -> anyhow::Result<Ending> {
     match args.action {
-        Action::Check(rig) => check(&rig),
+        Action::Check(args) => check::run(&args),
         Action::Home(rig) => home(&rig),
         Action::Calibrate(args) => calibrate(&args),
         Action::Stop(rig) => stop_now(&rig),
@@ -125,59 +127,6 @@ fn file(robot: &str) -> anyhow::Result<RigConfig> {
         );
     }
     Ok(RigConfig::load(Path::new(robot))?)
-}
-
-fn check(rig: &Rig) -> anyhow::Result<Ending> {
-    let interrupt = stop_flag()?;
-    let choice = rig_choice(&rig.robot, "standard")?;
-    let fence = choice.missing_fence()?;
-    let mut stand = choice.open_at_rest(choice.side(), 0)?;
-    let held = stand.hold(Duration::from_millis(500), &interrupt).map_err(Into::into);
-    let fault = released(&mut stand, held)?;
-    let robot = &stand.robot;
-    let (hand, arm, place) = (robot.hand().information(), robot.arm(), robot.place());
-    let version = arm.version().map(|version| version.text.clone());
-    let report = json!({
-        "rig": robot.config().name,
-        "hand": {
-            "serial": robot.hand().serial().map(|serial| serial.to_string()),
-            "firmware": hand.map(|hand| hand.firmware),
-            "board_celsius": hand.map(|hand| hand.board_celsius),
-            "joints_rad": robot.hand().positions(),
-        },
-        "arm": { "serial": arm.serial(), "firmware": version, "joints_rad": arm.joints() },
-        "rail": { "m": place.rail_m, "beside_m": place.beside_m, "turned_rad": place.turned_rad },
-        "keyboard": robot.keyboard().state().to_string(),
-        "warnings": robot.keyboard().warnings().map(|warning| warning.to_string()).collect::<Vec<_>>(),
-        "missing_fence": fence,
-        "fault": fault,
-    });
-    if rig.json {
-        print_json(&report)?;
-    } else {
-        let text = |value: &serde_json::Value| value.as_str().unwrap_or("unknown").to_string();
-        let (hand, arm) = (&report["hand"], &report["arm"]);
-        line(format!("hand      {}, board {} °C", text(&hand["serial"]), hand["board_celsius"]))?;
-        line(format!("arm       {}, firmware {}", text(&arm["serial"]), text(&arm["firmware"])))?;
-        line(format!(
-            "place     {:+.3} m along the keyboard, {:.0} mm from the path that was calibrated",
-            place.rail_m,
-            place.beside_m * 1e3
-        ))?;
-        line(format!("keyboard  {}", text(&report["keyboard"])))?;
-        for warning in robot.keyboard().warnings() {
-            line(format!("warning   {warning}"))?;
-        }
-        if let Some(fence) = fence {
-            line(format!(
-                "box       none yet; this one fits, write it into the rig's file under [arm]: {fence}"
-            ))?;
-        }
-    }
-    match fault {
-        None => Ok(Ending::Done),
-        Some(fault) => anyhow::bail!("the robot stopped itself: {fault}"),
-    }
 }
 
 fn home(rig: &Rig) -> anyhow::Result<Ending> {

@@ -202,6 +202,28 @@ fn a_hand_that_does_not_answer_is_not_called_stopped() {
 }
 
 #[test]
+fn a_small_turn_of_each_joint_finds_the_wrong_one() {
+    let desk = Desk::new();
+    let sound = desk.json("robot check --robot twin --wiggle --json");
+    let joints = sound["wiggle"].as_array().unwrap();
+    assert_eq!(joints.len(), 16);
+    assert!(joints.iter().all(|joint| joint["problem"].is_null()), "{sound}");
+    for (fault, joint, what) in
+        [("joint-reversed=5@0", 5, "wrong direction"), ("joint-dead=9@0", 9, "did not turn")]
+    {
+        let twin = Served::with_fault(&desk, Some(fault));
+        let check = desk.command(&format!("robot check --robot {} --wiggle --json", twin.rig.display()));
+        let check = { check }.output().unwrap();
+        let said = errors(&check);
+        assert_eq!(check.status.code(), Some(1), "{said}");
+        assert!(said.contains(&format!("joint {joint} ")) && said.contains(what), "{said}");
+        let told: Value = serde_json::from_slice(&check.stdout).unwrap();
+        assert!(told["wiggle"][joint]["problem"].as_str().unwrap().contains(what), "{told}");
+        assert!(is_safe(twin.seen(&desk)), "{fault}");
+    }
+}
+
+#[test]
 fn an_arm_that_is_led_by_hand_is_not_left_free() {
     let desk = Desk::new();
     let twin = Served::start(&desk);

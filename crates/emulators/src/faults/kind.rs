@@ -5,7 +5,7 @@ use std::mem::discriminant;
 use std::str::FromStr;
 use std::time::Duration;
 
-use etude_robot::allegro::{DeviceId, HostMessage};
+use etude_robot::allegro::{DeviceId, HostMessage, JOINTS};
 use serde::{Deserialize, Serialize};
 
 use crate::{Devices, HandEmulatorConfig};
@@ -49,6 +49,10 @@ pub enum FaultKind {
     HandFault(u8),
     /// The hand's servo is switched off.
     HandOff,
+    /// The encoder of this joint of the hand counts in the wrong direction.
+    JointReversed(u8),
+    /// The motor of this joint of the hand has no torque.
+    JointDead(u8),
 }
 
 /// A kind: its name, an example of its value if it has one, and what makes the fault of a value.
@@ -62,8 +66,12 @@ fn finger(value: &str) -> Option<u8> {
     value.parse().ok().filter(|finger| *finger <= 3)
 }
 
+fn joint(value: &str) -> Option<u8> {
+    value.parse().ok().filter(|joint| usize::from(*joint) < JOINTS)
+}
+
 /// Every kind, once.
-pub(crate) const KINDS: [Row; 16] = [
+pub(crate) const KINDS: [Row; 18] = [
     ("can-bus-off", "", |value| none(value, FaultKind::CanBusOff)),
     ("can-silent", "", |value| none(value, FaultKind::CanSilent)),
     ("finger-silent", "1", |value| Some(FaultKind::FingerSilent(finger(value)?))),
@@ -86,6 +94,8 @@ pub(crate) const KINDS: [Row; 16] = [
         value.parse().ok().filter(|bits: &u8| *bits > 1 && bits.is_multiple_of(2)).map(FaultKind::HandFault)
     }),
     ("hand-off", "", |value| none(value, FaultKind::HandOff)),
+    ("joint-reversed", "5", |value| Some(FaultKind::JointReversed(joint(value)?))),
+    ("joint-dead", "5", |value| Some(FaultKind::JointDead(joint(value)?))),
 ];
 
 /// The order of a fault is not valid.
@@ -113,6 +123,12 @@ fn kinds() -> String {
         example => format!("{name}={example}"),
     });
     names.join(", ")
+}
+
+fn set(joints: &mut [bool; JOINTS], joint: u8, on: bool) {
+    if let Some(is) = joints.get_mut(usize::from(joint)) {
+        *is = on;
+    }
 }
 
 impl FaultKind {
@@ -155,6 +171,8 @@ impl FaultKind {
                 let off = HostMessage::ServoOff.encode(DeviceId::default());
                 devices.hand.receive(now, &off, &mut Vec::new());
             }
+            Self::JointReversed(joint) => set(&mut hand.reversed, joint, true),
+            Self::JointDead(joint) => set(&mut hand.dead, joint, true),
             Self::CanBusOff
             | Self::CanSilent
             | Self::FingerSilent(_)
@@ -178,6 +196,8 @@ impl FaultKind {
             Self::HandHot(..) => hand.joint_celsius = cool.joint_celsius,
             Self::BoardHot(_) => hand.board_celsius = cool.board_celsius,
             Self::HandFault(bits) => hand.fault_bits &= !bits,
+            Self::JointReversed(joint) => set(&mut hand.reversed, joint, false),
+            Self::JointDead(joint) => set(&mut hand.dead, joint, false),
             _ => {}
         }
     }
@@ -203,7 +223,9 @@ impl fmt::Display for FaultKind {
             Self::FingerSilent(value)
             | Self::ArmError(value)
             | Self::BoardHot(value)
-            | Self::HandFault(value) => {
+            | Self::HandFault(value)
+            | Self::JointReversed(value)
+            | Self::JointDead(value) => {
                 write!(out, "={value}")
             }
             Self::HandHot(finger, celsius) => write!(out, "={finger}:{celsius}"),

@@ -1,12 +1,13 @@
-//! Measurements that are doubted: values that repeat while the robot was sent elsewhere, joints that push at their limit for long, and
-//! an arm that is not where it was sent.
+//! Measurements that are doubted: values that repeat while the robot was sent elsewhere, joints that push at their limit for long or
+//! stand although they are pushed both ways, and an arm that is not where it was sent.
 //!
 //! The thresholds are judgements. Playing on the twin (`standard` and `worn`, real execution) reaches 0.57 of the 0.8 for torques, 38 of the
 //! 80 mm along the keyboard, and no finger repeats itself.
 
 use std::time::Duration;
 
-use crate::allegro::{self, JOINTS, PWM_LIMITS};
+use super::turning::Turning;
+use crate::allegro::{JOINTS, PWM_LIMITS};
 use crate::calibration::RailPlace;
 use crate::xarm::kinematics;
 
@@ -58,6 +59,17 @@ pub enum Doubt {
         joint: usize,
         /// Root of the mean square of its torque, as a share of the limit.
         share: f64,
+    },
+    /// A joint of the hand is pushed both ways and does not turn.
+    #[error(
+        "joint {joint} of the hand stays at {rad:.2} rad although it was pushed both ways: see what blocks it, and check its motor, its \
+         encoder and their cables"
+    )]
+    Stands {
+        /// Which joint, as on the wire.
+        joint: usize,
+        /// Where it stays.
+        rad: f64,
     },
     /// The arm reports the same angles, and was sent elsewhere.
     #[error(
@@ -132,6 +144,7 @@ pub(super) struct Doubts {
     fingers: [Option<Reported<4, 4>>; FINGERS],
     hand_at: Option<Duration>,
     warm: [f64; JOINTS],
+    turning: Turning,
     arm: Option<Reported<{ kinematics::JOINTS }, 1>>,
     away_since: Option<Duration>,
     found: Option<Doubt>,
@@ -144,8 +157,11 @@ impl Doubts {
         at: Duration,
         positions: &[f64; JOINTS],
         reference: &[f64; JOINTS],
-        pwm: &[i16; allegro::JOINTS],
+        pwm: &[i16; JOINTS],
     ) {
+        if let Some(doubt) = self.turning.take(at, positions, reference) {
+            self.found.get_or_insert(doubt);
+        }
         let (positions, _) = positions.as_chunks::<4>();
         let (reference, _) = reference.as_chunks::<4>();
         for (finger, (reported, (positions, reference))) in

@@ -23,6 +23,8 @@ mod io;
 mod motion;
 mod plan;
 mod record;
+mod turning;
+mod wiggle;
 
 use std::time::Duration;
 
@@ -30,6 +32,7 @@ pub use doubt::Doubt;
 pub use fault::{Fault, Refused, RobotError};
 pub use plan::propose_fence;
 pub use record::Record;
+pub use wiggle::{WIGGLED, Wiggled, wiggle};
 
 use crate::allegro::{Hand, JointLoop};
 use crate::calibration::{RailPath, RailPlace};

@@ -86,21 +86,29 @@ impl Policy {
     }
 }
 
+/// What becomes of a frame on its way: nothing, itself, or others.
+pub type AlterFrame = Box<dyn FnMut(CanFrame) -> Vec<CanFrame>>;
+/// What becomes of bytes on their way.
+pub type AlterBytes = Box<dyn FnMut(&mut Vec<u8>)>;
+
 /// What is done at the wires.
 pub struct Mischief {
     /// Share of frames that is lost, both ways.
     pub frame_loss: f64,
-    /// Counts that the first joint of a frame with this identifier is off by.
-    pub encoder_off: Option<(u16, i16)>,
-    /// Frames with this identifier repeat the next one that comes.
-    pub repeated: Option<(u16, Option<CanFrame>)>,
-    /// The arm's reports repeat the next one that comes.
-    pub repeated_report: Option<Vec<u8>>,
+    /// What becomes of the frames from and to the hand.
+    pub from_hand: Option<AlterFrame>,
+    pub to_hand: Option<AlterFrame>,
+    /// What becomes of the bytes that come from the arm in one poll.
+    pub alter_replies: Option<AlterBytes>,
+    pub alter_reports: Option<AlterBytes>,
     /// What arrives besides what the twin says.
     pub frames: VecDeque<CanFrame>,
     pub replies: Vec<u8>,
     pub reports: Vec<u8>,
     pub midi: Vec<u8>,
+    /// The same, in each poll.
+    pub flood: Vec<CanFrame>,
+    pub midi_flood: Option<AlterBytes>,
     dice: Dice,
 }
 
@@ -108,13 +116,16 @@ impl Default for Mischief {
     fn default() -> Self {
         Self {
             frame_loss: 0.0,
-            encoder_off: None,
-            repeated: None,
-            repeated_report: None,
+            from_hand: None,
+            to_hand: None,
+            alter_replies: None,
+            alter_reports: None,
             frames: VecDeque::new(),
             replies: Vec::new(),
             reports: Vec::new(),
             midi: Vec::new(),
+            flood: Vec::new(),
+            midi_flood: None,
             dice: Dice::new(1),
         }
     }
@@ -134,7 +145,10 @@ impl Wires for Tap<'_> {
         if self.mischief.dice.chance(self.mischief.frame_loss) {
             return Ok(());
         }
-        self.inner.send_frame(frame)
+        match &mut self.mischief.to_hand {
+            None => self.inner.send_frame(frame),
+            Some(alter) => alter(frame).into_iter().try_for_each(|frame| self.inner.send_frame(frame)),
+        }
     }
 
     fn next_frame(&mut self) -> Result<Option<CanFrame>, CanError> {
@@ -143,16 +157,10 @@ impl Wires for Tap<'_> {
             if mischief.dice.chance(mischief.frame_loss) {
                 continue;
             }
-            if let Some((id, counts)) = mischief.encoder_off.filter(|(id, _)| *id == frame.id())
-                && let Some((first, rest)) = frame.payload().split_first_chunk::<2>()
-            {
-                let off = i16::from_le_bytes(*first).saturating_add(counts).to_le_bytes();
-                return Ok(CanFrame::new(id, &[&off, rest].concat()));
+            match &mut mischief.from_hand {
+                None => return Ok(Some(frame)),
+                Some(alter) => mischief.frames.extend(alter(frame)),
             }
-            if let Some((_, first)) = mischief.repeated.as_mut().filter(|(id, _)| *id == frame.id()) {
-                return Ok(Some(*first.get_or_insert(frame)));
-            }
-            return Ok(Some(frame));
         }
         Ok(self.mischief.frames.pop_front())
     }
@@ -164,28 +172,37 @@ impl Wires for Tap<'_> {
 
     fn receive_arm(&mut self, bytes: &mut Vec<u8>) -> Result<(), ArmLinkError> {
         bytes.append(&mut self.mischief.replies);
-        self.inner.receive_arm(bytes)
+        receive(bytes, &mut self.mischief.alter_replies, |bytes| self.inner.receive_arm(bytes))
     }
 
     fn receive_report(&mut self, bytes: &mut Vec<u8>) -> Result<(), ArmLinkError> {
         bytes.append(&mut self.mischief.reports);
-        let before = bytes.len();
-        self.inner.receive_report(bytes)?;
-        if let Some(first) = self.mischief.repeated_report.as_mut().filter(|_| bytes.len() > before) {
-            if first.is_empty() {
-                first.extend_from_slice(&bytes[before..]);
-            }
-            bytes.truncate(before);
-            bytes.extend_from_slice(first);
-        }
-        Ok(())
+        receive(bytes, &mut self.mischief.alter_reports, |bytes| self.inner.receive_report(bytes))
     }
 
     fn receive_midi(&mut self, bytes: &mut Vec<u8>) -> Result<(), MidiError> {
         self.inner.receive_midi(bytes)?;
         bytes.append(&mut self.mischief.midi);
+        if let Some(flood) = &mut self.mischief.midi_flood {
+            flood(bytes);
+        }
         Ok(())
     }
+}
+
+/// Receives bytes, and does to them what is to be done.
+fn receive(
+    bytes: &mut Vec<u8>,
+    alter: &mut Option<AlterBytes>,
+    from: impl FnOnce(&mut Vec<u8>) -> Result<(), ArmLinkError>,
+) -> Result<(), ArmLinkError> {
+    let mut new = Vec::new();
+    from(&mut new)?;
+    if let Some(alter) = alter.as_mut().filter(|_| !new.is_empty()) {
+        alter(&mut new);
+    }
+    bytes.append(&mut new);
+    Ok(())
 }
 
 /// A controller and a twin, and what is done to them.
@@ -195,6 +212,9 @@ pub struct Bench {
     pub judge: Judge,
     pub mischief: Mischief,
     pub policy: Policy,
+    /// How far the times of the policy's commands are ahead of the robot's clock, or behind it.
+    pub ahead: Duration,
+    pub behind: Duration,
     /// Where the policy began, and how many milliseconds it has run.
     from: [f64; DRIVEN],
     played: u32,
@@ -219,6 +239,8 @@ impl Bench {
             judge: Judge::new(&rig()),
             mischief: Mischief::default(),
             policy: Policy::Silent,
+            ahead: Duration::ZERO,
+            behind: Duration::ZERO,
             from: [0.0; DRIVEN],
             played: 0,
             dice: Dice::new(1),
@@ -252,6 +274,14 @@ impl Bench {
         self.lockstep.end(fault);
     }
 
+    /// A request (register, parameters) of another client of the arm.
+    pub fn other_client(&mut self, request: &[u8]) {
+        let (now, arm) = (self.lockstep.twin.now(), &mut self.lockstep.twin.devices.arm);
+        let other = arm.connect();
+        arm.receive(now, other, &[&[0, 1, 0, 2, 0, request.len() as u8], request].concat());
+        arm.disconnect(other);
+    }
+
     /// One millisecond.
     pub fn step(&mut self) {
         self.lockstep.step();
@@ -262,7 +292,8 @@ impl Bench {
                 let waypoints: Vec<_> = (0..10)
                     .map(|n| policy.waypoint(&from, secs + f64::from(n) * 5e-3, &mut self.dice))
                     .collect();
-                self.robot.follow(self.now(), &waypoints).unwrap();
+                let begun = (self.now() + self.ahead).saturating_sub(self.behind);
+                self.robot.follow(begun, &waypoints).unwrap();
             }
             self.played += 1;
         }
@@ -271,6 +302,7 @@ impl Bench {
 
     /// Lets the controller do what is due now.
     pub fn poll(&mut self) {
+        self.mischief.frames.extend(&self.mischief.flood);
         self.judge.arm = Some(self.lockstep.twin.devices.arm.joints());
         self.at_the_wires(|robot, now, wires| robot.poll(now, wires));
         self.judge.settled(self.robot.phase());
@@ -364,6 +396,18 @@ impl Bench {
     /// The arm's emulator is stopped, and takes no orders to move.
     pub fn arm_is_stopped(&self) -> bool {
         self.lockstep.twin.devices.arm.state() == 4
+    }
+
+    /// The arm's emulator is stopped, or waits for its state to be set after another client's change: it does not move either way.
+    pub fn arm_stands(&self) -> bool {
+        matches!(self.lockstep.twin.devices.arm.state(), 4 | 5)
+    }
+
+    /// Closes the arm's connections, and opens them anew.
+    pub fn reconnect_arm(&mut self) {
+        self.begin(FaultKind::ArmDisconnect);
+        self.step();
+        self.end(FaultKind::ArmDisconnect);
     }
 
     /// Largest speed of a joint of the world: rad/s, the rail in m/s.

@@ -8,6 +8,7 @@
 //! | `recovery` | wires that come back, and what an operator may ask while the arm moves by itself |
 //! | `limits` | whatever is asked, heard or broken, nothing outside the limits is ever sent |
 //! | `fuzz` | millions of frames and bytes at random break no driver, parser or emulator |
+//! | `wiggling` | a small turn of each joint finds one that is wrong |
 //! | `determinism` | the same seed gives the same records |
 //!
 //! `bench` has the controller and the twin, `judge` listens in on the wires and decodes what is sent by itself,
@@ -26,3 +27,4 @@ mod matrix;
 mod ordered;
 mod playing;
 mod recovery;
+mod wiggling;

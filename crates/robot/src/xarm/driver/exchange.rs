@@ -188,10 +188,11 @@ impl Arm {
             return self.fail(ArmFault::ProtocolNonsense("a reply is to something else"));
         }
         let moves = asked.purpose == Purpose::Target || asked.register == Register::MoveJoints;
+        let on_its_way = matches!(self.phase, Phase::Working(work) if work.steps == steps::HOME);
         let ignored = is_queued(asked.register) && state.has(ReplyState::NOT_READY);
         if self.active() && (ignored || state.has(ReplyState::INVALID)) {
             self.fail(ArmFault::CommandRejected { register: asked.register.name() });
-        } else if moves && state.has(ReplyState::ERROR) {
+        } else if (moves || on_its_way) && state.has(ReplyState::ERROR) {
             self.fail(ArmFault::Controller { code: None });
         } else if moves && state.has(ReplyState::NOT_READY) {
             self.fail(ArmFault::NotReady);
@@ -312,7 +313,10 @@ impl Arm {
             _ => return Err(ArmFault::UnexpectedState { state, mode: report.mode }),
         }
         if work.idle > IDLE_LIMIT {
-            return Err(ArmFault::NotFollowing { joint, by_rad });
+            // In state 5 another client has changed the mode or the motors.
+            let changed = state == 5;
+            let unexpected = ArmFault::UnexpectedState { state, mode: report.mode };
+            return Err(if changed { unexpected } else { ArmFault::NotFollowing { joint, by_rad } });
         }
         Ok(false)
     }

@@ -1,0 +1,116 @@
+//! `etude robot check`: brings a robot up, prints what it is, and on request turns each joint of its hand a little.
+
+use std::time::Duration;
+
+use etude_lab::released;
+use etude_perform::stand::{Stand, rig_choice};
+use etude_robot::{WIGGLED, Wiggled, wiggle};
+use serde_json::json;
+
+use super::Rig;
+use crate::Ending;
+use crate::progress::stop_flag;
+use crate::verbs::{json as print_json, line};
+
+#[derive(clap::Args)]
+pub struct Args {
+    #[command(flatten)]
+    rig: Rig,
+    /// Also turn each joint of the hand by 0.05 rad and back, one after the other, and see that it follows; the arm stands still
+    #[arg(long)]
+    wiggle: bool,
+}
+
+pub fn run(args: &Args) -> anyhow::Result<Ending> {
+    let rig = &args.rig;
+    let interrupt = stop_flag()?;
+    let choice = rig_choice(&rig.robot, "standard")?;
+    let fence = choice.missing_fence()?;
+    let mut stand = choice.open_at_rest(choice.side(), 0)?;
+    let held = stand.hold(Duration::from_millis(500), &interrupt).map_err(Into::into);
+    let wiggled = held.and_then(|fault| match fault {
+        None if args.wiggle => {
+            let Stand { robot, pace } = &mut stand;
+            let found = wiggle(robot, pace, &interrupt)?;
+            Ok((robot.fault().map(ToString::to_string), Some(found)))
+        }
+        fault => Ok((fault, None)),
+    });
+    let (fault, wiggled) = released(&mut stand, wiggled)?;
+    let robot = &stand.robot;
+    let (hand, arm, place) = (robot.hand().information(), robot.arm(), robot.place());
+    let version = arm.version().map(|version| version.text.clone());
+    let report = json!({
+        "rig": robot.config().name,
+        "hand": {
+            "serial": robot.hand().serial().map(|serial| serial.to_string()),
+            "firmware": hand.map(|hand| hand.firmware),
+            "board_celsius": hand.map(|hand| hand.board_celsius),
+            "joints_rad": robot.hand().positions(),
+        },
+        "arm": { "serial": arm.serial(), "firmware": version, "joints_rad": arm.joints() },
+        "rail": { "m": place.rail_m, "beside_m": place.beside_m, "turned_rad": place.turned_rad },
+        "keyboard": robot.keyboard().state().to_string(),
+        "warnings": robot.keyboard().warnings().map(|warning| warning.to_string()).collect::<Vec<_>>(),
+        "missing_fence": fence,
+        "wiggle": wiggled.as_deref().map(joints),
+        "fault": fault,
+    });
+    if rig.json {
+        print_json(&report)?;
+    } else {
+        let text = |value: &serde_json::Value| value.as_str().unwrap_or("unknown").to_string();
+        let (hand, arm) = (&report["hand"], &report["arm"]);
+        line(format!("hand      {}, board {} °C", text(&hand["serial"]), hand["board_celsius"]))?;
+        line(format!("arm       {}, firmware {}", text(&arm["serial"]), text(&arm["firmware"])))?;
+        line(format!(
+            "place     {:+.3} m along the keyboard, {:.0} mm from the path that was calibrated",
+            place.rail_m,
+            place.beside_m * 1e3
+        ))?;
+        line(format!("keyboard  {}", text(&report["keyboard"])))?;
+        for warning in robot.keyboard().warnings() {
+            line(format!("warning   {warning}"))?;
+        }
+        if let Some(fence) = fence {
+            line(format!(
+                "box       none yet; this one fits, write it into the rig's file under [arm]: {fence}"
+            ))?;
+        }
+        for joint in wiggled.iter().flatten() {
+            line(format!(
+                "joint {:2}  sent {:+.3} rad, turned {:+.3} rad{}",
+                joint.joint,
+                joint.sent_rad,
+                joint.turned_rad,
+                joint.problem().map(|problem| format!(": {problem}")).unwrap_or_default()
+            ))?;
+        }
+    }
+    let found = wiggled.unwrap_or_default();
+    let wrong = found.iter().filter_map(|joint| Some(format!("joint {} {}", joint.joint, joint.problem()?)));
+    let wrong: Vec<String> = wrong.collect();
+    match fault {
+        _ if !wrong.is_empty() => {
+            let stopped = fault.map(|fault| format!("; the robot stopped itself: {fault}"));
+            anyhow::bail!("{}{}", wrong.join("; "), stopped.unwrap_or_default())
+        }
+        Some(fault) => anyhow::bail!("the robot stopped itself: {fault}"),
+        None if args.wiggle && found.len() < WIGGLED => {
+            anyhow::bail!("stopped after {} of {WIGGLED} joints", found.len())
+        }
+        None => Ok(Ending::Done),
+    }
+}
+
+fn joints(found: &[Wiggled]) -> serde_json::Value {
+    let joint = |joint: &Wiggled| {
+        json!({
+            "joint": joint.joint,
+            "sent_rad": joint.sent_rad,
+            "turned_rad": joint.turned_rad,
+            "problem": joint.problem(),
+        })
+    };
+    found.iter().map(joint).collect()
+}
