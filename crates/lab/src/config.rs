@@ -190,6 +190,7 @@ mod tests {
             n_step = 1
             polyak = 0.005
             policy_polyak = 1.0
+            smoothness = 0.0
             actor_learning_rate = 3e-4
             critic_learning_rate = 3e-4
             temperature_learning_rate = 3e-4
