@@ -33,6 +33,12 @@ pub fn with_arguments(arguments: &[&str]) -> Vec<u32> {
 
 /// Sends a signal, such as `KILL`, to a process.
 pub fn signal(id: u32, name: &str) {
-    let sent = Command::new("kill").args([format!("-{name}"), id.to_string()]).status().unwrap();
-    assert!(sent.success(), "{name} to {id}");
+    signal_all(&[id], name);
+}
+
+/// The same to several, one right after the other.
+pub fn signal_all(ids: &[u32], name: &str) {
+    let ids: Vec<String> = ids.iter().map(u32::to_string).collect();
+    let sent = Command::new("kill").arg(format!("-{name}")).args(&ids).status().unwrap();
+    assert!(sent.success(), "{name} to {ids:?}");
 }

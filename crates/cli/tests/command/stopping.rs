@@ -45,10 +45,15 @@ impl Served {
         Self { process, rig, _alone: alone }
     }
 
-    /// What the monitor saw last: servo of the hand, state of the arm.
-    fn seen(&self, desk: &Desk) -> (Value, Value) {
+    /// What the monitor saw last.
+    fn last_line(&self, desk: &Desk) -> Value {
         let text = desk.ok(&format!("robot monitor --robot {} --secs 0.7 --json", self.rig.display()));
-        let last: Value = serde_json::from_str(text.lines().last().unwrap()).unwrap();
+        serde_json::from_str(text.lines().last().unwrap()).unwrap()
+    }
+
+    /// Servo of the hand, state of the arm.
+    fn seen(&self, desk: &Desk) -> (Value, Value) {
+        let last = self.last_line(desk);
         (last["hand"]["servo_on"].clone(), last["arm"]["state"].clone())
     }
 }
@@ -137,6 +142,21 @@ fn however_a_controller_ends_the_robot_is_let_go() {
             "{what}: it is left"
         );
     }
+
+    // Both killed together: nobody sends a stop, and the arm stands where it was sent last. `robot stop` then stops both.
+    let mut both = home();
+    let guards = with_arguments(&["robot", "guard", "--robot", &rig]);
+    let guard = children_of(both.id()).into_iter().find(|id| guards.contains(id)).unwrap();
+    // In one system call each, before one sees that the other is gone.
+    processes::signal_all(&[both.id(), guard], "KILL");
+    both.wait().unwrap();
+    std::thread::sleep(Duration::from_millis(500));
+    // Seen twice: the hand may hold its torque, but nothing moves.
+    let places: Vec<Value> = (0..2).map(|_| twin.last_line(&desk)["arm"]["joints_rad"].clone()).collect();
+    assert!(places[0].is_array() && places[0] == places[1], "{places:?}");
+    let stop = desk.json(&format!("robot stop --robot {rig} --json"));
+    assert_eq!(stop["sure"], true, "{stop}");
+    assert!(is_safe(twin.seen(&desk)), "both killed, then stopped");
 
     // A file that cannot be written is told with the robot let go.
     std::fs::create_dir_all(desk.path("full/run-1.mcap")).unwrap();

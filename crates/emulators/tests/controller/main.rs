@@ -5,5 +5,6 @@
 mod bench;
 mod extremes;
 mod hand;
+mod interlocks;
 mod records;
 mod way;

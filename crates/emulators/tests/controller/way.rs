@@ -115,3 +115,38 @@ fn a_box_holds_the_keyboard_and_the_way_there_or_nothing_begins() {
     assert!(refused.contains("leaves its box") && refused.contains("y of the flange"), "{refused}");
     assert_eq!(bench.robot.phase(), Phase::Holding);
 }
+
+/// Controller and guard are killed together, and nobody sends a stop: the arm must stand where it was sent last.
+#[test]
+fn without_a_controller_the_arm_stands_where_it_was_sent_last() {
+    let mut farthest = [0.0_f64; 2];
+    for at in 0..12 {
+        let mut bench = Bench::new();
+        bench.devices.arm.place(PAPER_HOME_DEG.map(f64::to_radians));
+        bench.start();
+        bench.until(Phase::Holding, 3000);
+        bench.robot.home(bench.now(), &[0.0; DRIVEN]).unwrap();
+        let following = at >= 6;
+        if following {
+            bench.until(Phase::Holding, 60_000);
+            // 0.15 m along the keyboard as fast as the limits allow.
+            bench.follow(&[0.0; DRIVEN], 100);
+            let mut pose = [0.0; DRIVEN];
+            pose[RAIL] = 0.15;
+            bench.robot.follow(bench.now(), &[pose; 100]).unwrap();
+            bench.run(60 + 40 * (at - 6));
+        } else {
+            bench.run(1200 + 700 * at);
+        }
+        let (sent, stood) = (bench.robot.arm().sent().unwrap(), bench.devices.arm.joints());
+        (0..500).for_each(|_| bench.pass());
+        let ended = bench.devices.arm.joints();
+        let beside = ended.iter().zip(sent).map(|(ended, sent)| (ended - sent).abs()).fold(0.0, f64::max);
+        assert!(beside < 1e-3, "{at}: {beside} rad from where it was sent");
+        let way_m = (forward(&ended).position_m - forward(&stood).position_m).norm();
+        farthest[usize::from(following)] = farthest[usize::from(following)].max(way_m);
+    }
+    // What its own lag leaves, at 0.3 rad/s and at 0.8 m/s: a planned move would have taken it half a metre farther.
+    println!("after the last target it moved by {:.0} mm on its way, {:.0} mm at the keyboard", farthest[0] * 1e3, farthest[1] * 1e3);
+    assert!(farthest[0] > 1e-3 && farthest[0] < 0.04 && farthest[1] > 1e-3 && farthest[1] < 0.08, "{farthest:?}");
+}

@@ -1,6 +1,5 @@
 //! What the driver does when all is well.
 
-use std::time::Duration;
 
 use etude_emulators::{ArmEmulatorConfig, ReportKind};
 use etude_robot::xarm::codec::{FEEDBACK, Frame, floats};
@@ -65,16 +64,6 @@ fn limits_and_box_arrive_in_the_arms_units() {
     assert!(params(53).is_empty(), "the box is read back");
     let limits: [f32; 10] = floats(&bench.reported()[181..]).unwrap();
     assert_eq!([limits[0], limits[2], limits[5], limits[7]], [3000.0, 4000.0, 50.0, 1.5]);
-    // A planned move keeps to the smaller acceleration.
-    let (begun, mut there) = (bench.now, home());
-    there[0] += 0.2;
-    bench.arm.move_home(begun, there, 3.0).unwrap();
-    bench.until(ArmState::Ready);
-    assert!(
-        bench.now - begun > Duration::from_secs_f64(2.0 * (0.2_f64 / 1.5).sqrt()),
-        "{:?}",
-        bench.now - begun
-    );
 }
 
 #[test]
@@ -96,15 +85,8 @@ fn nothing_is_sent_outside_the_box() {
     };
     let mut bench = fenced();
     bench.until(ArmState::Ready);
-    // Where a move ends, and where it leads through, must be inside.
-    let (mut outside, mut around) = (home(), home());
+    let mut outside = home();
     outside[0] += 0.5;
-    around[0] += 2.0 * std::f64::consts::PI;
-    for there in [outside, around] {
-        let refused = bench.arm.move_home(bench.now, there, 0.3);
-        assert!(matches!(refused, Err(ArmError::Refused(TargetError::OutsideFence(_)))), "{refused:?}");
-    }
-    assert_eq!(bench.arm.state(), ArmState::Ready, "nothing has moved");
     // A stream out of the box ends before the controller minds.
     let led = bench.stream(2.0, |time| {
         let mut joints = home();
@@ -142,12 +124,12 @@ fn old_firmware_is_spoken_to_in_the_old_way() {
 
 #[test]
 fn it_follows_the_slide() {
-    let mut bench = Bench::ready();
+    let mut bench = Bench::new();
     let near = kinematics::inverse(&over_keys(0.5), &home()).unwrap();
     let mut begin = kinematics::inverse(&over_keys(0.0), &near).unwrap();
-    bench.arm.move_home(bench.now, begin, 0.5).unwrap();
+    bench.emulator.place(begin);
+    bench.arm.start(bench.now).unwrap();
     bench.until(ArmState::Ready);
-    assert!(apart(&bench.emulator.joints(), &begin) < 1e-6);
     let sent = bench.wire.streamed();
     // C1 to C5 and back, the fastest moment at 0.84 m/s.
     let (mut worst, mut joints) = (0.0_f64, bench.arm.joints().unwrap());
@@ -170,43 +152,29 @@ fn it_follows_the_slide() {
 }
 
 #[test]
-fn it_goes_home_and_is_led_by_hand() {
+fn it_is_led_by_hand() {
     let mut bench = Bench::ready();
     let mut elsewhere = home();
     elsewhere[1] += 0.4;
-    bench.arm.move_home(bench.now, elsewhere, 0.3).unwrap();
-    assert_eq!(bench.arm.state(), ArmState::MovingHome);
-    assert!(matches!(bench.servo(home()), Err(ArmError::NotNow(ArmState::MovingHome))));
-    bench.until(ArmState::Ready);
-    assert!(bench.now > Duration::from_millis(1400), "0.4 rad at 0.3 rad/s");
-    assert!(apart(&bench.emulator.joints(), &elsewhere) < 1e-6);
-
     bench.arm.manual(bench.now, true).unwrap();
+    assert!(matches!(bench.servo(home()), Err(ArmError::NotNow(ArmState::Starting))));
     bench.until(ArmState::Manual);
-    bench.emulator.place(home());
+    bench.emulator.place(elsewhere);
     bench.run(100);
-    assert!(apart(&bench.arm.joints().unwrap(), &home()) < 1e-6);
+    assert!(apart(&bench.arm.joints().unwrap(), &elsewhere) < 1e-6);
     assert!(bench.arm.manual(bench.now, true).is_err());
     bench.arm.manual(bench.now, false).unwrap();
     bench.until(ArmState::Ready);
     bench.run(50);
-    bench.servo(home()).unwrap();
-
-    // What it will not do, it does not begin.
-    let refused = bench.arm.move_home(bench.now, [4.0; JOINTS], 0.3);
-    assert!(matches!(refused, Err(ArmError::Refused(TargetError::BeyondLimit(_)))), "{refused:?}");
-    assert!(matches!(bench.arm.move_home(bench.now, home(), f64::NAN), Err(ArmError::Refused(_))));
-    assert!(matches!(bench.arm.move_home(bench.now, home(), 4.0), Err(ArmError::Refused(_))));
+    bench.servo(elsewhere).unwrap();
     bench.run(50);
     assert_eq!(bench.arm.state(), ArmState::Ready);
 }
 
 #[test]
 fn stop_stops_whatever_is_going_on() {
-    let mut elsewhere = home();
-    elsewhere[0] += 1.0;
-    // Before the start, while starting, ready, streaming, homing, by hand, and after a fault.
-    for case in 0..7 {
+    // Before the start, while starting, ready, streaming, by hand, and after a fault.
+    for case in 0..6 {
         let mut bench = if case < 2 { Bench::new() } else { Bench::ready() };
         match case {
             1 => bench.arm.start(bench.now).unwrap(),
@@ -215,14 +183,13 @@ fn stop_stops_whatever_is_going_on() {
                     [home()[0] + time, home()[1], 0.0, home()[3], home()[4], home()[5], home()[6]]
                 })
                 .unwrap(),
-            4 => bench.arm.move_home(bench.now, elsewhere, 0.5).unwrap(),
-            5 => bench.arm.manual(bench.now, true).unwrap(),
-            6 => assert!(bench.servo([f64::NAN; JOINTS]).is_err()),
+            4 => bench.arm.manual(bench.now, true).unwrap(),
+            5 => assert!(bench.servo([f64::NAN; JOINTS]).is_err()),
             _ => {}
         }
         // So that a reply is outstanding.
         bench.emulator.set_silent(true);
-        bench.run(if case == 4 { 5 } else { 7 });
+        bench.run(7);
         bench.emulator.set_silent(false);
         let before = bench.wire.stops();
         bench.stop();
@@ -234,8 +201,8 @@ fn stop_stops_whatever_is_going_on() {
         bench.run(200);
         assert_eq!(rests, bench.emulator.joints(), "case {case}");
         assert!(bench.wire.stops() <= before + 4, "case {case}: the reports show it");
-        assert_eq!(bench.fault().is_some(), case == 6, "case {case}");
-        if case != 6 {
+        assert_eq!(bench.fault().is_some(), case == 5, "case {case}");
+        if case != 5 {
             assert_eq!(bench.arm.state(), ArmState::Stopped, "case {case}");
         }
         bench.arm.start(bench.now).unwrap();

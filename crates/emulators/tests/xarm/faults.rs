@@ -211,40 +211,11 @@ fn a_reply_must_fit_its_request() {
     }
 }
 
-#[test]
-fn a_home_that_is_not_reached_is_a_fault() {
-    let mut bench = Bench::ready();
-    let mut elsewhere = home();
-    elsewhere[0] += 1.0;
-    // Somebody drops the queue: the arm is ready, but elsewhere.
-    bench.arm.move_home(bench.now, elsewhere, 0.5).unwrap();
-    bench.run(300);
-    let there = bench.emulator.joints();
-    bench.emulator.place(there);
-    bench.run(2000);
-    assert!(
-        matches!(bench.fault(), Some(ArmFault::NotFollowing { joint: 1, .. })),
-        "{:?}",
-        bench.arm.state()
-    );
-    // And an error on the way.
-    let mut bench = Bench::ready();
-    bench.arm.move_home(bench.now, elsewhere, 0.5).unwrap();
-    bench.run(300);
-    bench.emulator.inject_error(31);
-    bench.until(ArmState::Fault(ArmFault::Controller { code: Some(31) }));
-}
-
 /// From another terminal, in the middle of our own changes of mode.
 #[test]
 fn a_stop_from_elsewhere_during_a_change_of_mode_is_a_fault() {
     type Begin = fn(&mut Bench);
-    let ways: [(&str, usize, Begin); 3] = [
-        ("home", 2, |b| {
-            let mut elsewhere = home();
-            elsewhere[0] += 0.1;
-            b.arm.move_home(b.now, elsewhere, 0.5).unwrap();
-        }),
+    let ways: [(&str, usize, Begin); 2] = [
         ("by hand", 1, |b| b.arm.manual(b.now, true).unwrap()),
         ("back", 1, |b| {
             b.arm.manual(b.now, true).unwrap();
@@ -258,7 +229,7 @@ fn a_stop_from_elsewhere_during_a_change_of_mode_is_a_fault() {
             let mut bench = Bench::ready();
             begin(&mut bench);
             bench.run(millis);
-            let over = !matches!(bench.arm.state(), ArmState::Starting | ArmState::MovingHome);
+            let over = !matches!(bench.arm.state(), ArmState::Starting);
             let other = bench.emulator.connect();
             let mut bytes = Vec::new();
             Frame::new(1, 2, &[&[Register::SetState as u8, 4]]).unwrap().write(&mut bytes);

@@ -24,6 +24,10 @@ pub enum Clamp {
     Stopping,
     /// From there the axis could not stop before the target, which may stand still from now on.
     Passing,
+    /// The arm has not followed: the set-point of the rail waits for it.
+    Ahead,
+    /// A key is down: the hand moves along the keyboard only slowly.
+    KeyDown,
 }
 
 impl Clamp {
@@ -37,6 +41,8 @@ impl Clamp {
             Self::Jerk => "jerk",
             Self::Stopping => "stopping",
             Self::Passing => "passing",
+            Self::Ahead => "ahead",
+            Self::KeyDown => "key-down",
         }
     }
 }

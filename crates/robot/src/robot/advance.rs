@@ -20,6 +20,9 @@ const ON_PATH_M: f64 = 0.005;
 const ON_PATH_RAD: f64 = 0.03;
 /// Largest distance from its range at which a joint of the hand may start, rad: play, and some give of the stop.
 const OUTSIDE_RAD: f64 = 0.1;
+/// Largest lead of the rail's set-point over the arm, m: a tenth of a second at 0.6 m/s. Playing on the twin reaches 38 mm. The torque
+/// clamp does the same for the fingers: policies press by asking for up to 1.6 rad more than a key allows.
+const AHEAD_M: f64 = 0.06;
 /// Longest time between two polls while torques are on. The hand holds the last torque meanwhile.
 const LONGEST_GAP: Duration = Duration::from_millis(100);
 
@@ -123,7 +126,8 @@ impl Robot {
         let on_path = place.beside_m <= ON_PATH_M
             && place.turned_rad <= ON_PATH_RAD
             && outside[RAIL_AXIS].abs() <= ON_PATH_M;
-        self.arm_sent = self.arm.joints().filter(|_| on_path);
+        self.arm_stood = self.arm.joints();
+        self.arm_sent = self.arm_stood.filter(|_| on_path);
         self.easing = Easing::new(now, outside);
         self.following = Following::default();
         self.doubts = Doubts::default();
@@ -132,6 +136,18 @@ impl Robot {
         self.stepped = now;
         self.arm.align(now, now);
         Ok(())
+    }
+
+    /// Why the rail's set-point brakes now, whatever is asked: the arm has not followed, or a finger would be dragged against the fences.
+    fn holds_rail(&self) -> Option<Clamp> {
+        self.arm_sent?;
+        let axis = &self.axes[RAIL_AXIS];
+        let ahead_m = (axis.position() - self.place().rail_m) * axis.velocity().signum();
+        if ahead_m > AHEAD_M {
+            return Some(Clamp::Ahead);
+        }
+        let fast = axis.velocity().abs() > self.config.limits.key_down_rail_velocity;
+        (fast && self.keyboard.pressed() != 0).then_some(Clamp::KeyDown)
     }
 
     fn set_points(&mut self, at: Duration) -> Result<(), Fault> {
@@ -147,10 +163,16 @@ impl Robot {
         match &asked {
             None => self.axes.iter_mut().for_each(Axis::brake),
             Some(asked) => {
+                let held = self.holds_rail();
                 for (index, (axis, target)) in self.axes.iter_mut().zip(asked).enumerate() {
-                    if let Some(clamp) = axis.step(*target) {
-                        clamps.push((driven_index(index), clamp));
-                    }
+                    let clamp = match held {
+                        Some(clamp) if index == RAIL_AXIS => {
+                            axis.brake();
+                            Some(clamp)
+                        }
+                        _ => axis.step(*target),
+                    };
+                    clamps.extend(clamp.map(|clamp| (driven_index(index), clamp)));
                 }
             }
         }
@@ -164,11 +186,17 @@ impl Robot {
     /// Gives the arm the next target if it can be sent now. After late replies the rail's set-point is far ahead: the arm catches up with
     /// it within the same limits, from rest if it has stood still meanwhile.
     pub(super) fn lead_arm(&mut self, now: Duration) -> Result<(), Fault> {
-        let Some(near) = self.arm_sent.filter(|_| self.is_live() && self.arm.takes_target(now)) else {
+        if !self.is_live() || !self.arm.takes_target(now) {
             return Ok(());
-        };
+        }
         let pause = self.arm.sent_at().map_or(Duration::ZERO, |at| now.saturating_sub(at));
-        if pause > self.config.arm.servo_period() * 7 / 4 {
+        let paused = pause > self.config.arm.servo_period() * 7 / 4;
+        if let Some(way) = self.plan.as_mut().and_then(|plan| plan.way.as_mut()) {
+            let joints = way.next(now, paused)?;
+            return Ok(self.arm.servo(now, joints)?);
+        }
+        let Some(near) = self.arm_sent else { return Ok(()) };
+        if paused {
             self.arm_axis.rest(self.arm_axis.position());
         }
         self.arm_axis.step(self.axes[RAIL_AXIS].position());

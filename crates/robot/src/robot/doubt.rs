@@ -9,7 +9,7 @@ use std::time::Duration;
 use super::turning::Turning;
 use crate::allegro::{JOINTS, PWM_LIMITS};
 use crate::calibration::RailPlace;
-use crate::xarm::kinematics;
+use crate::xarm::{kinematics, largest_turn};
 
 /// Shortest time for which repeated values are doubted.
 const REPEATED: Duration = Duration::from_millis(100);
@@ -25,8 +25,18 @@ const WARMING_SECS: f64 = 10.0;
 const TOO_WARM: f64 = 0.8;
 /// Longest time for which the arm may be away from where it was sent.
 const AWAY: Duration = Duration::from_millis(150);
-/// How far along the keyboard, m: a tenth of a second at the highest speed of the rail.
+/// How far along the keyboard, m, while it is sent nowhere, and at most: a tenth of a second at the highest speed of the rail.
+const AWAY_AT_REST_M: f64 = 0.02;
 const AWAY_M: f64 = 0.08;
+/// Lag of the arm by which it may be farther away while it is sent along the keyboard, s, and how fast the speed is forgotten, s.
+const LAG_SECS: f64 = 0.1;
+const SPEED_SECS: f64 = 0.3;
+/// How far a joint of the arm may be from where it stands away from the keyboard, rad.
+const MOVED_RAD: f64 = 0.02;
+/// How far a joint of the arm may be from where it was sent on the way to the keyboard, rad: a third of a second at the speed of that way.
+const AWAY_RAD: f64 = 0.1;
+/// How far a joint of the arm was sent on that way while its reports repeat, rad.
+const SENT_ARM_RAD: f64 = 0.05;
 /// How far beside its path, m, and how far turned, rad.
 const BESIDE_M: f64 = 0.015;
 const TURNED_RAD: f64 = 0.1;
@@ -82,6 +92,28 @@ pub enum Doubt {
         since: Duration,
         /// How far it was sent.
         sent_m: f64,
+    },
+    /// The arm reports the same angles on its way to the keyboard.
+    #[error(
+        "the arm has reported the same angles for {} ms while it was sent {sent_rad:.2} rad on its way: see what holds it, and look at its control \
+         box",
+        since.as_millis()
+    )]
+    ArmRepeatsOnWay {
+        /// For how long.
+        since: Duration,
+        /// How far it was sent.
+        sent_rad: f64,
+    },
+    /// The arm is not where it was sent on its way to the keyboard, or not where it stood.
+    #[error(
+        "joint {joint} of the arm is {by_rad:.2} rad from where it was sent or stood: see what holds it, and whether another program moves it"
+    )]
+    ArmOffWay {
+        /// Which joint, counted from 1.
+        joint: usize,
+        /// How far, rad.
+        by_rad: f64,
     },
     /// The arm is not where it was sent.
     #[error(
@@ -146,7 +178,12 @@ pub(super) struct Doubts {
     warm: [f64; JOINTS],
     turning: Turning,
     arm: Option<Reported<{ kinematics::JOINTS }, 1>>,
+    arm_way: Option<Reported<{ kinematics::JOINTS }, { kinematics::JOINTS }>>,
     away_since: Option<Duration>,
+    /// When the arm reported last, where it was sent then along the keyboard, m, and the greatest speed of that lately, m/s.
+    arm_at: Option<Duration>,
+    arm_sent_m: Option<f64>,
+    arm_speed: f64,
     found: Option<Doubt>,
 }
 
@@ -195,18 +232,47 @@ impl Doubts {
         if let Some((since, sent_m)) = Reported::take(&mut self.arm, at, *joints, [sent_rail_m], SENT_M) {
             self.found.get_or_insert(Doubt::ArmRepeats { since, sent_m });
         }
+        let secs = at.saturating_sub(self.arm_at.unwrap_or(at)).as_secs_f64();
+        let before_m = self.arm_sent_m.unwrap_or(sent_rail_m);
+        self.arm_speed *= (-secs / SPEED_SECS).exp();
+        if secs > 0.0 {
+            self.arm_speed = self.arm_speed.max((sent_rail_m - before_m).abs() / secs);
+        }
+        (self.arm_at, self.arm_sent_m) = (Some(at), Some(sent_rail_m));
+        let allowed_m = (AWAY_AT_REST_M + LAG_SECS * self.arm_speed).min(AWAY_M);
         let along_m = (place.rail_m - sent_rail_m).abs();
         let (beside_m, turned_rad) = (place.beside_m, place.turned_rad);
-        if along_m <= AWAY_M && beside_m <= BESIDE_M && turned_rad <= TURNED_RAD {
+        if along_m <= allowed_m && beside_m <= BESIDE_M && turned_rad <= TURNED_RAD {
             self.away_since = None;
         } else if at.saturating_sub(*self.away_since.get_or_insert(at)) > AWAY {
             self.found.get_or_insert(Doubt::ArmAway { along_m, beside_m, turned_rad });
         }
     }
 
-    /// The arm has made a move of its own: what it reported before does not count.
+    /// The same on the arm's way to the keyboard, or while it stands away from it; `sent` are joints (rad).
+    pub fn arm_elsewhere(
+        &mut self,
+        at: Duration,
+        joints: &[f64; kinematics::JOINTS],
+        sent: &[f64; kinematics::JOINTS],
+        on_its_way: bool,
+    ) {
+        let repeated = Reported::take(&mut self.arm_way, at, *joints, *sent, SENT_ARM_RAD);
+        if let Some((since, sent_rad)) = repeated {
+            self.found.get_or_insert(Doubt::ArmRepeatsOnWay { since, sent_rad });
+        }
+        let (joint, by_rad) = largest_turn(joints, sent);
+        if by_rad <= if on_its_way { AWAY_RAD } else { MOVED_RAD } {
+            self.away_since = None;
+        } else if at.saturating_sub(*self.away_since.get_or_insert(at)) > AWAY {
+            self.found.get_or_insert(Doubt::ArmOffWay { joint, by_rad });
+        }
+    }
+
+    /// The arm has come to the keyboard: what it reported before does not count.
     pub fn arm_has_arrived(&mut self) {
-        (self.arm, self.away_since) = (None, None);
+        (self.arm, self.arm_way, self.away_since) = (None, None, None);
+        (self.arm_at, self.arm_sent_m, self.arm_speed) = (None, None, 0.0);
     }
 
     /// The first thing that is doubted.
@@ -280,6 +346,27 @@ mod tests {
     }
 
     #[test]
+    fn an_arm_away_from_the_keyboard_is_where_it_was_sent_or_stood() {
+        let arm = |on_its_way: bool, what: &dyn Fn(f64) -> ([f64; 7], [f64; 7])| {
+            let mut doubts = Doubts::default();
+            for report in 0..200 {
+                let (joints, sent) = what(f64::from(report) * 0.01);
+                doubts.arm_elsewhere(Duration::from_millis(10) * report, &joints, &sent, on_its_way);
+            }
+            doubts.found().cloned()
+        };
+        // 0.15 s late at 0.3 rad/s.
+        assert_eq!(arm(true, &|secs| ([0.3 * (secs - 0.15).max(0.0); 7], [0.3 * secs; 7])), None);
+        let off = arm(true, &|secs| ([0.3 * (secs - 0.5); 7], [0.3 * secs; 7]));
+        assert!(matches!(off, Some(Doubt::ArmOffWay { joint: 1, .. })), "{off:?}");
+        let repeats = arm(true, &|secs| ([0.0; 7], [0.3 * secs; 7]));
+        assert!(matches!(repeats, Some(Doubt::ArmRepeatsOnWay { .. })), "{repeats:?}");
+        assert_eq!(arm(false, &|_| ([0.1; 7], [0.1; 7])), None);
+        let moved = arm(false, &|secs| ([0.1 + 0.05 * secs; 7], [0.1; 7]));
+        assert!(matches!(moved, Some(Doubt::ArmOffWay { .. })), "{moved:?}");
+    }
+
+    #[test]
     fn an_arm_that_stands_or_is_elsewhere_is_doubted() {
         let arm = |count: u32, what: &dyn Fn(f64) -> ([f64; 7], RailPlace, f64)| {
             let mut doubts = Doubts::default();
@@ -294,12 +381,18 @@ mod tests {
         assert_eq!(arm(60, &|secs| ([secs; 7], place(0.8 * (secs - 0.07)), 0.8 * secs)), None);
         let repeats = arm(60, &|secs| ([0.3; 7], place(0.0), 0.1 * secs));
         assert!(matches!(repeats, Some(Doubt::ArmRepeats { .. })), "{repeats:?}");
-        let away = arm(60, &|secs| ([secs; 7], place(0.0), 0.102));
+        let away = arm(60, &|secs| ([secs; 7], place(0.0), 0.021));
         assert!(matches!(away, Some(Doubt::ArmAway { .. })), "{away:?}");
         let beside = arm(60, &|secs| ([secs; 7], RailPlace { beside_m: 0.02, ..place(0.0) }, 0.0));
         assert!(matches!(beside, Some(Doubt::ArmAway { .. })), "{beside:?}");
         // A short knock is none.
         assert_eq!(arm(60, &|secs| ([secs; 7], place(if secs < 0.14 { 0.09 } else { 0.0 }), 0.0)), None);
+        // Half a second after it was sent along the keyboard, it must be there.
+        let stops = |behind: f64| {
+            arm(120, &|secs| ([secs; 7], place(0.5 * (secs - 0.1).clamp(0.0, 0.3) - if secs > 0.5 { behind } else { 0.0 }), 0.5 * secs.min(0.3)))
+        };
+        assert_eq!(stops(0.015), None);
+        assert!(matches!(stops(0.045), Some(Doubt::ArmAway { .. })), "{:?}", stops(0.045));
         assert_eq!(arm(600, &|_| ([0.3; 7], place(0.0), 0.0)), None, "at rest");
     }
 }

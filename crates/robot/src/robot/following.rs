@@ -2,8 +2,12 @@
 
 use std::time::Duration;
 
-use crate::allegro::JOINTS;
+use crate::allegro::{JOINT_LIMITS_RAD, JOINTS};
 use crate::rig::LimitsConfig;
+
+/// Share of a joint's range that it may be from its reference at most: a joint with a short range could otherwise be blocked at its stop
+/// without ever being far enough.
+const SHARE_OF_RANGE: f64 = 0.25;
 
 /// Watches how far each joint of the hand is from its reference, and for how long.
 #[derive(Clone, Debug, Default)]
@@ -24,7 +28,8 @@ impl Following {
         let pairs = positions.iter().zip(reference);
         for (joint, (since, (position, reference))) in self.far_since.iter_mut().zip(pairs).enumerate() {
             let by_rad = (position - reference).abs();
-            if by_rad <= limits.following_rad {
+            let [low, high] = JOINT_LIMITS_RAD[joint];
+            if by_rad <= limits.following_rad.min(SHARE_OF_RANGE * (high - low)) {
                 *since = None;
                 continue;
             }

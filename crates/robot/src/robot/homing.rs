@@ -1,19 +1,17 @@
-//! Moves the arm to the keyboard by planned moves, after the fingers are out of its way.
+//! Brings the arm to the keyboard by way of its stations, after the fingers are out of its way.
 
 use std::time::Duration;
 
 use super::axes::RAIL_AXIS;
 use super::following::farthest;
 use super::plan::{CLEAR_M, PATIENCE, Plan, Station};
+use super::way::Way;
 use super::{Fault, Phase, Refused, Robot};
 use crate::limiter::Axis;
-use crate::xarm::ArmState;
 use crate::xarm::kinematics::forward;
 
 /// Within this of the path and below [`CLEAR_M`], a move of all joints could sweep over the keys, m.
 const NEAR_M: f64 = 0.15;
-/// Speed of the arm's own planned moves, rad/s: a tenth of what it may do.
-const HOMING_SPEED: f64 = 0.3;
 
 impl Robot {
     /// Whether the arm's way from where it stands to a station, and from there home, stays in its box.
@@ -42,22 +40,22 @@ impl Robot {
         if !plan.slow.is_over(now) {
             return Ok(());
         }
-        let Some((station, told)) = plan.station else {
+        let Some(station) = plan.station else {
             self.plan = None;
             self.enter(now, Phase::Holding);
             return Ok(());
         };
-        if !told {
-            return self.set_out(now, station);
-        }
-        if self.arm.state() != ArmState::Ready {
+        let Some(way) = &plan.way else { return self.set_out(now, station) };
+        let Some(measured) = self.arm.joints() else { return Ok(()) };
+        if !way.has_arrived(now, &measured)? {
             return Ok(());
         }
         plan.arrived_by = now.saturating_add(PATIENCE);
+        plan.way = None;
         plan.station = match station {
-            Station::Up => Some((Station::Home, false)),
-            Station::Home => Some((Station::Above, false)),
-            Station::Above => Some((Station::Middle, false)),
+            Station::Up => Some(Station::Home),
+            Station::Home => Some(Station::Above),
+            Station::Above => Some(Station::Middle),
             Station::Middle => None,
         };
         if plan.station.is_none() {
@@ -76,18 +74,18 @@ impl Robot {
             let late = now > plan.arrived_by;
             return if late { Err(Fault::NotFollowing { joint, by_rad }) } else { Ok(()) };
         }
-        plan.station = Some((station, true));
-        let standing = self.arm.joints().unwrap_or(*self.path.middle());
+        // From where the arm was sent last: an arm that sags a little does not jump.
+        let standing = self.arm.sent().or(self.arm.joints()).unwrap_or(*self.path.middle());
         let rail_m = self.path.place(&standing).rail_m;
         let joints =
             station.joints(&self.path, &standing).map_err(|source| Fault::Reach { rail_m, source })?;
-        self.arm.move_home(now, joints, HOMING_SPEED)?;
+        plan.way = Some(Way::new(standing, joints, &self.config.arm));
         Ok(())
     }
 
-    /// Sets the rail's set-point, at rest, to where the arm has arrived.
+    /// Sets the rail's set-point, at rest, to where the arm was sent.
     fn settle_rail(&mut self) {
-        let joints = self.arm.joints().unwrap_or(*self.path.middle());
+        let joints = self.arm.sent().unwrap_or(*self.path.middle());
         self.axes[RAIL_AXIS].rest(self.path.place(&joints).rail_m);
         self.arm_axis.rest(self.axes[RAIL_AXIS].position());
         self.doubts.arm_has_arrived();

@@ -107,9 +107,12 @@ impl Robot {
         };
         self.arm_seen = self.arm.joints_at();
         let place = self.path.place(&measured);
-        // While the arm makes a move of its own, it is sent nowhere along the keyboard.
-        if self.is_live() && self.arm.sent().is_some() {
+        let elsewhere = self.arm.sent().or(self.arm_stood);
+        if self.is_live() && self.arm_sent.is_some() && self.arm.sent().is_some() {
             self.doubts.arm(now, &measured, &place, self.axes[RAIL_AXIS].position());
+        } else if let Some(sent) = elsewhere.filter(|_| self.is_live()) {
+            let on_its_way = self.plan.as_ref().is_some_and(|plan| plan.way.is_some());
+            self.doubts.arm_elsewhere(now, &measured, &sent, on_its_way);
         }
         let record = Record::Arm { at: now, measured, sent: self.arm.sent(), rail_m: place.rail_m };
         self.journal.push(record);

@@ -24,6 +24,7 @@ mod motion;
 mod plan;
 mod record;
 mod turning;
+mod way;
 mod wiggle;
 
 use std::time::Duration;
@@ -116,6 +117,8 @@ pub struct Robot {
     released_at: Duration,
     /// Joints that the arm was last asked for; `None` while the arm is not on its path.
     arm_sent: Option<[f64; kinematics::JOINTS]>,
+    /// Where it stood when the robot began to hold still, rad.
+    arm_stood: Option<[f64; kinematics::JOINTS]>,
     arm_seen: Option<Duration>,
     /// Whether the drivers know of their connections, and whether the arm was started.
     arm_connected: bool,
@@ -161,6 +164,7 @@ impl Robot {
             polled: None,
             released_at: Duration::ZERO,
             arm_sent: None,
+            arm_stood: None,
             arm_seen: None,
             arm_connected: false,
             keyboard_connected: false,
@@ -238,8 +242,9 @@ impl Robot {
         let mut first = goal;
         if station.is_some() {
             first[..FINGER_JOINTS].copy_from_slice(&CLEAR_FINGERS);
-            // Without the arm at the keyboard there is no rail to move.
-            first[RAIL] = driven(&self.setpoints())[RAIL];
+            // Away from the keyboard the rail's set-point moves nothing: it stands where the arm will arrive.
+            first[RAIL] = self.path.place(self.path.middle()).rail_m;
+            self.axes[RAIL_AXIS].rest(first[RAIL]);
         }
         self.plan = Some(Plan::new(self.slowly(now, &first), station, goal));
         self.enter(now, Phase::Moving);
@@ -279,7 +284,7 @@ impl Robot {
         Ok(())
     }
 
-    /// Ends a stream or a slow move: brakes and holds. A planned move of the arm continues to its end: only
+    /// Ends a stream or a slow move: brakes and holds. The arm's way to the keyboard continues to its end: only
     /// [`stop`](Self::stop) ends that.
     pub fn hold(&mut self, now: Duration) {
         if self.plan.as_ref().is_some_and(|plan| plan.station.is_some()) {

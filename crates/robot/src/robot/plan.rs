@@ -4,6 +4,7 @@ use std::time::Duration;
 
 use super::fault::RobotError;
 use super::motion::SlowMove;
+use super::way::Way;
 use crate::calibration::RailPath;
 use crate::joints::DRIVEN;
 use crate::xarm::kinematics::{JOINTS, KinematicsError, PAPER_HOME_DEG};
@@ -32,8 +33,10 @@ pub(super) enum Station {
 pub(super) struct Plan {
     /// The move that is under way.
     pub slow: SlowMove,
-    /// Where the arm goes next by planned moves, and whether that move was commanded.
-    pub station: Option<(Station, bool)>,
+    /// Where the arm goes next.
+    pub station: Option<Station>,
+    /// Its way there, once it has set out.
+    pub way: Option<Way>,
     /// When the fingers must have come to where they do not hinder the arm.
     pub arrived_by: Duration,
     /// The pose of the driven joints at the end.
@@ -43,7 +46,7 @@ pub(super) struct Plan {
 impl Plan {
     pub fn new(slow: SlowMove, station: Option<Station>, goal: [f64; DRIVEN]) -> Self {
         let arrived_by = slow.end().saturating_add(PATIENCE);
-        Self { slow, station: station.map(|station| (station, false)), arrived_by, goal }
+        Self { slow, station, way: None, arrived_by, goal }
     }
 }
 

@@ -18,6 +18,7 @@ pub mod report;
 mod stopper;
 pub mod tcp;
 
+pub(crate) use driver::largest_turn;
 pub use driver::{Arm, ArmConfig, ArmError, ArmFault, ArmState, ArmVersion, TargetError};
 pub(crate) use fence::way;
 pub use fence::{Fence, OutsideFence};

@@ -12,7 +12,7 @@ use crate::bench::{Bench, Mischief};
 pub enum When {
     Starting,
     Holding,
-    /// While the arm makes a move that it planned itself.
+    /// While the arm is on its way to the keyboard.
     Homing,
     Moving,
     Following,

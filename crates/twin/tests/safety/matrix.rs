@@ -39,10 +39,8 @@ fn bring(bench: &mut Bench, when: When) {
         When::Starting | When::Holding => {}
         When::Homing => {
             bench.robot.home(bench.now(), &goal).unwrap();
-            let way = bench.until(5000, |b| {
-                b.lockstep.twin.devices.arm.mode() == 0 && b.lockstep.twin.devices.arm.state() == 1
-            });
-            assert!(way.is_some(), "{:?}", bench.notes);
+            let before = bench.judge.targets;
+            assert!(bench.until(5000, |b| b.judge.targets > before).is_some(), "{:?}", bench.notes);
             bench.run(100);
         }
         When::Moving => {

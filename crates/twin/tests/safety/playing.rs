@@ -2,6 +2,7 @@
 
 use etude_emulators::faults::FaultPlan;
 use etude_robot::joints::RAIL;
+use etude_robot::xarm::ArmFault;
 use etude_robot::{Doubt, Fault, Phase};
 use etude_twin::{Truth, calibration};
 
@@ -36,10 +37,19 @@ fn an_arm_that_replies_late_follows_or_stops() {
     for (delay_secs, follows) in [(0.003, true), (0.0065, false)] {
         let arm = FaultPlan { delay_secs, ..FaultPlan::default() };
         let none = FaultPlan::default();
-        let mut bench = Bench::new(&with_links(&none, &arm, &none), &calibration("twin"));
+        let truth = with_links(&none, &arm, &none);
+        let mut bench = Bench::new(&truth, &calibration("twin"));
         bench.start_and_hold();
         bench.robot.home(bench.now(), &start_pose()).unwrap();
-        bench.until_phase(Phase::Holding, 60_000);
+        if follows {
+            bench.until_phase(Phase::Holding, 60_000);
+        } else {
+            bench.until_phase(Phase::Fault, 3000);
+            let late = matches!(bench.robot.fault(), Some(Fault::Arm(ArmFault::LateReplies)));
+            assert!(late, "{:?}", bench.robot.fault());
+            bench = Bench::at_the_keyboard(&truth);
+            bench.start_and_hold();
+        }
         bench.follow(Policy::Smooth);
         for _ in 0..60 {
             bench.run(50);

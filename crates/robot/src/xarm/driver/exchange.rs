@@ -3,7 +3,6 @@
 use std::time::Duration;
 
 use super::fault::ArmFault;
-use super::reach::largest_turn;
 use super::state::{Arm, Outstanding, Phase, Purpose, Target, Work};
 use super::steps::{self, ArmVersion, MANUAL, SERVO, Step, text};
 use crate::xarm::codec::{
@@ -18,13 +17,6 @@ const STOP_AGAIN: Duration = Duration::from_millis(100);
 const CHANGE_TIMEOUT: Duration = Duration::from_secs(5);
 /// Time between two requests for the state.
 const ASK_AGAIN: Duration = Duration::from_millis(20);
-/// A planned move counts as over when every joint is this near, rad.
-const ARRIVED_RAD: f64 = 0.02;
-/// Number of "ready" answers before the arm has arrived after which a planned move counts as failed: the arm and its
-/// reports may need some time.
-const IDLE_LIMIT: u32 = 50;
-/// Acceleration of a planned move, rad/s².
-const HOME_ACCELERATION: f64 = 2.0;
 /// Offsets of the box and of its switch in the reply of register 53, which has the order of the report from its byte 495
 /// on (ufactory_docs).
 const BOX_AT: usize = 1;
@@ -158,18 +150,12 @@ impl Arm {
             }
             Step::Tell(Register::SafetyBoxOn) => params.push(1),
             Step::Tell(Register::TcpOffset) => params.extend([0.0_f32.to_le_bytes(); 6].as_flattened()),
-            Step::Move => {
-                let acceleration = HOME_ACCELERATION.min(config.joint_acceleration_rad_s2);
-                let rest = [work.speed_rad_s, acceleration, 0.0];
-                params.extend(words(&work.home, rest).as_flattened());
-            }
             Step::Tell(_)
             | Step::Serial
             | Step::Fenced
             | Step::NoError
             | Step::Unstopped
-            | Step::Await(_)
-            | Step::Arrive => {}
+            | Step::Await(_) => {}
         }
         self.request(now, Purpose::Step, step.register(), &params, out);
     }
@@ -187,12 +173,11 @@ impl Arm {
         if frame.protocol != asked.protocol || frame.register() != asked.register as u8 {
             return self.fail(ArmFault::ProtocolNonsense("a reply is to something else"));
         }
-        let moves = asked.purpose == Purpose::Target || asked.register == Register::MoveJoints;
-        let on_its_way = matches!(self.phase, Phase::Working(work) if work.steps == steps::HOME);
+        let moves = asked.purpose == Purpose::Target;
         let ignored = is_queued(asked.register) && state.has(ReplyState::NOT_READY);
         if self.active() && (ignored || state.has(ReplyState::INVALID)) {
             self.fail(ArmFault::CommandRejected { register: asked.register.name() });
-        } else if (moves || on_its_way) && state.has(ReplyState::ERROR) {
+        } else if moves && state.has(ReplyState::ERROR) {
             self.fail(ArmFault::Controller { code: None });
         } else if moves && state.has(ReplyState::NOT_READY) {
             self.fail(ArmFault::NotReady);
@@ -240,7 +225,7 @@ impl Arm {
                 self.serial = Some(text(params));
                 true
             }
-            (Step::NoError | Step::Unstopped | Step::Await(_) | Step::Arrive, None) => {
+            (Step::NoError | Step::Unstopped | Step::Await(_), None) => {
                 return self.fail(ArmFault::ProtocolNonsense("a reply is too short"));
             }
             (Step::Fenced, _) if !self.is_fenced(params) => {
@@ -257,11 +242,7 @@ impl Arm {
                 Ok(done) => done,
                 Err(fault) => return self.fail(fault),
             },
-            (Step::Arrive, Some(state)) => match self.arrived(&mut work, state) {
-                Ok(done) => done,
-                Err(fault) => return self.fail(fault),
-            },
-            (Step::Tell(_) | Step::Mode(_) | Step::Move, _) => true,
+            (Step::Tell(_) | Step::Mode(_), _) => true,
         };
         work.ask_at = if done { now } else { now + ASK_AGAIN };
         if done {
@@ -299,26 +280,6 @@ impl Arm {
             Some((report, _)) => ArmFault::UnexpectedState { state, mode: report.mode },
             None => ArmFault::ReportStale,
         })
-    }
-
-    /// Whether a planned move is over.
-    fn arrived(&self, work: &mut Work, state: u8) -> Result<bool, ArmFault> {
-        let Some((report, _)) = self.report else { return Ok(false) };
-        let (joint, by_rad) = largest_turn(&report.joints_rad.map(f64::from), &work.home);
-        match state {
-            // Moving, or paused by an operator.
-            1 | 3 => work.idle = 0,
-            2 if by_rad < ARRIVED_RAD => return Ok(true),
-            2 | 5 => work.idle += 1,
-            _ => return Err(ArmFault::UnexpectedState { state, mode: report.mode }),
-        }
-        if work.idle > IDLE_LIMIT {
-            // In state 5 another client has changed the mode or the motors.
-            let changed = state == 5;
-            let unexpected = ArmFault::UnexpectedState { state, mode: report.mode };
-            return Err(if changed { unexpected } else { ArmFault::NotFollowing { joint, by_rad } });
-        }
-        Ok(false)
     }
 
     /// The last step of a list is done.

@@ -81,6 +81,11 @@ pub enum ArmFault {
         /// How far it is off, rad.
         by_rad: f64,
     },
+    /// The replies come so late that no target is on time.
+    #[error(
+        "the arm's replies come too late to lead it to the keyboard: connect its control box by cable, close other programs, then start again"
+    )]
+    LateReplies,
     /// A target was refused, and nothing was sent.
     #[error(
         "a target for the arm was refused: {0}; slow the motion down or correct its path, then start again"
@@ -125,8 +130,6 @@ pub enum ArmState {
     Starting,
     /// Follows targets.
     Ready,
-    /// On the way home.
-    MovingHome,
     /// Led by hand.
     Manual,
     /// Connected; stopped, or not started yet.
@@ -144,7 +147,4 @@ pub enum ArmError {
     /// The call made the arm stop.
     #[error(transparent)]
     Fault(#[from] ArmFault),
-    /// The place or speed to go to is refused; nothing has moved.
-    #[error("the arm does not go there: {0}; correct it in the config")]
-    Refused(TargetError),
 }

@@ -23,7 +23,7 @@ pub use steps::ArmVersion;
 use super::codec::{FrameParser, Register};
 use super::kinematics::{self, JOINTS, Pose};
 use super::report::{Report, ReportParser};
-use reach::{largest_turn, possible};
+pub(crate) use reach::largest_turn;
 use state::{Halt, Phase, Purpose, Target, Work};
 use steps::{MANUAL, SERVO, Step};
 
@@ -103,36 +103,6 @@ impl Arm {
         self.next_tick = Some(earliest + Duration::from_nanos(late as u64));
     }
 
-    /// Plans and makes a move to `joints_rad` with at most `speed_rad_s`, then is ready again.
-    ///
-    /// # Errors
-    /// If the arm is not ready, or the place or the speed is not allowed. In both cases nothing moves.
-    pub fn move_home(
-        &mut self,
-        now: Duration,
-        joints_rad: [f64; JOINTS],
-        speed_rad_s: f64,
-    ) -> Result<(), ArmError> {
-        if !matches!(self.phase, Phase::Ready) {
-            return Err(ArmError::NotNow(self.state()));
-        }
-        possible(&joints_rad).map_err(ArmError::Refused)?;
-        if let (Some(fence), Some(from)) = (self.config.fence_mm, self.joints()) {
-            let held = fence.holds_way(&from, &joints_rad);
-            held.map_err(|outside| ArmError::Refused(TargetError::OutsideFence(outside)))?;
-        }
-        let allowed_rad_s = self.config.joint_speed_limit_rad_s;
-        if !(speed_rad_s > 0.0 && speed_rad_s <= allowed_rad_s) {
-            let (joint, needed_rad_s) = (1, speed_rad_s);
-            return Err(ArmError::Refused(TargetError::JointTooFast { joint, needed_rad_s, allowed_rad_s }));
-        }
-        self.work(now, steps::HOME);
-        if let Phase::Working(work) = &mut self.phase {
-            (work.home, work.speed_rad_s) = (joints_rad, speed_rad_s);
-        }
-        Ok(())
-    }
-
     /// Lets the arm be led by hand, or takes it back.
     ///
     /// # Errors
@@ -196,7 +166,6 @@ impl Arm {
         match self.phase {
             Phase::Disconnected => ArmState::Disconnected,
             Phase::Stopped => ArmState::Stopped,
-            Phase::Working(work) if work.steps == steps::HOME => ArmState::MovingHome,
             Phase::Working(_) => ArmState::Starting,
             Phase::Ready => ArmState::Ready,
             Phase::Manual => ArmState::Manual,
@@ -241,9 +210,7 @@ impl Arm {
 
     fn work(&mut self, now: Duration, steps: &'static [Step]) {
         (self.target, self.sent) = (None, None);
-        let (home, speed_rad_s) = ([0.0; JOINTS], 0.0);
-        self.phase =
-            Phase::Working(Work { steps, at: 0, since: now, ask_at: now, idle: 0, home, speed_rad_s });
+        self.phase = Phase::Working(Work { steps, at: 0, since: now, ask_at: now });
     }
 
     /// The mode of the newest report.

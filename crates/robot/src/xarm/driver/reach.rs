@@ -4,7 +4,7 @@ use super::fault::TargetError;
 use crate::xarm::kinematics::{self, JOINTS};
 
 /// The joint (counted from 1) that turns most between two places, and by how much, rad.
-pub(super) fn largest_turn(from: &[f64; JOINTS], to: &[f64; JOINTS]) -> (usize, f64) {
+pub(crate) fn largest_turn(from: &[f64; JOINTS], to: &[f64; JOINTS]) -> (usize, f64) {
     let turns = to.iter().zip(from).map(|(to, from)| (to - from).abs());
     turns
         .enumerate()

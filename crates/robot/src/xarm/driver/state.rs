@@ -69,10 +69,6 @@ pub(super) struct Work {
     pub since: Duration,
     /// When its question may be asked again.
     pub ask_at: Duration,
-    /// Answers "ready" while not yet arrived.
-    pub idle: u32,
-    pub home: [f64; JOINTS],
-    pub speed_rad_s: f64,
 }
 
 impl Work {

@@ -23,10 +23,6 @@ pub(super) enum Step {
     Unstopped,
     /// Reads the state until it and a fresh report confirm that the arm is ready in this mode.
     Await(u8),
-    /// Begins the move home.
-    Move,
-    /// Reads the state until the move is over.
-    Arrive,
 }
 
 /// From any condition to following targets. Limits pass through the queue of planned moves, which runs in its own
@@ -55,19 +51,6 @@ pub(super) const START: &[Step] = &[
     Step::Mode(SERVO),
     Step::Tell(Register::SetState),
     Step::NoError,
-    Step::Await(SERVO),
-];
-/// A planned move, and back to following targets.
-pub(super) const HOME: &[Step] = &[
-    Step::Mode(PLANNED),
-    Step::Unstopped,
-    Step::Tell(Register::SetState),
-    Step::Await(PLANNED),
-    Step::Move,
-    Step::Arrive,
-    Step::Mode(SERVO),
-    Step::Unstopped,
-    Step::Tell(Register::SetState),
     Step::Await(SERVO),
 ];
 /// To being led by hand.
@@ -100,8 +83,7 @@ impl Step {
             Self::Serial => Register::Serial,
             Self::Fenced => Register::ReducedMode,
             Self::NoError => Register::Errors,
-            Self::Unstopped | Self::Await(_) | Self::Arrive => Register::GetState,
-            Self::Move => Register::MoveJoints,
+            Self::Unstopped | Self::Await(_) => Register::GetState,
         }
     }
 }

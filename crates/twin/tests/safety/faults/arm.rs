@@ -65,14 +65,14 @@ pub const ROWS: &[Row] = &[
     },
     Row {
         name: "arm: collision (error 31)",
-        ends: [Fault(30), Fault(15), Fault(30), Fault(15), Fault(15), GoesOn],
+        ends: [Fault(30), Fault(15), Fault(15), Fault(15), Fault(15), GoesOn],
         says: "collision",
         strike: |b| b.begin(FaultKind::ArmError(31)),
         ..ROW
     },
     Row {
         name: "arm: emergency stop pressed (error 1)",
-        ends: [Fault(30), Fault(15), Fault(30), Fault(15), Fault(15), GoesOn],
+        ends: [Fault(30), Fault(15), Fault(15), Fault(15), Fault(15), GoesOn],
         says: "error 1",
         stays: true,
         strike: |b| b.begin(FaultKind::Estop),
@@ -81,7 +81,7 @@ pub const ROWS: &[Row] = &[
     },
     Row {
         name: "arm's joints are held",
-        ends: [GoesOn, GoesOn, GoesOn, Fault(1200), Fault(800), GoesOn],
+        ends: [GoesOn, GoesOn, Fault(800), Fault(1200), Fault(800), GoesOn],
         says: "see what holds it",
         strike: |b| b.begin(FaultKind::ArmStuck),
         mend: |b| b.end(FaultKind::ArmStuck),
@@ -90,15 +90,14 @@ pub const ROWS: &[Row] = &[
     Row {
         name: "arm stopped by another client (state 4)",
         // A start that is under way sets the state anew.
-        ends: [GoesOn, Fault(15), Fault(30), Fault(15), Fault(15), GoesOn],
+        ends: [GoesOn, Fault(15), Fault(15), Fault(15), Fault(15), GoesOn],
         says: "which this program did not request",
         strike: |b| b.begin(FaultKind::ArmStopped),
         ..ROW
     },
     Row {
         name: "the arm's reports repeat",
-        // A move that the arm plans itself is over first.
-        ends: [GoesOn, GoesOn, Fault(15_000), Fault(1000), Fault(1500), GoesOn],
+        ends: [GoesOn, GoesOn, Fault(800), Fault(1000), Fault(1500), GoesOn],
         says: "arm",
         strike: |b| {
             let mut first = None;
@@ -137,7 +136,7 @@ pub const ROWS: &[Row] = &[
     },
     Row {
         name: "arm's replies say that there is an error, which has no number",
-        ends: [Fault(150), Fault(15), Fault(30), Fault(15), Fault(15), GoesOn],
+        ends: [Fault(150), Fault(15), Fault(15), Fault(15), Fault(15), GoesOn],
         says: "an error without its number",
         stays: true,
         strike: |b| replies(b, |reply| reply[STATUS] |= ReplyState::ERROR),
@@ -150,7 +149,7 @@ pub const ROWS: &[Row] = &[
     },
     Row {
         name: "arm's controller refuses everything (firmware that has changed)",
-        ends: [Fault(100), Fault(15), Fault(100), Fault(15), Fault(15), GoesOn],
+        ends: [Fault(100), Fault(15), Fault(15), Fault(15), Fault(15), GoesOn],
         says: "refused",
         stays: true,
         strike: |b| replies(b, |reply| reply[STATUS] |= ReplyState::INVALID),
@@ -200,36 +199,35 @@ pub const ROWS: &[Row] = &[
     Row {
         name: "the arm's reports have one joint 0.3 rad off",
         // A start that is under way finds the arm beside the keyboard.
-        ends: [GoesOn, Fault(200), Fault(15_000), Fault(200), Fault(200), GoesOn],
+        ends: [GoesOn, Fault(200), Fault(200), Fault(200), Fault(200), GoesOn],
         says: "arm",
         strike: |b| report_joint(b, 3, |rad| rad + 0.3),
         ..ROW
     },
     Row {
         name: "arm paused by another client (state 3)",
-        // A move that the arm plans itself goes on when the other client ends the pause.
-        ends: [GoesOn, Fault(15), GoesOn, Fault(15), Fault(15), GoesOn],
+        ends: [GoesOn, Fault(15), Fault(15), Fault(15), Fault(15), GoesOn],
         says: "in state 3",
         strike: |b| b.other_client(&[12, 3]),
         ..ROW
     },
     Row {
         name: "arm set to be led by hand by another client (mode 2)",
-        ends: [GoesOn, Fault(15), Fault(1200), Fault(15), Fault(15), GoesOn],
+        ends: [GoesOn, Fault(15), Fault(15), Fault(15), Fault(15), GoesOn],
         says: "which this program did not request",
         strike: |b| b.other_client(&[19, 2]),
         ..ROW
     },
     Row {
         name: "arm set to planned moves by another client (mode 0)",
-        ends: [GoesOn, Fault(15), Fault(1200), Fault(15), Fault(15), GoesOn],
+        ends: [GoesOn, Fault(15), Fault(15), Fault(15), Fault(15), GoesOn],
         says: "which this program did not request",
         strike: |b| b.other_client(&[19, 0]),
         ..ROW
     },
     Row {
         name: "arm's motors switched off by another client",
-        ends: [Fault(150), Fault(15), Fault(1200), Fault(15), Fault(15), GoesOn],
+        ends: [Fault(150), Fault(15), Fault(15), Fault(15), Fault(15), GoesOn],
         says: "which this program did not request",
         strike: |b| b.other_client(&[11, 8, 0]),
         ..ROW
