@@ -8,7 +8,7 @@ use etude_music::CONTROL_HZ;
 use etude_perform::stand::{RigChoice, Stand, start_pose};
 use etude_perform::{
     Activity, Ending, Excitation, ExcitationPlayer, Header, PerformError, Recorder, RecordingWriter,
-    RobotRig, perform, prepare,
+    RobotRig, perform, prepare, record_release,
 };
 use etude_stage::{JOINT_NAMES, JOINTS};
 use etude_task::{TaskConfig, TaskError};
@@ -63,7 +63,10 @@ pub fn record_robot(
     let mut writer = RecordingWriter::create(path, &header)?;
     let mut stand = rig.open(side, seed)?;
     let ending = act(&mut stand, motion, &pose, home, &mut writer, interrupt).map_err(Into::into);
-    let ending = released(&mut stand, ending)?;
+    let ending = released(&mut stand, ending);
+    let recorded = record_release(&mut stand.robot, &mut writer);
+    let ending = ending?;
+    recorded?;
     // The robot is stopped: its guard is not needed while the file is completed.
     drop(stand);
     let messages = writer.messages();

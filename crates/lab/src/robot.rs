@@ -12,7 +12,7 @@ use etude_perform::stand::{RigChoice, Stand};
 use etude_perform::stats::{deviation, mean};
 use etude_perform::{
     Activity, Ending, Header, Job, Mode, Performance, RecordingWriter, RobotRig, Scores, TimingReport, gap,
-    perform, prepare,
+    perform, prepare, record_release,
 };
 use etude_stage::{JOINTS, World};
 use etude_task::{Piece, TaskError};
@@ -208,9 +208,13 @@ pub fn play_on_robot(
         let played = one_run(&mut stand, pianist, &piece, play, &start, writer.as_mut(), job.interrupt());
         let performance = match played {
             // What was played is kept even if the robot does not confirm that it was released.
-            Ok(performance) => after_release(performance, stand.let_go()),
-            Err(error) => released(&mut stand, Err(error))?,
+            Ok(performance) => Ok(after_release(performance, stand.let_go())),
+            Err(error) => released(&mut stand, Err(error)),
         };
+        let recorded =
+            writer.as_mut().map_or(Ok(()), |writer| record_release(&mut stand.robot, writer));
+        let performance = performance?;
+        recorded?;
         // The robot is stopped: its guard is not needed while the files are written.
         drop(stand);
         if let Some(writer) = writer {
@@ -274,10 +278,12 @@ fn one_run(
     interrupt: &AtomicBool,
 ) -> anyhow::Result<Performance> {
     let task = &pianist.config.task;
+    // What takes long comes before the robot has power.
+    let simulation = play.mode.simulation(task)?;
+    let mut ready = pianist.ready(task, piece)?;
     let Stand { robot, pace } = stand;
     prepare(robot, pace, play.home.then_some(start), writer.as_deref_mut(), interrupt)?;
-    let mut rig = play.mode.rig(task, RobotRig::new(robot, pace, start))?;
-    let mut ready = pianist.ready(task, piece)?;
+    let mut rig = play.mode.rig(simulation, RobotRig::new(robot, pace, start));
     Ok(perform(&mut *rig, &mut ready, task, piece, writer, interrupt)?)
 }
 

@@ -81,7 +81,7 @@ impl VectorEnvironment for Pointing {
 struct Grid;
 
 impl Evaluator for Grid {
-    fn evaluate(&mut self, act: &mut dyn FnMut(&[f32], &mut [f32])) -> Vec<Score> {
+    fn evaluate(&mut self, act: &mut (dyn FnMut(&[f32], &mut [f32]) + Send)) -> Vec<Score> {
         let targets: Vec<f32> = (-9..=9).map(|i| i as f32 / 10.0).collect();
         let observations: Vec<f32> =
             targets.iter().flat_map(|&t| [t, if t > 0.0 { 1.0 } else { 0.0 }]).collect();

@@ -124,7 +124,7 @@ pub struct Score {
 /// The scores must not depend on earlier calls, because a resumed training builds a new evaluator.
 pub trait Evaluator: Send {
     /// `act(observations, actions)` maps `[k, observation]` to `[k, action]` without exploration, for any `k`.
-    fn evaluate(&mut self, act: &mut dyn FnMut(&[f32], &mut [f32])) -> Vec<Score>;
+    fn evaluate(&mut self, act: &mut (dyn FnMut(&[f32], &mut [f32]) + Send)) -> Vec<Score>;
 }
 
 #[cfg(test)]

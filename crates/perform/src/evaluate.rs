@@ -42,7 +42,7 @@ impl SongEvaluator {
 }
 
 impl Evaluator for SongEvaluator {
-    fn evaluate(&mut self, act: &mut dyn FnMut(&[f32], &mut [f32])) -> Vec<Score> {
+    fn evaluate(&mut self, act: &mut (dyn FnMut(&[f32], &mut [f32]) + Send)) -> Vec<Score> {
         let mut player =
             |_: usize, observation: &[f32], action: &mut [f32; ACTION_LEN]| act(observation, action);
         let never = AtomicBool::new(false);

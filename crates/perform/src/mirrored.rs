@@ -26,18 +26,24 @@ struct Mirrored<'a> {
 }
 
 impl Mode {
-    /// Puts the rig of this mode together: `robot` alone, or with the simulation of `task` beside it.
+    /// The simulation of `task` that runs beside the robot in this mode, if one does.
     ///
     /// # Errors
     /// If the task's configuration is not sound.
-    pub fn rig<'a>(self, task: &TaskConfig, robot: RobotRig<'a>) -> Result<Box<dyn Rig + 'a>, TaskError> {
-        let keys = match self {
-            Self::JointMirroring => Keys::Simulated,
-            Self::Hybrid => Keys::Robot,
-            Self::Real => return Ok(Box::new(robot)),
-        };
-        let world = World::new(&task.stage, &task.params()?)?;
-        Ok(Box::new(Mirrored { world, robot, keys }))
+    pub fn simulation(self, task: &TaskConfig) -> Result<Option<World>, TaskError> {
+        if !self.has_simulation() {
+            return Ok(None);
+        }
+        Ok(Some(World::new(&task.stage, &task.params()?)?))
+    }
+
+    /// Puts the rig of this mode together: `robot` alone, or with its [`simulation`](Self::simulation) beside it.
+    pub fn rig<'a>(self, simulation: Option<World>, robot: RobotRig<'a>) -> Box<dyn Rig + 'a> {
+        let keys = if self == Self::JointMirroring { Keys::Simulated } else { Keys::Robot };
+        match simulation {
+            Some(world) => Box::new(Mirrored { world, robot, keys }),
+            None => Box::new(robot),
+        }
     }
 }
 
@@ -62,18 +68,27 @@ impl Rig for Mirrored<'_> {
     ) -> Result<Result<Stepped, Ending>, PerformError> {
         // The set-points are the simulated joints after each physics step.
         let mut waypoints: Waypoints = [[0.0; JOINTS]; PHYSICS_STEPS];
-        let mut next = waypoints.iter_mut();
-        let outcome = self.world.step_watched(&command.targets, |world| {
-            if let Some(waypoint) = next.next() {
-                *waypoint = world.joints();
-            }
+        let mut unstable = false;
+        let world = &mut self.world;
+        self.robot.run_while(&mut || {
+            let mut next = waypoints.iter_mut();
+            let outcome = world.step_watched(&command.targets, |world| {
+                if let Some(waypoint) = next.next() {
+                    *waypoint = world.joints();
+                }
+            });
+            unstable = outcome.unstable;
         });
         // MuJoCo starts an unstable world over with all joints at zero, where the robot must not go.
-        if outcome.unstable {
+        if unstable {
             return Ok(Err(Ending::Fault(UNSTABLE.to_string())));
         }
         let followed = self.robot.follow(&waypoints, command, recorder)?;
         Ok(followed.map(|pressed| Stepped { pressed, alongside: Some(self.world.pressed()) }))
+    }
+
+    fn run_while(&mut self, work: &mut (dyn FnMut() + Send)) {
+        self.robot.run_while(work);
     }
 
     fn rest(&mut self) {

@@ -57,7 +57,7 @@ fn play(
         }
         let Seen { joints, keys } = rig.seen();
         observe(task, &joints, &history, keys, &piece, step, &mut observation);
-        player.act(step, &observation, &mut action);
+        rig.run_while(&mut || player.act(step, &observation, &mut action));
         history.push(joints, &action);
         let targets = range.targets(&action, step);
         let command = Command { step, observation: &observation, action: &action, targets };

@@ -3,7 +3,7 @@
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
-use etude_robot::{Pace, Phase, Robot};
+use etude_robot::{Pace, Phase, Record, Robot};
 use etude_stage::JOINTS;
 
 use crate::recorder::RobotRecords;
@@ -40,6 +40,18 @@ pub fn prepare(
     Ok(())
 }
 
+/// Adds to a recording what a robot has noted since its last performance ended: why it stopped, with the number of an arm's error.
+///
+/// # Errors
+/// If the recording cannot be written.
+pub fn record_release(robot: &mut Robot, writer: &mut RecordingWriter) -> Result<(), PerformError> {
+    let begun = Duration::try_from_secs_f64(writer.begun_secs).unwrap_or_default();
+    let notes: Vec<Record> =
+        robot.records().filter(|record| matches!(record, Record::Note { .. })).collect();
+    let mut recorder = Recorder::new(Some(writer));
+    Ok(RobotRecords::since(begun).write_all(&notes, &mut recorder, &mut Timing::default())?)
+}
+
 /// Waits until the robot holds still, and records it meanwhile.
 fn wait_for(
     robot: &mut Robot,
@@ -51,7 +63,7 @@ fn wait_for(
     loop {
         let next = pace.now() + WAIT;
         pace.run_until(robot, next);
-        RobotRecords::since(pace.now()).take(robot, recorder, &mut Timing::default())?;
+        RobotRecords::since(pace.now()).take(robot, recorder)?;
         match robot.phase() {
             Phase::Holding => return Ok(()),
             Phase::Fault => {

@@ -32,7 +32,9 @@ impl<'a> Recorder<'a> {
         [secs, device_secs]: [f64; 2],
         message: impl FnOnce() -> M,
     ) -> Result<(), RecordingError> {
-        self.writer.as_mut().map_or(Ok(()), |writer| writer.write_measured(secs, device_secs, &message()))
+        let Some(writer) = &mut self.writer else { return Ok(()) };
+        writer.begun_secs = device_secs - secs;
+        writer.write_measured(secs, device_secs, &message())
     }
 
     /// Takes a key event. An event before time zero (while a robot is prepared) is written, but not kept in `events`.
@@ -76,23 +78,32 @@ impl RobotRecords {
         self.begun
     }
 
-    /// Passes on what the robot has recorded since the last call; `timing` receives the periods of the hand.
+    /// Passes on what the robot has recorded since the last call.
     ///
     /// # Errors
     /// If writing fails.
-    pub(crate) fn take(
+    pub(crate) fn take(&self, robot: &mut Robot, recorder: &mut Recorder<'_>) -> Result<(), RecordingError> {
+        let records: Vec<Record> = robot.records().collect();
+        self.write_all(&records, recorder, &mut Timing::default())
+    }
+
+    /// Passes records on; `timing` receives the periods of the hand.
+    ///
+    /// # Errors
+    /// If writing fails.
+    pub(crate) fn write_all(
         &self,
-        robot: &mut Robot,
+        records: &[Record],
         recorder: &mut Recorder<'_>,
         timing: &mut Timing,
     ) -> Result<(), RecordingError> {
-        for record in robot.records() {
-            if let Record::Hand { at, .. } = &record
+        for record in records {
+            if let Record::Hand { at, .. } = record
                 && *at >= self.begun
             {
                 timing.hand(*at);
             }
-            self.write(&record, recorder)?;
+            self.write(record, recorder)?;
         }
         Ok(())
     }

@@ -46,6 +46,11 @@ pub trait Rig {
     /// What a player sees now.
     fn seen(&self) -> Seen;
 
+    /// Does `work`, such as the player's computation. A robot is controlled meanwhile.
+    fn run_while(&mut self, work: &mut (dyn FnMut() + Send)) {
+        work();
+    }
+
     /// Moves for one control step, and passes every key event and measurement to `recorder`. Returns an `Ending` if the rig
     /// stopped during the step.
     ///

@@ -4,7 +4,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
 use etude_music::{CONTROL_HZ, KEYS, KeySet};
-use etude_robot::{Pace, Phase, Robot};
+use etude_robot::{Pace, Phase, Record, Robot};
 use etude_stage::{JOINTS, PHYSICS_STEPS, RAIL};
 
 use crate::messages::{PolicyMessage, StepMessage, TargetMessage};
@@ -71,7 +71,7 @@ impl<'a> RobotRig<'a> {
             late_secs: late.as_secs_f64(),
         })?;
         self.pace.run_until(self.robot, due + CONTROL_PERIOD);
-        self.records.take(self.robot, recorder, &mut self.timing)?;
+        self.record(recorder)?;
         if self.robot.phase() != Phase::Following {
             return Ok(Err(fault(self.robot)));
         }
@@ -84,6 +84,15 @@ impl<'a> RobotRig<'a> {
             ..StepMessage::default()
         })?;
         Ok(Ok(pressed))
+    }
+
+    /// Writes what the robot has recorded since the last call, while the robot is controlled.
+    fn record(&mut self, recorder: &mut Recorder<'_>) -> Result<(), PerformError> {
+        let records: Vec<Record> = self.robot.records().collect();
+        let (times, timing) = (&self.records, &mut self.timing);
+        let mut written = Ok(());
+        self.pace.run_while(self.robot, &mut || written = times.write_all(&records, recorder, timing));
+        Ok(written?)
     }
 
     /// Records the robot while it holds still, until `longest` has passed or `interrupt` is set.
@@ -106,7 +115,7 @@ impl<'a> RobotRig<'a> {
             }
             let next = self.pace.now() + SLICE;
             self.pace.run_until(self.robot, next);
-            self.records.take(self.robot, recorder, &mut self.timing)?;
+            self.record(recorder)?;
             recorder.events.clear();
             if self.robot.phase() != Phase::Holding {
                 return Ok(fault(self.robot));
@@ -139,6 +148,10 @@ impl Rig for RobotRig<'_> {
         Ok(followed.map(|pressed| Stepped { pressed, alongside: None }))
     }
 
+    fn run_while(&mut self, work: &mut (dyn FnMut() + Send)) {
+        self.pace.run_while(self.robot, work);
+    }
+
     fn rest(&mut self) {
         self.robot.hold(self.pace.now());
     }
@@ -148,7 +161,7 @@ impl Rig for RobotRig<'_> {
         performance: &mut Performance,
         recorder: &mut Recorder<'_>,
     ) -> Result<(), PerformError> {
-        self.records.take(self.robot, recorder, &mut self.timing)?;
+        self.record(recorder)?;
         performance.robot = Some(Executed {
             timing: std::mem::take(&mut self.timing),
             clamped: self.robot.clamped() - self.clamped_before,

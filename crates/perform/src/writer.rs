@@ -71,21 +71,32 @@ struct Ended {
 }
 
 impl Ended {
-    /// Writes whole records in the place of the end, with a new end behind them.
+    /// Writes whole records in the place of the end, with a new end behind them. If the disk is full, the old end is put back.
     fn add(&mut self, mut records: Vec<u8>) -> std::io::Result<()> {
         if records.is_empty() {
             return Ok(());
         }
         let len = records.len();
         records.extend(UNINDEXED_END);
-        self.file.write_all_at(&records, self.len)?;
+        self.written(&records)?;
         self.len += len as u64;
         Ok(())
     }
 
+    /// Writes `bytes` in the place of the end.
+    fn written(&self, bytes: &[u8]) -> std::io::Result<()> {
+        let written = self.file.write_all_at(bytes, self.len);
+        if written.is_err() && self.len > 0 {
+            // What is cut off first makes room for the end. If this fails too, the first error says why.
+            let _ = self.file.set_len(self.len);
+            let _ = self.file.write_all_at(&UNINDEXED_END, self.len);
+        }
+        written
+    }
+
     /// Writes the last records, which have an end of their own.
     fn complete(&mut self, records: &[u8]) -> std::io::Result<()> {
-        self.file.write_all_at(records, self.len)?;
+        self.written(records)?;
         // A device such as /dev/full has no length.
         let len = self.len + records.len() as u64;
         if self.file.metadata()?.is_file() { self.file.set_len(len) } else { Ok(()) }
@@ -104,6 +115,8 @@ pub struct RecordingWriter {
     path: PathBuf,
     channels: Vec<(&'static str, u16)>,
     sequence: u32,
+    /// Time on the robot's clock at which the performance began, s.
+    pub(crate) begun_secs: f64,
     /// Times of the performance and of the robot's clock when a chunk was written last.
     flushed_secs: [f64; 2],
     /// `None` once the file is complete.
@@ -157,6 +170,7 @@ impl RecordingWriter {
             path: path.to_path_buf(),
             channels,
             sequence: 0,
+            begun_secs: 0.0,
             flushed_secs: [0.0; 2],
             lines: Some(lines),
             thread: Some(thread),

@@ -36,6 +36,9 @@ pub enum LeadError {
     /// It does not confirm that it was stopped.
     #[error("arm: {NOT_STOPPED}")]
     NotStopped,
+    /// Another process has requested to stop it.
+    #[error("the arm was stopped by `etude robot stop`: start again")]
+    Stopped,
     /// Nothing would stop the arm if this program ended now.
     #[error("the guard of the robot has ended: the arm was stopped; start again")]
     Unguarded,
@@ -55,7 +58,7 @@ pub trait Showing {
     /// A sign of life to the arm's guard, at least every [`POLL`].
     ///
     /// # Errors
-    /// If the guard has ended: the arm is then stopped.
+    /// If the guard has ended, or a stop was requested: the arm is then stopped.
     fn beat(&mut self) -> Result<(), LeadError>;
 
     /// Whether the operator still leads the arm.
@@ -75,6 +78,7 @@ pub fn show(config: &RigConfig, by_hand: bool, showing: &mut dyn Showing) -> Res
         bytes: Vec::new(),
         showing,
     };
+    leader.showing.beat()?;
     leader.arm.connected(Duration::ZERO);
     leader.arm.start(Duration::ZERO)?;
     leader.until(|arm| arm.state() == ArmState::Ready)?;

@@ -11,6 +11,8 @@ pub struct Priority(system::Raised);
 /// Where a thread stands among those with real-time priority.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Rank {
+    /// What the controller waits for, and must not be held up by: the policy, the simulation beside the robot, the recording.
+    Worker = 49,
     /// The controller, and a twin that stands in for hardware.
     Controller = 50,
     /// The guard, which must be able to act when the controller does not end.
@@ -18,12 +20,12 @@ pub enum Rank {
 }
 
 impl Priority {
-    /// Gives it to this thread, and locks the memory of this process where that cannot make a later allocation fail.
+    /// Gives it to this thread, and, except for a worker, locks the memory of this process where that cannot make a later allocation fail.
     ///
     /// # Errors
     /// If the system does not permit it.
     pub fn of_this_thread(rank: Rank) -> Result<Self> {
-        system::raise(rank as i32).map(Self)
+        system::raise(rank as i32, rank != Rank::Worker).map(Self)
     }
 
     /// Whether memory is locked too.
@@ -62,14 +64,14 @@ mod system {
         user == 0 || (read == 0 && limit.rlim_cur == libc::RLIM_INFINITY)
     }
 
-    pub fn raise(priority: libc::c_int) -> Result<Raised> {
+    pub fn raise(priority: libc::c_int, lock: bool) -> Result<Raised> {
         // SAFETY: takes nothing, and cannot fail.
         let thread = unsafe { libc::gettid() };
         schedule(thread, libc::SCHED_FIFO | libc::SCHED_RESET_ON_FORK, priority)?;
         // Pages are locked when they are first used: a process reserves far more than it uses.
         let flags = libc::MCL_CURRENT | libc::MCL_FUTURE | libc::MCL_ONFAULT;
         // SAFETY: takes flags alone.
-        let locked = unlimited() && unsafe { libc::mlockall(flags) } == 0;
+        let locked = lock && unlimited() && unsafe { libc::mlockall(flags) } == 0;
         Ok(Raised { thread, locked })
     }
 
@@ -94,7 +96,7 @@ mod system {
         pub locked: bool,
     }
 
-    pub fn raise(_: i32) -> Result<Raised> {
+    pub fn raise(_: i32, _: bool) -> Result<Raised> {
         Err(ErrorKind::Unsupported.into())
     }
 }
@@ -120,6 +122,11 @@ mod tests {
             Ok(priority) => {
                 assert_eq!(scheduled(), [50, 1]);
                 assert_eq!(std::thread::spawn(scheduled).join().unwrap(), [0, 0]);
+                let worker = std::thread::spawn(|| {
+                    let worker = Priority::of_this_thread(Rank::Worker).unwrap();
+                    (scheduled(), worker.locks_memory())
+                });
+                assert_eq!(worker.join().unwrap(), ([49, 1], false));
                 drop(priority);
             }
             Err(error) => assert_eq!(error.kind(), std::io::ErrorKind::PermissionDenied),

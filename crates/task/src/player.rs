@@ -5,7 +5,7 @@ use etude_learn::Policy;
 use crate::{ACTION_LEN, ScriptedPlayer};
 
 /// Chooses the action of each control step of a performance.
-pub trait Player {
+pub trait Player: Send {
     /// Writes the action of control step `step` into `action`: 13 values, −1 to 1. `observation` has the
     /// [`layout`](crate::layout()) of the task that is played.
     fn act(&mut self, step: usize, observation: &[f32], action: &mut [f32; ACTION_LEN]);
@@ -25,7 +25,7 @@ impl Player for ScriptedPlayer {
     }
 }
 
-impl<F: FnMut(usize, &[f32], &mut [f32; ACTION_LEN])> Player for F {
+impl<F: FnMut(usize, &[f32], &mut [f32; ACTION_LEN]) + Send> Player for F {
     fn act(&mut self, step: usize, observation: &[f32], action: &mut [f32; ACTION_LEN]) {
         self(step, observation, action);
     }

@@ -152,7 +152,7 @@ fn home(rig: &Rig) -> anyhow::Result<Ending> {
 
 fn calibrate(args: &Calibrate) -> anyhow::Result<Ending> {
     let rig = RigConfig::load(&args.robot)?;
-    let _claim = claim(&rig)?;
+    let claim = claim(&rig)?;
     let index = args.at as usize;
     let key = SHOWN_KEYS[index];
     let pitch = etude_music::LOWEST_PITCH + key as u8;
@@ -162,8 +162,8 @@ fn calibrate(args: &Calibrate) -> anyhow::Result<Ending> {
             ["the lowest C", "the middle C", "the highest C"][index]
         ));
     }
-    let mut operator =
-        Operator { guard: start_guard(&args.robot)?, entered: enter(), interrupt: stop_flag()? };
+    let guard = start_guard(&args.robot)?;
+    let mut operator = Operator { guard, claim, entered: enter(), interrupt: stop_flag()? };
     let shown = show(&rig, args.by_hand, &mut operator)?;
     // The arm has confirmed that it stands still.
     operator.guard.farewell();
@@ -185,12 +185,16 @@ fn calibrate(args: &Calibrate) -> anyhow::Result<Ending> {
 /// The operator who leads the arm and presses Enter.
 struct Operator {
     guard: Guard,
+    claim: Claim,
     entered: Receiver<()>,
     interrupt: Arc<AtomicBool>,
 }
 
 impl Showing for Operator {
     fn beat(&mut self) -> Result<(), LeadError> {
+        if self.claim.is_told_to_stop() {
+            return Err(LeadError::Stopped);
+        }
         if self.guard.beat() { Ok(()) } else { Err(LeadError::Unguarded) }
     }
 

@@ -1,12 +1,16 @@
 //! A robot in another process: however its controller ends, it is let go.
 
-use std::io::{BufRead as _, BufReader};
+use std::io::{BufRead as _, BufReader, Write as _};
+use std::os::fd::OwnedFd;
+use std::os::unix::net::UnixStream;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Stdio};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
 use etude_perform::Recording;
+use etude_perform::stand::Claim;
+use etude_robot::rig::RigConfig;
 use serde_json::Value;
 
 use crate::playing::read_elsewhere;
@@ -199,6 +203,47 @@ fn a_stop_is_not_lost_while_a_controller_starts() {
     // Afterwards it can be used again, and nothing is left behind.
     assert_eq!(desk.json(&format!("robot check --robot {rig} --json"))["fault"], Value::Null);
     assert!(!bus.exists() && !bus.with_extension("stop").exists());
+}
+
+#[test]
+fn a_stop_is_not_lost_while_an_arm_is_made_ready_to_be_led() {
+    let desk = Desk::new();
+    let twin = Served::start(&desk);
+    let rig = twin.rig.display();
+    let mut leading = desk.command(&format!("robot calibrate --robot {rig} --at middle --by-hand"));
+    let leading = leading.stdin(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
+    let bus = claimed_bus(&twin.rig);
+    wait_for("it never claimed the robot", || bus.exists());
+    let stop = desk.json(&format!("robot stop --robot {rig} --json"));
+    assert_eq!(stop["sure"], true, "{stop}");
+    let ended = leading.wait_with_output().unwrap();
+    let said = errors(&ended);
+    assert!(!ended.status.success() && said.contains("stopped by `etude robot stop`"), "{said}");
+    assert!(is_safe(twin.seen(&desk)));
+}
+
+/// A controller that hangs keeps its claim, and its guard must try again all the same until the hand confirms.
+#[test]
+fn a_guard_tries_again_while_its_controller_hangs() {
+    let desk = Desk::new();
+    // The bus carries nothing at first, so the first tries cannot be confirmed.
+    let twin = Served::with_fault(&desk, Some("can-silent@0+4"));
+    let begun = Instant::now();
+    let rig = RigConfig::load(&twin.rig).unwrap();
+    // This process is the controller.
+    let _claim = Claim::new(&rig.wires).unwrap();
+    let (mut line, theirs) = UnixStream::pair().unwrap();
+    let mut guard = desk.command(&format!("robot guard --robot {}", twin.rig.display()));
+    guard.stdin(OwnedFd::from(theirs)).stdout(Stdio::piped()).stderr(Stdio::piped());
+    let mut child = guard.spawn().unwrap();
+    drop(guard);
+    let mut ready = String::new();
+    BufReader::new(child.stdout.take().unwrap()).read_line(&mut ready).unwrap();
+    line.write_all(b".").unwrap();
+    let ended = child.wait_with_output().unwrap();
+    let said = errors(&ended);
+    assert!(said.contains("guard: hand stopped") && said.contains("guard: arm stopped"), "{said}");
+    assert!(begun.elapsed() > Duration::from_secs(1), "it was confirmed at once, which tests nothing");
 }
 
 /// The file that claims the hand's bus of a rig.

@@ -105,7 +105,7 @@ impl VectorEnvironment for Tracking {
 pub(super) struct Grid;
 
 impl Evaluator for Grid {
-    fn evaluate(&mut self, act: &mut dyn FnMut(&[f32], &mut [f32])) -> Vec<Score> {
+    fn evaluate(&mut self, act: &mut (dyn FnMut(&[f32], &mut [f32]) + Send)) -> Vec<Score> {
         let targets: Vec<f32> = (0..33).map(|i| -0.8 + 0.05 * i as f32).collect();
         let mut observations = vec![0.0; 33 * LAYOUT.len()];
         for (row, &target) in observations.chunks_exact_mut(LAYOUT.len()).zip(&targets) {

@@ -1,14 +1,15 @@
 //! The guard: a separate process. It stops the robot when the controller has ended, for example by a panic or by kill -9, or
 //! hangs.
 //!
-//! The controller sends a byte every 20 ms, and the guard answers each. If no byte arrives for 100 ms, after which the controller itself
-//! would stop the robot, or the connection ends without the byte for a regular end, the guard stops the robot, and tries again until the
-//! robot has confirmed it. The controller sends the byte for a regular end only after the robot has confirmed that it stands still. If no
-//! answer comes for 300 ms, the guard hangs, and the controller stops the robot. Neither waits for the other.
+//! The controller sends a byte every 20 ms, and the guard answers each. If no byte arrives for 70 ms, or the connection ends without the
+//! byte for a regular end, the guard stops the robot, and tries again until the robot has confirmed it, also while a controller that hangs
+//! still has its claim. The controller sends the byte for a regular end only after the robot has confirmed that it stands still. If no
+//! answer comes for 80 ms, the guard hangs, and the controller stops the robot. Neither waits for the other.
 
 use std::io::{BufRead as _, BufReader, ErrorKind, Read as _, Write as _};
 use std::os::fd::{AsFd as _, OwnedFd};
 use std::os::unix::net::UnixStream;
+use std::os::unix::process::parent_id;
 use std::path::Path;
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
@@ -21,10 +22,12 @@ use super::claim::Claim;
 
 /// Time between two bytes.
 pub(super) const PERIOD: Duration = Duration::from_millis(20);
-/// Time without a byte after which the guard acts.
-const SILENCE: Duration = Duration::from_millis(100);
-/// Time without an answer after which the controller acts: on a busy machine the guard may have to wait for its turn.
-const ANSWER: Duration = Duration::from_millis(300);
+/// Time without a byte after which the guard acts: the hand shall have no torque 100 ms after its controller hangs.
+const SILENCE: Duration = Duration::from_millis(70);
+/// Time without an answer after which the controller acts.
+const ANSWER: Duration = Duration::from_millis(80);
+/// Longest time for which a guard may take to end after the byte for a regular end.
+const LEAVING: Duration = Duration::from_millis(300);
 /// The same before the first byte, while the controller starts; nothing moves until then.
 const FIRST_SILENCE: Duration = Duration::from_secs(10);
 /// Longest time for which the guard tries to stop a robot that does not confirm it.
@@ -102,7 +105,7 @@ impl Guard {
     pub fn farewell(&mut self) {
         // It may have ended already, or hang.
         let _ = self.line.write(&[FAREWELL]);
-        let until = Instant::now() + ANSWER;
+        let until = Instant::now() + LEAVING;
         while matches!(self.child.try_wait(), Ok(None)) {
             if Instant::now() > until {
                 let _ = self.child.kill();
@@ -120,6 +123,7 @@ impl Guard {
 /// # Errors
 /// If standard input cannot be read with a time limit.
 pub fn stand_guard(rig: &RigConfig) -> std::io::Result<Option<Stopped>> {
+    let controller = parent_id();
     let _priority = Priority::of_this_thread(Rank::Guard);
     let mut line = UnixStream::from(std::io::stdin().as_fd().try_clone_to_owned()?);
     line.set_write_timeout(Some(SILENCE))?;
@@ -140,9 +144,15 @@ pub fn stand_guard(rig: &RigConfig) -> std::io::Result<Option<Stopped>> {
     }
     let until = Instant::now() + TRIES;
     let mut stopped = stop(rig);
-    // A new controller must not be disturbed, and none may begin meanwhile.
-    let claim = Claim::new(&rig.wires);
-    while claim.is_ok() && !stopped.is_sure() && Instant::now() < until {
+    let mut claim = None;
+    while !stopped.is_sure() && Instant::now() < until {
+        // A controller that hangs keeps its claim. After it has ended, a new one must not be disturbed, and none may begin meanwhile.
+        if claim.is_none() && parent_id() != controller {
+            claim = Claim::new(&rig.wires).ok();
+            if claim.is_none() {
+                break;
+            }
+        }
         std::thread::sleep(PAUSE);
         stopped = stop(rig);
     }

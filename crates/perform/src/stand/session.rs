@@ -19,6 +19,9 @@ use crate::prepare::{STOPPED as STOPPED_BY_ANOTHER, prepare};
 /// Time within which arm and hand must confirm that they are stopped.
 const CONFIRM: Duration = Duration::from_secs(1);
 
+/// Time between two looks at whether work is done.
+const LOOK: Duration = Duration::from_micros(100);
+
 /// A robot with its controller.
 pub struct Stand {
     /// The controller.
@@ -48,6 +51,14 @@ impl Live {
     pub(super) fn new(wires: OpenWires, guard: Guard, claim: Arc<Claim>) -> Self {
         let _priority = Priority::of_this_thread(Rank::Controller).ok();
         Self { pace: RealTime::new(wires), guard, claim, _priority }
+    }
+
+    /// Stops the robot if its guard is gone or a stop was requested.
+    fn watch(&mut self, robot: &mut Robot) {
+        if !self.guard.beat() || self.claim.is_told_to_stop() {
+            let now = self.pace.now();
+            robot.stop(now, self.pace.wires());
+        }
     }
 }
 
@@ -119,10 +130,7 @@ impl Pace for StandPace {
             Self::Live(live) => live,
         };
         loop {
-            if !live.guard.beat() || live.claim.is_told_to_stop() {
-                let now = live.pace.now();
-                robot.stop(now, live.pace.wires());
-            }
+            live.watch(robot);
             let next = (live.pace.now() + PERIOD).min(until);
             live.pace.run_until(robot, next);
             if next >= until {
@@ -131,10 +139,58 @@ impl Pace for StandPace {
         }
     }
 
+    /// The work has a thread of its own, so that it does not hold up the hand's loop. If it hangs, the robot stops because no command comes.
+    fn run_while(&mut self, robot: &mut Robot, work: &mut (dyn FnMut() + Send)) {
+        let Self::Live(live) = self else { return work() };
+        in_a_worker(work, || {
+            live.watch(robot);
+            let next = live.pace.now() + LOOK;
+            live.pace.run_until(robot, next);
+        });
+    }
+
     fn wires(&mut self) -> &mut dyn Wires {
         match self {
             Self::Lockstep(lockstep) => lockstep.wires(),
             Self::Live(live) => live.pace.wires(),
         }
+    }
+}
+
+/// Does `work` in a thread of its own and calls `meanwhile` until it is done. A panic of the work goes on in the caller.
+fn in_a_worker(work: &mut (dyn FnMut() + Send), mut meanwhile: impl FnMut()) {
+    std::thread::scope(|scope| {
+        let worker = scope.spawn(|| {
+            let _priority = Priority::of_this_thread(Rank::Worker);
+            work();
+        });
+        while !worker.is_finished() {
+            meanwhile();
+        }
+    });
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::atomic::{AtomicU32, Ordering};
+
+    use super::*;
+
+    #[test]
+    fn the_robot_is_polled_while_work_hangs() {
+        let polls = AtomicU32::new(0);
+        let mut polled = 0;
+        let mut hangs = || {
+            while polls.load(Ordering::SeqCst) < 500 {
+                std::thread::yield_now();
+            }
+        };
+        in_a_worker(&mut hangs, || {
+            polled += 1;
+            polls.store(polled, Ordering::SeqCst);
+        });
+        assert!(polled >= 500);
+        let panics = std::panic::catch_unwind(|| in_a_worker(&mut || panic!("a worker's"), || {}));
+        assert!(panics.is_err());
     }
 }

@@ -49,7 +49,8 @@ pub fn with_rig<T>(
     let mut robot = Robot::new(&rig, path).unwrap();
     let pose = start_pose(task);
     prepare(&mut robot, &mut lockstep, Some(&pose), None, &AtomicBool::new(false)).unwrap();
-    use_rig(&mut *mode.rig(task, RobotRig::new(&mut robot, &mut lockstep, &pose)).unwrap())
+    let simulation = mode.simulation(task).unwrap();
+    use_rig(&mut *mode.rig(simulation, RobotRig::new(&mut robot, &mut lockstep, &pose)))
 }
 
 /// Plays `piece` once on a rig of this kind.
