@@ -429,9 +429,10 @@ fn a_stuck_key_warns_once_a_press() {
 #[test]
 fn what_does_not_pair_up_is_counted() {
     let (mut keyboard, mut changes) = (keyboard(), Vec::new());
+    // The first release is of a key that was down before the connection.
     keyboard.receive(STEP, &[0x90, 41, 0, 41, 9, 41, 8, 41, 0, 41, 0], &mut changes);
     assert_eq!(played(&changes), [(5, 9), (5, 0), (5, 8), (5, 0)], "a lost release is made up for");
-    assert_eq!(keyboard.warnings().collect::<Vec<_>>(), [KeyboardWarning::Unpaired { events: 3 }]);
+    assert_eq!(keyboard.warnings().collect::<Vec<_>>(), [KeyboardWarning::Unpaired { events: 2 }]);
     keyboard.receive(STEP, &[0x90, 0x90], &mut changes);
     keyboard.receive(STEP, &[1, 0x80], &mut changes);
     keyboard.acknowledge();

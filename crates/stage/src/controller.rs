@@ -77,6 +77,11 @@ impl Gains {
         }
     }
 
+    /// The same with a velocity limit of at most `most`.
+    pub fn with_velocity_limit(self, most: f64) -> Self {
+        Self { velocity_limit: self.velocity_limit.min(most), ..self }
+    }
+
     /// The PD law: torque toward the position `wanted`.
     fn torque(&self, wanted: f64, measured: f64, velocity: f64) -> f64 {
         match self.actuation {
@@ -176,7 +181,9 @@ impl Controller {
         let most = gains.jerk_limit * dt;
         self.acceleration += (wanted - self.acceleration).clamp(-most, most);
         let velocity = self.velocity + self.acceleration * dt;
-        let limited = velocity.clamp(-gains.velocity_limit, gains.velocity_limit);
+        // A limit that has just become lower is reached by braking.
+        let ceiling = gains.velocity_limit.max(self.velocity.abs() - gains.acceleration_limit * dt);
+        let limited = velocity.clamp(-ceiling, ceiling);
         self.position += limited * dt;
         self.velocity = limited;
     }

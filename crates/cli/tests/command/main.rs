@@ -13,6 +13,7 @@ mod replaying;
 mod robots;
 mod slurm;
 mod songs;
+mod stop_times;
 mod stopping;
 mod tour;
 mod training;

@@ -18,9 +18,9 @@ use crate::processes::{self, children_of, with_arguments};
 use crate::{Desk, errors};
 
 /// A twin in a process of its own.
-struct Served {
+pub struct Served {
     process: Child,
-    rig: PathBuf,
+    pub rig: PathBuf,
     _alone: MutexGuard<'static, ()>,
 }
 
@@ -28,7 +28,7 @@ struct Served {
 static ALONE: Mutex<()> = Mutex::new(());
 
 impl Served {
-    fn start(desk: &Desk) -> Self {
+    pub fn start(desk: &Desk) -> Self {
         Self::with_fault(desk, None)
     }
 

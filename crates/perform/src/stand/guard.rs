@@ -4,7 +4,7 @@
 //! The controller sends a byte every 20 ms, and the guard answers each. If no byte arrives for 70 ms, or the connection ends without the
 //! byte for a regular end, the guard stops the robot, and tries again until the robot has confirmed it, also while a controller that hangs
 //! still has its claim. The controller sends the byte for a regular end only after the robot has confirmed that it stands still. If no
-//! answer comes for 80 ms, the guard hangs, and the controller stops the robot. Neither waits for the other.
+//! answer comes for 50 ms, the guard hangs, and the controller stops the robot. Neither waits for the other.
 
 use std::io::{BufRead as _, BufReader, ErrorKind, Read as _, Write as _};
 use std::os::fd::{AsFd as _, OwnedFd};
@@ -25,7 +25,7 @@ pub(super) const PERIOD: Duration = Duration::from_millis(20);
 /// Time without a byte after which the guard acts: the hand shall have no torque 100 ms after its controller hangs.
 const SILENCE: Duration = Duration::from_millis(70);
 /// Time without an answer after which the controller acts.
-const ANSWER: Duration = Duration::from_millis(80);
+const ANSWER: Duration = Duration::from_millis(50);
 /// Longest time for which a guard may take to end after the byte for a regular end.
 const LEAVING: Duration = Duration::from_millis(300);
 /// The same before the first byte, while the controller starts; nothing moves until then.

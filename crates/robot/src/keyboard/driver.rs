@@ -142,6 +142,8 @@ pub struct Keyboard {
     parser: MidiParser,
     state: KeyboardState,
     pressed: u64,
+    /// Keys that were pressed or released since the connection: the first release of another belongs to a press before it.
+    seen: u64,
     pressed_at: [Duration; KEYS],
     /// When the last byte came, once the keyboard has shown that it sends active sensing.
     sensed_at: Option<Duration>,
@@ -170,6 +172,7 @@ impl Keyboard {
             parser: MidiParser::new(),
             state: KeyboardState::Absent,
             pressed: 0,
+            seen: 0,
             pressed_at: [Duration::ZERO; KEYS],
             sensed_at: None,
             shift_watch: ShiftWatch::new(lowest_pitch),
@@ -187,6 +190,7 @@ impl Keyboard {
         self.release_all(now, changes);
         self.parser.restart();
         self.shift_watch.restart();
+        self.seen = 0;
         self.sensed_at = None;
         self.state = KeyboardState::Present;
     }
@@ -286,6 +290,7 @@ impl Keyboard {
             changes.push(KeyChange { at: now, key, velocity: 0 });
         }
         self.pressed |= 1 << key;
+        self.seen |= 1 << key;
         self.stuck_now &= !(1 << key);
         if let Some(since) = self.pressed_at.get_mut(key) {
             *since = now;
@@ -295,8 +300,10 @@ impl Keyboard {
 
     fn release(&mut self, now: Duration, note: u8, changes: &mut Vec<KeyChange>) {
         let Some(key) = self.key(note) else { return };
+        let first = self.seen & (1 << key) == 0;
+        self.seen |= 1 << key;
         if self.pressed & (1 << key) == 0 {
-            self.unpaired += 1;
+            self.unpaired += u64::from(!first);
             return;
         }
         self.pressed &= !(1 << key);

@@ -44,6 +44,8 @@ pub struct World {
     options: ModelOptions,
     params: PhysicalParams,
     gains: [Gains; JOINTS],
+    /// Those of the rail while a key is down.
+    key_down_gains: Gains,
     /// Angle of each key from which on it sounds, rad.
     threshold: [f64; KEYS],
     /// Angle of each key below which it is silent again, rad; at most its threshold.
@@ -95,6 +97,7 @@ impl World {
             gains: std::array::from_fn(|joint| {
                 Gains::new(params, joint, config.actuation, options.step_secs)
             }),
+            key_down_gains: Gains::new(params, RAIL, config.actuation, options.step_secs),
             threshold: [0.0; KEYS],
             release: [0.0; KEYS],
             controllers: std::array::from_fn(|_| Controller::at_rest(0.0)),
@@ -122,6 +125,7 @@ impl World {
         for joint in 0..JOINTS {
             self.gains[joint] = Gains::new(params, joint, self.config.actuation, step);
         }
+        self.key_down_gains = self.gains[RAIL].with_velocity_limit(value(WorldRow::KeyDownSpeed));
         // SAFETY: only values change; no size, address or id table is touched.
         let model = unsafe { self.data.model_mut() };
         model.body_pos_mut()[self.layout.keyboard] = keyboard_place(params);
