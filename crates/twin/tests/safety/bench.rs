@@ -109,6 +109,8 @@ pub struct Mischief {
     /// The same, in each poll.
     pub flood: Vec<CanFrame>,
     pub midi_flood: Option<AlterBytes>,
+    /// A request (register, parameters) of another client of the arm, in each poll.
+    pub other_client: Vec<u8>,
     dice: Dice,
 }
 
@@ -126,6 +128,7 @@ impl Default for Mischief {
             midi: Vec::new(),
             flood: Vec::new(),
             midi_flood: None,
+            other_client: Vec::new(),
             dice: Dice::new(1),
         }
     }
@@ -303,6 +306,10 @@ impl Bench {
     /// Lets the controller do what is due now.
     pub fn poll(&mut self) {
         self.mischief.frames.extend(&self.mischief.flood);
+        if !self.mischief.other_client.is_empty() {
+            let request = self.mischief.other_client.clone();
+            self.other_client(&request);
+        }
         self.judge.arm = Some(self.lockstep.twin.devices.arm.joints());
         self.at_the_wires(|robot, now, wires| robot.poll(now, wires));
         self.judge.settled(self.robot.phase());

@@ -28,8 +28,6 @@ const ARM_DEG: [[f64; 2]; 7] = [
 /// Fastest flange, m/s, and fastest joint, rad/s (xArm user manual).
 const FLANGE_M_S: f64 = 1.0;
 const JOINT_RAD_S: f64 = PI;
-/// Fastest joint in a move that the arm plans itself: the controller's own choice, far below the limit.
-const PLANNED_RAD_S: f64 = 0.3;
 /// Time between two targets: shorter ones would not make the arm any faster (xArm user manual).
 const TARGET_SECS: f64 = 0.005;
 /// A target repeated after a longer pause than this still may not leap.
@@ -60,6 +58,9 @@ pub struct Judge {
     target: Option<(Duration, [f64; 7])>,
     /// Speed along the keyboard between the last two targets, m/s.
     arm_speed: f64,
+    /// The longest step of the flange from target to target, and the greatest acceleration along the keyboard.
+    pub worst_step_m: f64,
+    pub worst_m_s2: f64,
     past: [Past; 13],
     /// Whether the arm is told where to be by the set-point of the rail.
     rail_moves: bool,
@@ -87,6 +88,8 @@ impl Judge {
             last_order: None,
             target: None,
             arm_speed: 0.0,
+            worst_step_m: 0.0,
+            worst_m_s2: 0.0,
             past: [Past::default(); 13],
             rail_moves: false,
             drove: false,
@@ -168,12 +171,6 @@ impl Judge {
                 assert!(params.len() == 16 && (0.0..=3.5).contains(&floats[0]), "{floats:?}");
                 assert!(floats[1..].iter().all(|centre| centre.abs() <= 500.0), "{floats:?}");
             }
-            23 => {
-                assert_eq!(params.len(), 40);
-                within_range(&floats);
-                assert!((1e-3..=PLANNED_RAD_S + 1e-6).contains(&floats[7]), "speed {}", floats[7]);
-                assert!((1e-3..=20.0).contains(&floats[8]), "acceleration {}", floats[8]);
-            }
             29 => {
                 assert_eq!(params.len(), 40);
                 within_range(&floats);
@@ -188,7 +185,7 @@ impl Judge {
         // After a change of mode, the set-point of the rail begins anew where the arm then is.
         self.rail_moves = register == 29 || self.rail_moves && register != 19;
         self.last_order = Some((register, first));
-        self.moved |= register == 23 || register == 29;
+        self.moved |= register == 29;
         if (register, first) != (12, 4) {
             self.ordered = Some(register);
         }
@@ -219,6 +216,8 @@ impl Judge {
                 "{acceleration} m/s² along the keyboard"
             );
             self.arm_speed = speed;
+            self.worst_step_m = self.worst_step_m.max(way_m);
+            self.worst_m_s2 = self.worst_m_s2.max(acceleration.abs());
         } else if let Some(arm) = &self.arm {
             assert!(far(arm) <= FIRST_RAD, "the first target is {} rad away", far(arm));
         }

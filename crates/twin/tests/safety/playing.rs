@@ -1,5 +1,8 @@
 //! A robot that nobody disturbs.
 
+use std::cell::RefCell;
+use std::rc::Rc;
+
 use etude_emulators::faults::FaultPlan;
 use etude_robot::joints::RAIL;
 use etude_robot::xarm::ArmFault;
@@ -66,5 +69,49 @@ fn an_arm_that_replies_late_follows_or_stops() {
             let away = matches!(bench.robot.fault(), Some(Fault::Doubted(Doubt::ArmAway { .. })));
             assert!(away, "{:?}", bench.robot.fault());
         }
+    }
+}
+
+/// All replies of the arm are held back once, and then come together. The judge looks at each target that is sent afterwards.
+#[test]
+fn replies_that_were_held_back_make_no_leap() {
+    println!("| held back | on the way | moving | playing |\n|---|---|---|---|");
+    for held_ms in (30..=240).step_by(30) {
+        let mut cells = Vec::new();
+        for phase in 0..3 {
+            let mut bench = Bench::new(&Truth::load("standard").unwrap(), &calibration("twin"));
+            let mut pose = start_pose();
+            pose[RAIL] = 0.2;
+            if phase == 0 {
+                bench.start_and_hold();
+                bench.robot.home(bench.now(), &pose).unwrap();
+                bench.run(3000);
+            } else {
+                bench.place_arm_at_the_keyboard();
+                bench.start_and_hold();
+                if phase == 1 {
+                    bench.robot.approach(bench.now(), &pose).unwrap();
+                    bench.run(1500);
+                } else {
+                    bench.follow(Policy::Smooth);
+                    // The waves along the keyboard are fastest then.
+                    bench.run(1050);
+                }
+            }
+            (bench.judge.worst_step_m, bench.judge.worst_m_s2) = (0.0, 0.0);
+            let targets = bench.judge.targets;
+            let held = Rc::new(RefCell::new(Vec::new()));
+            let keep = Rc::clone(&held);
+            bench.mischief.alter_replies = Some(Box::new(move |bytes| keep.borrow_mut().append(bytes)));
+            bench.run(held_ms);
+            bench.mischief.alter_replies = None;
+            bench.mischief.replies.append(&mut held.borrow_mut());
+            bench.run(400);
+            assert!(bench.judge.targets > targets, "nothing was sent afterwards");
+            let (step_mm, m_s2) = (bench.judge.worst_step_m * 1e3, bench.judge.worst_m_s2);
+            let ends = if bench.robot.phase() == Phase::Fault { ", fault" } else { "" };
+            cells.push(format!("{step_mm:.1} mm, {m_s2:.1} m/s²{ends}"));
+        }
+        println!("| {held_ms} ms | {} |", cells.join(" | "));
     }
 }

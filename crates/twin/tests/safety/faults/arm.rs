@@ -226,6 +226,19 @@ pub const ROWS: &[Row] = &[
         ..ROW
     },
     Row {
+        name: "another client sends the arm targets 0.3 rad away",
+        ends: [Fault(700), Fault(500), Fault(500), Fault(500), Fault(500), GoesOn],
+        says: "arm",
+        strike: |b| {
+            let mut joints = b.lockstep.twin.devices.arm.joints();
+            joints[0] += 0.3;
+            let floats = joints.iter().chain(&[0.0; 3]).flat_map(|value| (*value as f32).to_le_bytes());
+            b.mischief.other_client = [29].into_iter().chain(floats).collect();
+        },
+        mend: |b| b.mischief = Mischief::default(),
+        ..ROW
+    },
+    Row {
         name: "arm's motors switched off by another client",
         ends: [Fault(150), Fault(15), Fault(15), Fault(15), Fault(15), GoesOn],
         says: "which this program did not request",
