@@ -279,7 +279,7 @@ fn one_run(
 ) -> anyhow::Result<Performance> {
     let task = &pianist.config.task;
     // What takes long comes before the robot has power.
-    let simulation = play.mode.simulation(task)?;
+    let simulation = play.mode.simulation(task, &stand.robot.config().limits)?;
     let mut ready = pianist.ready(task, piece)?;
     let Stand { robot, pace } = stand;
     prepare(robot, pace, play.home.then_some(start), writer.as_deref_mut(), interrupt)?;

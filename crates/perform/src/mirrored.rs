@@ -1,11 +1,13 @@
 //! A simulation whose joints a robot follows: the paper's modes *joint mirroring* and *hybrid*.
 
+use etude_robot::rig::LimitsConfig;
 use etude_stage::{JOINTS, PHYSICS_STEPS, World};
 use etude_task::{TaskConfig, TaskError};
 
 use crate::mode::Mode;
 use crate::performance::{Ending, Performance, Stepped};
 use crate::rig::{Command, Rig, Seen, UNSTABLE};
+use crate::shaping::slow_while_keys_are_down;
 use crate::robot_rig::{RobotRig, Waypoints};
 use crate::{PerformError, Recorder};
 
@@ -26,15 +28,15 @@ struct Mirrored<'a> {
 }
 
 impl Mode {
-    /// The simulation of `task` that runs beside the robot in this mode, if one does.
+    /// The simulation of `task` that runs beside a robot with these limits in this mode, if one does.
     ///
     /// # Errors
     /// If the task's configuration is not sound.
-    pub fn simulation(self, task: &TaskConfig) -> Result<Option<World>, TaskError> {
+    pub fn simulation(self, task: &TaskConfig, limits: &LimitsConfig) -> Result<Option<World>, TaskError> {
         if !self.has_simulation() {
             return Ok(None);
         }
-        Ok(Some(World::new(&task.stage, &task.params()?)?))
+        Ok(Some(World::new(&task.stage, &slow_while_keys_are_down(task.params()?, limits))?))
     }
 
     /// Puts the rig of this mode together: `robot` alone, or with its [`simulation`](Self::simulation) beside it.

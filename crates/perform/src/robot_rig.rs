@@ -62,6 +62,8 @@ impl<'a> RobotRig<'a> {
         self.robot.follow(due, waypoints)?;
         let late = self.pace.now().saturating_sub(due);
         self.timing.command(late);
+        // What was measured in the step before, now that there is time.
+        self.record(recorder)?;
         let begin_secs = command.step as f64 / CONTROL_HZ;
         recorder.write(begin_secs, || TargetMessage { step, targets: command.targets.to_vec() })?;
         recorder.write(begin_secs, || PolicyMessage {
@@ -71,7 +73,6 @@ impl<'a> RobotRig<'a> {
             late_secs: late.as_secs_f64(),
         })?;
         self.pace.run_until(self.robot, due + CONTROL_PERIOD);
-        self.record(recorder)?;
         if self.robot.phase() != Phase::Following {
             return Ok(Err(fault(self.robot)));
         }
@@ -143,7 +144,8 @@ impl Rig for RobotRig<'_> {
         recorder: &mut Recorder<'_>,
     ) -> Result<Result<Stepped, Ending>, PerformError> {
         let mut waypoints = [[0.0; JOINTS]; PHYSICS_STEPS];
-        self.shaping.shape(&command.targets, &mut waypoints);
+        let key_down = keys(self.robot) != KeySet::EMPTY;
+        self.shaping.shape(&command.targets, key_down, &mut waypoints);
         let followed = self.follow(&waypoints, command, recorder)?;
         Ok(followed.map(|pressed| Stepped { pressed, alongside: None }))
     }

@@ -6,7 +6,7 @@
 
 use etude_robot::rig::LimitsConfig;
 use etude_stage::controller::{Actuation, Controller, Gains};
-use etude_stage::params::JointRow;
+use etude_stage::params::{JointRow, WorldRow};
 use etude_stage::{JOINTS, PHYSICS_STEPS, PhysicalParams, RAIL, StageConfig, joint_range};
 
 /// Set-points are shaped to this share of the limiter's velocity, acceleration and jerk, so that it does not clamp them.
@@ -15,6 +15,8 @@ const WITHIN: f64 = 0.95;
 /// Shapes targets into set-points.
 pub(crate) struct Shaping {
     gains: [Gains; JOINTS],
+    /// Those of the rail while a key is down.
+    key_down_gains: Gains,
     controllers: [Controller; JOINTS],
 }
 
@@ -23,19 +25,29 @@ impl Shaping {
     pub(crate) fn new(limits: &LimitsConfig, pose: &[f64; JOINTS]) -> Self {
         let params = shaping_params(limits);
         let step = StageConfig::default().physics_step_secs();
+        let gains = std::array::from_fn(|joint| Gains::new(&params, joint, Actuation::Controlled, step));
+        let key_down_gains = gains[RAIL].slower(params.world(WorldRow::KeyDownSpeed));
         Self {
-            gains: std::array::from_fn(|joint| Gains::new(&params, joint, Actuation::Controlled, step)),
+            gains,
+            key_down_gains,
             controllers: pose.map(Controller::at_rest),
         }
     }
 
-    /// The set-points of a control step with these targets.
-    pub(crate) fn shape(&mut self, targets: &[f64; JOINTS], waypoints: &mut [[f64; JOINTS]; PHYSICS_STEPS]) {
+    /// The set-points of a control step with these targets. `key_down` says whether a key is down when it begins.
+    pub(crate) fn shape(
+        &mut self,
+        targets: &[f64; JOINTS],
+        key_down: bool,
+        waypoints: &mut [[f64; JOINTS]; PHYSICS_STEPS],
+    ) {
+        let rail = if key_down { self.key_down_gains } else { self.gains[RAIL] };
         for waypoint in waypoints {
             for joint in 0..JOINTS {
                 let [low, high] = joint_range(joint);
                 let target = targets[joint].clamp(low, high);
-                waypoint[joint] = self.controllers[joint].follow(&self.gains[joint], target);
+                let gains = if joint == RAIL { &rail } else { &self.gains[joint] };
+                waypoint[joint] = self.controllers[joint].follow(gains, target);
             }
         }
     }
@@ -56,6 +68,13 @@ pub fn shaping_params(limits: &LimitsConfig) -> PhysicalParams {
             params.set_joint(row, joint, params.joint(row, joint).min(WITHIN * most));
         }
     }
+    slow_while_keys_are_down(params, limits)
+}
+
+/// The same parameters, with the rig's limit on the rail while a key is down.
+pub(crate) fn slow_while_keys_are_down(mut params: PhysicalParams, limits: &LimitsConfig) -> PhysicalParams {
+    let slow = params.world(WorldRow::KeyDownSpeed).min(WITHIN * limits.key_down_rail_velocity);
+    params.set_world(WorldRow::KeyDownSpeed, slow);
     params
 }
 
@@ -70,7 +89,7 @@ mod tests {
         /// Whatever the targets, the limiter has nothing to clamp.
         #[test]
         fn what_is_shaped_passes_the_limiter(
-            targets in prop::collection::vec(prop::array::uniform13(-2.0..2.0f64), 1..20),
+            targets in prop::collection::vec((prop::array::uniform13(-2.0..2.0f64), any::<bool>()), 1..20),
         ) {
             let limits = LimitsConfig::default();
             let mut shaping = Shaping::new(&limits, &[0.0; JOINTS]);
@@ -80,8 +99,8 @@ mod tests {
                 std::array::from_fn(|joint| if joint == RAIL { axes[axes.len() - 1] } else { axes[joint] });
             let mut limiter = limits.map(|limits| Axis::at_rest(limits, 0.005, 0.0));
             let mut waypoints = [[0.0; JOINTS]; PHYSICS_STEPS];
-            for targets in targets {
-                shaping.shape(&targets, &mut waypoints);
+            for (targets, key_down) in targets {
+                shaping.shape(&targets, key_down, &mut waypoints);
                 for waypoint in &waypoints {
                     for (joint, axis) in limiter.iter_mut().enumerate() {
                         let clamp = axis.step(waypoint[joint]);

@@ -117,8 +117,8 @@ impl Default for LimitsConfig {
             rail_acceleration: 7.5,
             // The full acceleration in one set-point, as the arm itself would take it in servo mode.
             rail_jerk: 1500.0,
-            // A judgement: what the paper's fences bear is not published. Playing is faster in less than one set-point of a hundred.
-            key_down_rail_velocity: 0.5,
+            // A judgement: what the paper's fences bear is not published.
+            key_down_rail_velocity: 0.42,
             // The unused thumb in lasr-lab/learning-to-play-piano.
             thumb_rad: [0.363, 0.0, 0.0, 0.0],
             start_finger_rad: 0.2,

@@ -78,6 +78,8 @@ pub struct ModelOptions {
     pub firm_joints: bool,
     /// Rotation of the keyboard about its middle, counter-clockwise seen from above, rad.
     pub keyboard_yaw_rad: f64,
+    /// Whether the hand has a weight. The keys' springs are at rest where gravity leaves them.
+    pub gravity: bool,
     /// The keys.
     pub keys: [KeyFactors; KEYS],
 }
@@ -90,6 +92,7 @@ impl Default for ModelOptions {
             cone: Cone::Elliptic,
             firm_joints: false,
             keyboard_yaw_rad: 0.0,
+            gravity: false,
             keys: [KeyFactors { stiffness: 1.0, travel: 1.0 }; KEYS],
         }
     }

@@ -38,6 +38,8 @@ pub struct Gains {
     torque_limit: f64,
     smoothing: f64,
     velocity_limit: f64,
+    /// The speed at which the reference moves toward a target that is far away.
+    speed: f64,
     acceleration_limit: f64,
     jerk_limit: f64,
     approach: f64,
@@ -67,6 +69,7 @@ impl Gains {
             torque_limit: value(JointRow::TorqueLimit),
             smoothing: 1.0 - (-step_secs / value(JointRow::LowPass).max(1e-9)).exp(),
             velocity_limit: value(JointRow::VelocityLimit),
+            speed: value(JointRow::VelocityLimit),
             acceleration_limit,
             jerk_limit,
             approach: 1.0 / (4.0 * settle_secs),
@@ -77,9 +80,9 @@ impl Gains {
         }
     }
 
-    /// The same with a velocity limit of at most `most`.
-    pub fn with_velocity_limit(self, most: f64) -> Self {
-        Self { velocity_limit: self.velocity_limit.min(most), ..self }
+    /// The same for a reference that moves toward its target with `most` at most, and brakes to that if it is faster.
+    pub fn slower(self, most: f64) -> Self {
+        Self { speed: self.speed.min(most), ..self }
     }
 
     /// The PD law: torque toward the position `wanted`.
@@ -175,15 +178,13 @@ impl Controller {
         // Far away: the speed from which half the acceleration limit still stops in time; the other half is a reserve for the
         // jerk limit. Close by: proportional, so that it settles without overshoot.
         let stoppable = (gains.acceleration_limit * error.abs()).sqrt();
-        let speed = (gains.approach * error.abs()).min(stoppable).min(gains.velocity_limit);
+        let speed = (gains.approach * error.abs()).min(stoppable).min(gains.speed);
         let wanted = (speed.copysign(error) - self.velocity) / gains.settle_secs;
         let wanted = wanted.clamp(-gains.acceleration_limit, gains.acceleration_limit);
         let most = gains.jerk_limit * dt;
         self.acceleration += (wanted - self.acceleration).clamp(-most, most);
         let velocity = self.velocity + self.acceleration * dt;
-        // A limit that has just become lower is reached by braking.
-        let ceiling = gains.velocity_limit.max(self.velocity.abs() - gains.acceleration_limit * dt);
-        let limited = velocity.clamp(-ceiling, ceiling);
+        let limited = velocity.clamp(-gains.velocity_limit, gains.velocity_limit);
         self.position += limited * dt;
         self.velocity = limited;
     }

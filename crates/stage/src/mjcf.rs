@@ -58,13 +58,14 @@ pub(crate) fn mjcf_with(config: &StageConfig, params: &PhysicalParams, options: 
     } else {
         String::new()
     };
+    let gravity = if options.gravity { -9.81 } else { 0.0 };
     let [width, height] = LARGEST_PICTURE;
     let motors: String =
         lines(JOINT_NAMES, |name| format!("    <motor name=\"{name}\" joint=\"{name}\"/>\n"));
     format!(
         r#"<mujoco model="etude">
   <compiler angle="radian" autolimits="true"/>
-  <option timestep="{step}" gravity="0 0 0" sleep_tolerance="{SLEEP_TOLERANCE}" cone="{cone}" impratio="10" integrator="{integrator}">
+  <option timestep="{step}" gravity="0 0 {gravity}" sleep_tolerance="{SLEEP_TOLERANCE}" cone="{cone}" impratio="10" integrator="{integrator}">
     <flag sleep="enable"/>
   </option>
   <visual><global offwidth="{width}" offheight="{height}"/><quality shadowsize="2048"/><headlight ambient="0.3 0.3 0.3" diffuse="0.25 0.25 0.25" specular="0 0 0"/></visual>
@@ -118,6 +119,7 @@ fn keyboard(config: &StageConfig, params: &PhysicalParams, options: &ModelOption
     let fences = if config.fences { lines(fences().enumerate(), fence) } else { String::new() };
     // Each key stands in the world and not in the keyboard's body: MuJoCo keeps the axes of a sleeping key relative to the
     // centre of mass of everything under its outermost body, which other keys would move while it sleeps.
+    let floats = if options.gravity { r#" gravcomp="1""# } else { "" };
     let key = |key: usize| {
         let shape = KeyShape::of(key);
         let [length, width, thick] = shape.size.map(|size| size / 2.0);
@@ -128,7 +130,7 @@ fn keyboard(config: &StageConfig, params: &PhysicalParams, options: &ModelOption
         let (damping, armature) = (value(WorldRow::KeyDamping), value(WorldRow::KeyArmature));
         let (hinge, rebound, mass) = (-length, -KEY_REBOUND, shape.mass);
         format!(
-            r#"    <body name="key_{key}" pos="{x} {y} {z}"{turn}>
+            r#"    <body name="key_{key}" pos="{x} {y} {z}"{turn}{floats}>
       <joint name="key_{key}" type="hinge" axis="0 1 0" pos="{hinge} 0 0" range="{rebound} {stop}" stiffness="{stiffness}" damping="{damping}" armature="{armature}"/>
       <geom name="key_{key}" type="box" size="{length} {width} {thick}" mass="{mass}" rgba="{colour}" {key_contact}/>
     </body>

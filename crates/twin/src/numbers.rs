@@ -58,11 +58,14 @@ pub(crate) struct WorldTruth {
     /// Turn of the keyboard about its middle, counter-clockwise from above, rad. Its place and height are physical
     /// numbers: `keyboard.depth`, `keyboard.lateral`, `keyboard.height`.
     pub(crate) keyboard_yaw_rad: f64,
+    /// Whether the hand has a weight. Without one, the twin's rig has no feed-forward against it.
+    #[serde(skip_serializing_if = "std::ops::Not::not")]
+    pub(crate) gravity: bool,
 }
 
 impl Default for WorldTruth {
     fn default() -> Self {
-        Self { integrator: Integrator::ImplicitFast, cone: Cone::Pyramidal, keyboard_yaw_rad: 0.0 }
+        Self { integrator: Integrator::ImplicitFast, cone: Cone::Pyramidal, keyboard_yaw_rad: 0.0, gravity: false }
     }
 }
 
@@ -182,6 +185,7 @@ impl Numbers {
             cone: self.world.cone,
             firm_joints: true,
             keyboard_yaw_rad: self.world.keyboard_yaw_rad,
+            gravity: self.world.gravity,
             keys: stiffness.map(|stiffness| KeyFactors { stiffness, travel: self.keys.travel }),
         }
     }

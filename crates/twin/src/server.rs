@@ -90,7 +90,7 @@ impl TwinServer {
             .map_err(port_error)?;
         let bound = arm.ports().map_err(port_error)?;
         let rig_path = folder.join(format!("{RIG}.toml"));
-        let mut config = RigConfig { name: RIG.to_string(), ..rig.clone() };
+        let mut config = truth.fitting(RigConfig { name: RIG.to_string(), ..rig.clone() });
         config.wires = WiresConfig {
             can: format!("bus:{}", can.display()),
             arm: format!("127.0.0.1:{}:{}", bound.command, bound.real),

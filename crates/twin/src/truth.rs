@@ -6,6 +6,7 @@ use std::fmt;
 use std::path::Path;
 
 use etude_emulators::faults::OrderedFault;
+use etude_robot::rig::RigConfig;
 
 use crate::error::TruthError;
 use crate::numbers::Numbers;
@@ -91,6 +92,19 @@ impl Truth {
         more.iter().try_for_each(OrderedFault::check)?;
         self.numbers.faults.extend_from_slice(more);
         Ok(self)
+    }
+
+    /// A rig for a twin with this truth: the default one, and without a feed-forward against gravity if its hand has no weight.
+    pub fn rig(&self) -> RigConfig {
+        self.fitting(RigConfig { name: "twin".to_string(), ..RigConfig::default() })
+    }
+
+    /// This rig, without a feed-forward against gravity if the twin's hand has no weight.
+    pub(crate) fn fitting(&self, mut rig: RigConfig) -> RigConfig {
+        if !self.numbers.world.gravity {
+            rig.joint_loop.gravity_pwm_per_nm = 0.0;
+        }
+        rig
     }
 
     /// Its name.

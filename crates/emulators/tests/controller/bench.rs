@@ -8,7 +8,7 @@ use etude_emulators::{
     ArmEmulator, ArmEmulatorConfig, ConnectionId, FreeHand, HandEmulator, HandEmulatorConfig,
     KeyboardEmulator, KeyboardEmulatorConfig, ReportKind,
 };
-use etude_robot::allegro::JOINTS;
+use etude_robot::allegro::{JOINTS, JointLoopConfig};
 use etude_robot::calibration::{Calibration, Point, RailPath};
 use etude_robot::can::{CanError, CanFrame};
 use etude_robot::joints::DRIVEN;
@@ -22,7 +22,9 @@ use etude_robot::{Phase, Record, Robot};
 pub const MS: Duration = Duration::from_millis(1);
 
 pub fn rig() -> RigConfig {
-    RigConfig { name: "bench".into(), ..RigConfig::default() }
+    // The hand of this bench has no weight.
+    let joint_loop = JointLoopConfig { gravity_pwm_per_nm: 0.0, ..JointLoopConfig::default() };
+    RigConfig { name: "bench".into(), joint_loop, ..RigConfig::default() }
 }
 
 pub fn path() -> RailPath {

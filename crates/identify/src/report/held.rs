@@ -53,6 +53,8 @@ fn joint_of(path: &str) -> Option<usize> {
     JOINT_NAMES.iter().position(|joint| *joint == name)
 }
 
+const LIMITED: &str = "Étude limits a robot's commands to it; it is the value of the rig's file";
+
 /// Why a row was not estimated (crates/identify/src/rows.rs decides that).
 fn why(path: &str, estimated: &BTreeSet<&str>) -> &'static str {
     let touches = estimated.contains("key.threshold");
@@ -61,6 +63,7 @@ fn why(path: &str, estimated: &BTreeSet<&str>) -> &'static str {
             "keyboard.depth" | "key.armature" | "key.friction" | "hand.start" => {
                 "it hardly changes which keys sound, and when"
             }
+            "rail.key_down_velocity" => LIMITED,
             "key.hysteresis" => {
                 "no residual depends on it alone; set it if the places of the contacts are known"
             }
@@ -69,9 +72,7 @@ fn why(path: &str, estimated: &BTreeSet<&str>) -> &'static str {
         };
     };
     match super::advice::row_of(path) {
-        "velocity_limit" | "acceleration_limit" => {
-            "Étude limits a robot's commands to it; it is the value of the rig's file"
-        }
+        "velocity_limit" | "acceleration_limit" => LIMITED,
         "viscosity" => "it has the same effect as the damping while the drive is below its limit",
         "encoder_bias" if joint == RAIL || joint % etude_stage::hand::FINGER_JOINTS == 0 => {
             "it has the same effect as keyboard.lateral"

@@ -99,7 +99,7 @@ impl RigChoice {
     /// Its configuration; the default one for a twin.
     pub fn config(&self) -> RigConfig {
         match self {
-            Self::Twin(_) => RigConfig { name: TWIN.to_string(), ..RigConfig::default() },
+            Self::Twin(truth) => truth.rig(),
             Self::File { rig, .. } => (**rig).clone(),
         }
     }

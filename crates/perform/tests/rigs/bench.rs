@@ -8,7 +8,6 @@ use etude_perform::{
 use etude_robot::Robot;
 use etude_robot::allegro::HandSide;
 use etude_robot::calibration::RailPath;
-use etude_robot::rig::RigConfig;
 use etude_robot::xarm::kinematics::PAPER_HOME_DEG;
 use etude_stage::{JOINTS, PhysicalParams, World};
 use etude_task::{Piece, Player, TaskConfig};
@@ -42,14 +41,14 @@ pub fn with_rig<T>(
     let Kind::Twin(mode) = kind else {
         return use_rig(&mut SimRig::nominal(task, piece).unwrap());
     };
-    let rig = RigConfig { name: "twin".to_string(), ..RigConfig::default() };
+    let rig = truth.rig();
     let mut lockstep = Lockstep::new(Twin::new(truth, HandSide::Left).unwrap()).unwrap();
     let home = PAPER_HOME_DEG.map(f64::to_radians);
     let path = RailPath::new(&calibration("twin"), rig.limits.rail_range_m, &home).unwrap();
     let mut robot = Robot::new(&rig, path).unwrap();
     let pose = start_pose(task);
     prepare(&mut robot, &mut lockstep, Some(&pose), None, &AtomicBool::new(false)).unwrap();
-    let simulation = mode.simulation(task).unwrap();
+    let simulation = mode.simulation(task, &robot.config().limits).unwrap();
     use_rig(&mut *mode.rig(simulation, RobotRig::new(&mut robot, &mut lockstep, &pose)))
 }
 

@@ -8,6 +8,7 @@ use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
 
+use super::gravity::holding_torques;
 use super::limits::JOINTS;
 use crate::setting::{SettingError, check_range};
 
@@ -24,11 +25,13 @@ pub struct JointLoopConfig {
     pub kd: [f64; 4],
     /// Cut-off of the velocity's low-pass, Hz.
     pub velocity_filter_hz: f64,
+    /// PWM for each N·m that holds the fingers against gravity; 0 for none. The default is the full scale for 1 N·m.
+    pub gravity_pwm_per_nm: f64,
 }
 
 impl Default for JointLoopConfig {
     fn default() -> Self {
-        Self { kp: [3600.0; 4], kd: [120.0; 4], velocity_filter_hz: 30.0 }
+        Self { kp: [3600.0; 4], kd: [120.0; 4], velocity_filter_hz: 30.0, gravity_pwm_per_nm: 1200.0 }
     }
 }
 
@@ -40,6 +43,7 @@ impl JointLoopConfig {
     pub fn check(&self) -> Result<(), SettingError> {
         self.kp.iter().try_for_each(|&gain| check_range("joint_loop.kp", gain, 0.0, 20_000.0))?;
         self.kd.iter().try_for_each(|&gain| check_range("joint_loop.kd", gain, 0.0, 1_000.0))?;
+        check_range("joint_loop.gravity_pwm_per_nm", self.gravity_pwm_per_nm, 0.0, 3600.0)?;
         check_range("joint_loop.velocity_filter_hz", self.velocity_filter_hz, 1.0, 1000.0)
     }
 }
@@ -69,18 +73,21 @@ impl JointLoop {
     }
 
     /// The wanted PWM of each flat joint, unclamped, for positions measured at `at` and references, both in
-    /// rad. A number that is not finite gives a PWM that is not, which [`Hand::torque`](super::Hand::torque)
+    /// rad, and the cosine of the angle between the palm's normal and straight down. A number that is not finite gives a PWM that is not, which [`Hand::torque`](super::Hand::torque)
     /// sends as 0; it does not stay in the filter.
     pub fn pwm(
         &mut self,
         at: Duration,
         positions: &[f64; JOINTS],
         reference: &[f64; JOINTS],
+        palm_down: f64,
     ) -> [f64; JOINTS] {
         self.measure(at, positions);
+        let holding = holding_torques(positions);
+        let gravity = palm_down * self.config.gravity_pwm_per_nm;
         std::array::from_fn(|joint| {
             let (kp, kd) = (self.config.kp[joint % 4], self.config.kd[joint % 4]);
-            kp * (reference[joint] - positions[joint]) - kd * self.velocities[joint]
+            kp * (reference[joint] - positions[joint]) - kd * self.velocities[joint] + gravity * holding[joint]
         })
     }
 
@@ -119,10 +126,10 @@ mod tests {
     fn the_law_by_hand() {
         let mut joints = JointLoop::new(&JointLoopConfig::default()).unwrap();
         let mut positions = [0.2; JOINTS];
-        let pwm = joints.pwm(ms(10.0), &positions, &[0.3; JOINTS]);
+        let pwm = joints.pwm(ms(10.0), &positions, &[0.3; JOINTS], 0.0);
         assert!((pwm[0] - 360.0).abs() < 1e-9, "no velocity from one reading: {}", pwm[0]);
         positions[5] += 0.003;
-        let pwm = joints.pwm(ms(13.0), &positions, &[0.3; JOINTS]);
+        let pwm = joints.pwm(ms(13.0), &positions, &[0.3; JOINTS], 0.0);
         // 1 rad/s through the low-pass: 1 − exp(−2π · 30 Hz · 3 ms) = 0.4319.
         assert!((joints.velocities[5] - 0.431_92).abs() < 1e-4, "{}", joints.velocities[5]);
         assert!((pwm[5] - (3600.0 * 0.097 - 120.0 * 0.431_92)).abs() < 0.05, "{}", pwm[5]);
@@ -133,12 +140,12 @@ mod tests {
     fn a_broken_number_is_gone_with_the_next() {
         let mut joints = JointLoop::new(&JointLoopConfig::default()).unwrap();
         let mut positions = [0.0; JOINTS];
-        let _ = joints.pwm(ms(0.0), &positions, &[0.0; JOINTS]);
+        let _ = joints.pwm(ms(0.0), &positions, &[0.0; JOINTS], 0.0);
         positions[3] = f64::NAN;
-        assert!(joints.pwm(ms(3.0), &positions, &[0.0; JOINTS])[3].is_nan());
+        assert!(joints.pwm(ms(3.0), &positions, &[0.0; JOINTS], 0.0)[3].is_nan());
         for n in 2..5 {
             positions[3] = 0.0;
-            assert_eq!(joints.pwm(ms(3.0 * f64::from(n)), &positions, &[0.0; JOINTS])[3], 0.0);
+            assert_eq!(joints.pwm(ms(3.0 * f64::from(n)), &positions, &[0.0; JOINTS], 0.0)[3], 0.0);
         }
     }
 
@@ -160,7 +167,7 @@ mod tests {
             let mut at = 0.0;
             for gap in gaps {
                 at += gap;
-                let _ = joints.pwm(ms(at), &[speed * ms(at).as_secs_f64(); JOINTS], &[0.0; JOINTS]);
+                let _ = joints.pwm(ms(at), &[speed * ms(at).as_secs_f64(); JOINTS], &[0.0; JOINTS], 0.0);
                 // Never beyond the truth: a wrong time step would overshoot.
                 prop_assert!(joints.velocities[0].abs() <= f64::abs(speed) * (1.0 + 1e-6));
             }

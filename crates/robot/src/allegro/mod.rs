@@ -14,6 +14,7 @@ mod config;
 mod driver;
 mod encoder;
 mod fault;
+mod gravity;
 mod joint_loop;
 mod limits;
 mod messages;
@@ -22,6 +23,7 @@ mod state;
 pub use config::HandConfig;
 pub use driver::Hand;
 pub use fault::HandFault;
+pub use gravity::holding_torques;
 pub use joint_loop::{JointLoop, JointLoopConfig};
 pub use limits::{
     FULL_SCALE_PWM, JOINT_LIMITS_RAD, JOINTS, PWM_LIMITS, RAD_PER_COUNT, clamp_pwm, counts_from_rad,

@@ -150,6 +150,12 @@ impl RailPath {
         inverse(&pose, joints_rad)
     }
 
+    /// Cosine of the angle between the palm's normal and straight down for these joints of the arm: on the path the palm faces down.
+    pub fn palm_down(&self, joints_rad: &[f64; JOINTS]) -> f64 {
+        let up = |pose: &Pose| pose.rotation.inverse() * Vector3::z();
+        up(&forward(joints_rad)).dot(&up(&self.orientation))
+    }
+
     /// Where the hand is for these joints of the arm.
     pub fn place(&self, joints_rad: &[f64; JOINTS]) -> RailPlace {
         let pose = forward(joints_rad);

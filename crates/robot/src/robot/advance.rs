@@ -221,7 +221,7 @@ impl Robot {
             self.before[joint] + (self.axes[joint].position() - self.before[joint]) * share + left[joint]
         });
         self.following.take(at, &positions, &reference, &self.config.limits);
-        let wanted = self.joint_loop.pwm(at, &positions, &reference);
+        let wanted = self.joint_loop.pwm(at, &positions, &reference, self.palm_down);
         let pwm = self.hand.torque(now, &wanted, frames);
         self.doubts.hand(at, &positions, &reference, &pwm);
         self.journal.push(Record::Hand { at, positions, reference, wanted, pwm });

@@ -107,6 +107,7 @@ impl Robot {
         };
         self.arm_seen = self.arm.joints_at();
         let place = self.path.place(&measured);
+        self.palm_down = self.path.palm_down(&measured);
         let elsewhere = self.arm.sent().or(self.arm_stood);
         if self.is_live() && self.arm_sent.is_some() && self.arm.sent().is_some() {
             self.doubts.arm(now, &measured, &place, self.axes[RAIL_AXIS].position());

@@ -120,6 +120,8 @@ pub struct Robot {
     /// Where it stood when the robot began to hold still, rad.
     arm_stood: Option<[f64; kinematics::JOINTS]>,
     arm_seen: Option<Duration>,
+    /// Cosine of the angle between the palm's normal and straight down.
+    palm_down: f64,
     /// Whether the drivers know of their connections, and whether the arm was started.
     arm_connected: bool,
     keyboard_connected: bool,
@@ -166,6 +168,7 @@ impl Robot {
             arm_sent: None,
             arm_stood: None,
             arm_seen: None,
+            palm_down: 0.0,
             arm_connected: false,
             keyboard_connected: false,
             arm_told: false,

@@ -125,7 +125,7 @@ impl World {
         for joint in 0..JOINTS {
             self.gains[joint] = Gains::new(params, joint, self.config.actuation, step);
         }
-        self.key_down_gains = self.gains[RAIL].with_velocity_limit(value(WorldRow::KeyDownSpeed));
+        self.key_down_gains = self.gains[RAIL].slower(value(WorldRow::KeyDownSpeed));
         // SAFETY: only values change; no size, address or id table is touched.
         let model = unsafe { self.data.model_mut() };
         model.body_pos_mut()[self.layout.keyboard] = keyboard_place(params);

@@ -25,7 +25,7 @@ use crate::judge::Judge;
 const CONTROL: u32 = 50;
 
 pub fn rig() -> RigConfig {
-    RigConfig { name: "twin".into(), ..RigConfig::default() }
+    Truth::load("standard").unwrap().rig()
 }
 
 fn path(calibration: &Calibration) -> RailPath {
