@@ -137,13 +137,13 @@ fn the_scripted_player_needs_no_training() {
 
 /// Notes right and wrong of the shipped policies, as in docs/results/learning.md.
 const SHIPPED: [(&str, usize, usize); 7] = [
-    ("are-you-sleeping", 32, 1),
-    ("happy-birthday", 25, 0),
+    ("are-you-sleeping", 32, 2),
+    ("happy-birthday", 25, 1),
     ("ode-to-joy", 29, 0),
     ("twinkle", 14, 0),
     ("c-major-scale", 15, 0),
     ("d-major-scale", 15, 0),
-    ("chord-progression", 9, 3),
+    ("chord-progression", 11, 0),
 ];
 
 /// What a shipped policy claims, it must play. Another processor rounds otherwise, and a contact may then fall the other way: hence
