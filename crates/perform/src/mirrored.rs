@@ -7,8 +7,8 @@ use etude_task::{TaskConfig, TaskError};
 use crate::mode::Mode;
 use crate::performance::{Ending, Performance, Stepped};
 use crate::rig::{Command, Rig, Seen, UNSTABLE};
-use crate::shaping::slow_while_keys_are_down;
 use crate::robot_rig::{RobotRig, Waypoints};
+use crate::shaping::slow_while_keys_are_down;
 use crate::{PerformError, Recorder};
 
 /// Where the keys that the player sees come from.

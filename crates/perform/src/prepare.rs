@@ -46,8 +46,7 @@ pub fn prepare(
 /// If the recording cannot be written.
 pub fn record_release(robot: &mut Robot, writer: &mut RecordingWriter) -> Result<(), PerformError> {
     let begun = Duration::try_from_secs_f64(writer.begun_secs).unwrap_or_default();
-    let notes: Vec<Record> =
-        robot.records().filter(|record| matches!(record, Record::Note { .. })).collect();
+    let notes: Vec<Record> = robot.records().filter(|record| matches!(record, Record::Note { .. })).collect();
     let mut recorder = Recorder::new(Some(writer));
     Ok(RobotRecords::since(begun).write_all(&notes, &mut recorder, &mut Timing::default())?)
 }

@@ -27,11 +27,7 @@ impl Shaping {
         let step = StageConfig::default().physics_step_secs();
         let gains = std::array::from_fn(|joint| Gains::new(&params, joint, Actuation::Controlled, step));
         let key_down_gains = gains[RAIL].slower(params.world(WorldRow::KeyDownSpeed));
-        Self {
-            gains,
-            key_down_gains,
-            controllers: pose.map(Controller::at_rest),
-        }
+        Self { gains, key_down_gains, controllers: pose.map(Controller::at_rest) }
     }
 
     /// The set-points of a control step with these targets. `key_down` says whether a key is down when it begins.

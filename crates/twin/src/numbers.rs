@@ -65,7 +65,12 @@ pub(crate) struct WorldTruth {
 
 impl Default for WorldTruth {
     fn default() -> Self {
-        Self { integrator: Integrator::ImplicitFast, cone: Cone::Pyramidal, keyboard_yaw_rad: 0.0, gravity: false }
+        Self {
+            integrator: Integrator::ImplicitFast,
+            cone: Cone::Pyramidal,
+            keyboard_yaw_rad: 0.0,
+            gravity: false,
+        }
     }
 }
 

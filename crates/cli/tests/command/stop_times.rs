@@ -67,7 +67,11 @@ impl Listener {
             std::thread::sleep(Duration::from_micros(200));
         }
         let no_torque = free.into_iter().max().flatten().expect("each finger is freed");
-        Times { no_torque, servo_off: servo_off.expect("servo off"), arm_stopped: arm_stopped.expect("state 4") }
+        Times {
+            no_torque,
+            servo_off: servo_off.expect("servo off"),
+            arm_stopped: arm_stopped.expect("state 4"),
+        }
     }
 }
 
@@ -115,7 +119,8 @@ fn a_robot_stops_soon_after_its_controller_or_guard() {
 fn begin(desk: &Desk, rig: &str, homing: bool) -> Child {
     let file = desk.path("p/run-1.mcap");
     let _ = std::fs::remove_file(&file);
-    let mut command = desk.command(&format!("perform --song ode-to-joy --mode real --scripted --home --robot {rig} -o p"));
+    let mut command =
+        desk.command(&format!("perform --song ode-to-joy --mode real --scripted --home --robot {rig} -o p"));
     let controller = command.stdout(Stdio::null()).spawn().unwrap();
     let phase: &[u8] = if homing { b"\"moving\"" } else { b"\"following\"" };
     let until = Instant::now() + Duration::from_secs(60);

@@ -36,7 +36,9 @@ fn fastest(places: &[f64]) -> f64 {
 
 fn clamps(bench: &Bench, name: &str) -> usize {
     let is_it = |record: &&Record| match record {
-        Record::SetPoint { clamps, .. } => clamps.iter().any(|(joint, clamp)| *joint == RAIL && clamp.name() == name),
+        Record::SetPoint { clamps, .. } => {
+            clamps.iter().any(|(joint, clamp)| *joint == RAIL && clamp.name() == name)
+        }
         _ => false,
     };
     bench.records.iter().filter(is_it).count()

@@ -147,6 +147,13 @@ fn without_a_controller_the_arm_stands_where_it_was_sent_last() {
         farthest[usize::from(following)] = farthest[usize::from(following)].max(way_m);
     }
     // What its own lag leaves, at 0.3 rad/s and at 0.8 m/s: a planned move would have taken it half a metre farther.
-    println!("after the last target it moved by {:.0} mm on its way, {:.0} mm at the keyboard", farthest[0] * 1e3, farthest[1] * 1e3);
-    assert!(farthest[0] > 1e-3 && farthest[0] < 0.04 && farthest[1] > 1e-3 && farthest[1] < 0.08, "{farthest:?}");
+    println!(
+        "after the last target it moved by {:.0} mm on its way, {:.0} mm at the keyboard",
+        farthest[0] * 1e3,
+        farthest[1] * 1e3
+    );
+    assert!(
+        farthest[0] > 1e-3 && farthest[0] < 0.04 && farthest[1] > 1e-3 && farthest[1] < 0.08,
+        "{farthest:?}"
+    );
 }

@@ -1,6 +1,5 @@
 //! What the driver does when all is well.
 
-
 use etude_emulators::{ArmEmulatorConfig, ReportKind};
 use etude_robot::xarm::codec::{FEEDBACK, Frame, floats};
 use etude_robot::xarm::kinematics::{self, JOINTS};

@@ -15,8 +15,7 @@ const MEDIAL_M: f64 = 0.0384;
 const PROXIMAL: (f64, f64) = (0.065, PROXIMAL_M / 2.0);
 const MEDIAL: (f64, f64) = (0.0355, MEDIAL_M / 2.0);
 /// The same of the distal link and of the fingertip, together.
-const DISTAL: (f64, f64) =
-    (0.0096 + 0.0168, (0.0096 * 0.008 + 0.0168 * 0.029) / (0.0096 + 0.0168));
+const DISTAL: (f64, f64) = (0.0096 + 0.0168, (0.0096 * 0.008 + 0.0168 * 0.029) / (0.0096 + 0.0168));
 const GRAVITY: f64 = 9.81;
 
 /// The torques (N·m) that hold the fingers at `positions` (rad, as on the wire) when the palm faces down. With the palm facing elsewhere they
@@ -37,8 +36,7 @@ pub fn holding_torques(positions: &[f64; JOINTS]) -> [f64; JOINTS] {
         };
         let [_, medial, distal] = along;
         let third_moment = DISTAL.0 * DISTAL.1 * distal;
-        let second_moment =
-            third_moment + MEDIAL.0 * MEDIAL.1 * medial + DISTAL.0 * MEDIAL_M * medial;
+        let second_moment = third_moment + MEDIAL.0 * MEDIAL.1 * medial + DISTAL.0 * MEDIAL_M * medial;
         let pull = GRAVITY * roll.cos();
         torques[4 * finger] = GRAVITY * roll.sin() * moment(down);
         torques[4 * finger + 1] = -pull * moment(along);

@@ -87,7 +87,8 @@ impl JointLoop {
         let gravity = palm_down * self.config.gravity_pwm_per_nm;
         std::array::from_fn(|joint| {
             let (kp, kd) = (self.config.kp[joint % 4], self.config.kd[joint % 4]);
-            kp * (reference[joint] - positions[joint]) - kd * self.velocities[joint] + gravity * holding[joint]
+            kp * (reference[joint] - positions[joint]) - kd * self.velocities[joint]
+                + gravity * holding[joint]
         })
     }
 

@@ -389,7 +389,13 @@ mod tests {
         assert_eq!(arm(60, &|secs| ([secs; 7], place(if secs < 0.14 { 0.09 } else { 0.0 }), 0.0)), None);
         // Half a second after it was sent along the keyboard, it must be there.
         let stops = |behind: f64| {
-            arm(120, &|secs| ([secs; 7], place(0.5 * (secs - 0.1).clamp(0.0, 0.3) - if secs > 0.5 { behind } else { 0.0 }), 0.5 * secs.min(0.3)))
+            arm(120, &|secs| {
+                (
+                    [secs; 7],
+                    place(0.5 * (secs - 0.1).clamp(0.0, 0.3) - if secs > 0.5 { behind } else { 0.0 }),
+                    0.5 * secs.min(0.3),
+                )
+            })
         };
         assert_eq!(stops(0.015), None);
         assert!(matches!(stops(0.045), Some(Doubt::ArmAway { .. })), "{:?}", stops(0.045));

@@ -96,9 +96,8 @@ fn between(from: &[f64; JOINTS], to: &[f64; JOINTS], share: f64) -> [f64; JOINTS
 fn flange_m_per_rad(from: &[f64; JOINTS], to: &[f64; JOINTS], turn: f64) -> f64 {
     // No joint turns by more than two full turns either way.
     let steps = (turn / TRIAL_RAD).ceil().clamp(1.0, 3000.0) as u32;
-    let place = |step: u32| {
-        kinematics::forward(&between(from, to, f64::from(step) / f64::from(steps))).position_m
-    };
+    let place =
+        |step: u32| kinematics::forward(&between(from, to, f64::from(step) / f64::from(steps))).position_m;
     let longest = (0..steps).map(|step| (place(step + 1) - place(step)).norm()).fold(0.0, f64::max);
     (longest * f64::from(steps) / turn.max(NONE_RAD)).max(NONE_RAD)
 }
