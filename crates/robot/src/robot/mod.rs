@@ -21,6 +21,7 @@ mod following;
 mod homing;
 mod io;
 mod motion;
+mod phase;
 mod plan;
 mod record;
 mod turning;
@@ -31,6 +32,7 @@ use std::time::Duration;
 
 pub use doubt::Doubt;
 pub use fault::{Fault, Refused, RobotError};
+pub use phase::Phase;
 pub use plan::propose_fence;
 pub use record::Record;
 pub use wiggle::{WIGGLED, Wiggled, wiggle};
@@ -53,40 +55,6 @@ use record::Journal;
 
 /// Fingers straight ahead, clear of the keys.
 const CLEAR_FINGERS: [f64; FINGER_JOINTS] = [0.0; FINGER_JOINTS];
-
-/// What the robot is doing.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Phase {
-    /// It was not started yet.
-    Off,
-    /// The devices are starting.
-    Starting,
-    /// It stands still and holds its pose.
-    Holding,
-    /// It moves slowly to a pose.
-    Moving,
-    /// It follows a stream.
-    Following,
-    /// It was stopped on request.
-    Stopped,
-    /// It was stopped by a fault.
-    Fault,
-}
-
-impl Phase {
-    /// Its name in messages and recordings.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Off => "off",
-            Self::Starting => "starting",
-            Self::Holding => "holding",
-            Self::Moving => "moving",
-            Self::Following => "following",
-            Self::Stopped => "stopped",
-            Self::Fault => "stopped by a fault",
-        }
-    }
-}
 
 /// The controller of a robot.
 pub struct Robot {
