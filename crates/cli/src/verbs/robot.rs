@@ -252,7 +252,7 @@ fn guard(rig: &Rig) -> anyhow::Result<Ending> {
     let config = file(&rig.robot)?;
     line(READY)?;
     if let Some(stopped) = stand_guard(&config)? {
-        note("guard: the controller has ended or did not run for 0.1 s (see real time in `etude doctor`)");
+        note("guard: the controller has ended or did not run for 70 ms (see real time in `etude doctor`)");
         for (what, result) in [("arm", stopped.arm), ("hand", stopped.hand)] {
             note(format!("guard: {what} {}", result.err().unwrap_or_else(|| "stopped".to_string())));
         }
