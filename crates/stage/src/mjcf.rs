@@ -117,9 +117,9 @@ fn keyboard(config: &StageConfig, params: &PhysicalParams, options: &ModelOption
         )
     };
     let fences = if config.fences { lines(fences().enumerate(), fence) } else { String::new() };
+    let floats = if options.gravity { r#" gravcomp="1""# } else { "" };
     // Each key stands in the world and not in the keyboard's body: MuJoCo keeps the axes of a sleeping key relative to the
     // centre of mass of everything under its outermost body, which other keys would move while it sleeps.
-    let floats = if options.gravity { r#" gravcomp="1""# } else { "" };
     let key = |key: usize| {
         let shape = KeyShape::of(key);
         let [length, width, thick] = shape.size.map(|size| size / 2.0);

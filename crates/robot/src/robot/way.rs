@@ -6,8 +6,8 @@
 use std::time::Duration;
 
 use crate::limiter::{Axis, AxisLimits};
-use crate::xarm::kinematics::{self, JOINTS};
-use crate::xarm::{ArmConfig, ArmFault, largest_turn};
+use crate::xarm::kinematics::JOINTS;
+use crate::xarm::{ArmConfig, ArmFault, largest_turn, way};
 
 /// Greatest speed of a joint, rad/s: a tenth of what it may do.
 const SPEED: f64 = 0.3;
@@ -16,8 +16,6 @@ const ACCELERATION: f64 = 1.0;
 const JERK: f64 = 10.0;
 /// Share of the flange's speed limit that is used.
 const FLANGE_SHARE: f64 = 0.5;
-/// Distance between the places at which the flange's speed is computed, rad of the joint that turns most.
-const TRIAL_RAD: f64 = 0.01;
 /// The arm has arrived when every joint is this near, rad.
 const ARRIVED_RAD: f64 = 0.02;
 /// Longest time from the last target to the arrival.
@@ -94,12 +92,9 @@ fn between(from: &[f64; JOINTS], to: &[f64; JOINTS], share: f64) -> [f64; JOINTS
 
 /// The longest way of the flange for one rad of the joint that turns most, m.
 fn flange_m_per_rad(from: &[f64; JOINTS], to: &[f64; JOINTS], turn: f64) -> f64 {
-    // No joint turns by more than two full turns either way.
-    let steps = (turn / TRIAL_RAD).ceil().clamp(1.0, 3000.0) as u32;
-    let place =
-        |step: u32| kinematics::forward(&between(from, to, f64::from(step) / f64::from(steps))).position_m;
-    let longest = (0..steps).map(|step| (place(step + 1) - place(step)).norm()).fold(0.0, f64::max);
-    (longest * f64::from(steps) / turn.max(NONE_RAD)).max(NONE_RAD)
+    let places: Vec<_> = way(from, to).collect();
+    let longest = places.windows(2).map(|pair| (pair[1] - pair[0]).norm()).fold(0.0, f64::max);
+    (longest * (places.len() - 1) as f64 / turn.max(NONE_RAD)).max(NONE_RAD)
 }
 
 #[cfg(test)]
@@ -107,7 +102,7 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
-    use crate::xarm::kinematics::PAPER_HOME_DEG;
+    use crate::xarm::kinematics::{self, PAPER_HOME_DEG};
 
     proptest! {
         #![proptest_config(ProptestConfig { cases: 60, ..Default::default() })]
