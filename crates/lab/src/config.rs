@@ -43,6 +43,21 @@ const FREE: &[&str] = &[
 ];
 
 impl RunConfig {
+    /// The configuration that is stored with a policy. Settings of the trainer and the algorithm that this build does not have are
+    /// left out: they say how the policy learned, not how it plays.
+    ///
+    /// # Errors
+    /// If the task has settings that this build does not have.
+    pub(crate) fn stored(mut value: serde_json::Value) -> serde_json::Result<Self> {
+        let known = serde_json::to_value(Self::default())?;
+        for part in ["trainer", "droq"] {
+            if let Some(settings) = value.get_mut(part).and_then(serde_json::Value::as_object_mut) {
+                settings.retain(|name, _| known[part].get(name).is_some());
+            }
+        }
+        serde_json::from_value(value)
+    }
+
     /// With the weight of every reward term, so that the file has the same meaning over any preset.
     pub fn complete(mut self) -> Self {
         for term in etude_task::reward::TERMS {
@@ -204,8 +219,6 @@ mod tests {
             num_envs = 1
             updates_per_round = 1
             warmup_steps = 5_000
-            demonstration_share = 0.0
-            demonstration_noise = 0.03 # our choice, from here on, except the evaluations
             log_every_steps = 2_000
             evaluate_every_steps = 10_000
             best_by = ""
@@ -296,6 +309,17 @@ mod tests {
         assert!(
             change("task.reward.collision=0").unwrap_err().to_string().contains("`task.reward.collision`")
         );
+    }
+
+    #[test]
+    fn a_policy_of_an_earlier_build_is_read_unless_its_task_is_unknown() {
+        let mut value = serde_json::to_value(RunConfig::default()).unwrap();
+        value["trainer"]["demonstration_share"] = 0.5.into();
+        value["droq"]["discount"] = 0.9.into();
+        let read = RunConfig::stored(value.clone()).unwrap();
+        assert_eq!((read.droq.discount, read.trainer.clone()), (0.9, RunConfig::default().trainer));
+        value["task"]["gravity"] = true.into();
+        assert!(RunConfig::stored(value).unwrap_err().to_string().contains("gravity"));
     }
 
     #[test]

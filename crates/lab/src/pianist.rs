@@ -140,7 +140,7 @@ pub(crate) fn open(path: &Path) -> anyhow::Result<Pianist> {
     let policy = Policy::load(path)?;
     let notes = &policy.header().notes;
     let training = &notes["training"];
-    let config: RunConfig = serde_json::from_value(training["config"].clone())
+    let config = RunConfig::stored(training["config"].clone())
         .map_err(|e| fail(format!("its training configuration cannot be read: {e}")))?;
     if layout(&config.task) != policy.header().layout || policy.header().action_len != etude_task::ACTION_LEN
     {

@@ -10,7 +10,7 @@ use etude_learn::{
 };
 use etude_music::{Song, SongError};
 use etude_perform::{Job, NoteCounts, SongEvaluator, write_file};
-use etude_task::{Piece, ScriptedPlayer, TaskConfig, VectorPiano};
+use etude_task::{Piece, TaskConfig, VectorPiano};
 use serde_json::json;
 
 use crate::config::{RunConfig, change_free, resolve as resolve_config};
@@ -253,7 +253,7 @@ fn warm_start(path: &Path, song: &Song, config: &RunConfig, parts: &Parts) -> an
         )
     };
     let learned = warm.notes()["song"].as_str().ok_or_else(unknown)?;
-    let theirs: RunConfig = serde_json::from_value(warm.notes()["config"].clone()).map_err(|_| unknown())?;
+    let theirs = RunConfig::stored(warm.notes()["config"].clone()).map_err(|_| unknown())?;
     let told = |title: &str, config: &RunConfig| {
         let task = &config.task;
         [
@@ -326,10 +326,7 @@ fn lock(folder: &Path) -> anyhow::Result<File> {
 fn parts(song: &Song, config: &RunConfig) -> anyhow::Result<Parts> {
     let piece = Piece::for_task(song, &config.task)?;
     let root = seed::split(config.trainer.seed, "task");
-    let mut environment = VectorPiano::new(&config.task, &piece, config.trainer.num_envs, root)?;
-    if config.trainer.demonstration_share > 0.0 {
-        environment = environment.with_demonstrator(ScriptedPlayer::new(&config.task, &piece)?);
-    }
+    let environment = VectorPiano::new(&config.task, &piece, config.trainer.num_envs, root)?;
     let evaluator = SongEvaluator::new(&config.task, &piece)?;
     // Threads do not change the result, so they are not stored in a policy: same seed, same bytes.
     let defaults = TrainerConfig::default();

@@ -174,11 +174,6 @@ pub struct TrainerConfig {
     pub updates_per_round: usize,
     /// Environment steps with uniformly random actions, before the first update.
     pub warmup_steps: u64,
-    /// Share of the control steps in which the environment's demonstrator acts instead of the policy, from the first step on. The
-    /// paper's is 0.
-    pub demonstration_share: f64,
-    /// Standard deviation of the normal noise on the demonstrator's actions, so that they are not always the same.
-    pub demonstration_noise: f64,
     /// Environment steps between rows of metrics.
     pub log_every_steps: u64,
     /// Environment steps between evaluations; 0 for none.
@@ -201,8 +196,6 @@ impl Default for TrainerConfig {
             num_envs: 1,
             updates_per_round: 1,
             warmup_steps: 5_000,
-            demonstration_share: 0.0,
-            demonstration_noise: 0.03,
             log_every_steps: 2_000,
             evaluate_every_steps: 10_000,
             best_by: String::new(),
@@ -225,9 +218,6 @@ impl TrainerConfig {
         within("trainer.threads", self.threads, ..=1024, rule)?;
         let rule = "it must be at least 1, since updates need something to learn from";
         within("trainer.warmup_steps", self.warmup_steps, 1.., rule)?;
-        let rule = "it must be at least 0 and at most 1";
-        within("trainer.demonstration_share", self.demonstration_share, 0.0..=1.0, rule)?;
-        within("trainer.demonstration_noise", self.demonstration_noise, 0.0..=1.0, rule)?;
         let rule = "it must be at least 1";
         within("trainer.total_steps", self.total_steps, 1.., rule)?;
         within("trainer.log_every_steps", self.log_every_steps, 1.., rule)?;
@@ -270,6 +260,5 @@ mod tests {
             assert!(error.to_string().contains("change it in the configuration"));
         }
         assert!(TrainerConfig { num_envs: 0, ..Default::default() }.validate().is_err());
-        assert!(TrainerConfig { demonstration_share: 1.1, ..Default::default() }.validate().is_err());
     }
 }

@@ -82,11 +82,6 @@ pub trait VectorEnvironment: Send {
     fn reset(&mut self, observation: &mut [f32]);
     /// Applies `actions` (`[n, action]`, each in [-1, 1]) and restarts the episodes that ended.
     fn step(&mut self, actions: &[f32], batch: &mut StepBatch);
-    /// Writes the actions of a demonstrator, `[n, action]`. Returns `false`, and writes nothing, if there is none.
-    fn demonstrate(&self, actions: &mut [f32]) -> bool {
-        let _ = actions;
-        false
-    }
     /// The state, from which [`load_state`](Self::load_state) continues bit for bit.
     fn save_state(&self) -> Vec<u8>;
     /// Continues from the bytes of [`save_state`](Self::save_state).

@@ -153,13 +153,15 @@ impl Environment {
         let due = self.piece.due(self.step);
         let joints = self.world.joints();
         let pressed_before = self.world.pressed();
-        let outcome = self.world.step(&self.range.targets(action, self.step));
+        let targets = self.range.targets(action, self.step);
+        let outcome = self.world.step(&targets);
         let moment = Moment {
             world: &self.world,
             due,
             held: self.piece.held(self.step),
             pressed_before,
             outcome,
+            targets: &targets,
             action,
             previous_action: &self.history.actions[0],
             goals: self.piece.goals(self.step),

@@ -11,7 +11,7 @@
 use std::collections::BTreeMap;
 
 use etude_music::{KEYS, KeySet};
-use etude_stage::{FINGERS, RAIL, StepOutcome, World};
+use etude_stage::{FINGERS, JOINTS, RAIL, StepOutcome, World};
 
 use crate::fingering::comb::beyond_target;
 use crate::fingering::{Goal, Goals};
@@ -29,6 +29,8 @@ pub struct Moment<'a> {
     pub pressed_before: KeySet,
     /// Power and collisions of the step.
     pub outcome: StepOutcome,
+    /// The joints' targets in the step: encoder readings, rad, the rail in m.
+    pub targets: &'a [f64; JOINTS],
     /// The action of the step.
     pub action: &'a [f32; ACTION_LEN],
     /// The action of the previous step; in the first step, the one whose targets are the starting pose, as far
@@ -68,6 +70,7 @@ pub const TERMS: &[Term] = &[
     term("fingering", 0.0, fingering),
     term("preparation", 0.0, preparation),
     term("velocity", 0.0, velocity),
+    term("tracking", 0.0, tracking),
 ];
 
 /// Terms that need [`TaskConfig::fingering`](crate::TaskConfig::fingering).
@@ -164,6 +167,14 @@ fn closeness_to_goals(
         count += 1;
     }
     if count == 0 { 1.0 } else { sum / f64::from(count) }
+}
+
+/// Minus the mean distance of the finger joints from their targets at the end of the step, rad. A target far beyond where a key stops
+/// presses at the limit of the torque for as long as the note sounds, and has to come back all the way before the finger can lift.
+fn tracking(moment: &Moment) -> f64 {
+    let joints = moment.world.joints();
+    let away = moment.targets.iter().zip(&joints).take(RAIL).map(|(target, joint)| (target - joint).abs());
+    -away.sum::<f64>() / RAIL as f64
 }
 
 /// Difference between force and velocity, as a share of 127, up to which a strike earns everything, and further that at which it earns
@@ -314,6 +325,7 @@ mod tests {
                 held: due,
                 pressed_before: KeySet::EMPTY,
                 outcome: StepOutcome::default(),
+                targets: &[0.0; JOINTS],
                 action: &action,
                 previous_action: &[0.0; ACTION_LEN],
                 goals: Goals::default(),
@@ -334,6 +346,7 @@ mod tests {
             held: KeySet::EMPTY,
             pressed_before: KeySet::EMPTY,
             outcome: StepOutcome::default(),
+            targets: &[0.0; JOINTS],
             action: &[0.0; ACTION_LEN],
             previous_action: &[0.0; ACTION_LEN],
             goals: Goals::default(),

@@ -5,7 +5,7 @@ use rayon::prelude::*;
 
 use crate::environment::Environment;
 use crate::observation::layout;
-use crate::{ACTION_LEN, Piece, ScriptedPlayer, TaskConfig, TaskError};
+use crate::{ACTION_LEN, Piece, TaskConfig, TaskError};
 
 /// Environments of one piece that step together. Each owns its world and its random stream, so the result
 /// does not depend on the number of threads.
@@ -13,7 +13,6 @@ pub struct VectorPiano {
     environments: Vec<Slot>,
     layout: ObservationLayout,
     terms: usize,
-    demonstrator: Option<ScriptedPlayer>,
 }
 
 /// An environment and the reward terms of its last step.
@@ -42,12 +41,7 @@ impl VectorPiano {
             })
             .collect::<Result<Vec<_>, TaskError>>()?;
         let terms = environments.first().map_or(0, |slot| slot.parts.len());
-        Ok(Self { environments, layout: layout(config), terms, demonstrator: None })
-    }
-
-    /// With a demonstrator: its actions are those that it has planned for the next control step of each environment.
-    pub fn with_demonstrator(self, player: ScriptedPlayer) -> Self {
-        Self { demonstrator: Some(player), ..self }
+        Ok(Self { environments, layout: layout(config), terms })
     }
 }
 
@@ -116,14 +110,6 @@ impl VectorEnvironment for VectorPiano {
         for (index, slot) in self.environments.iter().enumerate() {
             batch.reward_terms[index * self.terms..][..self.terms].copy_from_slice(&slot.parts);
         }
-    }
-
-    fn demonstrate(&self, actions: &mut [f32]) -> bool {
-        let Some(player) = &self.demonstrator else { return false };
-        for (slot, action) in self.environments.iter().zip(actions.chunks_exact_mut(ACTION_LEN)) {
-            action.copy_from_slice(&player.action(slot.environment.position()));
-        }
-        true
     }
 
     fn save_state(&self) -> Vec<u8> {

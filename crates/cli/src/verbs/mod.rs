@@ -30,7 +30,7 @@ use etude_music::Song;
 #[derive(clap::Args)]
 pub struct ConfigArgs {
     /// Start from this preset: fast (a song in minutes), quick (without a fingering, in more steps), paper (as
-    /// published), appendix (the paper's variant) or appendix-fast (that, with a scripted teacher)
+    /// published), appendix (the paper's variant) or appendix-fast (that, with a fingering)
     #[arg(long, default_value = etude_lab::DEFAULT_PRESET, value_name = "NAME")]
     preset: String,
     /// Then take what this TOML file says

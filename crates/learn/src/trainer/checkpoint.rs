@@ -12,7 +12,7 @@ use std::{
 use safetensors::Dtype;
 use serde::{Deserialize, Serialize};
 
-use super::{demonstrations::Demonstrations, metrics::Mark};
+use super::metrics::Mark;
 use crate::{
     config::DroqConfig,
     droq::ShardStreams,
@@ -22,7 +22,7 @@ use crate::{
     replay::{Replay, Segment},
 };
 
-pub(crate) const SCHEMA: &str = "etude-checkpoint-2";
+pub(crate) const SCHEMA: &str = "etude-checkpoint-3";
 const OBSERVATION: &str = "trainer.observation";
 const SUMS: &str = "trainer.sums";
 const ENVIRONMENT: &str = "environment.state";
@@ -72,9 +72,6 @@ pub(crate) struct Header {
     pub update_streams: Vec<ShardStreams>,
     pub policy_stream: Stream,
     pub warmup_stream: Stream,
-    pub demonstration_share: f64,
-    pub demonstration_noise: f64,
-    pub demonstrations: Demonstrations,
     /// Absent in checkpoints from before there were warm starts.
     #[serde(default)]
     pub beginning: Beginning,

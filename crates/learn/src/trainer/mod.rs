@@ -4,7 +4,6 @@
 //! `report` has logs and evaluations, `checkpoint` the files.
 
 mod checkpoint;
-mod demonstrations;
 mod error;
 mod metrics;
 mod observer;
@@ -40,7 +39,6 @@ use crate::{
     replay::{Replay, Segment},
 };
 use checkpoint::{Beginning, Extras, Header, SCHEMA, Store};
-use demonstrations::Demonstrations;
 use metrics::Metrics;
 pub(crate) use start::thread_pool;
 use sums::Sums;
@@ -97,7 +95,6 @@ pub struct Trainer {
     acting: Acting,
     policy_stream: Stream,
     warmup_stream: Stream,
-    demonstrations: Demonstrations,
     beginning: Beginning,
     /// Environment steps made.
     step: u64,
@@ -117,7 +114,6 @@ struct Buffers {
     /// `[n, action]` each.
     action: Vec<f32>,
     noise: Vec<f32>,
-    demonstrated: Vec<f32>,
     batch: StepBatch,
 }
 
@@ -251,9 +247,6 @@ impl Trainer {
             update_streams: self.droq.streams(),
             policy_stream: self.policy_stream.clone(),
             warmup_stream: self.warmup_stream.clone(),
-            demonstration_share: self.config.demonstration_share,
-            demonstration_noise: self.config.demonstration_noise,
-            demonstrations: self.demonstrations.clone(),
             beginning: self.beginning,
         };
         let extras = Extras {

@@ -47,9 +47,6 @@ impl Trainer {
         same("trainer.num_envs", &header.num_envs, &config.num_envs)?;
         same("trainer.updates_per_round", &header.updates_per_round, &config.updates_per_round)?;
         same("trainer.warmup_steps", &header.warmup_steps, &config.warmup_steps)?;
-        let saved = (header.demonstration_share, header.demonstration_noise);
-        same("trainer.demonstration_share", &saved.0, &config.demonstration_share)?;
-        same("trainer.demonstration_noise", &saved.1, &config.demonstration_noise)?;
         same("the observation layout", &header.layout, &parts.environment.layout())?;
         same("the action length", &header.action_len, &parts.environment.action_len())?;
         same("the reward terms", &header.reward_terms, &parts.environment.reward_term_names())?;
@@ -80,10 +77,6 @@ impl Trainer {
         trainer.segments = header.segments;
         trainer.policy_stream = header.policy_stream;
         trainer.warmup_stream = header.warmup_stream;
-        if header.demonstrations.num_envs() != config.num_envs {
-            return Err(bad("its demonstrations are of another number of environments".to_owned()));
-        }
-        trainer.demonstrations = header.demonstrations;
         trainer.beginning = header.beginning;
         trainer.best = header.best;
         trainer.last_evaluation = header.last_evaluation;

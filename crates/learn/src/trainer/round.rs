@@ -66,22 +66,16 @@ impl Trainer {
         Ok(())
     }
 
-    /// Chooses the round's actions: uniformly random during the warm-up, except after a warm start, then from the policy. The
-    /// demonstrator replaces some of them.
+    /// Chooses the round's actions: uniformly random during the warm-up, except after a warm start, then from the policy.
     fn act(&mut self) {
         let at_random = self.acts_at_random();
-        let Buffers { observation, action, noise, demonstrated, .. } = &mut self.buffers;
+        let Buffers { observation, action, noise, .. } = &mut self.buffers;
         if at_random {
             action.fill_with(|| 2.0 * self.warmup_stream.uniform() - 1.0);
         } else {
             self.policy_stream.fill_normal(noise);
             let bounds = self.droq_config.log_std_bounds;
             self.acting.explore(self.droq.actor_parameters(), observation, noise, bounds, action);
-        }
-        if self.config.demonstration_share > 0.0 {
-            self.parts.environment.demonstrate(demonstrated);
-            let round = self.step / self.config.num_envs as u64;
-            self.demonstrations.mix(&self.config, round, demonstrated, action);
         }
     }
 }

@@ -5,7 +5,6 @@ use std::{fmt::Display, path::Path, time::Instant};
 use super::{
     Buffers, Clock, LAST_POLICY, Parts, TrainError, Trainer, WarmStart,
     checkpoint::{Beginning, Store},
-    demonstrations::Demonstrations,
     metrics::{self, Metrics},
     sums::Sums,
 };
@@ -109,11 +108,6 @@ impl Trainer {
             let rule = "the environment that was given has another number of copies";
             return refuse("trainer.num_envs", &config.num_envs, rule);
         }
-        let mut demonstrated = vec![0.0; n * action_len];
-        if config.demonstration_share > 0.0 && !environment.demonstrate(&mut demonstrated) {
-            let rule = "this environment has no demonstrator";
-            return refuse("trainer.demonstration_share", &config.demonstration_share, rule);
-        }
         if !Replay::fits(layout, action_len, droq_config.replay_capacity) {
             let rule = "the memory of this machine does not hold as many transitions";
             return refuse("droq.replay_capacity", &droq_config.replay_capacity, rule);
@@ -133,7 +127,6 @@ impl Trainer {
             segments: Vec::new(),
             policy_stream: Stream::new(config.seed, "trainer/policy"),
             warmup_stream: Stream::new(config.seed, "trainer/warmup"),
-            demonstrations: Demonstrations::new(config),
             beginning: Beginning::Fresh,
             step: 0,
             best: None,
@@ -145,7 +138,6 @@ impl Trainer {
                 observation: vec![0.0; n * layout.len()],
                 action: vec![0.0; n * action_len],
                 noise: vec![0.0; n * action_len],
-                demonstrated,
                 batch: StepBatch::new(n, layout, term_names.len()),
             },
             clock: Clock { started: now, before, last_row: now, last_step: 0, last_updates: 0 },

@@ -326,9 +326,9 @@ fn wrong_beginnings_are_refused() {
     assert_eq!(resume(&droq(), &TrainerConfig { threads: 1, ..config(900) }), "");
     let path = folder.path().join("checkpoints/last.safetensors");
     let older = String::from_utf8_lossy(&fs::read(&path).unwrap()).into_owned();
-    assert!(older.contains("etude-checkpoint-2"));
+    assert!(older.contains("etude-checkpoint-3"));
     let mut bytes = fs::read(&path).unwrap();
-    let at = older.find("etude-checkpoint-2").unwrap() + "etude-checkpoint-".len();
+    let at = older.find("etude-checkpoint-3").unwrap() + "etude-checkpoint-".len();
     bytes[at] = b'1';
     fs::write(&path, bytes).unwrap();
     assert!(resume(&droq(), &config(800)).contains("its schema is `etude-checkpoint-1`"));

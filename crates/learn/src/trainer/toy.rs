@@ -85,11 +85,6 @@ impl VectorEnvironment for Tracking {
         }
     }
 
-    fn demonstrate(&self, actions: &mut [f32]) -> bool {
-        actions.iter_mut().zip(&self.targets).for_each(|(action, (target, _))| *action = *target);
-        true
-    }
-
     fn save_state(&self) -> Vec<u8> {
         serde_json::to_vec(&(&self.targets, &self.stream, self.made)).unwrap()
     }
@@ -145,8 +140,6 @@ pub(super) fn config(total_steps: u64) -> TrainerConfig {
         num_envs: 4,
         updates_per_round: 2,
         warmup_steps: 100,
-        demonstration_share: 0.2,
-        demonstration_noise: 0.1,
         log_every_steps: 150,
         evaluate_every_steps: 400,
         best_by: String::new(),

@@ -25,11 +25,6 @@ fn actions(policy: &mut Policy) -> Vec<f32> {
     actions
 }
 
-/// Without a demonstrator, so that what a policy does shows.
-fn alone(total_steps: u64) -> TrainerConfig {
-    TrainerConfig { demonstration_share: 0.0, ..config(total_steps) }
-}
-
 #[test]
 fn at_step_0_the_policy_is_the_sources_and_the_optimiser_is_new() {
     let source = source();
@@ -81,7 +76,7 @@ fn what_was_taken_over_is_evaluated_first_and_acts_in_the_warm_up() {
     let warm = WarmStart::from_run(source.path()).unwrap();
     let folder = tempfile::tempdir().unwrap();
     let mut watch = Watch::default();
-    let mut trainer = Trainer::start(folder.path(), &droq(), &alone(100), parts(), Some(&warm)).unwrap();
+    let mut trainer = Trainer::start(folder.path(), &droq(), &config(100), parts(), Some(&warm)).unwrap();
     trainer.run(&mut watch).unwrap();
     assert_eq!(trainer.droq.updates(), 0, "all of it is the warm-up");
     let first = &watch.evaluations[0];
@@ -97,7 +92,7 @@ fn what_was_taken_over_is_evaluated_first_and_acts_in_the_warm_up() {
         1.0 - f64::from(batch.reward.iter().sum::<f32>()) / 500.0
     };
     let other = tempfile::tempdir().unwrap();
-    let mut fresh = Trainer::start(other.path(), &droq(), &alone(100), parts(), None).unwrap();
+    let mut fresh = Trainer::start(other.path(), &droq(), &config(100), parts(), None).unwrap();
     fresh.run(&mut ()).unwrap();
     let (warm, fresh) = (distance(&mut trainer), distance(&mut fresh));
     assert!(warm < 0.6 * fresh, "{warm} and {fresh}");

@@ -4,7 +4,7 @@ use etude_music::{KeySet, key_is_black};
 use etude_stage::geometry::WHITE;
 use etude_stage::hand::{FINGER_JOINTS, TIP_RADIUS};
 use etude_stage::params::JointRow;
-use etude_stage::{FINGERS, PhysicalParams, RAIL, StageConfig, StepOutcome, World, kinematics};
+use etude_stage::{FINGERS, JOINTS, PhysicalParams, RAIL, StageConfig, StepOutcome, World, kinematics};
 use etude_task::ACTION_LEN;
 use etude_task::fingering::{Goal, Goals};
 use etude_task::reward::{Moment, TERMS, tolerance};
@@ -37,6 +37,7 @@ fn moment<'a>(world: &'a World, due: &[usize]) -> Moment<'a> {
         held: keys(due),
         pressed_before: world.pressed(),
         outcome,
+        targets: &[0.0; JOINTS],
         action: &STILL,
         previous_action: &STILL,
         goals: Goals::default(),
@@ -130,6 +131,20 @@ fn power_and_changes_of_action_and_collisions_cost() {
     let changed = Moment { action: &action, ..moment(&world, &[]) };
     assert_near(term("action_change", &quiet), 0.0, "the same action");
     assert_near(term("action_change", &changed), -1.25 / ACTION_LEN as f64, "another action");
+}
+
+#[test]
+fn targets_beyond_what_the_fingers_reach_cost_and_the_rails_do_not() {
+    let mut params = PhysicalParams::default();
+    params.set("joint.fingers.encoder_bias", 0.05).unwrap();
+    let world = World::new(&StageConfig::default(), &params).unwrap();
+    let mut targets = world.joints();
+    assert_near(term("tracking", &Moment { targets: &targets, ..moment(&world, &[24]) }), 0.0, "at rest");
+    targets[2] += 0.9;
+    targets[FINGER_JOINTS * FINGERS - 1] -= 0.3;
+    targets[RAIL] += 0.2;
+    let away = term("tracking", &Moment { targets: &targets, ..moment(&world, &[24]) });
+    assert_near(away, -1.2 / 12.0, "two joints of twelve");
 }
 
 #[test]

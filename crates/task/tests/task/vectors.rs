@@ -2,7 +2,7 @@
 //! themselves and are never terminal.
 
 use etude_learn::{StepBatch, VectorEnvironment as _};
-use etude_task::{ACTION_LEN, Environment, ScriptedPlayer, TaskConfig, VectorPiano};
+use etude_task::{Environment, TaskConfig, VectorPiano};
 
 use crate::bench::{Actions, batch, nominal, play, restless, short_piece};
 
@@ -128,24 +128,4 @@ fn a_world_that_bursts_earns_what_no_learner_takes() {
     };
     assert!(earned(&nominal()).iter().all(|reward| reward.is_finite()));
     assert!(earned(&config).iter().any(|reward| reward.is_nan()));
-}
-
-#[test]
-fn the_demonstrator_shows_what_the_scripted_player_does_at_each_step_of_each_episode() {
-    let (piece, config) = (short_piece(), nominal());
-    let player = ScriptedPlayer::new(&config, &piece).unwrap();
-    let mut alone = VectorPiano::new(&config, &piece, 2, 3).unwrap();
-    let mut actions = vec![9.0; 2 * ACTION_LEN];
-    assert!(!alone.demonstrate(&mut actions), "there is none yet");
-    assert_eq!(actions, vec![9.0; 2 * ACTION_LEN]);
-    let mut filled = batch(&alone);
-    alone.reset(&mut filled.observation);
-    let mut shown = alone.with_demonstrator(player.clone());
-    for step in 0..2 * piece.steps() + 3 {
-        assert!(shown.demonstrate(&mut actions));
-        for row in actions.chunks(ACTION_LEN) {
-            assert_eq!(row, player.action(step % piece.steps()), "step {step}");
-        }
-        shown.step(&actions, &mut filled);
-    }
 }
