@@ -1,6 +1,6 @@
 """Plays the policy of each round of rehearsals on the twin in every mode and prints the table of docs/results/rehearsals.md.
 
-    etude rehearse --song SONG --robot twin --rounds 2 -o runs/rehearse/SONG     # for each song
+    etude rehearse SONG --robot twin --rounds 2 -o runs/rehearse/SONG     # for each song
     python3 scripts/rehearsal_table.py runs/rehearse/SONG… [--runs 4] [--truth standard]
 """
 
@@ -16,7 +16,7 @@ MODES = ["joint-mirroring", "hybrid", "real"]
 
 def perform(etude, song, mode, policy, truth, runs, out):
     command = [
-        etude, "perform", "--song", song, "--mode", mode, "--robot", "twin", "--truth", truth, "--policy", policy,
+        etude, "perform", song, "--mode", mode, "--robot", "twin", "--truth", truth, "--policy", policy,
         "--runs", str(runs), "--out", out, "--json",
     ]
     done = subprocess.run([str(word) for word in command], cwd=ROOT, check=True, capture_output=True, text=True)

@@ -24,7 +24,7 @@ def lead(mode, truth):
     """The lead of the plan with which the notes of one song are on time in the median, s."""
     secs = 0.025
     report = etude(
-        "perform", "--song", CALIBRATION, "--mode", mode, "--robot", "twin", "--truth", truth, "--policy", f"policies/{CALIBRATION}.safetensors",
+        "perform", CALIBRATION, "--mode", mode, "--robot", "twin", "--truth", truth, "--policy", f"policies/{CALIBRATION}.safetensors",
         "--set", f"task.plan.lead_secs={secs}", "--out", f"out/robot-table/{truth}/lead-{mode}", "--json",
     )
     return round(max(secs + report.get("lag_secs", 0.0), 0.0), 3)
@@ -48,7 +48,7 @@ def main():
         cells = []
         for mode in MODES:
             report = etude(
-                "perform", "--song", song, "--mode", mode, "--robot", "twin", "--truth", options.truth,
+                "perform", song, "--mode", mode, "--robot", "twin", "--truth", options.truth,
                 "--policy", f"policies/{song}.safetensors", "--runs", options.runs, "--set", f"task.plan.lead_secs={leads[mode]}",
                 "--out", f"out/robot-table/{options.truth}/{song}-{mode}", "--json",
             )

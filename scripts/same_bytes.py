@@ -2,7 +2,7 @@
 """Checks that two builds of `etude` do the same: `scripts/same_bytes.py BEFORE AFTER [--songs NAME...]`.
 
 Both play every built-in song with its shipped policy, in simulation and in the three execution modes on the twin, and
-train shortly with and without a teacher and in the preset `paper`. Every message of every recording must be the same,
+train shortly with four presets. Every message of every recording must be the same,
 byte for byte, except `/header`; so must every file of a checkpoint. Prints what differs and exits with 1 then.
 """
 
@@ -93,7 +93,7 @@ def main():
                         run(program, ["play", song, *policy, "-o", str(out)])
                         found[which] = messages(out / "recording.mcap")
                     else:
-                        run(program, ["perform", "--song", song, *policy, "--robot", "twin", "--mode", mode, "-o", str(out)])
+                        run(program, ["perform", song, *policy, "--robot", "twin", "--mode", mode, "-o", str(out)])
                         found[which] = messages(out / "run-1.mcap")
                 difference = differences(f"{song}, {mode}", found["before"], found["after"])
                 wrong += [difference] if difference else []

@@ -11,6 +11,7 @@
 use std::collections::BTreeMap;
 
 use etude_music::{KEYS, KeySet};
+use etude_stage::hand::FINGER_JOINTS;
 use etude_stage::{FINGERS, JOINTS, RAIL, StepOutcome, World};
 
 use crate::fingering::comb::beyond_target;
@@ -70,11 +71,11 @@ pub const TERMS: &[Term] = &[
     term("fingering", 0.0, fingering),
     term("preparation", 0.0, preparation),
     term("velocity", 0.0, velocity),
-    term("tracking", 0.0, tracking),
+    term("holding", 0.0, holding),
 ];
 
 /// Terms that need [`TaskConfig::fingering`](crate::TaskConfig::fingering).
-pub const OF_A_FINGERING: [&str; 3] = ["fingering", "preparation", "velocity"];
+pub const OF_A_FINGERING: [&str; 4] = ["fingering", "preparation", "velocity", "holding"];
 
 /// Weight of the rail's power relative to that of the fingers, as in lasr-lab/learning-to-play-piano.
 const RAIL_SHARE: f64 = 0.003;
@@ -169,12 +170,19 @@ fn closeness_to_goals(
     if count == 0 { 1.0 } else { sum / f64::from(count) }
 }
 
-/// Minus the mean distance of the finger joints from their targets at the end of the step, rad. A target far beyond where a key stops
-/// presses at the limit of the torque for as long as the note sounds, and has to come back all the way before the finger can lift.
-fn tracking(moment: &Moment) -> f64 {
+/// Minus the mean distance of its joints from their targets at the end of the step, rad, for each finger that holds a key which
+/// sounded before. A target far beyond where the key stops presses at the limit of the torque, and has to come back all the way before
+/// the finger can lift.
+fn holding(moment: &Moment) -> f64 {
     let joints = moment.world.joints();
-    let away = moment.targets.iter().zip(&joints).take(RAIL).map(|(target, joint)| (target - joint).abs());
-    -away.sum::<f64>() / RAIL as f64
+    let away = |finger: usize| {
+        let of_finger = finger * FINGER_JOINTS..(finger + 1) * FINGER_JOINTS;
+        of_finger.map(|joint| (moment.targets[joint] - joints[joint]).abs()).sum::<f64>()
+    };
+    let holds = |goal: &Goal| goal.wait_steps == 0 && moment.pressed_before.contains(goal.key);
+    let goals = moment.goals.iter().enumerate();
+    let fingers = goals.filter(|(_, goal)| goal.as_ref().is_some_and(holds));
+    -fingers.map(|(finger, _)| away(finger)).sum::<f64>() / FINGER_JOINTS as f64
 }
 
 /// Difference between force and velocity, as a share of 127, up to which a strike earns everything, and further that at which it earns

@@ -27,15 +27,14 @@ Files, per run: run-N.mcap (what was asked, sent and measured), .mid, .wav, .csv
 reference.wav (what should have been played).
 
 Examples:
-  etude perform --song twinkle --robot twin
-  etude perform --song twinkle --mode real --robot twin --runs 3 --json
-  etude perform --song my-song.mid --policy runs/my-song__fast__0 --robot lab.toml")]
+  etude perform twinkle --robot twin
+  etude perform twinkle --mode hybrid --robot twin --runs 3 --json
+  etude perform my-song.mid --policy runs/my-song__fast__0 --robot lab.toml")]
 pub struct Args {
     /// A built-in id (see `etude songs`) or a MIDI file
-    #[arg(long)]
     song: String,
     /// joint-mirroring, hybrid or real
-    #[arg(long, default_value = "hybrid")]
+    #[arg(long, default_value = "real")]
     mode: Mode,
     /// `twin`, or the file of a rig
     #[arg(long, default_value = "twin", value_name = "RIG")]

@@ -22,12 +22,11 @@ keyboard), fits the simulator to that and to the last performances, trains furth
 same command resumes it. Keep clear of the robot: it moves to the keyboard by itself before each run.
 
 Examples:
-  etude rehearse --song c-major-scale --robot twin --rounds 2
-  etude rehearse --song twinkle --robot twin --truth worn --mode hybrid --rounds 1
-  etude rehearse --song my-song.mid --robot lab.toml --rounds 3")]
+  etude rehearse c-major-scale --robot twin --rounds 2
+  etude rehearse twinkle --robot twin --truth worn --mode hybrid --rounds 1
+  etude rehearse my-song.mid --robot lab.toml --rounds 3")]
 pub struct Args {
     /// A built-in id (see `etude songs`) or a MIDI file
-    #[arg(long)]
     song: String,
     /// `twin`, or the file of a rig
     #[arg(long, default_value = "twin", value_name = "RIG")]

@@ -4,6 +4,8 @@ use std::path::{Path, PathBuf};
 
 use etude_lab::{find_song, policies};
 use etude_music::{CONTROL_HZ, Note, pitch_name, repertoire};
+use etude_task::fingering::Limit;
+use etude_task::{Piece, TaskConfig};
 use serde_json::json as object;
 
 use super::{json, line};
@@ -38,7 +40,7 @@ enum What {
         /// Silence before the first note, s
         #[arg(long, default_value_t = 1.0, value_name = "SECS", allow_hyphen_values = true)]
         initial_silence: f64,
-        /// Print JSON: title, notes, secs, frames, lowest, highest, warnings
+        /// Print JSON: title, notes, secs, frames, lowest, highest, warnings, fingering
         #[arg(long)]
         json: bool,
     },
@@ -98,17 +100,33 @@ fn list(as_json: bool) -> anyhow::Result<()> {
 fn show(name: &str, frames_csv: Option<PathBuf>, silence: f64, as_json: bool) -> anyhow::Result<()> {
     let song = find_song(name)?;
     let fits = song.check_range();
-    let plan = etude_lab::resolve(etude_lab::DEFAULT_PRESET, None, &[])?.task.plan;
-    let frames = if fits.is_ok() { plan.plan(&song, silence)?.frames } else { Vec::new() };
+    let preset = etude_lab::resolve(etude_lab::DEFAULT_PRESET, None, &[])?.task;
+    let task = TaskConfig { initial_silence_secs: silence, ..preset };
+    let piece = if fits.is_ok() { Some(Piece::for_task(&song, &task)?) } else { None };
+    let frames = piece.as_ref().map_or(&[][..], Piece::frames);
+    let limits = piece.as_ref().and_then(Piece::fingering).map(|fingering| fingering.limits());
+    let place_of = |limit: &Limit| {
+        // Control steps are rounded; the note is the nearest of its key.
+        let away = |note: &&Note| (note.start_secs + silence - limit.secs()).abs();
+        let same = song.notes().iter().filter(|note| pitch_name(note.pitch) == limit.note());
+        let secs = same.min_by(|a, b| away(a).total_cmp(&away(b))).map_or(0.0, |note| note.start_secs);
+        (song.position(secs), secs)
+    };
     let pitches = || song.notes().iter().map(|note| note.pitch);
     let (notes, secs) = (song.notes().len(), song.duration_secs());
     let (lowest, highest) = (pitches().min(), pitches().max());
-    let (hard, quick) = (song.warnings(), plan.warnings(&song));
+    let (hard, quick) = (song.warnings(), task.plan.warnings(&song));
     let warnings: Vec<String> = hard.iter().chain(&quick).map(ToString::to_string).collect();
     if as_json {
         json(&object!({
             "title": song.title(), "notes": notes, "secs": secs, "frames": frames.len(), "lowest": lowest,
-            "highest": highest, "warnings": warnings,
+            "highest": highest, "warnings": warnings, "fingering": limits.map(|limits| object!({
+                "summary": limits.to_string(),
+                "limits": limits.notes.iter().map(|limit| {
+                    let (place, secs) = place_of(limit);
+                    object!({"bar": place.bar, "beat": place.beat, "secs": secs, "note": limit.note(), "what": limit.what()})
+                }).collect::<Vec<_>>(),
+            })),
         }))?;
     } else {
         let [lowest, highest] = [lowest, highest].map(|pitch| pitch.map_or_else(String::new, pitch_name));
@@ -125,10 +143,17 @@ fn show(name: &str, frames_csv: Option<PathBuf>, silence: f64, as_json: bool) ->
         for warning in &warnings {
             line(format!("warning: {warning}"))?;
         }
+        if let Some(limits) = limits {
+            line(format!("With three fingers: {limits}"))?;
+            for limit in &limits.notes {
+                let (place, secs) = place_of(limit);
+                line(format!("  {place} ({secs:.2} s): {} {}", limit.note(), limit.what()))?;
+            }
+        }
     }
     fits?;
     if let Some(path) = frames_csv {
-        etude_perform::write_frames_csv(&path, &frames, None)?;
+        etude_perform::write_frames_csv(&path, frames, None)?;
     }
     Ok(())
 }

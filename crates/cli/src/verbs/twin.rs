@@ -23,7 +23,7 @@ lists them as [[faults]], with kind, at_secs and for_secs.
 Examples:
   etude twin
   etude twin --fault can-bus-off@30+2 --fault arm-error=31@60
-  etude perform --song twinkle --robot out/twin/twin.toml --home
+  etude perform twinkle --robot out/twin/twin.toml --home
   etude robot monitor --robot out/twin/twin.toml")]
 pub struct Args {
     /// What is true of it: `standard`, `ideal`, `worn`, or a file

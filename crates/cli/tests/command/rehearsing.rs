@@ -73,8 +73,7 @@ fn recordings_that_would_mislead_are_refused_with_the_reason() {
 fn a_rehearsal_that_was_killed_goes_on_to_the_same_end() {
     let desk = Desk::new();
     let rehearse = |out: &str| {
-        let mut command =
-            desk.command("rehearse --song short.mid --robot twin --rounds 1 --runs 1 --evaluations 2");
+        let mut command = desk.command("rehearse short.mid --robot twin --rounds 1 --runs 1 --evaluations 2");
         command.args(TINY.iter().flat_map(|set| ["--set", set])).args(["--json", "-o", out]);
         command
     };
@@ -108,7 +107,6 @@ fn a_rehearsal_that_was_killed_goes_on_to_the_same_end() {
         let take = format!("round-{round}/performance/run-1.wav");
         assert!(page.contains(&format!("src=\"{take}\"")) && desk.path("b").join(&take).is_file(), "{page}");
     }
-    let changed =
-        desk.command("rehearse --song short.mid --robot twin --rounds 1 --runs 2 -o a").output().unwrap();
+    let changed = desk.command("rehearse short.mid --robot twin --rounds 1 --runs 2 -o a").output().unwrap();
     assert!(errors(&changed).contains("another rehearsal"), "{}", errors(&changed));
 }

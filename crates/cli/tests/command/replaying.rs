@@ -71,7 +71,7 @@ fn a_page_holds_what_was_recorded() {
 #[test]
 fn simulation_and_twin_stand_side_by_side_with_the_moments_where_they_part() {
     let desk = played();
-    desk.ok("perform --song short.mid --scripted --robot twin --mode real -o twin");
+    desk.ok("perform short.mid --scripted --robot twin --mode real -o twin");
     let notes = |args: &str| errors(&desk.command(args).output().unwrap());
     assert_eq!(notes("replay out twin -o both.html"), "");
     desk.write_song("other.mid", [64, 62, 60]);
@@ -340,7 +340,7 @@ fn a_browser_plays_the_page() {
     }
     let desk = Desk::new();
     desk.ok("play twinkle --scripted -o out");
-    desk.ok("perform --song twinkle --scripted --robot twin --mode real -o twin");
+    desk.ok("perform twinkle --scripted --robot twin --mode real -o twin");
     desk.ok("replay out -o page.html");
     desk.ok("replay out twin -o both.html");
     let output = Command::new("node")

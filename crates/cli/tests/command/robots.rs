@@ -10,7 +10,7 @@ const MODES: [&str; 3] = ["joint-mirroring", "hybrid", "real"];
 fn every_mode_plays_on_the_twin() {
     let desk = Desk::new();
     for mode in MODES {
-        let args = format!("perform --song short.mid --scripted --mode {mode} --robot twin -o {mode} --json");
+        let args = format!("perform short.mid --scripted --mode {mode} --robot twin -o {mode} --json");
         let report = desk.json(&args);
         let f1 = |key: &str| report[key].as_f64().unwrap();
         assert!((f1("gap") - (1.0 - f1("robot_f1") / f1("sim_f1"))).abs() < 1e-12);
@@ -34,7 +34,7 @@ fn every_mode_plays_on_the_twin() {
 #[test]
 fn the_proposed_lead_puts_notes_on_time() {
     let desk = Desk::new();
-    let args = "perform --song twinkle --scripted --mode joint-mirroring --robot twin -o late";
+    let args = "perform twinkle --scripted --mode joint-mirroring --robot twin -o late";
     let said = desk.ok(args);
     let lead = said.lines().find_map(|line| line.split_once("--set task.plan.lead_secs=")).expect(&said).1;
     let report = desk.json(&format!("{args} --set task.plan.lead_secs={lead} --json"));
@@ -47,7 +47,7 @@ fn the_proposed_lead_puts_notes_on_time() {
 fn the_same_seed_gives_the_same_recording_byte_for_byte() {
     let desk = Desk::new();
     let play = |out: &str, more: &str| {
-        desk.ok(&format!("perform --song short.mid --scripted --mode hybrid --robot twin -o {out} {more}"));
+        desk.ok(&format!("perform short.mid --scripted --mode hybrid --robot twin -o {out} {more}"));
     };
     play("a", "--runs 2 --seed 5");
     play("b", "--seed 6");
@@ -68,14 +68,14 @@ fn mistakes_are_told_before_anything_moves() {
     let fenced = "name = \"lab\"\n[arm]\nfence_mm = [[300, 300], [-400, 400], [100, 700]]\n";
     std::fs::write(desk.path("fenced.toml"), fenced).unwrap();
     for (args, said) in [
-        ("perform --song short.mid --scripted --robot nowhere.toml", "nowhere.toml"),
-        ("perform --song short.mid --scripted --robot bad.toml", "velocity limit -1"),
-        ("perform --song short.mid --scripted --robot lab.toml", "etude robot calibrate"),
-        ("perform --song short.mid --scripted --robot old.toml", "days old"),
-        ("perform --song short.mid --scripted --mode blind", "joint-mirroring, hybrid, real"),
-        ("perform --song short.mid --scripted --truth no.toml", "built in are"),
-        ("perform --song short.mid --scripted --fault fire@1", "can-bus-off, can-silent"),
-        ("perform --song short.mid --scripted --robot fenced.toml", "fence_mm (highest x)"),
+        ("perform short.mid --scripted --robot nowhere.toml", "nowhere.toml"),
+        ("perform short.mid --scripted --robot bad.toml", "velocity limit -1"),
+        ("perform short.mid --scripted --robot lab.toml", "etude robot calibrate"),
+        ("perform short.mid --scripted --robot old.toml", "days old"),
+        ("perform short.mid --scripted --mode blind", "joint-mirroring, hybrid, real"),
+        ("perform short.mid --scripted --truth no.toml", "built in are"),
+        ("perform short.mid --scripted --fault fire@1", "can-bus-off, can-silent"),
+        ("perform short.mid --scripted --robot fenced.toml", "fence_mm (highest x)"),
         ("twin --fault estop", "KIND[=VALUE]@SECS[+SECS]"),
         ("twin --fault hand-off@1+1", "is a moment"),
         ("robot stop --robot twin", "etude twin"),
@@ -97,7 +97,7 @@ fn an_ordered_fault_cuts_the_performance_short() {
     let desk = Desk::new();
     for (fault, said) in [("can-bus-off@10.5", "`ip link set can0 down`"), ("arm-error=31@10.5", "error 31")]
     {
-        let play = format!("perform --song short.mid --scripted --robot twin --fault {fault} -o f");
+        let play = format!("perform short.mid --scripted --robot twin --fault {fault} -o f");
         let output = desk.command(&play).output().unwrap();
         let text = errors(&output);
         assert!(

@@ -55,6 +55,24 @@ fn a_song_is_shown_and_its_frames_are_written() {
 }
 
 #[test]
+fn notes_that_the_hand_cannot_play_as_written_are_named_with_their_place() {
+    let desk = Desk::new();
+    let text = desk.ok("songs show d-major-scale");
+    assert!(text.contains("With three fingers: 15 notes, ") && text.contains("ends 0."), "{text}");
+    let shown = desk.json("songs show d-major-scale --json");
+    let limits = shown["fingering"]["limits"].as_array().unwrap();
+    assert!(!limits.is_empty());
+    let song = etude_music::repertoire::get("d-major-scale").unwrap();
+    for limit in limits {
+        let (secs, bar) = (limit["secs"].as_f64().unwrap(), limit["bar"].as_u64().unwrap());
+        let note = song.notes().iter().find(|note| (note.start_secs - secs).abs() < 1e-9);
+        let note = note.unwrap_or_else(|| panic!("no note begins there: {limit}"));
+        assert_eq!(limit["note"], etude_music::pitch_name(note.pitch));
+        assert_eq!(bar, u64::from(song.position(note.start_secs).bar));
+    }
+}
+
+#[test]
 fn a_song_that_does_not_fit_is_arranged() {
     let desk = Desk::new();
     desk.write_song("high.mid", [84, 86, 91]);

@@ -120,7 +120,7 @@ fn begin(desk: &Desk, rig: &str, homing: bool) -> Child {
     let file = desk.path("p/run-1.mcap");
     let _ = std::fs::remove_file(&file);
     let mut command =
-        desk.command(&format!("perform --song ode-to-joy --mode real --scripted --home --robot {rig} -o p"));
+        desk.command(&format!("perform ode-to-joy --mode real --scripted --home --robot {rig} -o p"));
     let controller = command.stdout(Stdio::null()).spawn().unwrap();
     let phase: &[u8] = if homing { b"\"moving\"" } else { b"\"following\"" };
     let until = Instant::now() + Duration::from_secs(60);

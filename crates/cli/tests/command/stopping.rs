@@ -84,8 +84,7 @@ fn however_a_controller_ends_the_robot_is_let_go() {
     assert!(is_safe(twin.seen(&desk)), "after a check it is let go");
 
     // Far from the keyboard it refuses to play.
-    let refused =
-        desk.command(&format!("perform --song short.mid --scripted --robot {rig}")).output().unwrap();
+    let refused = desk.command(&format!("perform short.mid --scripted --robot {rig}")).output().unwrap();
     assert!(errors(&refused).contains("etude robot home"), "{}", errors(&refused));
 
     let home = || {
@@ -164,7 +163,7 @@ fn however_a_controller_ends_the_robot_is_let_go() {
 
     // A file that cannot be written is told with the robot let go.
     std::fs::create_dir_all(desk.path("full/run-1.mcap")).unwrap();
-    let failed = desk.command(&format!("perform --song short.mid --scripted --robot {rig} --home -o full"));
+    let failed = desk.command(&format!("perform short.mid --scripted --robot {rig} --home -o full"));
     let failed = { failed }.output().unwrap();
     assert!(errors(&failed).contains("run-1.mcap"), "{}", errors(&failed));
     assert!(is_safe(twin.seen(&desk)), "a file that cannot be written");
@@ -189,8 +188,7 @@ fn a_stop_is_not_lost_while_a_controller_starts() {
     let desk = Desk::new();
     let twin = Served::start(&desk);
     let rig = twin.rig.display();
-    let mut perform =
-        desk.command(&format!("perform --song ode-to-joy --scripted --robot {rig} --home -o p"));
+    let mut perform = desk.command(&format!("perform ode-to-joy --scripted --robot {rig} --home -o p"));
     let perform = perform.stderr(Stdio::piped()).spawn().unwrap();
     let bus = claimed_bus(&twin.rig);
     wait_for("it never claimed the robot", || bus.exists());
@@ -311,7 +309,7 @@ fn an_arm_that_is_led_by_hand_is_not_left_free() {
 #[test]
 fn a_release_that_is_not_confirmed_does_not_hide_its_cause() {
     let desk = Desk::new();
-    let play = "perform --song short.mid --scripted --robot twin --fault can-bus-off@10.5 -o f";
+    let play = "perform short.mid --scripted --robot twin --fault can-bus-off@10.5 -o f";
     let output = desk.command(play).output().unwrap();
     let said = errors(&output);
     assert!(said.contains("`ip link set can0 down`") && said.contains("switch off its power"), "{said}");
@@ -324,7 +322,7 @@ fn kill_recordings(robot: &[f64], lockstep: &[f64]) {
     let desk = Desk::new();
     let twin = Served::start(&desk);
     let live = format!("record --robot {} --home --excitation open-close", twin.rig.display());
-    let in_lockstep = "perform --song ode-to-joy --scripted --mode joint-mirroring --robot twin";
+    let in_lockstep = "perform ode-to-joy --scripted --mode joint-mirroring --robot twin";
     let mut files = Vec::new();
     for (index, moment) in robot.iter().chain(lockstep).enumerate() {
         let is_live = index < robot.len();
@@ -382,7 +380,7 @@ fn an_arm_without_a_box_does_not_move_and_a_box_is_proposed() {
     std::fs::write(&twin.rig, text.replace(line, "")).unwrap();
     let check = desk.json(&format!("robot check --robot {rig} --json"));
     let proposed = check["missing_fence"].as_str().unwrap();
-    for verb in ["robot home", "perform --song short.mid --scripted --home"] {
+    for verb in ["robot home", "perform short.mid --scripted --home"] {
         let refused = desk.command(&format!("{verb} --robot {rig}")).output().unwrap();
         assert!(!refused.status.success() && errors(&refused).contains(proposed), "{}", errors(&refused));
     }

@@ -57,20 +57,35 @@ impl Limits {
     }
 }
 
-impl fmt::Display for Limit {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let (name, secs) = (pitch_name(LOWEST_PITCH + self.key as u8), self.step as f64 * CONTROL_SECS);
-        write!(f, "{name} at {secs:.2} s ")?;
+impl Limit {
+    /// The name of the note.
+    pub fn note(&self) -> String {
+        pitch_name(LOWEST_PITCH + self.key as u8)
+    }
+
+    /// Time at which the note should begin, with the initial silence, s.
+    pub fn secs(&self) -> f64 {
+        self.step as f64 * CONTROL_SECS
+    }
+
+    /// What happens to the note, and why.
+    pub fn what(&self) -> String {
         let early = self.lost_steps as f64 * CONTROL_SECS;
         match self.kind {
-            LimitKind::TooManyKeys => write!(f, "is skipped: more keys than fingers"),
-            LimitKind::OutOfReach => write!(f, "is skipped: out of reach with the keys around it"),
-            LimitKind::GivenUp => write!(f, "ends {early:.2} s early: the hand is needed elsewhere"),
+            LimitKind::TooManyKeys => "is skipped: more keys than fingers".to_string(),
+            LimitKind::OutOfReach => "is skipped: out of reach with the keys around it".to_string(),
+            LimitKind::GivenUp => format!("ends {early:.2} s early: the hand is needed elsewhere"),
             LimitKind::RailTooSlow(travel) => {
-                write!(f, "ends {early:.2} s early: the rail needs the time for {:.0} mm", travel * 1e3)
+                format!("ends {early:.2} s early: the rail needs the time for {:.0} mm", travel * 1e3)
             }
-            LimitKind::FingerBusy => write!(f, "ends {early:.2} s early: its finger plays the next key"),
+            LimitKind::FingerBusy => format!("ends {early:.2} s early: its finger plays the next key"),
         }
+    }
+}
+
+impl fmt::Display for Limit {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{} at {:.2} s {}", self.note(), self.secs(), self.what())
     }
 }
 

@@ -15,7 +15,7 @@ use etude_stage::{FINGERS, PhysicalParams, StageConfig};
 use crate::Piece;
 use comb::Comb;
 use planner::{Place, Planner};
-use rail::{LEAD_STEPS, Rail};
+use rail::Rail;
 use strokes::Slice;
 
 pub use limits::{Limit, LimitKind, Limits};
@@ -63,7 +63,7 @@ impl Fingering {
         let places = planner.plan();
         let notes = planner::played(&planner, &places);
         let limits = planner::limits(&planner, &notes);
-        let rail = rail_places(&slices, &places, &notes, piece.steps());
+        let rail = rail_places(rail.lead_steps, &slices, &places, &notes, piece.steps());
         let goals = goals(&comb, &notes, piece.steps());
         Self { notes, rail, goals, limits }
     }
@@ -94,8 +94,15 @@ impl Fingering {
     }
 }
 
-/// Target of the rail at each of `steps` control steps, m. The rail leaves as early as the keys that are held allow.
-fn rail_places(slices: &[Slice], places: &[Place], notes: &[Played], steps: usize) -> Vec<f64> {
+/// Target of the rail at each of `steps` control steps, m. The rail leaves as early as the keys that are held allow, `lead_steps`
+/// before the release.
+fn rail_places(
+    lead_steps: usize,
+    slices: &[Slice],
+    places: &[Place],
+    notes: &[Played],
+    steps: usize,
+) -> Vec<f64> {
     let Some(first) = places.first() else { return vec![0.0; steps] };
     let mut targets = vec![first.rail; steps];
     for (index, place) in places.iter().enumerate() {
@@ -105,7 +112,7 @@ fn rail_places(slices: &[Slice], places: &[Place], notes: &[Played], steps: usiz
             place.hand.contains(&Some(note.stroke)) && !next.hand.contains(&Some(note.stroke))
         });
         let released = ending.map(|note| note.end).max().unwrap_or(start);
-        let leave = released.saturating_sub(LEAD_STEPS).max(start);
+        let leave = released.saturating_sub(lead_steps).max(start);
         let waiting = next.rail.clamp(place.tube[0], place.tube[1]);
         targets[start.min(steps)..leave.min(steps)].fill(waiting);
         targets[leave.min(steps)..].fill(next.rail);

@@ -11,7 +11,7 @@ use etude_stage::geometry::HALF_WIDTH;
 
 use super::comb::{ASIDE_M, Comb, PLAY_M};
 use super::limits::{Limit, LimitKind, Limits};
-use super::rail::{LEAD_STEPS, Rail};
+use super::rail::Rail;
 use super::strokes::{Slice, Stroke};
 
 /// Least distance of two neighbouring fingers that press at once, m: the width of a finger's links.
@@ -185,7 +185,7 @@ impl Planner<'_> {
         let travel = (to.rail - waiting).abs();
         let needed = (to.tube[0] - waiting).max(waiting - to.tube[1]).max(0.0);
         let last = ending().map(|(_, stroke)| released(stroke)).max();
-        let head_start = LEAD_STEPS + last.map_or(step - self.slices[index].start, |_| 0);
+        let head_start = self.rail.lead_steps + last.map_or(step - self.slices[index].start, |_| 0);
         let rail_steps = self.rail.steps_to(travel, needed).saturating_sub(head_start);
 
         let mut finger_steps = [0; FINGERS];

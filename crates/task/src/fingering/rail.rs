@@ -10,8 +10,8 @@ use etude_stage::hand::{LINK_MASSES, PALM_MASS, THUMB_MASS};
 use etude_stage::params::{JointRow, WorldRow};
 use etude_stage::{FINGERS, PHYSICS_STEPS, PhysicalParams, RAIL, StageConfig};
 
-/// Control steps by which the rail starts before the release of the note that it leaves.
-pub(crate) const LEAD_STEPS: usize = 2;
+/// Control steps by which the rail starts to move before the release of the note that it leaves.
+const LEAD_STEPS: usize = 2;
 /// Length of the table of response times, control steps.
 const LONGEST_STEPS: usize = 60;
 /// Moves in the table, m, each twice the one before.
@@ -26,6 +26,8 @@ pub(crate) struct Rail {
     step_secs: f64,
     /// Place of the rail after each control step of a move by `SHORTEST_M`·2ⁱ, as a fraction of the move.
     responses: Vec<Vec<f64>>,
+    /// Control steps by which a target that leaves a key is given before its release: [`LEAD_STEPS`] and the rail's delay, rounded.
+    pub lead_steps: usize,
     /// Place of the rail when an episode begins, m.
     pub start: f64,
 }
@@ -44,6 +46,7 @@ impl Rail {
             damping: joint(JointRow::Viscosity) + passive,
             step_secs: stage.physics_step_secs(),
             responses: Vec::new(),
+            lead_steps: LEAD_STEPS + (joint(JointRow::Delay) / CONTROL_SECS).round() as usize,
             start: params.world(WorldRow::HandStart).clamp(-HALF_WIDTH, HALF_WIDTH),
         };
         rail.responses = (0..MOVES)

@@ -149,6 +149,23 @@ fn every_song_has_a_plan_with_a_finger_for_every_note_that_three_fingers_can_pla
 }
 
 #[test]
+fn a_rail_that_starts_late_is_sent_earlier_and_loses_no_notes() {
+    let song = repertoire::get("c-major-scale").expect("built in");
+    let plan = |delay: f64| {
+        let mut config = with_fingering();
+        config.physics.insert("joint.rail.delay".to_string(), delay);
+        let piece = Piece::for_task(&song, &config).unwrap();
+        let fingering = piece.fingering().unwrap();
+        // The last step of the first place: when the rail is sent away from it.
+        let leaves = fingering.rail().windows(2).position(|two| two[0] != two[1]).unwrap();
+        (fingering.limits().lost_steps(), leaves)
+    };
+    let (lost, leaves) = plan(0.0);
+    assert!(lost > 0, "the rail has to hurry in this song");
+    assert_eq!(plan(0.1), (lost, leaves - 2));
+}
+
+#[test]
 fn keys_are_held_while_they_are_due_and_some_are_left_early() {
     let song = repertoire::get("chord-progression").expect("built in");
     let piece = Piece::for_task(&song, &with_fingering()).unwrap();

@@ -134,17 +134,30 @@ fn power_and_changes_of_action_and_collisions_cost() {
 }
 
 #[test]
-fn targets_beyond_what_the_fingers_reach_cost_and_the_rails_do_not() {
+fn a_finger_that_holds_a_key_pays_for_targets_out_of_reach() {
     let mut params = PhysicalParams::default();
     params.set("joint.fingers.encoder_bias", 0.05).unwrap();
     let world = World::new(&StageConfig::default(), &params).unwrap();
     let mut targets = world.joints();
-    assert_near(term("tracking", &Moment { targets: &targets, ..moment(&world, &[24]) }), 0.0, "at rest");
-    targets[2] += 0.9;
-    targets[FINGER_JOINTS * FINGERS - 1] -= 0.3;
+    let goal = |key, wait_steps| Some(Goal { key, over: [0.0; 2], wait_steps, begins: false, velocity: 64 });
+    let earned = |targets: &[f64; JOINTS], sounded: &[usize], goals: Goals| {
+        term("holding", &Moment { targets, pressed_before: keys(sounded), goals, ..moment(&world, &[24]) })
+    };
+    let one_holds = [None, goal(24, 0), goal(26, 3)];
+    assert_near(earned(&targets, &[24], one_holds), 0.0, "targets where the joints are");
+    // Of the middle finger two joints; another finger and the rail, which do not count.
+    targets[FINGER_JOINTS] += 0.9;
+    targets[2 * FINGER_JOINTS - 1] -= 0.3;
+    targets[2 * FINGER_JOINTS] += 0.5;
     targets[RAIL] += 0.2;
-    let away = term("tracking", &Moment { targets: &targets, ..moment(&world, &[24]) });
-    assert_near(away, -1.2 / 12.0, "two joints of twelve");
+    assert_near(earned(&targets, &[24], one_holds), -1.2 / 4.0, "it holds");
+    assert_near(earned(&targets, &[26], one_holds), 0.0, "it strikes: its key did not sound before");
+    assert_near(
+        earned(&targets, &[24, 26], [None, goal(24, 0), goal(26, 0)]),
+        -1.7 / 4.0,
+        "two fingers hold",
+    );
+    assert_near(earned(&targets, &[24], [None, goal(24, 2), None]), 0.0, "it waits");
 }
 
 #[test]
