@@ -170,19 +170,21 @@ fn closeness_to_goals(
     if count == 0 { 1.0 } else { sum / f64::from(count) }
 }
 
-/// Minus the mean distance of its joints from their targets at the end of the step, rad, for each finger that holds a key which
-/// sounded before. A target far beyond where the key stops presses at the limit of the torque, and has to come back all the way before
-/// the finger can lift.
+/// Minus the mean distance of the joints from their targets at the end of the step, rad, of the fingers that hold a key which sounded
+/// before. A target far beyond where the key stops presses at the limit of the torque, and has to come back all the way before the
+/// finger can lift.
 fn holding(moment: &Moment) -> f64 {
     let joints = moment.world.joints();
-    let away = |finger: usize| {
-        let of_finger = finger * FINGER_JOINTS..(finger + 1) * FINGER_JOINTS;
-        of_finger.map(|joint| (moment.targets[joint] - joints[joint]).abs()).sum::<f64>()
-    };
-    let holds = |goal: &Goal| goal.wait_steps == 0 && moment.pressed_before.contains(goal.key);
-    let goals = moment.goals.iter().enumerate();
-    let fingers = goals.filter(|(_, goal)| goal.as_ref().is_some_and(holds));
-    -fingers.map(|(finger, _)| away(finger)).sum::<f64>() / FINGER_JOINTS as f64
+    let (mut sum, mut count) = (0.0, 0);
+    for (finger, goal) in moment.goals.iter().enumerate() {
+        let holds = |goal: &Goal| goal.wait_steps == 0 && moment.pressed_before.contains(goal.key);
+        if goal.as_ref().is_some_and(holds) {
+            let of_finger = finger * FINGER_JOINTS..(finger + 1) * FINGER_JOINTS;
+            sum += of_finger.map(|joint| (moment.targets[joint] - joints[joint]).abs()).sum::<f64>();
+            count += FINGER_JOINTS;
+        }
+    }
+    -sum / count.max(1) as f64
 }
 
 /// Difference between force and velocity, as a share of 127, up to which a strike earns everything, and further that at which it earns

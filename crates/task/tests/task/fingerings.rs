@@ -151,18 +151,24 @@ fn every_song_has_a_plan_with_a_finger_for_every_note_that_three_fingers_can_pla
 #[test]
 fn a_rail_that_starts_late_is_sent_earlier_and_loses_no_notes() {
     let song = repertoire::get("c-major-scale").expect("built in");
-    let plan = |delay: f64| {
+    let lost = |delay: f64, lead_steps: usize| {
         let mut config = with_fingering();
         config.physics.insert("joint.rail.delay".to_string(), delay);
         let piece = Piece::for_task(&song, &config).unwrap();
         let fingering = piece.fingering().unwrap();
-        // The last step of the first place: when the rail is sent away from it.
-        let leaves = fingering.rail().windows(2).position(|two| two[0] != two[1]).unwrap();
-        (fingering.limits().lost_steps(), leaves)
+        let rail = fingering.rail();
+        for left in fingering.notes().iter().filter(|note| note.cut.is_some()) {
+            let leaves = left.end - lead_steps;
+            assert!(
+                rail[leaves - 1] != rail[leaves],
+                "{left:?}: the rail is not sent away {lead_steps} steps before"
+            );
+        }
+        fingering.limits().lost_steps()
     };
-    let (lost, leaves) = plan(0.0);
-    assert!(lost > 0, "the rail has to hurry in this song");
-    assert_eq!(plan(0.1), (lost, leaves - 2));
+    let punctual = lost(0.0, 2);
+    assert!(punctual > 0, "the rail has to hurry in this song");
+    assert_eq!(lost(0.1, 4), punctual);
 }
 
 #[test]

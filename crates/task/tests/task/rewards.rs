@@ -154,7 +154,7 @@ fn a_finger_that_holds_a_key_pays_for_targets_out_of_reach() {
     assert_near(earned(&targets, &[26], one_holds), 0.0, "it strikes: its key did not sound before");
     assert_near(
         earned(&targets, &[24, 26], [None, goal(24, 0), goal(26, 0)]),
-        -1.7 / 4.0,
+        -1.7 / 8.0,
         "two fingers hold",
     );
     assert_near(earned(&targets, &[24], [None, goal(24, 2), None]), 0.0, "it waits");
