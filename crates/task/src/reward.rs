@@ -72,6 +72,7 @@ pub const TERMS: &[Term] = &[
     term("preparation", 0.0, preparation),
     term("velocity", 0.0, velocity),
     term("holding", 0.0, holding),
+    term("tracking", 0.0, tracking),
 ];
 
 /// Terms that need [`TaskConfig::fingering`](crate::TaskConfig::fingering).
@@ -168,6 +169,13 @@ fn closeness_to_goals(
         count += 1;
     }
     if count == 0 { 1.0 } else { sum / f64::from(count) }
+}
+
+/// Minus the mean distance of the finger joints from their targets at the end of the step, rad.
+fn tracking(moment: &Moment) -> f64 {
+    let joints = moment.world.joints();
+    let away = moment.targets.iter().zip(&joints).take(RAIL).map(|(target, joint)| (target - joint).abs());
+    -away.sum::<f64>() / RAIL as f64
 }
 
 /// Minus the mean distance of the joints from their targets at the end of the step, rad, of the fingers that hold a key which sounded

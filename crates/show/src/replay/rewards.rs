@@ -21,7 +21,7 @@ pub struct RewardCurve {
 
 /// Terms that need what no robot measures (power, contacts, the rail's speed within a step, how deep a silent key is). No recording has the
 /// goals of a fingering.
-const NOT_KNOWN: [&str; 4] = ["energy", "collision", "sliding", "wrong_travel"];
+const NOT_KNOWN: [&str; 5] = ["energy", "collision", "sliding", "wrong_travel", "tracking"];
 
 fn is_unknown(name: &str) -> bool {
     NOT_KNOWN.contains(&name) || OF_A_FINGERING.contains(&name)

@@ -158,6 +158,9 @@ fn a_finger_that_holds_a_key_pays_for_targets_out_of_reach() {
         "two fingers hold",
     );
     assert_near(earned(&targets, &[24], [None, goal(24, 2), None]), 0.0, "it waits");
+    // All fingers, whatever they do, but not the rail.
+    let tracking = term("tracking", &Moment { targets: &targets, ..moment(&world, &[]) });
+    assert_near(tracking, -1.7 / 12.0, "all targets");
 }
 
 #[test]
