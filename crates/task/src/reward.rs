@@ -9,6 +9,7 @@
 //! a fingering that people have written down). Other weights are our choice.
 
 use std::collections::BTreeMap;
+use std::ops::Range;
 
 use etude_music::{KEYS, KeySet};
 use etude_stage::hand::FINGER_JOINTS;
@@ -173,22 +174,24 @@ fn closeness_to_goals(
 
 /// Minus the mean distance of the finger joints from their targets at the end of the step, rad.
 fn tracking(moment: &Moment) -> f64 {
-    let joints = moment.world.joints();
-    let away = moment.targets.iter().zip(&joints).take(RAIL).map(|(target, joint)| (target - joint).abs());
-    -away.sum::<f64>() / RAIL as f64
+    -off_target(moment, 0..RAIL) / RAIL as f64
+}
+
+/// Summed distance of these joints from their targets, rad.
+fn off_target(moment: &Moment, joints: Range<usize>) -> f64 {
+    let readings = moment.world.joints();
+    joints.map(|joint| (moment.targets[joint] - readings[joint]).abs()).sum()
 }
 
 /// Minus the mean distance of the joints from their targets at the end of the step, rad, of the fingers that hold a key which sounded
 /// before. A target far beyond where the key stops presses at the limit of the torque, and has to come back all the way before the
 /// finger can lift.
 fn holding(moment: &Moment) -> f64 {
-    let joints = moment.world.joints();
     let (mut sum, mut count) = (0.0, 0);
     for (finger, goal) in moment.goals.iter().enumerate() {
         let holds = |goal: &Goal| goal.wait_steps == 0 && moment.pressed_before.contains(goal.key);
         if goal.as_ref().is_some_and(holds) {
-            let of_finger = finger * FINGER_JOINTS..(finger + 1) * FINGER_JOINTS;
-            sum += of_finger.map(|joint| (moment.targets[joint] - joints[joint]).abs()).sum::<f64>();
+            sum += off_target(moment, finger * FINGER_JOINTS..(finger + 1) * FINGER_JOINTS);
             count += FINGER_JOINTS;
         }
     }
