@@ -293,6 +293,9 @@ fn an_arm_that_is_led_by_hand_is_not_left_free() {
     let mut led =
         desk.command(&format!("robot calibrate --robot {} --at middle --by-hand", twin.rig.display()));
     let mut led = led.stdin(Stdio::piped()).stdout(Stdio::null()).stderr(Stdio::null()).spawn().unwrap();
+    // Before that, `monitor` would claim the robot itself.
+    let bus = claimed_bus(&twin.rig);
+    wait_for("it never claimed the robot", || bus.exists());
     let (free, stopped) = (Value::from(2), Value::from(4));
     let mode = || {
         let text = desk.ok(&format!("robot monitor --robot {} --secs 0.6 --json", twin.rig.display()));
