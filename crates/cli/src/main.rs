@@ -86,6 +86,8 @@ enum Ending {
 }
 
 fn main() -> ExitCode {
+    // A stop that is requested from now on counts, whatever there is to load first.
+    etude_perform::stand::process_begins();
     let cli = Cli::parse();
     let ended = match cli.verb {
         Verb::Songs(args) => verbs::songs::run(args),

@@ -13,8 +13,8 @@ use anyhow::Context as _;
 use etude_lab::released;
 use etude_perform::prepare;
 use etude_perform::stand::{
-    Claim, Guard, READY, Stand, TWIN, claim, pitches_to_show, rig_choice, stand_guard, start_guard,
-    start_pose, store_point, tell_to_stop, try_path,
+    Claim, Guard, READY, Stand, TWIN, claim, pitches_to_show, request_stop, rig_choice, stand_guard, start_guard,
+    start_pose, store_point, try_path,
 };
 use etude_robot::lead::{LeadError, Showing, show};
 use etude_robot::monitor::Monitor;
@@ -192,7 +192,7 @@ struct Operator {
 
 impl Showing for Operator {
     fn beat(&mut self) -> Result<(), LeadError> {
-        if self.claim.is_told_to_stop() {
+        if self.claim.is_stop_requested() {
             return Err(LeadError::Stopped);
         }
         if self.guard.beat() { Ok(()) } else { Err(LeadError::Unguarded) }
@@ -217,13 +217,11 @@ fn enter() -> Receiver<()> {
 fn stop_now(rig: &Rig) -> anyhow::Result<Ending> {
     let config = file(&rig.robot)?;
     // A controller that is starting would move the arm again: it checks for this request before it moves.
-    let (told, stopped) = std::thread::scope(|scope| {
-        let telling = scope.spawn(|| tell_to_stop(&config.wires));
+    let (requested, stopped) = std::thread::scope(|scope| {
+        let requesting = scope.spawn(|| request_stop(&config.wires));
         let stopped = stop(&config);
-        (telling.join(), stopped)
+        (requesting.join(), stopped)
     });
-    // Without a controller the request is withdrawn.
-    drop(Claim::new(&config.wires));
     let text = |result: &Result<(), String>| result.clone().err().unwrap_or_else(|| "stopped".to_string());
     if rig.json {
         print_json(
@@ -236,8 +234,8 @@ fn stop_now(rig: &Rig) -> anyhow::Result<Ending> {
     if !stopped.is_sure() {
         anyhow::bail!("not everything was stopped: use the hardware stop")
     }
-    match told {
-        Ok(told) => told.context("a running controller could not be asked to stop: end it")?,
+    match requested {
+        Ok(requested) => requested.context("a running controller could not be asked to stop: end it")?,
         Err(_) => anyhow::bail!("a running controller could not be asked to stop: end it"),
     }
     Ok(Ending::Done)
@@ -253,8 +251,12 @@ fn guard(rig: &Rig) -> anyhow::Result<Ending> {
     line(READY)?;
     if let Some(stopped) = stand_guard(&config)? {
         note("guard: the controller has ended or did not run for 70 ms (see real time in `etude doctor`)");
+        let is_sure = stopped.is_sure();
         for (what, result) in [("arm", stopped.arm), ("hand", stopped.hand)] {
             note(format!("guard: {what} {}", result.err().unwrap_or_else(|| "stopped".to_string())));
+        }
+        if !is_sure {
+            anyhow::bail!("guard: not everything was stopped: use the hardware stop")
         }
     }
     Ok(Ending::Done)

@@ -198,9 +198,33 @@ fn a_stop_is_not_lost_while_a_controller_starts() {
     let said = errors(&ended);
     assert!(!ended.status.success() && said.contains("stopped by `etude robot stop`"), "{said}");
     assert!(!desk.path("p/run-1.wav").exists() && is_safe(twin.seen(&desk)));
-    // Afterwards it can be used again, and nothing is left behind.
+    // Afterwards it can be used again.
     assert_eq!(desk.json(&format!("robot check --robot {rig} --json"))["fault"], Value::Null);
-    assert!(!bus.exists() && !bus.with_extension("stop").exists());
+    assert!(!bus.exists());
+}
+
+/// The request is made after the controller has begun and before it has claimed the robot: it still reads the rig's file, a pipe here.
+#[test]
+fn a_stop_is_not_lost_before_a_controller_has_claimed_the_robot() {
+    let desk = Desk::new();
+    let twin = Served::start(&desk);
+    let slow = twin.rig.with_file_name("slow.toml");
+    assert!(std::process::Command::new("mkfifo").arg(&slow).status().unwrap().success());
+    let home = desk.command(&format!("robot home --robot {}", slow.display()));
+    let home = { home }.stderr(Stdio::piped()).spawn().unwrap();
+    // Opens when the other end reads.
+    let mut pipe = std::fs::OpenOptions::new().write(true).open(&slow).unwrap();
+    let stop = desk.json(&format!("robot stop --robot {} --json", twin.rig.display()));
+    assert_eq!(stop["sure"], true, "{stop}");
+    // What a guard would read again must be a file.
+    std::fs::remove_file(&slow).unwrap();
+    std::fs::copy(&twin.rig, &slow).unwrap();
+    pipe.write_all(&std::fs::read(&twin.rig).unwrap()).unwrap();
+    drop(pipe);
+    let ended = home.wait_with_output().unwrap();
+    let said = errors(&ended);
+    assert!(!ended.status.success() && said.contains("stopped by `etude robot stop`"), "{said}");
+    assert!(is_safe(twin.seen(&desk)));
 }
 
 #[test]
@@ -242,6 +266,20 @@ fn a_guard_tries_again_while_its_controller_hangs() {
     let said = errors(&ended);
     assert!(said.contains("guard: hand stopped") && said.contains("guard: arm stopped"), "{said}");
     assert!(begun.elapsed() > Duration::from_secs(1), "it was confirmed at once, which tests nothing");
+}
+
+#[test]
+#[ignore = "takes half a minute: `make test-heavy`, which .ci/run calls"]
+fn a_guard_that_cannot_stop_the_hand_ends_with_an_error() {
+    let desk = Desk::new();
+    let twin = Served::with_fault(&desk, Some("can-silent@0"));
+    // The controller ends at once.
+    let (_, theirs) = UnixStream::pair().unwrap();
+    let mut guard = desk.command(&format!("robot guard --robot {}", twin.rig.display()));
+    let guard = guard.stdin(OwnedFd::from(theirs)).output().unwrap();
+    let said = errors(&guard);
+    assert_eq!(guard.status.code(), Some(1), "{said}");
+    assert!(said.contains("guard: arm stopped") && said.contains("switch off its power"), "{said}");
 }
 
 /// The file that claims the hand's bus of a rig.
@@ -315,8 +353,30 @@ fn a_release_that_is_not_confirmed_does_not_hide_its_cause() {
     let play = "perform short.mid --scripted --robot twin --fault can-bus-off@10.5 -o f";
     let output = desk.command(play).output().unwrap();
     let said = errors(&output);
-    assert!(said.contains("`ip link set can0 down`") && said.contains("switch off its power"), "{said}");
+    assert!(says_both(&said), "{said}");
     assert!(desk.path("f/run-1.wav").exists() && desk.path("f/report.json").exists());
+
+    // The same bus is off all the time for a check and on the way home, and after 14 s for a recording.
+    let twin = Served::with_fault(&desk, Some("can-bus-off@0"));
+    let rig = twin.rig.display();
+    for command in [format!("robot check --robot {rig}"), format!("robot home --robot {rig}")] {
+        let output = desk.command(&command).output().unwrap();
+        let said = errors(&output);
+        assert!(output.status.code() == Some(1) && says_both(&said), "{command}: {said}");
+        assert_eq!(twin.seen(&desk).1, 4, "{command}: the arm");
+    }
+    let record = desk.command("record --robot twin --truth off.toml --secs 20 -o r.mcap");
+    std::fs::write(desk.path("off.toml"), "[[faults]]\nkind = \"can-bus-off\"\nat_secs = 14.0\n").unwrap();
+    let output = { record }.output().unwrap();
+    let said = errors(&output);
+    assert!(output.status.code() == Some(1) && says_both(&said), "record: {said}");
+    let recorded = Recording::read(&desk.path("r.mcap")).unwrap();
+    assert!(recorded.complete, "it ends");
+}
+
+/// Why the robot was stopped, and what the operator must do because the hand has not confirmed it.
+fn says_both(said: &str) -> bool {
+    said.contains("`ip link set can0 down`") && said.contains("switch off its power")
 }
 
 /// Kills recordings at `moments` (s, from when the file is there), on a robot that first moves to the keyboard, and in lockstep. Any

@@ -164,7 +164,7 @@ impl RigChoice {
                 }
                 let place = load_calibration(rig)?;
                 let robot = controller(rig, &place)?;
-                if claim.is_told_to_stop() {
+                if claim.is_stop_requested() {
                     return Err(StandError::Stopped);
                 }
                 let wires = OpenWires::open(&rig.wires)?;

@@ -2,12 +2,15 @@
 //!
 //! Claims and requests belong to the devices that move, not to the rig's file: a copy of the file names the same robot. They are files
 //! in `/tmp/etude`, one for each device, which every user of this machine may write. A program claims the robot before it does anything
-//! else and keeps it until it ends, so that no request made meanwhile is lost.
+//! else and keeps it until it ends. A request counts for every program that has begun before it, even if the program claims the robot
+//! later: no request is lost. Its file stays, and means nothing to programs that begin after it.
 
 use std::fs::{File, OpenOptions, Permissions};
 use std::io::{Error, ErrorKind, Result};
 use std::os::unix::fs::{MetadataExt as _, PermissionsExt as _};
 use std::path::{Path, PathBuf};
+use std::sync::OnceLock;
+use std::time::{Duration, SystemTime};
 
 use etude_robot::rig::WiresConfig;
 use etude_robot::{can, xarm};
@@ -23,27 +26,46 @@ struct ClaimedDevice {
     _locked: File,
     lock: PathBuf,
     stop: PathBuf,
+    /// Requests from then on count.
+    since: SystemTime,
+}
+
+/// When this process began.
+static BEGAN: OnceLock<SystemTime> = OnceLock::new();
+/// Times of files may be this much before the clock. A program that begins after `etude robot stop` has ended begins later than that.
+const COARSE: Duration = Duration::from_millis(20);
+/// A request that is further ahead of the clock was made before the clock was set back.
+const AHEAD: Duration = Duration::from_secs(1);
+
+/// Notes that this process begins now. Without it the process begins with its first claim.
+pub fn process_begins() {
+    BEGAN.get_or_init(SystemTime::now);
 }
 
 impl Claim {
-    /// Claims the robot at `wires` and removes earlier requests to stop it.
+    /// Claims the robot at `wires`.
     ///
     /// # Errors
     /// If another process has it, or the files cannot be used.
     pub fn new(wires: &WiresConfig) -> Result<Self> {
+        Self::since(wires, *BEGAN.get_or_init(SystemTime::now))
+    }
+
+    /// The claim of a program that has begun at `began`.
+    fn since(wires: &WiresConfig, began: SystemTime) -> Result<Self> {
         let claimed: Result<Vec<ClaimedDevice>> =
-            DEVICES.iter().map(|device| ClaimedDevice::new(&device(wires))).collect();
+            DEVICES.iter().map(|device| ClaimedDevice::new(&device(wires), began - COARSE)).collect();
         Ok(Self { devices: claimed? })
     }
 
-    /// Whether a stop has been requested since the claim.
-    pub fn is_told_to_stop(&self) -> bool {
-        self.devices.iter().any(|device| device.stop.exists())
+    /// Whether a stop has been requested since this process began.
+    pub fn is_stop_requested(&self) -> bool {
+        self.devices.iter().any(ClaimedDevice::is_stop_requested)
     }
 }
 
 impl ClaimedDevice {
-    fn new(device: &str) -> Result<Self> {
+    fn new(device: &str, since: SystemTime) -> Result<Self> {
         let (lock, stop) = (file(device, "lock"), file(device, "stop"));
         let locked = locked(&lock).map_err(|error| match error.kind() {
             ErrorKind::WouldBlock => Error::other(format!(
@@ -51,19 +73,17 @@ impl ClaimedDevice {
             )),
             _ => Error::other(format!("{}: {error}", lock.display())),
         })?;
-        match std::fs::remove_file(&stop) {
-            Err(error) if error.kind() != ErrorKind::NotFound => {
-                Err(Error::other(format!("{}: {error}", stop.display())))
-            }
-            _ => Ok(Self { _locked: locked, lock, stop }),
-        }
+        Ok(Self { _locked: locked, lock, stop, since })
+    }
+
+    fn is_stop_requested(&self) -> bool {
+        let requested = std::fs::metadata(&self.stop).and_then(|file| file.modified());
+        requested.is_ok_and(|at| at >= self.since && at <= SystemTime::now() + AHEAD)
     }
 }
 
 impl Drop for ClaimedDevice {
-    /// Leaves no files behind.
     fn drop(&mut self) {
-        let _ = std::fs::remove_file(&self.stop);
         let _ = std::fs::remove_file(&self.lock);
     }
 }
@@ -95,21 +115,18 @@ fn locked(path: &Path) -> Result<File> {
     }
 }
 
-/// Requests the process that has claimed the robot at `wires` to stop it and to end.
+/// Requests every process that controls the robot at `wires`, or has begun and will claim it, to stop it and to end.
 ///
 /// # Errors
 /// If the files cannot be written.
-pub fn tell_to_stop(wires: &WiresConfig) -> Result<()> {
+pub fn request_stop(wires: &WiresConfig) -> Result<()> {
     // The hand first: the name of an arm may have to be looked up in a network.
     for device in DEVICES {
         let stop = file(&device(wires), "stop");
-        match OpenOptions::new().write(true).create_new(true).open(&stop) {
-            // A request that is there already says the same.
-            Err(error) if error.kind() != ErrorKind::AlreadyExists => {
-                return Err(Error::other(format!("{}: {error}", stop.display())));
-            }
-            _ => {}
-        }
+        // In one step, also over a file of another user.
+        let new = stop.with_extension(format!("stop-{}", std::process::id()));
+        let written = File::create(&new).and_then(|_| std::fs::rename(&new, &stop));
+        written.map_err(|error| Error::other(format!("{}: {error}", stop.display())))?;
     }
     Ok(())
 }
@@ -147,16 +164,28 @@ mod tests {
         }
         // Neither device of the refused ones is kept.
         let other = Claim::new(&at("b", "127.0.0.1:61003:61004")).unwrap();
-        tell_to_stop(&at("a", "127.0.0.1:61009:61010")).unwrap();
-        tell_to_stop(&at("a", "127.0.0.1:61009:61010")).unwrap();
-        assert!(claim.is_told_to_stop() && !other.is_told_to_stop());
+        let before = SystemTime::now();
+        request_stop(&at("a", "127.0.0.1:61009:61010")).unwrap();
+        request_stop(&at("a", "127.0.0.1:61009:61010")).unwrap();
+        assert!(claim.is_stop_requested() && !other.is_stop_requested());
         // One that was refused does not take the request away.
         assert!(Claim::new(&at("a", "127.0.0.1:61005:61006")).is_err());
-        assert!(claim.is_told_to_stop());
-        drop(claim);
-        let again = Claim::new(&at("a", "127.0.0.1:61009:61010")).unwrap();
-        assert!(!again.is_told_to_stop(), "what was requested before does not count");
-        drop((again, other));
+        assert!(claim.is_stop_requested());
+        drop((claim, other));
+
+        // It counts for a program that had begun before it and claims the robot only now, and for no other.
+        for (began, counts) in [(before, true), (SystemTime::now() + 2 * COARSE, false)] {
+            let again = Claim::since(&at("a", "127.0.0.1:61009:61010"), began).unwrap();
+            assert_eq!(again.is_stop_requested(), counts);
+        }
+        // Nor does one from before the clock was set back.
+        let again = Claim::since(&at("a", "127.0.0.1:61009:61010"), before).unwrap();
+        let tomorrow = SystemTime::now() + Duration::from_secs(86_400);
+        File::options().write(true).open(&again.devices[0].stop).unwrap().set_modified(tomorrow).unwrap();
+        std::fs::remove_file(&again.devices[1].stop).unwrap();
+        assert!(!again.is_stop_requested());
+        std::fs::remove_file(&again.devices[0].stop).unwrap();
+        drop(again);
         let left = std::fs::read_dir("/tmp/etude")
             .unwrap()
             .filter_map(|entry| entry.ok()?.file_name().into_string().ok());

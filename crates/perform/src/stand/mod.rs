@@ -10,7 +10,7 @@ pub use calibrate::{pitches_to_show, store_point, try_path};
 pub use choice::{
     RigChoice, StandError, TWIN, claim, load_calibration, rig_choice, start_guard, start_pose, unix_secs,
 };
-pub use claim::{Claim, tell_to_stop};
+pub use claim::{Claim, process_begins, request_stop};
 pub use guard::{Guard, READY, stand_guard};
 pub use session::{Live, Stand, StandPace};
 

@@ -55,7 +55,7 @@ impl Live {
 
     /// Stops the robot if its guard is gone or a stop was requested.
     fn watch(&mut self, robot: &mut Robot) {
-        if !self.guard.beat() || self.claim.is_told_to_stop() {
+        if !self.guard.beat() || self.claim.is_stop_requested() {
             let now = self.pace.now();
             robot.stop(now, self.pace.wires());
         }
