@@ -183,19 +183,24 @@ fn off_target(moment: &Moment, joints: Range<usize>) -> f64 {
     joints.map(|joint| (moment.targets[joint] - readings[joint]).abs()).sum()
 }
 
-/// Minus the mean distance of the joints from their targets at the end of the step, rad, of the fingers that hold a key which sounded
-/// before. A target far beyond where the key stops presses at the limit of the torque, and has to come back all the way before the
-/// finger can lift.
+/// What a finger earns while it holds a key that is not struck again soon.
+const HELD: f64 = 0.5;
+
+/// For each finger that holds a key which sounded before: [`HELD`] minus the mean distance of its joints from their targets at the end
+/// of the step, rad; the mean over the fingers that should play. A target far beyond where the key stops presses at the limit of the
+/// torque, and has to come back all the way before the finger can lift. Without [`HELD`] an untrained policy, whose targets are
+/// anywhere, is punished for each key that it finds. With it for repeated keys too, a second strike that comes late costs more.
 fn holding(moment: &Moment) -> f64 {
     let (mut sum, mut count) = (0.0, 0);
     for (finger, goal) in moment.goals.iter().enumerate() {
-        let holds = |goal: &Goal| goal.wait_steps == 0 && moment.pressed_before.contains(goal.key);
-        if goal.as_ref().is_some_and(holds) {
-            sum += off_target(moment, finger * FINGER_JOINTS..(finger + 1) * FINGER_JOINTS);
-            count += FINGER_JOINTS;
+        let Some(goal) = goal.filter(|goal| goal.wait_steps == 0) else { continue };
+        if moment.pressed_before.contains(goal.key) {
+            let off = off_target(moment, finger * FINGER_JOINTS..(finger + 1) * FINGER_JOINTS);
+            sum += if goal.repeated { 0.0 } else { HELD } - off / FINGER_JOINTS as f64;
         }
+        count += 1;
     }
-    -sum / count.max(1) as f64
+    sum / f64::from(count.max(1))
 }
 
 /// Difference between force and velocity, as a share of 127, up to which a strike earns everything, and further that at which it earns
