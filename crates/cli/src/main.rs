@@ -30,7 +30,7 @@ Exit codes:
   0  done
   1  it failed; the message on standard error says why
   2  the command line is wrong
-  3  stopped on request (Ctrl-C, SIGTERM); the training has saved itself and `--resume` continues it
+  3  stopped on request (Ctrl-C, SIGTERM, a closed terminal); a training has saved itself and `--resume` continues it
   130  ended at once by a second Ctrl-C; `--resume` continues from the last checkpoint";
 
 #[derive(Subcommand)]
@@ -115,6 +115,8 @@ fn main() -> ExitCode {
         Ok(Ending::Done) => ExitCode::SUCCESS,
         Ok(Ending::Stopped) => ExitCode::from(3),
         Ok(Ending::Busy) => ExitCode::from(etude_experiment::BUSY),
+        // `etude perform … | head`: what is printed has no reader, and whether it was stopped matters all the same.
+        Err(error) if broken_pipe(&error) && progress::is_stop_requested() => ExitCode::from(3),
         Err(error) if broken_pipe(&error) => ExitCode::SUCCESS,
         Err(error) if etude_lab::Interrupted::is_cause_of(&error) => {
             verbs::note(error);

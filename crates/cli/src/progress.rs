@@ -1,8 +1,8 @@
 //! Progress of a training: a bar on a terminal, plain lines elsewhere, and the request to stop.
 
 use std::io::IsTerminal as _;
-use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, OnceLock};
 use std::time::{Duration, Instant};
 
 use etude_lab::Run;
@@ -10,17 +10,20 @@ use etude_learn::{EvaluationRow, LogRow, Score, StopReason, TrainingObserver};
 use etude_perform::NoteCounts;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 
-use signal_hook::consts::{SIGINT, SIGTERM};
+use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
 
 use crate::verbs::note;
 
 /// Exit code of the shell for a program that Ctrl-C ended.
 const INTERRUPTED: i32 = 130;
 
-/// Set by Ctrl-C or SIGTERM. A second one ends the program at once.
+/// The flag that signals set, once a verb has asked for it.
+static STOP: OnceLock<Arc<AtomicBool>> = OnceLock::new();
+
+/// Set by Ctrl-C, SIGTERM or the end of the terminal. A second one ends the program at once.
 pub fn stop_flag() -> anyhow::Result<Arc<AtomicBool>> {
-    let flag = Arc::new(AtomicBool::new(false));
-    for signal in [SIGINT, SIGTERM] {
+    let flag = STOP.get_or_init(Arc::default).clone();
+    for signal in stopping_signals() {
         // First, so that it sees what the signal before has set.
         signal_hook::flag::register_conditional_shutdown(signal, INTERRUPTED, flag.clone())?;
         signal_hook::flag::register(signal, flag.clone())?;
@@ -28,13 +31,26 @@ pub fn stop_flag() -> anyhow::Result<Arc<AtomicBool>> {
     Ok(flag)
 }
 
-/// Set by Ctrl-C or SIGTERM, however often they come.
+/// Set by Ctrl-C, SIGTERM or the end of the terminal, however often they come.
 pub fn patient_stop_flag() -> anyhow::Result<Arc<AtomicBool>> {
-    let flag = Arc::new(AtomicBool::new(false));
-    for signal in [SIGINT, SIGTERM] {
+    let flag = STOP.get_or_init(Arc::default).clone();
+    for signal in stopping_signals() {
         signal_hook::flag::register(signal, flag.clone())?;
     }
     Ok(flag)
+}
+
+/// Whether one of these signals has come.
+pub fn is_stop_requested() -> bool {
+    STOP.get().is_some_and(|flag| flag.load(Ordering::Relaxed))
+}
+
+/// Signals that request a stop. SIGHUP is not one of them under `nohup`, which ignores it.
+fn stopping_signals() -> impl Iterator<Item = i32> {
+    let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
+    let ignored = status.lines().find_map(|line| line.strip_prefix("SigIgn:"));
+    let ignored = ignored.and_then(|mask| u64::from_str_radix(mask.trim(), 16).ok()).unwrap_or(0);
+    [SIGINT, SIGTERM, SIGHUP].into_iter().filter(move |signal| *signal != SIGHUP || ignored & 1 == 0)
 }
 
 /// Sets the flag when standard input ends: the process at its other end has closed it or has ended.

@@ -5,6 +5,7 @@ use std::path::Path;
 
 use anyhow::anyhow;
 use etude_identify::IdentifyError;
+use etude_perform::PerformError;
 use etude_perform::stand::Stand;
 
 /// The work was interrupted on request. The text says what is kept.
@@ -20,7 +21,9 @@ impl Interrupted {
 
     /// Whether this is the reason of `error`.
     pub fn is_cause_of(error: &anyhow::Error) -> bool {
-        error.is::<Self>() || matches!(error.downcast_ref(), Some(IdentifyError::Interrupted))
+        error.is::<Self>()
+            || matches!(error.downcast_ref(), Some(IdentifyError::Interrupted))
+            || matches!(error.downcast_ref(), Some(PerformError::Interrupted))
     }
 }
 

@@ -7,6 +7,7 @@ use etude_learn::Policy;
 use etude_music::Song;
 use etude_task::reward::OF_A_FINGERING;
 use etude_task::{ACTION_LEN, Piece, ScriptedPlayer, TaskConfig, TaskError, layout};
+use serde_json::Value;
 
 use crate::config::{DEFAULT_PRESET, RunConfig, change, resolve};
 use crate::folder::{other_notes, policy_in};
@@ -152,6 +153,19 @@ pub(crate) fn open(path: &Path) -> anyhow::Result<Pianist> {
     Ok(Pianist { kind, config, song, claimed_f1 })
 }
 
+/// Adds to `changes` each value below `path` that `new` has and `old` has not.
+fn list_changes(path: &str, old: &Value, new: &Value, changes: &mut Vec<String>) {
+    match (old, new) {
+        (Value::Object(old), Value::Object(new)) => {
+            for (key, value) in new {
+                list_changes(&format!("{path}.{key}"), old.get(key).unwrap_or(&Value::Null), value, changes);
+            }
+        }
+        (old, new) if old != new => changes.push(format!("{path} = {new}")),
+        _ => {}
+    }
+}
+
 impl Pianist {
     /// The scripted player, the baseline that needs no training, in the world of the default preset. It plans for itself, so its actions
     /// are those of a task without a fingering: it moves the rail earlier than the plan, by the rail's lag.
@@ -195,11 +209,12 @@ impl Pianist {
         })
     }
 
-    /// Changes the world that the policy is played in, by overrides of the form `a.b=value`.
+    /// Changes the world that the policy is played in, by overrides of the form `a.b=value`. Returns what the policy learned with and is
+    /// different now, but for the lead of the plan: it changes nothing for the policy.
     ///
     /// # Errors
     /// If an override is not sound, or would change what the policy sees.
-    pub fn reconfigure(&mut self, overrides: &[String]) -> anyhow::Result<()> {
+    pub fn reconfigure(&mut self, overrides: &[String]) -> anyhow::Result<Vec<String>> {
         let changed = change(&self.config, overrides)?;
         if let Kind::Policy(policy, path) = &self.kind
             && layout(&changed.task) != policy.header().layout
@@ -207,7 +222,14 @@ impl Pianist {
             let message = "it was trained for another observation than these overrides make".to_string();
             bail!("cannot use the policy {}: {message}", path.display());
         }
+        let mut others = Vec::new();
+        if matches!(self.kind, Kind::Policy(..)) {
+            let value =
+                |task: &TaskConfig| serde_json::to_value(task).expect("a configuration is plain data");
+            list_changes("task", &value(&self.config.task), &value(&changed.task), &mut others);
+            others.retain(|change| !change.starts_with("task.plan.lead_secs"));
+        }
         self.config = changed;
-        Ok(())
+        Ok(others)
     }
 }

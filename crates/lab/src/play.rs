@@ -15,6 +15,7 @@ use etude_stage::JOINT_NAMES;
 use etude_task::Piece;
 use serde::Serialize;
 
+use crate::errors::{Interrupted, unusable};
 use crate::folder::make_folder;
 use crate::pianist::Pianist;
 
@@ -59,36 +60,49 @@ pub struct Files {
     pub report: Option<PathBuf>,
 }
 
-/// Plays the whole song and writes the files into `folder`.
+/// Plays the whole song and writes the files into `folder`. Those of an earlier performance there are replaced when all is done, and the
+/// page made of them is removed.
 ///
 /// # Errors
-/// If the song does not fit the keyboard, or a file cannot be written.
+/// If the song does not fit the keyboard, a file cannot be written, or `interrupt` is set: the folder is then as it was.
 pub fn play(
     song: &Song,
     pianist: &Pianist,
     folder: &Path,
     font: Option<&SoundFont>,
+    interrupt: &AtomicBool,
+) -> anyhow::Result<PlayReport> {
+    make_folder(folder)?;
+    let unfinished = folder.join(format!(".unfinished-{}", std::process::id()));
+    make_folder(&unfinished)?;
+    let played = play_into(&unfinished, folder, song, pianist, font, interrupt);
+    // Empty after a success.
+    let _ = std::fs::remove_dir_all(&unfinished);
+    played
+}
+
+/// Plays in the folder `unfinished`, and moves the files to `folder` in the end.
+fn play_into(
+    unfinished: &Path,
+    folder: &Path,
+    song: &Song,
+    pianist: &Pianist,
+    font: Option<&SoundFont>,
+    interrupt: &AtomicBool,
 ) -> anyhow::Result<PlayReport> {
     let task = &pianist.config.task;
     let piece = Piece::for_task(song, task)?;
-    let files = Files {
-        midi: folder.join("performance.mid"),
-        wav: folder.join("performance.wav"),
-        reference: folder.join(REFERENCE),
-        frames: folder.join("frames.csv"),
-        recording: folder.join("recording.mcap"),
-        report: Some(folder.join(REPORT)),
-    };
-    make_folder(folder)?;
+    let files = Files::of_play(unfinished);
     let header = header(&piece, pianist, "simulation", None);
     let mut writer = RecordingWriter::create(&files.recording, &header)?;
     let mut ready = pianist.ready(task, &piece)?;
     let mut rig = SimRig::new(task, &piece, pianist.config.trainer.seed)?;
-    let never = AtomicBool::new(false);
-    let performance = perform(&mut rig, &mut ready, task, &piece, Some(&mut writer), &never)?;
+    let performance = perform(&mut rig, &mut ready, task, &piece, Some(&mut writer), interrupt)?;
     writer.finish()?;
-    if let Ending::Fault(why) = &performance.ending {
-        bail!("the performance was cut short: {why}");
+    match &performance.ending {
+        Ending::Complete => {}
+        Ending::Interrupted => return Err(Interrupted("stopped; nothing was written".to_string()).into()),
+        Ending::Fault(why) => bail!("the performance was cut short: {why}"),
     }
     let simulated = performance.simulation.unwrap_or_default();
     let report = PlayReport {
@@ -99,15 +113,39 @@ pub fn play(
         reward: simulated.reward,
         collision_free: simulated.collision_free,
         limits: ready.limits(),
-        files,
+        files: Files::of_play(folder),
     };
-    keep(&report.files, &performance, font)?;
-    keep_reference(&report.files.reference, &piece, font)?;
-    write_report(folder, &report)?;
-    Ok(report)
+    keep(&files, &performance, font)?;
+    keep_reference(&files.reference, &piece, font)?;
+    write_report(unfinished, &report)?;
+    let moved = [&files.midi, &files.wav, &files.reference, &files.frames, &files.recording];
+    for file in moved.into_iter().chain(&files.report) {
+        let name = file.file_name().expect("each has a name");
+        std::fs::rename(file, folder.join(name)).map_err(|error| unusable(folder, error))?;
+    }
+    match std::fs::remove_file(folder.join(PAGE)) {
+        Err(error) if error.kind() != std::io::ErrorKind::NotFound => Err(unusable(folder, error)),
+        _ => Ok(report),
+    }
+}
+
+impl Files {
+    /// Those of `etude play` in `folder`.
+    fn of_play(folder: &Path) -> Self {
+        Self {
+            midi: folder.join("performance.mid"),
+            wav: folder.join("performance.wav"),
+            reference: folder.join(REFERENCE),
+            frames: folder.join("frames.csv"),
+            recording: folder.join("recording.mcap"),
+            report: Some(folder.join(REPORT)),
+        }
+    }
 }
 
 const REPORT: &str = "report.json";
+/// The page that `etude replay` makes of a recording.
+const PAGE: &str = "replay.html";
 /// What should have been played, as sound.
 pub(crate) const REFERENCE: &str = "reference.wav";
 

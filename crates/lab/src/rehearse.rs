@@ -335,10 +335,11 @@ impl Rehearsal<'_> {
         };
         let report = job.part(performed, |job| {
             play_on_robot(self.song, &pianist, self.rig, &play, Some(folder), None, job)
-        })?;
-        if job.is_interrupted() {
+        });
+        if job.is_interrupted() && report.as_ref().err().is_none_or(Interrupted::is_cause_of) {
             return Err(Interrupted::resumable().into());
         }
+        let report = report?;
         match report.runs.iter().find(|run| run.steps[0] < run.steps[1]) {
             Some(run) => Err(stopped_itself(round, &run.ending.to_string())),
             None => Ok(report),

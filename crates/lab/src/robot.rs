@@ -18,7 +18,7 @@ use etude_stage::{JOINTS, World};
 use etude_task::{Piece, TaskError};
 use serde::{Deserialize, Serialize};
 
-use crate::errors::released;
+use crate::errors::{Interrupted, released};
 use crate::folder::make_folder;
 use crate::pianist::Pianist;
 use crate::play::{Files, REFERENCE, header, keep, keep_reference, scores_in_simulation, write_report};
@@ -36,7 +36,7 @@ pub struct RobotPlay {
     pub seed: u64,
 }
 
-/// The results. Its keys are those of `etude perform --json`.
+/// The results. Its keys are those of `etude perform --json`. A run that was interrupted is listed, and counts in no mean.
 #[derive(Clone, Debug, Serialize)]
 pub struct RobotReport {
     /// Title of the song.
@@ -87,7 +87,7 @@ pub struct MeanNotes {
 }
 
 impl MeanNotes {
-    fn of(due: usize, runs: &[RobotRun]) -> Self {
+    fn of(due: usize, runs: &[&RobotRun]) -> Self {
         let of = |score: fn(&NoteScores) -> f64| {
             mean(&runs.iter().map(|run| score(&run.scores.note)).collect::<Vec<_>>())
         };
@@ -165,7 +165,8 @@ pub struct RunEnded {
 /// ends. A run that ends early is the last one.
 ///
 /// # Errors
-/// If the robot does not get ready, or a file cannot be written. A fault during a run is in the report.
+/// If the robot does not get ready, a file cannot be written, or it was interrupted before the first run ended. A fault during a run is
+/// in the report.
 pub fn play_on_robot(
     song: &Song,
     pianist: &Pianist,
@@ -208,11 +209,17 @@ pub fn play_on_robot(
         let played = one_run(&mut stand, pianist, &piece, play, &start, writer.as_mut(), job.interrupt());
         let performance = match played {
             // What was played is kept even if the robot does not confirm that it was released.
-            Ok(performance) => Ok(after_release(performance, stand.let_go())),
+            Ok(performance) => Ok(Some(after_release(performance, stand.let_go()))),
+            Err(error) if Interrupted::is_cause_of(&error) => released(&mut stand, Ok(None)),
             Err(error) => released(&mut stand, Err(error)),
         };
         let recorded = writer.as_mut().map_or(Ok(()), |writer| record_release(&mut stand.robot, writer));
-        let performance = performance?;
+        let Some(performance) = performance? else {
+            drop(writer);
+            // It holds no music. If it cannot be removed, it is in nobody's way.
+            let _ = files.map(|files| std::fs::remove_file(files.recording));
+            break;
+        };
         recorded?;
         // The robot is stopped: its guard is not needed while the files are written.
         drop(stand);
@@ -229,8 +236,14 @@ pub fn play_on_robot(
             break;
         }
     }
-    let lags: Vec<f64> = runs.iter().filter_map(|run| run.scores.note.lag_secs).collect();
-    let f1: Vec<f64> = runs.iter().map(|run| run.scores.frame.f1).collect();
+    let counted: Vec<&RobotRun> = runs.iter().filter(|run| run.ending != Ending::Interrupted).collect();
+    if counted.is_empty() {
+        let kept = runs.iter().flat_map(|run| &run.files).map(|files| files.recording.display()).next();
+        let kept = kept.map_or_else(String::new, |file| format!("; {file} holds what was played"));
+        return Err(Interrupted(format!("interrupted before a run was complete{kept}")).into());
+    }
+    let lags: Vec<f64> = counted.iter().filter_map(|run| run.scores.note.lag_secs).collect();
+    let f1: Vec<f64> = counted.iter().map(|run| run.scores.frame.f1).collect();
     let (robot_f1, robot_f1_std) = (mean(&f1), deviation(&f1));
     let report = RobotReport {
         song: song.title().to_string(),
@@ -247,7 +260,7 @@ pub fn play_on_robot(
         gap: gap(sim_f1, robot_f1),
         lead_secs: task.plan.lead_secs,
         lag_secs: (!lags.is_empty()).then(|| mean(&lags)),
-        notes: MeanNotes::of(piece.notes().len(), &runs),
+        notes: MeanNotes::of(piece.notes().len(), &counted),
         runs,
     };
     if let Some(folder) = folder {

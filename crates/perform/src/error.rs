@@ -17,6 +17,9 @@ pub enum PerformError {
     /// The robot did not start, or did not reach its starting pose.
     #[error("the robot did not get ready: {0}")]
     NotReady(String),
+    /// It was interrupted before the robot was ready.
+    #[error("interrupted before the robot was ready")]
+    Interrupted,
     /// The recording could not be written.
     #[error(transparent)]
     Recording(#[from] RecordingError),

@@ -7,10 +7,11 @@ use std::path::{Path, PathBuf};
 
 use atomic_write_file::AtomicWriteFile;
 use etude_music::KeySet;
+use etude_music::sound::write_hint;
 
 /// A file could not be written.
 #[derive(Debug, thiserror::Error)]
-#[error("cannot write {path}: {source}; free some space or choose another folder with -o")]
+#[error("cannot write {path}: {source}; {}", write_hint(.source))]
 pub struct FileError {
     path: PathBuf,
     source: std::io::Error,

@@ -70,7 +70,7 @@ fn wait_for(
                 return Err(PerformError::NotReady(reason));
             }
             _ if interrupt.load(Ordering::Relaxed) => {
-                return Err(PerformError::NotReady("it was interrupted".into()));
+                return Err(PerformError::Interrupted);
             }
             Phase::Stopped => return Err(PerformError::NotReady(STOPPED.to_string())),
             phase if next.saturating_sub(begun) > PREPARATION => {

@@ -8,7 +8,7 @@ use std::process::{Command, Stdio};
 use anyhow::{anyhow, bail};
 use etude_lab::Interrupted;
 use etude_music::KeySet;
-use etude_music::sound;
+use etude_music::sound::{self, write_hint};
 use etude_perform::{Job, write_file};
 use etude_stage::{JOINTS, Painter, View, World};
 
@@ -171,7 +171,7 @@ impl<'a> Studio<'a> {
 }
 
 fn cannot_write(path: &Path, error: &std::io::Error) -> anyhow::Error {
-    anyhow!("cannot write {}: {error}; free some space or choose another place with -o", path.display())
+    anyhow!("cannot write {}: {error}; {}", path.display(), write_hint(error))
 }
 
 /// Whether there is an ffmpeg to call.

@@ -5,7 +5,7 @@ use std::sync::atomic::Ordering;
 
 use etude_lab::{GridConfig, GridReport, evaluate_grid, find_song};
 
-use super::{PianistArgs, json, line, note, slug};
+use super::{PianistArgs, json, line, note};
 use crate::Ending;
 use crate::progress::{bar, stop_flag};
 
@@ -37,7 +37,7 @@ pub struct Args {
     /// Another seed, another set of worlds
     #[arg(long, default_value_t = 0)]
     seed: u64,
-    /// Where the table goes; out/SONG/worlds.csv if not given
+    /// Where the table goes; if not given out/SONG/worlds.csv, with the player if it is not the best policy for the song
     #[arg(short = 'o', long = "out", value_name = "FILE.csv")]
     out: Option<PathBuf>,
     /// Print JSON: notes_due, nominal_notes_right, mean_notes_right, worst_decile_notes_right, worst_notes_right, nominal_f1, mean_f1,
@@ -63,7 +63,7 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
         note("stopped; nothing was written");
         return Ok(Ending::Stopped);
     };
-    let out = args.out.unwrap_or_else(|| PathBuf::from("out").join(slug(&args.song)).join("worlds.csv"));
+    let out = args.out.unwrap_or_else(|| args.pianist.folder(&args.song).join("worlds.csv"));
     report.write_csv(&out)?;
     if args.json {
         json(&report)?

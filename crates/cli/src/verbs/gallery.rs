@@ -2,7 +2,6 @@
 
 use std::collections::BTreeSet;
 use std::path::PathBuf;
-use std::sync::atomic::Ordering;
 
 use etude_lab::{find_song, load_pianist, play};
 use etude_music::repertoire;
@@ -52,14 +51,10 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
     paths.retain(|path| !path.starts_with(&own) && seen.insert(path.clone()));
     if args.runs.is_empty() {
         for id in repertoire::ids() {
-            if stop.load(Ordering::Relaxed) {
-                note("stopped on request; no page is written yet");
-                return Ok(Ending::Stopped);
-            }
             status.now("playing ", id);
             let folder = own.join(id);
             let pianist = load_pianist(id, id, None)?;
-            play(&find_song(id)?, &pianist, &folder, None)?;
+            play(&find_song(id)?, &pianist, &folder, None, &stop)?;
             paths.push(folder.join("recording.mcap"));
         }
     }

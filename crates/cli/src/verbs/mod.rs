@@ -62,6 +62,28 @@ pub struct PianistArgs {
 }
 
 impl PianistArgs {
+    /// Folder of what is played, if none is given: the song, and what was asked for beside it. So nobody replaces the files of another
+    /// player, or of the same one in another world.
+    fn folder(&self, asked: &str) -> PathBuf {
+        let mut name = slug(asked);
+        let mut add = |part: &str| name = format!("{name}-{}", etude_show::slug(part));
+        if self.scripted {
+            add("scripted");
+        }
+        if let Some(policy) = &self.policy {
+            // A run is called after its folder, a policy in a run's folder too.
+            let is_of_run =
+                policy.file_name().is_some_and(|file| file.to_string_lossy().starts_with("policy-"));
+            let named = policy.parent().filter(|_| is_of_run).unwrap_or(policy);
+            add(&named.file_stem().unwrap_or_default().to_string_lossy());
+        }
+        for change in &self.overrides {
+            let (path, value) = change.split_once('=').unwrap_or((change, ""));
+            add(&format!("{}-{value}", path.rsplit('.').next().unwrap_or(path)));
+        }
+        PathBuf::from("out").join(name)
+    }
+
     /// The player of `song`, which was asked for as `asked`; says so if it learned another one.
     fn load(&self, asked: &str, song: &Song) -> anyhow::Result<Pianist> {
         let mut pianist = if self.scripted {
@@ -70,7 +92,10 @@ impl PianistArgs {
             load_pianist(asked, &slug(asked), self.policy.as_deref())?
         };
         if !self.overrides.is_empty() {
-            pianist.reconfigure(&self.overrides)?;
+            let changes = pianist.reconfigure(&self.overrides)?;
+            if !changes.is_empty() {
+                note(format!("warning: this policy learned in another world; now {}", changes.join(", ")));
+            }
         }
         if let Some(learned) = pianist.song.as_deref().filter(|learned| *learned != song.title()) {
             note(format!(

@@ -9,7 +9,7 @@ use etude_perform::{Ending as Played, Job, Mode, NoteCounts};
 use etude_twin::OrderedFault;
 
 use super::play::heard;
-use super::{PianistArgs, json, line, note, slug};
+use super::{PianistArgs, json, line, note};
 use crate::Ending;
 use crate::progress::stop_flag;
 
@@ -56,7 +56,7 @@ pub struct Args {
     seed: u64,
     #[command(flatten)]
     pianist: PianistArgs,
-    /// Where the files go; out/SONG-MODE if not given
+    /// Where the files go; if not given out/SONG-MODE, with the player if it is not the best policy for the song
     #[arg(short = 'o', long = "out", value_name = "DIR")]
     out: Option<PathBuf>,
     /// A SoundFont (.sf2) for the sound; a built-in piano tone if not given
@@ -71,13 +71,14 @@ pub struct Args {
 pub fn run(args: Args) -> anyhow::Result<Ending> {
     let song = find_song(&args.song)?;
     song.check_range()?;
-    let name = slug(&args.song);
     // First, so that no request to stop the robot is lost while a policy is loaded.
     let rig = with_faults(rig_choice(&args.robot, &args.truth)?, &args.faults)?;
     let pianist = args.pianist.load(&args.song, &song)?;
     let font = args.soundfont.as_deref().map(SoundFont::load).transpose()?;
-    let folder =
-        args.out.clone().unwrap_or_else(|| PathBuf::from("out").join(format!("{name}-{}", args.mode)));
+    let folder = args.out.clone().unwrap_or_else(|| {
+        let folder = args.pianist.folder(&args.song);
+        folder.with_file_name(format!("{}-{}", folder.file_name().unwrap_or_default().display(), args.mode))
+    });
     let play = RobotPlay {
         mode: args.mode,
         runs: args.runs.into(),
@@ -100,9 +101,12 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
         print(&report)?;
     }
     match report.runs.last().map(|run| &run.ending) {
-        None | Some(Played::Complete) => Ok(Ending::Done),
-        Some(Played::Interrupted) => Ok(Ending::Stopped),
         Some(Played::Fault(fault)) => anyhow::bail!("the performance ended with a fault: {fault}"),
+        Some(Played::Complete) if report.runs.len() == play.runs => Ok(Ending::Done),
+        _ => {
+            note(format!("stopped; the means are of the runs before, of {} that were asked for", play.runs));
+            Ok(Ending::Stopped)
+        }
     }
 }
 

@@ -8,8 +8,9 @@ use etude_music::metrics::NoteScores;
 use etude_music::sound::SoundFont;
 use etude_perform::{NoteCounts, Scores};
 
-use super::{PianistArgs, json, line, slug};
+use super::{PianistArgs, json, line};
 use crate::Ending;
+use crate::progress::stop_flag;
 
 /// What to play, with what, and where to keep it.
 #[derive(clap::Args)]
@@ -28,7 +29,7 @@ pub struct Args {
     song: String,
     #[command(flatten)]
     pianist: PianistArgs,
-    /// Where the files go; out/SONG if not given
+    /// Where the files go; if not given out/SONG, with the player if it is not the best policy for the song
     #[arg(short = 'o', long = "out", value_name = "DIR")]
     out: Option<PathBuf>,
     /// A SoundFont (.sf2) for the sound; a built-in piano tone if not given
@@ -43,11 +44,11 @@ pub struct Args {
 pub fn run(args: Args) -> anyhow::Result<Ending> {
     let song = find_song(&args.song)?;
     song.check_range()?;
-    let name = slug(&args.song);
+    let stop = stop_flag()?;
     let pianist = args.pianist.load(&args.song, &song)?;
     let font = args.soundfont.as_deref().map(SoundFont::load).transpose().context("no sound")?;
-    let folder = args.out.unwrap_or_else(|| PathBuf::from("out").join(&name));
-    let report = play(&song, &pianist, &folder, font.as_ref())?;
+    let folder = args.out.unwrap_or_else(|| args.pianist.folder(&args.song));
+    let report = play(&song, &pianist, &folder, font.as_ref(), &stop)?;
     if args.json {
         json(&report)?
     } else {

@@ -4,6 +4,7 @@
 
 mod experiments;
 mod exporting;
+mod interrupting;
 mod mistakes;
 mod playing;
 mod printing;

@@ -11,7 +11,7 @@ const RESULTS: [&str; 3] =
 
 /// Long enough to be stopped in the middle. The replay is small so that the checkpoint, which names the replay's files,
 /// has forgotten where the training was stopped.
-const LONGER: &str = "--set trainer.total_steps=4000 --set droq.replay_capacity=600";
+pub const LONGER: &str = "--set trainer.total_steps=4000 --set droq.replay_capacity=600";
 
 fn assert_same_results(desk: &Desk, a: &str, b: &str) {
     for name in RESULTS {
@@ -23,7 +23,7 @@ fn assert_same_results(desk: &Desk, a: &str, b: &str) {
 }
 
 /// Starts a training, whose standard output nobody reads, and waits until it has saved a checkpoint after its first update.
-fn start_and_wait(desk: &Desk, args: &str, folder: &str) -> Child {
+pub fn start_and_wait(desk: &Desk, args: &str, folder: &str) -> Child {
     let mut command = desk.tiny(args);
     let mut child = command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
     drop(child.stdout.take());

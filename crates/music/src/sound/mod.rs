@@ -70,7 +70,8 @@ pub enum SoundError {
     },
 }
 
-fn write_hint(source: &io::Error) -> &'static str {
+/// What to do about a file that cannot be written.
+pub fn write_hint(source: &io::Error) -> &'static str {
     match source.kind() {
         io::ErrorKind::StorageFull | io::ErrorKind::QuotaExceeded => "free some space or choose another disk",
         io::ErrorKind::NotFound => "create the folder first",

@@ -1,0 +1,149 @@
+//! Ctrl-C, a closed terminal, a closed pipe: nothing is lost, nothing half done counts, and the exit code is 3.
+
+use std::io::{BufRead as _, BufReader, Read as _};
+use std::process::{Child, Command, Stdio};
+use std::time::Duration;
+
+use serde_json::Value;
+
+use crate::training::{LONGER, start_and_wait};
+use crate::{Desk, TINY, errors, processes};
+
+fn signal(child: &Child, name: &str) {
+    processes::signal(child.id(), name);
+}
+
+#[test]
+fn a_closed_terminal_saves_a_training_and_nohup_keeps_it_running() {
+    let desk = Desk::new();
+    let child = start_and_wait(&desk, &format!("short.mid -o closed {LONGER}"), "closed");
+    signal(&child, "HUP");
+    let output = child.wait_with_output().unwrap();
+    assert_eq!(output.status.code(), Some(3), "{}", errors(&output));
+    assert!(desk.ok("train --resume closed").contains("Finished after 4000 steps"));
+
+    let mut shell = Command::new("sh");
+    shell.current_dir(desk.path("")).args(["-c", "trap '' HUP; exec \"$@\"", "sh"]);
+    shell.arg(assert_cmd::cargo::cargo_bin!("etude")).args(["train", "short.mid", "-o", "nohup"]);
+    shell.args(TINY.iter().flat_map(|set| ["--set", set])).args(LONGER.split_whitespace());
+    let mut child = shell.stdout(Stdio::null()).stderr(Stdio::piped()).spawn().unwrap();
+    // It learns.
+    let mut said = BufReader::new(child.stderr.take().unwrap());
+    said.read_line(&mut String::new()).unwrap();
+    signal(&child, "HUP");
+    said.read_to_string(&mut String::new()).unwrap();
+    assert_eq!(child.wait().unwrap().code(), Some(0));
+}
+
+/// Starts `etude perform` with twenty runs and interrupts it when the first has ended and the second plays.
+fn interrupted_in_the_second_run(desk: &Desk, more: &str) -> std::process::Output {
+    let perform = desk.command(&format!("perform ode-to-joy --scripted --runs 20 {more}"));
+    let mut child = { perform }.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
+    if more.contains("closed") {
+        drop(child.stdout.take());
+    }
+    let mut said = BufReader::new(child.stderr.take().unwrap());
+    let mut line = String::new();
+    while !line.starts_with("run 1") {
+        line.clear();
+        assert!(said.read_line(&mut line).unwrap() > 0, "it ended before the first run");
+    }
+    // The second is past the way to the keyboard when more than half of its recording is there.
+    let folder = desk.path(more.split_whitespace().last().unwrap());
+    let size = |run: &str| std::fs::metadata(folder.join(run)).map_or(0, |file| file.len());
+    while size("run-2.mcap") < size("run-1.mcap") * 6 / 10 {
+        std::thread::sleep(Duration::from_millis(5));
+    }
+    signal(&child, "INT");
+    child.wait_with_output().unwrap()
+}
+
+#[test]
+fn an_interrupted_performance_counts_in_no_mean() {
+    let desk = Desk::new();
+    let output = interrupted_in_the_second_run(&desk, "-o open");
+    assert_eq!(output.status.code(), Some(3));
+    let report: Value = serde_json::from_slice(&desk.bytes("open/report.json")).unwrap();
+    let runs = report["runs"].as_array().unwrap();
+    assert_eq!(runs[1]["ending"], "interrupted", "{report}");
+    assert!(runs.len() == 2 && runs[1]["f1"].as_f64().unwrap() < runs[0]["f1"].as_f64().unwrap(), "{report}");
+    assert_eq!(report["robot_f1"], runs[0]["f1"], "{report}");
+    assert_eq!(report["notes_right"], runs[0]["matched"].as_f64().unwrap(), "{report}");
+    // Also if nobody reads what it prints.
+    assert_eq!(interrupted_in_the_second_run(&desk, "-o closed").status.code(), Some(3));
+}
+
+#[test]
+fn a_performance_that_is_interrupted_before_it_plays_leaves_no_recording() {
+    let desk = Desk::new();
+    let perform = desk.command("perform ode-to-joy --scripted -o begun");
+    let child = { perform }.stdout(Stdio::null()).stderr(Stdio::piped()).spawn().unwrap();
+    // The recording is opened when the robot starts.
+    while !desk.path("begun/run-1.mcap").exists() {
+        std::thread::sleep(Duration::from_millis(1));
+    }
+    signal(&child, "INT");
+    let output = child.wait_with_output().unwrap();
+    assert_eq!(output.status.code(), Some(3), "{}", errors(&output));
+    assert!(errors(&output).contains("interrupted before a run was complete"), "{}", errors(&output));
+    assert!(!desk.path("begun/run-1.mcap").exists() && !desk.path("begun/report.json").exists());
+}
+
+#[test]
+fn an_interrupted_play_leaves_the_folder_as_it_was() {
+    let desk = Desk::new();
+    desk.ok("play short.mid --scripted -o mine");
+    desk.ok("replay mine");
+    let seen = || {
+        let mut names: Vec<_> =
+            std::fs::read_dir(desk.path("mine")).unwrap().map(|file| file.unwrap().path()).collect();
+        names.sort();
+        names.into_iter().map(|path| (std::fs::read(&path).unwrap(), path)).collect::<Vec<_>>()
+    };
+    let before = seen();
+    let play = desk.command("play ode-to-joy --scripted -o mine");
+    let child = { play }.stdout(Stdio::null()).stderr(Stdio::piped()).spawn().unwrap();
+    let unfinished = desk.path(format!("mine/.unfinished-{}", child.id()));
+    while !unfinished.join("recording.mcap").exists() {
+        std::thread::sleep(Duration::from_millis(1));
+    }
+    signal(&child, "INT");
+    let output = child.wait_with_output().unwrap();
+    assert_eq!(output.status.code(), Some(3), "{}", errors(&output));
+    assert!(errors(&output).contains("nothing was written"), "{}", errors(&output));
+    assert!(seen() == before && !unfinished.exists());
+
+    // When it is done, the page of the performance before is gone with it.
+    desk.ok("play short.mid --scripted --set task.physics.key.threshold=0.6 -o mine");
+    assert!(!desk.path("mine/replay.html").exists() && seen() != before);
+}
+
+#[test]
+fn each_player_has_a_folder_of_its_own() {
+    let desk = Desk::new();
+    let folder = |args: &str| {
+        let report = desk.json(&format!("play twinkle {args} --json"));
+        let midi = report["files"]["midi"].as_str().unwrap().to_string();
+        midi.strip_suffix("/performance.mid").unwrap().to_string()
+    };
+    assert_eq!(folder(""), "out/twinkle");
+    assert_eq!(folder("--scripted"), "out/twinkle-scripted");
+    std::fs::create_dir_all(desk.path("runs/other-run")).unwrap();
+    let shipped = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../policies/twinkle.safetensors");
+    std::fs::copy(shipped, desk.path("runs/other-run/policy-best.safetensors")).unwrap();
+    assert_eq!(folder("--policy runs/other-run"), "out/twinkle-other-run");
+    assert_eq!(folder("--policy runs/other-run/policy-best.safetensors"), "out/twinkle-other-run");
+    assert_eq!(folder("--set task.physics.key.threshold=0.6"), "out/twinkle-threshold-0-6");
+}
+
+#[test]
+fn a_policy_in_another_world_says_so() {
+    let desk = Desk::new();
+    let said = |set: &str| errors(&desk.command(&format!("play twinkle --set {set}")).output().unwrap());
+    let right = said("task.stage.side=right");
+    assert!(right.contains("learned in another world; now task.stage.side = \"right\""), "{right}");
+    assert!(said("task.stage.fences=false").contains("now task.stage.fences = false"));
+    // The lead is chosen for a robot, and what is as it was is no change.
+    assert_eq!(said("task.plan.lead_secs=0.05"), "");
+    assert_eq!(said("task.stage.side=left"), "");
+}
