@@ -11,7 +11,7 @@ SONG ?= twinkle
 .PHONY: help setup build demo wheel test test-heavy test-sb3 test-kernel fuzz bench book clean-runs
 
 help:
-	@echo "make demo    set up, learn $(SONG) (at most $(MINUTES) minutes), play it, say where the sound is"
+	@echo "make demo    set up, learn $(SONG) (at most $(MINUTES) minutes), play it, say which page to open"
 	@echo "make test    set up and run every check: format, lints, docs, tests, checks against other libraries"
 	@echo "make setup   fetch MuJoCo into .mujoco/ and say what is missing"
 	@echo "make build   the etude command, optimised, at $(ETUDE)"
@@ -43,6 +43,7 @@ demo: build
 		$(ETUDE) train $(SONG) --minutes $(MINUTES) --out runs/demo-$(SONG); \
 	fi
 	$(ETUDE) play $(SONG) --policy runs/demo-$(SONG) --out out/demo-$(SONG)
+	$(ETUDE) replay out/demo-$(SONG)
 
 test: setup
 	$(CARGO) fmt --all --check

@@ -103,6 +103,12 @@ impl BeatGrid {
         }
     }
 
+    /// Length of a beat at this many seconds, s; before the first stretch that of its beats.
+    pub fn beat_secs(&self, secs: f64) -> f64 {
+        let index = self.stretches.partition_point(|stretch| stretch.start_secs <= secs + TINY_SECS);
+        self.stretches[index.saturating_sub(1)].beat_secs
+    }
+
     /// Times of the bar lines from the beginning of the first full bar on, before `until_secs`, s.
     pub fn bar_lines(&self, until_secs: f64) -> Vec<f64> {
         let mut lines = Vec::new();

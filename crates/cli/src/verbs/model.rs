@@ -47,7 +47,10 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
             let task = config.resolve()?.task;
             let text = mjcf(&task.stage, &task.params()?);
             match out {
-                Some(path) => etude_perform::write_file(&path, &text)?,
+                Some(path) => {
+                    etude_perform::write_file(&path, &text)?;
+                    line(format!("The world is in {}; stock MuJoCo loads it", path.display()))?;
+                }
                 None => line(text)?,
             }
         }

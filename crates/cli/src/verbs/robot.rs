@@ -3,7 +3,7 @@
 mod check;
 
 use std::io::BufRead as _;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, TryRecvError, channel};
@@ -75,7 +75,7 @@ Examples:
 struct Calibrate {
     /// The file of a rig
     #[arg(long, value_name = "RIG")]
-    robot: PathBuf,
+    robot: String,
     /// Which key the middle finger is over
     #[arg(long, value_enum)]
     at: Place,
@@ -98,7 +98,7 @@ enum Place {
 struct MonitorArgs {
     /// The file of a rig
     #[arg(long, value_name = "RIG")]
-    robot: PathBuf,
+    robot: String,
     /// Stop after so many seconds; Ctrl-C if not given
     #[arg(long, value_parser = super::positive)]
     secs: Option<f64>,
@@ -151,7 +151,7 @@ fn home(rig: &Rig) -> anyhow::Result<Ending> {
 }
 
 fn calibrate(args: &Calibrate) -> anyhow::Result<Ending> {
-    let rig = RigConfig::load(&args.robot)?;
+    let rig = file(&args.robot)?;
     let claim = claim(&rig)?;
     let index = args.at as usize;
     let key = SHOWN_KEYS[index];
@@ -162,7 +162,7 @@ fn calibrate(args: &Calibrate) -> anyhow::Result<Ending> {
             ["the lowest C", "the middle C", "the highest C"][index]
         ));
     }
-    let guard = start_guard(&args.robot)?;
+    let guard = start_guard(Path::new(&args.robot))?;
     let mut operator = Operator { guard, claim, entered: enter(), interrupt: stop_flag()? };
     let shown = show(&rig, args.by_hand, &mut operator)?;
     // The arm has confirmed that it stands still.
@@ -263,7 +263,7 @@ fn guard(rig: &Rig) -> anyhow::Result<Ending> {
 }
 
 fn monitor(args: &MonitorArgs) -> anyhow::Result<Ending> {
-    let rig = RigConfig::load(&args.robot)?;
+    let rig = file(&args.robot)?;
     // A serial adapter has one user: a second one would take its bytes and close its channel.
     let serial = rig.wires.can.starts_with("slcan:");
     let claimed = match claim(&rig) {

@@ -3,12 +3,12 @@
 use std::path::{Path, PathBuf};
 
 use etude_lab::{find_song, policies};
-use etude_music::{CONTROL_HZ, Note, pitch_name, repertoire};
+use etude_music::{CONTROL_HZ, Note, Song, pitch_name, repertoire};
 use etude_task::fingering::Limit;
 use etude_task::{Piece, TaskConfig};
 use serde_json::json as object;
 
-use super::{json, line};
+use super::{json, line, note};
 use crate::Ending;
 
 /// What to show.
@@ -135,10 +135,13 @@ fn show(name: &str, frames_csv: Option<PathBuf>, silence: f64, as_json: bool) ->
             "{notes} notes from {lowest} to {highest}, {secs:.1} s, {} frames with {silence} s of silence first",
             frames.len()
         ))?;
+        line("Notes by bar, together with +, and the beats that they last")?;
         let bar = |note: &Note| song.position(note.start_secs).bar;
         for notes in song.notes().chunk_by(|one, next| bar(one) == bar(next)) {
-            let names: String = notes.iter().map(|note| pitch_name(note.pitch) + " ").collect();
-            line(format!("  bar {:3}  {names}", bar(&notes[0])))?;
+            let together = |one: &Note, next: &Note| next.start_secs - one.start_secs < TOGETHER_SECS;
+            let chords: Vec<String> =
+                notes.chunk_by(|one, next| together(one, next)).map(|chord| chord_name(&song, chord)).collect();
+            line(format!("  bar {:3}  {}", bar(&notes[0]), chords.join("  ")))?;
         }
         for warning in &warnings {
             line(format!("warning: {warning}"))?;
@@ -154,8 +157,20 @@ fn show(name: &str, frames_csv: Option<PathBuf>, silence: f64, as_json: bool) ->
     fits?;
     if let Some(path) = frames_csv {
         etude_perform::write_frames_csv(&path, frames, None)?;
+        note(format!("The keys due at each control step are in {}", path.display()));
     }
     Ok(())
+}
+
+/// Notes that begin within this time are struck together, s.
+const TOGETHER_SECS: f64 = 0.005;
+
+/// Notes that are struck together and the beats that the longest of them lasts: `C4+E4 2`.
+fn chord_name(song: &Song, chord: &[Note]) -> String {
+    let names: Vec<String> = chord.iter().map(|note| pitch_name(note.pitch)).collect();
+    let secs = chord.iter().map(|note| note.end_secs - note.start_secs).fold(0.0, f64::max);
+    let beats = secs / song.beats().beat_secs(chord[0].start_secs);
+    format!("{} {}", names.join("+"), (beats * 100.0).round() / 100.0)
 }
 
 fn arrange(name: &str, semitones: i32, factor: f64, out: &Path) -> anyhow::Result<()> {

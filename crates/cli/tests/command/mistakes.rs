@@ -140,7 +140,7 @@ fn beginnings_that_do_not_fit() {
     assert_eq!(desk.left_behind(), ["run"]);
     refused(&desk, "evaluate short.mid --policy run --worlds 0", &["--worlds"]);
     refused(&desk, "evaluate short.mid --policy run --intensity 2", &["randomisation.intensity", "0 … 1"]);
-    refused(&desk, "evaluate short.mid --policy run --worlds 1 -o /proc/x.csv", &["/proc/x.csv", "-o"]);
+    refused(&desk, "evaluate short.mid --policy run --worlds 1 -o /proc/x.csv", &["/proc/x.csv"]);
 }
 
 #[test]
@@ -171,7 +171,7 @@ fn places_that_cannot_be_written() {
         refused(&desk, &format!("play short.mid --policy run -o {place}"), &[place, "-o"]);
     }
     refused(&desk, "model export -o /proc/world.xml", &["/proc/world.xml"]);
-    refused(&desk, "model export -o no/such/world.xml", &["no/such/world.xml"]);
+    refused(&desk, "model export -o no/such/world.xml", &["no/such/world.xml", "create the folder first"]);
 }
 
 /// Somebody corrects a note in the file and goes on as if nothing had happened.

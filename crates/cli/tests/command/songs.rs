@@ -47,6 +47,10 @@ fn a_song_is_shown_and_its_frames_are_written() {
     assert!(rows[1..21].iter().all(|row| row[1].is_empty()));
     assert_eq!(rows[21][1], "60");
 
+    // Keys that are struck together, and how many beats they last.
+    let chords = desk.ok("songs show chord-progression");
+    assert!(chords.contains("  bar   2  F4+A4+C5 4\n"), "{chords}");
+
     let shown = desk.json("songs show short.mid --json");
     assert_eq!((&shown["notes"], &shown["lowest"], &shown["highest"]), (&3.into(), &60.into(), &64.into()));
     assert!(

@@ -41,7 +41,7 @@ fn the_table_holds_what_the_summary_says() {
     again.env("RAYON_NUM_THREADS", "1");
     let text = succeed(again);
     assert!(text.contains("worst tenth") && text.contains("what matters most"), "{text}");
-    assert_eq!(desk.bytes("out/short/worlds.csv"), desk.bytes("table/worlds.csv"));
+    assert_eq!(desk.bytes("out/short-run/worlds.csv"), desk.bytes("table/worlds.csv"));
     let other = "evaluate short.mid --policy run --worlds 12 --seed 1 -o other.csv --json";
     assert_ne!(desk.json(other)["scores"], printed["scores"]);
 }

@@ -4,7 +4,7 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use etude_stage::{JOINT_NAMES, JOINTS, PhysicalParams, RAIL};
 
-use super::number::{number, unit};
+use super::number::number;
 
 /// Columns of the parameters without an estimate.
 pub(super) const COLUMNS: [&str; 5] = ["row", "joints", "value", "unit", "why it was held"];
@@ -27,7 +27,7 @@ pub(super) fn held(estimated: &BTreeSet<&str>, params: &PhysicalParams) -> Vec<V
         let value = params.get(&path).unwrap_or(default);
         let of_row = joints.entry((key.clone(), why)).or_default();
         if of_row.is_empty() {
-            lines.push((key, unit(&path, row), why));
+            lines.push((key, row.unit.to_string(), why));
         }
         of_row.push((joint_of(&path).unwrap_or(JOINTS), value));
     }

@@ -1,7 +1,6 @@
 //! Numbers and units in a report: four digits, milliradians and millimetres.
 
 use etude_stage::RAIL;
-use etude_stage::params::Row;
 
 /// Powers of ten that are printed without an exponent.
 const PLAIN: std::ops::Range<i32> = -3..6;
@@ -52,29 +51,9 @@ pub(super) fn milli_unit(joint: usize) -> &'static str {
     if joint == RAIL { "mm" } else { "mrad" }
 }
 
-/// The unit of a parameter. The table of rows has the unit of a finger joint.
-pub(super) fn unit(path: &str, row: &Row) -> String {
-    if !path.starts_with("joint.rail.") {
-        return row.unit.to_string();
-    }
-    match row.unit {
-        "N·m/rad" => "N/m",
-        "N·m·s/rad" => "N·s/m",
-        "N·m" => "N",
-        "kg·m²" => "kg",
-        "rad" => "m",
-        "rad/s" => "m/s",
-        "rad/s²" => "m/s²",
-        "rad/s³" => "m/s³",
-        other => other,
-    }
-    .to_string()
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-    use etude_stage::PhysicalParams;
     use proptest::prelude::*;
 
     #[test]
@@ -100,16 +79,6 @@ mod tests {
         assert_eq!(factor([0.4, 0.1]), "4");
         assert_eq!(factor([0.4, f64::INFINITY]), "diverged");
         assert_eq!(factor([f64::INFINITY, 0.1]), "∞");
-    }
-
-    #[test]
-    fn the_rail_has_units_of_its_own() {
-        let rail: Vec<String> = PhysicalParams::rows()
-            .filter(|(path, ..)| path.starts_with("joint.rail."))
-            .map(|(path, row, _)| unit(&path, row))
-            .collect();
-        assert!(rail.iter().all(|unit| !unit.contains("rad") && !unit.contains("N·m")), "{rail:?}");
-        assert!(rail.contains(&"N/m".to_string()) && rail.contains(&"m/s³".to_string()));
     }
 
     proptest! {

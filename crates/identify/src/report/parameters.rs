@@ -7,7 +7,7 @@ use etude_stage::PhysicalParams;
 use super::document::{paragraph, table};
 use super::held::{COLUMNS, held};
 use super::input::ReportInput;
-use super::number::{number, unit};
+use super::number::number;
 use crate::estimate::{Bound, Estimate, ParameterEstimate};
 
 /// Tables of the estimates, one a group, and of the parameters that were held.
@@ -38,7 +38,7 @@ fn estimated_rows(group: &str, estimate: &Estimate, before: &PhysicalParams) -> 
         };
         vec![
             path.clone(),
-            known.map_or_else(String::new, |(_, row, _)| unit(path, row)),
+            known.map_or_else(String::new, |(_, row, _)| row.unit.to_string()),
             before.get(path).map_or_else(|_| "–".to_string(), number),
             number(parameter.value),
             number(parameter.interval[0]),

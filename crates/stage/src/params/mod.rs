@@ -79,9 +79,9 @@ impl PhysicalParams {
         Slot::all().try_for_each(|slot| slot.check(self.value(slot), || slot.path()))
     }
 
-    /// Every path with its row and default, in a fixed order.
-    pub fn rows() -> impl Iterator<Item = (String, &'static Row, f64)> {
-        Slot::all().map(|slot| (slot.path(), slot.row(), slot.default_value()))
+    /// Every path with its row and default, in a fixed order. The unit is that of the joint.
+    pub fn rows() -> impl Iterator<Item = (String, Row, f64)> {
+        Slot::all().map(|slot| (slot.path(), Row { unit: slot.unit(), ..*slot.row() }, slot.default_value()))
     }
 
     /// The number at `path`; of several, the first.
@@ -135,6 +135,17 @@ mod tests {
             assert!(params.set(&path, f64::NAN).is_err());
         }
         assert_eq!(seen.len(), WorldRow::ALL.len() + JOINTS * JointRow::ALL.len());
+    }
+
+    #[test]
+    fn the_rail_has_units_of_its_own() {
+        let of = |path: &str| PhysicalParams::rows().find(|(known, ..)| known == path).unwrap().1.unit;
+        assert_eq!([of("joint.rail.stiffness"), of("joint.index_1.stiffness")], ["N/m", "N·m/rad"]);
+        assert_eq!([of("joint.rail.jerk_limit"), of("joint.index_1.jerk_limit")], ["m/s³", "rad/s³"]);
+        let mut rail = PhysicalParams::rows().filter(|(path, ..)| path.starts_with("joint.rail."));
+        assert!(rail.all(|(_, row, _)| !row.unit.contains("rad") && !row.unit.contains("N·m")));
+        let refused = PhysicalParams::default().set("joint.rail.stiffness", -1.0).unwrap_err();
+        assert!(refused.to_string().ends_with(" N/m"), "{refused}");
     }
 
     #[test]

@@ -203,6 +203,21 @@ impl Slot {
         }
     }
 
+    /// Its unit. The table has those of a finger joint.
+    pub fn unit(self) -> &'static str {
+        match (self, self.row().unit) {
+            (Slot::Joint(_, RAIL), "N·m/rad") => "N/m",
+            (Slot::Joint(_, RAIL), "N·m·s/rad") => "N·s/m",
+            (Slot::Joint(_, RAIL), "N·m") => "N",
+            (Slot::Joint(_, RAIL), "kg·m²") => "kg",
+            (Slot::Joint(_, RAIL), "rad") => "m",
+            (Slot::Joint(_, RAIL), "rad/s") => "m/s",
+            (Slot::Joint(_, RAIL), "rad/s²") => "m/s²",
+            (Slot::Joint(_, RAIL), "rad/s³") => "m/s³",
+            (_, unit) => unit,
+        }
+    }
+
     /// Its default.
     pub fn default_value(self) -> f64 {
         match self {
@@ -215,7 +230,7 @@ impl Slot {
     /// # Errors
     /// If `value` is not in the row's range; the message names `path`.
     pub(super) fn check(self, value: f64, path: impl FnOnce() -> String) -> Result<(), ParamError> {
-        let Row { range: [low, high], unit, .. } = *self.row();
+        let (Row { range: [low, high], .. }, unit) = (*self.row(), self.unit());
         if (low..=high).contains(&value) {
             return Ok(());
         }
