@@ -183,20 +183,20 @@ fn off_target(moment: &Moment, joints: Range<usize>) -> f64 {
     joints.map(|joint| (moment.targets[joint] - readings[joint]).abs()).sum()
 }
 
-/// What a finger earns while it holds a key that is not struck again soon.
+/// What a finger earns while it holds its key, rad of distance.
 const HELD: f64 = 0.5;
 
 /// For each finger that holds a key which sounded before: [`HELD`] minus the mean distance of its joints from their targets at the end
 /// of the step, rad; the mean over the fingers that should play. A target far beyond where the key stops presses at the limit of the
 /// torque, and has to come back all the way before the finger can lift. Without [`HELD`] an untrained policy, whose targets are
-/// anywhere, is punished for each key that it finds. With it for repeated keys too, a second strike that comes late costs more.
+/// anywhere, is punished for each key that it finds; with more, for letting go of one that it must strike again.
 fn holding(moment: &Moment) -> f64 {
     let (mut sum, mut count) = (0.0, 0);
     for (finger, goal) in moment.goals.iter().enumerate() {
         let Some(goal) = goal.filter(|goal| goal.wait_steps == 0) else { continue };
         if moment.pressed_before.contains(goal.key) {
             let off = off_target(moment, finger * FINGER_JOINTS..(finger + 1) * FINGER_JOINTS);
-            sum += if goal.repeated { 0.0 } else { HELD } - off / FINGER_JOINTS as f64;
+            sum += HELD - off / FINGER_JOINTS as f64;
         }
         count += 1;
     }
@@ -206,7 +206,7 @@ fn holding(moment: &Moment) -> f64 {
 /// Difference between force and velocity, as a share of 127, up to which a strike earns everything, and further that at which it earns
 /// a tenth.
 const VELOCITY_BOUND: f64 = 0.05;
-const VELOCITY_MARGIN: f64 = 0.4;
+const VELOCITY_MARGIN: f64 = 1.0;
 
 /// For each note that begins in the step and is struck in it, how near the force is to the note's velocity. It is never negative,
 /// so that holding a key through pays less than striking it again.

@@ -38,8 +38,6 @@ pub struct Goal {
     pub begins: bool,
     /// MIDI velocity of the note.
     pub velocity: u8,
-    /// Whether the same key is struck less than [`AHEAD_STEPS`] before or after the note.
-    pub repeated: bool,
 }
 
 /// The goal of each finger in one control step, if it has one.
@@ -127,17 +125,13 @@ fn rail_places(
 fn goals(comb: &Comb, notes: &[Played], steps: usize) -> Vec<Goals> {
     let mut goals = vec![Goals::default(); steps];
     for note in notes {
-        let repeated = notes.iter().any(|other| {
-            let is_near = other.start < note.end + AHEAD_STEPS && note.start < other.end + AHEAD_STEPS;
-            other.key == note.key && other.start != note.start && is_near
-        });
         let first = note.start.saturating_sub(AHEAD_STEPS);
         for (step, goals) in goals.iter_mut().enumerate().take(note.end).skip(first) {
             let wait_steps = note.start.saturating_sub(step);
             let goal = &mut goals[note.finger];
             if goal.is_none_or(|goal| goal.wait_steps > wait_steps) {
                 let (key, velocity, begins) = (note.key, note.velocity, step == note.start);
-                *goal = Some(Goal { key, over: comb.over(key), wait_steps, begins, velocity, repeated });
+                *goal = Some(Goal { key, over: comb.over(key), wait_steps, begins, velocity });
             }
         }
     }

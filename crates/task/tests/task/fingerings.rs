@@ -46,24 +46,6 @@ fn a_finger_has_its_key_as_goal_from_half_a_second_before_until_the_note_ends() 
 }
 
 #[test]
-fn a_note_is_repeated_if_its_key_is_struck_less_than_half_a_second_before_or_after() {
-    // Two of the same key, another one between them, and the same key again half a second and a step after the last.
-    let note = |pitch, step: u32| {
-        let start_secs = f64::from(step) * 0.05;
-        Note { pitch, velocity: 64, start_secs, end_secs: start_secs + 0.3 }
-    };
-    let notes = vec![note(60, 0), note(72, 8), note(60, 15), note(60, 32)];
-    let song = Song::new("four notes", notes, 2.0).unwrap();
-    let piece = Piece::for_task(&song, &with_fingering()).unwrap();
-    let goals = piece.fingering().unwrap().notes().iter().map(|played| {
-        let goal = piece.goals(played.start)[played.finger].unwrap();
-        assert!(goal.begins && goal.key == played.key);
-        (goal.key, goal.repeated)
-    });
-    assert_eq!(goals.collect::<Vec<_>>(), [(24, true), (36, false), (24, true), (24, false)]);
-}
-
-#[test]
 fn the_rail_waits_where_the_finger_that_plays_is_over_its_key() {
     let (_, piece) = two_notes();
     let fingering = piece.fingering().unwrap();

@@ -139,22 +139,19 @@ fn a_finger_that_holds_a_key_pays_for_targets_out_of_reach() {
     params.set("joint.fingers.encoder_bias", 0.05).unwrap();
     let world = World::new(&StageConfig::default(), &params).unwrap();
     let mut targets = world.joints();
-    let plain = Goal { key: 24, over: [0.0; 2], wait_steps: 0, begins: false, velocity: 64, repeated: false };
+    let plain = Goal { key: 24, over: [0.0; 2], wait_steps: 0, begins: false, velocity: 64 };
     let goal = |key, wait_steps| Some(Goal { key, wait_steps, ..plain });
     let earned = |targets: &[f64; JOINTS], sounded: &[usize], goals: Goals| {
         term("holding", &Moment { targets, pressed_before: keys(sounded), goals, ..moment(&world, &[24]) })
     };
     let one_holds = [None, goal(24, 0), goal(26, 3)];
-    let again = [None, Some(Goal { repeated: true, ..plain }), goal(26, 3)];
     assert_near(earned(&targets, &[24], one_holds), 0.5, "targets where the joints are");
-    assert_near(earned(&targets, &[24], again), 0.0, "a key that is struck again");
     // Of the middle finger two joints; another finger and the rail, which do not count.
     targets[FINGER_JOINTS] += 0.9;
     targets[2 * FINGER_JOINTS - 1] -= 0.3;
     targets[2 * FINGER_JOINTS] += 0.5;
     targets[RAIL] += 0.2;
     assert_near(earned(&targets, &[24], one_holds), 0.5 - 1.2 / 4.0, "it holds");
-    assert_near(earned(&targets, &[24], again), -1.2 / 4.0, "it holds a key that is struck again");
     assert_near(earned(&targets, &[26], one_holds), 0.0, "it strikes: its key did not sound before");
     let two = [None, goal(24, 0), goal(26, 0)];
     assert_near(earned(&targets, &[24, 26], two), (1.0 - 1.2 / 4.0 - 0.5 / 4.0) / 2.0, "two fingers hold");
@@ -262,7 +259,7 @@ fn a_finger_earns_for_its_own_goal_and_for_no_other() {
     let pose = world.start_pose();
     world.pose(&pose, KeySet::EMPTY);
     let goal = |key: usize, wait_steps| {
-        Some(Goal { key, over: [0.0; 2], wait_steps, begins: false, velocity: 64, repeated: false })
+        Some(Goal { key, over: [0.0; 2], wait_steps, begins: false, velocity: 64 })
     };
     let away = |finger: usize, key: usize, upright: bool| {
         let (pad, mut target) = (world.finger_pad(finger), world.key_target(key));
@@ -310,7 +307,7 @@ fn a_strike_earns_by_how_near_it_is_to_the_velocity_of_its_note() {
     assert_eq!(event.key, struck);
     assert_eq!(f64::from(event.velocity), strike.force.round().clamp(1.0, 127.0));
     let earned = |key: usize, begins: bool, velocity: u8| {
-        let goal = Goal { key, over: [0.0; 2], wait_steps: 0, begins, velocity, repeated: false };
+        let goal = Goal { key, over: [0.0; 2], wait_steps: 0, begins, velocity };
         term("velocity", &Moment { goals: [None, Some(goal), None], ..moment(&world, &[24]) })
     };
     for velocity in [1, 64, 127] {
