@@ -240,6 +240,7 @@ impl Doing<'_, '_> {
             evaluations,
             seed: training.resolve()?.trainer.seed,
             threads: Some(self.threads),
+            keep_replay: false,
         };
         let (folder, interrupt) = (self.folder.join("rehearsal"), self.job.interrupt());
         let parts = (rounds + 1) as f64;

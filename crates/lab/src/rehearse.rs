@@ -64,6 +64,9 @@ pub struct RehearsalConfig {
     /// number.
     #[serde(skip)]
     pub threads: Option<usize>,
+    /// Whether the replay buffers of the trainings are kept, so that a training can be resumed with more steps.
+    #[serde(skip)]
+    pub keep_replay: bool,
 }
 
 /// The result of one round.
@@ -170,8 +173,8 @@ impl Rehearsal<'_> {
                     unusable(self.folder, format_args!("rehearsal.json is damaged: {error}"))
                 })?;
                 // The number of rounds may change, and threads do not shape the result.
-                let (rounds, threads) = (self.config.rounds, self.config.threads);
-                if (RehearsalConfig { rounds, threads, ..stored }) != *self.config {
+                let RehearsalConfig { rounds, threads, keep_replay, .. } = *self.config;
+                if (RehearsalConfig { rounds, threads, keep_replay, ..stored }) != *self.config {
                     return Err(unusable(self.folder, "it holds another rehearsal, with other settings"));
                 }
             }
@@ -233,6 +236,10 @@ impl Rehearsal<'_> {
             physics,
         };
         write_file(&folder.join("round.json"), &(serde_json::to_string_pretty(&done)? + "\n"))?;
+        if !self.config.keep_replay {
+            // The next round begins with the networks. If it cannot be removed, it only takes up space.
+            let _ = std::fs::remove_dir_all(folder.join("training/checkpoints/replay"));
+        }
         Ok(done)
     }
 

@@ -3,15 +3,15 @@
 use std::fs::{File, TryLockError};
 use std::path::Path;
 
-use anyhow::{anyhow, bail};
+use anyhow::{Context as _, anyhow, bail};
 use etude_learn::{
-    EvaluationRow, LogRow, Outcome, Parts, Score, StopReason, TrainError, Trainer, TrainerConfig,
+    EvaluationRow, LogRow, Outcome, Parts, Policy, Score, StopReason, TrainError, Trainer, TrainerConfig,
     TrainingObserver, WarmStart, seed,
 };
 use etude_music::{Song, SongError};
 use etude_perform::{Job, NoteCounts, SongEvaluator, write_file};
 use etude_task::{Piece, TaskConfig, VectorPiano};
-use serde_json::json;
+use serde_json::{Value, json};
 
 use crate::config::{RunConfig, change_free, resolve as resolve_config};
 use crate::errors::unusable;
@@ -75,6 +75,7 @@ impl Run {
             "command": command,
             "from": source,
             "song": song.title(),
+            "song_crc32c": song_checksum(folder)?,
             "etude": env!("CARGO_PKG_VERSION"),
             "mujoco": etude_stage::mujoco_version(),
             "cores": std::thread::available_parallelism().map_or(0, usize::from),
@@ -108,7 +109,16 @@ impl Run {
                  training with `--config {folder}/config.toml --from {folder} -o DIR`"
             );
         }
-        let trainer = Trainer::resume(folder, &config.droq, &config.trainer, parts(&song, &config)?)?;
+        let (learned, found) = (recorded_checksum(folder), song_checksum(folder)?);
+        if learned.is_some_and(|learned| learned != found) {
+            let folder = folder.display();
+            bail!(
+                "{folder}/{SONG} is not the song that this training has learned so far: put it back, or begin another training \
+                 with `etude train SONG -o DIR`"
+            );
+        }
+        let trainer = Trainer::resume(folder, &config.droq, &config.trainer, parts(&song, &config)?)
+            .map_err(|error| usable_still(error, folder))?;
         if !overrides.is_empty() {
             write_config(folder, &config)?;
         }
@@ -227,6 +237,28 @@ impl TrainingObserver for Watch<'_, '_> {
     fn should_stop(&mut self) -> Option<StopReason> {
         self.job.is_interrupted().then_some(StopReason::Requested)
     }
+}
+
+/// Checksum of the song's file in a run's folder.
+fn song_checksum(folder: &Path) -> anyhow::Result<String> {
+    let path = folder.join(SONG);
+    let bytes = std::fs::read(&path).with_context(|| format!("cannot read {}", path.display()))?;
+    Ok(format!("{:08x}", crc32c::crc32c(&bytes)))
+}
+
+/// The checksum of the song when the run was started; runs of earlier builds have none.
+fn recorded_checksum(folder: &Path) -> Option<String> {
+    let meta: Value = serde_json::from_slice(&std::fs::read(folder.join(META)).ok()?).ok()?;
+    Some(meta["song_crc32c"].as_str()?.to_string())
+}
+
+/// The error of a training that cannot be resumed, with what of it can still be used.
+fn usable_still(error: TrainError, folder: &Path) -> anyhow::Error {
+    let policy = policy_in(folder).filter(|_| !matches!(error, TrainError::NothingToResume { .. }));
+    let Some(policy) = policy.filter(|policy| Policy::load(policy).is_ok()) else { return error.into() };
+    let (run, policy) = (folder.display(), policy.display());
+    let begin = format!("`etude train {run}/{SONG} --config {run}/{CONFIG} --from {policy} -o DIR`");
+    anyhow!("{error}; its policy is whole: {begin} begins with it")
 }
 
 /// Whether `folder` has the configuration and the song of a run.

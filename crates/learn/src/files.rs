@@ -101,9 +101,25 @@ impl From<NamedTensor<'_>> for RawTensor {
     }
 }
 
-/// The bytes of a safetensors file. Same input, same bytes.
+/// Last field of the header: the checksum of the rest of it and of all tensors. Files of earlier builds have none.
+const CHECKSUM: &str = ",\"crc32c\":\"";
+
+/// Checksum of a header, and of the names and bytes of tensors in the order of their names.
+fn checksum<'a>(header: &str, tensors: impl Iterator<Item = (&'a str, &'a [u8])>) -> String {
+    let mut tensors: Vec<_> = tensors.collect();
+    tensors.sort_by_key(|(name, _)| *name);
+    let sum = tensors.into_iter().fold(crc32c::crc32c(header.as_bytes()), |sum, (name, bytes)| {
+        crc32c::crc32c_append(crc32c::crc32c_append(sum, name.as_bytes()), bytes)
+    });
+    format!("{sum:08x}")
+}
+
+/// The bytes of a safetensors file. Same input, same bytes. The header is a structure with fields.
 pub(crate) fn encode_tensors(header: &impl Serialize, tensors: &[RawTensor]) -> Result<Vec<u8>, String> {
     let header = serde_json::to_string(header).map_err(|error| error.to_string())?;
+    let sum = checksum(&header, tensors.iter().map(|t| (t.name.as_str(), t.bytes.as_slice())));
+    let fields = header.strip_suffix('}').ok_or("the header is no structure")?;
+    let header = format!("{fields}{CHECKSUM}{sum}\"}}");
     let views = (tensors.iter())
         .map(|t| TensorView::new(t.dtype, t.shape.clone(), &t.bytes).map(|view| (t.name.as_str(), view)))
         .collect::<Result<Vec<_>, _>>()
@@ -129,6 +145,12 @@ impl<'a> TensorFile<'a> {
             .clone();
         let tensors =
             SafeTensors::deserialize(bytes).map_err(|error| format!("it is damaged ({error:?})"))?;
+        let Some((fields, sum)) = header.rsplit_once(CHECKSUM) else { return Ok(Self { header, tensors }) };
+        let (header, sum) = (format!("{fields}}}"), sum.trim_end_matches("\"}").to_string());
+        let found = tensors.tensors();
+        if checksum(&header, found.iter().map(|(name, view)| (name.as_str(), view.data()))) != sum {
+            return Err("it is damaged: its checksum is wrong".to_string());
+        }
         Ok(Self { header, tensors })
     }
 
@@ -150,6 +172,17 @@ impl<'a> TensorFile<'a> {
     }
 }
 
+/// Blanks the checksum of a safetensors file: what is left is a file of an earlier build.
+#[cfg(test)]
+pub(crate) fn without_checksum(mut bytes: Vec<u8>) -> Vec<u8> {
+    // The header is a string in the JSON of the metadata, so its quotation marks are escaped.
+    let field = CHECKSUM.replace('"', "\\\"");
+    let at = bytes.windows(field.len()).position(|window| window == field.as_bytes()).unwrap();
+    // Eight digits and the closing quotation mark.
+    bytes[at..at + field.len() + 10].fill(b' ');
+    bytes
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -167,6 +200,38 @@ mod tests {
         let error = write(&taken, b"new").unwrap_err().to_string();
         assert!(error.starts_with("cannot write") && error.contains("taken"), "{error}");
         assert!(write(&folder.path().join("no/file"), b"new").is_err());
+    }
+
+    #[derive(Serialize, serde::Deserialize)]
+    #[serde(deny_unknown_fields)]
+    struct Header {
+        song: String,
+    }
+
+    #[test]
+    fn any_changed_byte_of_a_tensor_or_of_the_header_is_noticed() {
+        let tensor = |name: &str, bytes: [u8; 4]| RawTensor {
+            name: name.into(),
+            dtype: Dtype::U8,
+            shape: vec![4],
+            bytes: bytes.to_vec(),
+        };
+        // In the file tensors lie in another order than they are given.
+        let tensors = [tensor("b", [1, 2, 3, 4]), tensor("a", [5, 6, 7, 8])];
+        let whole = encode_tensors(&Header { song: "Twinkle".into() }, &tensors).unwrap();
+        let read = |bytes: &[u8]| {
+            let file = TensorFile::parse(bytes)?;
+            let header: Header = file.header()?;
+            Ok::<_, String>((header.song, file.bytes("a", Dtype::U8).unwrap().1.to_vec()))
+        };
+        assert_eq!(read(&whole).unwrap(), ("Twinkle".to_string(), vec![5, 6, 7, 8]));
+        let song = whole.windows(7).position(|window| window == b"Twinkle").unwrap();
+        for at in (whole.len() - 8..whole.len()).chain(song..song + 7) {
+            let mut damaged = whole.clone();
+            damaged[at] ^= 1;
+            assert!(read(&damaged).unwrap_err().contains("checksum"), "byte {at}");
+        }
+        assert_eq!(read(&without_checksum(whole)).unwrap().0, "Twinkle");
     }
 
     #[test]

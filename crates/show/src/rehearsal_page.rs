@@ -172,6 +172,7 @@ mod tests {
             evaluations: None,
             seed: 0,
             threads: None,
+            keep_replay: false,
         };
         let page = rehearsal_page(&config, &[round(0), round(1)], Path::new("there"));
         for part in [

@@ -64,6 +64,9 @@ pub struct Args {
     /// Where everything goes; out/rehearse-SONG if not given
     #[arg(short = 'o', long = "out", value_name = "DIR")]
     out: Option<PathBuf>,
+    /// Keep the replay buffers of the trainings (some 100 MB a round), so that `etude train --resume` can continue one
+    #[arg(long)]
+    keep_replay: bool,
     /// Print nothing but one JSON array at the end: the rounds
     #[arg(long)]
     json: bool,
@@ -95,6 +98,7 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
         evaluations: args.evaluations,
         seed: args.seed,
         threads: None,
+        keep_replay: args.keep_replay,
     };
     let stop = stop_flag()?;
     let mut status = Status::new(args.json);

@@ -139,8 +139,10 @@ fn show(name: &str, frames_csv: Option<PathBuf>, silence: f64, as_json: bool) ->
         let bar = |note: &Note| song.position(note.start_secs).bar;
         for notes in song.notes().chunk_by(|one, next| bar(one) == bar(next)) {
             let together = |one: &Note, next: &Note| next.start_secs - one.start_secs < TOGETHER_SECS;
-            let chords: Vec<String> =
-                notes.chunk_by(|one, next| together(one, next)).map(|chord| chord_name(&song, chord)).collect();
+            let chords: Vec<String> = notes
+                .chunk_by(|one, next| together(one, next))
+                .map(|chord| chord_name(&song, chord))
+                .collect();
             line(format!("  bar {:3}  {}", bar(&notes[0]), chords.join("  ")))?;
         }
         for warning in &warnings {

@@ -174,6 +174,33 @@ fn places_that_cannot_be_written() {
     refused(&desk, "model export -o no/such/world.xml", &["no/such/world.xml", "create the folder first"]);
 }
 
+/// A disk fails, or a file is copied half: nothing plays or learns on with wrong numbers, and what is whole is named.
+#[test]
+fn damaged_files_are_noticed_and_what_is_left_is_named() {
+    let desk = Desk::new();
+    succeed(desk.tiny("short.mid -o run"));
+    let damage = |name: &str| {
+        let (mut bytes, whole) = (desk.bytes(name), desk.bytes(name));
+        *bytes.last_mut().unwrap() ^= 1;
+        std::fs::write(desk.path(name), bytes).unwrap();
+        whole
+    };
+    let whole = damage("run/policy-best.safetensors");
+    refused(&desk, "play short.mid --policy run", &["policy-best.safetensors", "damaged", "checksum"]);
+    std::fs::write(desk.path("run/policy-best.safetensors"), whole).unwrap();
+    damage("run/checkpoints/last.safetensors");
+    let resume = "train --resume run --set trainer.total_steps=800";
+    refused(&desk, resume, &["checkpoints/last.safetensors", "checksum", "its policy is whole"]);
+    let begin = "train run/song.mid --config run/config.toml --from run/policy-best.safetensors -o again";
+    let said = errors(&desk.command(resume).output().unwrap());
+    assert!(said.contains(&format!("`etude {}`", begin.replace("again", "DIR"))), "{said}");
+    assert!(desk.ok(begin).contains("beginning with run/policy-best.safetensors"));
+
+    desk.write_song("again/song.mid", [60, 62, 67]);
+    let resume = "train --resume again --set trainer.total_steps=800";
+    refused(&desk, resume, &["again/song.mid is not the song", "put it back"]);
+}
+
 /// Somebody corrects a note in the file and goes on as if nothing had happened.
 #[test]
 fn a_song_that_has_changed_under_its_name_is_told_from_the_one_that_was_learned() {

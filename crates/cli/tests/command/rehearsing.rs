@@ -86,6 +86,8 @@ fn a_rehearsal_that_was_killed_goes_on_to_the_same_end() {
     assert_eq!(rounds.len(), 2);
     assert!(rounds[0]["held_out_rad"].is_null() && rounds[1]["held_out_rad"][1].as_f64().unwrap() > 0.0);
     assert!(desk.path(rounds[1]["recordings"][0].as_str().unwrap()).is_file());
+    let replay = |out: &str| desk.path(out).join("round-1/training/checkpoints/replay").exists();
+    assert!(!replay("a"), "it takes up space");
     let places = [
         "round-0/training/run.lock",
         "excitation/chirp.partial",
@@ -102,6 +104,8 @@ fn a_rehearsal_that_was_killed_goes_on_to_the_same_end() {
             assert_eq!(round[key], same[key], "{key}");
         }
     }
+    let mut kept = rehearse("kept");
+    assert!(kept.arg("--keep-replay").output().unwrap().status.success() && replay("kept"));
     let page = String::from_utf8(desk.bytes("b/rehearsal.html")).unwrap();
     for round in 0..2 {
         let take = format!("round-{round}/performance/run-1.wav");

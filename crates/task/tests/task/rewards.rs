@@ -258,9 +258,8 @@ fn a_finger_earns_for_its_own_goal_and_for_no_other() {
     let mut world = world();
     let pose = world.start_pose();
     world.pose(&pose, KeySet::EMPTY);
-    let goal = |key: usize, wait_steps| {
-        Some(Goal { key, over: [0.0; 2], wait_steps, begins: false, velocity: 64 })
-    };
+    let goal =
+        |key: usize, wait_steps| Some(Goal { key, over: [0.0; 2], wait_steps, begins: false, velocity: 64 });
     let away = |finger: usize, key: usize, upright: bool| {
         let (pad, mut target) = (world.finger_pad(finger), world.key_target(key));
         // Where the fingering presses, 28 mm and 34 mm from the middle of the key's length, and not where the paper's reward aims.
