@@ -58,6 +58,7 @@ test('opens, plays, scrubs, turns and closes without a complaint', async () => {
   await withPage(given, {}, async (page) => {
     const etude = (call) => page.evaluate(`window.etude.${call}`);
     const [take] = data.takes;
+    assert.equal(await etude('camera()'), 'fingers');
     assert.ok(Math.abs((await etude('duration()')) - take.due.length / take.control_hz) < 1);
 
     await page.keyboard.press('Space');
