@@ -19,7 +19,7 @@ export class Roll {
   /** @param {(secs: number) => void} seek */
   constructor(take, seek) {
     this.take = take;
-    this.stripes = stripes(take.due, take.pressed);
+    this.stripes = stripes(take.due, take.pressed, take.unstruck);
     this.rows = rowsOf(this.stripes);
     this.rowHeight = Math.min(ROW.most, Math.max(ROW.least, HEIGHT / (this.rows.high - this.rows.low + 1)));
     this.height = Math.round(this.rowHeight * (this.rows.high - this.rows.low + 1));

@@ -10,7 +10,7 @@ import path from 'node:path';
 import { after, before, test } from 'node:test';
 
 import { launch, ready } from './browser.mjs';
-import { HZ, oneTake, sampleTake, twoTakes } from './sample.mjs';
+import { HZ, heldThrough, oneTake, sampleTake, twoTakes } from './sample.mjs';
 
 const LARGEST_BYTES = 4 * 1024 * 1024;
 const PHONE = { width: 390, height: 844, touch: true };
@@ -162,6 +162,12 @@ test('each due note is listed with how it was played, and a click goes there', a
     }
     await rows.nth(2).getByRole('button').click();
     assert.ok(Math.abs((await page.evaluate(() => window.etude.time())) - take.due_notes[2].start) < 1e-6);
+  });
+});
+
+test('a note that was not struck is missed in the roll, also if its key was held', async () => {
+  await withPage(await browser.write({ version: 1, takes: [heldThrough()], partings: [] }), {}, async (page) => {
+    assert.equal(await page.locator('.roll').getAttribute('aria-label'), 'Piano roll: 1 stretches hit, 1 missed, 0 wrong');
   });
 });
 
