@@ -44,6 +44,7 @@ export class Page {
     this.panes = this.letters.map((letter) => new Pane(this.cameras, letter));
     // The last pane is heard: that of the twin or the robot, if there is also a simulation.
     this.heard = count - 1;
+    this.written = false;
     this.timeline = new Timeline(this.player);
     this.controls = new Controls(this.#actions(), this.player, count > 1 ? this.letters : []);
     this.rolls = element('section', { class: 'rolls' });
@@ -79,7 +80,7 @@ export class Page {
     const seek = (secs) => this.seek(secs);
     this.player.duration = Math.max(...shown.map(({ take }) => take.duration));
     shown.forEach(({ take }, index) => this.panes[index].show(take, this.#caption(take, index)));
-    this.sound.listenTo(shown[this.heard].take);
+    this.#listen();
     const firstTwo = shown.length > 1 && [...this.chosen].sort().join() === '0,1';
     this.timeline.show(shown, firstTwo ? this.partings : []);
     this.rollViews = shown.map(({ take }) => new Roll(take, seek));
@@ -151,10 +152,22 @@ export class Page {
       seek: (secs) => this.seek(secs),
       listenTo: (pane) => {
         this.heard = pane;
-        sound.listenTo(this.panes[pane].take);
-        this.#showState();
+        this.written = false;
+        this.#listen();
+      },
+      toggleWritten: () => {
+        this.written = !this.written;
+        this.#listen();
       },
     };
+  }
+
+  /** Lets the chosen take sound, or its song as written. */
+  #listen() {
+    const { notes, dueNotes } = this.panes[this.heard].take;
+    this.written &&= dueNotes.length > 0;
+    this.sound.listenTo(this.written ? dueNotes : notes);
+    this.#showState();
   }
 
   play() {
@@ -187,7 +200,9 @@ export class Page {
   }
 
   #showState() {
-    this.controls.update({ muted: this.muted, camera: this.cameras.view.name, heard: this.heard });
+    const { muted, heard, written } = this;
+    const writable = this.panes[heard].take.dueNotes.length > 0;
+    this.controls.update({ muted, camera: this.cameras.view.name, heard, written, writable });
   }
 
   #layOut() {

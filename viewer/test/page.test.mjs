@@ -145,6 +145,33 @@ test('every note played in a stretch is heard, and in its time', async () => {
   });
 });
 
+test('the song as written is heard instead of the performance, from one moment to the next', async () => {
+  await withPage(given, {}, async (page) => {
+    const take = data.takes.slice(0, 2).at(-1);
+    const from = take.due_notes[2].start - 0.3;
+    const written = page.getByRole('button', { name: 'As written' });
+    assert.equal(await written.getAttribute('aria-pressed'), 'false');
+    await page.evaluate((secs) => window.etude.seek(secs), from);
+    await page.evaluate(() => window.etude.play());
+    await page.waitForFunction(() => window.etude.scheduled().length > 0);
+    await page.keyboard.press('r');
+    assert.equal(await written.getAttribute('aria-pressed'), 'true');
+    const before = await page.evaluate(() => window.etude.scheduled().length);
+    await page.waitForFunction((secs) => window.etude.time() > secs, from + 3);
+    await written.click();
+    assert.equal(await written.getAttribute('aria-pressed'), 'false');
+    const heard = await page.evaluate((count) => window.etude.scheduled().slice(count), before);
+    const due = take.due_notes.filter((note) => note.start > from + 1 && note.start < from + 3);
+    assert.ok(due.length > 1);
+    const first = heard.find((note) => note.pitch === due[0].pitch && note.velocity === due[0].velocity);
+    for (const note of due) {
+      const found = heard.find(({ pitch, velocity, when }) =>
+        pitch === note.pitch && velocity === note.velocity && Math.abs(when - first.when - (note.start - due[0].start)) < 0.06);
+      assert.ok(found, `${note.pitch} at ${note.start} s among ${JSON.stringify(heard)}`);
+    }
+  });
+});
+
 test('each due note is listed with how it was played, and a click goes there', async () => {
   await withPage(given, {}, async (page) => {
     const take = data.takes[0];
@@ -213,7 +240,9 @@ test('two takes stand side by side, with the places where they part', async () =
       const notes = page.locator('.notes tbody tr');
       assert.equal(await notes.count(), two.takes[0].due_notes.length);
       assert.equal(await page.locator('.notes thead th[scope="colgroup"]').count(), 2, 'the notes of A beside those of B');
+      await page.getByRole('button', { name: 'As written' }).click();
       await page.getByRole('button', { name: 'Hear take A' }).click();
+      assert.equal(await page.getByRole('button', { name: 'As written' }).getAttribute('aria-pressed'), 'false');
       await page.screenshot({ path: path.join(screenshots, `replay-two-${name}.png`), fullPage: true });
     });
   }
