@@ -198,6 +198,25 @@ test('a note that was not struck is missed in the roll, also if its key was held
   });
 });
 
+test('the mistakes are listed by kind, each once, and a click goes there', async () => {
+  const due = [60, 62, 64, 65, 67].map((pitch, index) => ({ pitch, start: 1 + index, end: 1.8 + index, velocity: 60 }));
+  const stroke = (pitch, start, velocity) => ({ pitch, start, end: start + 0.25, velocity });
+  const notes = [stroke(60, 1, 61), stroke(62, 2.08, 60), stroke(64, 2.93, 101), stroke(65, 4, 19), stroke(70, 4.5, 60)];
+  const heard = [{ note: 0, right: true }, { note: 1, right: false }, { note: 2, right: false }, { note: 3, right: true }, null];
+  const wrong = { ...sampleTake({ steps: 120 }), due_notes: due, notes, heard };
+  const right = { ...wrong, notes: due, heard: due.map((_, note) => ({ note, right: true })) };
+  await withPage(await browser.write({ version: 1, takes: [wrong, right], partings: [] }), {}, async (page) => {
+    const list = page.getByRole('group', { name: 'Mistakes of take A' });
+    assert.deepEqual(await list.locator('.kind').allTextContents(), [
+      'missed: 10:05.0 G4', 'too early: 10:03.0 E4, 70 ms', 'too late: 10:02.0 D4, 80 ms', 'wrong stroke: 10:04.5 A♯4, 250 ms',
+      'too loud: 10:03.0 E4, 101 for 60', 'too soft: 10:04.0 F4, 19 for 60',
+    ]);
+    await list.getByRole('button', { name: 'A♯4' }).click();
+    assert.equal(await page.evaluate(() => window.etude.time()), 4.5);
+    assert.equal(await page.getByRole('group', { name: 'Mistakes of take B' }).locator('p').textContent(), 'No mistakes.');
+  });
+});
+
 test('half speed takes twice as long', async () => {
   await withPage(given, {}, async (page) => {
     await page.keyboard.press('h');
