@@ -47,6 +47,7 @@ export class Page {
     this.written = false;
     this.timeline = new Timeline(this.player);
     this.controls = new Controls(this.#actions(), this.player, count > 1 ? this.letters : []);
+    this.keyColours = element('p', { class: 'key-colours' });
     this.rolls = element('section', { class: 'rolls' });
     this.notes = null;
     this.plots = null;
@@ -55,6 +56,7 @@ export class Page {
       element('header', {}, element('h1', { text: takes[0].song || takes[0].name || 'Replay' }), element('span', { class: 'brand', text: 'Étude replay' })),
       element('main', {},
         element('div', { class: count > 1 ? 'panes two' : 'panes' }, ...this.panes.map((pane) => pane.root)),
+        this.keyColours,
         element('div', { class: 'desk' }, this.controls.root, this.timeline.root),
         this.timeline.details,
         this.rolls),
@@ -80,12 +82,14 @@ export class Page {
     const seek = (secs) => this.seek(secs);
     this.player.duration = Math.max(...shown.map(({ take }) => take.duration));
     shown.forEach(({ take }, index) => this.panes[index].show(take, this.#caption(take, index)));
+    const fences = shown.some(({ take }) => take.scene.geoms.some((geom) => geom.name?.startsWith('fence')));
+    this.keyColours.replaceChildren(legend({ due: 'due', hit: 'right', wrong: 'wrong', missed: 'missed', ...(fences && { fence: 'fence between keys' }) }));
     this.#listen();
     const firstTwo = shown.length > 1 && [...this.chosen].sort().join() === '0,1';
     this.timeline.show(shown, firstTwo ? this.partings : []);
     this.rollViews = shown.map(({ take }) => new Roll(take, seek));
     this.rolls.replaceChildren(
-      element('h2', { text: 'Piano roll' }, legend()),
+      element('h2', { text: 'Piano roll' }, legend({ hit: 'right', missed: 'missed', wrong: 'wrong' })),
       ...this.rollViews.flatMap((roll, index) => [
         shown.length > 1 ? element('p', { class: `whose take-${'ab'[index]}`, text: `${shown[index].letter} · ${shown[index].take.caption()}` }) : null,
         roll.root,
@@ -249,7 +253,8 @@ export class Page {
   }
 }
 
-function legend() {
-  const item = (kind, text) => element('span', { class: 'item' }, element('i', { class: `swatch ${kind}` }), text);
-  return element('span', { class: 'legend' }, item('hit', 'hit'), item('missed', 'missed'), item('wrong', 'wrong'));
+/** @param {Object<string, string>} kinds what each kind is called */
+function legend(kinds) {
+  const item = ([kind, text]) => element('span', { class: 'item' }, element('i', { class: `swatch ${kind}` }), text);
+  return element('span', { class: 'legend' }, ...Object.entries(kinds).map(item));
 }

@@ -192,9 +192,18 @@ test('each due note is listed with how it was played, and a click goes there', a
   });
 });
 
-test('a note that was not struck is missed in the roll, also if its key was held', async () => {
+test('a note that was not struck is missed in the roll and on the keyboard, also if its key was held', async () => {
   await withPage(await browser.write({ version: 1, takes: [heldThrough()], partings: [] }), {}, async (page) => {
-    assert.equal(await page.locator('.roll').getAttribute('aria-label'), 'Piano roll: 1 stretches hit, 1 missed, 0 wrong');
+    assert.equal(await page.locator('.roll').getAttribute('aria-label'), 'Piano roll: 1 stretches right, 1 missed, 0 wrong');
+    const shown = (secs) => page.evaluate((at) => {
+      window.etude.seek(at);
+      return window.etude.keysShown(0);
+    }, secs);
+    assert.deepEqual(await shown(0.5), {});
+    assert.deepEqual(await shown(1.5), { 60: 'hit' });
+    assert.deepEqual(await shown(2.5), { 60: 'missed' });
+    const legend = ['due', 'right', 'wrong', 'missed', 'fence between keys'];
+    assert.deepEqual(await page.locator('.key-colours .item').allTextContents(), legend);
   });
 });
 
