@@ -226,6 +226,18 @@ test('the mistakes are listed by kind, each once, and a click goes there', async
   });
 });
 
+test('a reward term that is constant in all takes is named and not drawn', async () => {
+  const [one, other] = [7, 29].map((seed) => sampleTake({ seed, steps: 200 }));
+  const varied = (name) => ({ name, values: one.rewards[0].values });
+  const constant = (name, value) => ({ name, values: one.due.map(() => value) });
+  one.rewards = [varied('key_press'), constant('energy', -0), constant('collision', 0.5), constant('wrong_travel', 0)];
+  other.rewards = [constant('key_press', 1), constant('energy', 0), constant('collision', 0.25), varied('wrong_travel')];
+  await withPage(await browser.write({ version: 1, takes: [one, other], partings: [] }), {}, async (page) => {
+    assert.deepEqual(await page.locator('.plot figcaption > span').allTextContents(), ['F1', 'precision', 'recall', 'key press', 'wrong travel']);
+    await page.getByText('Constant: energy 0, collision A 0.5 B 0.25.', { exact: true }).waitFor({ timeout: 5000 });
+  });
+});
+
 test('half speed takes twice as long', async () => {
   await withPage(given, {}, async (page) => {
     await page.keyboard.press('h');
