@@ -22,7 +22,7 @@ export function mistakes(take) {
     const error = note.start - due.start;
     if (!heard.right) add(error > 0 ? 'too late' : 'too early', ms(error));
     const louder = note.velocity - due.velocity;
-    if (Math.abs(louder) > VELOCITY_TOLERANCE) add(louder > 0 ? 'too loud' : 'too soft', `${note.velocity} instead of ${due.velocity}`);
+    if (Math.abs(louder) > VELOCITY_TOLERANCE) add(louder > 0 ? 'too loud' : 'too soft', `${note.velocity}, not ${due.velocity}`);
   });
   const played = new Set(take.heard.map((heard) => heard?.note));
   take.notes.forEach((note, index) => {

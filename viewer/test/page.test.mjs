@@ -218,7 +218,7 @@ test('the mistakes are listed by kind, each once, and a click goes there', async
     const list = page.getByRole('group', { name: 'Mistakes of take A' });
     assert.deepEqual(await list.locator('.kind').allTextContents(), [
       'missed: 10:05.0 G4', 'too early: 10:03.0 E4, 70 ms', 'too late: 10:02.0 D4, 80 ms', 'wrong stroke: 10:04.5 A♯4, 250 ms',
-      'too loud: 10:03.0 E4, 101 instead of 60', 'too soft: 10:04.0 F4, 19 instead of 60',
+      'too loud: 10:03.0 E4, 101, not 60', 'too soft: 10:04.0 F4, 19, not 60',
     ]);
     await list.getByRole('button', { name: 'A♯4' }).click();
     assert.equal(await page.evaluate(() => window.etude.time()), 4.5);
