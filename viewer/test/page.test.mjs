@@ -154,9 +154,9 @@ test('the song as written is heard instead of the performance, from one moment t
     await page.evaluate((secs) => window.etude.seek(secs), from);
     await page.evaluate(() => window.etude.play());
     await page.waitForFunction(() => window.etude.scheduled().length > 0);
+    const before = await page.evaluate(() => window.etude.scheduled().length);
     await page.keyboard.press('r');
     assert.equal(await written.getAttribute('aria-pressed'), 'true');
-    const before = await page.evaluate(() => window.etude.scheduled().length);
     await page.waitForFunction((secs) => window.etude.time() > secs, from + 3);
     await written.click();
     assert.equal(await written.getAttribute('aria-pressed'), 'false');
