@@ -11,7 +11,7 @@ export const VIEWS = [
   { name: 'player', label: 'Player', target: [0.03, 0, 0.03], direction: [0.66, -0.09, 0.85], width: 0.76, height: 0.33, follows: false },
   { name: 'side', label: 'Side', target: [0.03, 0, 0.06], direction: [0.1, -1, 0.24], width: 0.34, height: 0.26, follows: true },
   { name: 'top', label: 'Top', target: [0.03, 0, 0.03], direction: [0.02, 0, 1], width: 0.76, height: 0.42, follows: false },
-  { name: 'fingers', label: 'Fingers', target: [0.02, 0, 0.045], direction: [-0.3, -0.8, 0.42], width: 0.2, height: 0.15, follows: true },
+  { name: 'fingers', label: 'Fingers', target: [0.03, 0, 0.05], direction: [-0.6, -0.6, 0.5], width: 0.24, height: 0.165, follows: true },
 ];
 
 const FIELD_OF_VIEW_DEG = 30;
@@ -27,7 +27,7 @@ export class Cameras {
     this.controls = new Map();
     this.aspect = 1;
     this.moved = false;
-    this.choose('player');
+    this.choose('fingers');
   }
 
   choose(name) {

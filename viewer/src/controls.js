@@ -19,6 +19,7 @@ const SHORTCUTS = [
   ['H', 'half speed'],
   ['L', 'loop the bar'],
   ['M', 'sound off or on'],
+  ['R', 'the song as written, or as it was played'],
   ['?', 'this list'],
 ];
 
@@ -58,6 +59,7 @@ function press(target, pressed) {
  * @property {(steps: number) => void} stepBy
  * @property {(secs: number) => void} seek
  * @property {(pane: number) => void} listenTo
+ * @property {() => void} toggleWritten
  */
 export class Controls {
   /** @param {Actions} actions */
@@ -75,6 +77,7 @@ export class Controls {
     const slide = () => actions.setVolume(Number(this.volume.value));
     this.volume = element('input', { type: 'range', min: '0', max: '1', step: '0.05', value: '0.8', class: 'volume', 'aria-label': 'Volume', on: { input: slide } });
     this.sources = letters.map((letter, pane) => button(`Hear take ${letter}`, `Hear take ${letter}`, () => actions.listenTo(pane), letter));
+    this.written = button('As written', 'The song as written, or as it was played (R)', actions.toggleWritten);
     this.dialog = helpDialog();
     const help = button('Help', 'Keyboard shortcuts (?)', () => this.dialog.showModal(), '?');
     const group = (label, ...buttons) => element('div', { class: 'group', role: 'group', 'aria-label': label }, ...buttons);
@@ -83,14 +86,14 @@ export class Controls {
       group('Playing', this.play, this.time),
       group('How it is played', this.half, this.loop),
       group('Camera', ...this.cameras),
-      group('Sound', this.mute, this.volume, ...this.sources, help),
+      group('Sound', this.mute, this.volume, ...this.sources, this.written, help),
       this.dialog,
     );
     addEventListener('keydown', (event) => this.#shortcut(event));
   }
 
   /** Shows the current state. */
-  update({ muted, camera, heard }) {
+  update({ muted, camera, heard, written, writable }) {
     const { playing, speed, loop } = this.player;
     this.play.replaceChildren(icon(playing ? 'pause' : 'play'));
     this.play.setAttribute('aria-label', playing ? 'Pause' : 'Play');
@@ -99,7 +102,9 @@ export class Controls {
     press(this.mute, muted);
     this.mute.replaceChildren(icon(muted ? 'muted' : 'sound'));
     VIEWS.forEach(({ name }, index) => press(this.cameras[index], name === camera));
-    this.sources.forEach((source, pane) => press(source, pane === heard));
+    this.sources.forEach((source, pane) => press(source, pane === heard && !written));
+    press(this.written, written);
+    this.written.hidden = !writable;
   }
 
   moveTo(secs) {
@@ -124,6 +129,7 @@ export class Controls {
       h: actions.toggleHalf,
       l: actions.toggleLoop,
       m: actions.toggleMute,
+      r: actions.toggleWritten,
       '?': () => this.dialog.showModal(),
     };
     VIEWS.forEach(({ name }, index) => {

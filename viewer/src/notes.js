@@ -1,6 +1,7 @@
-/** Note by note: every due note with how each take played it, and the strokes that play none. A click goes to its place. */
+/** Note by note: the mistakes of each take, and every due note with how each take played it. A click goes to its place. */
 
 import { clockText, element, pitchName } from './dom.js';
+import { mistakeList } from './mistakes.js';
 
 const signed = (secs) => `${secs < -0.0005 ? '−' : '+'}${Math.abs(secs * 1000).toFixed(0)}`;
 
@@ -34,8 +35,10 @@ export function noteTable(shown, seek) {
   );
   return element(
     'section', { class: 'notes' },
+    element('h2', { text: 'Mistakes' }),
+    ...shown.map(({ take, letter }) => mistakeList(take, letter, seek)),
     element('h2', { text: 'Note by note' }),
-    element('p', { class: 'note', text: 'Onset and length: played minus due, in ms; late and long are positive. A note more than 50 ms early or late counts as missed, and its stroke as wrong. Velocity: MIDI.' }),
+    element('p', { class: 'note', text: 'Onset and length: played minus due, in ms; late and long are positive. A note more than 50 ms early or late counts as missed, and its stroke as wrong. Velocity: MIDI; a stroke more than 40 above or below the written velocity is too loud or too soft.' }),
     element(
       'div', { class: 'scroll', tabindex: '0', role: 'region', 'aria-label': 'Notes' },
       element(
@@ -44,7 +47,6 @@ export function noteTable(shown, seek) {
         element('tbody', {}, ...rows),
       ),
     ),
-    ...shown.map(({ take, letter }) => strays(take, letter, place)),
   );
 }
 
@@ -60,12 +62,4 @@ function cells(take, index) {
     element('td', { text: signed(note.end - note.start - (due.end - due.start)) }),
     element('td', { text: String(note.velocity) }),
   ];
-}
-
-function strays(take, letter, place) {
-  const played = new Set(take.heard.filter((heard) => heard).map((heard) => heard.note));
-  const left = take.notes.filter((_, index) => !played.has(index));
-  if (left.length === 0) return null;
-  const stroke = (note) => element('li', {}, place(note.start, `Stray ${pitchName(note.pitch)}`), ` ${pitchName(note.pitch)}, ${((note.end - note.start) * 1000).toFixed(0)} ms`);
-  return element('div', { class: 'strays' }, element('h3', { text: `Strokes that play no due note${letter && `, ${letter}`}` }), element('ul', {}, ...left.map(stroke)));
 }

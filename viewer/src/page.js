@@ -44,8 +44,10 @@ export class Page {
     this.panes = this.letters.map((letter) => new Pane(this.cameras, letter));
     // The last pane is heard: that of the twin or the robot, if there is also a simulation.
     this.heard = count - 1;
+    this.written = false;
     this.timeline = new Timeline(this.player);
     this.controls = new Controls(this.#actions(), this.player, count > 1 ? this.letters : []);
+    this.keyColours = element('p', { class: 'key-colours' });
     this.rolls = element('section', { class: 'rolls' });
     this.notes = null;
     this.plots = null;
@@ -54,6 +56,7 @@ export class Page {
       element('header', {}, element('h1', { text: takes[0].song || takes[0].name || 'Replay' }), element('span', { class: 'brand', text: 'Étude replay' })),
       element('main', {},
         element('div', { class: count > 1 ? 'panes two' : 'panes' }, ...this.panes.map((pane) => pane.root)),
+        this.keyColours,
         element('div', { class: 'desk' }, this.controls.root, this.timeline.root),
         this.timeline.details,
         this.rolls),
@@ -79,12 +82,14 @@ export class Page {
     const seek = (secs) => this.seek(secs);
     this.player.duration = Math.max(...shown.map(({ take }) => take.duration));
     shown.forEach(({ take }, index) => this.panes[index].show(take, this.#caption(take, index)));
-    this.sound.listenTo(shown[this.heard].take);
+    const fences = shown.some(({ take }) => take.scene.geoms.some((geom) => geom.name?.startsWith('fence')));
+    this.keyColours.replaceChildren(legend({ due: 'due', hit: 'right', wrong: 'wrong', missed: 'missed', ...(fences && { fence: 'fence between keys' }) }));
+    this.#listen();
     const firstTwo = shown.length > 1 && [...this.chosen].sort().join() === '0,1';
     this.timeline.show(shown, firstTwo ? this.partings : []);
     this.rollViews = shown.map(({ take }) => new Roll(take, seek));
     this.rolls.replaceChildren(
-      element('h2', { text: 'Piano roll' }, legend()),
+      element('h2', { text: 'Piano roll' }, legend({ hit: 'right', missed: 'missed', wrong: 'wrong' })),
       ...this.rollViews.flatMap((roll, index) => [
         shown.length > 1 ? element('p', { class: `whose take-${'ab'[index]}`, text: `${shown[index].letter} · ${shown[index].take.caption()}` }) : null,
         roll.root,
@@ -151,10 +156,22 @@ export class Page {
       seek: (secs) => this.seek(secs),
       listenTo: (pane) => {
         this.heard = pane;
-        sound.listenTo(this.panes[pane].take);
-        this.#showState();
+        this.written = false;
+        this.#listen();
+      },
+      toggleWritten: () => {
+        this.written = !this.written;
+        this.#listen();
       },
     };
+  }
+
+  /** Lets the chosen take sound, or its song as written. */
+  #listen() {
+    const { notes, dueNotes } = this.panes[this.heard].take;
+    this.written &&= dueNotes.length > 0;
+    this.sound.listenTo(this.written ? dueNotes : notes);
+    this.#showState();
   }
 
   play() {
@@ -187,7 +204,9 @@ export class Page {
   }
 
   #showState() {
-    this.controls.update({ muted: this.muted, camera: this.cameras.view.name, heard: this.heard });
+    const { muted, heard, written } = this;
+    const writable = this.panes[heard].take.dueNotes.length > 0;
+    this.controls.update({ muted, camera: this.cameras.view.name, heard, written, writable });
   }
 
   #layOut() {
@@ -234,7 +253,8 @@ export class Page {
   }
 }
 
-function legend() {
-  const item = (kind, text) => element('span', { class: 'item' }, element('i', { class: `swatch ${kind}` }), text);
-  return element('span', { class: 'legend' }, item('hit', 'hit'), item('missed', 'missed'), item('wrong', 'wrong'));
+/** @param {Object<string, string>} kinds what each kind is called */
+function legend(kinds) {
+  const item = ([kind, text]) => element('span', { class: 'item' }, element('i', { class: `swatch ${kind}` }), text);
+  return element('span', { class: 'legend' }, ...Object.entries(kinds).map(item));
 }

@@ -72,6 +72,21 @@ function spanOf(lines) {
   return high > low ? [low, high] : [low, low + 1];
 }
 
+/** Whether each of the lines keeps one value. */
+function areConstant(lines) {
+  return lines.every(({ values }) => new Set(values.filter(Number.isFinite)).size <= 1);
+}
+
+/** The one value of each line; once, if it is the same. */
+function constantText(lines) {
+  const says = lines.map(({ letter, values }) => {
+    const value = values.find(Number.isFinite);
+    return { letter, value: value === undefined ? '–' : String(Number(value.toPrecision(3))) };
+  });
+  if (says.every(({ value }) => value === says[0].value)) return says[0].value;
+  return says.map(({ letter, value }) => `${letter} ${value}`).join(' ');
+}
+
 const SCORES = [['f1', 'F1'], ['precision', 'precision'], ['recall', 'recall']];
 
 export class Plots {
@@ -80,17 +95,20 @@ export class Plots {
     const lines = (pick) => shown.map(({ take, letter }) => ({ take, letter, values: pick(take) ?? [] }));
     const scores = SCORES.map(([name, title]) => new Plot(title, lines((take) => take.running[name]), [0, 1], seek));
     const terms = [...new Set(shown.flatMap(({ take }) => take.rewards.map((reward) => reward.name)))];
-    const rewards = terms.map((name) => {
-      const values = (take) => take.rewards.find((reward) => reward.name === name)?.values;
-      return new Plot(name.replaceAll('_', ' '), lines(values), null, seek);
-    });
-    this.plots = [...scores, ...rewards];
+    const rewards = terms.map((name) => ({
+      title: name.replaceAll('_', ' '), lines: lines((take) => take.rewards.find((reward) => reward.name === name)?.values),
+    }));
+    const constant = rewards.filter((reward) => areConstant(reward.lines));
+    const drawn = rewards.filter((reward) => !constant.includes(reward));
+    this.plots = [...scores, ...drawn.map((reward) => new Plot(reward.title, reward.lines, null, seek))];
     const notes = new Set(shown.map(({ take }) => take.rewardsNote).filter((note) => note !== null));
     if (rewards.length === 0) notes.add('The reward terms were not recorded.');
+    const named = constant.map((reward) => `${reward.title} ${constantText(reward.lines)}`).join(', ');
     this.root = element(
       'section', { class: 'numbers' },
       element('h2', { text: 'Scores so far, and the reward terms of each step' }),
       element('div', { class: 'plots' }, ...this.plots.map((plot) => plot.root)),
+      named && element('p', { class: 'note', text: `Constant: ${named}.` }),
       ...[...notes].map((text) => element('p', { class: 'note', text })),
     );
   }

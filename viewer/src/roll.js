@@ -13,13 +13,13 @@ const ROW = { least: 5, most: 12 };
 /** At least an octave is shown. */
 const LEAST_ROWS = 13;
 
-const SAYS = { hit: 'hit', missed: 'missed', wrong: 'wrong: not due' };
+const SAYS = { hit: 'right', missed: 'missed', wrong: 'wrong: not due' };
 
 export class Roll {
   /** @param {(secs: number) => void} seek */
   constructor(take, seek) {
     this.take = take;
-    this.stripes = stripes(take.due, take.pressed);
+    this.stripes = stripes(take.due, take.pressed, take.unstruck);
     this.rows = rowsOf(this.stripes);
     this.rowHeight = Math.min(ROW.most, Math.max(ROW.least, HEIGHT / (this.rows.high - this.rows.low + 1)));
     this.height = Math.round(this.rowHeight * (this.rows.high - this.rows.low + 1));
@@ -143,7 +143,7 @@ export class Roll {
 
   #summary() {
     const count = (kind) => this.stripes.filter((stripe) => stripe.kind === kind).length;
-    return `Piano roll: ${count('hit')} stretches hit, ${count('missed')} missed, ${count('wrong')} wrong`;
+    return `Piano roll: ${count('hit')} stretches right, ${count('missed')} missed, ${count('wrong')} wrong`;
   }
 }
 

@@ -30,13 +30,13 @@ export class Sound {
     setInterval(() => this.pump(), PUMP_MS);
   }
 
-  /** Chooses whose notes sound. */
-  listenTo(take) {
-    this.notes = take.notes;
-    this.longest = Math.min(LONGEST_SECS, 2 * Math.max(0.5, ...take.notes.map((note) => note.end - note.start)) + 0.2);
+  /** Chooses the notes that sound. */
+  listenTo(notes) {
+    this.notes = notes;
+    this.longest = Math.min(LONGEST_SECS, 2 * Math.max(0.5, ...notes.map((note) => note.end - note.start)) + 0.2);
     this.buffers.clear();
     this.restart();
-    this.#prepare(this.notes);
+    this.#prepare(notes);
   }
 
   /** Browsers let sound begin only in answer to a gesture: playing is one. */

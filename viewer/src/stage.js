@@ -6,10 +6,10 @@ import { bodyTree } from './bodies.js';
 import { kinds } from './classify.js';
 import { Shadows } from './shadows.js';
 import { Shape, Solids } from './shapes.js';
-import { DUE, HIT, WRONG } from './theme.js';
+import { DUE, HIT, MISSED, WRONG } from './theme.js';
 
 const LOWEST_PITCH = 36;
-const PAINT = { hit: new Color(HIT), wrong: new Color(WRONG) };
+const PAINT = { hit: new Color(HIT), missed: new Color(MISSED), wrong: new Color(WRONG) };
 
 export class Stage {
   constructor(take) {
@@ -44,17 +44,19 @@ export class Stage {
     const { take, positions } = this;
     take.positionsAt(secs, positions);
     for (const body of this.driven) body.move(positions[body.joint.drive] ?? 0);
-    const due = take.due[take.stepAt(secs)] ?? [];
+    const step = take.stepAt(secs);
+    const due = take.due[step] ?? [];
+    const unstruck = take.unstruck[step] ?? [];
     for (const key of this.keys) {
       const depth = take.keyDepth(key.pitch, secs);
       key.body.move(depth * key.down);
-      const played = depth > 0.5 ? kinds(due, [key.pitch]).get(key.pitch) : null;
+      let shows = due.includes(key.pitch) ? 'due' : null;
+      if (depth > 0.5 || unstruck.includes(key.pitch)) shows = kinds(due, [key.pitch], unstruck).get(key.pitch);
+      if (key.shows === shows) continue;
+      key.shows = shows;
       // A strip of size zero is invisible.
-      key.strip?.scale.setScalar(played === null && due.includes(key.pitch) ? 1 : 0);
-      if (key.shape && key.played !== played) {
-        key.played = played;
-        this.solids.paint(key.shape, PAINT[played] ?? key.shape.colour);
-      }
+      key.strip?.scale.setScalar(shows === 'due' ? 1 : 0);
+      if (key.shape) this.solids.paint(key.shape, PAINT[shows] ?? key.shape.colour);
     }
     this.world.updateMatrixWorld();
     this.solids?.follow();
@@ -67,6 +69,11 @@ export class Stage {
     return down.map((key) => key.pitch).sort((a, b) => a - b);
   }
 
+  /** Whether each coloured key is due, hit, missed or wrong, by pitch. */
+  keysShown() {
+    return Object.fromEntries(this.keys.filter((key) => key.shows).map((key) => [key.pitch, key.shows]));
+  }
+
   dispose() {
     this.solids?.dispose();
     this.shadows.dispose();
@@ -77,11 +84,12 @@ export class Stage {
 function keyOf(body) {
   const { key, down } = body.joint;
   const shape = body.children.find((child) => child instanceof Shape) ?? null;
-  const made = { body, shape, pitch: LOWEST_PITCH + key, down, played: null, strip: null };
+  const made = { body, shape, pitch: LOWEST_PITCH + key, down, shows: null, strip: null };
   if (!shape) return made;
   const [x, y, z] = shape.size;
   made.strip = new Shape({ type: 'box', size: [0.44 * x, 0.62 * y, 0.0003], rgba: [0, 0, 0, 1] });
   made.strip.colour.set(DUE);
+  made.strip.scale.setScalar(0);
   made.strip.position.copy(shape.position);
   made.strip.position.x += 0.5 * x;
   made.strip.position.z += z;

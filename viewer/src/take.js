@@ -33,6 +33,8 @@ export class Take {
     this.dueNotes = list(take.due_notes);
     /** By which of `notes` each due note was played: `{note, right}` or null. */
     this.heard = this.dueNotes.map((_, index) => list(take.heard)[index] ?? null);
+    /** Those of the pitches due in each step whose note was not struck. */
+    this.unstruck = this.due.map((pitches, step) => pitches.filter((pitch) => this.#missed(pitch, (step + 0.5) / this.hz)));
     this.noteScores = take.note_scores ?? null;
     /** @type {Map<number, any[]>} */
     this.notesOf = new Map();
@@ -66,6 +68,11 @@ export class Take {
       out[joint] = q + 0.5 * u * (r - p + u * (2 * p - 5 * q + 4 * r - s + u * (3 * (q - r) + s - p)));
     }
     return out;
+  }
+
+  /** Whether the latest due note of a pitch that has begun at a time was not struck. */
+  #missed(pitch, secs) {
+    return this.heard[this.dueNotes.findLastIndex((note) => note.pitch === pitch && note.start <= secs + 1e-6)] === null;
   }
 
   /** How far down a key is drawn at a time, from 0 to 1. */

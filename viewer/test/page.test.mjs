@@ -10,7 +10,7 @@ import path from 'node:path';
 import { after, before, test } from 'node:test';
 
 import { launch, ready } from './browser.mjs';
-import { HZ, oneTake, sampleTake, twoTakes } from './sample.mjs';
+import { HZ, heldThrough, oneTake, sampleTake, twoTakes } from './sample.mjs';
 
 const LARGEST_BYTES = 4 * 1024 * 1024;
 const PHONE = { width: 390, height: 844, touch: true };
@@ -58,6 +58,7 @@ test('opens, plays, scrubs, turns and closes without a complaint', async () => {
   await withPage(given, {}, async (page) => {
     const etude = (call) => page.evaluate(`window.etude.${call}`);
     const [take] = data.takes;
+    assert.equal(await etude('camera()'), 'fingers');
     assert.ok(Math.abs((await etude('duration()')) - take.due.length / take.control_hz) < 1);
 
     await page.keyboard.press('Space');
@@ -144,6 +145,33 @@ test('every note played in a stretch is heard, and in its time', async () => {
   });
 });
 
+test('the song as written is heard instead of the performance, from one moment to the next', async () => {
+  await withPage(given, {}, async (page) => {
+    const take = data.takes.slice(0, 2).at(-1);
+    const from = take.due_notes[2].start - 0.3;
+    const written = page.getByRole('button', { name: 'As written' });
+    assert.equal(await written.getAttribute('aria-pressed'), 'false');
+    await page.evaluate((secs) => window.etude.seek(secs), from);
+    await page.evaluate(() => window.etude.play());
+    await page.waitForFunction(() => window.etude.scheduled().length > 0);
+    const before = await page.evaluate(() => window.etude.scheduled().length);
+    await page.keyboard.press('r');
+    assert.equal(await written.getAttribute('aria-pressed'), 'true');
+    await page.waitForFunction((secs) => window.etude.time() > secs, from + 3);
+    await written.click();
+    assert.equal(await written.getAttribute('aria-pressed'), 'false');
+    const heard = await page.evaluate((count) => window.etude.scheduled().slice(count), before);
+    const due = take.due_notes.filter((note) => note.start > from + 1 && note.start < from + 3);
+    assert.ok(due.length > 1);
+    const first = heard.find((note) => note.pitch === due[0].pitch && note.velocity === due[0].velocity);
+    for (const note of due) {
+      const found = heard.find(({ pitch, velocity, when }) =>
+        pitch === note.pitch && velocity === note.velocity && Math.abs(when - first.when - (note.start - due[0].start)) < 0.06);
+      assert.ok(found, `${note.pitch} at ${note.start} s among ${JSON.stringify(heard)}`);
+    }
+  });
+});
+
 test('each due note is listed with how it was played, and a click goes there', async () => {
   await withPage(given, {}, async (page) => {
     const take = data.takes[0];
@@ -161,6 +189,52 @@ test('each due note is listed with how it was played, and a click goes there', a
     }
     await rows.nth(2).getByRole('button').click();
     assert.ok(Math.abs((await page.evaluate(() => window.etude.time())) - take.due_notes[2].start) < 1e-6);
+  });
+});
+
+test('a note that was not struck is missed in the roll and on the keyboard, also if its key was held', async () => {
+  await withPage(await browser.write({ version: 1, takes: [heldThrough()], partings: [] }), {}, async (page) => {
+    assert.equal(await page.locator('.roll').getAttribute('aria-label'), 'Piano roll: 1 stretches right, 1 missed, 0 wrong');
+    const shown = (secs) => page.evaluate((at) => {
+      window.etude.seek(at);
+      return window.etude.keysShown(0);
+    }, secs);
+    assert.deepEqual(await shown(0.5), {});
+    assert.deepEqual(await shown(1.5), { 60: 'hit' });
+    assert.deepEqual(await shown(2.5), { 60: 'missed' });
+    const legend = ['due', 'right', 'wrong', 'missed', 'fence between keys'];
+    assert.deepEqual(await page.locator('.key-colours .item').allTextContents(), legend);
+  });
+});
+
+test('the mistakes are listed by kind, each once, and a click goes there', async () => {
+  const due = [60, 62, 64, 65, 67].map((pitch, index) => ({ pitch, start: 1 + index, end: 1.8 + index, velocity: 60 }));
+  const stroke = (pitch, start, velocity) => ({ pitch, start, end: start + 0.25, velocity });
+  const notes = [stroke(60, 1, 61), stroke(62, 2.08, 60), stroke(64, 2.93, 101), stroke(65, 4, 19), stroke(70, 4.5, 60)];
+  const heard = [{ note: 0, right: true }, { note: 1, right: false }, { note: 2, right: false }, { note: 3, right: true }, null];
+  const wrong = { ...sampleTake({ steps: 120 }), due_notes: due, notes, heard };
+  const right = { ...wrong, notes: due, heard: due.map((_, note) => ({ note, right: true })) };
+  await withPage(await browser.write({ version: 1, takes: [wrong, right], partings: [] }), {}, async (page) => {
+    const list = page.getByRole('group', { name: 'Mistakes of take A' });
+    assert.deepEqual(await list.locator('.kind').allTextContents(), [
+      'missed: 10:05.0 G4', 'too early: 10:03.0 E4, 70 ms', 'too late: 10:02.0 D4, 80 ms', 'wrong stroke: 10:04.5 A♯4, 250 ms',
+      'too loud: 10:03.0 E4, 101, not 60', 'too soft: 10:04.0 F4, 19, not 60',
+    ]);
+    await list.getByRole('button', { name: 'A♯4' }).click();
+    assert.equal(await page.evaluate(() => window.etude.time()), 4.5);
+    assert.equal(await page.getByRole('group', { name: 'Mistakes of take B' }).locator('p').textContent(), 'No mistakes.');
+  });
+});
+
+test('a reward term that is constant in all takes is named and not drawn', async () => {
+  const [one, other] = [7, 29].map((seed) => sampleTake({ seed, steps: 200 }));
+  const varied = (name) => ({ name, values: one.rewards[0].values });
+  const constant = (name, value) => ({ name, values: one.due.map(() => value) });
+  one.rewards = [varied('key_press'), constant('energy', -0), constant('collision', 0.5), constant('wrong_travel', 0)];
+  other.rewards = [constant('key_press', 1), constant('energy', 0), constant('collision', 0.25), varied('wrong_travel')];
+  await withPage(await browser.write({ version: 1, takes: [one, other], partings: [] }), {}, async (page) => {
+    assert.deepEqual(await page.locator('.plot figcaption > span').allTextContents(), ['F1', 'precision', 'recall', 'key press', 'wrong travel']);
+    await page.getByText('Constant: energy 0, collision A 0.5 B 0.25.', { exact: true }).waitFor({ timeout: 5000 });
   });
 });
 
@@ -206,7 +280,9 @@ test('two takes stand side by side, with the places where they part', async () =
       const notes = page.locator('.notes tbody tr');
       assert.equal(await notes.count(), two.takes[0].due_notes.length);
       assert.equal(await page.locator('.notes thead th[scope="colgroup"]').count(), 2, 'the notes of A beside those of B');
+      await page.getByRole('button', { name: 'As written' }).click();
       await page.getByRole('button', { name: 'Hear take A' }).click();
+      assert.equal(await page.getByRole('button', { name: 'As written' }).getAttribute('aria-pressed'), 'false');
       await page.screenshot({ path: path.join(screenshots, `replay-two-${name}.png`), fullPage: true });
     });
   }

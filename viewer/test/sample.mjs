@@ -252,6 +252,14 @@ export function sampleTake({ seed = 7, rig = 'simulation', mode = '', steps = 66
   };
 }
 
+/** A note that is due twice, with a key that is held through from the first to the second. */
+export function heldThrough() {
+  const due = [{ pitch: 60, start: 1, end: 2, velocity: 80 }, { pitch: 60, start: 2, end: 3, velocity: 80 }];
+  const notes = [{ pitch: 60, start: 1, end: 3, velocity: 80 }];
+  const keys = (all) => Array.from({ length: 80 }, (_, step) => at(all, step / HZ + 1e-6));
+  return { ...sampleTake({ steps: 80 }), due: keys(due), pressed: keys(notes), notes, ...noteByNote(due, notes) };
+}
+
 /** Stretches in which two takes sound different keys, joined over gaps of a step. */
 export function partingsOf(one, other) {
   const found = [];

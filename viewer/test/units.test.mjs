@@ -11,7 +11,7 @@ import { barAround } from '../src/clock.js';
 import { SAMPLE_RATE_HZ, pitchHz, tone } from '../src/piano.js';
 import { firstUnfinished, strikeOf } from '../src/schedule.js';
 import { Take } from '../src/take.js';
-import { LINKS, fingertip, sampleTake, scene } from './sample.mjs';
+import { LINKS, fingertip, heldThrough, sampleTake, scene } from './sample.mjs';
 
 const near = (actual, expected, within = 1e-9) => assert.ok(Math.abs(actual - expected) <= within, `${actual} is not ${expected}`);
 
@@ -66,6 +66,8 @@ test('what was due and what was played make hit, missed and wrong', () => {
   ]);
   assert.deepEqual(stripes([[60], [], [60]], []).map(({ from, to }) => [from, to]), [[0, 1], [2, 3]], 'a rest ends a stripe');
   assert.deepEqual(stripes([], []), []);
+  const held = new Take(heldThrough());
+  assert.deepEqual(stripes(held.due, held.pressed, held.unstruck).map(({ from, to, kind }) => [from, to, kind]), [[20, 40, 'hit'], [40, 60, 'missed']]);
 });
 
 test('notes are struck at their time, whatever the speed', () => {
