@@ -13,8 +13,8 @@ use anyhow::Context as _;
 use etude_lab::released;
 use etude_perform::prepare;
 use etude_perform::stand::{
-    Claim, Guard, READY, Stand, TWIN, claim, pitches_to_show, request_stop, rig_choice, stand_guard, start_guard,
-    start_pose, store_point, try_path,
+    Claim, Guard, READY, Stand, TWIN, claim, pitches_to_show, request_stop, rig_choice, stand_guard,
+    start_guard, start_pose, store_point, try_path,
 };
 use etude_robot::lead::{LeadError, Showing, show};
 use etude_robot::monitor::Monitor;

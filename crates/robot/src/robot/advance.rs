@@ -3,7 +3,6 @@
 use std::time::Duration;
 
 use super::axes::{AXES, RAIL_AXIS, all_axes, driven, driven_index, period};
-use super::doubt::Doubts;
 use super::following::Following;
 use super::motion::Easing;
 use super::{Fault, Phase, Record, Robot};
@@ -130,7 +129,7 @@ impl Robot {
         self.arm_sent = self.arm_stood.filter(|_| on_path);
         self.easing = Easing::new(now, outside);
         self.following = Following::default();
-        self.doubts = Doubts::default();
+        self.doubts.begin_anew();
         self.before = self.setpoints();
         self.arm_axis.rest(self.axes[RAIL_AXIS].position());
         self.stepped = now;

@@ -25,6 +25,7 @@ mod phase;
 mod plan;
 mod record;
 mod turning;
+mod warmth;
 mod way;
 mod wiggle;
 
@@ -35,6 +36,7 @@ pub use fault::{Fault, Refused, RobotError};
 pub use phase::Phase;
 pub use plan::propose_fence;
 pub use record::Record;
+pub use warmth::Warmth;
 pub use wiggle::{WIGGLED, Wiggled, wiggle};
 
 use crate::allegro::{Hand, JointLoop};
@@ -355,6 +357,16 @@ impl Robot {
     /// The rig that it controls.
     pub fn config(&self) -> &RigConfig {
         &self.config
+    }
+
+    /// How warm the motors of the hand are. It counts from one start to the next.
+    pub fn warmth(&self) -> Warmth {
+        self.doubts.warmth
+    }
+
+    /// Tells how warm the motors of the hand are already.
+    pub fn set_warmth(&mut self, warmth: Warmth) {
+        self.doubts.warmth = warmth;
     }
 
     /// Takes the records since the last call.

@@ -7,7 +7,7 @@ use etude_twin::FaultKind;
 
 use super::End::{Fault, GoesOn};
 use super::{Lost, ROW, Row};
-use crate::bench::{AlterFrame, Mischief};
+use crate::bench::{AlterFrame, Mischief, Policy};
 
 /// Identifiers of the first finger's positions and torques, and of the hand's state; each finger is 4 on.
 const POSITIONS: u16 = 0x080;
@@ -200,6 +200,27 @@ pub const ROWS: &[Row] = &[
         ends: [GoesOn, Fault(17_000), Fault(10_000), Fault(17_000), Fault(6000), GoesOn],
         says: "joint 5",
         strike: |b| b.mischief.from_hand = Some(joint(5, i16::saturating_neg)),
+        mend: |b| {
+            b.mischief = Mischief::default();
+            b.lockstep.twin.straighten_fingers();
+        },
+        ..ROW
+    },
+    Row {
+        name: "a joint pushes against its stop (its encoder's zero drifts by 0.4 rad)",
+        // Its motor stays warm from one start to the next.
+        ends: [GoesOn, Fault(20_000), Fault(8000), Fault(8000), Fault(8000), GoesOn],
+        says: "joint 7 of the hand has pushed with",
+        strike: |b| {
+            if b.policy == Policy::Smooth {
+                b.policy = Policy::Still;
+            }
+            let mut offset = 0;
+            b.mischief.from_hand = Some(joint(7, move |counts| {
+                offset = (offset + 20).min(4500);
+                counts + offset
+            }));
+        },
         mend: |b| {
             b.mischief = Mischief::default();
             b.lockstep.twin.straighten_fingers();
