@@ -187,7 +187,7 @@ pub fn load_calibration(rig: &RigConfig) -> Result<Calibration, CalibrationError
     Ok(place)
 }
 
-fn controller(rig: &RigConfig, place: &Calibration) -> Result<Robot, StandError> {
+pub(super) fn controller(rig: &RigConfig, place: &Calibration) -> Result<Robot, StandError> {
     Ok(Robot::new(rig, rail_path(rig, place)?)?)
 }
 

@@ -183,26 +183,4 @@ fn in_a_worker(work: &mut (dyn FnMut() + Send), mut meanwhile: impl FnMut()) {
 }
 
 #[cfg(test)]
-mod tests {
-    use std::sync::atomic::{AtomicU32, Ordering};
-
-    use super::*;
-
-    #[test]
-    fn the_robot_is_polled_while_work_hangs() {
-        let polls = AtomicU32::new(0);
-        let mut polled = 0;
-        let mut hangs = || {
-            while polls.load(Ordering::SeqCst) < 500 {
-                std::thread::yield_now();
-            }
-        };
-        in_a_worker(&mut hangs, || {
-            polled += 1;
-            polls.store(polled, Ordering::SeqCst);
-        });
-        assert!(polled >= 500);
-        let panics = std::panic::catch_unwind(|| in_a_worker(&mut || panic!("a worker's"), || {}));
-        assert!(panics.is_err());
-    }
-}
+mod tests;
