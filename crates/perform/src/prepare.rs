@@ -6,7 +6,7 @@ use std::time::Duration;
 use etude_robot::{Pace, Phase, Record, Robot};
 use etude_stage::JOINTS;
 
-use crate::recorder::RobotRecords;
+use crate::recorder::{RobotRecords, take_records};
 use crate::timing::Timing;
 use crate::{PerformError, Recorder, RecordingWriter};
 
@@ -62,7 +62,8 @@ fn wait_for(
     loop {
         let next = pace.now() + WAIT;
         pace.run_until(robot, next);
-        RobotRecords::since(pace.now()).take(robot, recorder)?;
+        let times = RobotRecords::since(pace.now());
+        take_records(robot, pace, |records| times.write_all(records, recorder, &mut Timing::default()))?;
         match robot.phase() {
             Phase::Holding => return Ok(()),
             Phase::Fault => {

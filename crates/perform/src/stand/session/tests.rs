@@ -14,6 +14,7 @@ use etude_robot::rig::RigConfig;
 use etude_twin::{ArmPorts, Truth, TwinServer};
 
 use super::*;
+use crate::RecordingWriter;
 use crate::stand::choice::{controller, load_calibration};
 use crate::stand::claim::file;
 use crate::stand::{READY, start_pose};
@@ -197,6 +198,26 @@ fn a_device_that_falls_silent_while_work_hangs_ends_with_a_fault() {
             assert!(watch.seen().longest_gap < GAP, "{:?}", watch.seen().longest_gap);
         });
     }
+}
+
+#[test]
+fn a_disk_that_hangs_does_not_hold_up_a_start() {
+    on_a_twin(&[], |stand, watch| {
+        let Stand { robot, pace } = stand;
+        let (writer, free) = RecordingWriter::stuck();
+        let held = std::thread::scope(|scope| {
+            let mut writer = writer;
+            let disk = scope.spawn(|| {
+                let held = watch.until(|seen| seen.torques > 100);
+                free();
+                held
+            });
+            prepare(robot, pace, None, Some(&mut writer), &AtomicBool::new(false)).unwrap();
+            drop(writer);
+            disk.join().unwrap()
+        });
+        assert!(held, "the hand was not held while the disk hung: {:?}", robot.fault());
+    });
 }
 
 #[test]
