@@ -22,6 +22,8 @@ const OUTSIDE_RAD: f64 = 0.1;
 /// Largest lead of the rail's set-point over the arm, m: a tenth of a second at 0.6 m/s. Playing on the twin reaches 38 mm. The torque
 /// clamp does the same for the fingers: policies press by asking for up to 1.6 rad more than a key allows.
 const AHEAD_M: f64 = 0.06;
+/// Largest lead of the rail's set-point over the arm's target while a key is down, m: the arm may then not hurry after it.
+const BEFORE_TARGET_M: f64 = 0.02;
 /// Longest time between two polls while torques are on. The hand holds the last torque meanwhile.
 const LONGEST_GAP: Duration = Duration::from_millis(100);
 
@@ -141,12 +143,17 @@ impl Robot {
     fn holds_rail(&self) -> Option<Clamp> {
         self.arm_sent?;
         let axis = &self.axes[RAIL_AXIS];
-        let ahead_m = (axis.position() - self.place().rail_m) * axis.velocity().signum();
-        if ahead_m > AHEAD_M {
+        let before = |rail_m: f64| (axis.position() - rail_m) * axis.velocity().signum();
+        if before(self.place().rail_m) > AHEAD_M {
             return Some(Clamp::Ahead);
         }
-        let fast = axis.velocity().abs() > self.config.limits.key_down_rail_velocity;
-        (fast && self.keyboard.pressed() != 0).then_some(Clamp::KeyDown)
+        let waits = self.keyboard.pressed() != 0 && before(self.arm_axis.position()) > BEFORE_TARGET_M;
+        (waits || self.drags(axis)).then_some(Clamp::KeyDown)
+    }
+
+    /// Whether a finger on a key would be dragged along the keyboard too fast.
+    fn drags(&self, rail: &Axis) -> bool {
+        rail.velocity().abs() > self.config.limits.key_down_rail_velocity && self.keyboard.pressed() != 0
     }
 
     fn set_points(&mut self, at: Duration) -> Result<(), Fault> {
@@ -198,7 +205,11 @@ impl Robot {
         if paused {
             self.arm_axis.rest(self.arm_axis.position());
         }
-        self.arm_axis.step(self.axes[RAIL_AXIS].position());
+        if self.drags(&self.arm_axis) {
+            self.arm_axis.brake();
+        } else {
+            self.arm_axis.step(self.axes[RAIL_AXIS].position());
+        }
         let rail_m = self.arm_axis.position() + self.easing.left(now)[RAIL_AXIS];
         let joints = self.path.joints(rail_m, &near).map_err(|source| Fault::Reach { rail_m, source })?;
         self.arm.servo(now, joints)?;
