@@ -61,7 +61,7 @@ pub const ROWS: &[Row] = &[
         name: "CAN loses 30 % of all frames",
         // A matter of chance: within seconds, five frames of one finger in a row.
         ends: [Fault(4000), Fault(4000), Fault(4000), Fault(4000), Fault(4000), GoesOn],
-        says: "hand",
+        says: "no angles from finger",
         strike: |b| b.mischief.frame_loss = 0.3,
         ..ROW
     },
@@ -112,7 +112,7 @@ pub const ROWS: &[Row] = &[
         name: "an encoder jumps by 0.9 rad",
         // From a start on, that is a joint outside its range.
         ends: [Fault(150), Fault(15), Fault(15), Fault(15), Fault(15), GoesOn],
-        says: "joint 4",
+        says: "joint 4 jumped by 0.89 rad|joint 4 of the hand is at 0.89 rad",
         strike: |b| b.mischief.from_hand = Some(joint(4, |counts| counts.saturating_add(10_000))),
         ..ROW
     },
@@ -174,7 +174,7 @@ pub const ROWS: &[Row] = &[
     Row {
         name: "an encoder reads its highest number (0x7FFF)",
         ends: [Fault(150), Fault(15), Fault(15), Fault(15), Fault(15), GoesOn],
-        says: "joint 9",
+        says: "joint 9 reads 2.91 rad",
         stays: true,
         strike: |b| b.mischief.from_hand = Some(joint(9, |_| i16::MAX)),
         ..ROW
@@ -241,7 +241,7 @@ pub const ROWS: &[Row] = &[
     Row {
         name: "no more replies about the hand's state",
         ends: [Fault(2100), Fault(1110), Fault(1110), Fault(1110), Fault(1110), GoesOn],
-        says: "hand",
+        says: "the hand does not answer|the hand has not reported its state",
         stays: true,
         strike: |b| {
             b.mischief.from_hand =
