@@ -211,7 +211,8 @@ pub fn play_on_robot(
             Ok(performance) => Ok(after_release(performance, stand.let_go())),
             Err(error) => released(&mut stand, Err(error)),
         };
-        let recorded = writer.as_mut().map_or(Ok(()), |writer| record_release(&mut stand.robot, writer));
+        let Stand { robot, pace } = &mut stand;
+        let recorded = writer.as_mut().map_or(Ok(()), |writer| record_release(robot, pace, writer));
         let performance = performance?;
         recorded?;
         // The robot is stopped: its guard is not needed while the files are written.

@@ -137,6 +137,12 @@ impl RobotRecords {
                     pwm: pwm.to_vec(),
                 })
             }
+            Record::Idle { at, positions } => recorder.measured(secs(at), || HandMessage {
+                positions: positions.to_vec(),
+                reference: positions.to_vec(),
+                wanted: vec![0.0; positions.len()],
+                pwm: vec![0; positions.len()],
+            }),
             Record::Arm { at, measured, sent, rail_m } => recorder.measured(secs(at), || ArmMessage {
                 measured: measured.to_vec(),
                 sent: sent.map(|joints| joints.to_vec()),

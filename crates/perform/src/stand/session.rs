@@ -118,8 +118,11 @@ impl Drop for Stand {
         if std::thread::panicking() {
             return;
         }
-        let untouched = self.robot.phase() == Phase::Off;
-        let released = untouched || self.let_go().is_ok();
+        let mut released = true;
+        if self.robot.phase() != Phase::Off {
+            released = self.let_go().is_ok();
+            self.robot.leave(self.pace.wires());
+        }
         let StandPace::Live(live) = &mut self.pace else { return };
         if released {
             live.guard.farewell();

@@ -24,6 +24,8 @@ const OUTSIDE_RAD: f64 = 0.1;
 const AHEAD_M: f64 = 0.06;
 /// Largest lead of the rail's set-point over the arm's target while a key is down, m: the arm may then not hurry after it.
 const BEFORE_TARGET_M: f64 = 0.02;
+/// Time after a release in which the hand is still observed, for recordings.
+pub const OBSERVED: Duration = Duration::from_secs(1);
 /// Longest time between two polls while torques are on. The hand holds the last torque meanwhile.
 const LONGEST_GAP: Duration = Duration::from_millis(100);
 
@@ -64,6 +66,11 @@ impl Robot {
     /// Whether hand and arm were commanded to stop.
     pub(super) fn is_released(&self) -> bool {
         matches!(self.phase, Phase::Stopped | Phase::Fault)
+    }
+
+    /// Whether the hand was released a short time ago, and still reports its angles.
+    pub(super) fn is_observed(&self, now: Duration) -> bool {
+        self.is_released() && self.let_go_at.is_some_and(|at| now.saturating_sub(at) <= OBSERVED)
     }
 
     /// Whether torques are on.
@@ -219,11 +226,14 @@ impl Robot {
 
     /// One period of the joint loop.
     pub(super) fn drive(&mut self, now: Duration, frames: &mut Vec<CanFrame>) {
-        if !self.is_live() {
-            return;
-        }
         let at = self.hand.positions_at().unwrap_or(now);
         let positions = self.hand.positions();
+        if !self.is_live() {
+            if self.phase == Phase::Starting || self.is_observed(now) {
+                self.journal.push(Record::Idle { at, positions });
+            }
+            return;
+        }
         let since = now.saturating_sub(self.stepped).as_secs_f64();
         let share = (since * SETPOINT_HZ).clamp(0.0, 1.0);
         let left = self.easing.left(now);
