@@ -147,8 +147,18 @@ impl Motion {
         }
         check_times(recording, &fingers, &rail, secs)?;
         // A pressing finger's drive is often at its limit; of such a motion only the keys are fitted.
-        let touches = !recording.keys.is_empty();
-        let saturates = drives_at_their_limits(recording, if touches { 1.0 } else { MOST_SATURATED })?;
+        let keys: Vec<KeyEvent> = recording
+            .keys
+            .iter()
+            // After the last command the hand was released.
+            .filter(|event| event.secs <= secs)
+            .filter_map(|event| {
+                let key = usize::from(event.pitch.checked_sub(LOWEST_PITCH)?);
+                (key < KEYS).then_some(KeyEvent { secs: event.secs, key, velocity: event.velocity })
+            })
+            .collect();
+        let most = if keys.is_empty() { MOST_SATURATED } else { 1.0 };
+        let saturates = drives_at_their_limits(recording, secs, most)?;
         let (start, noise) = at_rest(&before, &rail_before)?;
         let mut moves = [false; JOINTS];
         for (joint, moves) in moves.iter_mut().enumerate() {
@@ -162,14 +172,6 @@ impl Motion {
                 "nothing moves in it; record an excitation (`etude record --excitation chirp`)".to_string()
             );
         }
-        let keys = recording
-            .keys
-            .iter()
-            .filter_map(|event| {
-                let key = usize::from(event.pitch.checked_sub(LOWEST_PITCH)?);
-                (key < KEYS).then_some(KeyEvent { secs: event.secs, key, velocity: event.velocity })
-            })
-            .collect();
         Ok(Self {
             path: path.to_path_buf(),
             rig,
@@ -312,7 +314,7 @@ fn check_times(
 
 /// Which drives reached their limits often enough to identify them. Refuses recordings in which a drive was at its limit
 /// for a larger share of the time than `most`.
-fn drives_at_their_limits(recording: &Recording, most: f64) -> Result<[bool; JOINTS], String> {
+fn drives_at_their_limits(recording: &Recording, secs: f64, most: f64) -> Result<[bool; JOINTS], String> {
     let mut saturates = [false; JOINTS];
     for joint in 0..FINGER_JOINTS {
         let cut = |message: &etude_perform::HandMessage| {
@@ -323,7 +325,7 @@ fn drives_at_their_limits(recording: &Recording, most: f64) -> Result<[bool; JOI
         let (inside, cut) = recording
             .hand
             .iter()
-            .filter(|(at, _)| *at > 0.0)
+            .filter(|(at, _)| *at > 0.0 && *at <= secs)
             .fold((0usize, 0usize), |(all, cuts), (_, message)| (all + 1, cuts + usize::from(cut(message))));
         if cut as f64 > most * inside as f64 {
             return Err(format!(

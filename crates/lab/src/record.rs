@@ -64,7 +64,7 @@ pub fn record_robot(
     let mut stand = rig.open(side, seed)?;
     let ending = act(&mut stand, motion, &pose, home, &mut writer, interrupt).map_err(Into::into);
     let ending = released(&mut stand, ending);
-    let recorded = record_release(&mut stand.robot, &mut writer);
+    let recorded = record_release(&mut stand.robot, &mut stand.pace, &mut writer);
     let ending = ending?;
     recorded?;
     // The robot is stopped: its guard is not needed while the file is completed.

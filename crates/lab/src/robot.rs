@@ -213,7 +213,8 @@ pub fn play_on_robot(
             Err(error) if Interrupted::is_cause_of(&error) => released(&mut stand, Ok(None)),
             Err(error) => released(&mut stand, Err(error)),
         };
-        let recorded = writer.as_mut().map_or(Ok(()), |writer| record_release(&mut stand.robot, writer));
+        let Stand { robot, pace } = &mut stand;
+        let recorded = writer.as_mut().map_or(Ok(()), |writer| record_release(robot, pace, writer));
         let Some(performance) = performance? else {
             drop(writer);
             // It holds no music. If it cannot be removed, it is in nobody's way.

@@ -207,7 +207,7 @@ pub struct SetPointMessage {
 pub struct HandMessage {
     /// Measured angles.
     pub positions: Vec<f64>,
-    /// Angles to be at.
+    /// Angles to be at; the measured ones while the hand is not driven.
     pub reference: Vec<f64>,
     /// What the joint loop wanted, of 1200, before it was cut to the limits; to a tenth.
     pub wanted: Vec<f64>,

@@ -3,10 +3,10 @@
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
-use etude_robot::{Pace, Phase, Record, Robot};
+use etude_robot::{OBSERVED, Pace, Phase, Record, Robot};
 use etude_stage::JOINTS;
 
-use crate::recorder::RobotRecords;
+use crate::recorder::{RobotRecords, take_records};
 use crate::timing::Timing;
 use crate::{PerformError, Recorder, RecordingWriter};
 
@@ -40,15 +40,23 @@ pub fn prepare(
     Ok(())
 }
 
-/// Adds to a recording what a robot has noted since its last performance ended: why it stopped, with the number of an arm's error.
+/// Adds to a recording what a robot has recorded since its last performance ended, and what comes in the first second after its release:
+/// why it stopped, with the number of an arm's error, and how the hand and the arm came to rest.
 ///
 /// # Errors
 /// If the recording cannot be written.
-pub fn record_release(robot: &mut Robot, writer: &mut RecordingWriter) -> Result<(), PerformError> {
+pub fn record_release(
+    robot: &mut Robot,
+    pace: &mut dyn Pace,
+    writer: &mut RecordingWriter,
+) -> Result<(), PerformError> {
+    if let Some(released) = robot.let_go_at() {
+        pace.run_until(robot, released + OBSERVED);
+    }
     let begun = Duration::try_from_secs_f64(writer.begun_secs).unwrap_or_default();
-    let notes: Vec<Record> = robot.records().filter(|record| matches!(record, Record::Note { .. })).collect();
+    let records: Vec<Record> = robot.records().collect();
     let mut recorder = Recorder::new(Some(writer));
-    Ok(RobotRecords::since(begun).write_all(&notes, &mut recorder, &mut Timing::default())?)
+    Ok(RobotRecords::since(begun).write_all(&records, &mut recorder, &mut Timing::default())?)
 }
 
 /// Waits until the robot holds still, and records it meanwhile.
@@ -62,7 +70,8 @@ fn wait_for(
     loop {
         let next = pace.now() + WAIT;
         pace.run_until(robot, next);
-        RobotRecords::since(pace.now()).take(robot, recorder)?;
+        let times = RobotRecords::since(pace.now());
+        take_records(robot, pace, |records| times.write_all(records, recorder, &mut Timing::default()))?;
         match robot.phase() {
             Phase::Holding => return Ok(()),
             Phase::Fault => {

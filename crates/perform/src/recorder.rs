@@ -3,7 +3,7 @@
 use std::time::Duration;
 
 use etude_music::{KeyEvent, LOWEST_PITCH};
-use etude_robot::{Record, Robot};
+use etude_robot::{Pace, Record, Robot};
 
 use crate::messages::{ArmMessage, HandMessage, KeyMessage, Message, NoteMessage, SetPointMessage};
 use crate::recording::RecordingError;
@@ -62,6 +62,21 @@ impl<'a> Recorder<'a> {
     }
 }
 
+/// Lets `write` write what the robot has recorded since the last call, while the robot is controlled: a disk that hangs does not hold it up.
+///
+/// # Errors
+/// If writing fails.
+pub(crate) fn take_records(
+    robot: &mut Robot,
+    pace: &mut dyn Pace,
+    mut write: impl FnMut(&[Record]) -> Result<(), RecordingError> + Send,
+) -> Result<(), RecordingError> {
+    let records: Vec<Record> = robot.records().collect();
+    let mut written = Ok(());
+    pace.run_while(robot, &mut || written = write(&records));
+    written
+}
+
 /// Passes the records of a robot on to a [`Recorder`].
 pub(crate) struct RobotRecords {
     begun: Duration,
@@ -76,15 +91,6 @@ impl RobotRecords {
     /// The robot's time that is zero in the recording.
     pub(crate) fn begun(&self) -> Duration {
         self.begun
-    }
-
-    /// Passes on what the robot has recorded since the last call.
-    ///
-    /// # Errors
-    /// If writing fails.
-    pub(crate) fn take(&self, robot: &mut Robot, recorder: &mut Recorder<'_>) -> Result<(), RecordingError> {
-        let records: Vec<Record> = robot.records().collect();
-        self.write_all(&records, recorder, &mut Timing::default())
     }
 
     /// Passes records on; `timing` receives the periods of the hand.
@@ -131,6 +137,12 @@ impl RobotRecords {
                     pwm: pwm.to_vec(),
                 })
             }
+            Record::Idle { at, positions } => recorder.measured(secs(at), || HandMessage {
+                positions: positions.to_vec(),
+                reference: positions.to_vec(),
+                wanted: vec![0.0; positions.len()],
+                pwm: vec![0; positions.len()],
+            }),
             Record::Arm { at, measured, sent, rail_m } => recorder.measured(secs(at), || ArmMessage {
                 measured: measured.to_vec(),
                 sent: sent.map(|joints| joints.to_vec()),

@@ -14,7 +14,7 @@
 //! | `/target` | [`TargetMessage`] | at the beginning of every control step |
 //! | `/policy` | [`PolicyMessage`] | when a control step was commanded |
 //! | `/setpoint` | [`SetPointMessage`] | at every set-point, 200 a second |
-//! | `/hand` | [`HandMessage`] | at every period of the hand's joint loop, 333 a second |
+//! | `/hand` | [`HandMessage`] | at every period of the hand's joint loop, 333 a second, also while it starts and for a second after a release |
 //! | `/arm` | [`ArmMessage`] | at every report of the arm, 100 a second |
 //! | `/note` | [`NoteMessage`] | at a new phase, a warning, a fault |
 //!

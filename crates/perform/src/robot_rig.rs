@@ -10,7 +10,8 @@ use etude_stage::{JOINTS, PHYSICS_STEPS, RAIL};
 use crate::messages::{PolicyMessage, StepMessage, TargetMessage};
 use crate::performance::{Ending, Executed, Performance, Stepped};
 use crate::prepare::STOPPED;
-use crate::recorder::RobotRecords;
+use crate::recorder::{RobotRecords, take_records};
+use crate::recording::RecordingError;
 use crate::rig::{Command, Rig, Seen};
 use crate::shaping::Shaping;
 use crate::timing::{CONTROL_PERIOD, Timing};
@@ -32,6 +33,8 @@ pub struct RobotRig<'a> {
     records: RobotRecords,
     clamped_before: u64,
     timing: Timing,
+    /// What is not written yet of the step that has ended.
+    ended: Option<StepMessage>,
 }
 
 impl<'a> RobotRig<'a> {
@@ -42,6 +45,7 @@ impl<'a> RobotRig<'a> {
             records: RobotRecords::since(pace.now()),
             clamped_before: robot.clamped(),
             timing: Timing::default(),
+            ended: None,
             robot,
             pace,
         }
@@ -62,38 +66,47 @@ impl<'a> RobotRig<'a> {
         self.robot.follow(due, waypoints)?;
         let late = self.pace.now().saturating_sub(due);
         self.timing.command(late);
-        // What was measured in the step before, now that there is time.
-        self.record(recorder)?;
         let begin_secs = command.step as f64 / CONTROL_HZ;
-        recorder.write(begin_secs, || TargetMessage { step, targets: command.targets.to_vec() })?;
-        recorder.write(begin_secs, || PolicyMessage {
-            step,
-            observation: command.observation.to_vec(),
-            action: command.action.to_vec(),
-            late_secs: late.as_secs_f64(),
+        // With what was measured in the step before, now that there is time.
+        self.record(recorder, |recorder| {
+            recorder.write(begin_secs, || TargetMessage { step, targets: command.targets.to_vec() })?;
+            recorder.write(begin_secs, || PolicyMessage {
+                step,
+                observation: command.observation.to_vec(),
+                action: command.action.to_vec(),
+                late_secs: late.as_secs_f64(),
+            })
         })?;
         self.pace.run_until(self.robot, due + CONTROL_PERIOD);
         if self.robot.phase() != Phase::Following {
             return Ok(Err(fault(self.robot)));
         }
         let pressed = keys(self.robot);
-        recorder.write((command.step + 1) as f64 / CONTROL_HZ, || StepMessage {
+        self.ended = Some(StepMessage {
             step,
             targets: waypoints[PHYSICS_STEPS - 1].to_vec(),
             positions: self.robot.joints().to_vec(),
             pressed: pressed.pitches().collect(),
             ..StepMessage::default()
-        })?;
+        });
         Ok(Ok(pressed))
     }
 
-    /// Writes what the robot has recorded since the last call, while the robot is controlled.
-    fn record(&mut self, recorder: &mut Recorder<'_>) -> Result<(), PerformError> {
-        let records: Vec<Record> = self.robot.records().collect();
-        let (times, timing) = (&self.records, &mut self.timing);
-        let mut written = Ok(());
-        self.pace.run_while(self.robot, &mut || written = times.write_all(&records, recorder, timing));
-        Ok(written?)
+    /// Writes what was done and measured since the last call, and what `begins`, while the robot is controlled.
+    fn record(
+        &mut self,
+        recorder: &mut Recorder<'_>,
+        mut begins: impl FnMut(&mut Recorder<'_>) -> Result<(), RecordingError> + Send,
+    ) -> Result<(), PerformError> {
+        let (times, timing, mut ended) = (&self.records, &mut self.timing, self.ended.take());
+        let write = |records: &[Record]| {
+            if let Some(message) = ended.take() {
+                recorder.write((message.step + 1) as f64 / CONTROL_HZ, || message)?;
+            }
+            times.write_all(records, recorder, timing)?;
+            begins(recorder)
+        };
+        Ok(take_records(self.robot, self.pace, write)?)
     }
 
     /// Records the robot while it holds still, until `longest` has passed or `interrupt` is set.
@@ -116,7 +129,7 @@ impl<'a> RobotRig<'a> {
             }
             let next = self.pace.now() + SLICE;
             self.pace.run_until(self.robot, next);
-            self.record(recorder)?;
+            self.record(recorder, |_| Ok(()))?;
             recorder.events.clear();
             if self.robot.phase() != Phase::Holding {
                 return Ok(fault(self.robot));
@@ -163,7 +176,7 @@ impl Rig for RobotRig<'_> {
         performance: &mut Performance,
         recorder: &mut Recorder<'_>,
     ) -> Result<(), PerformError> {
-        self.record(recorder)?;
+        self.record(recorder, |_| Ok(()))?;
         performance.robot = Some(Executed {
             timing: std::mem::take(&mut self.timing),
             clamped: self.robot.clamped() - self.clamped_before,

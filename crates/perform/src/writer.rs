@@ -36,7 +36,8 @@ pub(crate) const UNINDEXED_END: [u8; 50] = {
     }
     end
 };
-/// Most messages that wait for the disk, about two minutes of a robot. When the queue is full, [`RecordingWriter::write`] blocks.
+/// Most messages that wait for the disk, about two minutes of a robot. When the queue is full, [`RecordingWriter::write`] blocks: a robot's
+/// controller does not call it, but the thread that works beside it.
 const WAITING: usize = 65_536;
 
 type McapFile = mcap::Writer<NoSeek<Pending>>;
@@ -277,6 +278,25 @@ fn write_lines(
     }
     writer.finish()?;
     Ok(file.complete(&pending.take())?)
+}
+
+#[cfg(test)]
+impl RecordingWriter {
+    /// A writer whose disk hangs. The function frees it, and ends when the writer does.
+    pub(crate) fn stuck() -> (Self, impl FnOnce() + Send) {
+        let (lines, waiting) = sync_channel(1);
+        let writer = Self {
+            path: PathBuf::new(),
+            channels: topics().into_iter().zip(1..).map(|((topic, ..), id)| (topic, id)).collect(),
+            sequence: 0,
+            begun_secs: 0.0,
+            flushed_secs: [0.0; 2],
+            lines: Some(lines),
+            thread: None,
+            failed: Arc::default(),
+        };
+        (writer, move || waiting.iter().for_each(drop))
+    }
 }
 
 #[cfg(test)]

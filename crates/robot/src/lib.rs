@@ -42,5 +42,6 @@ pub mod xarm;
 
 pub use pace::{Pace, RealTime};
 pub use robot::{
-    Doubt, Fault, Phase, Record, Refused, Robot, RobotError, WIGGLED, Wiggled, propose_fence, wiggle,
+    Doubt, Fault, OBSERVED, Phase, Record, Refused, Robot, RobotError, WIGGLED, Warmth, Wiggled,
+    propose_fence, wiggle,
 };

@@ -1,7 +1,7 @@
 //! What the controller makes of a hand that is elsewhere, does not follow, or is heard late.
 
 use etude_robot::allegro::JOINTS;
-use etude_robot::{Fault, Phase, Record, Refused};
+use etude_robot::{Doubt, Fault, Phase, Record, Refused};
 
 use crate::bench::Bench;
 
@@ -73,6 +73,43 @@ fn a_finger_that_does_not_follow_is_a_fault() {
         );
         assert_eq!(bench.devices.hand.pwm(), [0; JOINTS]);
     }
+}
+
+/// Starts the robot, leads joint 5 by 0.3 rad away from where it stood, and holds it there for some seconds.
+fn push_for(bench: &mut Bench, secs: u64) {
+    bench.start();
+    bench.until(Phase::Holding, 3000);
+    bench.run(50);
+    let away = if bench.robot.hand().positions()[5] < 0.2 { 0.3 } else { -0.3 };
+    bench.lead(5, bench.robot.hand().positions()[5] + away);
+    bench.run(1000 * secs);
+}
+
+/// What a motor has heated up by counts after a stop, until it has cooled down.
+#[test]
+fn a_joint_that_pushes_again_and_again_gets_hot() {
+    let mut bench = Bench::new();
+    push_for(&mut bench, 15);
+    assert_eq!(bench.robot.phase(), Phase::Holding, "{}", bench.fault());
+    assert_eq!(bench.devices.hand.pwm()[5], -675);
+    bench.robot.stop(bench.now(), &mut bench.devices);
+    bench.run(200);
+
+    push_for(&mut bench, 1);
+    assert_eq!(bench.robot.phase(), Phase::Holding, "{}", bench.fault());
+    bench.until(Phase::Fault, 3000);
+    let fault = bench.robot.fault();
+    assert!(matches!(fault, Some(Fault::Doubted(Doubt::Pushing { joint: 5, .. }))), "{}", bench.fault());
+    assert_eq!(bench.devices.hand.pwm(), [0; JOINTS]);
+    bench.run(200);
+    assert!(!bench.devices.hand.servo_on());
+
+    // At once after a fault there is little left; after a minute, nearly all.
+    push_for(&mut bench, 4);
+    assert_eq!(bench.robot.phase(), Phase::Fault);
+    bench.run(60_000);
+    push_for(&mut bench, 15);
+    assert_eq!(bench.robot.phase(), Phase::Holding, "{}", bench.fault());
 }
 
 /// What the joint loop takes off for damping, from each period's record: wanted = kp (reference − measured) − damping.

@@ -52,6 +52,42 @@ fn nothing_is_asked_of_a_rail_that_is_not_there() {
     }
 }
 
+/// The hand's angles are recorded while it starts and for a second after it was released; then it is quiet.
+#[test]
+fn the_hand_is_observed_before_and_after_it_has_torque() {
+    let mut bench = Bench::new();
+    bench.devices.led[5] = Some(0.2);
+    bench.run(20);
+    bench.start();
+    bench.until(Phase::Holding, 3000);
+    let idle = |records: &[Record]| -> Vec<f64> {
+        let angle = |record: &Record| match record {
+            Record::Idle { positions, .. } => Some(positions[5]),
+            _ => None,
+        };
+        records.iter().filter_map(angle).collect()
+    };
+    let starting = idle(&bench.records);
+    assert!(starting.len() > 2 && starting.iter().all(|rad| (rad - 0.2).abs() < 1e-3), "{starting:?}");
+    bench.records.clear();
+    bench.run(300);
+    assert!(idle(&bench.records).is_empty());
+    bench.devices.arm.inject_error(31);
+    bench.until(Phase::Fault, 100);
+    bench.records.clear();
+    bench.lead(5, 0.5);
+    bench.run(900);
+    let first = idle(&bench.records);
+    assert!((300..340).contains(&first.len()) && (first[first.len() - 1] - 0.5).abs() < 1e-3, "{first:?}");
+    bench.run(100);
+    bench.records.clear();
+    bench.run(1000);
+    assert!(bench.records.iter().all(|record| !matches!(record, Record::Idle { .. } | Record::Hand { .. })));
+    let mut frames = Vec::new();
+    bench.devices.hand.tick(bench.now() + 10 * crate::bench::MS, &mut frames);
+    assert!(frames.is_empty(), "the hand still reports");
+}
+
 #[test]
 fn what_the_arm_was_not_sent_is_none() {
     let mut bench = Bench::holding();

@@ -7,6 +7,7 @@ use std::time::{SystemTime, UNIX_EPOCH};
 use super::claim::Claim;
 use super::guard::Guard;
 use super::session::{Live, Stand, StandPace};
+use super::warm::WarmFile;
 use etude_robot::allegro::HandSide;
 use etude_robot::calibration::{Calibration, CalibrationError, RailPath};
 use etude_robot::rig::{RigConfig, RigError};
@@ -163,13 +164,14 @@ impl RigChoice {
                     return Err(StandError::Side { policy: side, rig: rig.hand.side });
                 }
                 let place = load_calibration(rig)?;
-                let robot = controller(rig, &place)?;
+                let mut robot = controller(rig, &place)?;
                 if claim.is_stop_requested() {
                     return Err(StandError::Stopped);
                 }
                 let wires = OpenWires::open(&rig.wires)?;
                 let guard = start_guard(path)?;
-                Ok(Stand { robot, pace: StandPace::Live(Box::new(Live::new(wires, guard, claim.clone()))) })
+                let live = Live::new(wires, guard, claim.clone(), WarmFile::new(&rig.wires), &mut robot);
+                Ok(Stand { robot, pace: StandPace::Live(Box::new(live)) })
             }
         }
     }
@@ -185,7 +187,7 @@ pub fn load_calibration(rig: &RigConfig) -> Result<Calibration, CalibrationError
     Ok(place)
 }
 
-fn controller(rig: &RigConfig, place: &Calibration) -> Result<Robot, StandError> {
+pub(super) fn controller(rig: &RigConfig, place: &Calibration) -> Result<Robot, StandError> {
     Ok(Robot::new(rig, rail_path(rig, place)?)?)
 }
 

@@ -135,7 +135,8 @@ pub fn request_stop(wires: &WiresConfig) -> Result<()> {
 const DEVICES: [fn(&WiresConfig) -> String; 2] =
     [|wires| can::device(&wires.can), |wires| xarm::device(&wires.arm)];
 
-fn file(device: &str, extension: &str) -> PathBuf {
+/// The file about a device that has this extension.
+pub(super) fn file(device: &str, extension: &str) -> PathBuf {
     let folder = Path::new("/tmp/etude");
     if std::fs::create_dir(folder).is_ok() {
         // Whoever makes it makes it for everybody.

@@ -5,6 +5,7 @@ mod choice;
 mod claim;
 mod guard;
 mod session;
+mod warm;
 
 pub use calibrate::{pitches_to_show, store_point, try_path};
 pub use choice::{

@@ -13,6 +13,7 @@ use etude_twin::Lockstep;
 
 use super::claim::Claim;
 use super::guard::{Guard, PERIOD};
+use super::warm::WarmFile;
 use crate::error::PerformError;
 use crate::prepare::{STOPPED as STOPPED_BY_ANOTHER, prepare};
 
@@ -43,14 +44,24 @@ pub struct Live {
     pace: RealTime<OpenWires>,
     guard: Guard,
     claim: Arc<Claim>,
+    warm: WarmFile,
     /// `None` where the system does not permit it: on a busy machine the robot may then stop.
     _priority: Option<Priority>,
 }
 
 impl Live {
-    pub(super) fn new(wires: OpenWires, guard: Guard, claim: Arc<Claim>) -> Self {
+    /// The `robot` learns how warm its motors are.
+    pub(super) fn new(
+        wires: OpenWires,
+        guard: Guard,
+        claim: Arc<Claim>,
+        warm: WarmFile,
+        robot: &mut Robot,
+    ) -> Self {
         let _priority = Priority::of_this_thread(Rank::Controller).ok();
-        Self { pace: RealTime::new(wires), guard, claim, _priority }
+        let pace = RealTime::new(wires);
+        robot.set_warmth(warm.read(pace.now()));
+        Self { pace, guard, claim, warm, _priority }
     }
 
     /// Stops the robot if its guard is gone or a stop was requested.
@@ -107,12 +118,16 @@ impl Drop for Stand {
         if std::thread::panicking() {
             return;
         }
-        let untouched = self.robot.phase() == Phase::Off;
-        if (untouched || self.let_go().is_ok())
-            && let StandPace::Live(live) = &mut self.pace
-        {
+        let mut released = true;
+        if self.robot.phase() != Phase::Off {
+            released = self.let_go().is_ok();
+            self.robot.leave(self.pace.wires());
+        }
+        let StandPace::Live(live) = &mut self.pace else { return };
+        if released {
             live.guard.farewell();
         }
+        live.warm.write(live.pace.now(), &self.robot.warmth());
     }
 }
 
@@ -171,26 +186,4 @@ fn in_a_worker(work: &mut (dyn FnMut() + Send), mut meanwhile: impl FnMut()) {
 }
 
 #[cfg(test)]
-mod tests {
-    use std::sync::atomic::{AtomicU32, Ordering};
-
-    use super::*;
-
-    #[test]
-    fn the_robot_is_polled_while_work_hangs() {
-        let polls = AtomicU32::new(0);
-        let mut polled = 0;
-        let mut hangs = || {
-            while polls.load(Ordering::SeqCst) < 500 {
-                std::thread::yield_now();
-            }
-        };
-        in_a_worker(&mut hangs, || {
-            polled += 1;
-            polls.store(polled, Ordering::SeqCst);
-        });
-        assert!(polled >= 500);
-        let panics = std::panic::catch_unwind(|| in_a_worker(&mut || panic!("a worker's"), || {}));
-        assert!(panics.is_err());
-    }
-}
+mod tests;

@@ -41,15 +41,25 @@ pub fn with_rig<T>(
     let Kind::Twin(mode) = kind else {
         return use_rig(&mut SimRig::nominal(task, piece).unwrap());
     };
+    with_robot(truth, task, |robot, lockstep, pose| {
+        prepare(robot, lockstep, Some(pose), None, &AtomicBool::new(false)).unwrap();
+        let simulation = mode.simulation(task, &robot.config().limits).unwrap();
+        use_rig(&mut *mode.rig(simulation, RobotRig::new(robot, lockstep, pose)))
+    })
+}
+
+/// Calls `use_robot` with the controller of a twin that is switched off, the twin, and the pose in which performances begin.
+pub fn with_robot<T>(
+    truth: &Truth,
+    task: &TaskConfig,
+    use_robot: impl FnOnce(&mut Robot, &mut Lockstep, &[f64; JOINTS]) -> T,
+) -> T {
     let rig = truth.rig();
     let mut lockstep = Lockstep::new(Twin::new(truth, HandSide::Left).unwrap()).unwrap();
     let home = PAPER_HOME_DEG.map(f64::to_radians);
     let path = RailPath::new(&calibration("twin"), rig.limits.rail_range_m, &home).unwrap();
     let mut robot = Robot::new(&rig, path).unwrap();
-    let pose = start_pose(task);
-    prepare(&mut robot, &mut lockstep, Some(&pose), None, &AtomicBool::new(false)).unwrap();
-    let simulation = mode.simulation(task, &robot.config().limits).unwrap();
-    use_rig(&mut *mode.rig(simulation, RobotRig::new(&mut robot, &mut lockstep, &pose)))
+    use_robot(&mut robot, &mut lockstep, &start_pose(task))
 }
 
 /// Plays `piece` once on a rig of this kind.

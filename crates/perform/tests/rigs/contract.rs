@@ -19,17 +19,17 @@ const FINGER: usize = 1;
 const UP: usize = 20;
 const DOWN: usize = 20;
 
-fn truth() -> Truth {
+pub fn truth() -> Truth {
     Truth::load("standard").unwrap()
 }
 
 /// Joints in rad and m: the columns of the observation are then the readings themselves.
-fn task() -> TaskConfig {
+pub fn task() -> TaskConfig {
     TaskConfig { scale: ObservationScale::Si, ..TaskConfig::default() }
 }
 
 /// Middle C, due for a second after a second of silence.
-fn piece() -> Piece {
+pub fn piece() -> Piece {
     let note = Note { pitch: 60, velocity: 80, start_secs: 0.0, end_secs: 1.0 };
     Piece::new(&Song::new("one note", vec![note], 2.0).unwrap(), 1.0).unwrap()
 }

@@ -3,4 +3,5 @@
 
 mod bench;
 mod contract;
+mod recorded;
 mod sources;

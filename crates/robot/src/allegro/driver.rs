@@ -163,9 +163,14 @@ impl Hand {
     /// Releases the hand: zero torque three times, servo off, streams off. Allowed at any time; a fault stays a fault. Until the hand
     /// has confirmed it, [`poll`](Self::poll) repeats zero torque and servo off.
     pub fn stop(&mut self, now: Duration, out: &mut Vec<CanFrame>) {
+        self.release(now, out);
+        self.commands.silence(out);
+    }
+
+    /// The same, but the streams go on, for a recording of what comes of it.
+    pub fn release(&mut self, now: Duration, out: &mut Vec<CanFrame>) {
         self.confirmed = false;
         self.let_go(now, REPEATS, out);
-        self.commands.silence(out);
         self.driven = None;
         if !matches!(self.state, HandState::Fault(_)) {
             self.state = HandState::Stopped;
@@ -212,9 +217,9 @@ impl Hand {
     /// Until the drain is over, frames may be from before the start.
     fn listens(&self) -> bool {
         match self.state {
-            HandState::Off | HandState::Stopped => false,
+            HandState::Off => false,
             HandState::Starting => !matches!(self.step, Step::Silence | Step::Drain { .. }),
-            HandState::Ready | HandState::Fault(_) => true,
+            HandState::Ready | HandState::Stopped | HandState::Fault(_) => true,
         }
     }
 
@@ -380,9 +385,9 @@ impl Hand {
         (!fresh).then_some((finger, age))
     }
 
-    /// Latches the first fault; frames that are still on their way may show others.
+    /// Latches the first fault; frames that are still on their way may show others. A hand that was stopped stays so.
     fn fail(&mut self, fault: HandFault) {
-        if !matches!(self.state, HandState::Fault(_)) {
+        if matches!(self.state, HandState::Starting | HandState::Ready) {
             self.state = HandState::Fault(fault);
             self.released = false;
             self.confirmed = false;

@@ -3,7 +3,6 @@
 use std::time::Duration;
 
 use super::axes::{AXES, RAIL_AXIS, all_axes, driven, driven_index, period};
-use super::doubt::Doubts;
 use super::following::Following;
 use super::motion::Easing;
 use super::{Fault, Phase, Record, Robot};
@@ -23,6 +22,10 @@ const OUTSIDE_RAD: f64 = 0.1;
 /// Largest lead of the rail's set-point over the arm, m: a tenth of a second at 0.6 m/s. Playing on the twin reaches 38 mm. The torque
 /// clamp does the same for the fingers: policies press by asking for up to 1.6 rad more than a key allows.
 const AHEAD_M: f64 = 0.06;
+/// Largest lead of the rail's set-point over the arm's target while a key is down, m: the arm may then not hurry after it.
+const BEFORE_TARGET_M: f64 = 0.02;
+/// Time after a release in which the hand is still observed, for recordings.
+pub const OBSERVED: Duration = Duration::from_secs(1);
 /// Longest time between two polls while torques are on. The hand holds the last torque meanwhile.
 const LONGEST_GAP: Duration = Duration::from_millis(100);
 
@@ -63,6 +66,11 @@ impl Robot {
     /// Whether hand and arm were commanded to stop.
     pub(super) fn is_released(&self) -> bool {
         matches!(self.phase, Phase::Stopped | Phase::Fault)
+    }
+
+    /// Whether the hand was released a short time ago, and still reports its angles.
+    pub(super) fn is_observed(&self, now: Duration) -> bool {
+        self.is_released() && self.let_go_at.is_some_and(|at| now.saturating_sub(at) <= OBSERVED)
     }
 
     /// Whether torques are on.
@@ -130,7 +138,7 @@ impl Robot {
         self.arm_sent = self.arm_stood.filter(|_| on_path);
         self.easing = Easing::new(now, outside);
         self.following = Following::default();
-        self.doubts = Doubts::default();
+        self.doubts.begin_anew();
         self.before = self.setpoints();
         self.arm_axis.rest(self.axes[RAIL_AXIS].position());
         self.stepped = now;
@@ -142,12 +150,17 @@ impl Robot {
     fn holds_rail(&self) -> Option<Clamp> {
         self.arm_sent?;
         let axis = &self.axes[RAIL_AXIS];
-        let ahead_m = (axis.position() - self.place().rail_m) * axis.velocity().signum();
-        if ahead_m > AHEAD_M {
+        let before = |rail_m: f64| (axis.position() - rail_m) * axis.velocity().signum();
+        if before(self.place().rail_m) > AHEAD_M {
             return Some(Clamp::Ahead);
         }
-        let fast = axis.velocity().abs() > self.config.limits.key_down_rail_velocity;
-        (fast && self.keyboard.pressed() != 0).then_some(Clamp::KeyDown)
+        let waits = self.keyboard.pressed() != 0 && before(self.arm_axis.position()) > BEFORE_TARGET_M;
+        (waits || self.drags(axis)).then_some(Clamp::KeyDown)
+    }
+
+    /// Whether a finger on a key would be dragged along the keyboard too fast.
+    fn drags(&self, rail: &Axis) -> bool {
+        rail.velocity().abs() > self.config.limits.key_down_rail_velocity && self.keyboard.pressed() != 0
     }
 
     fn set_points(&mut self, at: Duration) -> Result<(), Fault> {
@@ -199,7 +212,11 @@ impl Robot {
         if paused {
             self.arm_axis.rest(self.arm_axis.position());
         }
-        self.arm_axis.step(self.axes[RAIL_AXIS].position());
+        if self.drags(&self.arm_axis) {
+            self.arm_axis.brake();
+        } else {
+            self.arm_axis.step(self.axes[RAIL_AXIS].position());
+        }
         let rail_m = self.arm_axis.position() + self.easing.left(now)[RAIL_AXIS];
         let joints = self.path.joints(rail_m, &near).map_err(|source| Fault::Reach { rail_m, source })?;
         self.arm.servo(now, joints)?;
@@ -209,11 +226,14 @@ impl Robot {
 
     /// One period of the joint loop.
     pub(super) fn drive(&mut self, now: Duration, frames: &mut Vec<CanFrame>) {
-        if !self.is_live() {
-            return;
-        }
         let at = self.hand.positions_at().unwrap_or(now);
         let positions = self.hand.positions();
+        if !self.is_live() {
+            if self.phase == Phase::Starting || self.is_observed(now) {
+                self.journal.push(Record::Idle { at, positions });
+            }
+            return;
+        }
         let since = now.saturating_sub(self.stepped).as_secs_f64();
         let share = (since * SETPOINT_HZ).clamp(0.0, 1.0);
         let left = self.easing.left(now);

@@ -7,7 +7,8 @@
 use std::time::Duration;
 
 use super::turning::Turning;
-use crate::allegro::{JOINTS, PWM_LIMITS};
+use super::warmth::Warmth;
+use crate::allegro::JOINTS;
 use crate::calibration::RailPlace;
 use crate::xarm::{kinematics, largest_turn};
 
@@ -19,10 +20,6 @@ const SENT_RAD: f64 = 0.15;
 const SENT_M: f64 = 0.02;
 /// Share of these at which the time begins: before, a joint is as good as at rest.
 const AWAY_SHARE: f64 = 0.1;
-/// Time in which a motor warms up, s. The torque is taken as a share of the joint's limit, squared as the losses of a motor are.
-const WARMING_SECS: f64 = 10.0;
-/// The mean of these squares that is too much: sixteen seconds at the limit from rest.
-const TOO_WARM: f64 = 0.8;
 /// Longest time for which the arm may be away from where it was sent.
 const AWAY: Duration = Duration::from_millis(150);
 /// How far along the keyboard, m, while it is sent nowhere, and at most: a tenth of a second at the highest speed of the rail.
@@ -174,8 +171,7 @@ const FINGERS: usize = JOINTS / 4;
 #[derive(Clone, Debug, Default)]
 pub(super) struct Doubts {
     fingers: [Option<Reported<4, 4>>; FINGERS],
-    hand_at: Option<Duration>,
-    warm: [f64; JOINTS],
+    pub warmth: Warmth,
     turning: Turning,
     arm: Option<Reported<{ kinematics::JOINTS }, 1>>,
     arm_way: Option<Reported<{ kinematics::JOINTS }, { kinematics::JOINTS }>>,
@@ -188,6 +184,11 @@ pub(super) struct Doubts {
 }
 
 impl Doubts {
+    /// Nothing but the warmth of the motors counts any more.
+    pub fn begin_anew(&mut self) {
+        *self = Self { warmth: self.warmth, ..Self::default() };
+    }
+
     /// Takes a period's angles, where the joints were sent (rad), and the torques.
     pub fn hand(
         &mut self,
@@ -208,16 +209,9 @@ impl Doubts {
                 self.found.get_or_insert(Doubt::FingerRepeats { finger, since, sent_rad });
             }
         }
-        let secs = at.saturating_sub(self.hand_at.unwrap_or(at)).as_secs_f64();
-        self.hand_at = Some(at);
-        let part = (secs / WARMING_SECS).min(1.0);
-        for (joint, (warm, (pwm, limit))) in self.warm.iter_mut().zip(pwm.iter().zip(PWM_LIMITS)).enumerate()
-        {
-            let share = f64::from(*pwm) / f64::from(limit);
-            *warm += part * (share * share - *warm);
-            if *warm > TOO_WARM {
-                self.found.get_or_insert(Doubt::Pushing { joint, share: warm.sqrt() });
-            }
+        self.warmth.take(at, pwm);
+        if let Some((joint, warm)) = self.warmth.too_warm() {
+            self.found.get_or_insert(Doubt::Pushing { joint, share: warm.sqrt() });
         }
     }
 

@@ -35,7 +35,11 @@ impl Robot {
         }
         if self.is_released() && now.saturating_sub(self.released_at) >= RELEASE_AGAIN {
             self.released_at = now;
-            self.hand.stop(now, &mut frames);
+            if self.is_observed(now) {
+                self.hand.release(now, &mut frames);
+            } else {
+                self.hand.stop(now, &mut frames);
+            }
         }
         self.frames = frames;
         self.arm.poll(now, &mut self.bytes);
@@ -156,12 +160,22 @@ impl Robot {
         }
     }
 
+    /// Releases the hand once more, and ends its reports: for a program that ends.
+    pub fn leave(&mut self, wires: &mut dyn Wires) {
+        self.frames.clear();
+        self.hand.stop(self.released_at, &mut self.frames);
+        for frame in &self.frames {
+            let _ = wires.send_frame(*frame);
+        }
+    }
+
     /// Zero torque and servo off for the hand, state 4 for the arm; errors of the connections are ignored.
     pub(super) fn release(&mut self, now: Duration, wires: &mut dyn Wires) {
         self.released_at = now;
+        self.let_go_at.get_or_insert(now);
         self.frames.clear();
         self.bytes.clear();
-        self.hand.stop(now, &mut self.frames);
+        self.hand.release(now, &mut self.frames);
         self.arm.stop(now, &mut self.bytes);
         // A failed connection must not keep the other device from being stopped.
         for frame in &self.frames {

@@ -25,16 +25,19 @@ mod phase;
 mod plan;
 mod record;
 mod turning;
+mod warmth;
 mod way;
 mod wiggle;
 
 use std::time::Duration;
 
+pub use advance::OBSERVED;
 pub use doubt::Doubt;
 pub use fault::{Fault, Refused, RobotError};
 pub use phase::Phase;
 pub use plan::propose_fence;
 pub use record::Record;
+pub use warmth::Warmth;
 pub use wiggle::{WIGGLED, Wiggled, wiggle};
 
 use crate::allegro::{Hand, JointLoop};
@@ -81,8 +84,9 @@ pub struct Robot {
     measured: bool,
     stepped: Duration,
     polled: Option<Duration>,
-    /// When the hand was released last.
+    /// When the hand was released last, and first since the start.
     released_at: Duration,
+    let_go_at: Option<Duration>,
     /// Joints that the arm was last asked for; `None` while the arm is not on its path.
     arm_sent: Option<[f64; kinematics::JOINTS]>,
     /// Where it stood when the robot began to hold still, rad.
@@ -133,6 +137,7 @@ impl Robot {
             stepped: Duration::ZERO,
             polled: None,
             released_at: Duration::ZERO,
+            let_go_at: None,
             arm_sent: None,
             arm_stood: None,
             arm_seen: None,
@@ -154,6 +159,7 @@ impl Robot {
         self.plan = None;
         self.stream = None;
         self.arm_sent = None;
+        self.let_go_at = None;
         self.joint_loop.reset();
         self.keyboard.acknowledge();
         self.hand.start(now);
@@ -355,6 +361,21 @@ impl Robot {
     /// The rig that it controls.
     pub fn config(&self) -> &RigConfig {
         &self.config
+    }
+
+    /// How warm the motors of the hand are. It counts from one start to the next.
+    pub fn warmth(&self) -> Warmth {
+        self.doubts.warmth
+    }
+
+    /// Tells how warm the motors of the hand are already.
+    pub fn set_warmth(&mut self, warmth: Warmth) {
+        self.doubts.warmth = warmth;
+    }
+
+    /// When the hand was released first since the start.
+    pub fn let_go_at(&self) -> Option<Duration> {
+        self.let_go_at
     }
 
     /// Takes the records since the last call.

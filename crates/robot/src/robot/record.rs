@@ -36,6 +36,13 @@ pub enum Record {
         /// What was sent.
         pwm: [i16; allegro::JOINTS],
     },
+    /// Angles of the hand while it is not driven: while it starts, and in the first second after it was released.
+    Idle {
+        /// When they were in.
+        at: Duration,
+        /// Measured angles, as on the wire, rad.
+        positions: [f64; allegro::JOINTS],
+    },
     /// A report of the arm.
     Arm {
         /// When.

@@ -60,6 +60,8 @@ pub enum Policy {
     Still,
     /// Waves within the limits, over a third of the keyboard.
     Smooth,
+    /// From one end of the keyboard to the other, as fast as the limits allow.
+    Sweeps,
     /// Something else at every set-point.
     Jumps,
     /// Numbers that are none.
@@ -74,6 +76,8 @@ impl Policy {
             Self::Smooth if joint == RAIL => from[RAIL] + rise(0.12, 1.5),
             Self::Smooth if joint % 4 == 0 => from[joint],
             Self::Smooth => from[joint] + rise(0.1, 6.0 + joint as f64 * 0.1),
+            Self::Sweeps if joint == RAIL => 0.3f64.copysign((3.0 * secs).sin()),
+            Self::Sweeps => from[joint],
             Self::Jumps if joint == RAIL => dice.signed(),
             Self::Jumps => dice.signed() * 3.0,
             Self::Nonsense => match dice.below(5) {
@@ -184,11 +188,12 @@ impl Wires for Tap<'_> {
     }
 
     fn receive_midi(&mut self, bytes: &mut Vec<u8>) -> Result<(), MidiError> {
-        self.inner.receive_midi(bytes)?;
+        self.inner.receive_midi(bytes).inspect_err(|_| self.judge.midi_lost())?;
         bytes.append(&mut self.mischief.midi);
         if let Some(flood) = &mut self.mischief.midi_flood {
             flood(bytes);
         }
+        self.judge.midi_bytes(self.now, bytes);
         Ok(())
     }
 }

@@ -1,6 +1,6 @@
 //! The rows of the fault matrix: what goes wrong, what must come of it in each phase, and how it is mended.
 
-mod arm;
+pub mod arm;
 mod controller;
 mod hand;
 mod keyboard;
@@ -65,13 +65,21 @@ pub struct Row {
     pub name: &'static str,
     /// Starting, holding, homing, moving, following, stopped.
     pub ends: [End; 6],
-    /// Part of what the operator reads: of the fault, or of the keyboard's warnings if there is none.
+    /// Part of what the operator reads: of the fault, or of the keyboard's warnings if there is none. Alternatives have a bar between
+    /// them.
     pub says: &'static str,
     pub lost: Lost,
     /// The cause stays until it is removed, so that a start before that fails.
     pub stays: bool,
     pub strike: fn(&mut Bench),
     pub mend: fn(&mut Bench),
+}
+
+impl Row {
+    /// Whether this is what the operator should read.
+    pub fn is_said(&self, text: &str) -> bool {
+        self.says.split('|').any(|part| text.contains(part))
+    }
 }
 
 /// What most rows have: nothing happens, and what is done at the wires ends.

@@ -34,6 +34,10 @@ const TARGET_SECS: f64 = 0.005;
 const LONGEST_SECS: f64 = 0.02;
 /// The first target may be so far from the arm: reports are up to 10 ms old, and it may still brake.
 const FIRST_RAD: f64 = 0.1;
+/// Time after a key went down in which the hand may not yet brake: a poll, a set-point, a target, and the jerk of each.
+const REACTION_SECS: f64 = 0.025;
+/// Lowest and highest note of the keyboard.
+const NOTES: [u8; 2] = [36, 84];
 /// Set-points per second.
 const SETPOINT_SECS: f64 = 0.005;
 
@@ -56,11 +60,21 @@ pub struct Judge {
     /// Register and first parameter of the last request that changes what the arm does.
     last_order: Option<(u8, u8)>,
     target: Option<(Duration, [f64; 7])>,
-    /// Speed along the keyboard between the last two targets, m/s.
+    /// Speed (m/s) and acceleration (m/s²) along the keyboard between the last targets.
     arm_speed: f64,
-    /// The longest step of the flange from target to target, and the greatest acceleration along the keyboard.
+    arm_acceleration: f64,
+    /// The longest step of the flange from target to target, and the greatest acceleration and jerk along the keyboard.
     pub worst_step_m: f64,
     pub worst_m_s2: f64,
+    pub worst_m_s3: f64,
+    /// Status of the keyboard's messages, and the first data byte of one that is not whole yet.
+    midi: (u8, Option<u8>),
+    /// Notes that sound, and since when one does.
+    notes: u128,
+    sounds_since: Option<Duration>,
+    key_down_m_s: f64,
+    /// Greatest speed along the keyboard while a key sounds and the hand has had time to brake, m/s.
+    pub worst_key_down_m_s: f64,
     past: [Past; 13],
     /// Whether the arm is told where to be by the set-point of the rail.
     rail_moves: bool,
@@ -88,8 +102,15 @@ impl Judge {
             last_order: None,
             target: None,
             arm_speed: 0.0,
+            arm_acceleration: 0.0,
             worst_step_m: 0.0,
             worst_m_s2: 0.0,
+            worst_m_s3: 0.0,
+            midi: (0, None),
+            notes: 0,
+            sounds_since: None,
+            key_down_m_s: rig.limits.key_down_rail_velocity,
+            worst_key_down_m_s: 0.0,
             past: [Past::default(); 13],
             rail_moves: false,
             drove: false,
@@ -133,6 +154,35 @@ impl Judge {
             }
             _ => panic!("nothing of ours has this identifier: {frame:?}"),
         }
+    }
+
+    /// Bytes come from the keyboard.
+    pub fn midi_bytes(&mut self, now: Duration, bytes: &[u8]) {
+        for &byte in bytes {
+            match (byte, self.midi) {
+                (0xF8..=0xFF, _) => {}
+                // System messages hold no notes.
+                (0xF0..=0xF7, _) => self.midi = (0, None),
+                (0x80..=0xEF, _) => self.midi = (byte, None),
+                (_, (0 | 0xC0..=0xDF, _)) => {}
+                (_, (status, None)) => self.midi = (status, Some(byte)),
+                (_, (status, Some(note))) => {
+                    self.midi = (status, None);
+                    let on_keyboard = (NOTES[0]..=NOTES[1]).contains(&note);
+                    match (status >> 4, byte) {
+                        (9, 1..) if on_keyboard => self.notes |= 1 << note,
+                        (8, _) | (9, 0) => self.notes &= !(1 << note),
+                        _ => {}
+                    }
+                }
+            }
+        }
+        self.sounds_since = (self.notes != 0).then(|| self.sounds_since.unwrap_or(now));
+    }
+
+    /// The keyboard is gone.
+    pub fn midi_lost(&mut self) {
+        (self.midi, self.notes, self.sounds_since) = ((0, None), 0, None);
     }
 
     /// Bytes go to the arm.
@@ -180,7 +230,7 @@ impl Judge {
         }
         if register != 29 {
             self.target = None;
-            self.arm_speed = 0.0;
+            (self.arm_speed, self.arm_acceleration) = (0.0, 0.0);
         }
         // After a change of mode, the set-point of the rail begins anew where the arm then is.
         self.rail_moves = register == 29 || self.rail_moves && register != 19;
@@ -205,9 +255,10 @@ impl Judge {
             let along = forward(&joints).position_m[1] - forward(&before).position_m[1];
             let speed = along / TARGET_SECS;
             if (now - at).as_secs_f64() > 1.75 * TARGET_SECS {
-                self.arm_speed = 0.0;
+                (self.arm_speed, self.arm_acceleration) = (0.0, 0.0);
             }
             let acceleration = (speed - self.arm_speed) / TARGET_SECS;
+            let jerk = (acceleration - self.arm_acceleration) / TARGET_SECS;
             let limits = &self.limits[12];
             // Besides: what a joint that started outside its range is eased by, and what floats round off.
             assert!(speed.abs() <= limits.velocity + 0.03, "{speed} m/s along the keyboard");
@@ -215,7 +266,19 @@ impl Judge {
                 acceleration.abs() <= limits.acceleration * 1.02 + 0.3,
                 "{acceleration} m/s² along the keyboard"
             );
-            self.arm_speed = speed;
+            assert!(jerk.abs() <= limits.jerk * 1.02 + 30.0, "{jerk} m/s³ along the keyboard");
+            if let Some(since) = self.sounds_since {
+                let braked_secs = (now - since).as_secs_f64() - REACTION_SECS;
+                let braking = limits.velocity - limits.acceleration * braked_secs.max(0.0);
+                // Besides: what one target may add before the hand brakes again.
+                let most = braking.max(self.key_down_m_s + limits.acceleration * TARGET_SECS) + 0.03;
+                assert!(speed.abs() <= most, "{speed} m/s, {braked_secs} s after a key went down");
+                if braking < self.key_down_m_s {
+                    self.worst_key_down_m_s = self.worst_key_down_m_s.max(speed.abs());
+                }
+            }
+            (self.arm_speed, self.arm_acceleration) = (speed, acceleration);
+            self.worst_m_s3 = self.worst_m_s3.max(jerk.abs());
             self.worst_step_m = self.worst_step_m.max(way_m);
             self.worst_m_s2 = self.worst_m_s2.max(acceleration.abs());
         } else if let Some(arm) = &self.arm {

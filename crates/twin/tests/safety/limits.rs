@@ -1,6 +1,8 @@
 //! Whatever a policy asks, an operator does, and devices and wires say or break: the judge finds nothing outside
 //! the limits, and nothing panics.
 
+use std::cell::RefCell;
+use std::rc::Rc;
 use std::time::Duration;
 
 use etude_emulators::faults::FaultPlan;
@@ -31,6 +33,8 @@ enum Event {
     Replies(u64, u8),
     Reports(u64, u8),
     Midi(u64, u8),
+    /// A key goes down, or comes up.
+    Key(u8, bool),
     /// Hand, arm or keyboard, for so many milliseconds.
     Cut(u8, u8),
     Stall(u8),
@@ -50,6 +54,7 @@ fn any_policy() -> impl Strategy<Value = Policy> {
     prop_oneof![
         3 => Just(Policy::Smooth),
         3 => Just(Policy::Jumps),
+        3 => Just(Policy::Sweeps),
         1 => Just(Policy::Nonsense),
         1 => Just(Policy::Still),
         1 => Just(Policy::Silent),
@@ -71,6 +76,7 @@ fn any_event() -> impl Strategy<Value = Event> {
         1 => any::<(u64, u8)>().prop_map(|(seed, count)| Event::Replies(seed, count)),
         1 => any::<(u64, u8)>().prop_map(|(seed, count)| Event::Reports(seed, count)),
         1 => any::<(u64, u8)>().prop_map(|(seed, count)| Event::Midi(seed, count)),
+        3 => (36u8..85, any::<bool>()).prop_map(|(note, down)| Event::Key(note, down)),
         1 => any::<(u8, u8)>().prop_map(|(wire, millis)| Event::Cut(wire % 3, millis)),
         1 => any::<u8>().prop_map(Event::Stall),
         2 => any::<u8>().prop_map(Event::Device),
@@ -157,6 +163,7 @@ fn happen(bench: &mut Bench, event: &Event) {
         Event::Replies(seed, count) => bench.mischief.replies = dice(*seed).bytes((*count).into()),
         Event::Reports(seed, count) => bench.mischief.reports = dice(*seed).bytes((*count).into()),
         Event::Midi(seed, count) => bench.mischief.midi = dice(*seed).bytes((*count).into()),
+        Event::Key(note, down) => bench.mischief.midi = vec![0x90, *note, u8::from(*down) * 64],
         Event::Cut(wire, millis) => {
             let wires = [FaultKind::CanBusOff, FaultKind::ArmDisconnect, FaultKind::KeyboardUnplugged];
             let cut = wires[usize::from(*wire) % 3];
@@ -243,6 +250,38 @@ proptest! {
         bench.run(200);
         prop_assert!(matches!(bench.robot.phase(), Phase::Stopped | Phase::Fault));
     }
+}
+
+/// Sweeps along the keyboard while a key goes down and comes up, and replies of the arm are held back.
+#[test]
+fn a_hand_brakes_while_a_key_is_down() {
+    let mut bench = Bench::at_the_keyboard(&Truth::load("standard").unwrap());
+    bench.start_and_hold();
+    bench.follow(Policy::Sweeps);
+    for round in 0..40 {
+        // At another place of a sweep in each round.
+        bench.run(100 + 37 * round % 300);
+        bench.mischief.midi = vec![0x90, 60, 64];
+        let held = Rc::new(RefCell::new(Vec::new()));
+        let keep = Rc::clone(&held);
+        bench.mischief.alter_replies = Some(Box::new(move |bytes| keep.borrow_mut().append(bytes)));
+        bench.run(2 * round);
+        bench.mischief.alter_replies = None;
+        bench.mischief.replies.append(&mut held.borrow_mut());
+        bench.run(400);
+        bench.mischief.midi = vec![62, 0, 60, 0];
+    }
+    assert_eq!(bench.robot.phase(), Phase::Following, "{:?}", bench.robot.fault());
+    let judge = &bench.judge;
+    println!(
+        "{} m/s, {} m/s³; {} m/s with a key",
+        judge.worst_step_m / 0.005,
+        judge.worst_m_s3,
+        judge.worst_key_down_m_s
+    );
+    let limits = &bench.robot.config().limits;
+    assert!(judge.worst_step_m > 0.9 * limits.rail_velocity * 0.005);
+    assert!(judge.worst_key_down_m_s > 0.9 * limits.key_down_rail_velocity);
 }
 
 /// The property above is worth something only if robots do move in it.

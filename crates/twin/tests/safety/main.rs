@@ -4,6 +4,7 @@
 //! |---|---|
 //! | `playing` | an undisturbed robot starts, goes to the keyboard and follows |
 //! | `matrix` | each fault in each phase ends as its table says (`target/fault-matrix.md`) |
+//! | `elsewhere` | whichever joint of the arm is not where it was sent, the robot stops |
 //! | `ordered` | each kind of fault that a truth can order ends a performance |
 //! | `recovery` | wires that come back, and what an operator may ask while the arm moves by itself |
 //! | `limits` | whatever is asked, heard or broken, nothing outside the limits is ever sent |
@@ -19,6 +20,7 @@
 mod bench;
 mod determinism;
 mod dice;
+mod elsewhere;
 mod faults;
 mod fuzz;
 mod judge;

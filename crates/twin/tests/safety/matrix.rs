@@ -92,7 +92,7 @@ fn cell(bench: &mut Bench, row: &Row, when: When, says: &mut Option<String>) -> 
                     bench.policy = Policy::Still;
                 }
                 let warned = bench.until(WARNED_WITHIN, |b| {
-                    b.robot.keyboard().warnings().any(|warning| warning.to_string().contains(row.says))
+                    b.robot.keyboard().warnings().any(|warning| row.is_said(&warning.to_string()))
                 });
                 let phase = bench.robot.phase();
                 assert!(expected_phase(when).contains(&phase), "{place}: {phase:?} {:?}", bench.notes);
@@ -122,7 +122,7 @@ fn cell(bench: &mut Bench, row: &Row, when: When, says: &mut Option<String>) -> 
             stands_still(bench, row.lost, &place);
             // Latched, in its final words.
             let fault = bench.robot.fault().map_or(fault, ToString::to_string);
-            assert!(fault.contains(row.says), "{place}: {fault}");
+            assert!(row.is_said(&fault), "{place}: {fault}");
             assert!(says.as_ref().is_none_or(|said| *said == fault || !row.says.is_empty()), "{place}");
             *says = Some(fault);
             format!("fault, {took} ms")

@@ -1,4 +1,5 @@
 use super::*;
+use crate::allegro::PWM_LIMITS;
 
 const PERIOD: Duration = Duration::from_millis(3);
 

@@ -27,7 +27,7 @@ fn replies(bench: &mut Bench, change: fn(&mut [u8])) {
 }
 
 /// What becomes of a joint (from 0) in each report of the arm.
-fn report_joint(bench: &mut Bench, joint: usize, change: fn(f32) -> f32) {
+pub fn report_joint(bench: &mut Bench, joint: usize, change: impl Fn(f32) -> f32 + 'static) {
     bench.mischief.alter_reports = Some(Box::new(move |bytes| {
         let angle = bytes[JOINTS..].as_chunks_mut::<4>().0[joint].as_mut();
         let changed = change(f32::from_le_bytes([angle[0], angle[1], angle[2], angle[3]]));
@@ -39,7 +39,7 @@ pub const ROWS: &[Row] = &[
     Row {
         name: "arm's link cut",
         ends: [Fault(2), Fault(2), Fault(2), Fault(2), Fault(2), GoesOn],
-        says: "arm",
+        says: "the connection to the arm broke",
         lost: Lost::Arm,
         stays: true,
         strike: |b| b.begin(FaultKind::ArmDisconnect),
@@ -98,7 +98,7 @@ pub const ROWS: &[Row] = &[
     Row {
         name: "the arm's reports repeat",
         ends: [GoesOn, GoesOn, Fault(800), Fault(1000), Fault(1500), GoesOn],
-        says: "arm",
+        says: "the arm has reported the same angles",
         strike: |b| {
             let mut first = None;
             b.mischief.alter_reports =
@@ -122,7 +122,7 @@ pub const ROWS: &[Row] = &[
     Row {
         name: "arm's controller closes the connection and takes a new one at once",
         ends: [Fault(3), Fault(3), Fault(3), Fault(3), Fault(3), GoesOn],
-        says: "arm",
+        says: "the connection to the arm broke",
         strike: Bench::reconnect_arm,
         ..ROW
     },
@@ -200,7 +200,7 @@ pub const ROWS: &[Row] = &[
         name: "the arm's reports have one joint 0.3 rad off",
         // A start that is under way finds the arm beside the keyboard.
         ends: [GoesOn, Fault(200), Fault(200), Fault(200), Fault(200), GoesOn],
-        says: "arm",
+        says: "turned by 0.30 rad|joint 4 of the arm is 0.30 rad from where it was sent",
         strike: |b| report_joint(b, 3, |rad| rad + 0.3),
         ..ROW
     },
@@ -228,7 +228,7 @@ pub const ROWS: &[Row] = &[
     Row {
         name: "another client sends the arm targets 0.3 rad away",
         ends: [Fault(700), Fault(500), Fault(500), Fault(500), Fault(500), GoesOn],
-        says: "arm",
+        says: "turned by 0.30 rad|a joint would be too fast|the tool would be too fast",
         strike: |b| {
             let mut joints = b.lockstep.twin.devices.arm.joints();
             joints[0] += 0.3;

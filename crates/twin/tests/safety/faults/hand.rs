@@ -7,7 +7,7 @@ use etude_twin::FaultKind;
 
 use super::End::{Fault, GoesOn};
 use super::{Lost, ROW, Row};
-use crate::bench::{AlterFrame, Mischief};
+use crate::bench::{AlterFrame, Mischief, Policy};
 
 /// Identifiers of the first finger's positions and torques, and of the hand's state; each finger is 4 on.
 const POSITIONS: u16 = 0x080;
@@ -61,7 +61,7 @@ pub const ROWS: &[Row] = &[
         name: "CAN loses 30 % of all frames",
         // A matter of chance: within seconds, five frames of one finger in a row.
         ends: [Fault(4000), Fault(4000), Fault(4000), Fault(4000), Fault(4000), GoesOn],
-        says: "hand",
+        says: "no angles from finger",
         strike: |b| b.mischief.frame_loss = 0.3,
         ..ROW
     },
@@ -112,7 +112,7 @@ pub const ROWS: &[Row] = &[
         name: "an encoder jumps by 0.9 rad",
         // From a start on, that is a joint outside its range.
         ends: [Fault(150), Fault(15), Fault(15), Fault(15), Fault(15), GoesOn],
-        says: "joint 4",
+        says: "joint 4 jumped by 0.89 rad|joint 4 of the hand is at 0.89 rad",
         strike: |b| b.mischief.from_hand = Some(joint(4, |counts| counts.saturating_add(10_000))),
         ..ROW
     },
@@ -174,7 +174,7 @@ pub const ROWS: &[Row] = &[
     Row {
         name: "an encoder reads its highest number (0x7FFF)",
         ends: [Fault(150), Fault(15), Fault(15), Fault(15), Fault(15), GoesOn],
-        says: "joint 9",
+        says: "joint 9 reads 2.91 rad",
         stays: true,
         strike: |b| b.mischief.from_hand = Some(joint(9, |_| i16::MAX)),
         ..ROW
@@ -207,6 +207,27 @@ pub const ROWS: &[Row] = &[
         ..ROW
     },
     Row {
+        name: "a joint pushes against its stop (its encoder's zero drifts by 0.4 rad)",
+        // Its motor stays warm from one start to the next.
+        ends: [GoesOn, Fault(20_000), Fault(8000), Fault(8000), Fault(8000), GoesOn],
+        says: "joint 7 of the hand has pushed with",
+        strike: |b| {
+            if b.policy == Policy::Smooth {
+                b.policy = Policy::Still;
+            }
+            let mut offset = 0;
+            b.mischief.from_hand = Some(joint(7, move |counts| {
+                offset = (offset + 20).min(4500);
+                counts + offset
+            }));
+        },
+        mend: |b| {
+            b.mischief = Mischief::default();
+            b.lockstep.twin.straighten_fingers();
+        },
+        ..ROW
+    },
+    Row {
         name: "a joint gets no torque (its motor's cable is loose)",
         ends: [GoesOn, GoesOn, GoesOn, GoesOn, Fault(3000), GoesOn],
         says: "joint 5 of the hand stays",
@@ -220,7 +241,7 @@ pub const ROWS: &[Row] = &[
     Row {
         name: "no more replies about the hand's state",
         ends: [Fault(2100), Fault(1110), Fault(1110), Fault(1110), Fault(1110), GoesOn],
-        says: "hand",
+        says: "the hand does not answer|the hand has not reported its state",
         stays: true,
         strike: |b| {
             b.mischief.from_hand =
