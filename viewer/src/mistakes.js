@@ -14,6 +14,8 @@ const ms = (secs) => `${Math.abs(secs * 1000).toFixed(0)} ms`;
  */
 export function mistakes(take) {
   const found = [];
+  // A song that is written equally loud throughout asks for no dynamics.
+  const dynamic = new Set(take.dueNotes.map((due) => due.velocity)).size > 1;
   take.dueNotes.forEach((due, index) => {
     const heard = take.heard[index];
     const note = heard && take.notes[heard.note];
@@ -22,7 +24,7 @@ export function mistakes(take) {
     const error = note.start - due.start;
     if (!heard.right) add(error > 0 ? 'too late' : 'too early', ms(error));
     const louder = note.velocity - due.velocity;
-    if (Math.abs(louder) > VELOCITY_TOLERANCE) add(louder > 0 ? 'too loud' : 'too soft', `${note.velocity}, not ${due.velocity}`);
+    if (dynamic && Math.abs(louder) > VELOCITY_TOLERANCE) add(louder > 0 ? 'too loud' : 'too soft', `${note.velocity}, not ${due.velocity}`);
   });
   const played = new Set(take.heard.map((heard) => heard?.note));
   take.notes.forEach((note, index) => {

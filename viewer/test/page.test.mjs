@@ -208,7 +208,7 @@ test('a note that was not struck is missed in the roll and on the keyboard, also
 });
 
 test('the mistakes are listed by kind, each once, and a click goes there', async () => {
-  const due = [60, 62, 64, 65, 67].map((pitch, index) => ({ pitch, start: 1 + index, end: 1.8 + index, velocity: 60 }));
+  const due = [60, 62, 64, 65, 67].map((pitch, index) => ({ pitch, start: 1 + index, end: 1.8 + index, velocity: index === 4 ? 61 : 60 }));
   const stroke = (pitch, start, velocity) => ({ pitch, start, end: start + 0.25, velocity });
   const notes = [stroke(60, 1, 61), stroke(62, 2.08, 60), stroke(64, 2.93, 101), stroke(65, 4, 19), stroke(70, 4.5, 60)];
   const heard = [{ note: 0, right: true }, { note: 1, right: false }, { note: 2, right: false }, { note: 3, right: true }, null];
@@ -223,6 +223,12 @@ test('the mistakes are listed by kind, each once, and a click goes there', async
     await list.getByRole('button', { name: 'A♯4' }).click();
     assert.equal(await page.evaluate(() => window.etude.time()), 4.5);
     assert.equal(await page.getByRole('group', { name: 'Mistakes of take B' }).locator('p').textContent(), 'No mistakes.');
+  });
+  // A song that is written equally loud throughout: none is too loud or too soft.
+  const even = { ...wrong, due_notes: due.map((note) => ({ ...note, velocity: 60 })) };
+  await withPage(await browser.write({ version: 1, takes: [even], partings: [] }), {}, async (page) => {
+    const kinds = await page.getByRole('group', { name: 'Mistakes' }).locator('.kind > span').allTextContents();
+    assert.deepEqual(kinds, ['missed: 1', 'too early: 1', 'too late: 1', 'wrong stroke: 1']);
   });
 });
 

@@ -1,5 +1,6 @@
 //! `etude train`: what a run leaves, and that stopping, killing and threads change none of it.
 
+use std::path::Path;
 use std::process::{Child, Command, Stdio};
 use std::time::Duration;
 
@@ -23,11 +24,15 @@ fn assert_same_results(desk: &Desk, a: &str, b: &str) {
 }
 
 /// Starts a training, whose standard output nobody reads, and waits until it has saved a checkpoint after its first update.
-pub fn start_and_wait(desk: &Desk, args: &str, folder: &str) -> Child {
-    let mut command = desk.tiny(args);
+fn start_and_wait(desk: &Desk, args: &str, folder: &str) -> Child {
+    started(&mut desk.tiny(args), &desk.path(folder))
+}
+
+/// The same for a command that trains in `folder`.
+pub fn started(command: &mut Command, folder: &Path) -> Child {
     let mut child = command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
     drop(child.stdout.take());
-    let rows = desk.path(folder).join("metrics.jsonl");
+    let rows = folder.join("metrics.jsonl");
     while std::fs::read_to_string(&rows).map_or(0, |text| text.lines().count()) < 3 {
         assert!(child.try_wait().unwrap().is_none(), "it ended before it could be stopped");
         std::thread::sleep(Duration::from_millis(5));
