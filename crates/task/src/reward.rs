@@ -206,7 +206,7 @@ fn holding(moment: &Moment) -> f64 {
 /// Difference between force and velocity, as a share of 127, up to which a strike earns everything, and further that at which it earns
 /// a tenth.
 const VELOCITY_BOUND: f64 = 0.05;
-const VELOCITY_MARGIN: f64 = 1.0;
+const VELOCITY_MARGIN: f64 = 0.4;
 
 /// For each note that begins in the step and is struck in it, how near the force is to the note's velocity. It is never negative,
 /// so that holding a key through pays less than striking it again.

@@ -311,7 +311,7 @@ fn a_strike_earns_by_how_near_it_is_to_the_velocity_of_its_note() {
     };
     for velocity in [1, 64, 127] {
         let error = (strike.force - f64::from(velocity)).abs() / 127.0;
-        assert_near(earned(struck, true, velocity), tolerance(error, 0.05, 1.0), "a note that begins");
+        assert_near(earned(struck, true, velocity), tolerance(error, 0.05, 0.4), "a note that begins");
     }
     assert_near(earned(struck, false, 64), 0.0, "a note that sounds already");
     assert_near(earned(struck + 7, true, 64), 0.0, "a note that is not struck");
