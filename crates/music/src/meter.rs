@@ -90,13 +90,17 @@ impl BeatGrid {
         &self.stretches
     }
 
+    /// The stretch at this many seconds; none before the first.
+    fn stretch_at(&self, secs: f64) -> Option<&Stretch> {
+        let index = self.stretches.partition_point(|stretch| stretch.start_secs <= secs + TINY_SECS);
+        index.checked_sub(1).map(|index| &self.stretches[index])
+    }
+
     /// Bar and beat at this many seconds.
     pub fn position(&self, secs: f64) -> Position {
-        let index = self.stretches.partition_point(|stretch| stretch.start_secs <= secs + TINY_SECS);
-        match index.checked_sub(1) {
+        match self.stretch_at(secs) {
             None => Position { bar: 0, beat: 1.0 },
-            Some(index) => {
-                let stretch = &self.stretches[index];
+            Some(stretch) => {
                 let (bar, gone) = stretch.after((secs - stretch.start_secs) / stretch.beat_secs);
                 Position { bar, beat: gone + 1.0 }
             }
@@ -105,8 +109,7 @@ impl BeatGrid {
 
     /// Length of a beat at this many seconds, s; before the first stretch that of its beats.
     pub fn beat_secs(&self, secs: f64) -> f64 {
-        let index = self.stretches.partition_point(|stretch| stretch.start_secs <= secs + TINY_SECS);
-        self.stretches[index.saturating_sub(1)].beat_secs
+        self.stretch_at(secs).unwrap_or(&self.stretches[0]).beat_secs
     }
 
     /// Times of the bar lines from the beginning of the first full bar on, before `until_secs`, s.

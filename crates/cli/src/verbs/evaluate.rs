@@ -1,6 +1,6 @@
 //! `etude evaluate`: how well a policy plays in many worlds.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::atomic::Ordering;
 
 use etude_lab::{GridConfig, GridReport, evaluate_grid, find_song};
@@ -63,7 +63,9 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
         note("stopped; nothing was written");
         return Ok(Ending::Stopped);
     };
-    let out = args.out.unwrap_or_else(|| args.pianist.folder(&args.song).join("worlds.csv"));
+    let out = args
+        .out
+        .unwrap_or_else(|| Path::new("out").join(args.pianist.folder_name(&args.song)).join("worlds.csv"));
     report.write_csv(&out)?;
     if args.json {
         json(&report)?

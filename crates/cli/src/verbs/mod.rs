@@ -62,9 +62,9 @@ pub struct PianistArgs {
 }
 
 impl PianistArgs {
-    /// Folder of what is played, if none is given: the song, and what was asked for beside it. So nobody replaces the files of another
-    /// player, or of the same one in another world.
-    fn folder(&self, asked: &str) -> PathBuf {
+    /// Name of the folder of what is played, if none is given: the song, and what was asked for beside it. So nobody replaces the files
+    /// of another player, or of the same one in another world.
+    fn folder_name(&self, asked: &str) -> String {
         let mut name = slug(asked);
         let mut add = |part: &str| name = format!("{name}-{}", etude_show::slug(part));
         if self.scripted {
@@ -81,7 +81,7 @@ impl PianistArgs {
             let (path, value) = change.split_once('=').unwrap_or((change, ""));
             add(&format!("{}-{value}", path.rsplit('.').next().unwrap_or(path)));
         }
-        PathBuf::from("out").join(name)
+        name
     }
 
     /// The player of `song`, which was asked for as `asked`; says so if it learned another one.

@@ -1,6 +1,6 @@
 //! `etude perform`: play a song on a robot, or on its twin.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use etude_lab::{RobotPlay, RobotReport, RunEnded, find_song, play_on_robot};
 use etude_music::sound::SoundFont;
@@ -76,8 +76,7 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
     let pianist = args.pianist.load(&args.song, &song)?;
     let font = args.soundfont.as_deref().map(SoundFont::load).transpose()?;
     let folder = args.out.clone().unwrap_or_else(|| {
-        let folder = args.pianist.folder(&args.song);
-        folder.with_file_name(format!("{}-{}", folder.file_name().unwrap_or_default().display(), args.mode))
+        Path::new("out").join(format!("{}-{}", args.pianist.folder_name(&args.song), args.mode))
     });
     let play = RobotPlay {
         mode: args.mode,

@@ -1,6 +1,6 @@
 //! `etude play`: play a song with a trained policy.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use anyhow::Context as _;
 use etude_lab::{PlayReport, find_song, play};
@@ -47,7 +47,7 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
     let stop = stop_flag()?;
     let pianist = args.pianist.load(&args.song, &song)?;
     let font = args.soundfont.as_deref().map(SoundFont::load).transpose().context("no sound")?;
-    let folder = args.out.unwrap_or_else(|| args.pianist.folder(&args.song));
+    let folder = args.out.unwrap_or_else(|| Path::new("out").join(args.pianist.folder_name(&args.song)));
     let report = play(&song, &pianist, &folder, font.as_ref(), &stop)?;
     if args.json {
         json(&report)?

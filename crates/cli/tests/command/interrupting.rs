@@ -1,6 +1,7 @@
 //! Ctrl-C, a closed terminal, a closed pipe: nothing is lost, nothing half done counts, and the exit code is 3.
 
 use std::io::{BufRead as _, BufReader};
+use std::path::PathBuf;
 use std::process::{Child, Command, Stdio};
 use std::time::Duration;
 
@@ -8,10 +9,6 @@ use serde_json::Value;
 
 use crate::training::{LONGER, started};
 use crate::{Desk, TINY, errors, processes};
-
-fn signal(child: &Child, name: &str) {
-    processes::signal(child.id(), name);
-}
 
 #[test]
 fn a_closed_terminal_saves_a_training_and_nohup_keeps_it_running() {
@@ -24,7 +21,7 @@ fn a_closed_terminal_saves_a_training_and_nohup_keeps_it_running() {
         env.current_dir(desk.path("")).arg(signals).arg(assert_cmd::cargo::cargo_bin!("etude"));
         env.args(["train", "short.mid", "-o", folder]).args(TINY.iter().flat_map(|set| ["--set", set]));
         let child = started(env.args(LONGER.split_whitespace()), &desk.path(folder));
-        signal(&child, "HUP");
+        processes::signal(child.id(), "HUP");
         let output = child.wait_with_output().unwrap();
         assert_eq!(output.status.code(), Some(code), "{folder}: {}", errors(&output));
     }
@@ -50,7 +47,7 @@ fn interrupted_in_the_second_run(desk: &Desk, more: &str) -> std::process::Outpu
     while size("run-2.mcap") < size("run-1.mcap") * 6 / 10 {
         std::thread::sleep(Duration::from_millis(5));
     }
-    signal(&child, "INT");
+    processes::signal(child.id(), "INT");
     child.wait_with_output().unwrap()
 }
 
@@ -69,19 +66,27 @@ fn an_interrupted_performance_counts_in_no_mean() {
     assert_eq!(interrupted_in_the_second_run(&desk, "-o closed").status.code(), Some(3));
 }
 
+/// What a command says that is interrupted as soon as the file is there; it must end with 3.
+fn interrupted_at(mut command: Command, file: impl FnOnce(&Child) -> PathBuf) -> String {
+    let child = command.stdout(Stdio::null()).stderr(Stdio::piped()).spawn().unwrap();
+    let file = file(&child);
+    while !file.exists() {
+        std::thread::sleep(Duration::from_millis(1));
+    }
+    processes::signal(child.id(), "INT");
+    let output = child.wait_with_output().unwrap();
+    assert_eq!(output.status.code(), Some(3), "{}", errors(&output));
+    errors(&output)
+}
+
 #[test]
 fn a_performance_that_is_interrupted_before_it_plays_leaves_no_recording() {
     let desk = Desk::new();
-    let perform = desk.command("perform ode-to-joy --scripted -o begun");
-    let child = { perform }.stdout(Stdio::null()).stderr(Stdio::piped()).spawn().unwrap();
     // The recording is opened when the robot starts.
-    while !desk.path("begun/run-1.mcap").exists() {
-        std::thread::sleep(Duration::from_millis(1));
-    }
-    signal(&child, "INT");
-    let output = child.wait_with_output().unwrap();
-    assert_eq!(output.status.code(), Some(3), "{}", errors(&output));
-    assert!(errors(&output).contains("interrupted before a run was complete"), "{}", errors(&output));
+    let said = interrupted_at(desk.command("perform ode-to-joy --scripted -o begun"), |_| {
+        desk.path("begun/run-1.mcap")
+    });
+    assert!(said.contains("interrupted before a run was complete"), "{said}");
     assert!(!desk.path("begun/run-1.mcap").exists() && !desk.path("begun/report.json").exists());
 }
 
@@ -97,16 +102,12 @@ fn an_interrupted_play_leaves_the_folder_as_it_was() {
         names.into_iter().map(|path| (std::fs::read(&path).unwrap(), path)).collect::<Vec<_>>()
     };
     let before = seen();
-    let play = desk.command("play ode-to-joy --scripted -o mine");
-    let child = { play }.stdout(Stdio::null()).stderr(Stdio::piped()).spawn().unwrap();
-    let unfinished = desk.path(format!("mine/.unfinished-{}", child.id()));
-    while !unfinished.join("recording.mcap").exists() {
-        std::thread::sleep(Duration::from_millis(1));
-    }
-    signal(&child, "INT");
-    let output = child.wait_with_output().unwrap();
-    assert_eq!(output.status.code(), Some(3), "{}", errors(&output));
-    assert!(errors(&output).contains("nothing was written"), "{}", errors(&output));
+    let mut unfinished = PathBuf::new();
+    let said = interrupted_at(desk.command("play ode-to-joy --scripted -o mine"), |child| {
+        unfinished = desk.path(format!("mine/.unfinished-{}", child.id()));
+        unfinished.join("recording.mcap")
+    });
+    assert!(said.contains("nothing was written"), "{said}");
     assert!(seen() == before && !unfinished.exists());
 
     // When it is done, the page of the performance before is gone with it.

@@ -4,7 +4,7 @@ use std::path::Path;
 use std::process::{Child, Command, Stdio};
 use std::time::Duration;
 
-use crate::{Desk, errors, succeed};
+use crate::{Desk, errors, processes, succeed};
 
 /// What must be the same, byte for byte, in two runs of one training.
 const RESULTS: [&str; 3] =
@@ -40,11 +40,6 @@ pub fn started(command: &mut Command, folder: &Path) -> Child {
     child
 }
 
-fn signal(child: &Child, name: &str) {
-    let sent = Command::new("sh").arg("-c").arg(format!("kill -{name} {}", child.id())).status().unwrap();
-    assert!(sent.success());
-}
-
 #[test]
 fn a_run_is_complete_and_describes_itself() {
     let desk = Desk::new();
@@ -77,7 +72,7 @@ fn threads_and_an_interruption_change_nothing() {
     succeed(desk.tiny(&format!("short.mid -o whole --set trainer.threads=1 {LONGER}")));
     let more = format!("short.mid -o parts --set trainer.threads=2 --set trainer.overlap=false {LONGER}");
     let child = start_and_wait(&desk, &more, "parts");
-    signal(&child, "INT");
+    processes::signal(child.id(), "INT");
     let output = child.wait_with_output().unwrap();
     assert_eq!(output.status.code(), Some(3), "{}", errors(&output));
     assert!(errors(&output).contains("stopping and saving"), "{}", errors(&output));
@@ -121,7 +116,7 @@ fn a_training_begins_with_what_another_one_has_learned() {
     assert_eq!((&first["step"], &first["eval/f1"]), (&0.into(), &desk.json(&play)["f1"]));
 
     let child = start_and_wait(&desk, &format!("{more} -o parts --set trainer.threads=2"), "parts");
-    signal(&child, "INT");
+    processes::signal(child.id(), "INT");
     assert_eq!(child.wait_with_output().unwrap().status.code(), Some(3));
     // The source is not needed to go on.
     std::fs::remove_dir_all(desk.path("source")).unwrap();
