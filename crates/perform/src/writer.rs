@@ -2,12 +2,11 @@
 //! does not delay a robot.
 //!
 //! The file is whole at any moment: after each chunk comes an end without an index, which the next chunk replaces. So other readers
-//! of MCAP open it too when the program was killed.
+//! of MCAP open it too when the program was killed, also in the middle of a write.
 
 use std::collections::BTreeMap;
 use std::fs::File;
 use std::io::Write;
-use std::os::unix::fs::FileExt as _;
 use std::path::{Path, PathBuf};
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
@@ -40,6 +39,13 @@ pub(crate) const UNINDEXED_END: [u8; 50] = {
 /// controller does not call it, but the thread that works beside it.
 const WAITING: usize = 65_536;
 
+/// Smallest page of a file's cache, bytes.
+const PAGE: usize = 4096;
+/// Opcode of the records that fill a page up. Readers skip records whose opcodes they do not know.
+const FILLER: u8 = 0x80;
+/// Opcode and length of a record, bytes.
+const RECORD_HEADER: usize = 9;
+
 type McapFile = mcap::Writer<NoSeek<Pending>>;
 
 /// What the MCAP writer has written and the file does not yet have: it is not at the end of a record after each of its writes.
@@ -50,6 +56,10 @@ impl Pending {
     /// No code panics while it holds the lock.
     fn take(&self) -> Vec<u8> {
         std::mem::take(&mut self.0.lock().unwrap_or_else(PoisonError::into_inner))
+    }
+
+    fn is_empty(&self) -> bool {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner).is_empty()
     }
 }
 
@@ -64,43 +74,73 @@ impl Write for Pending {
     }
 }
 
-/// A file that always has an end.
-struct Ended {
-    file: File,
-    /// Where the end begins.
+/// Where a recording is written to.
+trait Disk {
+    fn write_all_at(&mut self, bytes: &[u8], offset: u64) -> std::io::Result<()>;
+    fn set_len(&mut self, len: u64) -> std::io::Result<()>;
+}
+
+impl Disk for File {
+    fn write_all_at(&mut self, bytes: &[u8], offset: u64) -> std::io::Result<()> {
+        std::os::unix::fs::FileExt::write_all_at(self, bytes, offset)
+    }
+
+    fn set_len(&mut self, len: u64) -> std::io::Result<()> {
+        // A device such as /dev/full has no length.
+        if self.metadata()?.is_file() { File::set_len(self, len) } else { Ok(()) }
+    }
+}
+
+/// A file that has an end at any moment. A write can be killed where a page of the file begins, but not within a page. So the
+/// records are written behind the old end, with the new end first, and the bytes that replace the old end come last: until then
+/// readers stop at the old end.
+struct Ended<D> {
+    disk: D,
+    /// Where the end begins; it lies within one page. 0 if nothing is written yet.
     len: u64,
 }
 
-impl Ended {
-    /// Writes whole records in the place of the end, with a new end behind them. If the disk is full, the old end is put back.
-    fn add(&mut self, mut records: Vec<u8>) -> std::io::Result<()> {
+impl<D: Disk> Ended<D> {
+    /// Bytes to add behind `records` bytes so that an end fits into the page there.
+    fn filler(&self, records: usize) -> usize {
+        let left = PAGE - (self.len as usize + records) % PAGE;
+        if left >= UNINDEXED_END.len() { 0 } else { left.max(RECORD_HEADER) }
+    }
+
+    /// Writes whole records in the place of the end, with a new end behind them. [`Self::filler`] is 0 for them.
+    fn add(&mut self, records: &[u8]) -> std::io::Result<()> {
         if records.is_empty() {
             return Ok(());
         }
-        let len = records.len();
-        records.extend(UNINDEXED_END);
-        self.written(&records)?;
-        self.len += len as u64;
+        self.replace_end(records, self.len + records.len() as u64)?;
+        self.len += records.len() as u64;
         Ok(())
-    }
-
-    /// Writes `bytes` in the place of the end.
-    fn written(&self, bytes: &[u8]) -> std::io::Result<()> {
-        let written = self.file.write_all_at(bytes, self.len);
-        if written.is_err() && self.len > 0 {
-            // What is cut off first makes room for the end. If this fails too, the first error says why.
-            let _ = self.file.set_len(self.len);
-            let _ = self.file.write_all_at(&UNINDEXED_END, self.len);
-        }
-        written
     }
 
     /// Writes the last records, which have an end of their own.
     fn complete(&mut self, records: &[u8]) -> std::io::Result<()> {
-        self.written(records)?;
-        // A device such as /dev/full has no length.
         let len = self.len + records.len() as u64;
-        if self.file.metadata()?.is_file() { self.file.set_len(len) } else { Ok(()) }
+        // This end is cut off again. At the beginning of a page it fits.
+        self.replace_end(records, len.next_multiple_of(PAGE as u64))?;
+        self.disk.set_len(len)
+    }
+
+    /// Writes `records` in the place of the end and another end at `end`. If that fails, for example because the disk is full, the
+    /// old end stays.
+    fn replace_end(&mut self, records: &[u8], end: u64) -> std::io::Result<()> {
+        let split = if self.len == 0 { 0 } else { UNINDEXED_END.len().min(records.len()) };
+        let (first, rest) = records.split_at(split);
+        let mut write = || {
+            self.disk.write_all_at(&UNINDEXED_END, end)?;
+            self.disk.write_all_at(rest, self.len + split as u64)?;
+            self.disk.write_all_at(first, self.len)
+        };
+        let written = write();
+        if written.is_err() && self.len > 0 {
+            // If this fails too, the first error says why.
+            let _ = self.disk.set_len(self.len + UNINDEXED_END.len() as u64);
+        }
+        written
     }
 }
 
@@ -133,28 +173,12 @@ impl RecordingWriter {
     /// If the file cannot be created or written.
     pub fn create(path: &Path, header: &Header) -> Result<Self, RecordingError> {
         let fail = |message: String| RecordingError::Write { path: path.to_path_buf(), message };
-        let options = mcap::WriteOptions::new()
-            .compression(None)
-            .profile("")
-            .library(concat!("etude ", env!("CARGO_PKG_VERSION")))
-            .chunk_size(Some(CHUNK_BYTES))
-            .disable_seeking(true);
         let pending = Pending::default();
-        let open = || -> mcap::McapResult<(McapFile, Vec<(&'static str, u16)>)> {
-            let mut writer = options.create(NoSeek::new(pending.clone()))?;
-            let mut channels = Vec::new();
-            for (topic, name, schema) in topics() {
-                let schema =
-                    writer.add_schema(name, "jsonschema", schema.to_value().to_string().as_bytes())?;
-                channels.push((topic, writer.add_channel(schema, topic, "json", &BTreeMap::new())?));
-            }
-            Ok((writer, channels))
-        };
-        let (writer, channels) = open().map_err(|error| fail(cause(&error)))?;
+        let (mut writer, channels) = begin(&pending).map_err(|error| fail(cause(&error)))?;
         let file =
             File::create(path).map_err(|source| RecordingError::Open { path: path.to_path_buf(), source })?;
-        let mut file = Ended { file, len: 0 };
-        file.add(pending.take()).map_err(|error| fail(error.to_string()))?;
+        let mut file = Ended { disk: file, len: 0 };
+        add_pending(&mut writer, &pending, &mut file).map_err(|error| fail(cause(&error)))?;
         let failed = Arc::new(OnceLock::new());
         let (lines, waiting) = sync_channel(WAITING);
         let told = Arc::clone(&failed);
@@ -262,22 +286,54 @@ fn cause(error: &mcap::McapError) -> String {
     }
 }
 
+/// A writer of MCAP with the channels of all messages.
+fn begin(pending: &Pending) -> mcap::McapResult<(McapFile, Vec<(&'static str, u16)>)> {
+    let options = mcap::WriteOptions::new()
+        .compression(None)
+        .profile("")
+        .library(concat!("etude ", env!("CARGO_PKG_VERSION")))
+        .chunk_size(Some(CHUNK_BYTES))
+        .disable_seeking(true);
+    let mut writer = options.create(NoSeek::new(pending.clone()))?;
+    let mut channels = Vec::new();
+    for (topic, name, schema) in topics() {
+        let schema = writer.add_schema(name, "jsonschema", schema.to_value().to_string().as_bytes())?;
+        channels.push((topic, writer.add_channel(schema, topic, "json", &BTreeMap::new())?));
+    }
+    Ok((writer, channels))
+}
+
 /// Writes lines until the channel closes, then completes the file.
-fn write_lines(
+fn write_lines<D: Disk>(
     mut writer: McapFile,
     pending: &Pending,
-    mut file: Ended,
+    mut file: Ended<D>,
     lines: &Receiver<Line>,
 ) -> mcap::McapResult<()> {
     for line in lines {
         writer.write_to_known_channel(&line.header, &line.text)?;
-        if line.flush {
-            writer.flush()?;
+        if line.flush || !pending.is_empty() {
+            add_pending(&mut writer, pending, &mut file)?;
         }
-        file.add(pending.take())?;
     }
     writer.finish()?;
     Ok(file.complete(&pending.take())?)
+}
+
+/// Writes to the file what is pending, and what fills the page up if the end does not fit.
+fn add_pending<D: Disk>(
+    writer: &mut McapFile,
+    pending: &Pending,
+    file: &mut Ended<D>,
+) -> mcap::McapResult<()> {
+    writer.flush()?;
+    let mut records = pending.take();
+    let filler = file.filler(records.len());
+    if filler > 0 {
+        writer.write_private_record(FILLER, &vec![0; filler - RECORD_HEADER], Default::default())?;
+        records.extend(pending.take());
+    }
+    Ok(file.add(&records)?)
 }
 
 #[cfg(test)]
@@ -302,7 +358,104 @@ impl RecordingWriter {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::StepMessage;
+    use crate::{Recording, StepMessage};
+
+    /// Keeps what a kill could leave: the bytes after each page of each write.
+    #[derive(Default)]
+    struct Killable {
+        bytes: Vec<u8>,
+        left: Arc<Mutex<Vec<Vec<u8>>>>,
+        /// Bytes that fit on it.
+        room: Option<usize>,
+    }
+
+    impl Disk for Killable {
+        fn write_all_at(&mut self, bytes: &[u8], offset: u64) -> std::io::Result<()> {
+            let mut offset = offset as usize;
+            let mut bytes = bytes;
+            while !bytes.is_empty() {
+                let (page, rest) = bytes.split_at(bytes.len().min(PAGE - offset % PAGE));
+                if self.room.is_some_and(|room| offset + page.len() > room) {
+                    return Err(std::io::ErrorKind::StorageFull.into());
+                }
+                let end = self.bytes.len().max(offset + page.len());
+                self.bytes.resize(end, 0);
+                self.bytes[offset..offset + page.len()].copy_from_slice(page);
+                self.left.lock().unwrap().push(self.bytes.clone());
+                (bytes, offset) = (rest, offset + page.len());
+            }
+            Ok(())
+        }
+
+        fn set_len(&mut self, len: u64) -> std::io::Result<()> {
+            self.bytes.resize(len as usize, 0);
+            self.left.lock().unwrap().push(self.bytes.clone());
+            Ok(())
+        }
+    }
+
+    /// What a recording leaves on a disk with `room` at each moment of its writing, steps of up to `longest` positions.
+    fn left_behind(room: Option<usize>, longest: usize) -> Vec<Vec<u8>> {
+        let disk = Killable { room, ..Killable::default() };
+        let left = Arc::clone(&disk.left);
+        let mut file = Ended { disk, len: 0 };
+        let pending = Pending::default();
+        let (mut writer, channels) = begin(&pending).unwrap();
+        add_pending(&mut writer, &pending, &mut file).unwrap();
+        let (lines, waiting) = sync_channel(WAITING);
+        let send = |topic: &str, text: Vec<u8>, sequence| {
+            let channel_id = channels.iter().find(|(name, _)| *name == topic).unwrap().1;
+            let header = MessageHeader { channel_id, sequence, log_time: 0, publish_time: 0 };
+            lines.send(Line { header, text, flush: sequence % 2 == 1 }).unwrap();
+        };
+        let header = Header { schema: SCHEMA, ..Header::default() };
+        send(Header::TOPIC, serde_json::to_vec(&header).unwrap(), 1);
+        for step in 2..120 {
+            let positions = vec![0.1; (step as usize * 379) % longest];
+            send(
+                StepMessage::TOPIC,
+                serde_json::to_vec(&StepMessage { positions, ..StepMessage::default() }).unwrap(),
+                step,
+            );
+        }
+        drop(lines);
+        let written = write_lines(writer, &pending, file, &waiting);
+        assert_eq!(written.is_err(), room.is_some());
+        std::mem::take(&mut left.lock().unwrap())
+    }
+
+    /// Number of messages in a file that another reader accepts: its footer, its index, and its records up to the first footer.
+    fn read_by_mcap(bytes: &[u8]) -> usize {
+        let indexed = mcap::read::footer(bytes).unwrap().summary_start > 0;
+        assert_eq!(
+            mcap::Summary::read(bytes).unwrap().is_some_and(|summary| summary.stats.is_some()),
+            indexed
+        );
+        let options = mcap::read::Options::IgnoreEndMagic.into();
+        mcap::MessageStream::new_with_options(bytes, options).unwrap().map(Result::unwrap).count()
+    }
+
+    #[test]
+    fn a_file_is_whole_wherever_its_writing_is_killed() {
+        for longest in [11, 400, 5000] {
+            let left = left_behind(None, longest);
+            // The first write begins the file.
+            let begun = left.iter().position(|bytes| bytes.starts_with(mcap::MAGIC)).unwrap();
+            let counts: Vec<usize> = left[begun + 2..].iter().map(|bytes| read_by_mcap(bytes)).collect();
+            assert!(counts.is_sorted() && counts.last() == Some(&119), "{counts:?}");
+            assert!(Recording::from_bytes(left.last().unwrap()).unwrap().complete);
+        }
+    }
+
+    #[test]
+    fn a_file_is_whole_when_the_disk_is_full() {
+        let whole = left_behind(None, 400).last().unwrap().len();
+        for room in (whole / 4..whole).step_by(997) {
+            let left = left_behind(Some(room), 400);
+            assert!(read_by_mcap(left.last().unwrap()) > 0, "{room}");
+            assert!(!Recording::from_bytes(left.last().unwrap()).unwrap().complete);
+        }
+    }
 
     /// A full disk is reported by `write`, while there is time to stop, and by `finish`.
     #[test]

@@ -401,7 +401,7 @@ fn kill_recordings(robot: &[f64], lockstep: &[f64]) {
             false => desk.command(&format!("{in_lockstep} -o {index}")),
         };
         let mut process = command.stdout(Stdio::null()).stderr(Stdio::null()).spawn().unwrap();
-        wait_for("it never began to record", || file.exists());
+        wait_for("it never began to record", || Recording::read(&file).is_ok());
         std::thread::sleep(Duration::from_secs_f64(*moment));
         process.kill().unwrap();
         process.wait().unwrap();
