@@ -2,6 +2,7 @@
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
 #![allow(clippy::print_stdout, reason = "the test harness shows it on request")]
 
+mod documented;
 mod experiments;
 mod exporting;
 mod interrupting;

@@ -134,34 +134,3 @@ fn the_scripted_player_needs_no_training() {
     assert_eq!(report["player"], "scripted");
     assert!(report["limits"].as_str().unwrap().contains("notes"));
 }
-
-/// Notes right and wrong of the shipped policies, as in docs/results/learning.md.
-const SHIPPED: [(&str, usize, usize); 7] = [
-    ("are-you-sleeping", 32, 1),
-    ("happy-birthday", 25, 1),
-    ("ode-to-joy", 30, 0),
-    ("twinkle", 14, 0),
-    ("c-major-scale", 15, 0),
-    ("d-major-scale", 15, 0),
-    ("chord-progression", 11, 0),
-];
-
-/// What a shipped policy claims, it must play. Another processor rounds otherwise, and a contact may then fall the other way: hence
-/// the tolerances.
-#[test]
-fn every_built_in_song_has_a_policy_that_plays_as_well_as_it_claims() {
-    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../policies");
-    for song in etude_music::repertoire::ids() {
-        let path = folder.join(format!("{song}.safetensors"));
-        let claimed =
-            etude_learn::Policy::load(&path).unwrap().header().notes["scores"]["f1"].as_f64().unwrap();
-        let desk = Desk::new();
-        let report = desk.json(&format!("play {song} --policy {} -o out --json", path.display()));
-        let f1 = report["f1"].as_f64().unwrap();
-        assert!((f1 - claimed).abs() < 0.03, "{song}: claimed {claimed}, played {f1}");
-        let (_, right, wrong) =
-            SHIPPED.into_iter().find(|(id, ..)| *id == song).expect("a row for each song");
-        let [matched, stray] = ["matched", "wrong"].map(|key| report[key].as_u64().unwrap() as usize);
-        assert!(matched + 1 >= right && stray <= wrong + 2, "{song}: {matched} notes right, {stray} wrong");
-    }
-}

@@ -1,0 +1,192 @@
+//! Numbers in the documents: what they say of the shipped policies and of the scripted player is what these play.
+//!
+//! Another processor rounds otherwise, and a contact may then fall the other way: hence the tolerances.
+
+use std::path::{Path, PathBuf};
+
+use crate::Desk;
+
+/// Tolerance of F1 and onset F1.
+const SCORE: f64 = 0.03;
+/// Tolerances of notes right and wrong.
+const RIGHT: f64 = 1.0;
+const WRONG: f64 = 2.0;
+
+fn root() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../..")
+}
+
+fn document(name: &str) -> String {
+    std::fs::read_to_string(root().join(name)).unwrap()
+}
+
+/// The shipped policy of `song`.
+fn shipped(song: &str) -> PathBuf {
+    root().join(format!("policies/{song}.safetensors"))
+}
+
+/// A table of a document with a row for each built-in song.
+struct Table {
+    name: String,
+    header: Vec<String>,
+    rows: Vec<Vec<String>>,
+}
+
+fn cells(line: &str) -> Vec<String> {
+    line.trim_matches('|').split('|').map(|cell| cell.trim().to_string()).collect()
+}
+
+impl Table {
+    /// The table in `document` whose header begins with `header`.
+    fn read(name: &str, header: &str) -> Self {
+        let document = document(name);
+        let lines: Vec<_> = document.lines().skip_while(|line| !line.starts_with(header)).collect();
+        assert!(!lines.is_empty(), "{name} has no table `{header}`");
+        let rows = lines.iter().skip(2).take_while(|line| line.starts_with('|'));
+        let rows: Vec<_> = rows.map(|line| cells(line)).collect();
+        for song in etude_music::repertoire::ids() {
+            assert!(rows.iter().any(|row| row[0] == song), "{name} has no row for {song}");
+        }
+        Self { name: name.to_string(), header: cells(lines[0]), rows }
+    }
+
+    fn text(&self, song: &str, column: &str) -> &str {
+        let at = self
+            .header
+            .iter()
+            .position(|name| name == column)
+            .unwrap_or_else(|| panic!("no column {column}"));
+        &self.rows.iter().find(|row| row[0] == song).unwrap()[at]
+    }
+
+    /// The number with which a cell begins.
+    fn number(&self, song: &str, column: &str) -> f64 {
+        leading_number(self.text(song, column))
+    }
+
+    fn check(&self, song: &str, column: &str, played: f64, tolerance: f64) {
+        let said = self.number(song, column);
+        assert!(
+            (said - played).abs() <= tolerance,
+            "{}: {song}, {column}: {said}, but it is {played}",
+            self.name
+        );
+    }
+}
+
+fn leading_number(text: &str) -> f64 {
+    let end = text.find(|c: char| !(c.is_ascii_digit() || c == '.')).unwrap_or(text.len());
+    text[..end].parse().unwrap_or_else(|_| panic!("`{text}` begins with no number"))
+}
+
+/// Checks a table of `scripts/notes_table.py`: `player` chooses who plays.
+fn check_notes(table: &Table, player: impl Fn(&str) -> String) {
+    for song in etude_music::repertoire::ids() {
+        let report = Desk::new().json(&format!("play {song} {} -o out --json", player(song)));
+        let number = |key: &str| report[key].as_f64().unwrap();
+        for (column, played, tolerance) in [
+            ("notes right", number("matched"), RIGHT),
+            ("wrong", number("wrong"), WRONG),
+            ("onset F1", number("onset_f1"), 2.0 * SCORE),
+            ("F1", number("f1"), SCORE),
+        ] {
+            table.check(song, column, played, tolerance);
+        }
+        let due = number("matched") + number("missed");
+        assert!(
+            table.text(song, "notes right").ends_with(&format!("of {due}")),
+            "{song}: {due} notes are due"
+        );
+    }
+}
+
+fn policies() -> Table {
+    Table::read("docs/results/learning.md", "| song | notes right | wrong | onset F1 |")
+}
+
+#[test]
+fn the_shipped_policies_play_what_the_documents_say() {
+    check_notes(&policies(), |song| format!("--policy {}", shipped(song).display()));
+}
+
+#[test]
+fn the_scripted_player_plays_what_the_documents_say() {
+    check_notes(
+        &Table::read("docs/results/scripted.md", "| song | notes right | wrong | onset F1 |"),
+        |_| "--scripted".to_string(),
+    );
+}
+
+/// F1 in real execution; notes right of those due, wrong ones.
+#[test]
+fn the_shipped_policies_play_on_the_twin_what_the_documents_say() {
+    let table = Table::read("docs/results/robot.md", "| song | simulation | joint-mirroring |");
+    let lead = leading_number(table.text("lead", "real")) * 1e-3;
+    for song in etude_music::repertoire::ids() {
+        let desk = Desk::new();
+        let set = format!("--set task.plan.lead_secs={lead}");
+        let report = desk.json(&format!(
+            "perform {song} --policy {} --robot twin {set} -o out --json",
+            shipped(song).display()
+        ));
+        let number = |key: &str| report[key].as_f64().unwrap();
+        table.check(song, "real", number("robot_f1"), SCORE);
+        let parts: Vec<_> = table.text(song, "real").split("; ").collect();
+        let (notes, wrong) = parts[1].split_once(", ").unwrap();
+        let [right, wrong] = [notes, wrong].map(leading_number);
+        assert!(
+            (right - number("notes_right")).abs() <= RIGHT,
+            "{song}: {right} right, but {}",
+            number("notes_right")
+        );
+        assert!(
+            (wrong - number("notes_wrong")).abs() <= 2.0 * WRONG,
+            "{song}: {wrong} wrong, but {}",
+            number("notes_wrong")
+        );
+    }
+}
+
+/// Sums and means elsewhere are those of the tables.
+#[test]
+fn the_sums_in_the_documents_are_those_of_the_tables() {
+    let table = policies();
+    let songs: Vec<_> = etude_music::repertoire::ids().collect();
+    let paper = &["are-you-sleeping", "happy-birthday", "ode-to-joy", "twinkle", "c-major-scale"][..];
+    let sum = |songs: &[&str], column| songs.iter().map(|song| table.number(song, column)).sum::<f64>();
+    let mean = |songs: &[&str]| sum(songs, "F1") / songs.len() as f64;
+    let (all, five) = (mean(&songs), mean(paper));
+    let [right, wrong] = ["notes right", "wrong"].map(|column| sum(&songs, column));
+    let [five_right, five_wrong] = ["notes right", "wrong"].map(|column| sum(paper, column));
+    for (name, said) in [
+        ("docs/results/learning.md", format!("All {right} notes, and {wrong} wrong ones")),
+        ("docs/results/learning.md", format!("the mean F1 is {all:.3}, of the paper's five songs {five:.3}")),
+        ("docs/introduction.md", format!("F1 {five:.3} in the mean")),
+        ("docs/introduction.md", format!("they play all {right} of the seven songs, and {wrong} wrong ones")),
+        (
+            "README.md",
+            format!(
+                "the paper's five songs | {five_right} of {five_right}, {five_wrong} wrong | {five:.3} |"
+            ),
+        ),
+    ] {
+        assert!(document(name).contains(&said), "{name} does not say `{said}`");
+    }
+    for (song, title) in
+        [("twinkle", "Twinkle"), ("c-major-scale", "C-major scale"), ("ode-to-joy", "Ode to Joy")]
+    {
+        let [notes, wrong, f1] = ["notes right", "wrong", "F1"].map(|column| table.text(song, column));
+        let said = format!("| {title} | {notes}, {wrong} wrong | {f1} |");
+        assert!(document("README.md").contains(&said), "README.md does not say `{said}`");
+    }
+}
+
+/// The table is the one place for what a shipped policy plays; its file says the same.
+#[test]
+fn the_files_of_the_shipped_policies_claim_what_the_documents_say() {
+    let table = policies();
+    for song in etude_music::repertoire::ids() {
+        let policy = etude_learn::Policy::load(&shipped(song)).unwrap();
+        table.check(song, "F1", policy.header().notes["scores"]["f1"].as_f64().unwrap(), SCORE);
+    }
+}
