@@ -12,6 +12,7 @@ use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 use std::thread::JoinHandle;
 
+use atomic_write_file::AtomicWriteFile;
 use mcap::records::MessageHeader;
 use mcap::write::NoSeek;
 
@@ -101,13 +102,7 @@ struct Ended<D> {
 }
 
 impl<D: Disk> Ended<D> {
-    /// Bytes to add behind `records` bytes so that an end fits into the page there.
-    fn filler(&self, records: usize) -> usize {
-        let left = PAGE - (self.len as usize + records) % PAGE;
-        if left >= UNINDEXED_END.len() { 0 } else { left.max(RECORD_HEADER) }
-    }
-
-    /// Writes whole records in the place of the end, with a new end behind them. [`Self::filler`] is 0 for them.
+    /// Writes whole records in the place of the end, with a new end behind them, for which [`filler`] has made room.
     fn add(&mut self, records: &[u8]) -> std::io::Result<()> {
         if records.is_empty() {
             return Ok(());
@@ -144,6 +139,12 @@ impl<D: Disk> Ended<D> {
     }
 }
 
+/// Bytes to add to a file of `len` bytes so that an end fits into the page there.
+fn filler(len: usize) -> usize {
+    let left = PAGE - len % PAGE;
+    if left >= UNINDEXED_END.len() { 0 } else { left.max(RECORD_HEADER) }
+}
+
 /// One message on its way to the file.
 struct Line {
     header: MessageHeader,
@@ -175,10 +176,8 @@ impl RecordingWriter {
         let fail = |message: String| RecordingError::Write { path: path.to_path_buf(), message };
         let pending = Pending::default();
         let (mut writer, channels) = begin(&pending).map_err(|error| fail(cause(&error)))?;
-        let file =
-            File::create(path).map_err(|source| RecordingError::Open { path: path.to_path_buf(), source })?;
-        let mut file = Ended { disk: file, len: 0 };
-        add_pending(&mut writer, &pending, &mut file).map_err(|error| fail(cause(&error)))?;
+        let records = take_whole(&mut writer, &pending, 0).map_err(|error| fail(cause(&error)))?;
+        let file = begin_file(path, &records)?;
         let failed = Arc::new(OnceLock::new());
         let (lines, waiting) = sync_channel(WAITING);
         let told = Arc::clone(&failed);
@@ -320,20 +319,48 @@ fn write_lines<D: Disk>(
     Ok(file.complete(&pending.take())?)
 }
 
-/// Writes to the file what is pending, and what fills the page up if the end does not fit.
+/// Writes to the file what is pending.
 fn add_pending<D: Disk>(
     writer: &mut McapFile,
     pending: &Pending,
     file: &mut Ended<D>,
 ) -> mcap::McapResult<()> {
+    let records = take_whole(writer, pending, file.len)?;
+    Ok(file.add(&records)?)
+}
+
+/// What is pending for a file of `len` bytes, and what fills the page up if the end does not fit.
+fn take_whole(writer: &mut McapFile, pending: &Pending, len: u64) -> mcap::McapResult<Vec<u8>> {
     writer.flush()?;
     let mut records = pending.take();
-    let filler = file.filler(records.len());
+    let filler = filler(len as usize + records.len());
     if filler > 0 {
         writer.write_private_record(FILLER, &vec![0; filler - RECORD_HEADER], Default::default())?;
         records.extend(pending.take());
     }
-    Ok(file.add(&records)?)
+    Ok(records)
+}
+
+/// A new file with these records and an end. Under its name there is never a file without an end.
+fn begin_file(path: &Path, records: &[u8]) -> Result<Ended<File>, RecordingError> {
+    let open = |source| RecordingError::Open { path: path.to_path_buf(), source };
+    let fail = |source: std::io::Error| RecordingError::Write {
+        path: path.to_path_buf(),
+        message: source.to_string(),
+    };
+    // A device such as /dev/full is not replaced by a file.
+    let is_device = path.exists() && !path.is_file();
+    if !is_device {
+        let mut whole = AtomicWriteFile::open(path).map_err(open)?;
+        let written = whole.write_all(records).and_then(|()| whole.write_all(&UNINDEXED_END));
+        written.and_then(|()| whole.commit()).map_err(fail)?;
+    }
+    let disk = File::options().write(true).open(path).map_err(open)?;
+    let mut file = Ended { disk, len: if is_device { 0 } else { records.len() as u64 } };
+    if is_device {
+        file.add(records).map_err(fail)?;
+    }
+    Ok(file)
 }
 
 #[cfg(test)]

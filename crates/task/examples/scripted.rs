@@ -1,6 +1,6 @@
 //! The scripted player on every song of the repertoire: a table of scores and what limits each song.
 //!
-//! `scripted` prints the table, `scripted lag` the lags of the hand for strikes of several depths, `scripted detail ID`
+//! `scripted` prints the table, `scripted lag` the lags and velocities of strikes of several depths, `scripted detail ID`
 //! the strikes and releases of one song.
 #![allow(clippy::print_stdout)] // An example talks to the terminal.
 
@@ -74,14 +74,17 @@ fn detail(config: &TaskConfig, id: &str) -> Result<(), Box<dyn Error>> {
     Ok(())
 }
 
-/// Times from a change of target to the key's threshold, for one finger over one key.
+/// Times from a change of target to the key's threshold, and the strike's velocity, for one finger over one key.
 fn lag(config: &TaskConfig) -> Result<(), Box<dyn Error>> {
     let params = config.params()?;
     let mut world = World::new(&config.stage, &params).map_err(TaskError::from)?;
     const FINGER: usize = 1;
-    /// Clearance of the waiting fingertip, m.
-    const HOVER_M: f64 = 0.006;
-    for (key, depth) in [24, 25].into_iter().flat_map(|key| [0.7, 1.0, 1.2, 1.5].map(|depth| (key, depth))) {
+    let strikes = [24, 25].into_iter().flat_map(|key| {
+        // Clearances of the waiting fingertip, m.
+        let over = [0.001, 0.006].into_iter();
+        over.flat_map(move |hover| [0.7, 0.8, 1.0, 1.2, 1.5, 2.5].map(|depth| (key, hover, depth)))
+    });
+    for (key, hover, depth) in strikes {
         let shape = KeyShape::of(key);
         let [x, y, _] = key_target(key);
         let travel = shape.max_angle() * (x - shape.x + shape.size[0] / 2.0);
@@ -92,10 +95,10 @@ fn lag(config: &TaskConfig) -> Result<(), Box<dyn Error>> {
         let angles =
             |z: f64| kinematics::reach(config.stage.side, FINGER, [x, y, z], y).ok_or("out of reach");
         let slots = FINGER * FINGER_JOINTS..(FINGER + 1) * FINGER_JOINTS;
-        let (up, down) = (angles(top + HOVER_M)?, angles(top - depth * travel)?);
+        let (up, down) = (angles(top + hover)?, angles(top - depth * travel)?);
         pose[slots.clone()].copy_from_slice(&up);
         world.reset_to(&pose);
-        let mut times = [f64::NAN; 2];
+        let (mut times, mut struck) = ([f64::NAN; 2], 0);
         for (time, target) in times.iter_mut().zip([down, up]) {
             let begin = world.time_secs();
             pose[slots.clone()].copy_from_slice(&target);
@@ -103,12 +106,14 @@ fn lag(config: &TaskConfig) -> Result<(), Box<dyn Error>> {
                 world.step(&pose);
                 if let Some(event) = world.events().iter().find(|event| event.key == key) {
                     *time = (event.secs - begin) * 1e3;
+                    struck = struck.max(event.velocity);
                 }
             }
         }
         println!(
-            "{:4} depth {depth}: strike after {:.0} ms, release after {:.0} ms",
+            "{:4} from {:.0} mm above, depth {depth}: strike after {:.0} ms with velocity {struck}, release after {:.0} ms",
             pitch_name(LOWEST_PITCH + key as u8),
+            1e3 * hover,
             times[0],
             times[1]
         );

@@ -18,6 +18,7 @@ use etude_perform::stand::{
 };
 use etude_robot::lead::{LeadError, Showing, show};
 use etude_robot::monitor::Monitor;
+use etude_robot::priority::{Priority, Rank};
 use etude_robot::rig::RigConfig;
 use etude_robot::stop::stop;
 use etude_twin::SHOWN_KEYS;
@@ -163,6 +164,8 @@ fn calibrate(args: &Calibrate) -> anyhow::Result<Ending> {
         ));
     }
     let guard = start_guard(Path::new(&args.robot))?;
+    // Where it is not permitted, `etude doctor` says so.
+    let _priority = Priority::of_this_thread(Rank::Controller).ok();
     let mut operator = Operator { guard, claim, entered: enter(), interrupt: stop_flag()? };
     let shown = show(&rig, args.by_hand, &mut operator)?;
     // The arm has confirmed that it stands still.

@@ -40,6 +40,9 @@ fn figures_come_as_json_with_the_documented_keys() {
     for finding in doctor.as_array().unwrap() {
         all(finding, &["name", "ok", "found", "cost"]);
     }
+    let real_time = doctor.as_array().unwrap().iter().find(|finding| finding["name"] == "real time").unwrap();
+    let said = real_time[if real_time["ok"] == true { "found" } else { "cost" }].as_str().unwrap();
+    assert!(said.contains("robot"), "{real_time}");
     assert!(desk.ok("doctor").contains("mujoco"));
     let bench = desk.json("bench --secs 0.2 --json");
     all(&bench, &["machine", "peak_memory_mib"]);

@@ -9,14 +9,20 @@ fn all() -> impl Iterator<Item = u32> {
     entries.filter_map(|entry| entry.file_name().to_str()?.parse().ok())
 }
 
+/// A field of the status of a process, counted as in `man proc_pid_stat`: `ID (NAME) STATE PARENT …`.
+fn status(id: u32, field: usize) -> Option<i64> {
+    let text = std::fs::read_to_string(Path::new("/proc").join(id.to_string()).join("stat")).ok()?;
+    text.rsplit_once(')')?.1.split_whitespace().nth(field - 3)?.parse().ok()
+}
+
 /// Ids of the processes that the process `parent` has started.
 pub fn children_of(parent: u32) -> Vec<u32> {
-    let parent_of = |id: u32| -> Option<u32> {
-        // `ID (NAME) STATE PARENT …`
-        let text = std::fs::read_to_string(Path::new("/proc").join(id.to_string()).join("stat")).ok()?;
-        text.rsplit_once(')')?.1.split_whitespace().nth(1)?.parse().ok()
-    };
-    all().filter(|id| parent_of(*id) == Some(parent)).collect()
+    all().filter(|id| status(*id, 4) == Some(i64::from(parent))).collect()
+}
+
+/// Real-time priority of the main thread of a process, 0 if it has none.
+pub fn real_time_priority(id: u32) -> i64 {
+    status(id, 40).expect("it runs")
 }
 
 /// Ids of the processes that were started with these arguments in a row.

@@ -16,6 +16,11 @@ use crate::stopping::Served;
 const TORQUES: [u16; 4] = [0x180, 0x184, 0x188, 0x18C];
 const SERVO_OFF: u16 = 0x104;
 
+/// Longest time until the hand has no torque, and between two reports of the arm, ms.
+const FREE_MS: u128 = 100;
+const REPORT_MS: u128 = 10;
+const TRIES: usize = 3;
+
 /// Another listener on the wires of a rig.
 struct Listener {
     bus: Box<dyn CanTransport>,
@@ -93,24 +98,27 @@ fn a_robot_stops_soon_after_its_controller_or_guard() {
     // The way first: afterwards the arm stands at the keyboard.
     for homing in [true, false] {
         for (what, of_guard, signal) in ends {
-            let mut controller = begin(&desk, &path, homing);
-            let guards = with_arguments(&["robot", "guard", "--robot", &path]);
-            let guard = children_of(controller.id()).into_iter().find(|id| guards.contains(id)).unwrap();
-            let times = Listener::join(&rig).times(|| {
-                processes::signal(if of_guard { guard } else { controller.id() }, signal);
-            });
             let phase = if homing { "on the way" } else { "playing" };
-            println!(
-                "| {what}, {phase} | {} ms | {} ms | {} ms |",
-                times.no_torque, times.servo_off, times.arm_stopped
-            );
-            // Only that it stops at all: the machine may be busy.
-            assert!(times.no_torque < 1000 && times.arm_stopped < 1000, "{what}: {times:?}");
-            if signal == "STOP" && !of_guard {
-                processes::signal(controller.id(), "KILL");
-            }
-            let _ = controller.wait();
-            std::thread::sleep(Duration::from_millis(500));
+            // A busy machine gives the listener, the guard or the controller its turn late: the best of three counts.
+            let in_time = (0..TRIES).any(|_| {
+                let mut controller = begin(&desk, &path, homing);
+                let guards = with_arguments(&["robot", "guard", "--robot", &path]);
+                let guard = children_of(controller.id()).into_iter().find(|id| guards.contains(id)).unwrap();
+                let times = Listener::join(&rig).times(|| {
+                    processes::signal(if of_guard { guard } else { controller.id() }, signal);
+                });
+                println!(
+                    "| {what}, {phase} | {} ms | {} ms | {} ms |",
+                    times.no_torque, times.servo_off, times.arm_stopped
+                );
+                if signal == "STOP" && !of_guard {
+                    processes::signal(controller.id(), "KILL");
+                }
+                let _ = controller.wait();
+                std::thread::sleep(Duration::from_millis(500));
+                times.no_torque <= FREE_MS && times.arm_stopped <= FREE_MS + REPORT_MS
+            });
+            assert!(in_time, "{what}, {phase}: later than {FREE_MS} ms, {TRIES} times");
         }
     }
 }

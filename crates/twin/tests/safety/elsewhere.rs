@@ -1,12 +1,13 @@
-//! Each joint of the arm, reported elsewhere than where it was sent.
+//! Each joint of the arm, and the flange, reported elsewhere than where they were sent.
 
 use std::fmt::Write as _;
 
+use etude_robot::xarm::kinematics::{forward, inverse};
 use etude_robot::{Doubt, Fault, Phase};
 use etude_twin::Truth;
 
 use crate::bench::{Bench, Policy};
-use crate::faults::arm::report_joint;
+use crate::faults::arm::{report_joint, report_joints};
 
 /// How far off a joint is, rad.
 const OFF_RAD: f32 = 0.3;
@@ -44,4 +45,40 @@ fn each_joint_of_the_arm_that_is_elsewhere_stops_the_robot() {
         }
     }
     println!("{table}");
+}
+
+/// The flange is beside its path, or too far along it, without being turned: no single joint shows that.
+#[test]
+fn a_flange_that_is_elsewhere_stops_the_robot() {
+    for follows in [false, true] {
+        // Forwards and upwards are beside the path, sideways is along it.
+        for (axis, by_m) in [(0, 0.02), (0, -0.02), (2, 0.02), (1, 0.1), (1, -0.1)] {
+            let mut bench = Bench::at_the_keyboard(&Truth::load("standard").unwrap());
+            bench.start_and_hold();
+            bench.run(50);
+            if follows {
+                bench.follow(Policy::Smooth);
+                bench.run(300);
+            }
+            let place = format!("axis {axis}, {by_m:+} m, {:?}", bench.robot.phase());
+            report_joints(&mut bench, move |joints| {
+                let near = joints.map(f64::from);
+                let mut pose = forward(&near);
+                pose.position_m[axis] += by_m;
+                *joints = inverse(&pose, &near).unwrap().map(|rad| rad as f32);
+            });
+            let took = bench.until(WITHIN, |bench| {
+                bench.robot.phase() == Phase::Fault && bench.hand_is_off() && bench.arm_is_stopped()
+            });
+            let fault = bench.robot.fault();
+            let Some(Fault::Doubted(Doubt::ArmAway { along_m, beside_m, turned_rad })) = fault else {
+                panic!("{place}: {took:?}, {fault:?}")
+            };
+            let found = if axis == 1 { along_m } else { beside_m };
+            // Along the keyboard the arm is also late.
+            let lag_m = if axis == 1 { 0.04 } else { 0.003 };
+            assert!((found - by_m.abs()).abs() < lag_m && *turned_rad < 0.02, "{place}: {fault:?}");
+            assert!(took.is_some(), "{place}");
+        }
+    }
 }

@@ -1,16 +1,11 @@
 //! The last check of every target before the wire: it must be reachable and close to the one before, and each step
 //! that is sent stays within the speed limits.
 
-use std::time::Duration;
-
 use super::fault::TargetError;
 use super::reach::{largest_turn, possible, way_m};
 use super::state::{Arm, Target};
 use crate::xarm::kinematics;
 
-/// Longest time between two targets that still allows a longer step: the arm takes each at full speed, and
-/// would jump. Also how far in time the first target may be from where the arm stands.
-const LONGEST_GAP: Duration = Duration::from_millis(20);
 /// Corrections of a shortened way, each of which leaves a small part of what was too long.
 const CORRECTIONS: usize = 3;
 /// Room for rounding when speeds are compared with their limits.
@@ -25,7 +20,7 @@ impl Arm {
             fence.holds(&flange).map_err(TargetError::OutsideFence)?;
         }
         let Some(before) = self.target.or(self.sent) else { return Ok(()) };
-        let secs = self.step_secs(&before, target, LONGEST_GAP) * ROUNDING;
+        let secs = self.step_secs();
         let (joint, turn) = largest_turn(&before.joints, &target.joints);
         let (needed_rad_s, allowed_rad_s) = (turn / secs, self.config.joint_speed_limit_rad_s);
         if needed_rad_s > allowed_rad_s {
@@ -40,11 +35,10 @@ impl Arm {
     }
 
     /// The last gate before the wire: as much of the way from what was sent last to the target as the speed
-    /// limits allow. It is less than all of it only at the beginning and after late replies, as
-    /// [`servo`](Arm::servo) refuses what is too fast.
+    /// limits allow. It is less than all of it only after late replies, as [`servo`](Arm::servo) refuses what is too fast.
     pub(super) fn within_reach(&self, target: Target) -> Target {
         let Some(sent) = self.sent else { return target };
-        let secs = self.step_secs(&sent, &target, Duration::ZERO) * ROUNDING;
+        let secs = self.step_secs();
         let (_, turn) = largest_turn(&sent.joints, &target.joints);
         let way = way_m(&sent.joints, &target.joints);
         let longest_m = self.config.tcp_speed_limit_m_s * secs;
@@ -67,20 +61,17 @@ impl Arm {
         Target { joints: part(share), ..target }
     }
 
-    /// Time that a step may use: what has passed, at least a period, and from where the arm stands
-    /// `at_first`.
-    fn step_secs(&self, from: &Target, to: &Target, at_first: Duration) -> f64 {
-        let period = self.config.servo_period();
-        let passed = match (from.at, to.at) {
-            (Some(before), Some(now)) => now.saturating_sub(before),
-            _ => at_first,
-        };
-        passed.clamp(period, LONGEST_GAP.max(period)).as_secs_f64()
+    /// Time that a step may use, s: a period, whatever time has passed since the last target, because the arm takes each target at
+    /// full speed.
+    fn step_secs(&self) -> f64 {
+        self.config.servo_period().as_secs_f64() * ROUNDING
     }
 }
 
 #[cfg(test)]
 mod tests {
+    use std::time::Duration;
+
     use super::*;
     use crate::xarm::ArmConfig;
     use crate::xarm::kinematics::PAPER_HOME_DEG;
@@ -93,9 +84,10 @@ mod tests {
             arm.sent = Some(Target { joints, at: Some(Duration::from_secs(1)) });
             let mut far = joints;
             far[0] += turn;
-            let at = Duration::from_secs(1) + LONGEST_GAP;
+            let at = Duration::from_secs(1) + arm.config.servo_period();
             let next = arm.within_reach(Target { joints: far, at: Some(at) });
-            let (way, longest) = (way_m(&joints, &next.joints), LONGEST_GAP.as_secs_f64());
+            let (way, longest) =
+                (way_m(&joints, &next.joints), arm.step_secs() * arm.config.tcp_speed_limit_m_s);
             assert!(way <= longest * (1.0 + 1e-5) && way > longest * 0.9, "{way} m for {turn} rad");
             assert_ne!(next.joints, far, "shortened");
         }

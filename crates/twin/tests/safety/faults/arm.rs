@@ -28,10 +28,18 @@ fn replies(bench: &mut Bench, change: fn(&mut [u8])) {
 
 /// What becomes of a joint (from 0) in each report of the arm.
 pub fn report_joint(bench: &mut Bench, joint: usize, change: impl Fn(f32) -> f32 + 'static) {
+    report_joints(bench, move |joints| joints[joint] = change(joints[joint]));
+}
+
+/// What becomes of the joints in each report of the arm.
+pub fn report_joints(bench: &mut Bench, change: impl Fn(&mut [f32; 7]) + 'static) {
     bench.mischief.alter_reports = Some(Box::new(move |bytes| {
-        let angle = bytes[JOINTS..].as_chunks_mut::<4>().0[joint].as_mut();
-        let changed = change(f32::from_le_bytes([angle[0], angle[1], angle[2], angle[3]]));
-        angle.copy_from_slice(&changed.to_le_bytes());
+        let angles = &mut bytes[JOINTS..].as_chunks_mut::<4>().0[..7];
+        let mut joints: [f32; 7] = std::array::from_fn(|joint| f32::from_le_bytes(angles[joint]));
+        change(&mut joints);
+        for (angle, joint) in angles.iter_mut().zip(joints) {
+            *angle = joint.to_le_bytes();
+        }
     }));
 }
 
