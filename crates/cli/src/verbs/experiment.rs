@@ -8,7 +8,7 @@ use etude_experiment::{
     TrialState, launch_local, names, open_trials, plan_file, plan_text, read_plan, run_trial, slurm_script,
     submit, write_plan,
 };
-use etude_perform::Job;
+use etude_perform::{Job, shell_line};
 use serde_json::json as object;
 
 use super::{json, line, note};
@@ -367,7 +367,7 @@ fn trial(args: &TrialArgs) -> anyhow::Result<Ending> {
             let _ = line(text);
         }
     };
-    let command = std::env::args().collect::<Vec<_>>().join(" ");
+    let command = shell_line(std::env::args());
     match run_trial(trial, &args.runs, args.threads, &command, &mut Job::new(&mut tell, &stop))? {
         TrialEnd::Done => Ok(Ending::Done),
         TrialEnd::Stopped => Ok(Ending::Stopped),

@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 
 use etude_lab::{find_song, policies};
 use etude_music::{CONTROL_HZ, Note, Song, pitch_name, repertoire};
+use etude_perform::shell_word;
 use etude_task::fingering::Limit;
 use etude_task::{Piece, TaskConfig};
 use serde_json::json as object;
@@ -184,5 +185,5 @@ fn arrange(name: &str, semitones: i32, factor: f64, out: &Path) -> anyhow::Resul
     }
     song.save(out)?;
     let (notes, secs) = (song.notes().len(), song.duration_secs());
-    line(format!("{notes} notes, {secs:.1} s: learn it with `etude train {}`", out.display()))
+    line(format!("{notes} notes, {secs:.1} s: learn it with `etude train {}`", shell_word(out.display())))
 }

@@ -2,6 +2,7 @@
 
 use std::path::PathBuf;
 
+use etude_perform::shell_word;
 use etude_robot::rig::RigConfig;
 use etude_twin::{ArmPorts, OrderedFault, Truth, TwinServer};
 use serde_json::json;
@@ -52,7 +53,8 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
     if args.json {
         line(json!({ "rig": server.rig() }))?;
     } else {
-        line(format!("The twin `{}` is ready: --robot {}", truth.name(), server.rig().display()))?;
+        let rig = shell_word(server.rig().display());
+        line(format!("The twin `{}` is ready: --robot {rig}", truth.name()))?;
         line("Ctrl-C ends it")?;
     }
     server.serve(&stop)?;

@@ -18,6 +18,7 @@ mod stop_times;
 mod stopping;
 mod tour;
 mod training;
+mod typing;
 mod watch;
 mod worlds;
 
