@@ -34,8 +34,8 @@ mod tests {
         ];
         let line = shell_line(words.map(String::from));
         assert_eq!(shlex::split(&line).unwrap(), words);
-        let output = std::process::Command::new("sh").args(["-c", &format!("printf '%s\\n' {line}")]);
-        let output = { output }.output().unwrap();
+        let mut shell = std::process::Command::new("sh");
+        let output = shell.args(["-c", &format!("printf '%s\\n' {line}")]).output().unwrap();
         assert_eq!(String::from_utf8(output.stdout).unwrap().lines().collect::<Vec<_>>(), words);
         assert_eq!(shell_word("runs/twinkle__fast__0"), "runs/twinkle__fast__0");
         assert_eq!(shell_word("task.plan.lead_secs=0.03"), "task.plan.lead_secs=0.03");

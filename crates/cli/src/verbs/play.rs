@@ -3,6 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use anyhow::Context as _;
+use clap::ValueHint;
 use etude_lab::{PlayReport, find_song, play};
 use etude_music::metrics::NoteScores;
 use etude_music::sound::SoundFont;
@@ -26,6 +27,7 @@ Examples:
   etude play my-song.mid --policy runs/my-song__fast__0 -o out/mine")]
 pub struct Args {
     /// A built-in id (see `etude songs`) or a MIDI file
+    #[arg(value_parser = super::song(), value_hint = ValueHint::FilePath, hide_possible_values = true)]
     song: String,
     #[command(flatten)]
     pianist: PianistArgs,

@@ -2,6 +2,8 @@
 
 use std::path::PathBuf;
 
+use clap::ValueHint;
+use clap::builder::PossibleValuesParser;
 use etude_lab::{
     IdentifyMethod, RehearsalConfig, RehearsalStep, Round, find_song, rehearse_on_robot, shipped_policy,
 };
@@ -27,12 +29,13 @@ Examples:
   etude rehearse my-song.mid --robot lab.toml --rounds 3")]
 pub struct Args {
     /// A built-in id (see `etude songs`) or a MIDI file
+    #[arg(value_parser = super::song(), value_hint = ValueHint::FilePath, hide_possible_values = true)]
     song: String,
     /// `twin`, or the file of a rig
-    #[arg(long, default_value = "twin", value_name = "RIG")]
+    #[arg(long, default_value = "twin", value_name = "RIG", value_hint = ValueHint::FilePath)]
     robot: String,
     /// What is true of the twin: `standard`, `ideal`, `worn`, or a file
-    #[arg(long, default_value = "standard", value_name = "NAME|FILE")]
+    #[arg(long, default_value = "standard", value_name = "NAME|FILE", value_parser = super::truth(), value_hint = ValueHint::FilePath, hide_possible_values = true)]
     truth: String,
     /// Rounds of identifying, training and performing
     #[arg(long, default_value_t = 2)]
@@ -44,7 +47,7 @@ pub struct Args {
     #[arg(long, default_value = "real")]
     mode: Mode,
     /// Preset of the trainings
-    #[arg(long, default_value = etude_lab::DEFAULT_PRESET, value_name = "NAME")]
+    #[arg(long, default_value = etude_lab::DEFAULT_PRESET, value_name = "NAME", value_parser = PossibleValuesParser::new(etude_lab::presets()), hide_possible_values = true)]
     preset: String,
     /// Set a value of it, for example --set task.randomisation.intensity=0.2; may be repeated
     #[arg(long = "set", value_name = "PATH=VALUE")]

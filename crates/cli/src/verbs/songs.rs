@@ -2,6 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
+use clap::ValueHint;
 use etude_lab::{find_song, policies};
 use etude_music::{CONTROL_HZ, Note, Song, pitch_name, repertoire};
 use etude_perform::shell_word;
@@ -33,6 +34,7 @@ enum What {
     /// Show one song: notes by bar, range, what may be hard
     Show {
         /// A built-in id or a MIDI file
+        #[arg(value_parser = super::song(), value_hint = ValueHint::FilePath, hide_possible_values = true)]
         song: String,
         /// Write the keys due at each control step (20 a second), as the preset `fast` plans them, to this CSV file:
         /// step,due
@@ -48,6 +50,7 @@ enum What {
     /// Write a song in another key or tempo as a MIDI file that the keyboard has all notes for
     Arrange {
         /// A built-in id or a MIDI file
+        #[arg(value_parser = super::song(), value_hint = ValueHint::FilePath, hide_possible_values = true)]
         song: String,
         /// Semitones up, or down if negative
         #[arg(long, default_value_t = 0, value_name = "SEMITONES", allow_hyphen_values = true)]

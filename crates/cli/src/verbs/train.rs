@@ -3,6 +3,7 @@
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
+use clap::ValueHint;
 use etude_lab::{Run, find_song};
 use etude_learn::{Outcome, StopReason};
 use etude_perform::{NoteCounts, shell_line, shell_word};
@@ -26,7 +27,7 @@ Examples:
   etude train --resume runs/twinkle__fast__0 --set trainer.total_steps=3e6")]
 pub struct Args {
     /// A built-in id (see `etude songs`) or a MIDI file
-    #[arg(required_unless_present = "resume", conflicts_with = "resume")]
+    #[arg(required_unless_present = "resume", conflicts_with = "resume", value_parser = super::song(), value_hint = ValueHint::FilePath, hide_possible_values = true)]
     song: Option<String>,
     #[command(flatten)]
     config: ConfigArgs,

@@ -2,6 +2,7 @@
 
 use std::path::PathBuf;
 
+use clap::ValueHint;
 use etude_perform::shell_word;
 use etude_robot::rig::RigConfig;
 use etude_twin::{ArmPorts, OrderedFault, Truth, TwinServer};
@@ -28,7 +29,7 @@ Examples:
   etude robot monitor --robot out/twin/twin.toml")]
 pub struct Args {
     /// What is true of it: `standard`, `ideal`, `worn`, or a file
-    #[arg(long, default_value = "standard", value_name = "NAME|FILE")]
+    #[arg(long, default_value = "standard", value_name = "NAME|FILE", value_parser = super::truth(), value_hint = ValueHint::FilePath, hide_possible_values = true)]
     truth: String,
     /// Something that goes wrong; repeatable. A wrong KIND lists them all
     #[arg(long = "fault", value_name = "KIND[=VALUE]@SECS[+SECS]")]

@@ -90,3 +90,73 @@ fn the_command_of_an_experiment_is_the_one_that_was_asked_for() {
     assert_eq!(trials.lines().count(), 2, "{trials}");
     assert!(trials.lines().all(|trial| trial.contains("total_steps = 400")), "{trials}");
 }
+
+/// What bash offers for `words`, the last of which is being typed.
+fn completed(desk: &Desk, words: &[&str]) -> Vec<String> {
+    let script = desk.ok("completions bash");
+    std::fs::write(desk.path("etude.bash"), script).unwrap();
+    let ask = r#"source etude.bash; COMP_WORDS=("$@"); COMP_CWORD=$(($# - 1)); _etude etude "${!#}" "${*: -2:1}"; printf '%s\n' "${COMPREPLY[@]}""#;
+    let output = Command::new("bash")
+        .args(["--norc", "-c", ask, "bash"])
+        .args(words)
+        .current_dir(desk.folder.path())
+        .output()
+        .unwrap();
+    assert!(output.status.success(), "{}", errors(&output));
+    let said = String::from_utf8(output.stdout).unwrap();
+    said.lines().filter(|line| !line.is_empty()).map(str::to_string).collect()
+}
+
+#[test]
+fn bash_completes_verbs_options_names_and_files() {
+    let desk = Desk::new();
+    let cases: &[(&[&str], &[&str])] = &[
+        (&["etude", "tra"], &["train"]),
+        (&["etude", "robot", "cal"], &["calibrate"]),
+        (&["etude", "play", "tw"], &["twinkle"]),
+        (&["etude", "train", "twinkle", "--preset", "app"], &["appendix", "appendix-fast"]),
+        (&["etude", "train", "--mi"], &["--minutes"]),
+        (&["etude", "experiment", "run", "fen"], &["fences"]),
+        (&["etude", "perform", "twinkle", "--truth", "w"], &["worn"]),
+        (&["etude", "train", "twinkle", "--config", "etu"], &["etude.bash"]),
+        // Nothing of our own: bash then completes files.
+        (&["etude", "play", "sho"], &[]),
+    ];
+    for (words, offered) in cases {
+        assert_eq!(completed(&desk, words), *offered, "{words:?}");
+    }
+    assert!(desk.bytes("etude.bash").windows(20).any(|part| part == b"bashdefault -o defau"));
+    for shell in ["zsh", "fish", "elvish", "powershell"] {
+        assert!(desk.ok(&format!("completions {shell}")).contains("rehearse"), "{shell}");
+    }
+    // What may be a file is completed as one where a shell would offer the names alone.
+    assert!(desk.ok("completions zsh").contains("A built-in id (see `etude songs`) or a MIDI file:_files"));
+}
+
+#[test]
+fn every_command_has_a_manual_page() {
+    let desk = Desk::new();
+    desk.ok("man -o pages/man1");
+    let page = |name: &str| String::from_utf8(desk.bytes(format!("pages/man1/{name}.1"))).unwrap();
+    for name in ["etude", "etude-play", "etude-robot-check", "etude-songs-show", "etude-man"] {
+        assert!(page(name).contains(".TH"), "{name}");
+    }
+    assert!(!desk.path("pages/man1/etude-robot-guard.1").exists(), "it is not for people");
+    // Every macro is one of man(7): a line that begins with a dot by accident would vanish.
+    let known = [".ie", ".el", ".TH", ".SH", ".SS", ".TP", ".PP", ".RS", ".RE", ".br", ".IP", ".B", ".sp"];
+    for entry in std::fs::read_dir(desk.path("pages/man1")).unwrap() {
+        let text = std::fs::read_to_string(entry.unwrap().path()).unwrap();
+        let mut macros = text.lines().filter(|line| line.starts_with('.'));
+        let wrong = macros.find(|line| !known.contains(&line.split(' ').next().unwrap()));
+        assert_eq!(wrong, None);
+    }
+    if let Ok(output) = Command::new("groff")
+        .args(["-Kutf8", "-man", "-Tutf8", "-ww"])
+        .arg(desk.path("pages/man1/etude-play.1"))
+        .output()
+    {
+        let said = errors(&output);
+        assert!(output.status.success() && said.is_empty(), "{said}");
+        assert!(String::from_utf8_lossy(&output.stdout).contains("--policy"));
+    }
+}
