@@ -203,11 +203,16 @@ impl Pianist {
         }
     }
 
-    /// What plays `piece` in `task`.
-    pub(crate) fn ready(&self, task: &TaskConfig, piece: &Piece) -> Result<Ready, TaskError> {
+    /// What plays `piece` in `task`; tells what share of its planning is done, 0 to 1.
+    pub(crate) fn ready(
+        &self,
+        task: &TaskConfig,
+        piece: &Piece,
+        tell: &mut dyn FnMut(f64),
+    ) -> Result<Ready, TaskError> {
         Ok(match &self.kind {
             Kind::Policy(policy, _) => Ready::Policy(policy.clone()),
-            Kind::Script => Ready::Script(Box::new(ScriptedPlayer::new(task, piece)?)),
+            Kind::Script => Ready::Script(Box::new(ScriptedPlayer::new_telling(task, piece, tell)?)),
         })
     }
 

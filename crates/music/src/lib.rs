@@ -30,6 +30,7 @@ mod midi;
 mod near;
 pub mod notation;
 mod note;
+mod pace;
 mod plan;
 mod range;
 mod reach;
@@ -45,6 +46,7 @@ pub use limits::{MAX_DURATION_SECS, MAX_NOTES};
 pub use meter::{BeatGrid, Position};
 pub use near::{did_you_mean, near};
 pub use note::Note;
+pub use pace::BusiestSecond;
 pub use plan::{LONGEST_LEAD_SECS, Plan, PlanConfig, PlanRule};
 pub use range::{OffendingNote, OutOfRange};
 pub use reach::{
