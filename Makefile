@@ -14,7 +14,7 @@ help:
 	@echo "make demo    set up, learn $(SONG) (at most $(MINUTES) minutes), play it, say which page to open"
 	@echo "make test    set up and run every check: format, lints, docs, tests, checks against other libraries"
 	@echo "make setup   fetch MuJoCo into .mujoco/ and say what is missing"
-	@echo "make build   the etude command, optimised, at $(ETUDE)"
+	@echo "make build   the etude command, optimised, at $(ETUDE), and its manual pages in target/man"
 	@echo "make wheel   the Python package as a wheel in target/wheels"
 	@echo "make bench   speed of simulation, learner and both, in turns with JAX, PyTorch, RoboPianist and others"
 	@echo "make test-heavy  every experiment of the paper in its smallest form, and a rehearsal that is killed and resumed"
@@ -31,6 +31,7 @@ setup:
 
 build: setup
 	$(CARGO) build --release --locked --package etude
+	@$(ETUDE) man -o target/man/man1 >/dev/null
 
 wheel: setup
 	$(PYTHON) scripts/python_package.py wheel

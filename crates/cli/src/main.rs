@@ -1,6 +1,7 @@
 //! The `etude` command: one file a verb, nothing but parsing, calling and printing.
 #![allow(clippy::print_stdout, clippy::print_stderr)] // Printing is what this crate is for.
 
+mod mistakes;
 mod progress;
 mod status;
 mod verbs;
@@ -9,7 +10,7 @@ mod watch;
 use std::io::Write as _;
 use std::process::ExitCode;
 
-use clap::{Parser, Subcommand};
+use clap::{CommandFactory as _, Parser, Subcommand};
 
 /// Teaches a robot hand to play the piano: from a MIDI file to a policy, and from a policy to music.
 #[derive(Parser)]
@@ -75,6 +76,10 @@ enum Verb {
     Bench(verbs::bench::Args),
     /// Report what this machine has, and what each missing thing costs
     Doctor(verbs::doctor::Args),
+    /// Print what a shell needs to complete the command line
+    Completions(verbs::completions::Args),
+    /// Write the manual pages
+    Man(verbs::man::Args),
 }
 
 /// How a verb ended without failing.
@@ -88,7 +93,11 @@ enum Ending {
 fn main() -> ExitCode {
     // A stop that is requested from now on counts, whatever there is to load first.
     etude_perform::stand::process_begins();
-    let cli = Cli::parse();
+    let cli = Cli::try_parse().unwrap_or_else(|error| {
+        let words: Vec<String> =
+            std::env::args_os().map(|word| word.to_string_lossy().into_owned()).collect();
+        mistakes::explained(error, Cli::command(), &words).exit()
+    });
     let ended = match cli.verb {
         Verb::Songs(args) => verbs::songs::run(args),
         Verb::Train(args) => verbs::train::run(args),
@@ -110,6 +119,8 @@ fn main() -> ExitCode {
         Verb::Model(args) => verbs::model::run(args),
         Verb::Bench(args) => verbs::bench::run(args),
         Verb::Doctor(args) => verbs::doctor::run(args),
+        Verb::Completions(args) => verbs::completions::run(args, Cli::command()),
+        Verb::Man(args) => verbs::man::run(args, Cli::command()),
     };
     match ended {
         Ok(Ending::Done) => ExitCode::SUCCESS,

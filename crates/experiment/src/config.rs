@@ -21,6 +21,9 @@ pub struct Experiment {
     /// The file's name without its ending.
     #[serde(skip)]
     pub name: String,
+    /// What it was asked for as: the name of one that comes with Étude, or a path.
+    #[serde(skip)]
+    pub asked: String,
     /// The question.
     pub title: String,
     /// Where the paper asks it, or why we do.
@@ -188,7 +191,7 @@ impl Experiment {
     /// If there is none, or a key is wrong; the message names the key.
     pub fn load(name_or_path: &str) -> anyhow::Result<Self> {
         if let Some((name, text)) = EXPERIMENTS.iter().find(|(name, _)| *name == name_or_path) {
-            return Self::parse(name, text);
+            return Self::parse(name, name_or_path, text);
         }
         let path = Path::new(name_or_path);
         if path.extension().is_none_or(|ending| ending != "toml") {
@@ -201,11 +204,12 @@ impl Experiment {
             .map_err(|error| anyhow!("cannot read the experiment {}: {error}", path.display()))?;
         Self::parse(
             &path.file_stem().map_or_else(String::new, |stem| stem.to_string_lossy().into_owned()),
+            name_or_path,
             &text,
         )
     }
 
-    fn parse(name: &str, text: &str) -> anyhow::Result<Self> {
+    fn parse(name: &str, asked: &str, text: &str) -> anyhow::Result<Self> {
         let wrong = |message: String| anyhow!("experiment {name}: {message}");
         let value: toml::Value = text
             .parse::<toml::Table>()
@@ -214,6 +218,7 @@ impl Experiment {
         let mut experiment: Self = serde_path_to_error::deserialize(value)
             .map_err(|error| wrong(format!("key `{}`: {}", error.path(), error.inner().message())))?;
         experiment.name = name.to_string();
+        experiment.asked = asked.to_string();
         experiment.check().map_err(wrong)?;
         Ok(experiment)
     }
@@ -283,9 +288,9 @@ mod tests {
 
     #[test]
     fn errors_name_the_experiment_and_the_key() {
-        let said = |text: &str| Experiment::parse("mine", text).unwrap_err().to_string();
+        let said = |text: &str| Experiment::parse("mine", "mine.toml", text).unwrap_err().to_string();
         let least = "title = 'T'\nsource = 'S'\nsongs = ['twinkle']\nseeds = 1\n";
-        assert!(Experiment::parse("mine", least).is_ok());
+        assert!(Experiment::parse("mine", "mine.toml", least).is_ok());
         assert!(said("title = 3").contains("`title`"));
         assert!(said(&least.replace("seeds", "sead")).contains("sead"));
         assert!(said(&least.replace("seeds = 1", "seeds = 0")).contains("`seeds`"));

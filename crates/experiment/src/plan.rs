@@ -4,7 +4,7 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use anyhow::{anyhow, bail};
 use etude_lab::find_song;
-use etude_perform::Mode;
+use etude_perform::{Mode, shell_word};
 use etude_twin::Truth;
 
 use crate::config::{Experiment, FitConfig, PerformConfig, RehearseConfig, Variant, sets_the_seed};
@@ -32,11 +32,11 @@ const SMOKE: [&str; 4] = [
 const SMOKE_EVALUATIONS: u64 = 2;
 
 impl PlanConfig {
-    /// The flags that give it on the command line.
+    /// The flags that give it on the command line, as they are typed.
     pub fn flags(&self) -> String {
         let seeds = self.seeds.map(|seeds| format!(" --seeds {seeds}"));
         let budget = self.smoke.then(|| " --budget smoke".to_string());
-        let set = self.set.iter().map(|set| format!(" --set {set}"));
+        let set = self.set.iter().map(|set| format!(" --set {}", shell_word(set)));
         seeds.into_iter().chain(budget).chain(set).collect()
     }
 }

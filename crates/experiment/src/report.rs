@@ -14,7 +14,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context as _, bail};
 use etude_lab::make_folder;
-use etude_perform::write_file;
+use etude_perform::{shell_word, write_file};
 use etude_show::html::page;
 use maud::{Markup, PreEscaped, html};
 
@@ -68,8 +68,12 @@ pub fn write_report(
         sections.push(section(experiment, (config, trials.len()), &entries, &folder)?);
     }
     if sections.is_empty() {
-        let names: Vec<&str> = plans.iter().map(|(experiment, _)| experiment.name.as_str()).collect();
-        bail!("none of the trials is done; `etude experiment run {}` does them", names.join(" "));
+        let names: Vec<String> = plans.iter().map(|(experiment, _)| shell_word(&experiment.asked)).collect();
+        bail!(
+            "none of the trials is done; `etude experiment run {}{}` does them",
+            names.join(" "),
+            config.flags()
+        );
     }
     let file = out.join(PAGE);
     let body = html! {

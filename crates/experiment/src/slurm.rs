@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use anyhow::{anyhow, bail};
-use etude_perform::write_file;
+use etude_perform::{shell_word, write_file};
 
 use crate::outcome::{RESULT, TrialState};
 use crate::trial::{Trial, slug};
@@ -87,11 +87,11 @@ exit "$code"
         array = ranges(indices),
         cpus = config.cpus,
         time = config.time,
-        logs = quoted(&escaped(&plan.with_extension("slurm")).join("%A_%a.log")),
-        folder = quoted(folder),
-        program = quoted(&config.program),
-        plan = quoted(plan),
-        runs = quoted(runs),
+        logs = shell_word(escaped(&plan.with_extension("slurm")).join("%A_%a.log").display()),
+        folder = shell_word(folder.display()),
+        program = shell_word(config.program.display()),
+        plan = shell_word(plan.display()),
+        runs = shell_word(runs.display()),
     )
 }
 
@@ -126,13 +126,6 @@ fn ranges(indices: &[usize]) -> String {
 /// The path with each `%` doubled, because Slurm replaces patterns that begin with `%`.
 fn escaped(path: &Path) -> PathBuf {
     PathBuf::from(path.display().to_string().replace('%', "%%"))
-}
-
-/// A path as one word of a shell, and of an `#SBATCH` line.
-fn quoted(path: &Path) -> String {
-    let text = path.display().to_string();
-    let plain = |c: char| c.is_ascii_alphanumeric() || "/._-+%".contains(c);
-    if text.chars().all(plain) { text } else { format!("'{}'", text.replace('\'', r"'\''")) }
 }
 
 #[cfg(test)]

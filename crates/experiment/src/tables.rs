@@ -2,6 +2,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
+use etude_perform::shell_word;
 use etude_perform::stats::{quantile, sorted};
 use etude_show::html::table;
 use maud::{Markup, html};
@@ -185,7 +186,7 @@ pub(crate) fn provenance(
             (distinct(&|entry| entry.times.etude.clone())) ", MuJoCo " (distinct(&|entry| entry.times.mujoco.clone())) "; "
             (distinct(&|entry| entry.times.cores.to_string())) " cores of "
             (distinct(&|entry| entry.times.machine.clone())) ". "
-            code { "etude experiment run " (experiment.name) (config.flags()) }
+            code { "etude experiment run " (shell_word(&experiment.asked)) (config.flags()) }
         }
         details {
             summary { "The trials" }

@@ -4,6 +4,7 @@ use std::path::Path;
 
 use anyhow::{anyhow, bail};
 use etude_learn::{DroqConfig, TrainerConfig};
+use etude_music::did_you_mean;
 use etude_perform::SCORES;
 use etude_task::TaskConfig;
 use serde::{Deserialize, Serialize};
@@ -31,6 +32,11 @@ const PRESETS: &[(&str, &str)] = &[
     ("appendix", include_str!("../../../configs/presets/appendix.toml")),
     ("appendix-fast", include_str!("../../../configs/presets/appendix-fast.toml")),
 ];
+
+/// Names of the presets.
+pub fn presets() -> Vec<&'static str> {
+    PRESETS.iter().map(|(name, _)| *name).collect()
+}
 
 /// Settings that may change when a run is resumed: none of them affects the steps that are already made.
 const FREE: &[&str] = &[
@@ -87,8 +93,7 @@ impl RunConfig {
 /// If a layer cannot be read, or the result has an unknown key or a value of the wrong type; the message names the key.
 pub fn resolve(preset: &str, file: Option<&Path>, overrides: &[String]) -> anyhow::Result<RunConfig> {
     let Some((_, text)) = PRESETS.iter().find(|(name, _)| *name == preset) else {
-        let names: Vec<&str> = PRESETS.iter().map(|(name, _)| *name).collect();
-        bail!("there is no preset `{preset}`; there are: {}", names.join(", "));
+        bail!("there is no preset `{preset}`; there are: {}", presets().join(", "));
     };
     let mut table = parse(text, &format!("preset {preset}"))?;
     if let Some(path) = file {
@@ -127,8 +132,44 @@ fn finish(mut table: toml::Table, overrides: &[String]) -> anyhow::Result<RunCon
         })?;
         merge(&mut table, override_table(path.trim(), value.trim()));
     }
-    serde_path_to_error::deserialize(toml::Value::Table(table))
-        .map_err(|error| anyhow!("configuration key `{}`: {}", error.path(), error.inner().message()))
+    serde_path_to_error::deserialize(toml::Value::Table(table)).map_err(|error| {
+        let (path, message) = (error.path().to_string(), error.inner().message());
+        let meant = if message.starts_with("unknown field") { meant(&path) } else { String::new() };
+        anyhow!("configuration key `{path}`{meant}: {message}")
+    })
+}
+
+/// The setting that a mistyped path may mean: one that ends with its name, whatever table it is in, or one that is written
+/// much like it.
+fn meant(path: &str) -> String {
+    let Ok(all) = toml::Table::try_from(RunConfig::default()) else { return String::new() };
+    let all = paths(&all, "");
+    let name = path.rsplit('.').next().unwrap_or(path);
+    let elsewhere: Vec<&str> =
+        all.iter().map(String::as_str).filter(|other| other.rsplit('.').next() == Some(name)).collect();
+    if elsewhere.is_empty() {
+        let table = |path: &str| path.rfind('.').map_or(0, |at| at);
+        let beside =
+            all.iter().map(String::as_str).filter(|other| other[..table(other)] == path[..table(path)]);
+        let names = beside.map(|other| other.rsplit('.').next().unwrap_or(other));
+        return did_you_mean(name, names);
+    }
+    format!(" (did you mean {}?)", elsewhere.join(", "))
+}
+
+/// The dotted paths of all settings in `table`, and of the tables in it.
+fn paths(table: &toml::Table, above: &str) -> Vec<String> {
+    table
+        .iter()
+        .flat_map(|(name, value)| match value {
+            toml::Value::Table(inner) => {
+                let mut all = paths(inner, &format!("{above}{name}."));
+                all.push(format!("{above}{name}"));
+                all
+            }
+            _ => vec![format!("{above}{name}")],
+        })
+        .collect()
 }
 
 fn parse(text: &str, origin: &str) -> anyhow::Result<toml::Table> {
@@ -326,7 +367,12 @@ mod tests {
     fn errors_name_the_key() {
         let message = |set: &str| resolve("fast", None, &[set.to_string()]).unwrap_err().to_string();
         assert!(message("trainer.sead=3").contains("trainer"), "{}", message("trainer.sead=3"));
-        assert!(message("trainer.sead=3").contains("sead"));
+        assert!(message("trainer.sead=3").contains("`trainer.sead` (did you mean seed?)"));
+        // The right name in the wrong place.
+        assert!(message("num_envs=3").contains("`num_envs` (did you mean trainer.num_envs?)"));
+        assert!(message("droq.seed=3").contains("(did you mean trainer.seed?)"));
+        assert!(message("trainr.seed=3").contains("(did you mean trainer?)"));
+        assert!(message("task.lookahed=3").contains("(did you mean lookahead?)"));
         assert!(message("droq.batch=many").contains("droq.batch"));
         assert!(message("nonsense").contains("path=value"));
         assert!(message("trainer.num_envs=1.5").contains("trainer.num_envs"));

@@ -124,7 +124,7 @@ pub fn evaluate_grid(
     let randomisation = Randomisation::new(nominal.clone(), &task.randomisation, task.stage.actuation)?;
     let mut worlds = vec![nominal];
     worlds.extend(randomisation.grid(grid.worlds, grid.seed));
-    let ready = pianist.ready(&task, &piece)?;
+    let ready = pianist.ready(&task, &piece, &mut |_| {})?;
     let never = AtomicBool::new(false);
 
     let (done, stopped) = (AtomicUsize::new(0), AtomicBool::new(false));

@@ -21,7 +21,7 @@ mod rehearse;
 mod robot;
 mod run;
 
-pub use config::{DEFAULT_PRESET, RunConfig, resolve};
+pub use config::{DEFAULT_PRESET, RunConfig, presets, resolve};
 pub use doctor::{Finding, examine};
 pub use errors::{Interrupted, released};
 pub use excitations::record_excitations;

@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context as _, anyhow, bail};
 use etude_learn::Policy;
 use etude_music::Song;
+use etude_perform::shell_word;
 use etude_task::reward::OF_A_FINGERING;
 use etude_task::{ACTION_LEN, Piece, ScriptedPlayer, TaskConfig, TaskError, layout};
 use serde_json::Value;
@@ -128,8 +129,9 @@ pub fn load_pianist(asked: &str, slug: &str, path: Option<&Path>) -> anyhow::Res
     });
     let none = || {
         anyhow!(
-            "there is no policy for `{asked}` yet: `etude train {asked}` makes one, or name one with --policy (looked in \
-             policies/ and {RUNS})"
+            "there is no policy for `{asked}` yet: `etude train {}` makes one, or name one with --policy (looked in \
+             policies/ and {RUNS})",
+            shell_word(asked)
         )
     };
     pianists.into_iter().next().ok_or_else(|| errors.into_iter().next().unwrap_or_else(none))
@@ -201,11 +203,16 @@ impl Pianist {
         }
     }
 
-    /// What plays `piece` in `task`.
-    pub(crate) fn ready(&self, task: &TaskConfig, piece: &Piece) -> Result<Ready, TaskError> {
+    /// What plays `piece` in `task`; tells what share of its planning is done, 0 to 1.
+    pub(crate) fn ready(
+        &self,
+        task: &TaskConfig,
+        piece: &Piece,
+        tell: &mut dyn FnMut(f64),
+    ) -> Result<Ready, TaskError> {
         Ok(match &self.kind {
             Kind::Policy(policy, _) => Ready::Policy(policy.clone()),
-            Kind::Script => Ready::Script(Box::new(ScriptedPlayer::new(task, piece)?)),
+            Kind::Script => Ready::Script(Box::new(ScriptedPlayer::new_telling(task, piece, tell)?)),
         })
     }
 

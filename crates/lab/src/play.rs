@@ -7,7 +7,7 @@ use anyhow::bail;
 use etude_music::sound::{self, SoundFont};
 use etude_music::{CONTROL_HZ, Song};
 use etude_perform::{
-    DueNote, Ending, Header, Performance, RecordingWriter, Scores, SimRig, perform, write_file,
+    DueNote, Ending, Header, Job, Performance, RecordingWriter, Scores, SimRig, perform, write_file,
     write_frames_csv,
 };
 use etude_robot::rig::RigConfig;
@@ -61,21 +61,21 @@ pub struct Files {
 }
 
 /// Plays the whole song and writes the files into `folder`. Those of an earlier performance there are replaced when all is done, and the
-/// page made of them is removed.
+/// page made of them is removed. Reports what share of the fingering is planned, 0 to 1, which takes long for a long song with many chords.
 ///
 /// # Errors
-/// If the song does not fit the keyboard, a file cannot be written, or `interrupt` is set: the folder is then as it was.
+/// If the song does not fit the keyboard, a file cannot be written, or the job is interrupted: the folder is then as it was.
 pub fn play(
     song: &Song,
     pianist: &Pianist,
     folder: &Path,
     font: Option<&SoundFont>,
-    interrupt: &AtomicBool,
+    job: &mut Job<'_, f64>,
 ) -> anyhow::Result<PlayReport> {
     make_folder(folder)?;
     let unfinished = folder.join(format!(".unfinished-{}", std::process::id()));
     make_folder(&unfinished)?;
-    let played = play_into(&unfinished, folder, song, pianist, font, interrupt);
+    let played = play_into(&unfinished, folder, song, pianist, font, job);
     // Empty after a success.
     let _ = std::fs::remove_dir_all(&unfinished);
     played
@@ -88,16 +88,16 @@ fn play_into(
     song: &Song,
     pianist: &Pianist,
     font: Option<&SoundFont>,
-    interrupt: &AtomicBool,
+    job: &mut Job<'_, f64>,
 ) -> anyhow::Result<PlayReport> {
     let task = &pianist.config.task;
-    let piece = Piece::for_task(song, task)?;
+    let piece = Piece::for_task_telling(song, task, &mut |share| job.tell(&share))?;
     let files = Files::of_play(unfinished);
     let header = header(&piece, pianist, "simulation", None);
     let mut writer = RecordingWriter::create(&files.recording, &header)?;
-    let mut ready = pianist.ready(task, &piece)?;
+    let mut ready = pianist.ready(task, &piece, &mut |share| job.tell(&share))?;
     let mut rig = SimRig::new(task, &piece, pianist.config.trainer.seed)?;
-    let performance = perform(&mut rig, &mut ready, task, &piece, Some(&mut writer), interrupt)?;
+    let performance = perform(&mut rig, &mut ready, task, &piece, Some(&mut writer), job.interrupt())?;
     writer.finish()?;
     match &performance.ending {
         Ending::Complete => {}
@@ -156,7 +156,7 @@ pub(crate) const REFERENCE: &str = "reference.wav";
 pub fn scores_in_simulation(pianist: &Pianist, piece: &Piece) -> anyhow::Result<Scores> {
     let task = &pianist.config.task;
     let mut rig = SimRig::nominal(task, piece)?;
-    let mut ready = pianist.ready(task, piece)?;
+    let mut ready = pianist.ready(task, piece, &mut |_| {})?;
     Ok(perform(&mut rig, &mut ready, task, piece, None, &AtomicBool::new(false))?.scores())
 }
 

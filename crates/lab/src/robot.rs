@@ -293,7 +293,7 @@ fn one_run(
     let task = &pianist.config.task;
     // What takes long comes before the robot has power.
     let simulation = play.mode.simulation(task, &stand.robot.config().limits)?;
-    let mut ready = pianist.ready(task, piece)?;
+    let mut ready = pianist.ready(task, piece, &mut |_| {})?;
     let Stand { robot, pace } = stand;
     prepare(robot, pace, play.home.then_some(start), writer.as_deref_mut(), interrupt)?;
     let mut rig = play.mode.rig(simulation, RobotRig::new(robot, pace, start));

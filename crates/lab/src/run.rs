@@ -9,7 +9,7 @@ use etude_learn::{
     TrainingObserver, WarmStart, seed,
 };
 use etude_music::{Song, SongError};
-use etude_perform::{Job, NoteCounts, SongEvaluator, write_file};
+use etude_perform::{Job, NoteCounts, SongEvaluator, shell_word, write_file};
 use etude_task::{Piece, TaskConfig, VectorPiano};
 use serde_json::{Value, json};
 
@@ -57,9 +57,10 @@ impl Run {
                     song.notes().len()
                 );
             }
-            let folder = folder.display();
             bail!(
-                "{folder} holds a training already: `etude train --resume {folder}` continues it, or choose another folder with -o"
+                "{} holds a training already: `etude train --resume {}` continues it, or choose another folder with -o",
+                folder.display(),
+                shell_word(folder.display())
             );
         }
         Trainer::check_vacant(folder)?;
@@ -94,8 +95,11 @@ impl Run {
     /// If the folder holds no run or a damaged one, or an override would make another training of it.
     pub fn resume(folder: &Path, overrides: &[String]) -> anyhow::Result<Self> {
         if !is_run(folder) {
-            let folder = folder.display();
-            bail!("{folder} holds no run to continue; `etude train SONG -o {folder}` starts one");
+            bail!(
+                "{} holds no run to continue; `etude train SONG -o {}` starts one",
+                folder.display(),
+                shell_word(folder.display())
+            );
         }
         let config = resolve_config("paper", Some(&folder.join(CONFIG)), &[])?;
         let config = change_free(&config, overrides)?;
@@ -103,10 +107,12 @@ impl Run {
         let song = titled(Song::load(folder.join(SONG))?, folder)?;
         let lock = lock(folder)?;
         if learned_task(folder).is_some_and(|task| task != config.task) {
-            let folder = folder.display();
+            let [config, from] =
+                [folder.join(CONFIG), folder.to_path_buf()].map(|path| shell_word(path.display()));
             bail!(
-                "the `task` of {folder}/config.toml is not what this training has learned so far: put it back, or begin another \
-                 training with `--config {folder}/config.toml --from {folder} -o DIR`"
+                "the `task` of {}/{CONFIG} is not what this training has learned so far: put it back, or begin another \
+                 training with `--config {config} --from {from} -o DIR`",
+                folder.display()
             );
         }
         let (learned, found) = (recorded_checksum(folder), song_checksum(folder)?);
@@ -256,8 +262,9 @@ fn recorded_checksum(folder: &Path) -> Option<String> {
 fn usable_still(error: TrainError, folder: &Path) -> anyhow::Error {
     let policy = policy_in(folder).filter(|_| !matches!(error, TrainError::NothingToResume { .. }));
     let Some(policy) = policy.filter(|policy| Policy::load(policy).is_ok()) else { return error.into() };
-    let (run, policy) = (folder.display(), policy.display());
-    let begin = format!("`etude train {run}/{SONG} --config {run}/{CONFIG} --from {policy} -o DIR`");
+    let [song, config, policy] =
+        [folder.join(SONG), folder.join(CONFIG), policy].map(|path| shell_word(path.display()));
+    let begin = format!("`etude train {song} --config {config} --from {policy} -o DIR`");
     anyhow!("{error}; its policy is whole: {begin} begins with it")
 }
 

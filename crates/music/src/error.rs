@@ -5,7 +5,9 @@ use std::path::PathBuf;
 
 use thiserror::Error;
 
+use crate::near::did_you_mean;
 use crate::range::OutOfRange;
+use crate::repertoire;
 
 /// Why bytes are not a usable MIDI file.
 #[derive(Debug, Clone, PartialEq, Error)]
@@ -41,12 +43,10 @@ pub enum SongError {
         source: MidiError,
     },
     /// Neither in the repertoire nor a file.
-    #[error("there is no song called \"{name}\"{}; `etude songs` lists the built-in ones, or give the path of a .mid file", did_you_mean(.close))]
+    #[error("there is no song called \"{name}\"{}; `etude songs` lists the built-in ones, or give the path of a .mid file", did_you_mean(.name, repertoire::ids()))]
     Unknown {
         /// The requested name.
         name: String,
-        /// Built-in ids that look like it, best first.
-        close: Vec<&'static str>,
     },
     /// Notes that the keyboard does not have.
     #[error(transparent)]
@@ -54,8 +54,4 @@ pub enum SongError {
     /// A note, a length, a rate or written music with something wrong in it.
     #[error("{0}")]
     Invalid(String),
-}
-
-fn did_you_mean(close: &[&'static str]) -> String {
-    if close.is_empty() { String::new() } else { format!(" (did you mean {}?)", close.join(", ")) }
 }

@@ -6,9 +6,6 @@ use crate::error::SongError;
 use crate::repertoire;
 use crate::song::Song;
 
-/// Most names that are suggested for an unknown one.
-const MOST_SUGGESTIONS: usize = 3;
-
 /// The song of this name: a built-in id, or the path of a MIDI file.
 ///
 /// A name of the repertoire wins over a file of the same name; write `./name` for the file.
@@ -27,22 +24,7 @@ pub fn resolve(name_or_path: &str) -> Result<Song, SongError> {
     if named_like_a_file || path.is_file() {
         return Song::load(path);
     }
-    Err(SongError::Unknown { name: name_or_path.to_owned(), close: close_ids(name_or_path) })
-}
-
-/// Ids that a mistyped name may mean, best first.
-fn close_ids(name: &str) -> Vec<&'static str> {
-    let plain: String = name.to_lowercase().replace([' ', '_'], "-").chars().take(64).collect();
-    let mut close: Vec<(usize, &str)> = repertoire::ids()
-        .filter_map(|id| {
-            let part = plain.len() > 2 && (id.contains(&plain) || plain.contains(id));
-            let edits = if part { 0 } else { strsim::levenshtein(&plain, id) };
-            // A third of the letters wrong is a typing error, more is another word.
-            (edits * 3 <= id.len()).then_some((edits, id))
-        })
-        .collect();
-    close.sort();
-    close.into_iter().take(MOST_SUGGESTIONS).map(|(_, id)| id).collect()
+    Err(SongError::Unknown { name: name_or_path.to_owned() })
 }
 
 #[cfg(test)]

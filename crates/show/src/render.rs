@@ -9,7 +9,7 @@ use anyhow::{anyhow, bail};
 use etude_lab::Interrupted;
 use etude_music::KeySet;
 use etude_music::sound::{self, write_hint};
-use etude_perform::{Job, write_file};
+use etude_perform::{Job, shell_word, write_file};
 use etude_stage::{JOINTS, Painter, View, World};
 
 use crate::replay::Take;
@@ -107,10 +107,10 @@ impl<'a> Studio<'a> {
         // Pictures of an earlier, longer video would be taken for the end of this one.
         let _ = std::fs::remove_dir_all(&folder);
         std::fs::rename(&pictures, &folder).map_err(|error| cannot_write(&folder, &error))?;
+        let [pictures, sound, video] = [&folder.join("%06d.png"), &folder.join("sound.wav"), path]
+            .map(|path| shell_word(path.display()));
         let command = format!(
-            "ffmpeg -r {FRAMES_PER_SEC} -i '{folder}/%06d.png' -i '{folder}/sound.wav' -vf '{EVEN}' -pix_fmt yuv420p '{}'",
-            path.display(),
-            folder = folder.display(),
+            "ffmpeg -r {FRAMES_PER_SEC} -i {pictures} -i {sound} -vf '{EVEN}' -pix_fmt yuv420p {video}"
         );
         Ok(Video::Frames { folder, command })
     }

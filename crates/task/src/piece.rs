@@ -47,9 +47,21 @@ impl Piece {
     /// # Errors
     /// As [`Piece::new`]; also if the plan's numbers or the physical ones are not sound.
     pub fn for_task(song: &Song, config: &TaskConfig) -> Result<Self, TaskError> {
+        Self::for_task_telling(song, config, &mut |_| {})
+    }
+
+    /// The same for a song that may be long: tells what share of its fingering is planned, 0 to 1.
+    ///
+    /// # Errors
+    /// As [`Piece::for_task`].
+    pub fn for_task_telling(
+        song: &Song,
+        config: &TaskConfig,
+        tell: &mut dyn FnMut(f64),
+    ) -> Result<Self, TaskError> {
         let mut piece = Self::of(config.plan.plan(song, config.initial_silence_secs)?);
         if config.fingering {
-            let fingering = Fingering::plan(&config.stage, &config.params()?, &piece);
+            let fingering = Fingering::plan_telling(&config.stage, &config.params()?, &piece, tell);
             piece.fingering = Some(Arc::new(fingering));
         }
         Ok(piece)

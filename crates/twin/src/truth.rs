@@ -50,15 +50,18 @@ impl Truth {
         let fail = |message: String| TruthError::Read { path: Path::new(name).to_path_buf(), message };
         let text = match BUILT_IN.iter().find(|(built_in, _)| *built_in == name) {
             Some((_, text)) => (*text).to_string(),
-            None => std::fs::read_to_string(name).map_err(|error| {
-                let known: Vec<_> = BUILT_IN.iter().map(|(name, _)| *name).collect();
-                fail(format!("{error}; built in are {}", known.join(", ")))
-            })?,
+            None => std::fs::read_to_string(name)
+                .map_err(|error| fail(format!("{error}; built in are {}", Self::names().join(", "))))?,
         };
         Self::parse(&text).map_err(|error| match error {
             TruthError::Text(message) => fail(message),
             error => error,
         })
+    }
+
+    /// Names of the built-in truths.
+    pub fn names() -> Vec<&'static str> {
+        BUILT_IN.iter().map(|(name, _)| *name).collect()
     }
 
     /// The truth in this TOML text; what it leaves out has default values, those of a robot without wear.

@@ -3,6 +3,7 @@
 use std::path::{Path, PathBuf};
 use std::sync::atomic::Ordering;
 
+use clap::ValueHint;
 use etude_lab::{GridConfig, GridReport, evaluate_grid, find_song};
 
 use super::{PianistArgs, json, line, note};
@@ -25,6 +26,7 @@ Examples:
   etude evaluate twinkle --set task.randomisation.widths.joint.fingers.damping=0.02 --intensity 1")]
 pub struct Args {
     /// A built-in id (see `etude songs`) or a MIDI file
+    #[arg(value_parser = super::song(), value_hint = ValueHint::FilePath, hide_possible_values = true)]
     song: String,
     #[command(flatten)]
     pianist: PianistArgs,

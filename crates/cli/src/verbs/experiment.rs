@@ -2,13 +2,13 @@
 
 use std::path::{Path, PathBuf};
 
-use clap::{Subcommand, ValueEnum};
+use clap::{Subcommand, ValueEnum, ValueHint};
 use etude_experiment::{
     Experiment, LaunchProgress, LocalConfig, PlanConfig, SlurmConfig, Trial, TrialEnd, TrialProgress,
     TrialState, launch_local, names, open_trials, plan_file, plan_text, read_plan, run_trial, slurm_script,
     submit, write_plan,
 };
-use etude_perform::Job;
+use etude_perform::{Job, shell_line};
 use serde_json::json as object;
 
 use super::{json, line, note};
@@ -58,7 +58,7 @@ enum What {
 #[derive(clap::Args)]
 struct PlanArgs {
     /// Names of experiments, or TOML files
-    #[arg(required = true, value_name = "NAME|FILE")]
+    #[arg(required = true, value_name = "NAME|FILE", value_parser = super::NameOrPath(etude_experiment::names), value_hint = ValueHint::FilePath, hide_possible_values = true)]
     names: Vec<String>,
     /// This many seeds instead of the file's
     #[arg(long, value_parser = clap::value_parser!(u64).range(1..))]
@@ -367,7 +367,7 @@ fn trial(args: &TrialArgs) -> anyhow::Result<Ending> {
             let _ = line(text);
         }
     };
-    let command = std::env::args().collect::<Vec<_>>().join(" ");
+    let command = shell_line(std::env::args());
     match run_trial(trial, &args.runs, args.threads, &command, &mut Job::new(&mut tell, &stop))? {
         TrialEnd::Done => Ok(Ending::Done),
         TrialEnd::Stopped => Ok(Ending::Stopped),

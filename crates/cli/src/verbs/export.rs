@@ -2,6 +2,7 @@
 
 use std::path::PathBuf;
 
+use clap::ValueHint;
 use etude_lab::find_song;
 use etude_show::export::export_onnx;
 
@@ -27,7 +28,7 @@ enum What {
     /// with the joints' ranges for this song.
     Onnx {
         /// A built-in song or a MIDI file: the policy's range of the rail goes by it
-        #[arg(value_name = "SONG")]
+        #[arg(value_name = "SONG", value_parser = super::song(), value_hint = ValueHint::FilePath, hide_possible_values = true)]
         song: String,
         /// The file; SONG.onnx if not given
         #[arg(short = 'o', long = "out", value_name = "FILE.onnx")]

@@ -50,16 +50,17 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
     let mut seen = BTreeSet::new();
     paths.retain(|path| !path.starts_with(&own) && seen.insert(path.clone()));
     if args.runs.is_empty() {
-        for id in repertoire::ids() {
-            status.now("playing ", id);
+        let ids: Vec<_> = repertoire::ids().collect();
+        for (number, id) in ids.iter().enumerate() {
+            told(&mut status, "playing", id, [number, ids.len()]);
             let folder = own.join(id);
             let pianist = load_pianist(id, id, None)?;
-            play(&find_song(id)?, &pianist, &folder, None, &stop)?;
+            play(&find_song(id)?, &pianist, &folder, None, &mut Job::new(&mut |_| {}, &stop))?;
             paths.push(folder.join("recording.mcap"));
         }
     }
     let mut tell = |number: &usize| {
-        status.now("showing ", &format!("{} ({} of {})", paths[*number].display(), number + 1, paths.len()));
+        told(&mut status, "showing", &paths[*number].display().to_string(), [*number, paths.len()]);
     };
     let gallery = gallery(&paths, &args.out, &mut Job::new(&mut tell, &stop))?;
     drop(status);
@@ -84,4 +85,9 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
     }
     line(format!("Open in a browser: {}", gallery.index.display()))?;
     Ok(Ending::Done)
+}
+
+/// Says which of all is next, and how long the phase still takes.
+fn told(status: &mut Status, phase: &str, what: &str, [number, all]: [usize; 2]) {
+    status.part(phase, &format!(" {what} ({} of {all})", number + 1), number as f64 / all as f64);
 }

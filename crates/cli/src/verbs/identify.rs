@@ -9,7 +9,7 @@ use etude_task::TaskConfig;
 
 use super::line;
 use crate::Ending;
-use crate::progress::stop_flag;
+use crate::progress::{clock, stop_flag};
 use crate::status::Status;
 
 /// Arguments of the verb.
@@ -101,10 +101,18 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
 }
 
 fn show(status: &mut Status, at: &Progress) {
+    let [phase, state] = fit(at);
+    status.now(&phase, &state);
+}
+
+/// The pass of a fit, and how far it is. It ends when all is settled; nobody knows how long that takes.
+pub(super) fn fit(at: &Progress) -> [String; 2] {
     let [ended, all] = at.ended;
     let state = format!(
-        ": {} replays, residuals {:.2} times the noise, {ended} of {all} settled",
-        at.replays, at.rms
+        ", {} replays, residuals {:.2} times the noise, {ended} of {all} settled, {} so far",
+        at.replays,
+        at.rms,
+        clock(at.secs)
     );
-    status.now(at.pass.name(), &state);
+    [format!("pass {}, {}", at.number, at.pass.name()), state]
 }

@@ -2,12 +2,14 @@
 
 pub mod bench;
 pub mod compare;
+pub mod completions;
 pub mod doctor;
 pub mod evaluate;
 pub mod experiment;
 pub mod export;
 pub mod gallery;
 pub mod identify;
+pub mod man;
 pub mod model;
 pub mod perform;
 pub mod play;
@@ -21,17 +23,48 @@ pub mod train;
 pub mod twin;
 pub mod watch;
 
+use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
 
+use clap::builder::{PossibleValue, PossibleValuesParser, StringValueParser, TypedValueParser};
 use etude_lab::{Pianist, RunConfig, load_pianist};
 use etude_music::Song;
+
+/// Text that is one of these names or the path of a file: any text is taken, and a shell can complete the names.
+#[derive(Clone)]
+pub struct NameOrPath(fn() -> Vec<&'static str>);
+
+impl TypedValueParser for NameOrPath {
+    type Value = String;
+
+    fn parse_ref(
+        &self,
+        command: &clap::Command,
+        arg: Option<&clap::Arg>,
+        value: &OsStr,
+    ) -> Result<String, clap::Error> {
+        StringValueParser::new().parse_ref(command, arg, value)
+    }
+
+    fn possible_values(&self) -> Option<Box<dyn Iterator<Item = PossibleValue> + '_>> {
+        Some(Box::new((self.0)().into_iter().map(PossibleValue::new)))
+    }
+}
+
+fn song() -> NameOrPath {
+    NameOrPath(|| etude_music::repertoire::ids().collect())
+}
+
+fn truth() -> NameOrPath {
+    NameOrPath(etude_twin::Truth::names)
+}
 
 /// The layers of configuration that several verbs take.
 #[derive(clap::Args)]
 pub struct ConfigArgs {
     /// Start from this preset: fast (a song in minutes), quick (without a fingering, in more steps), paper (as
     /// published), appendix (the paper's variant) or appendix-fast (that, with a fingering)
-    #[arg(long, default_value = etude_lab::DEFAULT_PRESET, value_name = "NAME")]
+    #[arg(long, default_value = etude_lab::DEFAULT_PRESET, value_name = "NAME", value_parser = PossibleValuesParser::new(etude_lab::presets()), hide_possible_values = true)]
     preset: String,
     /// Then take what this TOML file says
     #[arg(long, value_name = "FILE")]

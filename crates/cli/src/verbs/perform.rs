@@ -2,6 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
+use clap::ValueHint;
 use etude_lab::{RobotPlay, RobotReport, RunEnded, find_song, play_on_robot};
 use etude_music::sound::SoundFont;
 use etude_perform::stand::{RigChoice, rig_choice};
@@ -32,15 +33,16 @@ Examples:
   etude perform my-song.mid --policy runs/my-song__fast__0 --robot lab.toml")]
 pub struct Args {
     /// A built-in id (see `etude songs`) or a MIDI file
+    #[arg(value_parser = super::song(), value_hint = ValueHint::FilePath, hide_possible_values = true)]
     song: String,
     /// joint-mirroring, hybrid or real
     #[arg(long, default_value = "real")]
     mode: Mode,
     /// `twin`, or the file of a rig
-    #[arg(long, default_value = "twin", value_name = "RIG")]
+    #[arg(long, default_value = "twin", value_name = "RIG", value_hint = ValueHint::FilePath)]
     robot: String,
     /// What is true of the twin: `standard`, `ideal`, `worn`, or a file
-    #[arg(long, default_value = "standard", value_name = "NAME|FILE")]
+    #[arg(long, default_value = "standard", value_name = "NAME|FILE", value_parser = super::truth(), value_hint = ValueHint::FilePath, hide_possible_values = true)]
     truth: String,
     /// Something that goes wrong with the twin, as in `etude twin`; starting and homing take some ten seconds
     #[arg(long = "fault", value_name = "KIND[=VALUE]@SECS[+SECS]")]

@@ -3,14 +3,16 @@
 use std::path::{Path, PathBuf};
 
 use anyhow::Context as _;
+use clap::ValueHint;
 use etude_lab::{PlayReport, find_song, play};
 use etude_music::metrics::NoteScores;
 use etude_music::sound::SoundFont;
-use etude_perform::{NoteCounts, Scores};
+use etude_perform::{Job, NoteCounts, Scores};
 
 use super::{PianistArgs, json, line};
 use crate::Ending;
 use crate::progress::stop_flag;
+use crate::status::Planning;
 
 /// What to play, with what, and where to keep it.
 #[derive(clap::Args)]
@@ -26,6 +28,7 @@ Examples:
   etude play my-song.mid --policy runs/my-song__fast__0 -o out/mine")]
 pub struct Args {
     /// A built-in id (see `etude songs`) or a MIDI file
+    #[arg(value_parser = super::song(), value_hint = ValueHint::FilePath, hide_possible_values = true)]
     song: String,
     #[command(flatten)]
     pianist: PianistArgs,
@@ -48,7 +51,10 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
     let pianist = args.pianist.load(&args.song, &song)?;
     let font = args.soundfont.as_deref().map(SoundFont::load).transpose().context("no sound")?;
     let folder = args.out.unwrap_or_else(|| Path::new("out").join(args.pianist.folder_name(&args.song)));
-    let report = play(&song, &pianist, &folder, font.as_ref(), &stop)?;
+    let mut planning = Planning::new(args.json);
+    let mut tell = |share: &f64| planning.tell(*share);
+    let report = play(&song, &pianist, &folder, font.as_ref(), &mut Job::new(&mut tell, &stop))?;
+    drop(planning);
     if args.json {
         json(&report)?
     } else {

@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 use std::time::Duration;
 
+use clap::ValueHint;
 use etude_lab::{Motion, record_robot};
 use etude_perform::Excitation;
 use etude_perform::stand::rig_choice;
@@ -23,10 +24,10 @@ Examples:
   etude record --robot twin --truth worn --excitation chirp -o chirp.mcap")]
 pub struct Args {
     /// `twin`, or the file of a rig
-    #[arg(long, value_name = "RIG")]
+    #[arg(long, value_name = "RIG", value_hint = ValueHint::FilePath)]
     robot: String,
     /// What is true of the twin: `standard`, `ideal`, `worn`, or a file
-    #[arg(long, default_value = "standard", value_name = "NAME|FILE")]
+    #[arg(long, default_value = "standard", value_name = "NAME|FILE", value_parser = super::truth(), value_hint = ValueHint::FilePath, hide_possible_values = true)]
     truth: String,
     /// Move the joints so that a simulator can be fitted to them: `open-close`, `chirp`, `rail`, or `held-out` to try a
     /// fit on

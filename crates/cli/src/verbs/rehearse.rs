@@ -2,13 +2,16 @@
 
 use std::path::PathBuf;
 
+use clap::ValueHint;
+use clap::builder::PossibleValuesParser;
 use etude_lab::{
     IdentifyMethod, RehearsalConfig, RehearsalStep, Round, find_song, rehearse_on_robot, shipped_policy,
 };
 use etude_perform::stand::{RigChoice, rig_choice};
-use etude_perform::{Job, Mode};
+use etude_perform::{Excitation, Job, Mode};
 use etude_show::{REHEARSAL_PAGE, RehearsalPage};
 
+use super::identify::fit;
 use super::{json, line, slug};
 use crate::Ending;
 use crate::progress::stop_flag;
@@ -27,12 +30,13 @@ Examples:
   etude rehearse my-song.mid --robot lab.toml --rounds 3")]
 pub struct Args {
     /// A built-in id (see `etude songs`) or a MIDI file
+    #[arg(value_parser = super::song(), value_hint = ValueHint::FilePath, hide_possible_values = true)]
     song: String,
     /// `twin`, or the file of a rig
-    #[arg(long, default_value = "twin", value_name = "RIG")]
+    #[arg(long, default_value = "twin", value_name = "RIG", value_hint = ValueHint::FilePath)]
     robot: String,
     /// What is true of the twin: `standard`, `ideal`, `worn`, or a file
-    #[arg(long, default_value = "standard", value_name = "NAME|FILE")]
+    #[arg(long, default_value = "standard", value_name = "NAME|FILE", value_parser = super::truth(), value_hint = ValueHint::FilePath, hide_possible_values = true)]
     truth: String,
     /// Rounds of identifying, training and performing
     #[arg(long, default_value_t = 2)]
@@ -44,7 +48,7 @@ pub struct Args {
     #[arg(long, default_value = "real")]
     mode: Mode,
     /// Preset of the trainings
-    #[arg(long, default_value = etude_lab::DEFAULT_PRESET, value_name = "NAME")]
+    #[arg(long, default_value = etude_lab::DEFAULT_PRESET, value_name = "NAME", value_parser = PossibleValuesParser::new(etude_lab::presets()), hide_possible_values = true)]
     preset: String,
     /// Set a value of it, for example --set task.randomisation.intensity=0.2; may be repeated
     #[arg(long = "set", value_name = "PATH=VALUE")]
@@ -104,7 +108,7 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
     let mut status = Status::new(args.json);
     let mut page = RehearsalPage::new(&config, &folder);
     let mut tell = |step: &RehearsalStep| {
-        show(&mut status, step);
+        show(&mut status, step, &config);
         if let RehearsalStep::Round(round) = step {
             page.add(round);
         }
@@ -121,25 +125,33 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
     Ok(Ending::Done)
 }
 
-fn show(status: &mut Status, step: &RehearsalStep) {
+fn show(status: &mut Status, step: &RehearsalStep, config: &RehearsalConfig) {
+    let part = |round: usize, what: &str| format!("round {round} of {}: {what}", config.rounds);
     match step {
-        RehearsalStep::Recorded(excitation) => status.now(&format!("recorded {excitation}"), ""),
+        RehearsalStep::Recorded(excitation) => {
+            let all = Excitation::ALL;
+            let number = all.iter().position(|other| other == excitation).unwrap_or(0) + 1;
+            status.now(&format!("recorded {excitation} ({number} of {})", all.len()), "");
+        }
         RehearsalStep::LeftOut { recording, why } => {
             status.done(&format!("warning: {} is not fitted to: {why}", recording.display()));
         }
-        RehearsalStep::Identifying(round, at) => status.now(
-            &format!("round {round}: identifying, {}", at.pass.name()),
-            &format!(", {} replays, residuals {:.2} times the noise", at.replays, at.rms),
-        ),
+        RehearsalStep::Identifying(round, at) => {
+            let [phase, state] = fit(at);
+            status.now(&part(*round, &format!("identifying, {phase}")), &state);
+        }
         RehearsalStep::Training(round, at) => {
             let notes = at.best_notes.map_or_else(String::new, |notes| format!(", {notes}"));
-            status.now(
-                &format!("round {round}: training"),
+            status.part(
+                &part(*round, "training"),
                 &format!(", step {} of {}{notes}, F1 {:.3}", at.step, at.total, at.best_f1.unwrap_or(0.0)),
+                at.step as f64 / at.total as f64,
             );
         }
         RehearsalStep::Performed { round, run, notes, f1 } => {
-            status.now(&format!("round {round}: run {} played, {notes}, F1 {f1:.3}", run + 1), "");
+            let played = run + 1;
+            let state = format!(", {played} of {} runs played, {notes}, F1 {f1:.3}", config.runs);
+            status.part(&part(*round, "playing"), &state, played as f64 / config.runs as f64);
         }
         RehearsalStep::Round(round) => status.done(&format!(
             "round {}: {} on the robot; F1 {:.3} in simulation, {:.3} on the robot: a gap of {:.1} %",

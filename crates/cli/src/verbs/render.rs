@@ -81,7 +81,7 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
     }
     let stop = stop_flag()?;
     let mut status = Status::new(args.json);
-    let mut tell = |done: &f64| status.now("drawing", &format!(", {:.0} %", 100.0 * done));
+    let mut tell = |done: &f64| status.part("drawing", &format!(", {:.0} %", 100.0 * done), *done);
     let video = studio.video(&out, &mut Job::new(&mut tell, &stop))?;
     drop(status);
     match video {

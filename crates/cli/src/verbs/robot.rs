@@ -10,6 +10,7 @@ use std::sync::mpsc::{Receiver, TryRecvError, channel};
 use std::time::{Duration, Instant};
 
 use anyhow::Context as _;
+use clap::ValueHint;
 use etude_lab::released;
 use etude_perform::prepare;
 use etude_perform::stand::{
@@ -56,7 +57,7 @@ enum Action {
 #[derive(clap::Args)]
 struct Rig {
     /// `twin`, or the file of a rig
-    #[arg(long, value_name = "RIG")]
+    #[arg(long, value_name = "RIG", value_hint = ValueHint::FilePath)]
     robot: String,
     /// Print JSON
     #[arg(long)]
@@ -75,7 +76,7 @@ Examples:
   etude robot calibrate --robot lab.toml --at highest --by-hand")]
 struct Calibrate {
     /// The file of a rig
-    #[arg(long, value_name = "RIG")]
+    #[arg(long, value_name = "RIG", value_hint = ValueHint::FilePath)]
     robot: String,
     /// Which key the middle finger is over
     #[arg(long, value_enum)]
@@ -98,7 +99,7 @@ enum Place {
 #[derive(clap::Args)]
 struct MonitorArgs {
     /// The file of a rig
-    #[arg(long, value_name = "RIG")]
+    #[arg(long, value_name = "RIG", value_hint = ValueHint::FilePath)]
     robot: String,
     /// Stop after so many seconds; Ctrl-C if not given
     #[arg(long, value_parser = super::positive)]

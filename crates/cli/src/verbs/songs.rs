@@ -2,14 +2,17 @@
 
 use std::path::{Path, PathBuf};
 
+use clap::ValueHint;
 use etude_lab::{find_song, policies};
 use etude_music::{CONTROL_HZ, Note, Song, pitch_name, repertoire};
+use etude_perform::shell_word;
 use etude_task::fingering::Limit;
 use etude_task::{Piece, TaskConfig};
 use serde_json::json as object;
 
 use super::{json, line, note};
 use crate::Ending;
+use crate::status::Planning;
 
 /// What to show.
 #[derive(clap::Args)]
@@ -29,9 +32,10 @@ pub struct Args {
 
 #[derive(clap::Subcommand)]
 enum What {
-    /// Show one song: notes by bar, range, what may be hard
+    /// Show one song: notes by bar, range, how many a second, what may be hard
     Show {
         /// A built-in id or a MIDI file
+        #[arg(value_parser = super::song(), value_hint = ValueHint::FilePath, hide_possible_values = true)]
         song: String,
         /// Write the keys due at each control step (20 a second), as the preset `fast` plans them, to this CSV file:
         /// step,due
@@ -40,13 +44,14 @@ enum What {
         /// Silence before the first note, s
         #[arg(long, default_value_t = 1.0, value_name = "SECS", allow_hyphen_values = true)]
         initial_silence: f64,
-        /// Print JSON: title, notes, secs, frames, lowest, highest, warnings, fingering
+        /// Print JSON: title, notes, secs, frames, lowest, highest, notes_per_sec, busiest_second, warnings, fingering
         #[arg(long)]
         json: bool,
     },
     /// Write a song in another key or tempo as a MIDI file that the keyboard has all notes for
     Arrange {
         /// A built-in id or a MIDI file
+        #[arg(value_parser = super::song(), value_hint = ValueHint::FilePath, hide_possible_values = true)]
         song: String,
         /// Semitones up, or down if negative
         #[arg(long, default_value_t = 0, value_name = "SEMITONES", allow_hyphen_values = true)]
@@ -102,7 +107,10 @@ fn show(name: &str, frames_csv: Option<PathBuf>, silence: f64, as_json: bool) ->
     let fits = song.check_range();
     let preset = etude_lab::resolve(etude_lab::DEFAULT_PRESET, None, &[])?.task;
     let task = TaskConfig { initial_silence_secs: silence, ..preset };
-    let piece = if fits.is_ok() { Some(Piece::for_task(&song, &task)?) } else { None };
+    let mut planning = Planning::new(as_json);
+    let mut plan = || Piece::for_task_telling(&song, &task, &mut |share| planning.tell(share));
+    let piece = if fits.is_ok() { Some(plan()?) } else { None };
+    drop(planning);
     let frames = piece.as_ref().map_or(&[][..], Piece::frames);
     let limits = piece.as_ref().and_then(Piece::fingering).map(|fingering| fingering.limits());
     let place_of = |limit: &Limit| {
@@ -115,16 +123,20 @@ fn show(name: &str, frames_csv: Option<PathBuf>, silence: f64, as_json: bool) ->
     let pitches = || song.notes().iter().map(|note| note.pitch);
     let (notes, secs) = (song.notes().len(), song.duration_secs());
     let (lowest, highest) = (pitches().min(), pitches().max());
+    let (pace, busiest) = (song.notes_per_sec(), song.busiest_second());
     let (hard, quick) = (song.warnings(), task.plan.warnings(&song));
     let warnings: Vec<String> = hard.iter().chain(&quick).map(ToString::to_string).collect();
     if as_json {
         json(&object!({
             "title": song.title(), "notes": notes, "secs": secs, "frames": frames.len(), "lowest": lowest,
-            "highest": highest, "warnings": warnings, "fingering": limits.map(|limits| object!({
+            "highest": highest, "notes_per_sec": pace, "busiest_second": busiest.map(|second| {
+                let (place, secs) = (song.position(second.start_secs), second.start_secs);
+                object!({"notes": second.notes, "bar": place.bar, "beat": place.beat, "secs": secs})
+            }), "warnings": warnings, "fingering": limits.map(|limits| object!({
                 "summary": limits.to_string(),
                 "limits": limits.notes.iter().map(|limit| {
                     let (place, secs) = place_of(limit);
-                    object!({"bar": place.bar, "beat": place.beat, "secs": secs, "note": limit.note(), "what": limit.what()})
+                    object!({"bar": place.bar, "beat": place.beat, "secs": secs, "note": limit.note(), "leap": limit.is_leap(), "what": limit.what()})
                 }).collect::<Vec<_>>(),
             })),
         }))?;
@@ -135,6 +147,13 @@ fn show(name: &str, frames_csv: Option<PathBuf>, silence: f64, as_json: bool) ->
             "{notes} notes from {lowest} to {highest}, {secs:.1} s, {} frames with {silence} s of silence first",
             frames.len()
         ))?;
+        if let Some(second) = busiest {
+            let (place, secs) = (song.position(second.start_secs), second.start_secs);
+            line(format!(
+                "{pace:.1} notes a second; {} in the busiest, which begins at {place} ({secs:.2} s)",
+                second.notes
+            ))?;
+        }
         line("Notes by bar, together with +, and the beats that they last")?;
         let bar = |note: &Note| song.position(note.start_secs).bar;
         for notes in song.notes().chunk_by(|one, next| bar(one) == bar(next)) {
@@ -150,6 +169,13 @@ fn show(name: &str, frames_csv: Option<PathBuf>, silence: f64, as_json: bool) ->
         }
         if let Some(limits) = limits {
             line(format!("With three fingers: {limits}"))?;
+            if let Some(first) = limits.leaps().next() {
+                let (place, secs) = place_of(first);
+                let leaps = limits.leaps().count();
+                line(format!(
+                    "Leaps too far for the time: {leaps} of these, the first at {place} ({secs:.2} s)"
+                ))?;
+            }
             for limit in &limits.notes {
                 let (place, secs) = place_of(limit);
                 line(format!("  {place} ({secs:.2} s): {} {}", limit.note(), limit.what()))?;
@@ -184,5 +210,5 @@ fn arrange(name: &str, semitones: i32, factor: f64, out: &Path) -> anyhow::Resul
     }
     song.save(out)?;
     let (notes, secs) = (song.notes().len(), song.duration_secs());
-    line(format!("{notes} notes, {secs:.1} s: learn it with `etude train {}`", out.display()))
+    line(format!("{notes} notes, {secs:.1} s: learn it with `etude train {}`", shell_word(out.display())))
 }

@@ -3,9 +3,10 @@
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
+use clap::ValueHint;
 use etude_lab::{Run, find_song};
 use etude_learn::{Outcome, StopReason};
-use etude_perform::NoteCounts;
+use etude_perform::{NoteCounts, shell_line, shell_word};
 use serde_json::json;
 
 use super::{ConfigArgs, line, note, slug};
@@ -26,7 +27,7 @@ Examples:
   etude train --resume runs/twinkle__fast__0 --set trainer.total_steps=3e6")]
 pub struct Args {
     /// A built-in id (see `etude songs`) or a MIDI file
-    #[arg(required_unless_present = "resume", conflicts_with = "resume")]
+    #[arg(required_unless_present = "resume", conflicts_with = "resume", value_parser = super::song(), value_hint = ValueHint::FilePath, hide_possible_values = true)]
     song: Option<String>,
     #[command(flatten)]
     config: ConfigArgs,
@@ -62,7 +63,7 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
             let folder = args.out.clone().unwrap_or_else(|| {
                 PathBuf::from(format!("runs/{}__{}__{}", slug(name), args.config.preset, config.trainer.seed))
             });
-            let command = std::env::args().collect::<Vec<_>>().join(" ");
+            let command = shell_line(std::env::args());
             let run = Run::start(song, config, &folder, &command, args.from.as_deref())?;
             (folder, run)
         }
@@ -142,8 +143,9 @@ fn report(args: &Args, folder: &Path, run: &Run, outcome: &Outcome) -> anyhow::R
         None => line(format!("Not evaluated yet; the policy so far is {}", policy.display()))?,
     }
     let song = args.song.clone().unwrap_or_else(|| folder.join("song.mid").display().to_string());
-    line(format!("Play it with:  etude play {song} --policy {}", folder.display()))?;
-    let resume = format!("etude train --resume {}", folder.display());
+    let run = shell_word(folder.display());
+    line(format!("Play it with:  etude play {} --policy {run}", shell_word(song)))?;
+    let resume = format!("etude train --resume {run}");
     if outcome.stopped.is_some() {
         line(format!("Continue with: {resume}"))
     } else {

@@ -2,6 +2,8 @@
 
 use std::path::PathBuf;
 
+use clap::ValueHint;
+use etude_perform::shell_word;
 use etude_robot::rig::RigConfig;
 use etude_twin::{ArmPorts, OrderedFault, Truth, TwinServer};
 use serde_json::json;
@@ -27,7 +29,7 @@ Examples:
   etude robot monitor --robot out/twin/twin.toml")]
 pub struct Args {
     /// What is true of it: `standard`, `ideal`, `worn`, or a file
-    #[arg(long, default_value = "standard", value_name = "NAME|FILE")]
+    #[arg(long, default_value = "standard", value_name = "NAME|FILE", value_parser = super::truth(), value_hint = ValueHint::FilePath, hide_possible_values = true)]
     truth: String,
     /// Something that goes wrong; repeatable. A wrong KIND lists them all
     #[arg(long = "fault", value_name = "KIND[=VALUE]@SECS[+SECS]")]
@@ -52,7 +54,8 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
     if args.json {
         line(json!({ "rig": server.rig() }))?;
     } else {
-        line(format!("The twin `{}` is ready: --robot {}", truth.name(), server.rig().display()))?;
+        let rig = shell_word(server.rig().display());
+        line(format!("The twin `{}` is ready: --robot {rig}", truth.name()))?;
         line("Ctrl-C ends it")?;
     }
     server.serve(&stop)?;

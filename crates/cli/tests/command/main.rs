@@ -19,6 +19,7 @@ mod stop_times;
 mod stopping;
 mod tour;
 mod training;
+mod typing;
 mod watch;
 mod worlds;
 

@@ -222,3 +222,48 @@ fn a_song_that_has_changed_under_its_name_is_told_from_the_one_that_was_learned(
         "{said}"
     );
 }
+
+/// `etude ARGS` must be refused as a wrong command line, with a message that has all of `words`.
+fn redirected(desk: &Desk, args: &str, words: &[&str]) {
+    refused(desk, args, words);
+    assert_eq!(desk.command(args).output().unwrap().status.code(), Some(2), "`etude {args}`");
+}
+
+#[test]
+fn a_wrong_word_gets_the_near_one_wherever_it_belongs() {
+    let desk = Desk::new();
+    let cases: &[(&str, &[&str])] = &[
+        ("trian", &["did you mean `etude train`?"]),
+        ("trian twinkle --minutes 1", &["did you mean `etude train twinkle --minutes 1`?"]),
+        ("check", &["did you mean `etude robot check`?"]),
+        ("home --robot lab.toml", &["did you mean `etude robot home --robot lab.toml`?"]),
+        ("calibrate", &["did you mean `etude robot calibrate`?"]),
+        ("calibrat", &["did you mean `etude robot calibrate`?"]),
+        ("stop", &["did you mean `etude robot stop`?"]),
+        ("show twinkle", &["did you mean `etude songs show twinkle`?"]),
+        ("params --json", &["did you mean `etude model params --json`?"]),
+        ("robot train", &["did you mean `etude train`?"]),
+        ("songs twinkle", &["did you mean `etude songs show twinkle`?"]),
+        ("twinkle", &["`etude train twinkle`", "`etude play twinkle`"]),
+        ("experiment songs", &["`etude experiment run songs`"]),
+        ("play twinkle --truth worn", &["--truth", "is an option of `etude perform`", "`etude twin`"]),
+        ("doctor --wiggle", &["is an option of `etude robot check`"]),
+        ("doctor --wigle", &["did you mean `--wiggle`, an option of `etude robot check`?"]),
+        ("play twinkle --polic x", &["--policy"]),
+        ("train twinkle --preset fsat", &["'fsat'", "similar value exists: 'fast'"]),
+        ("rehearse twinkle --preset fsat", &["similar value exists: 'fast'"]),
+        ("completions bahs", &["similar value exists: 'bash'"]),
+    ];
+    for (args, words) in cases {
+        redirected(&desk, args, words);
+    }
+    let said = errors(&desk.command("check").output().unwrap());
+    assert!(!said.contains("bench"), "the command that is called so, and no other: {said}");
+    refused(&desk, "train twinkle --set trainer.sead=3", &["did you mean seed?"]);
+    refused(&desk, "train twinkle --set seed=3", &["did you mean trainer.seed?"]);
+    let params = "task.physics.key.treshold=0.6";
+    refused(&desk, &format!("train twinkle --set {params}"), &["did you mean key.threshold?"]);
+    // A command line is given back as it is typed.
+    let output = desk.command("show").arg("it's mine.mid").output().unwrap();
+    assert!(errors(&output).contains(r#"`etude songs show "it's mine.mid"`"#), "{}", errors(&output));
+}

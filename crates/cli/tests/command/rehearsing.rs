@@ -40,6 +40,10 @@ fn the_rail_is_identified_from_its_excitation_and_an_interruption_changes_nothin
     interrupt_at(desk.command(&identify("c")), &desk.path("c/state.json"), "-KILL");
     desk.ok(&identify("c"));
     assert_eq!(desk.bytes("a/identified.toml"), desk.bytes("c/identified.toml"));
+    // Which part it is at, on standard error, also where that is no terminal.
+    let output = desk.command("identify rail.mcap --evaluations 3 -o d").output().unwrap();
+    let said = errors(&output);
+    assert!(said.contains("pass 1, joint by joint, ") && said.contains(" settled, 0:0"), "{said}");
     // What was identified is a layer of a training's settings.
     let train = desk.tiny("short.mid --config a/identified.toml -o run --json").output().unwrap();
     assert!(train.status.success(), "{}", errors(&train));
@@ -103,6 +107,14 @@ fn a_rehearsal_that_was_killed_goes_on_to_the_same_end() {
         for key in ["sim_f1", "robot_f1", "physics", "held_out_rad"] {
             assert_eq!(round[key], same[key], "{key}");
         }
+    }
+    let mut told =
+        desk.command("rehearse short.mid --robot twin --rounds 1 --runs 1 --evaluations 2 -o told");
+    let said = told.args(TINY.iter().flat_map(|set| ["--set", set])).output().unwrap();
+    for part in
+        ["round 0 of 1: training, step ", "recorded chirp (2 of 4)", "round 1 of 1: playing, 1 of 1 runs"]
+    {
+        assert!(errors(&said).contains(part), "{part}: {}", errors(&said));
     }
     let mut kept = rehearse("kept");
     assert!(kept.arg("--keep-replay").output().unwrap().status.success() && replay("kept"));

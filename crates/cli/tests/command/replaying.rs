@@ -218,6 +218,8 @@ fn a_gallery_leads_to_every_replay() {
     desk.ok("play short.mid --scripted -o more");
     // One that cannot be read is named, and hinders no other; one that is named twice hangs once.
     std::fs::write(desk.path("more/text.mcap"), "no recording").unwrap();
+    let said = errors(&desk.command("gallery out more -o gallery").output().unwrap());
+    assert!(said.contains("showing ") && said.contains(" (1 of "), "{said}");
     let printed = desk.json("gallery out more out -o gallery --json");
     assert!(printed["left_out"][0].as_str().is_some_and(|why| why.contains("text.mcap")));
     let exhibits = printed["exhibits"].as_array().unwrap();
@@ -306,7 +308,8 @@ fn a_video_has_picture_and_sound() {
     if Command::new("ffprobe").arg("-version").output().is_err() {
         return skip("there is no ffmpeg here");
     }
-    desk.ok("render out --size 321x180 -o video.mp4");
+    let said = errors(&desk.command("render out --size 321x180 -o video.mp4").output().unwrap());
+    assert!(said.starts_with("drawing, "), "{said}");
     let probe = Command::new("ffprobe")
         .args([
             "-v",

@@ -1,5 +1,7 @@
 //! `etude songs`.
 
+use etude_music::{Note, Song};
+
 use crate::{Desk, csv, errors};
 
 #[test]
@@ -74,6 +76,73 @@ fn notes_that_the_hand_cannot_play_as_written_are_named_with_their_place() {
         assert_eq!(limit["note"], etude_music::pitch_name(note.pitch));
         assert_eq!(bar, u64::from(song.position(note.start_secs).bar));
     }
+}
+
+/// Writes notes (start, length, pitch) as a song.
+fn write(desk: &Desk, name: &str, notes: impl IntoIterator<Item = (f64, f64, u8)>) {
+    let note =
+        |(start_secs, secs, pitch)| Note { pitch, start_secs, end_secs: start_secs + secs, velocity: 80 };
+    let notes: Vec<Note> = notes.into_iter().map(note).collect();
+    let secs = notes.iter().map(|note| note.end_secs).fold(0.0, f64::max);
+    Song::new("Song", notes, secs).unwrap().save(desk.path(name)).unwrap();
+}
+
+#[test]
+fn what_is_too_fast_for_the_hand_is_named_with_its_place() {
+    let desk = Desk::new();
+    // Three octaves up and back within half a second, in the second bar.
+    write(
+        &desk,
+        "leap.mid",
+        [(0.0, 1.9, 48), (2.0, 0.4, 50), (2.5, 0.2, 84), (2.75, 1.0, 50), (3.75, 0.25, 52)],
+    );
+    let text = desk.ok("songs show leap.mid");
+    let place = "bar 2, beat 2 (2.50 s)";
+    assert!(
+        text.contains("1.2 notes a second; 3 in the busiest, which begins at bar 2, beat 1 (2.00 s)\n"),
+        "{text}"
+    );
+    assert!(
+        text.contains(&format!("Leaps too far for the time: 1 of these, the first at {place}\n")),
+        "{text}"
+    );
+    assert!(
+        text.contains(&format!("{place}: C6 is skipped: ")) && text.contains(" mm from D3, too far"),
+        "{text}"
+    );
+    let shown = desk.json("songs show leap.mid --json");
+    assert_eq!(shown["busiest_second"]["notes"], 3);
+    assert_eq!(shown["fingering"]["limits"][0]["leap"], true);
+
+    // Keys that nothing but their distance keeps apart are no leap.
+    let text = desk.ok("songs show chord-progression");
+    assert!(text.contains("11 notes, ") && !text.contains("Leaps"), "{text}");
+}
+
+/// Repeats that are quicker than control steps are one stroke; the notes are counted all the same.
+#[test]
+fn the_counts_of_a_song_agree() {
+    let desk = Desk::new();
+    write(&desk, "quick.mid", (0..40).map(|index| (0.04 * f64::from(index), 0.035, 60)));
+    let text = desk.ok("songs show quick.mid");
+    assert!(text.contains("\n40 notes from C4 to C4, "), "{text}");
+    assert!(
+        text.contains("With three fingers: 40 notes, ")
+            && text.contains(" too soon after one of the same key")
+    );
+}
+
+#[test]
+fn planning_that_takes_long_says_how_far_it_is() {
+    let desk = Desk::new();
+    let chord = |index: u8| [0, 3, 6, 9, 13].map(|up| (0.4 * f64::from(index), 0.3, 48 + index % 8 + up));
+    write(&desk, "chords.mid", (0..80).flat_map(chord));
+    for verb in ["songs show chords.mid", "play chords.mid --scripted"] {
+        let output = desk.command(verb).output().unwrap();
+        assert!(errors(&output).contains("planning the fingering, "), "{verb}: {}", errors(&output));
+    }
+    let output = desk.command("songs show chords.mid --json").output().unwrap();
+    assert_eq!(errors(&output), "");
 }
 
 #[test]

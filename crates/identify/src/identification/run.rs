@@ -23,6 +23,10 @@ use crate::rows::follow_stiffness;
 pub struct Progress {
     /// The pass.
     pub pass: Pass,
+    /// Which pass it is, from 1. How many there are is decided by what they gain.
+    pub number: usize,
+    /// The time that the pass has taken so far, s, interruptions excluded.
+    pub secs: f64,
     /// Replays of all motions so far in this pass.
     pub replays: u64,
     /// Root mean square of all residuals of the best candidates so far, in standard deviations of the noise.
@@ -78,7 +82,8 @@ pub(super) fn run(
         let ended = state.fits.iter().filter(|(_, fit)| fit.finished().is_some()).count();
         let (replays, ended) = (state.replays, [ended, state.fits.len()]);
         // Before the state is saved: after a kill in between the same progress is reported again, and none is lost.
-        job.tell(&Progress { pass, replays, rms, ended });
+        let (number, secs) = (state.ended.len() + 1, state.secs);
+        job.tell(&Progress { pass, number, secs, replays, rms, ended });
         state.save(file)?;
     }
     end(scene, state, pass, &motions);

@@ -5,6 +5,7 @@ use std::time::{Duration, SystemTime};
 
 use anyhow::bail;
 use etude_lab::{CONFIG, SONG};
+use etude_perform::shell_word;
 use walkdir::WalkDir;
 
 use super::METRICS;
@@ -64,9 +65,10 @@ fn recent(folder: &Path, most: usize, now: SystemTime) -> anyhow::Result<Vec<Pat
     // The path decides between equals, so that the order is always the same.
     runs.sort_by(|a, b| b.cmp(a));
     let Some((_, latest)) = runs.first().cloned() else {
-        let folder = folder.display();
         bail!(
-            "{folder} holds no run; name a run's folder, or start one there with `etude train SONG -o {folder}/NAME`"
+            "{} holds no run; name a run's folder, or start one there with `etude train SONG -o {}`",
+            folder.display(),
+            shell_word(folder.join("NAME").display())
         );
     };
     // Where the file system's clock is ahead of ours, times lie in the future; they are recent too.

@@ -242,7 +242,7 @@ impl Slot {
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum ParamError {
     /// No row has this path.
-    #[error("no physical parameter is called `{0}`; `etude model params` lists them")]
+    #[error("no physical parameter is called `{path}`{near}; `etude model params` lists them", path = .0, near = meant(.0))]
     Unknown(String),
     /// The value is not finite or outside the row's range.
     #[error("{path} = {value} is outside {low} … {high} {unit}")]
@@ -258,4 +258,10 @@ pub enum ParamError {
         /// Unit.
         unit: &'static str,
     },
+}
+
+/// Rows that a mistyped path may mean.
+fn meant(path: &str) -> String {
+    let paths: Vec<String> = super::PhysicalParams::rows().map(|(path, ..)| path).collect();
+    etude_music::did_you_mean(path, paths.iter().map(String::as_str))
 }

@@ -13,6 +13,8 @@ pub enum LimitKind {
     TooManyKeys,
     /// No place of the hand reaches these keys together, or none in time: the note is skipped.
     OutOfReach,
+    /// The hand does not get to the note in time, from this key or to it, which is so far away, m: the note is skipped.
+    TooFar(usize, f64),
     /// The note ends early because a later one needs its finger or another place of the hand.
     GivenUp,
     /// The note ends early because the rail has to travel this far to the next one, m.
@@ -41,6 +43,8 @@ pub struct Limits {
     pub notes: Vec<Limit>,
     /// Notes of the song.
     pub total_notes: usize,
+    /// Notes that begin too soon after one of the same key to be struck again: the two are one stroke.
+    pub merged_notes: usize,
     /// Notes struck again by the same finger right after a gap too short to lift it clear of the key.
     pub quick_restrikes: usize,
 }
@@ -48,7 +52,14 @@ pub struct Limits {
 impl Limits {
     /// Notes that are not played at all.
     pub fn skipped(&self) -> impl Iterator<Item = &Limit> {
-        self.notes.iter().filter(|note| matches!(note.kind, LimitKind::TooManyKeys | LimitKind::OutOfReach))
+        let skips =
+            |kind| matches!(kind, LimitKind::TooManyKeys | LimitKind::OutOfReach | LimitKind::TooFar(..));
+        self.notes.iter().filter(move |note| skips(note.kind))
+    }
+
+    /// Notes that are skipped or end early because the hand has too far to go for the time.
+    pub fn leaps(&self) -> impl Iterator<Item = &Limit> {
+        self.notes.iter().filter(|note| note.is_leap())
     }
 
     /// Control steps of notes that are not played.
@@ -68,12 +79,21 @@ impl Limit {
         self.step as f64 * CONTROL_SECS
     }
 
+    /// Whether the hand has too far to go for the time.
+    pub fn is_leap(&self) -> bool {
+        matches!(self.kind, LimitKind::TooFar(..) | LimitKind::RailTooSlow(_))
+    }
+
     /// What happens to the note, and why.
     pub fn what(&self) -> String {
         let early = self.lost_steps as f64 * CONTROL_SECS;
         match self.kind {
             LimitKind::TooManyKeys => "is skipped: more keys than fingers".to_string(),
             LimitKind::OutOfReach => "is skipped: out of reach with the keys around it".to_string(),
+            LimitKind::TooFar(key, metres) => {
+                let other = pitch_name(LOWEST_PITCH + key as u8);
+                format!("is skipped: {:.0} mm from {other}, too far for the time", metres * 1e3)
+            }
             LimitKind::GivenUp => format!("ends {early:.2} s early: the hand is needed elsewhere"),
             LimitKind::RailTooSlow(travel) => {
                 format!("ends {early:.2} s early: the rail needs the time for {:.0} mm", travel * 1e3)
@@ -97,9 +117,10 @@ impl fmt::Display for Limits {
             (count(|kind| matches!(kind, LimitKind::RailTooSlow(_))), "cut short for the rail"),
             (count(|kind| kind == LimitKind::FingerBusy), "cut short for the finger"),
             (count(|kind| kind == LimitKind::GivenUp), "given up"),
+            (self.merged_notes, "too soon after one of the same key"),
             (self.quick_restrikes, "struck again at once"),
         ];
-        write!(f, "{} notes", self.total_notes)?;
+        write!(f, "{} note{}", self.total_notes, if self.total_notes == 1 { "" } else { "s" })?;
         for (count, what) in parts.into_iter().filter(|(count, _)| *count > 0) {
             write!(f, ", {count} {what}")?;
         }

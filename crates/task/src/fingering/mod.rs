@@ -55,14 +55,24 @@ pub struct Fingering {
 impl Fingering {
     /// Plans `piece` for this stage with these physical numbers.
     pub fn plan(stage: &StageConfig, params: &PhysicalParams, piece: &Piece) -> Self {
+        Self::plan_telling(stage, params, piece, &mut |_| {})
+    }
+
+    /// The same for a piece that may be long: tells what share of it is planned, 0 to 1.
+    pub fn plan_telling(
+        stage: &StageConfig,
+        params: &PhysicalParams,
+        piece: &Piece,
+        tell: &mut dyn FnMut(f64),
+    ) -> Self {
         let strokes = strokes::strokes(piece.frames(), piece.notes());
         let slices = strokes::slices(&strokes);
         let comb = Comb::new(stage.side, params);
         let rail = Rail::new(stage, params);
         let planner = Planner { comb: &comb, rail: &rail, strokes: &strokes, slices: &slices };
-        let places = planner.plan();
+        let places = planner.plan(tell);
         let notes = planner::played(&planner, &places);
-        let limits = planner::limits(&planner, &notes);
+        let limits = planner::limits(&planner, &notes, piece.notes().len());
         let rail = rail_places(rail.lead_steps, &slices, &places, &notes, piece.steps());
         let goals = goals(&comb, &notes, piece.steps());
         Self { notes, rail, goals, limits }

@@ -63,8 +63,8 @@ pub(crate) struct Planner<'a> {
 }
 
 impl Planner<'_> {
-    /// The best place for each slice.
-    pub(crate) fn plan(&self) -> Vec<Place> {
+    /// The best place for each slice. Tells what share of them is done.
+    pub(crate) fn plan(&self, tell: &mut dyn FnMut(f64)) -> Vec<Place> {
         // One layer a slice: the places kept, each with its cost so far and the place before it.
         let mut layers: Vec<Vec<(Place, f64, usize)>> = Vec::with_capacity(self.slices.len());
         for (index, slice) in self.slices.iter().enumerate() {
@@ -79,6 +79,7 @@ impl Planner<'_> {
             layer.sort_by(|a, b| a.1.total_cmp(&b.1));
             layer.truncate(BEAM);
             layers.push(layer);
+            tell((index + 1) as f64 / self.slices.len() as f64);
         }
         let mut chosen = 0;
         let mut plan = Vec::with_capacity(layers.len());
@@ -232,9 +233,26 @@ impl Planner<'_> {
         Some(Change { rail_steps, travel, finger_steps, cost })
     }
 
-    /// Why a stroke of a slice is played by no finger.
-    pub(crate) fn why_skipped(&self, slice: &Slice) -> LimitKind {
-        if slice.sounding.len() > FINGERS { LimitKind::TooManyKeys } else { LimitKind::OutOfReach }
+    /// Why a stroke of a slice is played by no finger, where others are as `played`.
+    pub(crate) fn why_skipped(&self, stroke: &Stroke, slice: &Slice, played: &[Played]) -> LimitKind {
+        let all = slice.sounding.len();
+        if all > FINGERS {
+            return LimitKind::TooManyKeys;
+        }
+        let mut hands = Vec::new();
+        self.hands(&slice.sounding, 0, [None; FINGERS], &mut hands);
+        let together = hands.iter().any(|hand| {
+            let tube = self.tube(hand);
+            hand.iter().flatten().count() == all && tube[0] <= tube[1]
+        });
+        let nearest = played.iter().min_by_key(|note| note.start.abs_diff(stroke.start));
+        match nearest.filter(|note| together && note.key != stroke.key) {
+            None => LimitKind::OutOfReach,
+            Some(note) => {
+                let [from, to] = [note.key, stroke.key].map(|key| self.comb.over(key)[1]);
+                LimitKind::TooFar(note.key, (from - to).abs())
+            }
+        }
     }
 }
 
@@ -293,15 +311,18 @@ pub(crate) fn played(planner: &Planner<'_>, plan: &[Place]) -> Vec<Played> {
     notes
 }
 
-/// Lists the notes that are not played as written.
-pub(crate) fn limits(planner: &Planner<'_>, played: &[Played]) -> Limits {
-    let mut limits = Limits { total_notes: planner.strokes.len(), ..Limits::default() };
+/// Lists the notes that are not played as written, of `written` notes.
+pub(crate) fn limits(planner: &Planner<'_>, played: &[Played], written: usize) -> Limits {
+    // Keys that are due without a note are made by tests only.
+    let total_notes = written.max(planner.strokes.len());
+    let merged_notes = total_notes - planner.strokes.len();
+    let mut limits = Limits { total_notes, merged_notes, ..Limits::default() };
     for (index, stroke) in planner.strokes.iter().enumerate() {
         let note = played.iter().find(|note| note.stroke == index);
         let slice = planner.slices.iter().find(|slice| slice.start == stroke.start);
         let kind = match note {
             Some(note) => note.cut,
-            None => slice.map(|slice| planner.why_skipped(slice)),
+            None => slice.map(|slice| planner.why_skipped(stroke, slice, played)),
         };
         if let Some(kind) = kind {
             let lost_steps = stroke.end - note.map_or(stroke.start, |note| note.end);

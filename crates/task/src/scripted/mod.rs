@@ -10,7 +10,7 @@ mod tests;
 
 use std::sync::Arc;
 
-use etude_stage::{JOINTS, PhysicalParams, StageConfig};
+use etude_stage::JOINTS;
 
 use crate::fingering::comb::Comb;
 use crate::fingering::rail::Rail;
@@ -31,15 +31,20 @@ impl ScriptedPlayer {
     /// # Errors
     /// If the configuration's physical numbers are not sound.
     pub fn new(config: &TaskConfig, piece: &Piece) -> Result<Self, TaskError> {
-        Self::plan(&config.stage, &config.params()?, piece)
+        Self::new_telling(config, piece, &mut |_| {})
     }
 
-    /// Plans `piece` for this stage with these physical numbers.
+    /// The same for a piece that may be long: tells what share of its fingering is planned, 0 to 1.
     ///
     /// # Errors
-    /// If the world in which the lags are measured cannot be built.
-    pub fn plan(stage: &StageConfig, params: &PhysicalParams, piece: &Piece) -> Result<Self, TaskError> {
-        let planned = || Arc::new(Fingering::plan(stage, params, piece));
+    /// If the configuration's physical numbers are not sound, or the world in which the lags are measured cannot be built.
+    pub fn new_telling(
+        config: &TaskConfig,
+        piece: &Piece,
+        tell: &mut dyn FnMut(f64),
+    ) -> Result<Self, TaskError> {
+        let (stage, params) = (&config.stage, &config.params()?);
+        let planned = || Arc::new(Fingering::plan_telling(stage, params, piece, tell));
         let fingering = piece.fingering().cloned().unwrap_or_else(planned);
         let comb = Comb::new(stage.side, params);
         let rail = Rail::new(stage, params);

@@ -1,0 +1,111 @@
+//! A word that the command line does not know here, and the verb that has it. All of it comes from clap's own tree of commands.
+
+use clap::builder::StyledStr;
+use clap::error::{ContextKind, ContextValue, ErrorKind};
+use clap::{Arg, Command};
+use etude_music::near;
+use etude_perform::shell_line;
+
+/// Most commands that are suggested.
+const MOST: usize = 4;
+
+/// `error` of `words` (the program's name first), with what `root` has that is called so, or much like it.
+pub fn explained(mut error: clap::Error, mut root: Command, words: &[String]) -> clap::Error {
+    root.build();
+    let context = |kind| match error.get(kind) {
+        Some(ContextValue::String(text)) => Some(text.clone()),
+        _ => None,
+    };
+    let found = match error.kind() {
+        ErrorKind::InvalidSubcommand => {
+            context(ContextKind::InvalidSubcommand).map(|word| commands(&root, words, &word))
+        }
+        ErrorKind::UnknownArgument => context(ContextKind::InvalidArg).map(|option| {
+            let known = error.get(ContextKind::SuggestedArg).is_some();
+            options(&root, &option, known).into_iter().collect()
+        }),
+        _ => None,
+    };
+    let tips: Vec<StyledStr> = found.unwrap_or_default().into_iter().map(StyledStr::from).collect();
+    if !tips.is_empty() {
+        error.remove(ContextKind::SuggestedSubcommand);
+        error.insert(ContextKind::Suggested, ContextValue::StyledStrs(tips));
+    }
+    error
+}
+
+/// What `word`, no subcommand where it stands in `words`, may mean: an argument of a subcommand there, a command elsewhere, or one
+/// with nearly this name.
+fn commands(root: &Command, words: &[String], word: &str) -> Vec<String> {
+    let at = words.iter().position(|other| other == word).unwrap_or(words.len());
+    let (before, after) = (words.get(1..at).unwrap_or_default(), words.get(at + 1..).unwrap_or_default());
+    let all = tree(root);
+    // A command line with all that was typed, if it is a right one.
+    let whole = |path: &[&str], from: &[String]| {
+        let line = ["etude"].iter().chain(path).map(ToString::to_string).chain(from.iter().cloned());
+        let line: Vec<String> = line.collect();
+        root.clone().try_get_matches_from(&line).is_ok().then(|| shell_line(line))
+    };
+    let takes = |command: &Command| {
+        let mut positionals = command.get_positionals();
+        positionals.any(|arg| arg.get_possible_values().iter().any(|value| value.get_name() == word))
+    };
+    let with_the_word: Vec<String> = all
+        .iter()
+        .filter(|(path, command)| path[..path.len() - 1] == *before && takes(command))
+        .filter_map(|(path, _)| whole(path, words.get(at..).unwrap_or_default()))
+        .collect();
+    let names = || all.iter().filter_map(|(path, _)| path.last().copied());
+    let meant = if names().any(|name| name == word) { vec![word] } else { near(word, names()) };
+    let named = meant.iter().flat_map(|name| all.iter().filter(|(path, _)| path.last() == Some(name)));
+    let elsewhere =
+        named.map(|(path, _)| whole(path, after).unwrap_or_else(|| format!("etude {}", path.join(" "))));
+    let lines = if with_the_word.is_empty() { elsewhere.collect() } else { with_the_word };
+    lines.into_iter().take(MOST).map(|line| format!("did you mean `{line}`?")).collect()
+}
+
+/// Which commands have `option`; if none has and `known` is false, which have one with nearly this name.
+fn options(root: &Command, option: &str, known: bool) -> Option<String> {
+    let all = tree(root);
+    let names = |arg: &Arg| {
+        let long = arg.get_long().map(|long| format!("--{long}"));
+        long.into_iter().chain(arg.get_short().map(|short| format!("-{short}"))).collect::<Vec<_>>()
+    };
+    let of = |name: &str| {
+        let has =
+            |command: &Command| command.get_arguments().any(|arg| names(arg).iter().any(|own| own == name));
+        let paths: Vec<String> = all
+            .iter()
+            .filter(|(_, command)| has(command))
+            .map(|(path, _)| format!("`etude {}`", path.join(" ")))
+            .collect();
+        match paths.len() {
+            0 => None,
+            count if count > MOST => Some(format!("{} and other commands", paths[..MOST].join(", "))),
+            _ => Some(paths.join(", ")),
+        }
+    };
+    if let Some(commands) = of(option) {
+        return Some(format!("`{option}` is an option of {commands}"));
+    }
+    let longs: Vec<String> =
+        all.iter().flat_map(|(_, command)| command.get_arguments()).flat_map(names).collect();
+    let meant = near(option, longs.iter().map(String::as_str).filter(|name| name.starts_with("--")));
+    let name = meant.first().filter(|_| !known)?;
+    Some(format!("did you mean `{name}`, an option of {}?", of(name)?))
+}
+
+/// Every command that people may type, with its path, parents first.
+fn tree(root: &Command) -> Vec<(Vec<&str>, &Command)> {
+    let visible =
+        root.get_subcommands().filter(|command| !command.is_hide_set() && command.get_name() != "help");
+    visible
+        .flat_map(|command| {
+            let below = tree(command).into_iter().map(|(mut path, below)| {
+                path.insert(0, command.get_name());
+                (path, below)
+            });
+            std::iter::once((vec![command.get_name()], command)).chain(below).collect::<Vec<_>>()
+        })
+        .collect()
+}
