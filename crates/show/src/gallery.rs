@@ -200,3 +200,28 @@ fn played_on(exhibit: &Exhibit) -> String {
         mode => format!("{}, {mode}", exhibit.rig),
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use etude_perform::{Activity, Header, Recording, StepMessage};
+    use etude_stage::JOINTS;
+
+    #[test]
+    fn the_picture_is_of_most_keys_then_of_the_longest_note() {
+        let steps = vec![StepMessage { positions: vec![0.0; JOINTS], ..StepMessage::default() }; 100];
+        let header = Header { control_hz: 20.0, activity: Activity::Rest, ..Header::default() };
+        let recording = Recording { header, steps, complete: true, ..Recording::default() };
+        let mut take = Take::new(&recording, "r".to_string()).unwrap();
+        let note = |start, end| PlayedNote { pitch: 60, start, end, velocity: 60 };
+        for (notes, secs) in [
+            (vec![], 2.5),
+            (vec![note(0.0, 0.5), note(1.0, 3.0)], 2.0),
+            (vec![note(0.0, 1.9), note(2.0, 3.0), note(2.2, 2.9)], 2.5),
+            (vec![note(4.5, 9.0)], 5.0),
+        ] {
+            take.notes = notes;
+            assert_eq!(best_moment(&take), secs);
+        }
+    }
+}

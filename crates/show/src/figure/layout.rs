@@ -6,30 +6,34 @@ use super::drawing::Drawing;
 pub(super) const WIDTH: i32 = 480;
 /// Height of the axes with their upper margin.
 pub(super) const AXES: i32 = 250;
-/// Room at the left of the axes and at their right: half a label sticks out there.
-pub(super) const LEFT: i32 = 60;
+/// Room at the left of the axes, with the margin of the drawing.
+pub(super) const LEFT: i32 = 62;
 pub(super) const MARGIN: i32 = 8;
+/// Room at their right: half a label sticks out there.
 pub(super) const RIGHT: i32 = 24;
 /// Height of a line of the heading and of all other lines.
 pub(super) const HEADING: i32 = 19;
-pub(super) const LINE: i32 = 16;
+pub(super) const LINE: i32 = 17;
 /// Sizes of letters in the heading and elsewhere.
-pub(super) const LARGE: u32 = 14;
-pub(super) const SMALL: u32 = 12;
+pub(super) const LARGE: u32 = 15;
+pub(super) const SMALL: u32 = 13;
 /// Widths of their letters; plotters does not know the reader's font.
-pub(super) const WIDE: f64 = 7.6;
-pub(super) const NARROW: f64 = 6.6;
+pub(super) const WIDE: f64 = 7.4;
+pub(super) const NARROW: f64 = 6.5;
 /// Letters of a group's name that are written upwards.
 pub(super) const LONGEST_NAME: usize = 26;
 
 /// Where the parts of a drawing are.
 pub(super) struct Layout {
+    /// The heading, by line.
     pub(super) title: Vec<String>,
     /// Place of each entry of the legend; that of the marks is the last.
     pub(super) legend: Vec<[i32; 2]>,
     /// Names of the groups, by line; none if they are written upwards.
     pub(super) names: Option<Vec<Vec<String>>>,
+    /// Height of all that is above the axes.
     pub(super) top: i32,
+    /// Height of all that is below them.
     pub(super) below: i32,
 }
 
