@@ -55,7 +55,7 @@ test: setup
 	$(PYTHON) scripts/check_links.py docs README.md ARCHITECTURE.md
 	$(PYTHON) scripts/python_packages.py
 	@if command -v npm >/dev/null; then set -x; cd viewer && npm ci --no-audit --no-fund --loglevel=error; \
-	else echo "not checked: the replay page in a browser (Debian, Ubuntu: apt-get install -y nodejs npm chromium)"; fi
+	else echo "not checked: the pages in a browser (Debian, Ubuntu: apt-get install -y nodejs npm chromium)"; fi
 	ETUDE_PYTHON=$(PYTHON) PYTHONPATH=$(CURDIR)/.python $(CARGO) test --workspace --locked
 	$(PYTHON) scripts/python_package.py test
 

@@ -69,7 +69,7 @@ export class Controls {
     this.play = button('Play', 'Play or pause (Space)', actions.togglePlay, icon('play'));
     this.play.classList.add('play');
     this.time = element('span', { class: 'time' });
-    this.half = button('Half speed', 'Half speed (H)', actions.toggleHalf, '½ speed');
+    this.half = button('½ speed', 'Half speed (H)', actions.toggleHalf);
     this.loop = button('Loop bar', 'Loop this bar (L)', actions.toggleLoop);
     this.cameras = VIEWS.map(({ name, label }, index) =>
       button(label, `Camera: ${label.toLowerCase()} (${index + 1})`, () => actions.setCamera(name)));

@@ -45,6 +45,8 @@ export async function launch() {
     async open(file, { width = 1280, height = 720, dark = false, touch = false } = {}) {
       const context = await browser.newContext({
         viewport: { width, height }, colorScheme: dark ? 'dark' : 'light', hasTouch: touch, isMobile: touch, offline: true,
+        // A colour on its way to another one is neither.
+        reducedMotion: 'reduce',
       });
       const page = await context.newPage();
       const address = pathToFileURL(file).href;

@@ -3,9 +3,10 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use etude_perform::stats::sorted;
+use etude_show::figure::{Drawing, Mark, Point, Series};
+use etude_stage::PhysicalParams;
 
-use crate::config::{Experiment, FigureConfig, FigureKind};
-use crate::figure::{Drawing, Point, Series};
+use crate::config::{Experiment, FigureConfig, FigureKind, Published};
 use crate::outcome::Row;
 use crate::record::{by_song, combinations, summary};
 
@@ -28,6 +29,88 @@ pub(crate) fn measure_name(measure: &str, in_course: bool) -> String {
     }
 }
 
+/// What measures are along an axis, with their unit.
+fn measure_label(measures: &[String]) -> String {
+    let told = measures.iter().map(|measure| match measure.as_str() {
+        "f1" | "sim_f1" => ("F1", "0 to 1"),
+        "precision" | "sim_precision" => ("precision", "0 to 1"),
+        "recall" | "sim_recall" => ("recall", "0 to 1"),
+        "onset_f1" | "sim_onset_f1" | "onset_f1_without_lag" => ("F1 of onsets", "0 to 1"),
+        "gap" => ("gap", "0 to 1"),
+        "complete" => ("share of complete runs", "0 to 1"),
+        "held_out_before" | "held_out_after" => ("held-out error", "rad"),
+        "times_less" => ("error before / error after", ""),
+        "rms" => ("residuals", "standard deviations of the noise"),
+        other => (other, ""),
+    });
+    let (mut names, mut units): (Vec<String>, Vec<&str>) = Default::default();
+    for (name, unit) in told {
+        let name = name.replace('_', " ");
+        if !names.contains(&name) {
+            names.push(name);
+        }
+        if !units.contains(&unit) {
+            units.push(unit);
+        }
+    }
+    match units.as_slice() {
+        [unit] if !unit.is_empty() => format!("{} ({unit})", names.join(", ")),
+        _ => names.join(", "),
+    }
+}
+
+/// What the horizontal axis is, with its unit.
+fn place_label(x: &str, experiment: &Experiment) -> String {
+    let grid = || experiment.grid.keys().find(|path| path.rsplit('.').next() == Some(x));
+    let physical = || {
+        let path = grid()?.strip_prefix("task.physics.")?;
+        Some(PhysicalParams::rows().find(|(row, _, _)| row == path)?.1.unit)
+    };
+    match (x, physical()) {
+        ("step", _) => "control steps of the training".to_string(),
+        ("secs", _) => "time of the training (s)".to_string(),
+        ("replays", _) => "replays of the recordings".to_string(),
+        (_, Some(unit)) if !unit.is_empty() => format!("{} ({unit})", x.replace('_', " ")),
+        _ => x.replace('_', " "),
+    }
+}
+
+/// The paper's values of what a figure shows as `measure` with these labels: at the places of `x`, or across a figure of curves.
+fn marks(
+    experiment: &Experiment,
+    figure: &FigureConfig,
+    labels: &BTreeMap<String, String>,
+    measure: &str,
+    groups: &[String],
+) -> Vec<Mark> {
+    let is_curve = figure.kind == FigureKind::Curves;
+    // In the course of a training F1 is that in simulation.
+    let measure = if is_curve && measure == "f1" { "sim_f1" } else { measure };
+    let fixed: BTreeMap<String, String> =
+        figure.filter.iter().chain(labels).map(|(key, value)| (key.clone(), value.clone())).collect();
+    let of_measure = experiment.paper.iter().filter(|published| published.measure == measure);
+    let mark = |published: &Published| {
+        let mut rest = published.filter.clone();
+        let place = rest.remove(&figure.x);
+        let x = match (is_curve, place) {
+            (true, None) => None,
+            (false, Some(place)) => Some(place_of(&place, groups)?),
+            _ => return None,
+        };
+        (rest == fixed).then_some(Mark { x, y: published.value })
+    };
+    of_measure.filter_map(mark).collect()
+}
+
+/// Where a label stands along the axis: at its place among `groups`, or at the number that it is.
+fn place_of(label: &str, groups: &[String]) -> Option<f64> {
+    match groups.iter().position(|group| group == label) {
+        Some(place) => Some(place as f64),
+        None if groups.is_empty() => label.parse().ok(),
+        None => None,
+    }
+}
+
 /// The text below a figure.
 pub(crate) fn caption(figure: &FigureConfig, experiment: &Experiment) -> String {
     let what = match figure.kind {
@@ -40,11 +123,11 @@ pub(crate) fn caption(figure: &FigureConfig, experiment: &Experiment) -> String 
     } else {
         "On the twin, which stands in for the robot, where not said otherwise."
     };
-    format!("{}. {what}. {twin}", figure.title)
+    format!("{what}. {twin}")
 }
 
 /// The drawing of a figure.
-pub(crate) fn drawing(figure: &FigureConfig, all: &[Row]) -> Drawing {
+pub(crate) fn drawing(experiment: &Experiment, figure: &FigureConfig, all: &[Row]) -> Drawing {
     let in_course = figure.kind == FigureKind::Curves;
     let chosen: Vec<Row> = all.iter().filter(|record| record.has(&figure.filter)).cloned().collect();
     let keys: Vec<String> = figure.by.iter().cloned().collect();
@@ -69,20 +152,18 @@ pub(crate) fn drawing(figure: &FigureConfig, all: &[Row]) -> Drawing {
                 FigureKind::Curves => curve(&of_series, &figure.x, measure),
                 FigureKind::Bars | FigureKind::Lines => by_label(&of_series, &figure.x, measure, &groups),
             };
-            series.push(Series { name, points });
+            let marks = marks(experiment, figure, labels, measure, &groups);
+            series.push(Series { name, points, marks });
         }
     }
-    let y_label = match figure.y.as_slice() {
-        [only] => measure_name(only, in_course),
-        _ => String::new(),
-    };
     Drawing {
         title: figure.title.clone(),
-        x_label: if groups.is_empty() { figure.x.clone() } else { String::new() },
-        y_label,
+        x_label: place_label(&figure.x, experiment),
+        y_label: measure_label(&figure.y),
         groups,
         markers: figure.kind == FigureKind::Lines,
         series,
+        marks: "the paper".to_string(),
     }
 }
 
@@ -122,10 +203,7 @@ fn by_label(all: &[Row], x: &str, measure: &str, groups: &[String]) -> Vec<Point
         .iter()
         .filter_map(|labels| {
             let value = labels.get(x)?;
-            let place = match groups.iter().position(|group| group == value) {
-                Some(place) => place as f64,
-                None => value.parse().ok()?,
-            };
+            let place = place_of(value, groups)?;
             let found = summary(all, labels, measure)?;
             Some(Point { x: place, y: found.mean.value, interval: found.mean.interval })
         })
@@ -172,5 +250,65 @@ mod tests {
         let xs = |points: Vec<Point>| points.iter().map(|point| point.x).collect::<Vec<_>>();
         assert_eq!(xs(by_label(&all, "intensity", "f1", &[])), [0.0, 0.5]);
         assert_eq!(xs(by_label(&all, "intensity", "f1", &["0.5", "0"].map(String::from))), [0.0, 1.0]);
+    }
+
+    /// The rows of an experiment that has this figure.
+    fn drawn(name: &str, figure: &str, all: &[Row]) -> Drawing {
+        let experiment = Experiment::load(name).unwrap();
+        let figure = experiment.figures.iter().find(|known| known.name == figure).unwrap();
+        drawing(&experiment, figure, all)
+    }
+
+    #[test]
+    fn the_papers_values_stand_beside_ours() {
+        let of = |variant: &str| {
+            record(&[("variant", variant), ("seed", "0")], &[("sim_f1", 0.97), ("gap", 0.05)])
+        };
+        let bars = drawn("fences", "gap", &[of("fences"), of("no fences")]);
+        let marks = |name: &str| {
+            let series = bars.series.iter().find(|series| series.name == name).unwrap();
+            series.marks.iter().map(|mark| (mark.x.unwrap(), mark.y)).collect::<Vec<_>>()
+        };
+        assert_eq!(marks("F1, simulation"), [(0.0, 0.946), (1.0, 0.946)]);
+        assert_eq!(marks("gap"), [(0.0, 0.068), (1.0, 0.112)]);
+
+        let course = [record(&[("variant", "fences"), ("seed", "0")], &[("step", 5e3), ("f1", 0.2)])];
+        let curves = drawn("fences", "training", &course);
+        assert_eq!(curves.series[0].marks, [Mark { x: None, y: 0.946 }]);
+
+        let lines =
+            drawn("randomisation", "twin", &[record(&[("intensity", "0.6"), ("seed", "0")], &[("f1", 0.8)])]);
+        let of_f1 = lines.series.iter().find(|series| series.name == "F1, twin").unwrap();
+        assert_eq!(of_f1.marks, [Mark { x: Some(0.6), y: 0.52 }]);
+        // The paper has no number of this mode alone.
+        let modes = drawn(
+            "rounds",
+            "f1",
+            &[record(&[("mode", "hybrid"), ("round", "2"), ("seed", "0")], &[("f1", 0.8)])],
+        );
+        assert_eq!(modes.series[0].marks, []);
+    }
+
+    #[test]
+    fn every_axis_is_named_and_has_its_unit() {
+        for name in crate::config::names() {
+            let experiment = Experiment::load(name).unwrap();
+            for figure in &experiment.figures {
+                let drawing = drawing(&experiment, figure, &[]);
+                assert!(
+                    !drawing.x_label.is_empty() && !drawing.y_label.is_empty(),
+                    "{name}, {}",
+                    figure.name
+                );
+            }
+        }
+        let mut experiment = Experiment::load("randomisation").unwrap();
+        experiment.grid = [("task.physics.joint.rail.acceleration_limit".to_string(), Vec::new())].into();
+        assert_eq!(place_label("acceleration_limit", &experiment), "acceleration limit (m/s²)");
+        assert_eq!(place_label("secs", &experiment), "time of the training (s)");
+        let label =
+            |measures: &[&str]| measure_label(&measures.iter().map(ToString::to_string).collect::<Vec<_>>());
+        assert_eq!(label(&["sim_f1", "f1", "gap"]), "F1, gap (0 to 1)");
+        assert_eq!(label(&["held_out_before", "held_out_after"]), "held-out error (rad)");
     }
 }

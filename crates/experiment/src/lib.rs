@@ -3,8 +3,8 @@
 mod config;
 mod course;
 mod drawings;
-mod figure;
 mod local;
+mod notes;
 mod outcome;
 mod plan;
 mod plan_file;

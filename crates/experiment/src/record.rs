@@ -7,6 +7,8 @@ use std::path::Path;
 use etude_perform::stats::mean;
 use serde::{Deserialize, Serialize};
 
+use etude_show::figure::short;
+
 use crate::outcome::{RESULT, Row, TIMES, TrialResult, TrialTimes};
 use crate::stats::Summary;
 use crate::trial::Trial;
@@ -160,12 +162,6 @@ pub fn csv(records: &[Row]) -> String {
         let _ = writeln!(text, "{}", fields.join(","));
     }
     text
-}
-
-/// A number with so many decimals at most, without zeros at its end.
-pub fn short(value: f64, decimals: usize) -> String {
-    let text = format!("{value:.decimals$}");
-    text.trim_end_matches('0').trim_end_matches('.').to_string()
 }
 
 fn field(text: &str) -> String {

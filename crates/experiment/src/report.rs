@@ -6,7 +6,7 @@
 //! OUT/NAME/results.csv        one row a performance, round or fit
 //! OUT/NAME/course.csv         one row an evaluation on the way
 //! OUT/NAME/FIGURE.svg         the figures
-//! OUT/NAME/notes.md           our notes, written by hand; they become part of the page
+//! OUT/NAME/notes.md           our notes in Markdown, written by hand; they become part of the page
 //! ```
 
 use std::collections::BTreeMap;
@@ -20,6 +20,7 @@ use maud::{Markup, PreEscaped, html};
 
 use crate::config::{Experiment, FigureConfig, FigureKind};
 use crate::drawings::{caption, drawing};
+use crate::notes::rendered;
 use crate::plan::PlanConfig;
 use crate::record::{Entry, courses, csv, records};
 use crate::tables::{against_the_paper, cut_short, differences, provenance, scores, times};
@@ -124,29 +125,23 @@ fn section(
         write_file(&folder.join("course.csv"), &csv(&course))?;
     }
     let notes = std::fs::read_to_string(folder.join(NOTES)).unwrap_or_default();
-    let notes = notes.split("\n\n").filter(|text| !text.trim().is_empty()).enumerate();
     let figure = |figure: &FigureConfig| {
-        let drawing = drawing(figure, if figure.kind == FigureKind::Curves { &course } else { &all });
+        let drawing =
+            drawing(experiment, figure, if figure.kind == FigureKind::Curves { &course } else { &all });
         if drawing.series.iter().all(|series| series.points.is_empty()) {
             return Ok(html! { p { (figure.title) ": nothing done has these labels and measures." } });
         }
-        let svg = drawing.svg()?;
-        write_file(&folder.join(format!("{}.svg", figure.name)), &svg)?;
-        Ok(html! { figure { (PreEscaped(svg)) figcaption { (caption(figure, experiment)) } } })
+        write_file(&folder.join(format!("{}.svg", figure.name)), &drawing.svg()?)?;
+        Ok(html! { figure { (PreEscaped(drawing.inline()?)) figcaption { (caption(figure, experiment)) } } })
     };
     let figures = experiment.figures.iter().map(figure).collect::<anyhow::Result<Vec<Markup>>>()?;
     Ok(html! {
         section id=(experiment.name) {
             h2 { (experiment.title) }
             p { (experiment.source) "." }
-            @if !experiment.finding.is_empty() { p { strong { "The paper:" } " " (experiment.finding) } }
-            @for (index, paragraph) in notes {
-                p {
-                    @if index == 0 { strong { "Here:" } " " }
-                    (paragraph.split_whitespace().collect::<Vec<_>>().join(" "))
-                }
-            }
-            div.pictures { @for figure in &figures { (figure) } }
+            @if !experiment.finding.is_empty() { h3 { "The paper" } p { (experiment.finding) } }
+            @if !notes.trim().is_empty() { h3 { "Here" } (rendered(&notes)) }
+            div.drawings { @for figure in &figures { (figure) } }
             (against_the_paper(experiment, &all))
             (scores(experiment, &all))
             (differences(experiment, &all))

@@ -21,13 +21,15 @@ fn told(interval: &Interval) -> String {
     // Errors of joints are thousandths of a radian.
     let digits = if interval.value != 0.0 && interval.value.abs() < 0.02 { 5 } else { 3 };
     match interval.interval {
-        Some([low, high]) => format!("{:.digits$} [{low:.digits$}, {high:.digits$}]", interval.value),
+        Some([low, high]) => format!("{:.digits$} [{low:.digits$},\u{a0}{high:.digits$}]", interval.value),
         None => format!("{:.digits$}", interval.value),
     }
 }
 
 fn words(labels: &BTreeMap<String, String>) -> String {
-    let words: Vec<String> = labels.iter().map(|(key, value)| format!("{key} {value}")).collect();
+    // In a narrow table a line ends between two labels.
+    let word = |(key, value): (&String, &String)| format!("{key} {value}").replace(' ', "\u{a0}");
+    let words: Vec<String> = labels.iter().map(word).collect();
     if words.is_empty() { "all".to_string() } else { words.join(", ") }
 }
 
@@ -202,6 +204,6 @@ mod tests {
     #[test]
     fn small_numbers_keep_their_digits() {
         assert_eq!(told(&Interval { value: 0.001_674, interval: None }), "0.00167");
-        assert_eq!(told(&Interval { value: 0.95, interval: Some([0.9, 1.0]) }), "0.950 [0.900, 1.000]");
+        assert_eq!(told(&Interval { value: 0.95, interval: Some([0.9, 1.0]) }), "0.950 [0.900,\u{a0}1.000]");
     }
 }

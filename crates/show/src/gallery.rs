@@ -1,11 +1,12 @@
-//! A gallery: an index page of recordings, each with a still picture, its sound, and its replay behind it.
+//! A gallery: an index page of recordings, each with a still picture, its piano roll, its sound, and its replay behind them.
 
 use std::path::{Path, PathBuf};
 
 use anyhow::bail;
 use etude_lab::{Interrupted, make_folder};
+use etude_music::metrics::NoteScores;
 use etude_music::sound;
-use etude_perform::{Job, write_file};
+use etude_perform::{Job, NoteCounts, write_file};
 use etude_stage::{PictureError, View};
 use maud::html;
 use serde::Serialize;
@@ -29,7 +30,7 @@ pub struct Gallery {
     pub exhibits: Vec<Exhibit>,
     /// Why other recordings are missing.
     pub left_out: Vec<String>,
-    /// Why the pictures are piano rolls, if they are.
+    /// Why there are piano rolls only, if there are.
     pub without_pictures: Option<String>,
 }
 
@@ -48,12 +49,16 @@ pub struct Exhibit {
     pub mode: String,
     /// F1 by control step; none without a song.
     pub f1: Option<f64>,
+    /// Scores by note; none if the recording does not say which were due.
+    pub notes: Option<NoteScores>,
     /// Length, s.
     pub secs: f64,
     /// The replay.
     pub replay: String,
-    /// A still picture, or the piano roll.
-    pub picture: String,
+    /// A still picture; none without OpenGL, or if the recording has no motion.
+    pub picture: Option<String>,
+    /// The piano roll.
+    pub roll: String,
     /// The sound.
     pub sound: String,
     /// What is missing in the recording.
@@ -90,7 +95,8 @@ pub fn gallery(recordings: &[PathBuf], folder: &Path, job: &mut Job<'_, usize>) 
         let file = |ending: &str| format!("{stem}.{ending}");
         replay_page(std::slice::from_ref(&take), &folder.join(file("html")))?;
         sound::write_wav(folder.join(file("wav")), &take.sound()?)?;
-        let mut picture = file("png");
+        write_file(&folder.join(file("svg")), &roll_svg(&take))?;
+        let picture = file("png");
         let drawn =
             if gallery.without_pictures.is_none() { still(&take, &folder.join(&picture)) } else { Ok(false) };
         let is_drawn = match drawn {
@@ -101,14 +107,12 @@ pub fn gallery(recordings: &[PathBuf], folder: &Path, job: &mut Job<'_, usize>) 
             }
             drawn => drawn?,
         };
-        if !is_drawn {
-            picture = file("svg");
-            write_file(&folder.join(&picture), &roll_svg(&take))?;
-        }
         gallery.exhibits.push(Exhibit {
             replay: file("html"),
-            picture,
+            picture: is_drawn.then_some(picture),
+            roll: file("svg"),
             sound: file("wav"),
+            notes: take.note_scores,
             f1: take.last.map(|scores| scores.f1),
             secs: take.secs(),
             recording: take.name,
@@ -127,17 +131,25 @@ pub fn gallery(recordings: &[PathBuf], folder: &Path, job: &mut Job<'_, usize>) 
     Ok(gallery)
 }
 
-/// Draws a moment in which a key sounds; `false` if the recording has no motion.
+/// Draws the fingers at the moment of most keys; `false` if the recording has no motion.
 fn still(take: &Take, path: &Path) -> anyhow::Result<bool> {
     if take.positions.is_empty() {
         return Ok(false);
     }
-    // The middle of the longest note.
-    let length = |note: &&PlayedNote| note.end - note.start;
-    let longest = take.notes.iter().max_by(|one, other| length(one).total_cmp(&length(other)));
-    let secs = longest.map_or(take.secs() / 2.0, |note| (note.start + note.end) / 2.0);
-    Studio::new(take, STILL, View::Player)?.still(secs, path)?;
+    Studio::new(take, STILL, View::Fingers)?.still(best_moment(take), path)?;
     Ok(true)
+}
+
+/// The middle of the note with which the most others sound; of several, the longest.
+fn best_moment(take: &Take) -> f64 {
+    let middle = |note: &PlayedNote| (note.start + note.end) / 2.0;
+    let others = |secs: f64| take.notes.iter().filter(|note| (note.start..note.end).contains(&secs)).count();
+    let length = |note: &PlayedNote| note.end - note.start;
+    let best = take.notes.iter().max_by(|one, other| {
+        let counts = others(middle(one)).cmp(&others(middle(other)));
+        counts.then(length(one).total_cmp(&length(other)))
+    });
+    best.map_or(take.secs() / 2.0, middle).clamp(0.0, take.secs())
 }
 
 /// Name of an exhibit's files: in order, and readable.
@@ -149,30 +161,67 @@ fn stem(number: usize, take: &Take) -> String {
 fn index(exhibits: &[Exhibit]) -> String {
     let body = html! {
         p {
-            "Each picture leads to its replay: the hand in motion, what was due and what was played, and the sound. F1 is the \
-             paper's, by control step."
+            "A picture leads to its replay: the hand in motion, what was due and what was played, and the sound. In the piano roll below a \
+             picture, right is filled, missed is an outline, and wrong is hatched."
         }
-        div.pictures {
+        div.cards {
             @for exhibit in exhibits {
-                figure {
-                    h2 { (exhibit.song) }
+                article.card {
                     a href=(exhibit.replay) {
-                        img src=(exhibit.picture) alt=(exhibit.song) width="100%" loading="lazy";
+                        @if let Some(picture) = &exhibit.picture {
+                            img src=(picture) alt="" width=(STILL[0]) height=(STILL[1]) loading="lazy";
+                        }
+                        img.roll src=(exhibit.roll) alt={ "Replay of " (exhibit.song) ", " (played_on(exhibit)) } loading="lazy";
                     }
-                    figcaption {
-                        (exhibit.rig)
-                        @if !exhibit.mode.is_empty() { ", " (exhibit.mode) }
-                        ": "
-                        @if let Some(f1) = exhibit.f1 { "F1 " (format!("{f1:.3}")) ", " }
-                        (format!("{:.0}", exhibit.secs)) " s, played by " (exhibit.player) "."
+                    h2 { (exhibit.song) }
+                    p {
+                        (format!("{:.0} s", exhibit.secs))
+                        @if let Some(notes) = &exhibit.notes { " · " strong { (NoteCounts::from(notes)) } }
+                    }
+                    p.quiet {
+                        @if let Some(f1) = exhibit.f1 { "F1 " (format!("{f1:.3}")) " · " }
+                        (exhibit.player) ", " (played_on(exhibit)) "."
                         @if let Some(text) = &exhibit.incomplete { " " (text) }
                         br;
                         code { (exhibit.recording) }
                     }
-                    audio controls preload="none" src=(exhibit.sound) {}
+                    audio controls preload="none" src=(exhibit.sound) aria-label={ "Sound of " (exhibit.song) } {}
                 }
             }
         }
+        p.quiet { "F1 is the paper’s, by control step." }
     };
-    page("Étude: recordings", &body)
+    page("Recordings", &body)
+}
+
+fn played_on(exhibit: &Exhibit) -> String {
+    match exhibit.mode.as_str() {
+        "" => exhibit.rig.clone(),
+        mode => format!("{}, {mode}", exhibit.rig),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use etude_perform::{Activity, Header, Recording, StepMessage};
+    use etude_stage::JOINTS;
+
+    #[test]
+    fn the_picture_is_of_most_keys_then_of_the_longest_note() {
+        let steps = vec![StepMessage { positions: vec![0.0; JOINTS], ..StepMessage::default() }; 100];
+        let header = Header { control_hz: 20.0, activity: Activity::Rest, ..Header::default() };
+        let recording = Recording { header, steps, complete: true, ..Recording::default() };
+        let mut take = Take::new(&recording, "r".to_string()).unwrap();
+        let note = |start, end| PlayedNote { pitch: 60, start, end, velocity: 60 };
+        for (notes, secs) in [
+            (vec![], 2.5),
+            (vec![note(0.0, 0.5), note(1.0, 3.0)], 2.0),
+            (vec![note(0.0, 1.9), note(2.0, 3.0), note(2.2, 2.9)], 2.5),
+            (vec![note(4.5, 9.0)], 5.0),
+        ] {
+            take.notes = notes;
+            assert_eq!(best_moment(&take), secs);
+        }
+    }
 }

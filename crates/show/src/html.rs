@@ -1,12 +1,19 @@
-//! The shell of our HTML pages, and their tables. A page loads no other file.
+//! The shell of our HTML pages, and their tables. A page loads no other file, except the pictures and sounds of its folder.
 
 use maud::{DOCTYPE, Markup, PreEscaped, Render, html};
 
-const STYLE: &str = include_str!("page.css");
+/// Colours and type, as the replay page has them, and the parts of the other pages.
+const STYLE: &str = concat!(include_str!("../../../viewer/src/look.css"), include_str!("page.css"));
 
 /// A page without scripts, with its title as heading.
 pub fn page(title: &str, body: &Markup) -> String {
-    document(title, None, STYLE, &html! { h1 { (title) } (body) })
+    let body = html! {
+        div.sheet {
+            header { h1 { (title) } span.brand { "Étude" } }
+            main { (body) }
+        }
+    };
+    document(title, None, STYLE, &body)
 }
 
 /// A whole document. `policy` is its Content-Security-Policy.
@@ -27,16 +34,18 @@ pub(crate) fn document(title: &str, policy: Option<&str>, style: &str, body: &Ma
     markup.into_string()
 }
 
-/// A table; nothing without rows.
+/// A table with the heading `caption`; nothing without rows. A wide one scrolls by itself, also by keys.
 pub fn table(caption: &str, columns: &[impl Render], rows: impl IntoIterator<Item = Vec<String>>) -> Markup {
     let mut rows = rows.into_iter().peekable();
     html! {
         @if rows.peek().is_some() {
-            div.table {
-                table {
-                    caption { (caption) }
-                    thead { tr { @for name in columns { th { (name) } } } }
-                    tbody { @for row in rows { tr { @for cell in row { td { (cell) } } } } }
+            figure.table {
+                figcaption { (caption) }
+                div.scroll role="group" aria-label=(caption) tabindex="0" {
+                    table {
+                        thead { tr { @for name in columns { th scope="col" { (name) } } } }
+                        tbody { @for row in rows { tr { @for cell in row { td { (cell) } } } } }
+                    }
                 }
             }
         }

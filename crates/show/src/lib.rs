@@ -3,6 +3,7 @@
 
 pub mod compare;
 pub mod export;
+pub mod figure;
 pub mod gallery;
 pub mod html;
 mod rehearsal_page;

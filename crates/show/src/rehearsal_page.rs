@@ -1,23 +1,41 @@
-//! The page of a rehearsal: the gap by round, the performances to listen to, and the simulator's numbers.
+//! The page of a rehearsal: notes right and the gap by round, the performances to see and to hear, and the simulator's numbers.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
+use anyhow::Context as _;
 use etude_lab::{RehearsalConfig, Round};
-use etude_perform::{FileError, write_file};
+use etude_perform::{NoteCounts, write_file};
 use etude_stage::PhysicalParams;
-use maud::{Markup, html};
+use maud::{Markup, PreEscaped, html};
 
+use crate::figure::{Drawing, Mark, Point, Series};
 use crate::html::{page, table};
+use crate::replay::{read_take, replay_page};
 
 /// Name of the page in the folder of its rehearsal.
 pub const REHEARSAL_PAGE: &str = "rehearsal.html";
 
-/// The page of a rehearsal, written again after each round.
+/// The page of a rehearsal, written again after each round, with a replay page beside each recording.
 pub struct RehearsalPage<'a> {
     config: &'a RehearsalConfig,
     folder: &'a Path,
-    rounds: Vec<Round>,
-    written: Result<(), FileError>,
+    rounds: Vec<Shown>,
+    written: anyhow::Result<()>,
+}
+
+/// A round and its performances.
+struct Shown {
+    round: Round,
+    performances: Vec<Performance>,
+}
+
+/// One performance. Paths begin in the folder of the rehearsal, so that the page can be moved with it.
+struct Performance {
+    sound: PathBuf,
+    /// The replay page, or why there is none.
+    replay: Result<PathBuf, String>,
+    /// What was heard.
+    notes: Option<NoteCounts>,
 }
 
 impl<'a> RehearsalPage<'a> {
@@ -26,60 +44,127 @@ impl<'a> RehearsalPage<'a> {
         Self { config, folder, rounds: Vec::new(), written: Ok(()) }
     }
 
-    /// Adds a round and writes the page.
+    /// Adds a round, writes its replay pages, and writes the page.
     pub fn add(&mut self, round: &Round) {
-        self.rounds.push(round.clone());
         if self.written.is_ok() {
-            let page = rehearsal_page(self.config, &self.rounds, self.folder);
-            self.written = write_file(&self.folder.join(REHEARSAL_PAGE), &page);
+            self.written = self.write(round);
         }
+    }
+
+    fn write(&mut self, round: &Round) -> anyhow::Result<()> {
+        let shown = round.recordings.iter().map(|path| performance(path, self.folder));
+        let performances = shown.collect::<anyhow::Result<Vec<_>>>()?;
+        self.rounds.push(Shown { round: round.clone(), performances });
+        let page = rehearsal_page(self.config, &self.rounds)?;
+        Ok(write_file(&self.folder.join(REHEARSAL_PAGE), &page)?)
     }
 
     /// Whether the page has been written after every round.
     ///
     /// # Errors
     /// If a page could not be written.
-    pub fn finish(self) -> Result<(), FileError> {
-        self.written
+    pub fn finish(self) -> anyhow::Result<()> {
+        self.written.context("the page of the rehearsal is not complete")
     }
 }
 
-/// The page of the rounds so far, in `folder`: recordings are linked from there.
-fn rehearsal_page(config: &RehearsalConfig, rounds: &[Round], folder: &Path) -> String {
+/// Writes the replay page of a recording beside it.
+fn performance(recording: &Path, folder: &Path) -> anyhow::Result<Performance> {
+    let inside = |path: &Path| path.strip_prefix(folder).unwrap_or(path).to_path_buf();
+    let sound = inside(&recording.with_extension("wav"));
+    // A damaged recording must not hinder the page.
+    let take = match read_take(recording) {
+        Ok(take) => take,
+        Err(error) => return Ok(Performance { sound, replay: Err(error.to_string()), notes: None }),
+    };
+    let replay = recording.with_extension("html");
+    replay_page(std::slice::from_ref(&take), &replay)?;
+    let notes = take.note_scores.as_ref().map(NoteCounts::from);
+    Ok(Performance { sound, replay: Ok(inside(&replay)), notes })
+}
+
+/// The page of the rounds so far.
+fn rehearsal_page(config: &RehearsalConfig, rounds: &[Shown]) -> anyhow::Result<String> {
+    let results: Vec<&Round> = rounds.iter().map(|shown| &shown.round).collect();
+    let drawings = [notes_by_round(&results), gap_by_round(&results)];
+    let drawings = drawings.iter().map(Drawing::inline).collect::<anyhow::Result<Vec<_>>>()?;
     let body = html! {
         p {
             "Mode " (config.mode) ", robot " (config.rig)
             @if let Some(truth) = &config.truth { " (truth " (truth) ")" }
-            ", preset " (config.preset) ", " (config.runs) " runs a round, seed " (config.seed) "."
+            ", preset " (config.preset) ", " (config.runs) " runs a round, seed " (config.seed) ". Round 0 plays what was learned in the \
+             default simulator."
         }
-        (scores(rounds))
+        div.drawings { @for drawing in drawings { figure { (PreEscaped(drawing)) } } }
+        (scores(&results))
         section {
-            h2 { "Listen" }
-            @for round in rounds {
-                p { "Round " (round.round) }
-                // The page is moved with its folder, so links begin there.
-                @for recording in round.recordings.iter().map(|path| path.strip_prefix(folder).unwrap_or(path)) {
-                    p {
-                        audio controls preload="none" src=(recording.with_extension("wav").display()) {}
-                        " "
-                        a href=(recording.display()) { (recording.display()) }
+            h2 { "See and hear" }
+            @for shown in rounds {
+                h3 { "Round " (shown.round.round) }
+                ul.performances {
+                    @for (index, performance) in shown.performances.iter().enumerate() {
+                        li { (see_and_hear(shown.round.round, index + 1, performance)) }
                     }
                 }
             }
         }
-        (numbers(rounds))
+        (numbers(&results))
     };
-    page(&format!("Rehearsal of {}", config.song), &body)
+    Ok(page(&format!("Rehearsal of {}", config.song), &body))
 }
 
-fn scores(rounds: &[Round]) -> Markup {
+fn see_and_hear(round: usize, run: usize, performance: &Performance) -> Markup {
+    let name = format!("round {round}, run {run}");
+    html! {
+        @match &performance.replay {
+            Ok(page) => a href=(page.display()) { "Replay of " (name) },
+            Err(why) => { "No replay of " (name) ": " (why) }
+        }
+        @if let Some(notes) = &performance.notes { " · " (notes) }
+        audio controls preload="none" src=(performance.sound.display()) aria-label={ "Sound of " (name) } {}
+    }
+}
+
+/// Bars by round.
+fn by_round(rounds: &[&Round], title: &str, y_label: &str, series: Series) -> Drawing {
+    Drawing {
+        title: title.to_string(),
+        x_label: "round".to_string(),
+        y_label: y_label.to_string(),
+        groups: rounds.iter().map(|round| round.round.to_string()).collect(),
+        series: vec![series],
+        marks: "notes due".to_string(),
+        ..Drawing::default()
+    }
+}
+
+fn notes_by_round(rounds: &[&Round]) -> Drawing {
+    let point =
+        |(x, round): (usize, &&Round)| Point { x: x as f64, y: round.notes.notes_right, interval: None };
+    let due = |(x, round): (usize, &&Round)| Mark { x: Some(x as f64), y: round.notes.notes_due as f64 };
+    let series = Series {
+        name: "notes right".to_string(),
+        points: rounds.iter().enumerate().map(point).collect(),
+        marks: rounds.iter().enumerate().map(due).collect(),
+    };
+    by_round(rounds, "Notes right on the robot, mean of the runs", "notes", series)
+}
+
+fn gap_by_round(rounds: &[&Round]) -> Drawing {
+    let point = |(x, round): (usize, &&Round)| Point { x: x as f64, y: 100.0 * round.gap, interval: None };
+    let points = rounds.iter().enumerate().map(point).collect();
+    let series = Series { name: "gap".to_string(), points, marks: Vec::new() };
+    by_round(rounds, "Gap: what of the F1 in simulation is lost on the robot", "gap (%)", series)
+}
+
+fn scores(rounds: &[&Round]) -> Markup {
     let rows = rounds.iter().map(|round| {
         let [before, after] = round
             .held_out_rad
             .map_or_else(Default::default, |errors| errors.map(|e| format!("{:.2}", 1e3 * e)));
         vec![
             round.round.to_string(),
-            format!("{:.1} of {}", round.notes.notes_right, round.notes.notes_due),
+            format!("{:.1}\u{a0}of\u{a0}{}", round.notes.notes_right, round.notes.notes_due),
             format!("{:.1}", round.notes.notes_wrong),
             round.lag_secs.map_or_else(String::new, |lag| format!("{:+.0}", 1e3 * lag)),
             format!("{:.3}", round.sim_f1),
@@ -97,8 +182,8 @@ fn scores(rounds: &[Round]) -> Markup {
         "F1, simulation",
         "F1, robot (mean ± standard deviation)",
         "gap",
-        "fingers before, mrad",
-        "after, mrad",
+        "error of the fingers before the fit, mrad",
+        "after the fit, mrad",
     ];
     table(
         "Notes, F1 by control step, and the error of the simulator in motions that no fit has seen",
@@ -108,8 +193,8 @@ fn scores(rounds: &[Round]) -> Markup {
 }
 
 /// Every number that a round has changed.
-fn numbers(rounds: &[Round]) -> Markup {
-    let fitted: Vec<&Round> = rounds.iter().filter(|round| !round.physics.is_empty()).collect();
+fn numbers(rounds: &[&Round]) -> Markup {
+    let fitted: Vec<&&Round> = rounds.iter().filter(|round| !round.physics.is_empty()).collect();
     let mut columns = ["number", "unit", "default"].map(String::from).to_vec();
     columns.extend(fitted.iter().map(|round| format!("round {}", round.round)));
     let changed = PhysicalParams::rows()
@@ -174,16 +259,56 @@ mod tests {
             threads: None,
             keep_replay: false,
         };
-        let page = rehearsal_page(&config, &[round(0), round(1)], Path::new("there"));
+        let shown = |number: usize| Shown {
+            round: round(number),
+            performances: vec![Performance {
+                sound: format!("round-{number}/performance/run-1.wav").into(),
+                replay: if number == 0 {
+                    Err("it is <damaged>".to_string())
+                } else {
+                    Ok("round-1/performance/run-1.html".into())
+                },
+                notes: Some(NoteCounts { right: 13, due: 14, wrong: 2 }),
+            }],
+        };
+        let page = rehearsal_page(&config, &[shown(0), shown(1)]).unwrap();
         for part in [
             "&lt;b&gt;&amp;.mid",
             "truth worn",
-            "<td>13.5 of 14</td><td>2.0</td><td>+60</td><td>0.960</td><td>0.900 ± 0.010</td><td>6.0 %</td><td>13.00</td><td>1.70</td>",
+            "Notes right on the robot",
+            "notes due",
+            "gap (%)",
+            "<td>13.5\u{a0}of\u{a0}14</td><td>2.0</td><td>+60</td><td>0.960</td><td>0.900 ± 0.010</td><td>6.0 %</td><td>13.00</td><td>1.70</td>",
+            "No replay of round 0, run 1: it is &lt;damaged&gt;",
+            "<a href=\"round-1/performance/run-1.html\">Replay of round 1, run 1</a> · 13 of 14 notes right, 2 wrong",
             "src=\"round-1/performance/run-1.wav\"",
             "<td>joint.index_1.delay</td><td>s</td><td>0</td><td>0.01230</td>",
         ] {
             assert!(page.contains(part), "{part} is not in {page}");
         }
-        assert!(!page.contains("<b>"));
+        assert!(!page.contains("<b>") && !page.contains(".mcap"));
+    }
+
+    /// The bar of a gap below zero goes down, and that of a better one is shorter.
+    #[test]
+    fn the_charts_show_each_round() {
+        let (zero, mut one) = (round(0), round(1));
+        one.gap = -0.02;
+        let rounds = [&zero, &one];
+        let gaps: Vec<f64> = gap_by_round(&rounds).series[0].points.iter().map(|point| point.y).collect();
+        assert_eq!(gaps, [6.0, -2.0]);
+        let notes = notes_by_round(&rounds);
+        assert_eq!(notes.series[0].points[1].y, 13.5);
+        assert_eq!(notes.series[0].marks[1], Mark { x: Some(1.0), y: 14.0 });
+        assert!(gap_by_round(&rounds).svg().is_ok());
+    }
+
+    #[test]
+    fn a_recording_that_cannot_be_read_does_not_hinder_the_page() {
+        let folder = tempfile::tempdir().unwrap();
+        let recording = folder.path().join("round-0/performance/run-1.mcap");
+        let shown = performance(&recording, folder.path()).unwrap();
+        assert!(shown.replay.is_err());
+        assert_eq!(shown.sound, Path::new("round-0/performance/run-1.wav"));
     }
 }

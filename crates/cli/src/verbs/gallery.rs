@@ -32,7 +32,7 @@ pub struct Args {
     /// Where the pages go
     #[arg(short = 'o', long = "out", default_value = "out/gallery", value_name = "DIR")]
     out: PathBuf,
-    /// Print JSON: index, exhibits (recording, song, player, rig, mode, f1, secs, replay, picture, sound, incomplete), left_out, without_pictures
+    /// Print JSON: index, exhibits (recording, song, player, rig, mode, f1, notes, secs, replay, picture, roll, sound, incomplete), left_out, without_pictures
     #[arg(long)]
     json: bool,
 }
@@ -81,7 +81,7 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
         note(format!("left out: {why}"));
     }
     if let Some(why) = &gallery.without_pictures {
-        note(format!("pictures are piano rolls: {why}"));
+        note(format!("piano rolls only: {why}"));
     }
     line(format!("Open in a browser: {}", gallery.index.display()))?;
     Ok(Ending::Done)

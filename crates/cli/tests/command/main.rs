@@ -7,6 +7,7 @@ mod experiments;
 mod exporting;
 mod interrupting;
 mod mistakes;
+mod pages;
 mod playing;
 mod printing;
 mod processes;

@@ -231,8 +231,11 @@ fn a_gallery_leads_to_every_replay() {
         assert!(
             recording.ends_with("recording.mcap") && index.contains(&format!("<code>{recording}</code>"))
         );
-        for part in ["replay", "picture", "sound"] {
-            let name = exhibit[part].as_str().unwrap();
+        assert!(index.contains("<p>2 s"), "its length: {index}");
+        assert!(exhibit["notes"]["matched"].is_u64() && index.contains("of 3 notes right"), "{exhibit}");
+        for part in ["replay", "picture", "roll", "sound"] {
+            // Without OpenGL there is no picture.
+            let Some(name) = exhibit[part].as_str() else { continue };
             assert!(index.contains(&format!("\"{name}\"")), "{name} is not linked");
             assert!(!desk.bytes(Path::new("gallery").join(name)).is_empty());
         }

@@ -35,14 +35,14 @@ pub(crate) fn roll_svg(take: &Take) -> String {
             if let Some([fill, stroke, width]) = style {
                 let (x, length) = (STEP * from, STEP * (to - from));
                 bars.push(html! {
-                    rect x=(x) y=(y) width=(length) height=(KEY - 1) fill=(fill) stroke=(stroke) stroke-width=(width) {}
+                    rect x=(x) y=(y) width=(length) height=(KEY - 1) fill=(fill) stroke=(stroke) stroke-width=(width) vector-effect="non-scaling-stroke" {}
                 });
             }
             from = to;
         }
     }
     let svg = html! {
-        svg xmlns="http://www.w3.org/2000/svg" viewBox={ "0 0 " (width) " " (height) } {
+        svg xmlns="http://www.w3.org/2000/svg" width=(width) height=(height) viewBox={ "0 0 " (width) " " (height) } preserveAspectRatio="none" {
             defs {
                 pattern id="wrong" width="3" height="3" patternUnits="userSpaceOnUse" patternTransform="rotate(45)" {
                     rect width="1.4" height="3" fill="#d55e00" {}

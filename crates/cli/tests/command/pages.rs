@@ -1,0 +1,124 @@
+//! Every page that the commands write, in a real browser: light and dark, wide and on a phone.
+
+use std::path::Path;
+use std::process::Command;
+
+use serde_json::Value;
+
+use crate::experiments::tiny;
+use crate::replaying::skip;
+use crate::{Desk, errors, succeed};
+
+/// An experiment with what a page can show: bars, curves, and the paper's numbers.
+const SHOWN: &str = r#"
+title = "Two short trainings"
+source = "a test"
+finding = "The paper found this."
+songs = ["short.mid"]
+seeds = 1
+[[variants]]
+name = "fences"
+[[variants]]
+name = "none"
+set = ["task.stage.fences=false"]
+[perform]
+modes = ["real"]
+runs = 1
+[[figures]]
+name = "scores"
+title = "Scores"
+kind = "bars"
+x = "variant"
+y = ["sim_f1", "f1"]
+[[figures]]
+name = "training"
+title = "Training"
+kind = "curves"
+x = "step"
+y = ["f1"]
+by = "variant"
+[[paper]]
+where = { variant = "fences" }
+measure = "sim_f1"
+value = 0.9
+"#;
+
+const NOTES: &str = "# Setup\n\nPreset `fast`, **one** seed. <b>Text</b>\n\n- one\n- two\n";
+
+/// Plays a rehearsal's first round, and puts another one beside it that has the same performance: the same command then writes the page of
+/// both.
+fn rehearse(desk: &Desk) {
+    let rehearse = "rehearse c-major-scale --robot twin --runs 1 --seed 3 -o rehearsal";
+    desk.ok(&format!("{rehearse} --rounds 0"));
+    let mut round: Value = serde_json::from_slice(&desk.bytes("rehearsal/round-0/round.json")).unwrap();
+    round["round"] = 1.into();
+    round["gap"] = (-0.01).into();
+    round["held_out_rad"] = serde_json::json!([0.013, 0.0017]);
+    round["physics"] = serde_json::json!({ "joint.rail.delay": 0.0123 });
+    std::fs::create_dir(desk.path("rehearsal/round-1")).unwrap();
+    std::fs::write(desk.path("rehearsal/round-1/round.json"), round.to_string()).unwrap();
+    desk.ok(&format!("{rehearse} --rounds 1"));
+    let page = String::from_utf8(desk.bytes("rehearsal/rehearsal.html")).unwrap();
+    assert!(page.contains("href=\"round-0/performance/run-1.html\"") && !page.contains(".mcap"), "{page}");
+    assert!(page.contains("Notes right on the robot") && page.contains("gap (%)"), "{page}");
+}
+
+fn experiment(desk: &Desk) {
+    // Two on one page, of the same trials.
+    for name in ["shown.toml", "again.toml"] {
+        std::fs::write(desk.path(name), SHOWN).unwrap();
+    }
+    std::fs::create_dir_all(desk.path("report/shown")).unwrap();
+    std::fs::write(desk.path("report/shown/notes.md"), NOTES).unwrap();
+    succeed(tiny(desk, "experiment run shown.toml"));
+    succeed(tiny(desk, "experiment report shown.toml again.toml -o report"));
+    let page = String::from_utf8(desk.bytes("report/index.html")).unwrap();
+    for part in [
+        "<strong>one</strong>",
+        "<li>two</li>",
+        "&lt;b&gt;Text",
+        "the paper",
+        "control steps of the training",
+    ] {
+        assert!(page.contains(part), "{part} is not in {page}");
+    }
+    // A drawing is in the colours of the page; as a file of its own it is on white.
+    assert!(page.contains("var(--series-1)") && !page.contains("\"#FFFFFF\""));
+    let file = String::from_utf8(desk.bytes("report/shown/scores.svg")).unwrap();
+    assert!(file.contains("fill=\"#FFFFFF\"") && file.contains("the paper"));
+}
+
+#[test]
+fn every_page_is_accessible_light_and_dark_wide_and_on_a_phone() {
+    let viewer = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../viewer");
+    let desk = Desk::new();
+    desk.ok("play short.mid --scripted -o out");
+    desk.ok("perform short.mid --scripted --robot twin --mode real --runs 1 -o twin");
+    desk.ok("replay out -o replay.html");
+    desk.ok("compare out twin -o compare.html");
+    desk.ok("gallery out twin -o gallery");
+    rehearse(&desk);
+    experiment(&desk);
+    let chromium = std::env::var("ETUDE_CHROMIUM").unwrap_or_else(|_| "/usr/bin/chromium".to_string());
+    if !viewer.join("node_modules").is_dir() || !Path::new(&chromium).is_file() {
+        return skip("there is no Node.js with the viewer's packages (cd viewer && npm ci), or no Chromium");
+    }
+    let pages = [
+        "replay.html",
+        "compare.html",
+        "gallery/index.html",
+        "rehearsal/rehearsal.html",
+        "report/index.html",
+    ];
+    let pages = std::env::join_paths(pages.map(|page| desk.path(page))).unwrap();
+    let output = Command::new("node")
+        .args(["--test", "test/pages.test.mjs"])
+        .current_dir(&viewer)
+        .env("ETUDE_PAGES", pages)
+        .env("ETUDE_SCREENSHOTS", desk.path("screenshots"))
+        .output()
+        .unwrap();
+    let said = String::from_utf8_lossy(&output.stdout);
+    assert!(output.status.success(), "{said}\n{}", errors(&output));
+    assert_eq!(std::fs::read_dir(desk.path("screenshots")).unwrap().count(), 5 * 4);
+}
