@@ -5,31 +5,12 @@ use std::process::Command;
 
 use serde_json::Value;
 
-use crate::experiments::tiny;
+use crate::experiments::{FOUR, tiny};
 use crate::replaying::skip;
 use crate::{Desk, errors, succeed};
 
-/// An experiment with what a page can show: bars, curves, and the paper's numbers.
-const SHOWN: &str = r#"
-title = "Two short trainings"
-source = "a test"
-finding = "The paper found this."
-songs = ["short.mid"]
-seeds = 1
-[[variants]]
-name = "fences"
-[[variants]]
-name = "none"
-set = ["task.stage.fences=false"]
-[perform]
-modes = ["real"]
-runs = 1
-[[figures]]
-name = "scores"
-title = "Scores"
-kind = "bars"
-x = "variant"
-y = ["sim_f1", "f1"]
+/// What a page can show besides the figure of [`FOUR`]: curves, and the paper's numbers.
+const MORE: &str = r#"
 [[figures]]
 name = "training"
 title = "Training"
@@ -66,7 +47,7 @@ fn rehearse(desk: &Desk) {
 fn experiment(desk: &Desk) {
     // Two on one page, of the same trials.
     for name in ["shown.toml", "again.toml"] {
-        std::fs::write(desk.path(name), SHOWN).unwrap();
+        std::fs::write(desk.path(name), format!("{FOUR}{MORE}")).unwrap();
     }
     std::fs::create_dir_all(desk.path("report/shown")).unwrap();
     std::fs::write(desk.path("report/shown/notes.md"), NOTES).unwrap();

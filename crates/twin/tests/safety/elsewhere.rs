@@ -14,19 +14,25 @@ const OFF_RAD: f32 = 0.3;
 /// Longest time until the hand has no torque and the arm is stopped, ms.
 const WITHIN: u32 = 200;
 
+/// A robot that holds its pose at the keyboard, or follows.
+fn live(follows: bool) -> Bench {
+    let mut bench = Bench::at_the_keyboard(&Truth::load("standard").unwrap());
+    bench.start_and_hold();
+    bench.run(50);
+    if follows {
+        bench.follow(Policy::Smooth);
+        bench.run(300);
+    }
+    bench
+}
+
 #[test]
 fn each_joint_of_the_arm_that_is_elsewhere_stops_the_robot() {
     let mut table = String::new();
     for joint in 0..7 {
         for off in [-OFF_RAD, OFF_RAD] {
             for follows in [false, true] {
-                let mut bench = Bench::at_the_keyboard(&Truth::load("standard").unwrap());
-                bench.start_and_hold();
-                bench.run(50);
-                if follows {
-                    bench.follow(Policy::Smooth);
-                    bench.run(300);
-                }
+                let mut bench = live(follows);
                 let place = format!("joint {}, {off:+} rad, {:?}", joint + 1, bench.robot.phase());
                 report_joint(&mut bench, joint, move |rad| rad + off);
                 let took = bench.until(WITHIN, |bench| {
@@ -53,13 +59,7 @@ fn a_flange_that_is_elsewhere_stops_the_robot() {
     for follows in [false, true] {
         // Forwards and upwards are beside the path, sideways is along it.
         for (axis, by_m) in [(0, 0.02), (0, -0.02), (2, 0.02), (1, 0.1), (1, -0.1)] {
-            let mut bench = Bench::at_the_keyboard(&Truth::load("standard").unwrap());
-            bench.start_and_hold();
-            bench.run(50);
-            if follows {
-                bench.follow(Policy::Smooth);
-                bench.run(300);
-            }
+            let mut bench = live(follows);
             let place = format!("axis {axis}, {by_m:+} m, {:?}", bench.robot.phase());
             report_joints(&mut bench, move |joints| {
                 let near = joints.map(f64::from);
