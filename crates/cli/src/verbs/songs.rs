@@ -123,15 +123,17 @@ fn show(name: &str, frames_csv: Option<PathBuf>, silence: f64, as_json: bool) ->
     let pitches = || song.notes().iter().map(|note| note.pitch);
     let (notes, secs) = (song.notes().len(), song.duration_secs());
     let (lowest, highest) = (pitches().min(), pitches().max());
-    let (pace, busiest) = (song.notes_per_sec(), song.busiest_second());
+    let pace = song.notes_per_sec();
+    let busiest = song
+        .busiest_second()
+        .map(|second| (second.notes, song.position(second.start_secs), second.start_secs));
     let (hard, quick) = (song.warnings(), task.plan.warnings(&song));
     let warnings: Vec<String> = hard.iter().chain(&quick).map(ToString::to_string).collect();
     if as_json {
         json(&object!({
             "title": song.title(), "notes": notes, "secs": secs, "frames": frames.len(), "lowest": lowest,
-            "highest": highest, "notes_per_sec": pace, "busiest_second": busiest.map(|second| {
-                let (place, secs) = (song.position(second.start_secs), second.start_secs);
-                object!({"notes": second.notes, "bar": place.bar, "beat": place.beat, "secs": secs})
+            "highest": highest, "notes_per_sec": pace, "busiest_second": busiest.map(|(notes, place, secs)| {
+                object!({"notes": notes, "bar": place.bar, "beat": place.beat, "secs": secs})
             }), "warnings": warnings, "fingering": limits.map(|limits| object!({
                 "summary": limits.to_string(),
                 "limits": limits.notes.iter().map(|limit| {
@@ -147,11 +149,9 @@ fn show(name: &str, frames_csv: Option<PathBuf>, silence: f64, as_json: bool) ->
             "{notes} notes from {lowest} to {highest}, {secs:.1} s, {} frames with {silence} s of silence first",
             frames.len()
         ))?;
-        if let Some(second) = busiest {
-            let (place, secs) = (song.position(second.start_secs), second.start_secs);
+        if let Some((notes, place, secs)) = busiest {
             line(format!(
-                "{pace:.1} notes a second; {} in the busiest, which begins at {place} ({secs:.2} s)",
-                second.notes
+                "{pace:.1} notes a second; {notes} in the busiest, which begins at {place} ({secs:.2} s)"
             ))?;
         }
         line("Notes by bar, together with +, and the beats that they last")?;

@@ -2,9 +2,7 @@
 //!
 //! Another processor rounds otherwise, and a contact may then fall the other way: hence the tolerances.
 
-use std::path::{Path, PathBuf};
-
-use crate::Desk;
+use crate::{Desk, root, shipped};
 
 /// Tolerance of F1 and onset F1.
 const SCORE: f64 = 0.03;
@@ -12,17 +10,8 @@ const SCORE: f64 = 0.03;
 const RIGHT: f64 = 1.0;
 const WRONG: f64 = 2.0;
 
-fn root() -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).join("../..")
-}
-
 fn document(name: &str) -> String {
     std::fs::read_to_string(root().join(name)).unwrap()
-}
-
-/// The shipped policy of `song`.
-fn shipped(song: &str) -> PathBuf {
-    root().join(format!("policies/{song}.safetensors"))
 }
 
 /// A table of a document with a row for each built-in song.

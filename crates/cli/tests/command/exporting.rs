@@ -3,12 +3,12 @@
 use etude_learn::Policy;
 
 use crate::playing::check_elsewhere;
-use crate::{Desk, errors, succeed};
+use crate::{Desk, errors, shipped, succeed};
 
 #[test]
 fn onnx_runtime_acts_as_the_policy_does() {
     let desk = Desk::new();
-    let shipped = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../policies/twinkle.safetensors");
+    let shipped = shipped("twinkle");
     let mut policy = Policy::load(&shipped).unwrap();
     let layout = policy.header().layout;
     // Joints far beyond their ranges too, and a tenth of the keys.

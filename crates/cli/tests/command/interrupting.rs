@@ -126,8 +126,7 @@ fn each_player_has_a_folder_of_its_own() {
     assert_eq!(folder(""), "out/twinkle");
     assert_eq!(folder("--scripted"), "out/twinkle-scripted");
     std::fs::create_dir_all(desk.path("runs/other-run")).unwrap();
-    let shipped = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../policies/twinkle.safetensors");
-    std::fs::copy(shipped, desk.path("runs/other-run/policy-best.safetensors")).unwrap();
+    std::fs::copy(crate::shipped("twinkle"), desk.path("runs/other-run/policy-best.safetensors")).unwrap();
     assert_eq!(folder("--policy runs/other-run"), "out/twinkle-other-run");
     assert_eq!(folder("--policy runs/other-run/policy-best.safetensors"), "out/twinkle-other-run");
     assert_eq!(folder("--set task.physics.key.threshold=0.6"), "out/twinkle-threshold-0-6");

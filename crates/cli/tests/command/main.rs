@@ -107,6 +107,16 @@ impl Desk {
     }
 }
 
+/// The top of the repository.
+fn root() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../..")
+}
+
+/// The shipped policy of `song`.
+fn shipped(song: &str) -> PathBuf {
+    root().join(format!("policies/{song}.safetensors"))
+}
+
 /// Standard output of a command that must succeed without a panic.
 fn succeed(mut command: Command) -> String {
     let output = command.output().unwrap();

@@ -1,13 +1,10 @@
 //! Every page that the commands write, in a real browser: light and dark, wide and on a phone.
 
-use std::path::Path;
-use std::process::Command;
-
 use serde_json::Value;
 
 use crate::experiments::{FOUR, tiny};
-use crate::replaying::skip;
-use crate::{Desk, errors, succeed};
+use crate::replaying::{all_pass, browser_tests};
+use crate::{Desk, succeed};
 
 /// What a page can show besides the figure of [`FOUR`]: curves, and the paper's numbers.
 const MORE: &str = r#"
@@ -71,7 +68,6 @@ fn experiment(desk: &Desk) {
 
 #[test]
 fn every_page_is_accessible_light_and_dark_wide_and_on_a_phone() {
-    let viewer = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../viewer");
     let desk = Desk::new();
     desk.ok("play short.mid --scripted -o out");
     desk.ok("perform short.mid --scripted --robot twin --mode real --runs 1 -o twin");
@@ -80,10 +76,7 @@ fn every_page_is_accessible_light_and_dark_wide_and_on_a_phone() {
     desk.ok("gallery out twin -o gallery");
     rehearse(&desk);
     experiment(&desk);
-    let chromium = std::env::var("ETUDE_CHROMIUM").unwrap_or_else(|_| "/usr/bin/chromium".to_string());
-    if !viewer.join("node_modules").is_dir() || !Path::new(&chromium).is_file() {
-        return skip("there is no Node.js with the viewer's packages (cd viewer && npm ci), or no Chromium");
-    }
+    let Some(mut tests) = browser_tests(&desk, &["test/pages.test.mjs"]) else { return };
     let pages = [
         "replay.html",
         "compare.html",
@@ -92,14 +85,7 @@ fn every_page_is_accessible_light_and_dark_wide_and_on_a_phone() {
         "report/index.html",
     ];
     let pages = std::env::join_paths(pages.map(|page| desk.path(page))).unwrap();
-    let output = Command::new("node")
-        .args(["--test", "test/pages.test.mjs"])
-        .current_dir(&viewer)
-        .env("ETUDE_PAGES", pages)
-        .env("ETUDE_SCREENSHOTS", desk.path("screenshots"))
-        .output()
-        .unwrap();
-    let said = String::from_utf8_lossy(&output.stdout);
-    assert!(output.status.success(), "{said}\n{}", errors(&output));
+    tests.env("ETUDE_PAGES", pages);
+    all_pass(tests);
     assert_eq!(std::fs::read_dir(desk.path("screenshots")).unwrap().count(), 5 * 4);
 }

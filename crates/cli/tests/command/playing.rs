@@ -1,13 +1,13 @@
 //! `etude play`: every file that it leaves, read back.
 
 use std::io::Write as _;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::process::Command;
 
 use etude_music::Song;
 use etude_perform::Recording;
 
-use crate::{Desk, csv, errors, succeed};
+use crate::{Desk, csv, errors, root, shipped, succeed};
 
 /// Environment variable that names a Python with scikit-learn and mcap; `make test` sets it.
 const PYTHON: &str = "ETUDE_PYTHON";
@@ -96,7 +96,7 @@ pub(crate) fn read_elsewhere(script: &str, files: &[PathBuf]) -> Option<String> 
         );
         return None;
     };
-    let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../scripts").join(script);
+    let script = root().join("scripts").join(script);
     let output = Command::new(&python).arg(script).args(files).output();
     let output = output.unwrap_or_else(|error| panic!("{PYTHON}={python:?} does not run: {error}"));
     let said = String::from_utf8_lossy(&output.stdout).into_owned();
@@ -115,7 +115,7 @@ fn the_sound_of_the_shipped_twinkle_has_its_onsets() {
 #[test]
 fn of_equally_good_policies_that_of_a_run_plays() {
     let desk = Desk::new();
-    let shipped = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../policies/twinkle.safetensors");
+    let shipped = shipped("twinkle");
     assert_eq!(
         desk.json("play twinkle -o out --json")["f1"],
         desk.json(&format!("play twinkle --policy {} -o out --json", shipped.display()))["f1"]

@@ -6,7 +6,7 @@ use std::process::Command;
 
 use serde_json::Value;
 
-use crate::{Desk, csv, errors, succeed};
+use crate::{Desk, csv, errors, root, succeed};
 
 /// The data of a replay page.
 fn data(page: &[u8]) -> Value {
@@ -33,6 +33,26 @@ fn refuses(desk: &Desk, args: &str, part: &str) {
 pub fn skip(why: &str) {
     assert!(std::env::var_os("ETUDE_NEEDS_ALL").is_none(), "{why}");
     println!("skipped: {why}");
+}
+
+/// Tests of the viewer, `files`, which leave their screenshots in `desk`; none where no browser can run them.
+pub fn browser_tests(desk: &Desk, files: &[&str]) -> Option<Command> {
+    let viewer = root().join("viewer");
+    let chromium = std::env::var("ETUDE_CHROMIUM").unwrap_or_else(|_| "/usr/bin/chromium".to_string());
+    if !viewer.join("node_modules").is_dir() || !Path::new(&chromium).is_file() {
+        skip("there is no Node.js with the viewer's packages (cd viewer && npm ci), or no Chromium");
+        return None;
+    }
+    let mut tests = Command::new("node");
+    tests.arg("--test").args(files).current_dir(viewer).env("ETUDE_SCREENSHOTS", desk.path("screenshots"));
+    Some(tests)
+}
+
+/// Runs them; all must pass.
+pub fn all_pass(mut tests: Command) {
+    let output = tests.output().unwrap();
+    let said = String::from_utf8_lossy(&output.stdout);
+    assert!(output.status.success(), "{said}\n{}", errors(&output));
 }
 
 #[test]
@@ -339,25 +359,14 @@ fn a_video_has_picture_and_sound() {
 /// The page in a real browser: `viewer/test` plays it, scrubs, changes cameras, listens, and looks at errors.
 #[test]
 fn a_browser_plays_the_page() {
-    let viewer = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../viewer");
-    let chromium = std::env::var("ETUDE_CHROMIUM").unwrap_or_else(|_| "/usr/bin/chromium".to_string());
-    if !viewer.join("node_modules").is_dir() || !Path::new(&chromium).is_file() {
-        return skip("there is no Node.js with the viewer's packages (cd viewer && npm ci), or no Chromium");
-    }
     let desk = Desk::new();
+    let files = ["test/units.test.mjs", "test/bundle.test.mjs", "test/page.test.mjs"];
+    let Some(mut tests) = browser_tests(&desk, &files) else { return };
     desk.ok("play twinkle --scripted -o out");
     desk.ok("perform twinkle --scripted --robot twin --mode real -o twin");
     desk.ok("replay out -o page.html");
     desk.ok("replay out twin -o both.html");
-    let output = Command::new("node")
-        .args(["--test", "test/units.test.mjs", "test/bundle.test.mjs", "test/page.test.mjs"])
-        .current_dir(&viewer)
-        .env("ETUDE_REPLAY_PAGE", desk.path("page.html"))
-        .env("ETUDE_REPLAY_BOTH", desk.path("both.html"))
-        .env("ETUDE_SCREENSHOTS", desk.path("screenshots"))
-        .output()
-        .unwrap();
-    let said = String::from_utf8_lossy(&output.stdout);
-    assert!(output.status.success(), "{said}\n{}", errors(&output));
+    tests.env("ETUDE_REPLAY_PAGE", desk.path("page.html")).env("ETUDE_REPLAY_BOTH", desk.path("both.html"));
+    all_pass(tests);
     assert!(std::fs::read_dir(desk.path("screenshots")).unwrap().count() >= 4);
 }

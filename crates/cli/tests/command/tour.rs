@@ -1,9 +1,8 @@
 //! The five-minute tour of the README, command by command.
 
-use std::path::Path;
 use std::process::Command;
 
-use crate::{Desk, TINY};
+use crate::{Desk, TINY, root};
 
 /// The commands of the README's section, without their comments.
 fn commands() -> Vec<String> {
@@ -23,8 +22,7 @@ fn commands() -> Vec<String> {
 #[test]
 fn every_command_of_the_five_minute_tour_runs() {
     let desk = Desk::new();
-    std::os::unix::fs::symlink(Path::new(env!("CARGO_MANIFEST_DIR")).join("../../songs"), desk.path("songs"))
-        .unwrap();
+    std::os::unix::fs::symlink(root().join("songs"), desk.path("songs")).unwrap();
     let commands = commands();
     assert!(commands.len() >= 8, "{commands:?}");
     for verb in ["train", "play", "replay", "perform", "watch", "gallery"] {
