@@ -4,6 +4,7 @@
 //! devices; an execution [`Mode`] puts them together. A [`Recording`] is an MCAP file with JSON messages, so Foxglove, the Python
 //! `mcap` package and Étude itself read it.
 
+mod ended;
 mod error;
 mod evaluate;
 mod excitation;
