@@ -87,24 +87,24 @@ pub struct PerformConfig {
     pub modes: Vec<Mode>,
     /// How often in each.
     pub runs: usize,
-    /// Truth of the twin: a name or a file.
+    /// Truths of the twin: names or files. The policy plays on a twin of each.
     #[serde(default = "standard")]
-    pub truth: String,
+    pub truths: Vec<String>,
 }
 
 /// How a rehearsal (Sim2Real2Sim) is done.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct RehearseConfig {
-    /// In which modes; each is a separate rehearsal.
+    /// In which modes; each is a separate rehearsal with each truth.
     pub modes: Vec<Mode>,
     /// Rounds after the first performance.
     pub rounds: usize,
     /// Performances a round.
     pub runs: usize,
-    /// Truth of the twin: a name or a file.
+    /// Truths of the twin: names or files.
     #[serde(default = "standard")]
-    pub truth: String,
+    pub truths: Vec<String>,
     /// Evaluations of each fit at most; the method's own number if not given.
     pub evaluations: Option<u64>,
 }
@@ -121,8 +121,8 @@ pub struct FitConfig {
     pub evaluations: Option<u64>,
 }
 
-fn standard() -> String {
-    "standard".to_string()
+fn standard() -> Vec<String> {
+    vec!["standard".to_string()]
 }
 
 /// Kinds of figure.

@@ -120,16 +120,21 @@ impl Experiment {
                 let what = fingerprint(&notes, &resolved);
                 match &self.rehearse {
                     Some(rehearse) => {
-                        let what = what + &self.fingerprint_of_truth(&rehearse.truth)?;
-                        trials.extend(rehearsals(rehearse, &training, &labels, smoke, seed, &what));
+                        // Fits are what a smoke test would spend its time on.
+                        let truths = &rehearse.truths;
+                        for truth in if smoke { &truths[..truths.len().min(1)] } else { truths } {
+                            let what = format!("{what}{}", self.fingerprint_of_truth(truth)?);
+                            trials
+                                .extend(rehearsals(rehearse, truth, &training, &labels, smoke, seed, &what));
+                        }
                     }
                     None => {
                         let perform = self.performance(variant.modes.as_deref(), smoke);
-                        let truth = match &perform {
-                            Some(perform) => self.fingerprint_of_truth(&perform.truth)?,
-                            None => String::new(),
-                        };
-                        let all = format!("{what}{}{truth}", json(&perform));
+                        let truths = perform.iter().flat_map(|perform| &perform.truths);
+                        let truths = truths
+                            .map(|truth| self.fingerprint_of_truth(truth))
+                            .collect::<Result<String, _>>()?;
+                        let all = format!("{what}{}{truths}", json(&perform));
                         let id = id("train", song, seed, &all);
                         trials.push(Trial { id, labels, work: Work::Train { training, perform } });
                     }
@@ -177,6 +182,7 @@ impl Experiment {
 
 fn rehearsals(
     rehearse: &RehearseConfig,
+    truth: &str,
     training: &TrainingConfig,
     labels: &BTreeMap<String, String>,
     smoke: bool,
@@ -186,15 +192,20 @@ fn rehearsals(
     let trial = |mode: &Mode| {
         let (rounds, runs) = if smoke { (1, 1) } else { (rehearse.rounds, rehearse.runs) };
         let evaluations = if smoke { Some(SMOKE_EVALUATIONS) } else { rehearse.evaluations };
-        let RehearseConfig { truth, .. } = rehearse.clone();
         let all = format!("{what}{mode}{rounds} {runs} {truth} {evaluations:?}");
         let mut labels = labels.clone();
         labels.insert("mode".to_string(), mode.name().to_string());
-        let work =
-            Work::Rehearse { training: training.clone(), mode: *mode, rounds, runs, truth, evaluations };
+        labels.insert("truth".to_string(), truth.to_string());
+        let work = Work::Rehearse {
+            training: training.clone(),
+            mode: *mode,
+            rounds,
+            runs,
+            truth: truth.to_string(),
+            evaluations,
+        };
         Trial { id: id("rehearse", &training.song, seed, &all), labels, work }
     };
-    // Fits are what a smoke test would spend its time on.
     let modes = if smoke { &rehearse.modes[..rehearse.modes.len().min(1)] } else { &rehearse.modes };
     modes.iter().map(trial).collect()
 }
@@ -281,6 +292,24 @@ runs = 3
         assert_eq!(fingerprint_of(text), built_in, "the content counts, not where it is stored");
         let edited = format!("{text}\n[[faults]]\nkind = \"arm-silent\"\nat_secs = 30.0\n");
         assert_ne!(fingerprint_of(&edited), built_in);
+    }
+
+    #[test]
+    fn truths_are_part_of_the_work_and_each_has_its_rehearsal() {
+        let config = PlanConfig::default();
+        let ids = |trials: &[Trial]| trials.iter().map(|trial| trial.id.clone()).collect::<BTreeSet<_>>();
+        let [one, both] =
+            ["", "truths = ['standard', 'worn']"].map(|line| plan(&format!("{MINE}{line}\n"), &config));
+        assert_eq!(one.len(), both.len(), "a policy is trained once and plays on each");
+        assert!(ids(&one).is_disjoint(&ids(&both)));
+        let rehearse = MINE.replace("[perform]", "[rehearse]\nrounds = 1\ntruths = ['standard', 'worn']");
+        let rehearsals = plan(&rehearse, &config);
+        assert_eq!(rehearsals.len(), 2 * one.len());
+        assert_eq!(ids(&rehearsals).len(), rehearsals.len());
+        for trial in &rehearsals {
+            let Work::Rehearse { truth, .. } = &trial.work else { panic!("{trial:?}") };
+            assert_eq!(&trial.labels["truth"], truth);
+        }
     }
 
     #[test]

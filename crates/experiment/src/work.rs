@@ -175,12 +175,14 @@ impl Doing<'_, '_> {
         match perform {
             None => rows.push(row(&[], &of_sim)),
             Some(perform) => {
-                let rig = rig_choice(TWIN, &perform.truth)?;
-                for (index, mode) in perform.modes.iter().enumerate() {
-                    let at = share + (1.0 - share) * index as f64 / perform.modes.len() as f64;
-                    self.tell(&format!("playing, {mode}"), at, Some(sim.f1));
+                let modes = |truth| perform.modes.iter().map(move |mode| (truth, mode));
+                let all: Vec<(&String, &Mode)> = perform.truths.iter().flat_map(modes).collect();
+                for (index, (truth, mode)) in all.iter().enumerate() {
+                    let at = share + (1.0 - share) * index as f64 / all.len() as f64;
+                    self.tell(&format!("playing, {mode}, {truth}"), at, Some(sim.f1));
+                    let rig = rig_choice(TWIN, truth)?;
                     let (runs, seed) = (perform.runs, SEEDS_OF_RUNS.wrapping_mul(seed));
-                    let play = RobotPlay { mode: *mode, runs, home: true, seed };
+                    let play = RobotPlay { mode: **mode, runs, home: true, seed };
                     let report = play_on_robot(
                         &song,
                         &pianist,
@@ -205,7 +207,11 @@ impl Doing<'_, '_> {
                             ("gap", gap(sim.f1, frame.f1)),
                             ("complete", whole),
                         ];
-                        let labels = [("mode", mode.name().to_string()), ("run", run.to_string())];
+                        let labels = [
+                            ("truth", (*truth).clone()),
+                            ("mode", mode.name().to_string()),
+                            ("run", run.to_string()),
+                        ];
                         rows.push(row(&labels, &[of_sim.as_slice(), &of_twin].concat()));
                     }
                 }
