@@ -8,6 +8,7 @@ use super::claim::Claim;
 use super::guard::Guard;
 use super::session::{Live, Stand, StandPace};
 use super::warm::WarmFile;
+use super::worker::Worker;
 use etude_robot::allegro::HandSide;
 use etude_robot::calibration::{Calibration, CalibrationError, RailPath};
 use etude_robot::rig::{RigConfig, RigError};
@@ -78,6 +79,9 @@ pub enum StandError {
     /// The guard, which stops the robot if this process ends, cannot be started.
     #[error("the guard of the robot cannot be started: {0}")]
     Guard(std::io::Error),
+    /// The thread of the policy cannot be started.
+    #[error("the thread of the policy cannot be started: {0}; end other programs")]
+    Worker(#[from] rayon::ThreadPoolBuildError),
     /// The rig has the other hand.
     #[error("the policy plays with the {policy:?} hand, and the rig has the {rig} one")]
     Side {
@@ -170,7 +174,9 @@ impl RigChoice {
                 }
                 let wires = OpenWires::open(&rig.wires)?;
                 let guard = start_guard(path)?;
-                let live = Live::new(wires, guard, claim.clone(), WarmFile::new(&rig.wires), &mut robot);
+                let worker = Worker::start()?;
+                let warm = WarmFile::new(&rig.wires);
+                let live = Live::new(wires, guard, claim.clone(), warm, worker, &mut robot);
                 Ok(Stand { robot, pace: StandPace::Live(Box::new(live)) })
             }
         }

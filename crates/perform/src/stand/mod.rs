@@ -6,6 +6,7 @@ mod claim;
 mod guard;
 mod session;
 mod warm;
+mod worker;
 
 pub use calibrate::{pitches_to_show, store_point, try_path};
 pub use choice::{

@@ -14,6 +14,7 @@ use etude_twin::Lockstep;
 use super::claim::Claim;
 use super::guard::{Guard, PERIOD};
 use super::warm::WarmFile;
+use super::worker::Worker;
 use crate::error::PerformError;
 use crate::prepare::{STOPPED as STOPPED_BY_ANOTHER, prepare};
 
@@ -45,6 +46,7 @@ pub struct Live {
     guard: Guard,
     claim: Arc<Claim>,
     warm: WarmFile,
+    worker: Arc<Worker>,
     /// `None` where the system does not permit it: on a busy machine the robot may then stop.
     _priority: Option<Priority>,
 }
@@ -56,12 +58,13 @@ impl Live {
         guard: Guard,
         claim: Arc<Claim>,
         warm: WarmFile,
+        worker: Worker,
         robot: &mut Robot,
     ) -> Self {
         let _priority = Priority::of_this_thread(Rank::Controller).ok();
         let pace = RealTime::new(wires);
         robot.set_warmth(warm.read(pace.now()));
-        Self { pace, guard, claim, warm, _priority }
+        Self { pace, guard, claim, warm, worker: Arc::new(worker), _priority }
     }
 
     /// Stops the robot if its guard is gone or a stop was requested.
@@ -157,7 +160,8 @@ impl Pace for StandPace {
     /// The work has a thread of its own, so that it does not hold up the hand's loop. If it hangs, the robot stops because no command comes.
     fn run_while(&mut self, robot: &mut Robot, work: &mut (dyn FnMut() + Send)) {
         let Self::Live(live) = self else { return work() };
-        in_a_worker(work, || {
+        let worker = live.worker.clone();
+        worker.run(work, || {
             live.watch(robot);
             let next = live.pace.now() + LOOK;
             live.pace.run_until(robot, next);
@@ -170,19 +174,6 @@ impl Pace for StandPace {
             Self::Live(live) => live.pace.wires(),
         }
     }
-}
-
-/// Does `work` in a thread of its own and calls `meanwhile` until it is done. A panic of the work goes on in the caller.
-fn in_a_worker(work: &mut (dyn FnMut() + Send), mut meanwhile: impl FnMut()) {
-    std::thread::scope(|scope| {
-        let worker = scope.spawn(|| {
-            let _priority = Priority::of_this_thread(Rank::Worker);
-            work();
-        });
-        while !worker.is_finished() {
-            meanwhile();
-        }
-    });
 }
 
 #[cfg(test)]

@@ -28,6 +28,11 @@ const HEARTBEAT: Duration = Duration::from_millis(100);
 const INFORMATION_STALE: Duration = Duration::from_secs(1);
 /// A torque that is not renewed is replaced by zero after this time.
 const TORQUE_HELD: Duration = Duration::from_millis(50);
+/// Late replies in a row that are a fault: the program that polls may itself have been held up during one.
+const LATE_REPLIES: u32 = 3;
+/// Time for which commands of another program that move nothing are borne: `etude robot stop` sends them, and its request ends this program
+/// meanwhile.
+const OTHERS_BORNE: Duration = Duration::from_millis(150);
 /// Number of zero-torque commands when the hand is released: a frame may be lost.
 const REPEATS: usize = 3;
 const GENERATION: u8 = 4;
@@ -92,15 +97,18 @@ impl Hand {
             let let_go = self.released || self.state == HandState::Stopped;
             self.confirmed |= let_go && !information.status.servo_on();
         }
-        let others = HostMessage::decode(self.config.device_id, frame);
-        if others.is_some_and(|message| message.drives()) && self.listens() {
-            self.fail(HandFault::OtherProgram);
+        let other = HostMessage::decode(self.config.device_id, frame).filter(|_| self.listens());
+        if let Some(other) = other.filter(HostMessage::commands) {
+            self.known.other_since.get_or_insert(now);
+            if other.drives() {
+                self.fail(HandFault::OtherProgram);
+            }
         }
         let Some(message) = message.filter(|_| self.listens()) else { return HandEvent::Nothing };
         match message {
             HandMessage::Position { finger, counts } => return self.take_position(now, finger, counts),
             HandMessage::Information(information) => self.take_information(now, information),
-            HandMessage::Temperature { finger, celsius } => self.take_temperature(finger, celsius),
+            HandMessage::Temperature { finger, celsius } => self.take_temperature(now, finger, celsius),
             HandMessage::Serial(serial) => self.known.serial = Some(serial),
         }
         HandEvent::Nothing
@@ -281,7 +289,18 @@ impl Hand {
         }
     }
 
-    fn take_temperature(&mut self, finger: Finger, celsius: [u8; 4]) {
+    /// Frames of the hand reach us in the order in which they were sent: if a reply is late, so are the positions. Each finger is asked in
+    /// turn, so a reply is not taken for that to an earlier question.
+    fn take_temperature(&mut self, now: Duration, finger: Finger, celsius: [u8; 4]) {
+        let asked = self.known.asked.get_mut(finger.number()).and_then(Option::take);
+        if let Some(by) = asked.map(|at| now.saturating_sub(at)) {
+            // There and back.
+            let late = by.as_secs_f64() > 2.0 * self.config.stale_after_secs;
+            self.known.late_replies = if late { self.known.late_replies + 1 } else { 0 };
+            if self.known.late_replies >= LATE_REPLIES {
+                self.fail(HandFault::FramesLate { by });
+            }
+        }
         let limit = self.config.max_joint_celsius;
         for (joint, celsius) in (4 * finger.number()..).zip(celsius) {
             if celsius > limit {
@@ -344,11 +363,17 @@ impl Hand {
         self.heartbeats = (self.heartbeats + 1) % Finger::ALL.len();
         if let Some(&finger) = Finger::ALL.get(self.heartbeats) {
             self.commands.message(HostMessage::Request(Request::Temperature(finger)), out);
+            if let Some(asked) = self.known.asked.get_mut(finger.number()) {
+                *asked = Some(now);
+            }
         }
     }
 
     /// Checks all timeouts.
     fn watch(&mut self, now: Duration) {
+        if self.known.other_since.is_some_and(|since| now.saturating_sub(since) > OTHERS_BORNE) {
+            self.fail(HandFault::OtherProgram);
+        }
         match self.state {
             HandState::Starting => {
                 let since_start = now.saturating_sub(self.started);

@@ -44,9 +44,18 @@ pub enum HandFault {
         /// Since its last frame, or since the stream was asked for.
         age: Duration,
     },
-    /// Servo on or torques on the bus that this program has not sent.
+    /// Torques, a servo command or other periods on the bus that this program has not sent.
     #[error("another program drives the hand: end it, then start again")]
     OtherProgram,
+    /// The hand's replies, and so its positions, come late and without gaps.
+    #[error(
+        "the frames of the hand come {} ms late: connect its CAN adapter without a hub, end other programs on its bus, then start again",
+        by.as_millis()
+    )]
+    FramesLate {
+        /// From a question to its reply.
+        by: Duration,
+    },
     /// The board is too hot.
     #[error("the hand's board is at {celsius} °C, above {limit} °C: let it cool, then start again")]
     BoardHot {

@@ -114,6 +114,11 @@ impl HostMessage {
             Self::ServoOff | Self::Positions(_) | Self::Request(_) => false,
         }
     }
+
+    /// Whether it changes what the hand does: anything but a question.
+    pub fn commands(&self) -> bool {
+        !matches!(self, Self::Request(_))
+    }
 }
 
 /// The status byte of the Information reply (allegro_hand_ros2, and fairo's Allegro client, which differ).

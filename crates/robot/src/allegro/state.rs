@@ -54,6 +54,12 @@ pub(super) struct Known {
     pub positions_at: Option<Duration>,
     pub information: Option<(Duration, Information)>,
     pub serial: Option<Serial>,
+    /// When the temperature of each finger was asked for, until the reply.
+    pub asked: [Option<Duration>; 4],
+    /// Replies in a row that came late.
+    pub late_replies: u32,
+    /// When another program first sent a command that moves nothing.
+    pub other_since: Option<Duration>,
     pub servo_was_on: bool,
     /// The hand's own watchdog may still report the time before the start.
     pub host_timeout_cleared: bool,
@@ -68,6 +74,9 @@ impl Known {
             positions_at: None,
             information: None,
             serial: None,
+            asked: [None; 4],
+            late_replies: 0,
+            other_since: None,
             servo_was_on: false,
             host_timeout_cleared: false,
         }

@@ -15,6 +15,7 @@ mod framing;
 pub mod kinematics;
 mod pose;
 pub mod report;
+mod rhythm;
 mod stopper;
 pub mod tcp;
 

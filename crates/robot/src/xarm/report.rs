@@ -1,9 +1,13 @@
 //! The periodic reports of the controller on port 30003, 100 a second (ufactory_docs).
 
+use std::time::Duration;
+
 use super::codec::floats;
 use super::framing::Framing;
 use super::kinematics::{JOINTS, WIDEST_LIMITS_RAD};
 
+/// Time from one report to the next.
+pub(super) const REPORT_PERIOD: Duration = Duration::from_millis(10);
 /// Bytes of a report without what later firmware appends.
 const SIZE: usize = 87;
 /// Largest plausible size word; the longest known report has 587 bytes.

@@ -1,5 +1,7 @@
 //! Faults of the arm, each with what the operator does next.
 
+use std::time::Duration;
+
 use crate::xarm::errors::controller_error;
 use crate::xarm::fence::OutsideFence;
 use crate::xarm::kinematics::KinematicsError;
@@ -50,6 +52,15 @@ pub enum ArmFault {
     /// Reports stopped coming.
     #[error("the arm's reports (port 30003) stopped: check cable and switch, connect and start again")]
     ReportStale,
+    /// Reports come, but ever later.
+    #[error(
+        "the arm's reports (port 30003) come {} ms later than before: connect its control box by cable, close other programs, then start again",
+        by.as_millis()
+    )]
+    ReportsLate {
+        /// How much.
+        by: Duration,
+    },
     /// The controller stopped the arm.
     #[error("the arm's controller reports {}", describe(*.code))]
     Controller {

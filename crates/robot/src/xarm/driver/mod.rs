@@ -22,7 +22,8 @@ pub use steps::ArmVersion;
 
 use super::codec::{FrameParser, Register};
 use super::kinematics::{self, JOINTS, Pose};
-use super::report::{Report, ReportParser};
+use super::report::{REPORT_PERIOD, Report, ReportParser};
+use super::rhythm::Rhythm;
 pub(crate) use reach::largest_turn;
 use state::{Halt, Phase, Purpose, Target, Work};
 use steps::{MANUAL, SERVO, Step};
@@ -33,6 +34,7 @@ impl Arm {
         self.commands = FrameParser::default();
         self.reports = ReportParser::default();
         (self.outstanding, self.report, self.halt, self.ask_error) = (None, None, None, false);
+        self.rhythm = Rhythm::new(REPORT_PERIOD);
         self.phase = match self.phase {
             Phase::Fault(fault, _) => Phase::Fault(fault, true),
             _ => Phase::Stopped,
@@ -58,6 +60,8 @@ impl Arm {
             return Err(ArmError::NotNow(self.state()));
         }
         (self.outstanding, self.halt, self.ask_error) = (None, None, false);
+        // Reports may have been missing before.
+        self.rhythm = Rhythm::new(REPORT_PERIOD);
         self.work(now, steps::START);
         Ok(())
     }
@@ -135,9 +139,18 @@ impl Arm {
 
     /// Bytes from the report port.
     pub fn receive_report(&mut self, now: Duration, mut bytes: &[u8]) {
+        let mut is_new = false;
         while let Some(report) = self.reports.next(&mut bytes) {
+            is_new = true;
             self.report = Some((report, now));
+            self.rhythm.count();
             self.check_report(&report, now);
+        }
+        if is_new {
+            let by = self.rhythm.late(now);
+            if by.as_secs_f64() > self.config.report_stale_after_secs {
+                self.fail(ArmFault::ReportsLate { by });
+            }
         }
         if self.reports.skipped() > 0 && self.active() {
             self.fail(ArmFault::ProtocolNonsense("its reports are not"));

@@ -8,7 +8,8 @@ use super::steps::{self, ArmVersion, Step};
 use crate::setting::SettingError;
 use crate::xarm::codec::{FrameParser, Register, STOPPED};
 use crate::xarm::kinematics::JOINTS;
-use crate::xarm::report::{Report, ReportParser};
+use crate::xarm::report::{REPORT_PERIOD, Report, ReportParser};
+use crate::xarm::rhythm::Rhythm;
 
 /// The arm's driver.
 #[derive(Debug)]
@@ -21,6 +22,7 @@ pub struct Arm {
     pub(super) commands: FrameParser,
     pub(super) reports: ReportParser,
     pub(super) report: Option<(Report, Duration)>,
+    pub(super) rhythm: Rhythm,
     pub(super) version: Option<ArmVersion>,
     pub(super) serial: Option<String>,
     pub(super) halt: Option<Halt>,
@@ -113,6 +115,7 @@ impl Arm {
             commands: FrameParser::default(),
             reports: ReportParser::default(),
             report: None,
+            rhythm: Rhythm::new(REPORT_PERIOD),
             version: None,
             serial: None,
             halt: None,

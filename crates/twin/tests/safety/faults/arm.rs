@@ -1,5 +1,7 @@
 //! Faults of the arm and of its link, alone and together with the hand's. A report comes every 10 ms.
 
+use std::collections::VecDeque;
+
 use etude_robot::calibration::Calibration;
 use etude_robot::xarm::codec::ReplyState;
 use etude_twin::{FaultKind, calibration};
@@ -111,6 +113,28 @@ pub const ROWS: &[Row] = &[
             let mut first = None;
             b.mischief.alter_reports =
                 Some(Box::new(move |bytes| bytes.clone_from(first.get_or_insert_with(|| bytes.clone()))));
+        },
+        ..ROW
+    },
+    Row {
+        name: "the arm's reports come later and later",
+        ends: [Fault(2500), Fault(2500), Fault(2500), Fault(2500), Fault(2500), GoesOn],
+        says: "later than before|from where it was sent",
+        strike: |b| {
+            // Of ten reports one is not passed on, until 200 ms are waiting.
+            let (mut waiting, mut number) = (VecDeque::new(), 0);
+            b.mischief.alter_reports = Some(Box::new(move |bytes| {
+                waiting.push_back(std::mem::take(bytes));
+                number += 1;
+                let holds = waiting.len() < 20 && number % 10 == 0;
+                if !holds {
+                    *bytes = waiting.pop_front().unwrap_or_default();
+                }
+            }));
+        },
+        mend: |b| {
+            b.mischief = Mischief::default();
+            b.reconnect_arm();
         },
         ..ROW
     },

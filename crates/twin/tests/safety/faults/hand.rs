@@ -1,7 +1,9 @@
 //! Faults of the hand and of its bus. Positions, state and temperature are told every 3, 100 and 400 ms.
 
+use std::collections::VecDeque;
+
 use etude_emulators::HandEmulator;
-use etude_robot::allegro::HandSide;
+use etude_robot::allegro::{DeviceId, HandSide, HostMessage};
 use etude_robot::can::CanFrame;
 use etude_twin::FaultKind;
 
@@ -26,6 +28,11 @@ fn with_word(frame: &CanFrame, at: usize, change: impl FnOnce(i16) -> i16) -> Ca
 fn joint(joint: u16, mut change: impl FnMut(i16) -> i16 + 'static) -> AlterFrame {
     let (id, at) = (POSITIONS + joint / 4 * 4, usize::from(joint % 4));
     Box::new(move |frame| vec![if frame.id() == id { with_word(&frame, at, &mut change) } else { frame }])
+}
+
+/// Of another program: positions every 3 ms, no other stream.
+fn periods() -> CanFrame {
+    HostMessage::Positions(3).encode(DeviceId::default())
 }
 
 pub const ROWS: &[Row] = &[
@@ -127,6 +134,36 @@ pub const ROWS: &[Row] = &[
                 vec![if frame.id() == POSITIONS { *first.get_or_insert(frame) } else { frame }]
             }));
         },
+        ..ROW
+    },
+    Row {
+        name: "the hand's frames come late, without a gap",
+        ends: [Fault(2000), Fault(2000), Fault(2000), Fault(2000), Fault(2000), GoesOn],
+        says: "the frames of the hand come",
+        strike: |b| {
+            // Of 20 frames one is not passed on, until 45 ms are waiting.
+            let (mut waiting, mut number) = (VecDeque::new(), 0);
+            b.mischief.from_hand = Some(Box::new(move |frame| {
+                waiting.push_back(frame);
+                number += 1;
+                let holds = waiting.len() < 60 && number % 20 == 0;
+                if holds { vec![] } else { waiting.pop_front().into_iter().collect() }
+            }));
+        },
+        ..ROW
+    },
+    Row {
+        name: "another program sends zero torques to the hand",
+        ends: [Fault(250), Fault(160), Fault(160), Fault(160), Fault(160), GoesOn],
+        says: "another program drives the hand",
+        strike: |b| b.mischief.flood = vec![CanFrame::new(TORQUES, &[0; 8]).unwrap()],
+        ..ROW
+    },
+    Row {
+        name: "another program sets the hand's periods",
+        ends: [GoesOn, Fault(160), Fault(160), Fault(160), Fault(160), GoesOn],
+        says: "another program drives the hand",
+        strike: |b| b.mischief.frames.push_back(periods()),
         ..ROW
     },
     Row {

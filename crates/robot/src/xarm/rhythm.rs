@@ -1,0 +1,115 @@
+//! How much later messages come than before, from their number alone: the arm's reports on port 30003 are sent at a steady rate over TCP, which
+//! loses none, and carry no time.
+//!
+//! A delay that was there from the first message on is not seen, nor one that grows by less than a twentieth of the time.
+
+use std::time::Duration;
+
+/// Time after which what came sooner is forgotten: the sender's clock is not ours.
+const REMEMBERED: Duration = Duration::from_secs(2);
+/// Parts in which that time is forgotten.
+const PARTS: usize = 4;
+
+/// Watches a stream of messages.
+#[derive(Clone, Debug)]
+pub(super) struct Rhythm {
+    period_secs: f64,
+    counted: u64,
+    /// The earliest that a message came, s from when it would have come after the first, in each part of the remembered time; the newest first.
+    earliest_secs: [f64; PARTS],
+    /// When the newest part began.
+    began: Option<Duration>,
+}
+
+impl Rhythm {
+    /// Of a stream that has one message in each period.
+    pub fn new(period: Duration) -> Self {
+        Self {
+            period_secs: period.as_secs_f64(),
+            counted: 0,
+            earliest_secs: [f64::INFINITY; PARTS],
+            began: None,
+        }
+    }
+
+    /// One message has come.
+    pub fn count(&mut self) {
+        self.counted += 1;
+    }
+
+    /// How much later than before the newest message came, if that is `now`. Messages that came together are counted before this is called.
+    pub fn late(&mut self, now: Duration) -> Duration {
+        if self.counted == 0 {
+            return Duration::ZERO;
+        }
+        let secs = now.as_secs_f64() - self.period_secs * self.counted as f64;
+        let began = *self.began.get_or_insert(now);
+        if now.saturating_sub(began) > REMEMBERED / PARTS as u32 {
+            self.began = Some(now);
+            self.earliest_secs.rotate_right(1);
+            self.earliest_secs[0] = f64::INFINITY;
+        }
+        self.earliest_secs[0] = self.earliest_secs[0].min(secs);
+        let earliest = self.earliest_secs.iter().copied().fold(f64::INFINITY, f64::min);
+        Duration::try_from_secs_f64(secs - earliest).unwrap_or_default()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    const PERIOD: Duration = Duration::from_millis(10);
+
+    /// The greatest lateness that is seen of messages that come at these times, s.
+    fn greatest(times: impl IntoIterator<Item = f64>) -> f64 {
+        let mut rhythm = Rhythm::new(PERIOD);
+        let mut times: Vec<f64> = times.into_iter().collect();
+        times.sort_by(f64::total_cmp);
+        let late = times.chunk_by(|one, other| one == other).map(|together| {
+            together.iter().for_each(|_| rhythm.count());
+            rhythm.late(Duration::from_secs_f64(together[0])).as_secs_f64()
+        });
+        late.fold(0.0, f64::max)
+    }
+
+    #[test]
+    fn a_delay_that_grows_is_seen_and_one_that_stays_is_forgotten() {
+        // From the third second on each message comes a millisecond later than the one before.
+        let grows = |n: u32| f64::from(n) * 0.01 + f64::from(n.saturating_sub(300).min(120)) * 0.001;
+        assert!((greatest((0..1000).map(grows)) - 0.12).abs() < 0.002);
+        let mut rhythm = Rhythm::new(PERIOD);
+        let last = (0..1000).map(|n| {
+            rhythm.count();
+            rhythm.late(Duration::from_secs_f64(grows(n)))
+        });
+        assert!(last.last().unwrap() < Duration::from_millis(1));
+    }
+
+    #[test]
+    fn messages_that_wait_for_us_are_not_late() {
+        // Nobody looks for 80 ms each second: those that have waited are counted together.
+        let seen = |n: u32| {
+            let ms = 10 * n;
+            f64::from(if ms % 1000 < 80 { ms / 1000 * 1000 + 80 } else { ms }) / 1000.0
+        };
+        assert!(greatest((0..1000).map(seen)) < 0.011);
+    }
+
+    proptest! {
+        /// Another clock, to three parts in a thousand, and jitter: never more than the two together.
+        #[test]
+        fn jitter_and_drift_stay_small(
+            jitter in prop::collection::vec(0.0..0.02_f64, 1500),
+            drift in -0.003..0.003_f64,
+        ) {
+            let times = jitter.iter().enumerate().map(|(n, jitter)| n as f64 * 0.01 * (1.0 + drift) + jitter);
+            // Messages do not overtake each other.
+            let mut last = 0.0;
+            let times: Vec<f64> = times.map(|at| { last = f64::max(last, at); last }).collect();
+            prop_assert!(greatest(times) < 0.02 + 2.0 * 0.003 + 0.011);
+        }
+    }
+}
