@@ -107,6 +107,7 @@ fn recorded(params: &PhysicalParams, excitation: Excitation, third: usize) -> Fa
         start: targets[0],
         commands: Commands::Targets(targets),
         fingers: Vec::new(),
+        pwm: Vec::new(),
         rail: Vec::new(),
         noise: [NOISE_RAD; JOINTS],
         moves: [true; JOINTS],

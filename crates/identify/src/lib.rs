@@ -47,6 +47,7 @@ mod replay;
 mod report;
 mod rows;
 mod space;
+mod weight;
 
 pub use assessment::{Assessment, JointErrors};
 pub use autocorrelation::integrated_autocorrelation;
@@ -63,3 +64,4 @@ pub use problem::{Block, Evaluation, Loss, Problem};
 pub use replay::{Replayer, Trace};
 pub use report::{Curve, Figure, Report, ReportInput};
 pub use space::{Parameter, Scale, Space};
+pub use weight::{Weight, weigh};

@@ -7,7 +7,7 @@
 use std::path::{Path, PathBuf};
 
 use etude_music::{CONTROL_HZ, KEYS, KeyEvent, LOWEST_PITCH};
-use etude_perform::{Activity, Recording, RecordingError};
+use etude_perform::{Activity, HandMessage, Recording, RecordingError};
 use etude_robot::allegro::RAD_PER_COUNT;
 use etude_robot::joints::FINGER_JOINTS;
 use etude_robot::rig::{RigConfig, SETPOINT_HZ};
@@ -66,6 +66,8 @@ pub struct Motion {
     pub start: [f64; JOINTS],
     /// Readings of the finger joints: time, s, and rad.
     pub fingers: Vec<(f64, [f64; FINGER_JOINTS])>,
+    /// Duties (of 1200) that were sent after each reading of the fingers.
+    pub pwm: Vec<[f64; FINGER_JOINTS]>,
     /// Readings of the rail: time, s, and m.
     pub rail: Vec<(f64, f64)>,
     /// Standard deviation of the readings of a joint at rest.
@@ -178,6 +180,7 @@ impl Motion {
             mode: header.activity.to_string(),
             commands,
             start,
+            pwm: duties(recording, fingers.len(), secs),
             fingers,
             rail,
             noise,
@@ -277,6 +280,15 @@ fn finger_readings(recording: &Recording, secs: f64) -> Result<(FingerReadings, 
     Ok((readings[..begun].to_vec(), readings[begun..end.max(begun)].to_vec()))
 }
 
+/// Duties of the last `count` periods that ended by `secs`, those of the readings of the fingers.
+fn duties(recording: &Recording, count: usize, secs: f64) -> Vec<[f64; FINGER_JOINTS]> {
+    let end = recording.hand.partition_point(|(at, _)| *at <= secs);
+    let duty =
+        |message: &HandMessage, joint: usize| message.pwm.get(joint).map_or(0.0, |&pwm| f64::from(pwm));
+    let of = |message: &HandMessage| std::array::from_fn(|joint| duty(message, joint));
+    recording.hand[end.saturating_sub(count)..end].iter().map(|(_, message)| of(message)).collect()
+}
+
 fn rail_readings(recording: &Recording, secs: f64) -> (Vec<f64>, Vec<(f64, f64)>) {
     let before = recording.arm.iter().filter(|(at, _)| *at <= 0.0).map(|(_, arm)| arm.rail_m).collect();
     let inside = recording.arm.iter().filter(|(at, _)| *at > 0.0 && *at <= secs);
@@ -317,7 +329,7 @@ fn check_times(
 fn drives_at_their_limits(recording: &Recording, secs: f64, most: f64) -> Result<[bool; JOINTS], String> {
     let mut saturates = [false; JOINTS];
     for joint in 0..FINGER_JOINTS {
-        let cut = |message: &etude_perform::HandMessage| {
+        let cut = |message: &HandMessage| {
             let [wanted, sent] =
                 [message.wanted.get(joint).copied(), message.pwm.get(joint).map(|&pwm| f64::from(pwm))];
             wanted.zip(sent).is_some_and(|(wanted, sent)| (wanted - sent).abs() > CUT_PWM)

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use anyhow::bail;
 use etude_identify::{
     Assessment, BoConfig, Identified, IdentifyConfig, LmConfig, MethodConfig, Motion, Progress, Report,
-    ReportInput, identify,
+    ReportInput, Weight, identify, weigh,
 };
 use etude_perform::{Excitation, Job, write_file};
 use etude_stage::PhysicalParams;
@@ -100,6 +100,10 @@ pub struct IdentifyReport {
     pub held_out_errors: Assessment,
     /// The parameters and their uncertainty.
     pub identified: Identified,
+    /// What the fingers weigh, if the recordings show it.
+    pub weight: Option<Weight>,
+    /// The rig's own number for it, `joint_loop.gravity_pwm_per_nm`.
+    pub gravity_pwm_per_nm: f64,
     /// File of the identified simulator.
     pub file: PathBuf,
 }
@@ -141,6 +145,8 @@ pub fn identify_robot(
         held_out: names(&held_out),
         fit_errors: Assessment::new(&air, &before, &after)?,
         held_out_errors: Assessment::new(&held_out, &before, &after)?,
+        weight: weigh(&fitted),
+        gravity_pwm_per_nm: first.rig.joint_loop.gravity_pwm_per_nm,
         file: folder.join(IDENTIFIED),
         identified,
     };

@@ -96,6 +96,9 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
             ))?;
         }
     }
+    if let Some(weight) = &report.weight {
+        line(format!("{:<18} {}", "weight", weight.advice(report.gravity_pwm_per_nm)))?;
+    }
     line(format!("The simulator as identified is {}", report.file.display()))?;
     Ok(Ending::Done)
 }

@@ -8,6 +8,7 @@ use super::number::{about, milli, number};
 use super::remaining::{self, Part};
 use crate::config::MethodConfig;
 use crate::motion::Motion;
+use crate::weight::weigh;
 
 /// The result in a few sentences.
 pub(super) fn in_short(input: &ReportInput<'_>, parts: &[Part]) -> Vec<String> {
@@ -43,6 +44,10 @@ pub(super) fn in_short(input: &ReportInput<'_>, parts: &[Part]) -> Vec<String> {
         ));
     }
     items.extend(remaining::in_short(parts));
+    if let Some((weight, motion)) = weigh(input.fitted).zip(input.fitted.first()) {
+        let advice = weight.advice(motion.rig.joint_loop.gravity_pwm_per_nm);
+        items.push(format!("From the duties of the motors {advice}."));
+    }
     if input.held_out.is_empty() {
         items.push(
             "No recording was held out, so these errors are optimistic: record one more motion \

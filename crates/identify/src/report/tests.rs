@@ -42,6 +42,7 @@ fn motion(path: &str, truth: &PhysicalParams) -> Motion {
         commands: Commands::Targets(targets),
         start: [0.0; JOINTS],
         fingers: Vec::new(),
+        pwm: Vec::new(),
         rail: Vec::new(),
         noise: [1e-4; JOINTS],
         moves: [true; JOINTS],

@@ -77,6 +77,7 @@ fn recorded(
         start: still,
         commands: Commands::Targets(targets),
         fingers: Vec::new(),
+        pwm: Vec::new(),
         rail: Vec::new(),
         noise,
         moves: std::array::from_fn(|joint| joints.contains(&joint)),

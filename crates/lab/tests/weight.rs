@@ -1,0 +1,42 @@
+//! Fingers are weighed on a twin whose motors have known torques.
+
+#![allow(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
+
+use std::sync::atomic::AtomicBool;
+
+use etude_identify::{Motion, Weight, weigh};
+use etude_lab::record_excitations;
+use etude_perform::stand::RigChoice;
+use etude_twin::Truth;
+
+fn weighed(change: &str) -> Weight {
+    let truth = Truth::load("standard").unwrap().with(change).unwrap();
+    let folder = tempfile::tempdir().unwrap();
+    let rig = RigChoice::Twin(Box::new(truth));
+    let recordings =
+        record_excitations(&rig, folder.path(), 0, &AtomicBool::new(false), &mut |_| {}).unwrap();
+    weigh(&Motion::load_all(&recordings).unwrap()).unwrap()
+}
+
+#[test]
+fn the_feed_forward_is_found() {
+    // The joint at a finger's base, the second of four, carries most of the weight.
+    // A dead band that is half of the finger's weight is confounded with it.
+    for (torque_nm, dead_pwm, most) in [(0.92, 4, 0.05), (0.7, 40, 0.1)] {
+        let change = format!(
+            "[world]\ngravity = true\n[hand]\nfull_torque_nm = [{torque_nm}, {torque_nm}, {torque_nm}, {torque_nm}]\n\
+             dead_pwm = {dead_pwm}"
+        );
+        let (weight, expected) = (weighed(&change), 1200.0 / torque_nm);
+        println!("{weight:?}, expected {expected:.0}");
+        assert!((weight.pwm_per_nm / expected - 1.0).abs() < most, "{weight:?}, expected {expected:.0}");
+        assert!(weight.advice(1200.0).contains("the fingers weigh"));
+    }
+}
+
+#[test]
+fn fingers_without_a_weight_have_none() {
+    let weight = weighed("");
+    assert!(weight.pwm_per_nm.abs() < 60.0, "{weight:?}");
+    assert!(weight.advice(0.0).contains("no weight"));
+}
