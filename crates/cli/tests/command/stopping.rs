@@ -211,6 +211,24 @@ fn a_stop_is_not_lost_while_a_controller_starts() {
     assert!(!bus.exists());
 }
 
+/// The hand's reply that its servo is off, and the arm's state, may come before the controller looks for the request.
+#[test]
+fn a_stop_on_the_way_is_named_by_the_controller() {
+    let desk = Desk::new();
+    let twin = Served::start(&desk);
+    let rig = twin.rig.display();
+    let mut perform = desk.command(&format!("perform ode-to-joy --scripted --robot {rig} --home -o p"));
+    let perform = perform.stderr(Stdio::piped()).spawn().unwrap();
+    wait_for("it never recorded", || desk.path("p/run-1.mcap").exists());
+    std::thread::sleep(Duration::from_secs(2));
+    let stop = desk.json(&format!("robot stop --robot {rig} --json"));
+    assert_eq!(stop["sure"], true, "{stop}");
+    let ended = perform.wait_with_output().unwrap();
+    let said = errors(&ended);
+    assert!(!ended.status.success() && said.contains("stopped by `etude robot stop`"), "{said}");
+    assert!(is_safe(twin.seen(&desk)));
+}
+
 /// The request is made after the controller has begun and before it has claimed the robot: it still reads the rig's file, a pipe here.
 #[test]
 fn a_stop_is_not_lost_before_a_controller_has_claimed_the_robot() {

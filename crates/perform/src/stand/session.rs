@@ -69,8 +69,10 @@ impl Live {
 
     /// Stops the robot if its guard is gone or a stop was requested.
     fn watch(&mut self, robot: &mut Robot) {
-        if !self.guard.beat() || self.claim.is_stop_requested() {
-            let now = self.pace.now();
+        let (has_guard, now) = (self.guard.beat(), self.pace.now());
+        if self.claim.is_stop_requested() {
+            robot.stop_as_requested(now, self.pace.wires());
+        } else if !has_guard {
             robot.stop(now, self.pace.wires());
         }
     }
@@ -152,6 +154,7 @@ impl Pace for StandPace {
             let next = (live.pace.now() + PERIOD).min(until);
             live.pace.run_until(robot, next);
             if next >= until {
+                live.watch(robot);
                 return;
             }
         }

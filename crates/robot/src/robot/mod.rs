@@ -40,7 +40,7 @@ pub use record::Record;
 pub use warmth::Warmth;
 pub use wiggle::{WIGGLED, Wiggled, wiggle};
 
-use crate::allegro::{Hand, JointLoop};
+use crate::allegro::{Hand, HandFault, JointLoop};
 use crate::calibration::{RailPath, RailPlace};
 use crate::can::CanFrame;
 use crate::joints::{DRIVEN, FINGER_JOINTS, RAIL, from_wire, to_wire};
@@ -48,7 +48,7 @@ use crate::keyboard::{KeyChange, Keyboard};
 use crate::limiter::Axis;
 use crate::rig::{RigConfig, RigError, SETPOINT_HZ};
 use crate::wires::Wires;
-use crate::xarm::{Arm, kinematics};
+use crate::xarm::{Arm, ArmFault, kinematics};
 use axes::{AXES, RAIL_AXIS, all_axes, driven};
 use doubt::Doubts;
 use following::Following;
@@ -173,6 +173,20 @@ impl Robot {
         if self.phase != Phase::Fault {
             self.enter(now, Phase::Stopped);
         }
+    }
+
+    /// The same after `etude robot stop`, which has stopped hand and arm itself: that is not the fault that it looked like.
+    pub fn stop_as_requested(&mut self, now: Duration, wires: &mut dyn Wires) {
+        let is_the_stop = match &self.fault {
+            Some(Fault::Hand(fault)) => matches!(fault, HandFault::ServoOff | HandFault::OtherProgram),
+            Some(Fault::Arm(fault)) => matches!(fault, ArmFault::UnexpectedState { .. } | ArmFault::NotReady),
+            _ => false,
+        };
+        if is_the_stop {
+            self.fault = None;
+            self.enter(now, Phase::Stopped);
+        }
+        self.stop(now, wires);
     }
 
     /// Brings the robot slowly to a pose, from wherever it is: fingers straight, the arm over its home and from above
