@@ -27,7 +27,9 @@ export function stepsText(steps) {
 export function curve(title, points, range, totalSteps) {
   const values = points.map(([, value]) => value);
   let [low, high] = range ?? [Math.min(...values), Math.max(...values)];
-  if (!(high > low)) [low, high] = [low - 0.5, low + 0.5];
+  // Of no value, or of one.
+  if (!Number.isFinite(low)) [low, high] = [0, 1];
+  if (high === low) [low, high] = [low - 0.5, low + 0.5];
   const most = Math.max(totalSteps ?? 0, points.at(-1)?.[0] ?? 0, 1);
   const x = (step) => LEFT + (WIDTH - LEFT - RIGHT) * (step / most);
   const y = (value) => TOP + (HEIGHT - TOP - BOTTOM) * (1 - (value - low) / (high - low));

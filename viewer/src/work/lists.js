@@ -60,7 +60,7 @@ export function performancesList(performances, { listen, start, chosen }) {
   ]);
   enable();
   return [
-    table('Performances', ['', 'song', 'player', 'where', 'notes', 'F1', 'sound', 'picture'], rows),
+    table('Performances', ['compare', 'song', 'player', 'where', 'notes', 'F1', 'sound', 'picture'], rows),
     element('p', { class: 'row' }, compare),
   ];
 }
@@ -127,10 +127,10 @@ export function trainingsList(trainings, jobs, { start, stop, songs }) {
       element(
         'p', { class: 'row' },
         job
-          ? button('Stop and save', `stop ${run.run}`, () => stop(job.id), { disabled: job.state === 'stopping', 'aria-label': `Stop and save ${run.name}` })
-          : button('Train on', `resume ${run.run}`, () => start({ verb: 'resume', run: run.run, minutes: null }), { 'aria-label': `Train ${run.name} on` }),
+          ? button('Stop and save', `stop ${run.run}`, () => stop(job.id), { disabled: job.state === 'stopping', 'aria-label': `Stop and save: ${run.name}` })
+          : button('Train on', `resume ${run.run}`, () => start({ verb: 'resume', run: run.run, minutes: null }), { 'aria-label': `Train on: ${run.name}` }),
         song !== undefined && run.best_f1 !== null
-          ? button('Play its best policy', `play ${run.run}`, () => start({ verb: 'play', song, player: { run: run.run } }), { 'aria-label': `Play the best policy of ${run.name}` })
+          ? button('Play its best policy', `play ${run.run}`, () => start({ verb: 'play', song, player: { run: run.run } }), { 'aria-label': `Play its best policy: ${run.name}` })
           : null,
       ),
     );

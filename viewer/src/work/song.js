@@ -66,11 +66,11 @@ export class SongSection {
 
   /** Why the keyboard cannot play it, and the transpositions with which it can. */
   problem(known) {
-    const offers = known.transpositions.map((semitones) => button(
-      `${semitones > 0 ? '+' : ''}${semitones}`, `transpose${semitones}`,
-      () => this.start({ verb: 'arrange', song: known.song, transpose: semitones }),
-      { 'aria-label': `Transpose by ${semitones} semitones` },
-    ));
+    const offers = known.transpositions.map((semitones) => {
+      const text = `${semitones > 0 ? '+' : '−'}${Math.abs(semitones)}`;
+      const wanted = { verb: 'arrange', song: known.song, transpose: semitones };
+      return button(text, `transpose${semitones}`, () => this.start(wanted), { 'aria-label': `Transpose by ${text} semitones` });
+    });
     return [
       element('p', { class: 'problem', text: known.problem }),
       offers.length > 0 ? element('p', { class: 'row' }, element('span', { text: 'Transpose by semitones:' }), ...offers) : null,
