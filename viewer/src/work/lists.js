@@ -11,12 +11,16 @@ export const runs = (job) => job.state === 'running' || job.state === 'stopping'
 /** What a state is called. */
 const STATES = {
   running: 'running', stopping: 'stopping and saving', done: 'done', stopped: 'stopped', failed: 'failed',
-  waiting: 'beginning', silent: 'stopped', finished: 'finished',
+  waiting: 'without a step yet', silent: 'stopped', finished: 'finished',
 };
 
-/** Jobs that run, and those that failed or were stopped. */
+/** Most jobs that have ended and are still shown. */
+const ENDED = 3;
+
+/** Jobs that run, and the last ones that failed or were stopped. */
 export function jobsList(jobs, { stop }) {
-  const shown = jobs.filter((job) => job.state !== 'done');
+  const ended = jobs.filter((job) => !runs(job) && job.state !== 'done').slice(0, ENDED);
+  const shown = [...jobs.filter(runs), ...ended];
   if (shown.length === 0) return null;
   const item = (job) => element(
     'li', { class: job.state },
@@ -107,8 +111,9 @@ export function trainingsList(trainings, jobs, { start, stop, songs }) {
   if (trainings.length === 0) return null;
   const cards = trainings.map((run) => {
     const job = jobs.find((job) => job.makes === run.run && runs(job));
-    // Another process may be at work on it; what has logged lately is said to run.
-    const state = job ? STATES[job.state] : STATES[run.state];
+    // One that has logged lately and is no job of this server may be the work of another process.
+    const rest = run.state !== 'running' ? STATES[run.state] : jobs.some(({ makes }) => makes === run.run) ? 'stopped' : 'stopped, or running elsewhere';
+    const state = job ? STATES[job.state] : rest;
     const song = songs.find(({ title }) => title === run.song)?.song;
     const figures = [
       `${stepsText(run.step)} of ${stepsText(run.total_steps ?? run.step)} control steps`,

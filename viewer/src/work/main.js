@@ -1,6 +1,6 @@
 /** The page of `etude serve`. All that it does is done by verbs of `etude`, and all that it shows lies in files; so a reload loses nothing. */
 
-import { element } from '../dom.js';
+import { element, setText } from '../dom.js';
 import * as ask from './ask.js';
 import { comparison, comparisonsList, jobsList, performancesList, runs, trainingsList } from './lists.js';
 import { Section, choice, field, notesText, playerText, scoreText } from './parts.js';
@@ -25,7 +25,7 @@ const heading = element('p', {});
 const heard = element('section', { class: 'heard' }, element('h2', { text: 'What was played' }), heading, player);
 heard.hidden = true;
 const song = new SongSection((wanted) => start(wanted), (about) => read(about));
-const jobs = new Section('What runs');
+const jobs = new Section('Jobs');
 const performances = new Section('Performances');
 const comparisons = new Section('Comparisons');
 const compared = new Section('Note by note');
@@ -43,13 +43,13 @@ let timer;
 document.getElementById('work').append(
   element('header', {}, element('h1', { text: 'Étude' }), folder),
   element(
-    'main', {}, trouble, drop, field('Song', chooser), status, song.root, heard,
+    'main', {}, trouble, drop, field('Song', chooser), status, heard, song.root,
     jobs.root, performances.root, comparisons.root, compared.root, trainings.root,
   ),
 );
 
 function fail(error) {
-  trouble.textContent = error.message;
+  setText(trouble, error.message);
   trouble.dataset.gone = String(error.isGone === true);
 }
 

@@ -22,7 +22,7 @@ export class SongSection {
     this.start = start;
     this.letRead = read;
     this.about = new Section('');
-    this.actions = new Section('Do something with it');
+    this.actions = new Section('Play, perform, train');
     this.root = element('div', { class: 'song' }, this.about.root, this.actions.root);
     this.root.hidden = true;
   }
@@ -94,7 +94,7 @@ export class SongSection {
   }
 
   bars(bars) {
-    const rows = bars.map(({ bar, secs, chords }) => [String(bar), `${secs.toFixed(1)} s`, chords.join('   ')]);
+    const rows = bars.map(({ bar, secs, chords }) => [String(bar), `${secs.toFixed(1)} s`, element('span', { class: 'wide', text: chords.join('   ') })]);
     return [
       element(
         'details', {}, element('summary', { text: `Its ${bars.length} bars: notes, and the beats that they last` }),

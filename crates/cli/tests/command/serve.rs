@@ -20,6 +20,9 @@ struct Server {
     token: String,
 }
 
+/// Names and values.
+type Headers<'a> = &'a [(&'a str, &'a str)];
+
 /// What was answered.
 struct Answer {
     status: u16,
@@ -41,7 +44,8 @@ impl Answer {
 
 impl Server {
     fn start(desk: &Desk) -> Self {
-        let mut process = desk.command("serve").stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
+        let mut process =
+            desk.command("serve").stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
         let mut line = String::new();
         BufReader::new(process.stdout.take().unwrap()).read_line(&mut line).unwrap();
         let rest = line.trim_end().strip_prefix("http://").unwrap_or_else(|| panic!("{line:?}"));
@@ -67,8 +71,9 @@ impl Server {
     }
 
     /// The same with these headers; `{T}` in the path is the token.
-    fn ask(&self, method: &str, path: &str, headers: &[(&str, &str)], body: &[u8]) -> Answer {
-        let mut head = format!("{method} {} HTTP/1.1\r\nConnection: close\r\n", path.replace("{T}", &self.token));
+    fn ask(&self, method: &str, path: &str, headers: Headers, body: &[u8]) -> Answer {
+        let mut head =
+            format!("{method} {} HTTP/1.1\r\nConnection: close\r\n", path.replace("{T}", &self.token));
         for (name, value) in headers {
             head += &format!("{name}: {value}\r\n");
         }
@@ -123,9 +128,11 @@ impl Server {
 
     /// Starts a training of `short.mid` in the desk's songs, and waits until it has saved a checkpoint.
     fn train(&self, desk: &Desk) -> u64 {
-        let sets: Vec<&str> = TINY.iter().copied().chain(LONGER.split_whitespace().filter(|word| *word != "--set")).collect();
+        let sets: Vec<&str> =
+            TINY.iter().copied().chain(LONGER.split_whitespace().filter(|word| *word != "--set")).collect();
         let set: Vec<&str> = sets.into_iter().chain(["trainer.total_steps=400000"]).collect();
-        let id = self.begin(&json!({ "verb": "train", "song": "songs/short.mid", "minutes": null, "set": set }));
+        let id =
+            self.begin(&json!({ "verb": "train", "song": "songs/short.mid", "minutes": null, "set": set }));
         let rows = desk.path("runs/short__fast__0/metrics.jsonl");
         let until = Instant::now() + Duration::from_secs(60);
         while std::fs::read_to_string(&rows).map_or(0, |text| text.lines().count()) < 3 {
@@ -181,7 +188,7 @@ fn only_the_page_of_this_server_has_access() {
     let song = desk.bytes("songs/short.mid");
     let origin = format!("http://{}", server.host);
     let elsewhere = format!("http://localhost:{}", server.host.split_once(':').unwrap().1);
-    let refused: &[(&str, &str, &[(&str, &str)])] = &[
+    let refused: &[(&str, &str, Headers)] = &[
         ("GET", "/", &[host]),
         ("GET", "/state", &[host]),
         ("GET", "/0123456789abcdef0123456789abcdef/state", &[host]),
@@ -251,7 +258,11 @@ fn files_outside_the_working_folder_are_not_served() {
         server.ask("GET", "/{T}/files/out/x.json", &headers, b"")
     };
     let middle = part("bytes=2-4");
-    assert!(middle.status == 206 && middle.body == b"234" && middle.head.contains("bytes 2-4/10"), "{}", middle.head);
+    assert!(
+        middle.status == 206 && middle.body == b"234" && middle.head.contains("bytes 2-4/10"),
+        "{}",
+        middle.head
+    );
     assert_eq!((part("bytes=7-").body.as_slice(), part("bytes=99-").status), (b"789".as_slice(), 416));
 }
 
@@ -269,9 +280,12 @@ fn a_dropped_file_is_bounded_and_must_be_midi() {
     let announced = server.raw(format!("{head}Content-Length: 1048577\r\n\r\n").as_bytes());
     assert_eq!((announced.status, announced.why().as_str()), (413, "more than 1024 KiB are not taken"));
     let chunk = [b"80000\r\n".as_slice(), &vec![0; 0x80000], b"\r\n"].concat();
-    let chunked = [format!("{head}Transfer-Encoding: chunked\r\n\r\n").into_bytes(), chunk.repeat(3)].concat();
+    let chunked =
+        [format!("{head}Transfer-Encoding: chunked\r\n\r\n").into_bytes(), chunk.repeat(3)].concat();
     assert_eq!(server.raw(&chunked).status, 413);
-    for (name, bytes) in [("text.mid", b"no music".as_slice()), ("none.mid", b""), ("half.mid", &song[..song.len() / 2])] {
+    for (name, bytes) in
+        [("text.mid", b"no music".as_slice()), ("none.mid", b""), ("half.mid", &song[..song.len() / 2])]
+    {
         let answer = server.post(&format!("songs?name={name}"), bytes);
         assert_eq!(answer.status, 422, "{name}");
         assert!(answer.why().starts_with(&format!("{name} cannot be used: ")), "{}", answer.why());
@@ -279,7 +293,8 @@ fn a_dropped_file_is_bounded_and_must_be_midi() {
     assert_eq!(server.post("songs", &song).status, 400);
     assert!(!desk.path("out").exists(), "nothing was kept");
 
-    let kept = |name: &str, bytes: &[u8]| server.post(&format!("songs?name={name}"), bytes).json()["song"].clone();
+    let kept =
+        |name: &str, bytes: &[u8]| server.post(&format!("songs?name={name}"), bytes).json()["song"].clone();
     assert_eq!(kept("..%2F..%2FF%C3%BCr%20Elise.mid", &song), "out/songs/Für Elise.mid");
     assert_eq!(desk.bytes("out/songs/Für Elise.mid"), song);
     // The same again is the same; another one, and one that is called like a built-in song, get names of their own.
@@ -293,7 +308,9 @@ fn a_dropped_file_is_bounded_and_must_be_midi() {
     // Who has learned a song of that name has not learned this one.
     let about = server.get("song?name=out/songs/twinkle%202.mid").json();
     assert_eq!((&about["policy"], &about["problem"]), (&Value::Null, &Value::Null), "{about}");
-    assert!(server.get("song?name=twinkle").json()["policy"].as_str().unwrap().ends_with("twinkle.safetensors"));
+    assert!(
+        server.get("song?name=twinkle").json()["policy"].as_str().unwrap().ends_with("twinkle.safetensors")
+    );
     assert_eq!(server.get("song?name=other.mid").status, 404);
 }
 
@@ -322,7 +339,10 @@ fn what_was_made_is_there_after_a_restart() {
     let shown = server.does(&json!({ "verb": "show", "song": song }));
     let about = server.get("song?name=songs/short.mid").json();
     assert_eq!((&about["is_there"], &about["about"]), (&true.into(), &shown["makes"]), "{about}");
-    assert_eq!(desk.json("songs show songs/short.mid --json"), server.get("files/out/songs/short.json").json());
+    assert_eq!(
+        desk.json("songs show songs/short.mid --json"),
+        server.get("files/out/songs/short.json").json()
+    );
     assert!(server.get("files/out/songs/short.wav").body.starts_with(b"RIFF"));
     // No policy has learned it, so the scripted player plays.
     let played = server.does(&json!({ "verb": "play", "song": song, "player": "best" }));
@@ -337,7 +357,10 @@ fn what_was_made_is_there_after_a_restart() {
     assert_eq!(of("notes_due"), [3, 3]);
     // The same files as the verb writes by itself.
     desk.ok("play songs/short.mid --scripted -o same");
-    assert_eq!(desk.bytes("same/performance.wav"), server.get("files/out/short-scripted/performance.wav").body);
+    assert_eq!(
+        desk.bytes("same/performance.wav"),
+        server.get("files/out/short-scripted/performance.wav").body
+    );
     let [one, other] = of("recording").try_into().unwrap();
     let compared = server.does(&json!({ "verb": "compare", "one": one, "other": other }));
     let comparison = server.get(&format!("files/{}", compared["makes"].as_str().unwrap())).json();
@@ -398,7 +421,8 @@ fn a_training_is_stopped_and_resumed() {
         server.get("song?name=songs/short.mid").json()["policy"],
         "runs/short__fast__0/policy-best.safetensors"
     );
-    let play = json!({ "verb": "play", "song": "songs/short.mid", "player": { "run": "runs/short__fast__0" } });
+    let play =
+        json!({ "verb": "play", "song": "songs/short.mid", "player": { "run": "runs/short__fast__0" } });
     assert_eq!(server.does(&play)["makes"], "out/short-short-fast-0");
 }
 

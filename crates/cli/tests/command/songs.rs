@@ -54,7 +54,9 @@ fn a_song_is_shown_and_its_frames_are_written() {
     assert!(chords.contains("  bar   2  F4+A4+C5 4\n"), "{chords}");
 
     let shown = desk.json("songs show short.mid --json --reference short.wav");
-    assert!(desk.bytes("short.wav").starts_with(b"RIFF") && desk.bytes("short.wav").iter().any(|byte| *byte > 1));
+    assert!(
+        desk.bytes("short.wav").starts_with(b"RIFF") && desk.bytes("short.wav").iter().any(|byte| *byte > 1)
+    );
     let bars = shown["bars"].as_array().unwrap();
     assert_eq!((&bars[0]["bar"], &bars[0]["secs"]), (&1.into(), &0.0.into()));
     assert_eq!(bars[0]["chords"], serde_json::json!(["C4 0.6", "D4 0.6", "E4 0.6"]));

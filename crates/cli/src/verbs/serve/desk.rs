@@ -24,8 +24,10 @@ pub const COMPARED: &str = "out/compared";
 const MIDI_FOLDERS: [&str; 2] = ["songs", SONGS];
 const PERFORMANCES: &str = "out";
 const RUNS: &str = "runs";
-/// Most performances, comparisons and trainings that are shown, the last ones.
+/// Most performances and comparisons that are shown, the last ones.
 const MOST: usize = 40;
+/// Most trainings, which are sent with their curves.
+const MOST_RUNS: usize = 12;
 /// Most points of a curve that are sent.
 const POINTS: usize = 300;
 /// Longest name of a dropped song, characters.
@@ -85,13 +87,15 @@ impl Desk {
 
     /// The built-in songs, then the MIDI files.
     pub fn songs(&self) -> Vec<Listed> {
-        let built_in =
-            repertoire::PIECES.iter().map(|piece| Listed { song: piece.id.into(), title: piece.title.into() });
+        let built_in = repertoire::PIECES
+            .iter()
+            .map(|piece| Listed { song: piece.id.into(), title: piece.title.into() });
         let mut files: Vec<PathBuf> = MIDI_FOLDERS.into_iter().flat_map(entries).collect();
         files.retain(|path| path.extension().is_some_and(|ending| ending == "mid") && path.is_file());
         files.sort();
         let stem = |path: &Path| path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
-        let files = files.iter().filter_map(|path| Some(Listed { song: path.to_str()?.into(), title: stem(path) }));
+        let files =
+            files.iter().filter_map(|path| Some(Listed { song: path.to_str()?.into(), title: stem(path) }));
         built_in.chain(files).collect()
     }
 
@@ -161,7 +165,8 @@ impl Desk {
 
     /// The performances, the last one first.
     pub fn performances(&self) -> Vec<Performed> {
-        let mut found: Vec<Performed> = entries(PERFORMANCES).iter().flat_map(|folder| performed(folder)).collect();
+        let mut found: Vec<Performed> =
+            entries(PERFORMANCES).iter().flat_map(|folder| performed(folder)).collect();
         found.sort_by(|a, b| b.written.cmp(&a.written).then(a.recording.cmp(&b.recording)));
         found.truncate(MOST);
         found
@@ -186,7 +191,7 @@ impl Desk {
             let written = ["metrics.jsonl", CONFIG].iter().find_map(|name| written(&folder.join(name)));
             std::cmp::Reverse(written)
         });
-        folders.truncate(MOST);
+        folders.truncate(MOST_RUNS);
         let mut watched = self.watched.lock().unwrap_or_else(PoisonError::into_inner);
         watched.retain(|folder, _| folders.contains(folder));
         let seen = |folder: &PathBuf| {
@@ -226,12 +231,17 @@ pub fn make_folder(folder: &str) -> Result<(), Refusal> {
 fn tidy(name: &str) -> String {
     let name = name.rsplit(['/', '\\']).next().unwrap_or_default();
     let stem = name.rsplit_once('.').map_or(name, |(stem, _)| stem);
-    let plain: String = stem.chars().map(|c| if c.is_alphanumeric() || "-_()".contains(c) { c } else { ' ' }).collect();
+    let plain: String =
+        stem.chars().map(|c| if c.is_alphanumeric() || "-_()".contains(c) { c } else { ' ' }).collect();
     let words: Vec<&str> = plain.split_whitespace().collect();
     let text: String = words.join(" ").chars().take(LONGEST_NAME).collect();
     let text = text.trim_matches(|c: char| !c.is_alphanumeric() && c != ')');
     // Folders are called after its letters of ASCII.
-    if etude_show::slug(text).is_empty() { format!("song {text}").trim_end().to_string() } else { text.to_string() }
+    if etude_show::slug(text).is_empty() {
+        format!("song {text}").trim_end().to_string()
+    } else {
+        text.to_string()
+    }
 }
 
 /// What lies in a folder, as far as its name is text; nothing if it is not there.
@@ -278,7 +288,8 @@ fn performed(folder: &Path) -> Vec<Performed> {
 /// Points of a curve, evenly chosen if there are many; always with the last one.
 fn curve(points: &[Point]) -> Vec<[f64; 2]> {
     let every = points.len().div_ceil(POINTS).max(1);
-    points.iter().rev().step_by(every).rev().map(|point| [point.step, point.value]).collect()
+    let chosen = points.iter().rev().step_by(every).rev();
+    chosen.map(|point| [point.step, (point.value * 1e4).round() / 1e4]).collect()
 }
 
 #[cfg(test)]

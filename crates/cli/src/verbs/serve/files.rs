@@ -50,7 +50,8 @@ pub fn file(root: &Path, parts: &[String], range: Option<&str>) -> Result<Answer
 
 /// The file, if it is in one of the folders, and no link on the way leads out of the working folder.
 fn inside(root: &Path, parts: &[String]) -> Option<PathBuf> {
-    let is_plain = |part: &String| !(part.is_empty() || part.starts_with('.') || part.contains(['/', '\\', '\0']));
+    let is_plain =
+        |part: &String| !(part.is_empty() || part.starts_with('.') || part.contains(['/', '\\', '\0']));
     if !FOLDERS.contains(&parts.first()?.as_str()) || !parts.iter().all(is_plain) {
         return None;
     }
@@ -115,8 +116,20 @@ mod tests {
         assert_eq!(get("out|a|x.wav").unwrap(), "out/a/x.wav");
         assert_eq!(get("out|b|x.wav").unwrap(), "out/a/x.wav", "a link that stays inside");
         for refused in [
-            "out|..|x.wav", "out|../x.wav", "..|x.wav", "out|a", "out", "", "x.wav", "other|x.wav", "out|.x.wav",
-            "out|link|x.wav", "out|x.wav", "|etc|passwd", "out||a|x.wav", "out|a|x.wav\0",
+            "out|..|x.wav",
+            "out|../x.wav",
+            "..|x.wav",
+            "out|a",
+            "out",
+            "",
+            "x.wav",
+            "other|x.wav",
+            "out|.x.wav",
+            "out|link|x.wav",
+            "out|x.wav",
+            "|etc|passwd",
+            "out||a|x.wav",
+            "out|a|x.wav\0",
         ] {
             assert_eq!(get(refused), None, "{refused:?}");
         }

@@ -19,7 +19,8 @@ impl Gate {
     /// A gate with a token of its own.
     pub fn new(port: u16) -> anyhow::Result<Self> {
         let mut bytes = [0; TOKEN_BYTES];
-        getrandom::fill(&mut bytes).map_err(|error| anyhow!("the system gives no random numbers: {error}"))?;
+        getrandom::fill(&mut bytes)
+            .map_err(|error| anyhow!("the system gives no random numbers: {error}"))?;
         let token = bytes.iter().map(|byte| format!("{byte:02x}")).collect();
         Ok(Self { token, hosts: ["127.0.0.1", "localhost"].map(|host| format!("{host}:{port}")) })
     }
@@ -39,10 +40,13 @@ impl Gate {
         }
         let (token, rest) = uri.path().trim_start_matches('/').split_once('/').unwrap_or_default();
         if !is_same(token.as_bytes(), self.token.as_bytes()) {
-            return Err(refused("open the address that `etude serve` has printed last, with all of its letters"));
+            return Err(refused(
+                "open the address that `etude serve` has printed last, with all of its letters",
+            ));
         }
         // Browsers say where a request comes from. What changes something must come from this page.
-        let is_elsewhere = text("sec-fetch-site").is_some_and(|site| !["same-origin", "none"].contains(&site));
+        let is_elsewhere =
+            text("sec-fetch-site").is_some_and(|site| !["same-origin", "none"].contains(&site));
         let is_of_page = text(ORIGIN.as_str()).is_some_and(|origin| origin == format!("http://{host}"));
         if is_elsewhere || (*method != Method::GET && !is_of_page) {
             return Err(refused("the request does not come from the page of this server"));

@@ -133,8 +133,9 @@ async fn connection(stream: tokio::net::TcpStream, site: Arc<Site>) {
 }
 
 async fn answer(request: hyper::Request<Incoming>, site: Arc<Site>) -> Result<Answer, Refusal> {
-    let too_large =
-        || Refusal::new(StatusCode::PAYLOAD_TOO_LARGE, format!("more than {} KiB are not taken", LARGEST >> 10));
+    let too_large = || {
+        Refusal::new(StatusCode::PAYLOAD_TOO_LARGE, format!("more than {} KiB are not taken", LARGEST >> 10))
+    };
     let (head, body) = request.into_parts();
     let rest = site.gate.admit(&head.method, &head.uri, &head.headers)?;
     let malformed = || Refusal::new(StatusCode::BAD_REQUEST, "the address is malformed");
@@ -156,9 +157,9 @@ async fn answer(request: hyper::Request<Incoming>, site: Arc<Site>) -> Result<An
     let range = head.headers.get(header::RANGE).and_then(|range| range.to_str().ok()).map(str::to_string);
     let request = Request { method: head.method, path, query, range, body };
     // Files are read and songs planned beside the other requests.
-    tokio::task::spawn_blocking(move || site.answer(&request))
-        .await
-        .map_err(|_| Refusal::new(StatusCode::INTERNAL_SERVER_ERROR, "the server failed; its terminal says why"))?
+    tokio::task::spawn_blocking(move || site.answer(&request)).await.map_err(|_| {
+        Refusal::new(StatusCode::INTERNAL_SERVER_ERROR, "the server failed; its terminal says why")
+    })?
 }
 
 fn response(answer: Answer) -> Response<Full<Bytes>> {

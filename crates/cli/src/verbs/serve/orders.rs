@@ -15,38 +15,14 @@ use super::jobs::{Order, Step};
 #[derive(Deserialize)]
 #[serde(tag = "verb", rename_all = "snake_case", deny_unknown_fields)]
 pub enum Wanted {
-    Show {
-        song: String,
-    },
-    Arrange {
-        song: String,
-        transpose: i32,
-    },
-    Play {
-        song: String,
-        player: Who,
-    },
-    Perform {
-        song: String,
-        player: Who,
-        mode: String,
-    },
-    Train {
-        song: String,
-        minutes: Option<f64>,
-        set: Vec<String>,
-    },
-    Resume {
-        run: PathBuf,
-        minutes: Option<f64>,
-    },
-    Replay {
-        recording: PathBuf,
-    },
-    Compare {
-        one: PathBuf,
-        other: PathBuf,
-    },
+    Show { song: String },
+    Arrange { song: String, transpose: i32 },
+    Play { song: String, player: Who },
+    Perform { song: String, player: Who, mode: String },
+    Train { song: String, minutes: Option<f64>, set: Vec<String> },
+    Resume { run: PathBuf, minutes: Option<f64> },
+    Replay { recording: PathBuf },
+    Compare { one: PathBuf, other: PathBuf },
 }
 
 /// Who shall play.
