@@ -4,7 +4,7 @@ import { element } from '../dom.js';
 
 const [WIDTH, HEIGHT] = [320, 110];
 /** Room for the numbers at the axes. */
-const [LEFT, BOTTOM, TOP, RIGHT] = [38, 18, 8, 8];
+const [LEFT, BOTTOM, TOP, RIGHT] = [50, 18, 8, 8];
 
 function drawn(tag, attributes, ...children) {
   const made = document.createElementNS('http://www.w3.org/2000/svg', tag);
@@ -34,9 +34,10 @@ export function curve(title, points, range, totalSteps) {
   const x = (step) => LEFT + (WIDTH - LEFT - RIGHT) * (step / most);
   const y = (value) => TOP + (HEIGHT - TOP - BOTTOM) * (1 - (value - low) / (high - low));
   const last = values.at(-1);
-  const said = last === undefined ? 'nothing yet' : last.toFixed(3);
+  const numberText = (text) => text.replace('-', '−');
+  const said = last === undefined ? 'nothing yet' : numberText(last.toFixed(3));
   const line = (value) => drawn('line', { class: 'axis', x1: LEFT, x2: WIDTH - RIGHT, y1: y(value), y2: y(value) });
-  const label = (value) => drawn('text', { x: LEFT - 5, y: y(value) + 4, 'text-anchor': 'end' }, String(Number(value.toPrecision(2))));
+  const label = (value) => drawn('text', { x: LEFT - 5, y: y(value) + 4, 'text-anchor': 'end' }, numberText(String(Number(value.toPrecision(2)))));
   const drawing = drawn(
     'svg', { viewBox: `0 0 ${WIDTH} ${HEIGHT}`, role: 'img', 'aria-label': `${title} over control steps; the last value is ${said}` },
     line(low), line(high), label(low), label(high),

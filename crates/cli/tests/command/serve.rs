@@ -108,15 +108,12 @@ impl Server {
 
     /// The job when it has ended.
     fn ended(&self, id: u64) -> Value {
-        let until = Instant::now() + Duration::from_secs(120);
-        loop {
-            let job = self.job(id);
-            if job["state"] != "running" && job["state"] != "stopping" {
-                return job;
-            }
-            assert!(Instant::now() < until, "{job}");
-            std::thread::sleep(Duration::from_millis(20));
-        }
+        let mut job = Value::Null;
+        wait_for("the job ends", || {
+            job = self.job(id);
+            job["state"] != "running" && job["state"] != "stopping"
+        });
+        job
     }
 
     /// Does a verb, which must succeed.
@@ -134,11 +131,10 @@ impl Server {
         let id =
             self.begin(&json!({ "verb": "train", "song": "songs/short.mid", "minutes": null, "set": set }));
         let rows = desk.path("runs/short__fast__0/metrics.jsonl");
-        let until = Instant::now() + Duration::from_secs(60);
-        while std::fs::read_to_string(&rows).map_or(0, |text| text.lines().count()) < 3 {
-            assert!(Instant::now() < until && self.job(id)["state"] == "running", "{}", self.job(id));
-            std::thread::sleep(Duration::from_millis(20));
-        }
+        wait_for("it trains", || {
+            assert_eq!(self.job(id)["state"], "running", "{}", self.job(id));
+            std::fs::read_to_string(&rows).is_ok_and(|text| text.lines().count() >= 3)
+        });
         id
     }
 
@@ -156,6 +152,15 @@ impl Drop for Server {
     fn drop(&mut self) {
         let _ = self.process.kill();
         let _ = self.process.wait();
+    }
+}
+
+/// Waits until it is so; on a busy machine that takes a while.
+fn wait_for(what: &str, mut is_so: impl FnMut() -> bool) {
+    let until = Instant::now() + Duration::from_secs(120);
+    while !is_so() {
+        assert!(Instant::now() < until, "{what}");
+        std::thread::sleep(Duration::from_millis(20));
     }
 }
 
@@ -412,10 +417,10 @@ fn a_training_is_stopped_and_resumed() {
     assert_eq!(server.post("jobs/99/stop", b"").status, 404);
     let step = server.state()["runs"][0]["step"].as_u64().unwrap();
     assert!(step > 0);
-    let on = server.begin(&json!({ "verb": "resume", "run": "runs/short__fast__0", "minutes": 0.01 }));
-    let resumed = server.ended(on);
-    assert_eq!(resumed["state"], "done", "{resumed}");
-    assert!(server.state()["runs"][0]["step"].as_u64().unwrap() > step);
+    let on = server.begin(&json!({ "verb": "resume", "run": "runs/short__fast__0", "minutes": null }));
+    wait_for("it goes on", || server.state()["runs"][0]["step"].as_u64().unwrap() > step);
+    server.post(&format!("jobs/{on}/stop"), b"");
+    assert_eq!(server.ended(on)["state"], "stopped");
     // Its policy plays the song from now on.
     assert_eq!(
         server.get("song?name=songs/short.mid").json()["policy"],
@@ -438,10 +443,8 @@ fn ctrl_c_ends_the_server_and_saves_what_runs() {
         let (status, said) = server.end(name);
         assert_eq!(status.code(), code, "{said}");
         let folder = ["train", "songs/short.mid", "-o", "runs/short__fast__0"];
-        let until = Instant::now() + Duration::from_secs(30);
-        while name == "KILL" && with_arguments(&folder).contains(&jobs[0]) {
-            assert!(Instant::now() < until, "it runs on");
-            std::thread::sleep(Duration::from_millis(20));
+        if name == "KILL" {
+            wait_for("it stops", || !with_arguments(&folder).contains(&jobs[0]));
         }
         assert!(!with_arguments(&folder).contains(&jobs[0]), "{name}: it is left");
         let resumed = desk.ok("train --resume runs/short__fast__0 --minutes 0.01");
@@ -469,7 +472,8 @@ fn a_dropped_song_is_heard() {
     let Some(mut tests) = browser_tests(&desk, &["test/work.test.mjs"]) else { return };
     let server = Server::start(&desk);
     tests.env("ETUDE_PAGE", server.address()).env("ETUDE_SONG", song).env("ETUDE_SETTINGS", TINY.join(" "));
-    all_pass(tests);
+    let said = all_pass(tests);
+    println!("{}", said.lines().find(|line| line.contains("from the drop")).unwrap());
     assert!(desk.path("out/au-clair-de-la-lune-scripted/performance.wav").is_file());
     assert_eq!(std::fs::read_dir(desk.path("screenshots")).unwrap().count(), 4);
 }

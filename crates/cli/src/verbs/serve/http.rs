@@ -17,6 +17,7 @@ use hyper_util::rt::{TokioIo, TokioTimer};
 use serde_json::json;
 use tokio::net::TcpListener as AsyncListener;
 
+use super::super::note;
 use super::routes::Site;
 
 /// The largest request, bytes.
@@ -109,6 +110,9 @@ pub fn serve(listener: TcpListener, site: &Arc<Site>, stop: &AtomicBool) -> anyh
         }
         drop(listener);
         site.jobs.stop_all();
+        if site.jobs.any_runs() {
+            note("stopping what runs, which saves itself; once more ends the server at once");
+        }
         while site.jobs.any_runs() {
             tokio::time::sleep(LOOK).await;
         }
