@@ -162,7 +162,7 @@ async function follow() {
     const then = waiting.get(job.id);
     if (job.done > 0 || !runs(job)) waiting.delete(job.id);
     if (job.done > 0) await then(job);
-    else if (job.state === 'failed') throw new Error(`${job.title}: ${job.said.at(-1) ?? 'failed'}`);
+    else if (job.state === 'failed') throw new Error(`${job.title}: ${job.said.join('\n') || 'failed'}`);
   }
 }
 

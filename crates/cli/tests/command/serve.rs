@@ -9,6 +9,7 @@ use serde_json::{Value, json};
 
 use crate::processes::{children_of, signal, with_arguments};
 use crate::replaying::{all_pass, browser_tests};
+use crate::songs::write_slow;
 use crate::training::LONGER;
 use crate::{Desk, TINY, errors, root};
 
@@ -330,7 +331,8 @@ fn a_song_that_the_keyboard_has_not_is_transposed() {
     let play = server.begin(&json!({ "verb": "play", "song": "songs/low.mid", "player": "scripted" }));
     let failed = server.ended(play);
     assert_eq!(failed["state"], "failed");
-    assert!(failed["said"].to_string().contains("outside the keyboard"), "{failed}");
+    assert!(failed["said"][0].as_str().unwrap().contains("outside the keyboard"), "{failed}");
+    assert!(!failed["said"].to_string().contains("ended with"), "{failed}");
     let made = server.does(&json!({ "verb": "arrange", "song": "songs/low.mid", "transpose": 12 }));
     assert_eq!(made["makes"], "out/songs/low +12.mid");
     assert_eq!(server.get("song?name=out/songs/low%20%2B12.mid").json()["problem"], Value::Null);
@@ -429,6 +431,29 @@ fn a_training_is_stopped_and_resumed() {
     let play =
         json!({ "verb": "play", "song": "songs/short.mid", "player": { "run": "runs/short__fast__0" } });
     assert_eq!(server.does(&play)["makes"], "out/short-short-fast-0");
+}
+
+#[test]
+fn planning_that_takes_long_is_stopped_and_says_how_far_it_is() {
+    let desk = desk();
+    write_slow(&desk, "songs/chords.mid");
+    let server = Server::start(&desk);
+    let song = "songs/chords.mid";
+    let show = server.begin(&json!({ "verb": "show", "song": song }));
+    let again = server.post("jobs", json!({ "verb": "show", "song": song }).to_string().as_bytes());
+    assert_eq!((again.status, again.why().as_str()), (409, "this runs already"));
+    let play = server.begin(&json!({ "verb": "play", "song": song, "player": "best" }));
+    wait_for("it says how far it is", || {
+        assert_eq!(server.job(play)["state"], "running", "{}", server.job(play));
+        server.job(play)["said"].to_string().contains("planning the fingering, ")
+    });
+    for id in [show, play] {
+        server.post(&format!("jobs/{id}/stop"), b"");
+        assert_eq!(server.ended(id)["state"], "stopped");
+    }
+    assert!(!desk.path("out/songs/chords.json").exists(), "half of it is nothing");
+    let left: Vec<_> = std::fs::read_dir(desk.path("out/chords-scripted")).unwrap().collect();
+    assert!(left.is_empty(), "{left:?}");
 }
 
 #[test]

@@ -138,11 +138,16 @@ fn the_counts_of_a_song_agree() {
     );
 }
 
+/// Writes a song whose fingering takes seconds to plan.
+pub fn write_slow(desk: &Desk, name: &str) {
+    let chord = |index: u8| [0, 3, 6, 9, 13].map(|up| (0.4 * f64::from(index), 0.3, 48 + index % 8 + up));
+    write(desk, name, (0..80).flat_map(chord));
+}
+
 #[test]
 fn planning_that_takes_long_says_how_far_it_is() {
     let desk = Desk::new();
-    let chord = |index: u8| [0, 3, 6, 9, 13].map(|up| (0.4 * f64::from(index), 0.3, 48 + index % 8 + up));
-    write(&desk, "chords.mid", (0..80).flat_map(chord));
+    write_slow(&desk, "chords.mid");
     for verb in ["songs show chords.mid", "play chords.mid --scripted"] {
         let output = desk.command(verb).output().unwrap();
         assert!(errors(&output).contains("planning the fingering, "), "{verb}: {}", errors(&output));

@@ -94,6 +94,8 @@ pub struct Seen {
 struct List {
     next: u64,
     jobs: Vec<Job>,
+    /// Whether the server ends, so that nothing is started any more.
+    ends: bool,
 }
 
 /// All jobs of this server.
@@ -111,6 +113,9 @@ impl Jobs {
     pub fn start(&self, order: Order) -> Result<u64, Refusal> {
         let busy = |why: &str| Err(Refusal::new(StatusCode::CONFLICT, why));
         let mut list = lock(&self.list);
+        if list.ends {
+            return busy("the server is ending");
+        }
         let running = || list.jobs.iter().filter(|job| job.runs());
         if running().count() >= MOST_RUNNING {
             return busy("too much runs at once: wait for something to end, or stop it");
@@ -153,9 +158,11 @@ impl Jobs {
         Ok(())
     }
 
-    /// Asks all of them to stop.
+    /// Asks all of them to stop, and starts no other.
     pub fn stop_all(&self) {
-        lock(&self.list).jobs.iter_mut().for_each(Job::stop);
+        let mut list = lock(&self.list);
+        list.ends = true;
+        list.jobs.iter_mut().for_each(Job::stop);
     }
 
     /// Whether any has not ended.
@@ -229,7 +236,10 @@ fn work(id: u64, order: &Order, program: &Path, list: &Arc<Mutex<List>>) {
             // A quick one that was stopped.
             Ok(status) if status.code().is_none() && is_stopping(list, id) => State::Stopped,
             Ok(status) => {
-                say(list, id, &format!("etude ended with {status}"));
+                // Otherwise it has said why.
+                if status.code().is_none() {
+                    say(list, id, &format!("it ended with {status}"));
+                }
                 State::Failed
             }
             Err(error) => {
@@ -255,7 +265,7 @@ fn is_stopping(list: &Mutex<List>, id: u64) -> bool {
     change(list, id, |job| job.state == State::Stopping).unwrap_or(true)
 }
 
-/// Keeps a line of what the job says; a reason is not repeated after the message of the process itself.
+/// Keeps a line of what the job says.
 fn say(list: &Mutex<List>, id: u64, line: &str) {
     let line = line.strip_prefix("etude: ").unwrap_or(line).trim_end();
     change(list, id, |job| {
