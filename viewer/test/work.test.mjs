@@ -134,6 +134,22 @@ test('it trains with live curves, and stops', { skip }, async () => {
   await page.getByRole('button', { name: /^Train on/ }).waitFor(LONG);
 });
 
+test('a file can be chosen instead of dropped', { skip }, async () => {
+  await page.locator('input[type="file"]').setInputFiles({ name: 'By Button.mid', mimeType: 'audio/midi', buffer: await readFile(songFile) });
+  await page.locator('.heard').getByText('By Button, played by the scripted player').waitFor(LONG);
+  assert.equal(await page.locator('.song h2').first().innerText(), 'By Button');
+});
+
+test('a server that has ended is told of, until it answers again', { skip }, async () => {
+  await page.route('**/state', (route) => route.abort());
+  await page.getByRole('alert').getByText('The server does not answer').waitFor(LONG);
+  await page.unroute('**/state');
+  await page.waitForFunction(() => document.querySelector('[role="alert"]').textContent === '', null, LONG);
+  // Chromium itself tells of a request that fails.
+  assert.ok(troubles.every((text) => text.includes('ERR_FAILED')), troubles.join('\n'));
+  troubles.length = 0;
+});
+
 for (const [look, options] of [
   ['wide-light', {}],
   ['wide-dark', { colorScheme: 'dark' }],

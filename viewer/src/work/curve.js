@@ -27,7 +27,7 @@ export function stepsText(steps) {
 export function curve(title, points, range, totalSteps) {
   const values = points.map(([, value]) => value);
   let [low, high] = range ?? [Math.min(...values), Math.max(...values)];
-  // Of no value, or of one.
+  // Without a value, or with one alone, there is no range.
   if (!Number.isFinite(low)) [low, high] = [0, 1];
   if (high === low) [low, high] = [low - 0.5, low + 0.5];
   const most = Math.max(totalSteps ?? 0, points.at(-1)?.[0] ?? 0, 1);

@@ -20,7 +20,7 @@ const KINDS: [(&str, &str); 6] = [
     ("csv", "text/csv; charset=utf-8"),
     ("mcap", "application/octet-stream"),
 ];
-/// A page from a file has no access to this server: to the browser it comes from nowhere.
+/// A page from a file is sandboxed: its scripts run, but have no access to this server.
 const POLICY: &str = "sandbox allow-scripts allow-downloads; frame-ancestors 'none'";
 
 /// The file at `parts` below `root`, or the part of it that `range` asks for.

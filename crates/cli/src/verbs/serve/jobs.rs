@@ -216,7 +216,7 @@ impl Job {
     }
 }
 
-/// A thread that panicked has left the list as it was.
+/// The list; no change to it can be half done, so a panic of another thread does not matter.
 fn lock(list: &Mutex<List>) -> MutexGuard<'_, List> {
     list.lock().unwrap_or_else(PoisonError::into_inner)
 }
@@ -304,7 +304,7 @@ fn process(id: u64, step: &Step, program: &Path, list: &Arc<Mutex<List>>) -> Res
         printed.read_to_end(&mut output).map_err(cannot)?;
     }
     if let Some(listener) = listener {
-        // It only reads.
+        // A panic there has been told.
         let _ = listener.join();
     }
     // Both streams have ended, so the process ends now.
