@@ -67,7 +67,7 @@ export function timeText(secs) {
   return hours > 0 ? `${hours} h ${String(minutes).padStart(2, '0')} min` : `${minutes}:${rest}`;
 }
 
-/** Who has played, in words. */
+/** Who has played, in words; of a policy the file and its folder, which is that of its run. */
 export function playerText(player) {
-  return player === 'scripted' ? 'the scripted player' : `the policy ${player}`;
+  return player === 'scripted' ? 'the scripted player' : `the policy ${player.split('/').slice(-2).join('/')}`;
 }
