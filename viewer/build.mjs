@@ -1,6 +1,6 @@
 /**
- * Builds what `etude replay` puts into its pages: the script, the style sheet, and the policy that lets nothing else
- * run. The same sources give the same bytes.
+ * Builds what `etude replay` and `etude serve` put into their pages: of each the script, the style sheet, and the policy that lets
+ * nothing else run. The same sources give the same bytes.
  *
  *     node build.mjs [FOLDER]      (default: dist)
  */
@@ -14,11 +14,22 @@ import { build } from 'esbuild';
 
 const here = path.dirname(fileURLToPath(import.meta.url));
 
+/** The pages: entry points, names of the files, and what a page may fetch. */
+const PAGES = [
+  { script: 'src/main.js', style: 'src/page.css', name: 'replay', policy: 'csp.txt', media: 'data: blob:', connect: "'none'" },
+  { script: 'src/work/main.js', style: 'src/work/work.css', name: 'work', policy: 'work-csp.txt', media: "'self'", connect: "'self'" },
+];
+
 /** Builds into `folder`. */
 export async function buildInto(folder) {
+  await mkdir(folder, { recursive: true });
+  for (const page of PAGES) await buildPage(page, folder);
+}
+
+async function buildPage(page, folder) {
   const { outputFiles } = await build({
     absWorkingDir: here,
-    entryPoints: [{ in: 'src/main.js', out: 'replay' }, { in: 'src/page.css', out: 'replay' }],
+    entryPoints: [{ in: page.script, out: page.name }, { in: page.style, out: page.name }],
     outdir: 'dist',
     bundle: true,
     minify: true,
@@ -35,22 +46,21 @@ export async function buildInto(folder) {
     const found = content.match(forbidden);
     if (found) throw new Error(`the bundle contains ${found[0]}: ${content.slice(found.index - 60, found.index + 60)}`);
   }
-  await mkdir(folder, { recursive: true });
-  await writeFile(path.join(folder, 'replay.js'), script);
-  await writeFile(path.join(folder, 'replay.css'), style);
-  await writeFile(path.join(folder, 'csp.txt'), policy(script, style));
+  await writeFile(path.join(folder, `${page.name}.js`), script);
+  await writeFile(path.join(folder, `${page.name}.css`), style);
+  await writeFile(path.join(folder, page.policy), policy(script, style, page));
 }
 
-/** The Content-Security-Policy of a page that runs this script and style, and fetches nothing. */
-function policy(script, style) {
+/** The Content-Security-Policy of a page that runs this script and style. */
+function policy(script, style, { media, connect }) {
   const hash = (content) => `'sha256-${createHash('sha256').update(content).digest('base64')}'`;
   return [
     "default-src 'none'",
     `script-src ${hash(script)}`,
     `style-src ${hash(style)}`,
     'img-src data: blob:',
-    'media-src data: blob:',
-    "connect-src 'none'",
+    `media-src ${media}`,
+    `connect-src ${connect}`,
     "base-uri 'none'",
     "form-action 'none'",
   ].join('; ');

@@ -9,7 +9,8 @@ import { chromium } from 'playwright-core';
 
 const dist = path.join(path.dirname(fileURLToPath(import.meta.url)), '..', 'dist');
 
-const FLAGS = [
+/** How Chromium is started. */
+export const FLAGS = [
   '--no-sandbox', '--disable-quic', '--no-first-run', '--disable-background-networking', '--disable-component-update',
   '--disable-sync', '--disable-gpu', '--enable-unsafe-swiftshader', '--autoplay-policy=no-user-gesture-required',
 ];

@@ -25,6 +25,7 @@ First steps:
   etude songs                 list the built-in songs
   etude play twinkle          play it with a trained policy
   etude train my-song.mid     learn a song of your own
+  etude serve                 do the same on a page in the browser
   etude doctor                check what this machine has
 
 Exit codes:
@@ -40,6 +41,8 @@ enum Verb {
     Songs(verbs::songs::Args),
     /// Learn to play a song
     Train(verbs::train::Args),
+    /// A page to work on: drop a MIDI file, hear it, train, perform, compare
+    Serve(verbs::serve::Args),
     /// Show running trainings
     Watch(verbs::watch::Args),
     /// Play a song with a trained policy and keep the MIDI, sound, frames and recording
@@ -101,6 +104,7 @@ fn main() -> ExitCode {
     let ended = match cli.verb {
         Verb::Songs(args) => verbs::songs::run(args),
         Verb::Train(args) => verbs::train::run(args),
+        Verb::Serve(args) => verbs::serve::run(args),
         Verb::Watch(args) => verbs::watch::run(args),
         Verb::Play(args) => verbs::play::run(args),
         Verb::Replay(args) => verbs::replay::run(args),

@@ -17,12 +17,19 @@ use crate::verbs::note;
 /// Exit code of the shell for a program that Ctrl-C ended.
 const INTERRUPTED: i32 = 130;
 
+/// Variable of the environment that is set for a process which has to stop when its standard input ends.
+pub const ATTENDED: &str = "ETUDE_ATTENDED";
+
 /// The flag that signals set, once a verb has asked for it.
 static STOP: OnceLock<Arc<AtomicBool>> = OnceLock::new();
 
-/// Set by Ctrl-C, SIGTERM or the end of the terminal. A second one ends the program at once.
+/// Set by Ctrl-C, SIGTERM or the end of the terminal, and by the end of standard input if the process is [`ATTENDED`]. A second signal ends
+/// the program at once.
 pub fn stop_flag() -> anyhow::Result<Arc<AtomicBool>> {
     let flag = STOP.get_or_init(Arc::default).clone();
+    if std::env::var_os(ATTENDED).is_some() {
+        stop_when_unattended(&flag);
+    }
     for signal in stopping_signals() {
         // First, so that it sees what the signal before has set.
         signal_hook::flag::register_conditional_shutdown(signal, INTERRUPTED, flag.clone())?;

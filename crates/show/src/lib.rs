@@ -10,8 +10,10 @@ mod rehearsal_page;
 pub mod render;
 pub mod replay;
 pub mod watch;
+mod work_page;
 
 pub use rehearsal_page::{REHEARSAL_PAGE, RehearsalPage};
+pub use work_page::work_page;
 
 /// `text` as part of a file's name: letters and digits of ASCII in lower case, one `-` for all that is between them.
 pub fn slug(text: &str) -> String {

@@ -18,6 +18,7 @@ pub mod rehearse;
 pub mod render;
 pub mod replay;
 pub mod robot;
+pub mod serve;
 pub mod songs;
 pub mod train;
 pub mod twin;

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use clap::ValueHint;
 use etude_lab::{find_song, policies};
-use etude_music::{CONTROL_HZ, Note, Song, pitch_name, repertoire};
+use etude_music::{CONTROL_HZ, Note, Song, pitch_name, repertoire, sound};
 use etude_perform::shell_word;
 use etude_task::fingering::Limit;
 use etude_task::{Piece, TaskConfig};
@@ -41,10 +41,14 @@ enum What {
         /// step,due
         #[arg(long, value_name = "OUT.csv")]
         frames: Option<PathBuf>,
+        /// Write how it should sound to this WAV file
+        #[arg(long, value_name = "OUT.wav")]
+        reference: Option<PathBuf>,
         /// Silence before the first note, s
         #[arg(long, default_value_t = 1.0, value_name = "SECS", allow_hyphen_values = true)]
         initial_silence: f64,
-        /// Print JSON: title, notes, secs, frames, lowest, highest, notes_per_sec, busiest_second, warnings, fingering
+        /// Print JSON: title, notes, secs, frames, lowest, highest, notes_per_sec, busiest_second, bars, warnings,
+        /// fingering
         #[arg(long)]
         json: bool,
     },
@@ -69,8 +73,8 @@ enum What {
 pub fn run(args: Args) -> anyhow::Result<Ending> {
     match args.what {
         None => list(args.json)?,
-        Some(What::Show { song, frames, initial_silence, json }) => {
-            show(&song, frames, initial_silence, json || args.json)?;
+        Some(What::Show { song, frames, reference, initial_silence, json }) => {
+            show(&song, frames, reference, initial_silence, json || args.json)?;
         }
         Some(What::Arrange { song, transpose, stretch, out }) => arrange(&song, transpose, stretch, &out)?,
     }
@@ -102,7 +106,13 @@ fn list(as_json: bool) -> anyhow::Result<()> {
     line("\nFrames are control steps at 20 Hz after one second of silence. `etude songs show ID` shows one.")
 }
 
-fn show(name: &str, frames_csv: Option<PathBuf>, silence: f64, as_json: bool) -> anyhow::Result<()> {
+fn show(
+    name: &str,
+    frames_csv: Option<PathBuf>,
+    reference: Option<PathBuf>,
+    silence: f64,
+    as_json: bool,
+) -> anyhow::Result<()> {
     let song = find_song(name)?;
     let fits = song.check_range();
     let preset = etude_lab::resolve(etude_lab::DEFAULT_PRESET, None, &[])?.task;
@@ -127,6 +137,7 @@ fn show(name: &str, frames_csv: Option<PathBuf>, silence: f64, as_json: bool) ->
     let busiest = song
         .busiest_second()
         .map(|second| (second.notes, song.position(second.start_secs), second.start_secs));
+    let bars = bars(&song);
     let (hard, quick) = (song.warnings(), task.plan.warnings(&song));
     let warnings: Vec<String> = hard.iter().chain(&quick).map(ToString::to_string).collect();
     if as_json {
@@ -134,7 +145,9 @@ fn show(name: &str, frames_csv: Option<PathBuf>, silence: f64, as_json: bool) ->
             "title": song.title(), "notes": notes, "secs": secs, "frames": frames.len(), "lowest": lowest,
             "highest": highest, "notes_per_sec": pace, "busiest_second": busiest.map(|(notes, place, secs)| {
                 object!({"notes": notes, "bar": place.bar, "beat": place.beat, "secs": secs})
-            }), "warnings": warnings, "fingering": limits.map(|limits| object!({
+            }), "bars": bars.iter().map(|(bar, secs, chords)| {
+                object!({"bar": bar, "secs": secs, "chords": chords})
+            }).collect::<Vec<_>>(), "warnings": warnings, "fingering": limits.map(|limits| object!({
                 "summary": limits.to_string(),
                 "limits": limits.notes.iter().map(|limit| {
                     let (place, secs) = place_of(limit);
@@ -155,14 +168,8 @@ fn show(name: &str, frames_csv: Option<PathBuf>, silence: f64, as_json: bool) ->
             ))?;
         }
         line("Notes by bar, together with +, and the beats that they last")?;
-        let bar = |note: &Note| song.position(note.start_secs).bar;
-        for notes in song.notes().chunk_by(|one, next| bar(one) == bar(next)) {
-            let together = |one: &Note, next: &Note| next.start_secs - one.start_secs < TOGETHER_SECS;
-            let chords: Vec<String> = notes
-                .chunk_by(|one, next| together(one, next))
-                .map(|chord| chord_name(&song, chord))
-                .collect();
-            line(format!("  bar {:3}  {}", bar(&notes[0]), chords.join("  ")))?;
+        for (bar, _, chords) in bars {
+            line(format!("  bar {bar:3}  {}", chords.join("  ")))?;
         }
         for warning in &warnings {
             line(format!("warning: {warning}"))?;
@@ -187,7 +194,23 @@ fn show(name: &str, frames_csv: Option<PathBuf>, silence: f64, as_json: bool) ->
         etude_perform::write_frames_csv(&path, frames, None)?;
         note(format!("The keys due at each control step are in {}", path.display()));
     }
+    if let (Some(path), Some(piece)) = (reference, &piece) {
+        sound::write_wav(&path, &sound::render(piece.notes(), None)?)?;
+        note(format!("Listen: {}", path.display()));
+    }
     Ok(())
+}
+
+/// Number of each bar that has notes, when the first of them begins (s), and what is struck together in it.
+fn bars(song: &Song) -> Vec<(u32, f64, Vec<String>)> {
+    let bar = |note: &Note| song.position(note.start_secs).bar;
+    let together = |one: &Note, next: &Note| next.start_secs - one.start_secs < TOGETHER_SECS;
+    let bars = song.notes().chunk_by(|one, next| bar(one) == bar(next));
+    bars.map(|notes| {
+        let chords = notes.chunk_by(together).map(|chord| chord_name(song, chord)).collect();
+        (bar(&notes[0]), notes[0].start_secs, chords)
+    })
+    .collect()
 }
 
 /// Notes that begin within this time are struck together, s.

@@ -14,6 +14,7 @@ mod processes;
 mod rehearsing;
 mod replaying;
 mod robots;
+mod serve;
 mod slurm;
 mod songs;
 mod stop_times;

@@ -48,11 +48,12 @@ pub fn browser_tests(desk: &Desk, files: &[&str]) -> Option<Command> {
     Some(tests)
 }
 
-/// Runs them; all must pass.
-pub fn all_pass(mut tests: Command) {
+/// Runs them; all must pass. Gives what they said.
+pub fn all_pass(mut tests: Command) -> String {
     let output = tests.output().unwrap();
-    let said = String::from_utf8_lossy(&output.stdout);
+    let said = String::from_utf8_lossy(&output.stdout).into_owned();
     assert!(output.status.success(), "{said}\n{}", errors(&output));
+    said
 }
 
 #[test]

@@ -53,7 +53,13 @@ fn a_song_is_shown_and_its_frames_are_written() {
     let chords = desk.ok("songs show chord-progression");
     assert!(chords.contains("  bar   2  F4+A4+C5 4\n"), "{chords}");
 
-    let shown = desk.json("songs show short.mid --json");
+    let shown = desk.json("songs show short.mid --json --reference short.wav");
+    assert!(
+        desk.bytes("short.wav").starts_with(b"RIFF") && desk.bytes("short.wav").iter().any(|byte| *byte > 1)
+    );
+    let bars = shown["bars"].as_array().unwrap();
+    assert_eq!((&bars[0]["bar"], &bars[0]["secs"]), (&1.into(), &0.0.into()));
+    assert_eq!(bars[0]["chords"], serde_json::json!(["C4 0.6", "D4 0.6", "E4 0.6"]));
     assert_eq!((&shown["notes"], &shown["lowest"], &shown["highest"]), (&3.into(), &60.into(), &64.into()));
     assert!(
         shown["frames"].as_u64().unwrap() > 30 && shown["warnings"].is_array() && shown["secs"].is_number()
@@ -132,11 +138,16 @@ fn the_counts_of_a_song_agree() {
     );
 }
 
+/// Writes a song whose fingering takes seconds to plan.
+pub fn write_slow(desk: &Desk, name: &str) {
+    let chord = |index: u8| [0, 3, 6, 9, 13].map(|up| (0.4 * f64::from(index), 0.3, 48 + index % 8 + up));
+    write(desk, name, (0..80).flat_map(chord));
+}
+
 #[test]
 fn planning_that_takes_long_says_how_far_it_is() {
     let desk = Desk::new();
-    let chord = |index: u8| [0, 3, 6, 9, 13].map(|up| (0.4 * f64::from(index), 0.3, 48 + index % 8 + up));
-    write(&desk, "chords.mid", (0..80).flat_map(chord));
+    write_slow(&desk, "chords.mid");
     for verb in ["songs show chords.mid", "play chords.mid --scripted"] {
         let output = desk.command(verb).output().unwrap();
         assert!(errors(&output).contains("planning the fingering, "), "{verb}: {}", errors(&output));

@@ -1,0 +1,72 @@
+//! `etude serve`: a page to work on, on this machine alone.
+//!
+//! Every button of the page runs a verb of this program in a process of its own ([`jobs`]), and what is shown lies in files
+//! ([`desk`]). So nothing is lost when the page or the server ends.
+
+mod desk;
+mod files;
+mod gate;
+mod http;
+mod jobs;
+mod orders;
+mod routes;
+
+use std::io::ErrorKind;
+use std::net::{Ipv4Addr, TcpListener};
+use std::sync::Arc;
+
+use anyhow::{Context as _, anyhow};
+
+use self::desk::Desk;
+use self::gate::Gate;
+use self::jobs::Jobs;
+use self::routes::Site;
+use super::{line, note};
+use crate::Ending;
+use crate::progress::stop_flag;
+
+/// Where the page is.
+#[derive(clap::Args)]
+#[command(after_help = "\
+Drop a MIDI file on the page: it shows what will be hard, plays the song, trains, performs on the twin and compares. What it does \
+are the other verbs of `etude`, in processes of their own, and it shows each as a command line. It works in the folder in which \
+it is started: songs that are dropped are kept in out/songs, performances in out, trainings in runs.
+
+The address holds a random word, and nobody has access without it. Only programs of this machine reach the page; from another machine use `ssh -L \
+8000:127.0.0.1:8000 HOST` and `etude serve --port 8000`. Ctrl-C stops what runs, which saves itself, and ends the server with exit code 3.
+
+Examples:
+  etude serve
+  etude serve --port 8000")]
+pub struct Args {
+    /// The port; one that is free if not given
+    #[arg(long, default_value_t = 0, value_name = "N", hide_default_value = true)]
+    port: u16,
+}
+
+/// Runs the verb.
+pub fn run(args: Args) -> anyhow::Result<Ending> {
+    let stop = stop_flag()?;
+    let folder = std::env::current_dir().and_then(|folder| folder.canonicalize());
+    let folder = folder.context("the working folder cannot be read")?;
+    let listener = listen(args.port)?;
+    let port = listener.local_addr()?.port();
+    let gate = Gate::new(port)?;
+    let address = gate.address();
+    let jobs = Jobs::new(std::env::current_exe().context("this program's file cannot be found")?);
+    let site = Arc::new(Site { gate, desk: Desk::new(folder), jobs });
+    line(&address)?;
+    note("Open this address in a browser on this machine; Ctrl-C ends the server and saves what runs");
+    http::serve(listener, &site, &stop)?;
+    Ok(Ending::Stopped)
+}
+
+/// A port on this machine that no other machine reaches.
+fn listen(port: u16) -> anyhow::Result<TcpListener> {
+    TcpListener::bind((Ipv4Addr::LOCALHOST, port)).map_err(|error| match error.kind() {
+        ErrorKind::AddrInUse => anyhow!(
+            "cannot serve on port {port}: another program uses it; choose another with --port, or leave --port away"
+        ),
+        _ => anyhow!("cannot serve on port {port}: {error}; choose one above 1023 with --port, or leave --port away"),
+    })
+}

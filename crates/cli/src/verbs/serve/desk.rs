@@ -1,0 +1,327 @@
+//! The working folder: its songs, performances, comparisons and trainings. All of it lies in files, so a new server finds it again.
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+use std::sync::{Mutex, PoisonError};
+use std::time::SystemTime;
+
+use etude_lab::{CONFIG, Pianist, find_song, load_pianist};
+use etude_music::{Song, SongError, repertoire};
+use etude_perform::write_file;
+use etude_show::watch::{Point, RunFigures, WatchedRun};
+use hyper::StatusCode;
+use serde::Serialize;
+use serde_json::{Value, json};
+
+use super::super::slug;
+use super::http::Refusal;
+
+/// Folder of the songs that were dropped on the page, and of what `etude songs show` says about any.
+pub const SONGS: &str = "out/songs";
+/// Folder of the comparisons.
+pub const COMPARED: &str = "out/compared";
+/// Folders of MIDI files that are offered.
+const MIDI_FOLDERS: [&str; 2] = ["songs", SONGS];
+const PERFORMANCES: &str = "out";
+const RUNS: &str = "runs";
+/// Most performances and comparisons that are shown, the last ones.
+const MOST: usize = 40;
+/// Most trainings, which are sent with their curves.
+const MOST_RUNS: usize = 12;
+/// Most points of a curve that are sent.
+const POINTS: usize = 300;
+/// Longest name of a dropped song, characters.
+const LONGEST_NAME: usize = 60;
+
+/// A song that can be chosen.
+#[derive(Clone, Debug, Serialize)]
+pub struct Listed {
+    /// What one types for it: an id or a path.
+    pub song: String,
+    pub title: String,
+}
+
+/// A performance with its files.
+#[derive(Debug, Serialize)]
+pub struct Performed {
+    pub recording: PathBuf,
+    wav: PathBuf,
+    reference: PathBuf,
+    /// Its replay, if it has been made.
+    page: Option<PathBuf>,
+    song: String,
+    player: String,
+    /// The execution mode; none in simulation.
+    mode: Option<String>,
+    f1: Option<f64>,
+    notes_right: Option<u64>,
+    notes_due: Option<u64>,
+    notes_wrong: Option<u64>,
+    #[serde(skip)]
+    written: Option<SystemTime>,
+}
+
+/// A training with its curves.
+#[derive(Debug, Serialize)]
+pub struct Trained {
+    #[serde(flatten)]
+    pub figures: RunFigures,
+    /// F1 of the evaluations: control steps and value.
+    f1: Vec<[f64; 2]>,
+    /// Reward per control step.
+    reward_curve: Vec<[f64; 2]>,
+}
+
+/// The folder in which the server works. Paths are relative to it, as for the verbs.
+pub struct Desk {
+    pub root: PathBuf,
+    watched: Mutex<BTreeMap<PathBuf, WatchedRun>>,
+    /// Held while a song is added, so that two get different names.
+    adding: Mutex<()>,
+}
+
+impl Desk {
+    pub fn new(root: PathBuf) -> Self {
+        Self { root, watched: Mutex::default(), adding: Mutex::default() }
+    }
+
+    /// The built-in songs, then the MIDI files.
+    pub fn songs(&self) -> Vec<Listed> {
+        let built_in = repertoire::PIECES
+            .iter()
+            .map(|piece| Listed { song: piece.id.into(), title: piece.title.into() });
+        let mut files: Vec<PathBuf> = MIDI_FOLDERS.into_iter().flat_map(entries).collect();
+        files.retain(|path| path.extension().is_some_and(|ending| ending == "mid") && path.is_file());
+        files.sort();
+        let stem = |path: &Path| path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
+        let files =
+            files.iter().filter_map(|path| Some(Listed { song: path.to_str()?.into(), title: stem(path) }));
+        built_in.chain(files).collect()
+    }
+
+    /// The song that is listed as `song`.
+    pub fn song(&self, song: &str) -> Result<(Listed, Song), Refusal> {
+        let listed = self.songs().into_iter().find(|listed| listed.song == song);
+        let listed = listed.ok_or_else(|| Refusal::missing(format!("there is no song `{song}` any more")))?;
+        let song = find_song(song).map_err(anyhow::Error::from)?;
+        Ok((listed, song))
+    }
+
+    /// Keeps a MIDI file that was dropped as `name`; gives the path of the song.
+    pub fn add_song(&self, name: &str, bytes: &[u8]) -> Result<String, Refusal> {
+        let stem = tidy(name);
+        Song::from_midi(bytes, &stem).map_err(|error| {
+            Refusal::new(StatusCode::UNPROCESSABLE_ENTITY, format!("{name} cannot be used: {error}"))
+        })?;
+        let _adding = self.adding.lock().unwrap_or_else(PoisonError::into_inner);
+        let known = self.songs();
+        // Runs and performances are called after the short form of the name.
+        for number in 1.. {
+            let name = if number == 1 { stem.clone() } else { format!("{stem} {number}") };
+            let path = format!("{SONGS}/{name}.mid");
+            match known.iter().find(|listed| slug(&listed.song) == slug(&path)) {
+                Some(same) if std::fs::read(&same.song).is_ok_and(|theirs| theirs == bytes) => {
+                    return Ok(same.song.clone());
+                }
+                Some(_) => {}
+                None => {
+                    make_folder(SONGS)?;
+                    write_file(Path::new(&path), bytes).map_err(anyhow::Error::from)?;
+                    return Ok(path);
+                }
+            }
+        }
+        unreachable!("some number is free")
+    }
+
+    /// What is known of a song before anything runs: whether the keyboard has its notes, who would play it, and where the verbs write
+    /// what they say of it.
+    pub fn describe(&self, song: &str) -> Result<Value, Refusal> {
+        let (listed, notes) = self.song(song)?;
+        let (about, reference) = about(song);
+        let (problem, transpositions) = match notes.check_range() {
+            Ok(()) => (None, Vec::new()),
+            Err(error) => {
+                let fitting = match &error {
+                    SongError::OutOfRange(range) => range.transpositions.clone(),
+                    _ => Vec::new(),
+                };
+                (Some(error.to_string()), fitting)
+            }
+        };
+        // Of an earlier file of this name it says nothing.
+        let is_there = [&about, &reference].iter().all(|path| {
+            let made = written(Path::new(path));
+            made.is_some() && made >= written(Path::new(song))
+        });
+        let policy = policy_for(song, &notes);
+        Ok(json!({
+            "song": song, "title": listed.title, "about": about, "reference": reference, "is_there": is_there,
+            "problem": problem, "transpositions": transpositions,
+            "policy": policy.as_ref().map(Pianist::name),
+            "policy_f1": policy.and_then(|pianist| pianist.claimed_f1),
+        }))
+    }
+
+    /// The performances, the last one first.
+    pub fn performances(&self) -> Vec<Performed> {
+        let mut found: Vec<Performed> =
+            entries(PERFORMANCES).iter().flat_map(|folder| performed(folder)).collect();
+        found.sort_by(|a, b| b.written.cmp(&a.written).then(a.recording.cmp(&b.recording)));
+        found.truncate(MOST);
+        found
+    }
+
+    /// The comparisons: what `etude compare --json` said, with its page; the last one first.
+    pub fn comparisons(&self) -> Vec<PathBuf> {
+        let mut found = entries(COMPARED);
+        found.retain(|path| {
+            path.extension().is_some_and(|ending| ending == "json") && path.with_extension("html").is_file()
+        });
+        found.sort_by_key(|path| std::cmp::Reverse(written(path)));
+        found.truncate(MOST);
+        found
+    }
+
+    /// The trainings, the last one first.
+    pub fn runs(&self) -> Vec<Trained> {
+        let mut folders = entries(RUNS);
+        folders.retain(|folder| folder.join(CONFIG).is_file());
+        folders.sort_by_key(|folder| {
+            let written = ["metrics.jsonl", CONFIG].iter().find_map(|name| written(&folder.join(name)));
+            std::cmp::Reverse(written)
+        });
+        folders.truncate(MOST_RUNS);
+        let mut watched = self.watched.lock().unwrap_or_else(PoisonError::into_inner);
+        watched.retain(|folder, _| folders.contains(folder));
+        let seen = |folder: &PathBuf| {
+            let run = watched.entry(folder.clone()).or_insert_with(|| WatchedRun::open(folder));
+            // What cannot be read now may be at the next look.
+            while run.read().unwrap_or(false) {}
+            let history = run.history();
+            Trained {
+                figures: run.figures(SystemTime::now()),
+                f1: curve(&history.f1),
+                reward_curve: curve(&history.reward),
+            }
+        };
+        folders.iter().map(seen).collect()
+    }
+}
+
+/// The files of what `etude songs show` says of a song, and of how it should sound.
+pub fn about(song: &str) -> (String, String) {
+    let name = slug(song);
+    (format!("{SONGS}/{name}.json"), format!("{SONGS}/{name}.wav"))
+}
+
+/// The best policy there is, if it has learned this song.
+pub fn policy_for(asked: &str, song: &Song) -> Option<Pianist> {
+    let pianist = load_pianist(asked, &slug(asked), None).ok()?;
+    let is_of_it = pianist.song.as_deref().is_none_or(|learned| learned == song.title());
+    (is_of_it && pianist.learned_other_notes(song).is_none()).then_some(pianist)
+}
+
+/// Makes a folder of the working folder.
+pub fn make_folder(folder: &str) -> Result<(), Refusal> {
+    Ok(etude_lab::make_folder(Path::new(folder))?)
+}
+
+/// A file name without its folder and ending, of letters, digits and a few signs alone.
+fn tidy(name: &str) -> String {
+    let name = name.rsplit(['/', '\\']).next().unwrap_or_default();
+    let stem = name.rsplit_once('.').map_or(name, |(stem, _)| stem);
+    let plain: String =
+        stem.chars().map(|c| if c.is_alphanumeric() || "-_()".contains(c) { c } else { ' ' }).collect();
+    let words: Vec<&str> = plain.split_whitespace().collect();
+    let text: String = words.join(" ").chars().take(LONGEST_NAME).collect();
+    let text = text.trim_matches(|c: char| !c.is_alphanumeric() && c != ')');
+    // Folders are called after its letters of ASCII.
+    if etude_show::slug(text).is_empty() {
+        format!("song {text}").trim_end().to_string()
+    } else {
+        text.to_string()
+    }
+}
+
+/// What lies in a folder, as far as its name is text; nothing if it is not there.
+fn entries(folder: &str) -> Vec<PathBuf> {
+    let entries = std::fs::read_dir(folder).into_iter().flatten().flatten();
+    entries.map(|entry| entry.path()).filter(|path| path.to_str().is_some()).collect()
+}
+
+fn written(path: &Path) -> Option<SystemTime> {
+    path.metadata().and_then(|data| data.modified()).ok()
+}
+
+/// The performances in a folder of `etude play` or `etude perform`, from its report.
+fn performed(folder: &Path) -> Vec<Performed> {
+    let report = std::fs::read(folder.join("report.json")).ok();
+    let report = report.and_then(|bytes| serde_json::from_slice::<Value>(&bytes).ok()).unwrap_or_default();
+    let text = |key: &str| report[key].as_str().map(str::to_string);
+    let runs = report["runs"].as_array().cloned().unwrap_or_else(|| vec![report.clone()]);
+    let one = |run: &Value| {
+        // The folder may have been moved since.
+        let file = |key: &str| Some(folder.join(Path::new(run["files"][key].as_str()?).file_name()?));
+        let recording = file("recording").filter(|path| path.is_file())?;
+        let made = written(&recording);
+        let page = Some(folder.join("replay.html")).filter(|page| written(page) >= made && page.is_file());
+        let count = |key: &str| run[key].as_u64();
+        Some(Performed {
+            page,
+            wav: file("wav")?,
+            reference: file("reference")?,
+            song: text("song")?,
+            player: text("player")?,
+            mode: text("mode"),
+            f1: run["f1"].as_f64(),
+            notes_right: count("matched"),
+            notes_due: count("matched").zip(count("missed")).map(|(right, missed)| right + missed),
+            notes_wrong: count("wrong"),
+            written: made,
+            recording,
+        })
+    };
+    runs.iter().filter_map(one).collect()
+}
+
+/// Points of a curve, evenly chosen if there are many; always with the last one.
+fn curve(points: &[Point]) -> Vec<[f64; 2]> {
+    let every = points.len().div_ceil(POINTS).max(1);
+    let chosen = points.iter().rev().step_by(every).rev();
+    chosen.map(|point| [point.step, (point.value * 1e4).round() / 1e4]).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_of_dropped_files_are_names_of_files() {
+        for (name, expected) in [
+            ("Für Elise.mid", "Für Elise"),
+            ("../../etc/passwd.mid", "passwd"),
+            ("C:\\Music\\My Song.MID", "My Song"),
+            ("-o out.mid", "o out"),
+            (".hidden.mid", "hidden"),
+            ("a\0b\nc<img>.mid", "a b c img"),
+            ("песня.mid", "song песня"),
+            ("", "song"),
+            ("...", "song"),
+        ] {
+            assert_eq!(tidy(name), expected, "{name:?}");
+        }
+        assert_eq!(tidy(&"x".repeat(500)).len(), LONGEST_NAME);
+    }
+
+    #[test]
+    fn long_curves_are_thinned() {
+        let points = |count: u32| -> Vec<Point> {
+            (0..count).map(|step| Point { step: f64::from(step), secs: 0.0, value: 0.5 }).collect()
+        };
+        assert_eq!(curve(&points(3)), [[0.0, 0.5], [1.0, 0.5], [2.0, 0.5]]);
+        let thinned = curve(&points(1000));
+        assert!(thinned.len() <= POINTS && thinned.last() == Some(&[999.0, 0.5]));
+        assert!(curve(&[]).is_empty());
+    }
+}

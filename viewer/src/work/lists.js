@@ -1,0 +1,144 @@
+/** Lists of what runs and of what there is: jobs, performances, comparisons, trainings. */
+
+import { element } from '../dom.js';
+import * as ask from './ask.js';
+import { curve, stepsText } from './curve.js';
+import { button, choice, field, notesText, playerText, scoreText, table, timeText } from './parts.js';
+
+/** Whether a job has not ended. */
+export const runs = (job) => job.state === 'running' || job.state === 'stopping';
+
+/** What a state is called. */
+const STATES = {
+  running: 'running', stopping: 'stopping and saving', done: 'done', stopped: 'stopped', failed: 'failed',
+  waiting: 'without a step yet', silent: 'stopped', finished: 'finished',
+};
+
+/** Most jobs that have ended and are still shown. */
+const ENDED = 3;
+
+/** Jobs that run, and the last ones that failed or were stopped. */
+export function jobsList(jobs, { stop }) {
+  const ended = jobs.filter((job) => !runs(job) && job.state !== 'done').slice(0, ENDED);
+  const shown = [...jobs.filter(runs), ...ended];
+  if (shown.length === 0) return null;
+  const item = (job) => element(
+    'li', { class: job.state },
+    element(
+      'p', { class: 'row' },
+      element('strong', { text: job.title }), element('span', { class: 'quiet', text: STATES[job.state] }),
+      runs(job) ? button('Stop', `stop${job.id}`, () => stop(job.id), { disabled: job.state === 'stopping', 'aria-label': `Stop: ${job.title}` }) : null,
+    ),
+    element('p', {}, element('code', { text: job.command })),
+    job.said.length > 0 ? element('p', { class: job.state === 'failed' ? 'problem' : 'note', text: job.said.join('\n') }) : null,
+  );
+  return [element('ul', { class: 'jobs' }, ...shown.map(item))];
+}
+
+/** Performances to listen to, to see and to compare. */
+export function performancesList(performances, { listen, start, chosen }) {
+  if (performances.length === 0) return null;
+  const compare = button('Compare the two that are marked', 'compare', () => start({ verb: 'compare', one: chosen[0], other: chosen[1] }));
+  const enable = () => { compare.disabled = chosen.length !== 2; };
+  const mark = (performance) => {
+    const box = element('input', { type: 'checkbox', 'data-key': `mark ${performance.recording}`, 'aria-label': `Compare ${performance.recording}` });
+    box.checked = chosen.includes(performance.recording);
+    box.addEventListener('change', () => {
+      if (box.checked) chosen.push(performance.recording);
+      else chosen.splice(chosen.indexOf(performance.recording), 1);
+      enable();
+    });
+    return box;
+  };
+  const rows = performances.map((performance) => [
+    mark(performance),
+    performance.song,
+    playerText(performance.player),
+    performance.mode === null ? 'simulation' : `twin, ${performance.mode}`,
+    notesText(performance),
+    scoreText(performance.f1),
+    button('Listen', `listen ${performance.recording}`, () => listen(performance), { 'aria-label': `Listen to ${performance.recording}` }),
+    performance.page === null
+      ? button('Make the replay', `replay ${performance.recording}`, () => start({ verb: 'replay', recording: performance.recording }))
+      : replayLink(performance.page, performance.recording),
+  ]);
+  enable();
+  return [
+    table('Performances', ['compare', 'song', 'player', 'where', 'notes', 'F1', 'sound', 'picture'], rows),
+    element('p', { class: 'row' }, compare),
+  ];
+}
+
+/** A link to a replay, which opens beside the page. */
+export function replayLink(page, name) {
+  return element('a', { href: ask.address(page), target: '_blank', rel: 'noopener', text: 'Replay', 'data-key': `page ${page}`, 'aria-label': `Replay of ${name}` });
+}
+
+/** The comparisons, to choose one. */
+export function comparisonsList(paths, choose) {
+  if (paths.length === 0) return null;
+  const name = (path) => path.split('/').at(-1).replace(/\.json$/, '').replace('_', ' and ');
+  const choices = choice([['', 'choose one'], ...paths.map((path) => [path, name(path)])], { 'data-key': 'comparison' });
+  choices.addEventListener('change', () => choices.value && choose(choices.value));
+  return [field('Comparison', choices)];
+}
+
+const millis = (secs) => `${secs > 0 ? '+' : secs < 0 ? '−' : ''}${Math.abs(Math.round(secs * 1e3))} ms`;
+
+/** What `etude compare` found. */
+export function comparison(path, compared) {
+  const sides = ['a', 'b'].map((side) => compared[side]);
+  const heard = (stroke) => {
+    if (stroke === null) return 'missed';
+    const text = `${millis(stroke.onset_error_secs)}, ${millis(stroke.length_error_secs)}, ${stroke.velocity}`;
+    return stroke.right ? text : `${text} !`;
+  };
+  const rows = compared.notes.map((note) => [`${note.due_secs.toFixed(2)} s`, note.name, ...note.played.map(heard)]);
+  return [
+    element('p', {}, `${sides[0].song}. `, replayLink(path.replace(/\.json$/, '.html'), 'both performances')),
+    element('ul', {}, ...sides.map(({ name, player, notes, frames }, index) => {
+      const due = notes && { notes_right: notes.matched, notes_due: notes.matched + notes.missed, notes_wrong: notes.wrong };
+      const figures = [due && notesText(due), scoreText(frames?.f1)].filter(Boolean).join(', ');
+      return element('li', { text: `${'AB'[index]}: ${name}, by ${playerText(player)}: ${figures}` });
+    })),
+    element('p', { class: 'note', text: 'Of each note: onset and length, played minus due, and velocity. A note marked ! is more than 50 ms early or late: it counts as missed.' }),
+    table('Note by note', ['due', 'note', 'A', 'B'], rows),
+  ];
+}
+
+/** Trainings with their curves. */
+export function trainingsList(trainings, jobs, { start, stop, songs }) {
+  if (trainings.length === 0) return null;
+  const cards = trainings.map((run) => {
+    const job = jobs.find((job) => job.makes === run.run && runs(job));
+    // One that has logged lately and is no job of this server may be the work of another process.
+    const rest = run.state !== 'running' ? STATES[run.state] : jobs.some(({ makes }) => makes === run.run) ? 'stopped' : 'stopped, or running elsewhere';
+    const state = job ? STATES[job.state] : rest;
+    const song = songs.find(({ title }) => title === run.song)?.song;
+    const figures = [
+      `${stepsText(run.step)} of ${stepsText(run.total_steps ?? run.step)} control steps`,
+      `${timeText(run.secs)} trained`,
+      job && run.secs_left !== null ? `${timeText(run.secs_left)} left` : '',
+      notesText(run),
+      run.best_f1 === null ? '' : `best ${scoreText(run.best_f1)}`,
+    ].filter(Boolean);
+    return element(
+      'article', { class: 'card' },
+      element('h3', { text: run.name }),
+      element('p', {}, `${run.song ?? ''}: `, element('strong', { text: state })),
+      element('p', { class: 'quiet', text: figures.join('; ') }),
+      curve('F1', run.f1, [0, 1], run.total_steps),
+      curve('Reward per step', run.reward_curve, null, run.total_steps),
+      element(
+        'p', { class: 'row' },
+        job
+          ? button('Stop and save', `stop ${run.run}`, () => stop(job.id), { disabled: job.state === 'stopping', 'aria-label': `Stop and save: ${run.name}` })
+          : button('Train on', `resume ${run.run}`, () => start({ verb: 'resume', run: run.run, minutes: null }), { 'aria-label': `Train on: ${run.name}` }),
+        song !== undefined && run.best_f1 !== null
+          ? button('Play its best policy', `play ${run.run}`, () => start({ verb: 'play', song, player: { run: run.run } }), { 'aria-label': `Play its best policy: ${run.name}` })
+          : null,
+      ),
+    );
+  });
+  return [element('div', { class: 'cards' }, ...cards)];
+}

@@ -1,0 +1,73 @@
+/** Parts of the page that several sections have. */
+
+import { element } from '../dom.js';
+
+/** A button; `key` names it, so that it keeps the focus when its section is made anew. */
+export function button(text, key, press, attributes = {}) {
+  return element('button', { type: 'button', text, 'data-key': key, on: { click: press }, ...attributes });
+}
+
+/** A field with its label. */
+export function field(text, control) {
+  return element('label', { class: 'field' }, element('span', { text }), control);
+}
+
+/** A choice of `[value, text]`. */
+export function choice(options, attributes = {}) {
+  return element('select', attributes, ...options.map(([value, text]) => element('option', { value, text })));
+}
+
+/** A table that scrolls by itself. Cells are texts or elements. */
+export function table(caption, columns, rows) {
+  return element(
+    'div', { class: 'scroll', role: 'group', 'aria-label': caption, tabindex: '0' },
+    element(
+      'table', {},
+      element('thead', {}, element('tr', {}, ...columns.map((text) => element('th', { scope: 'col', text })))),
+      element('tbody', {}, ...rows.map((cells) => element('tr', {}, ...cells.map((cell) => element('td', {}, cell))))),
+    ),
+  );
+}
+
+/** A section with a heading, whose content is made anew only when what it shows has changed. */
+export class Section {
+  constructor(title) {
+    this.content = element('div', {});
+    this.heading = element('h2', { text: title });
+    this.root = element('section', {}, this.heading, this.content);
+  }
+
+  /** `make` gives the content that shows `data`; `null` hides the section. */
+  show(data, make) {
+    const text = JSON.stringify(data);
+    if (text === this.shown) return;
+    this.shown = text;
+    const key = this.content.contains(document.activeElement) ? document.activeElement.dataset.key : undefined;
+    const made = make();
+    this.root.hidden = made === null;
+    this.content.replaceChildren(...(made ?? []).filter((part) => part !== null));
+    if (key !== undefined) this.content.querySelector(`[data-key="${CSS.escape(key)}"]`)?.focus();
+  }
+}
+
+/** `12 of 14 notes right, 1 wrong` */
+export function notesText({ notes_right: right, notes_due: due, notes_wrong: wrong }) {
+  return due === null || due === undefined ? '' : `${right} of ${due} notes right, ${wrong} wrong`;
+}
+
+/** `F1 0.981` */
+export function scoreText(f1) {
+  return typeof f1 === 'number' ? `F1 ${f1.toFixed(3)}` : '';
+}
+
+/** Seconds as a clock shows them, or hours and minutes. */
+export function timeText(secs) {
+  const whole = Math.round(secs);
+  const [hours, minutes, rest] = [Math.floor(whole / 3600), Math.floor(whole / 60) % 60, String(whole % 60).padStart(2, '0')];
+  return hours > 0 ? `${hours} h ${String(minutes).padStart(2, '0')} min` : `${minutes}:${rest}`;
+}
+
+/** Who has played, in words; of a policy the file and its folder, which is that of its run. */
+export function playerText(player) {
+  return player === 'scripted' ? 'the scripted player' : `the policy ${player.split('/').slice(-2).join('/')}`;
+}

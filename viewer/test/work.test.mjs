@@ -1,0 +1,179 @@
+/**
+ * The page of `etude serve` in Chromium, from the drop of a MIDI file to the sound, and on to a training, the twin, a comparison and a
+ * replay. `ETUDE_PAGE` is its address, `ETUDE_SONG` an unseen MIDI file, `ETUDE_SETTINGS` are settings with which a training takes a second.
+ */
+
+import assert from 'node:assert/strict';
+import { mkdir, readFile } from 'node:fs/promises';
+import { createRequire } from 'node:module';
+import os from 'node:os';
+import path from 'node:path';
+import { after, before, test } from 'node:test';
+
+import { chromium } from 'playwright-core';
+
+import { FLAGS, ready } from './browser.mjs';
+
+const { ETUDE_PAGE: address, ETUDE_SONG: songFile, ETUDE_SETTINGS: settings } = process.env;
+const skip = address ? false : 'it is run by `cargo test --test command serve`, with a server';
+const screenshots = process.env.ETUDE_SCREENSHOTS ?? os.tmpdir();
+const LONG = { timeout: 120000 };
+
+let browser;
+let page;
+const troubles = [];
+
+async function open(options = {}) {
+  const context = await browser.newContext({ viewport: { width: 1280, height: 900 }, reducedMotion: 'reduce', ...options });
+  const made = await context.newPage();
+  made.on('console', (message) => ['error', 'warning'].includes(message.type()) && troubles.push(message.text()));
+  made.on('pageerror', (error) => troubles.push(String(error)));
+  await made.goto(address);
+  return made;
+}
+
+before(async () => {
+  if (skip) return;
+  await mkdir(screenshots, { recursive: true });
+  browser = await chromium.launch({ executablePath: process.env.ETUDE_CHROMIUM ?? '/usr/bin/chromium', args: FLAGS });
+  page = await open();
+});
+
+after(() => browser?.close());
+
+/** Drops a file on the page as a desktop does: these bytes, or so many zeros. */
+async function dropOn(name, bytes) {
+  const data = await page.evaluateHandle(([file, content]) => {
+    const transfer = new DataTransfer();
+    transfer.items.add(new File([new Uint8Array(content)], file, { type: 'audio/midi' }));
+    return transfer;
+  }, [name, typeof bytes === 'number' ? bytes : [...bytes]]);
+  for (const event of ['dragenter', 'dragover', 'drop']) await page.dispatchEvent('.drop', event, { dataTransfer: data });
+}
+
+/** The loudest sample of the sound that an element plays, decoded from what the server sends. */
+function loudest(selector) {
+  return page.evaluate(async (which) => {
+    const sound = await (await fetch(document.querySelector(which).currentSrc)).arrayBuffer();
+    const decoded = await new AudioContext().decodeAudioData(sound);
+    return decoded.getChannelData(0).reduce((most, sample) => Math.max(most, Math.abs(sample)), 0);
+  }, selector);
+}
+
+const isDone = (text) => page.waitForFunction((wanted) => document.body.innerText.includes(wanted), text, LONG);
+
+test('a dropped MIDI file is heard', { skip }, async () => {
+  await page.getByText('How it should sound').waitFor(LONG);
+  const begun = Date.now();
+  await dropOn(path.basename(songFile), await readFile(songFile));
+  await page.waitForFunction(() => {
+    const player = document.getElementById('player');
+    return !player.paused && player.currentTime > 0;
+  }, null, LONG);
+  console.log(`from the drop to the sound: ${((Date.now() - begun) / 1000).toFixed(2)} s`);
+  assert.match(await page.locator('.heard').innerText(), /played by the scripted player: \d+ of 44 notes right/);
+  assert.match(await page.locator('.song').innerText(), /No policy has learned this song yet/);
+  assert.ok(await loudest('#player') > 0.05, 'the sound is not silence');
+  await page.getByText('With three fingers: 44 notes').waitFor(LONG);
+  assert.ok(await loudest('[data-key="reference"]') > 0.05);
+  await page.getByText('Its 16 bars').click();
+  await page.getByText('C4 1   C4 1   C4 1   D4 1').first().waitFor();
+});
+
+test('one sound plays at a time', { skip }, async () => {
+  await page.evaluate(() => document.querySelector('[data-key="reference"]').play());
+  await page.waitForFunction(() => document.getElementById('player').paused);
+});
+
+test('what is no song is refused in words', { skip }, async () => {
+  troubles.length = 0;
+  await dropOn('words.mid', new TextEncoder().encode('no music'));
+  await page.getByRole('alert').getByText('words.mid cannot be used').waitFor(LONG);
+  await dropOn('large.mid', (1 << 20) + 1);
+  await page.getByRole('alert').getByText('larger than 1 MiB').waitFor(LONG);
+  // Chromium itself tells of an answer that is a refusal.
+  assert.ok(troubles.every((text) => text.includes('422')), troubles.join('\n'));
+  troubles.length = 0;
+});
+
+test('it survives a reload', { skip }, async () => {
+  await page.reload();
+  await page.getByText('With three fingers: 44 notes').waitFor(LONG);
+  await page.getByRole('button', { name: /^Listen to out\/au-clair/ }).click();
+  await page.waitForFunction(() => document.getElementById('player').currentTime > 0, null, LONG);
+});
+
+test('it performs on the twin, compares, and opens the replay', { skip }, async () => {
+  // By keys alone.
+  await page.getByRole('button', { name: 'Perform it on the twin' }).focus();
+  await page.keyboard.press('Enter');
+  await isDone('twin, real');
+  for (const box of await page.getByRole('checkbox').all()) await box.check();
+  await page.getByRole('button', { name: 'Compare the two' }).click();
+  await page.getByText('Of each note: onset and length').waitFor(LONG);
+  const [replay] = await Promise.all([page.waitForEvent('popup'), page.getByRole('link', { name: 'Replay of both' }).click()]);
+  const replayTroubles = [];
+  replay.on('pageerror', (error) => replayTroubles.push(String(error)));
+  await ready(replay);
+  assert.deepEqual(replayTroubles, []);
+  // A page from a file has no access to the server.
+  const access = await replay.evaluate(() => fetch('../../../state').then(() => 'has access', () => 'none'));
+  assert.equal(access, 'none');
+  await replay.close();
+});
+
+test('it trains with live curves, and stops', { skip }, async () => {
+  await page.getByLabel('Settings').fill(`${settings} trainer.total_steps=400000`);
+  await page.getByRole('button', { name: 'Train a policy' }).click();
+  await page.locator('.card polyline').first().waitFor({ state: 'attached', ...LONG });
+  const points = () => page.locator('.card polyline').first().getAttribute('points');
+  const first = await points();
+  await page.waitForFunction((before) => document.querySelector('.card polyline').getAttribute('points').length > before, first.length, LONG);
+  await page.getByRole('button', { name: /^Stop and save/ }).click();
+  await isDone('Train au-clair-de-la-lune\nstopped');
+  await page.getByRole('button', { name: /^Train on/ }).waitFor(LONG);
+});
+
+test('a file can be chosen instead of dropped', { skip }, async () => {
+  await page.locator('input[type="file"]').setInputFiles({ name: 'By Button.mid', mimeType: 'audio/midi', buffer: await readFile(songFile) });
+  await page.locator('.heard').getByText('By Button, played by the scripted player').waitFor(LONG);
+  assert.equal(await page.locator('.song h2').first().innerText(), 'By Button');
+});
+
+test('a server that has ended is told of, until it answers again', { skip }, async () => {
+  await page.route('**/state', (route) => route.abort());
+  await page.getByRole('alert').getByText('The server does not answer').waitFor(LONG);
+  await page.unroute('**/state');
+  await page.waitForFunction(() => document.querySelector('[role="alert"]').textContent === '', null, LONG);
+  // Chromium itself tells of a request that fails.
+  assert.ok(troubles.every((text) => text.includes('ERR_FAILED')), troubles.join('\n'));
+  troubles.length = 0;
+});
+
+for (const [look, options] of [
+  ['wide-light', {}],
+  ['wide-dark', { colorScheme: 'dark' }],
+  ['phone-light', { viewport: { width: 390, height: 844 }, isMobile: true, hasTouch: true }],
+  ['phone-dark', { viewport: { width: 390, height: 844 }, isMobile: true, hasTouch: true, colorScheme: 'dark' }],
+]) {
+  test(`it is accessible and whole: ${look}`, { skip }, async () => {
+    const shown = await open(options);
+    await shown.getByLabel('Song').selectOption('out/songs/au-clair-de-la-lune.mid');
+    await shown.getByText('With three fingers: 44 notes').waitFor(LONG);
+    await shown.getByRole('button', { name: /^Listen to out\/au-clair-de-la-lune-scripted\// }).click();
+    await shown.getByLabel('Comparison').selectOption({ index: 1 });
+    await shown.getByText('Of each note').waitFor(LONG);
+    await shown.evaluate(() => document.querySelectorAll('details').forEach((details) => { details.open = true; }));
+    await shown.evaluate(await readFile(createRequire(import.meta.url).resolve('axe-core/axe.min.js'), 'utf8'));
+    const found = await shown.evaluate(() => window.axe.run({ preload: false }));
+    const violations = found.violations.flatMap(({ id, nodes }) => nodes.map((node) => `${id}: ${node.target} ${node.failureSummary}`));
+    assert.deepEqual(violations, []);
+    assert.ok((await shown.evaluate(() => document.scrollingElement.scrollWidth - window.innerWidth)) <= 0, 'no sideways scrolling');
+    await shown.screenshot({ path: path.join(screenshots, `work-${look}.png`), fullPage: true });
+    await shown.context().close();
+  });
+}
+
+test('nothing was told in the console', { skip }, () => {
+  assert.deepEqual(troubles, []);
+});
