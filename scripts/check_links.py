@@ -1,4 +1,5 @@
-"""Checks that relative links in Markdown lead to files and, where they name a heading, to that heading: check_links.py FILE|FOLDER…"""
+"""Checks that relative links in Markdown lead to files and, where they name a heading, to that heading, and that the contents of a book
+(SUMMARY.md in a folder) lead to each of its pages: check_links.py FILE|FOLDER…"""
 
 import re
 import sys
@@ -29,12 +30,19 @@ def broken(page: Path) -> list[str]:
     return found
 
 
+def left_out(summary: Path) -> list[str]:
+    """Pages beside the contents of a book to which they do not lead."""
+    linked = set(LINK.findall(summary.read_text())) | {summary.name}
+    return [f"{page}: {summary} does not lead to it" for page in sorted(summary.parent.glob("*.md")) if page.name not in linked]
+
+
 def main() -> int:
     pages: list[Path] = []
     for name in sys.argv[1:]:
         path = Path(name)
         pages += sorted(path.rglob("*.md")) if path.is_dir() else [path]
     found = [line for page in pages for line in broken(page)]
+    found += [line for page in pages if page.name == "SUMMARY.md" for line in left_out(page)]
     print("\n".join(found) if found else f"{len(pages)} pages, every link leads somewhere")
     return 1 if found else 0
 
