@@ -182,7 +182,7 @@ impl Experiment {
 
 fn rehearsals(
     rehearse: &RehearseConfig,
-    truth: &str,
+    truth_name: &str,
     training: &TrainingConfig,
     labels: &BTreeMap<String, String>,
     smoke: bool,
@@ -192,16 +192,16 @@ fn rehearsals(
     let trial = |mode: &Mode| {
         let (rounds, runs) = if smoke { (1, 1) } else { (rehearse.rounds, rehearse.runs) };
         let evaluations = if smoke { Some(SMOKE_EVALUATIONS) } else { rehearse.evaluations };
-        let all = format!("{what}{mode}{rounds} {runs} {truth} {evaluations:?}");
+        let all = format!("{what}{mode}{rounds} {runs} {truth_name} {evaluations:?}");
         let mut labels = labels.clone();
         labels.insert("mode".to_string(), mode.name().to_string());
-        labels.insert("truth".to_string(), truth.to_string());
+        labels.insert("truth".to_string(), truth_name.to_string());
         let work = Work::Rehearse {
             training: training.clone(),
             mode: *mode,
             rounds,
             runs,
-            truth: truth.to_string(),
+            truth: truth_name.to_string(),
             evaluations,
         };
         Trial { id: id("rehearse", &training.song, seed, &all), labels, work }

@@ -37,7 +37,7 @@ export const stop = (id) => answered(fetch(`jobs/${id}/stop`, { method: 'POST' }
 
 /** Hands a MIDI file over; gives the name of the song. */
 export async function handOver(file) {
-  if (file.size > LARGEST) throw new Error(`${file.name} is larger than ${LARGEST >> 20} MiB, which no song needs.`);
+  if (file.size > LARGEST) throw new Error(`${file.name} is larger than ${LARGEST >> 20} MiB. Put it into the folder songs, and it is listed.`);
   const { song } = await answered(fetch(`songs?name=${encodeURIComponent(file.name)}`, { method: 'POST', body: file }));
   return song;
 }

@@ -77,7 +77,8 @@ const stop = (id) => attempt(async () => {
 
 /** What follows the first step of a verb that this page has started. */
 const AFTER = {
-  show: (job, { song: shown }) => shown === song.song && song.choose(shown),
+  // What was just read counts, whatever the times of its files are.
+  show: (job, { song: shown }) => shown === song.song && song.choose(shown, false),
   arrange: (job) => choose(job.makes),
   play: hear,
   perform: hear,
@@ -162,6 +163,7 @@ async function follow() {
     const then = waiting.get(job.id);
     if (job.done > 0 || !runs(job)) waiting.delete(job.id);
     if (job.done > 0) await then(job);
+    else if (job.state === 'stopped') status.textContent = `Stopped: ${job.title}`;
     else if (job.state === 'failed') throw new Error(`${job.title}: ${job.said.join('\n') || 'failed'}`);
   }
 }

@@ -27,18 +27,24 @@ export class SongSection {
     this.root.hidden = true;
   }
 
-  /** Shows what is known of a song, and gives it. */
-  async choose(song) {
+  /**
+   * Shows what is known of a song, and gives it.
+   *
+   * @param {string} song
+   * @param {boolean} reads whether `etude songs show` reads it if its files are not there
+   */
+  async choose(song, reads = true) {
+    if (this.song !== song) this.root.hidden = true;
     this.song = song;
     const known = await ask.about(song);
-    const text = known.is_there ? await ask.json(known.about) : null;
+    const text = known.is_there || !reads ? await ask.json(known.about) : null;
     // Meanwhile another one may have been chosen.
     if (this.song !== song) return known;
     this.root.hidden = false;
     this.about.heading.textContent = known.title;
     this.showAbout(known, text);
     this.showActions(known);
-    if (text === null && known.problem === null) await this.letRead(known);
+    if (text === null && known.problem === null && reads) await this.letRead(known);
     return known;
   }
 
@@ -113,7 +119,7 @@ export class SongSection {
       const player = choice(players, { 'data-key': 'player' });
       const mode = choice(MODES, { 'data-key': 'mode' });
       const minutes = element('input', { type: 'number', min: '0.1', step: 'any', placeholder: 'no limit', 'data-key': 'minutes' });
-      const set = element('input', { type: 'text', placeholder: 'trainer.seed=3', autocomplete: 'off', spellcheck: 'false', 'data-key': 'set' });
+      const set = element('input', { type: 'text', placeholder: 'droq.batch=256', autocomplete: 'off', spellcheck: 'false', 'data-key': 'set' });
       return [
         policy === null
           ? element('p', { text: 'No policy has learned this song yet. The scripted player plays it: by inverse kinematics and timing, without learning.' })

@@ -14,6 +14,8 @@ use super::{PianistArgs, json, line, note};
 use crate::Ending;
 use crate::progress::stop_flag;
 
+const DEFAULT_TRUTH: &str = "standard";
+
 /// What to play, how, and on which robot.
 #[derive(clap::Args)]
 #[command(after_help = "\
@@ -42,7 +44,7 @@ pub struct Args {
     #[arg(long, default_value = "twin", value_name = "RIG", value_hint = ValueHint::FilePath)]
     robot: String,
     /// What is true of the twin: `standard`, `ideal`, `worn`, or a file
-    #[arg(long, default_value = "standard", value_name = "NAME|FILE", value_parser = super::truth(), value_hint = ValueHint::FilePath, hide_possible_values = true)]
+    #[arg(long, default_value = DEFAULT_TRUTH, value_name = "NAME|FILE", value_parser = super::truth(), value_hint = ValueHint::FilePath, hide_possible_values = true)]
     truth: String,
     /// Something that goes wrong with the twin, as in `etude twin`; starting and homing take some ten seconds
     #[arg(long = "fault", value_name = "KIND[=VALUE]@SECS[+SECS]")]
@@ -58,7 +60,8 @@ pub struct Args {
     seed: u64,
     #[command(flatten)]
     pianist: PianistArgs,
-    /// Where the files go; if not given out/SONG-MODE, with the player if it is not the best policy for the song
+    /// Where the files go; if not given out/SONG-MODE, with the player if it is not the best policy for the song, and the robot if it is not the default
+    /// twin
     #[arg(short = 'o', long = "out", value_name = "DIR")]
     out: Option<PathBuf>,
     /// A SoundFont (.sf2) for the sound; a built-in piano tone if not given
@@ -77,9 +80,7 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
     let rig = with_faults(rig_choice(&args.robot, &args.truth)?, &args.faults)?;
     let pianist = args.pianist.load(&args.song, &song)?;
     let font = args.soundfont.as_deref().map(SoundFont::load).transpose()?;
-    let folder = args.out.clone().unwrap_or_else(|| {
-        Path::new("out").join(format!("{}-{}", args.pianist.folder_name(&args.song), args.mode))
-    });
+    let folder = args.out.clone().unwrap_or_else(|| Path::new("out").join(folder_name(&args, &rig)));
     let play = RobotPlay {
         mode: args.mode,
         runs: args.runs.into(),
@@ -109,6 +110,22 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
             Ok(Ending::Stopped)
         }
     }
+}
+
+/// Name of the folder of a performance, if none is given: song and mode, and what differs from the default player and robot. So no
+/// performance replaces one on another robot.
+fn folder_name(args: &Args, rig: &RigChoice) -> String {
+    let robot = match rig {
+        RigChoice::File { .. } => rig.name().to_string(),
+        RigChoice::Twin(_) if args.truth == DEFAULT_TRUTH => String::new(),
+        RigChoice::Twin(_) => {
+            Path::new(&args.truth).file_stem().unwrap_or_default().to_string_lossy().into_owned()
+        }
+    };
+    let parts = [args.pianist.folder_name(&args.song), args.mode.to_string()];
+    let others = [robot].into_iter().chain(args.faults.iter().map(ToString::to_string));
+    let others = others.filter(|part| !part.is_empty()).map(|part| etude_show::slug(&part));
+    parts.into_iter().chain(others).collect::<Vec<_>>().join("-")
 }
 
 /// The same robot with these faults, which only a twin of this process can be ordered to have.

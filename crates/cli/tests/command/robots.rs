@@ -32,6 +32,22 @@ fn every_mode_plays_on_the_twin() {
 }
 
 #[test]
+fn each_robot_has_a_folder_of_its_own() {
+    let desk = Desk::new();
+    for (args, folder) in [
+        ("", "short-scripted-real"),
+        ("--truth worn", "short-scripted-real-worn"),
+        ("--fault joint-dead=5@30", "short-scripted-real-joint-dead-5-30"),
+        ("--mode hybrid", "short-scripted-hybrid"),
+    ] {
+        let seen = std::fs::read_dir(desk.path("out")).map_or(0, Iterator::count);
+        desk.ok(&format!("perform short.mid --scripted {args}"));
+        assert!(desk.path("out").join(folder).join("run-1.mcap").is_file(), "{folder}");
+        assert_eq!(std::fs::read_dir(desk.path("out")).unwrap().count(), seen + 1, "{args}");
+    }
+}
+
+#[test]
 fn the_proposed_lead_puts_notes_on_time() {
     let desk = Desk::new();
     let args = "perform twinkle --scripted --mode joint-mirroring --robot twin -o late";

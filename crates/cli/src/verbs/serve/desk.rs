@@ -114,21 +114,28 @@ impl Desk {
             Refusal::new(StatusCode::UNPROCESSABLE_ENTITY, format!("{name} cannot be used: {error}"))
         })?;
         let _adding = self.adding.lock().unwrap_or_else(PoisonError::into_inner);
+        let is_same = |listed: &Listed| std::fs::read(&listed.song).is_ok_and(|theirs| theirs == bytes);
+        match self.free_name(&stem, is_same) {
+            Err(same) => Ok(same),
+            Ok(path) => {
+                make_folder(SONGS)?;
+                write_file(Path::new(&path), bytes).map_err(anyhow::Error::from)?;
+                Ok(path)
+            }
+        }
+    }
+
+    /// A path for a new song called `stem`, with a number if another song has the same short form, after which runs and performances are
+    /// called; `Err` is the song of this name that `is_same`.
+    pub fn free_name(&self, stem: &str, is_same: impl Fn(&Listed) -> bool) -> Result<String, String> {
         let known = self.songs();
-        // Runs and performances are called after the short form of the name.
         for number in 1.. {
-            let name = if number == 1 { stem.clone() } else { format!("{stem} {number}") };
+            let name = if number == 1 { stem.to_string() } else { format!("{stem} {number}") };
             let path = format!("{SONGS}/{name}.mid");
             match known.iter().find(|listed| slug(&listed.song) == slug(&path)) {
-                Some(same) if std::fs::read(&same.song).is_ok_and(|theirs| theirs == bytes) => {
-                    return Ok(same.song.clone());
-                }
+                Some(same) if is_same(same) => return Err(same.song.clone()),
                 Some(_) => {}
-                None => {
-                    make_folder(SONGS)?;
-                    write_file(Path::new(&path), bytes).map_err(anyhow::Error::from)?;
-                    return Ok(path);
-                }
+                None => return Ok(path),
             }
         }
         unreachable!("some number is free")
@@ -149,11 +156,13 @@ impl Desk {
                 (Some(error.to_string()), fitting)
             }
         };
-        // Of an earlier file of this name it says nothing.
+        // What was said of an earlier file of this name, or of another song whose name has the same short form, does not count.
         let is_there = [&about, &reference].iter().all(|path| {
             let made = written(Path::new(path));
             made.is_some() && made >= written(Path::new(song))
         });
+        let said = || serde_json::from_slice::<Value>(&std::fs::read(&about).ok()?).ok();
+        let is_there = is_there && said().is_some_and(|said| said["title"] == notes.title());
         let policy = policy_for(song, &notes);
         Ok(json!({
             "song": song, "title": listed.title, "about": about, "reference": reference, "is_there": is_there,
@@ -211,7 +220,11 @@ impl Desk {
 
 /// The files of what `etude songs show` says of a song, and of how it should sound.
 pub fn about(song: &str) -> (String, String) {
-    let name = slug(song);
+    let mut name = slug(song);
+    // A file name may have no letter of ASCII.
+    if name.is_empty() {
+        name = "song".to_string();
+    }
     (format!("{SONGS}/{name}.json"), format!("{SONGS}/{name}.wav"))
 }
 
@@ -220,6 +233,15 @@ pub fn policy_for(asked: &str, song: &Song) -> Option<Pianist> {
     let pianist = load_pianist(asked, &slug(asked), None).ok()?;
     let is_of_it = pianist.song.as_deref().is_none_or(|learned| learned == song.title());
     (is_of_it && pianist.learned_other_notes(song).is_none()).then_some(pianist)
+}
+
+/// The page of a recording: each run of a performance has its own.
+pub fn replay_page(recording: &Path) -> PathBuf {
+    if recording.file_stem().is_some_and(|stem| stem == "recording") {
+        recording.with_file_name("replay.html")
+    } else {
+        recording.with_extension("html")
+    }
 }
 
 /// Makes a folder of the working folder.
@@ -265,7 +287,7 @@ fn performed(folder: &Path) -> Vec<Performed> {
         let file = |key: &str| Some(folder.join(Path::new(run["files"][key].as_str()?).file_name()?));
         let recording = file("recording").filter(|path| path.is_file())?;
         let made = written(&recording);
-        let page = Some(folder.join("replay.html")).filter(|page| written(page) >= made && page.is_file());
+        let page = Some(replay_page(&recording)).filter(|page| written(page) >= made && page.is_file());
         let count = |key: &str| run[key].as_u64();
         Some(Performed {
             page,

@@ -16,6 +16,7 @@ use hyper::{Method, Response, StatusCode};
 use hyper_util::rt::{TokioIo, TokioTimer};
 use serde_json::json;
 use tokio::net::TcpListener as AsyncListener;
+use tokio::sync::Semaphore;
 
 use super::super::note;
 use super::routes::Site;
@@ -24,12 +25,13 @@ use super::routes::Site;
 const LARGEST: usize = 1 << 20;
 /// How long a request may take to arrive.
 const ARRIVAL: Duration = Duration::from_secs(10);
+/// Connections at a time; more wait.
+const MOST_CONNECTIONS: usize = 64;
 /// Longest time between two looks at the request to stop.
 const LOOK: Duration = Duration::from_millis(50);
 
 /// A request that was admitted.
 pub struct Request {
-    /// How it asks.
     pub method: Method,
     /// The parts of its path after the token, decoded.
     pub path: Vec<String>,
@@ -37,7 +39,6 @@ pub struct Request {
     pub query: BTreeMap<String, String>,
     /// Which part of a file is asked for.
     pub range: Option<String>,
-    /// Its contents.
     pub body: Bytes,
 }
 
@@ -96,22 +97,34 @@ impl From<Refusal> for Answer {
     }
 }
 
-/// Answers until `stop` is set, then stops the jobs and answers until they have ended.
+/// Answers until `stop` is set, then stops the jobs and waits until they have ended.
 pub fn serve(listener: TcpListener, site: &Arc<Site>, stop: &AtomicBool) -> anyhow::Result<()> {
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build()?;
     runtime.block_on(async {
         listener.set_nonblocking(true)?;
         let listener = AsyncListener::from_std(listener)?;
+        let places = Arc::new(Semaphore::new(MOST_CONNECTIONS));
         while !stop.load(Ordering::Relaxed) {
-            // An error is one of a connection that has gone, or of too many at once; the next one may succeed.
-            if let Ok(Ok((stream, _))) = tokio::time::timeout(LOOK, listener.accept()).await {
-                tokio::spawn(connection(stream, site.clone()));
+            let Ok(Ok(place)) = tokio::time::timeout(LOOK, places.clone().acquire_owned()).await else {
+                continue;
+            };
+            match tokio::time::timeout(LOOK, listener.accept()).await {
+                Ok(Ok((stream, _))) => {
+                    let site = site.clone();
+                    tokio::spawn(async move {
+                        connection(stream, site).await;
+                        drop(place);
+                    });
+                }
+                // A connection may be gone already, or too many files are open.
+                Ok(Err(_)) => tokio::time::sleep(LOOK).await,
+                Err(_) => {}
             }
         }
         drop(listener);
         site.jobs.stop_all();
         if site.jobs.any_runs() {
-            note("stopping what runs, which saves itself; once more ends the server at once");
+            note("stopping what runs; a training is saved; once more ends the server at once");
         }
         while site.jobs.any_runs() {
             tokio::time::sleep(LOOK).await;
@@ -138,7 +151,11 @@ async fn connection(stream: tokio::net::TcpStream, site: Arc<Site>) {
 
 async fn answer(request: hyper::Request<Incoming>, site: Arc<Site>) -> Result<Answer, Refusal> {
     let too_large = || {
-        Refusal::new(StatusCode::PAYLOAD_TOO_LARGE, format!("more than {} KiB are not taken", LARGEST >> 10))
+        let most = LARGEST >> 20;
+        let why = format!(
+            "it is larger than {most} MiB; put a larger MIDI file into the folder songs, and it is listed"
+        );
+        Refusal::new(StatusCode::PAYLOAD_TOO_LARGE, why)
     };
     let (head, body) = request.into_parts();
     let rest = site.gate.admit(&head.method, &head.uri, &head.headers)?;
@@ -160,7 +177,7 @@ async fn answer(request: hyper::Request<Incoming>, site: Arc<Site>) -> Result<An
         .to_bytes();
     let range = head.headers.get(header::RANGE).and_then(|range| range.to_str().ok()).map(str::to_string);
     let request = Request { method: head.method, path, query, range, body };
-    // Files are read and songs planned beside the other requests.
+    // Files and songs are read in another thread than that of the connections.
     tokio::task::spawn_blocking(move || site.answer(&request)).await.map_err(|_| {
         Refusal::new(StatusCode::INTERNAL_SERVER_ERROR, "the server failed; its terminal says why")
     })?
@@ -194,7 +211,7 @@ fn decoded(text: &str) -> Option<String> {
             continue;
         }
         let digits = std::str::from_utf8(rest.get(..2)?).ok()?;
-        // Of `+1` it would take the sign.
+        // `from_str_radix` accepts `+1`.
         if !digits.bytes().all(|digit| digit.is_ascii_hexdigit()) {
             return None;
         }

@@ -146,7 +146,14 @@ impl Jobs {
         }
         drop(list);
         let (program, list) = (self.program.clone(), self.list.clone());
-        std::thread::spawn(move || work(id, &order, &program, &list));
+        let thread = {
+            let list = list.clone();
+            std::thread::Builder::new().spawn(move || work(id, &order, &program, &list))
+        };
+        if let Err(error) = thread {
+            say(&list, id, &format!("it cannot be started: {error}"));
+            end(&list, id, State::Failed);
+        }
         Ok(id)
     }
 
@@ -256,6 +263,11 @@ fn work(id: u64, order: &Order, program: &Path, list: &Arc<Mutex<List>>) {
             break;
         }
     }
+    end(list, id, state);
+}
+
+/// The job is over.
+fn end(list: &Mutex<List>, id: u64, state: State) {
     change(list, id, |job| {
         (job.state, job.secs, job.child) = (state, Some(job.begun.elapsed().as_secs_f64()), None);
     });
@@ -304,7 +316,7 @@ fn process(id: u64, step: &Step, program: &Path, list: &Arc<Mutex<List>>) -> Res
         printed.read_to_end(&mut output).map_err(cannot)?;
     }
     if let Some(listener) = listener {
-        // A panic there has been told.
+        // The message of a panic is on standard error.
         let _ = listener.join();
     }
     // Both streams have ended, so the process ends now.

@@ -7,11 +7,11 @@ use etude_show::watch::RunState;
 use serde::Deserialize;
 
 use super::super::{PianistArgs, slug};
-use super::desk::{COMPARED, Desk, SONGS, about, make_folder, policy_for};
+use super::desk::{COMPARED, Desk, Listed, SONGS, about, make_folder, policy_for, replay_page};
 use super::http::Refusal;
 use super::jobs::{Order, Step};
 
-/// What can be wanted.
+/// A button of the page, with its settings.
 #[derive(Deserialize)]
 #[serde(tag = "verb", rename_all = "snake_case", deny_unknown_fields)]
 pub enum Wanted {
@@ -51,7 +51,10 @@ impl Wanted {
             Self::Arrange { song, transpose } => {
                 let (listed, _) = desk.song(&song)?;
                 make_folder(SONGS)?;
-                let made = format!("{SONGS}/{} {transpose:+}.mid", listed.title);
+                let stem = format!("{} {transpose:+}", listed.title);
+                // The same transposition once more replaces its file.
+                let is_same = |known: &Listed| known.song == format!("{SONGS}/{stem}.mid");
+                let made = desk.free_name(&stem, is_same).unwrap_or_else(|same| same);
                 let by = format!("--transpose={transpose}");
                 let step = quick(&["songs", "arrange", &song, &by, "-o", &made]);
                 Ok(order(format!("Transpose {} by {transpose:+}", listed.title), song, made, vec![step]))
@@ -78,7 +81,10 @@ impl Wanted {
             Self::Train { song, minutes, set } => {
                 let (listed, _) = desk.song(&song)?;
                 let name = |seed: u32| format!("runs/{}__{}__{seed}", slug(&song), etude_lab::DEFAULT_PRESET);
-                let seed = (0..).find(|seed| !Path::new(&name(*seed)).exists()).unwrap_or_default();
+                let free = || (0..).find(|seed| !Path::new(&name(*seed)).exists()).unwrap_or_default();
+                // As for `etude train`, the last one counts.
+                let asked = set.iter().rev().find_map(|change| change.strip_prefix("trainer.seed="));
+                let seed = asked.and_then(|seed| seed.parse().ok()).unwrap_or_else(free);
                 let run = name(seed);
                 let mut train: Vec<String> = ["train", &song, "-o", &run].map(str::to_string).into();
                 train.push(format!("--set=trainer.seed={seed}"));
@@ -138,7 +144,7 @@ fn quick(args: &[&str]) -> Step {
 }
 
 fn replay(recording: &str) -> Step {
-    let page = Path::new(recording).with_file_name("replay.html").display().to_string();
+    let page = replay_page(Path::new(recording)).display().to_string();
     quick(&["replay", recording, "-o", &page])
 }
 
