@@ -205,6 +205,7 @@ fn a_stop_is_not_lost_while_a_controller_starts() {
     let ended = perform.wait_with_output().unwrap();
     let said = errors(&ended);
     assert!(!ended.status.success() && said.contains("stopped by `etude robot stop`"), "{said}");
+    assert!(!said.contains("did not confirm"), "{said}");
     assert!(!desk.path("p/run-1.wav").exists() && is_safe(twin.seen(&desk)));
     // Afterwards it can be used again.
     assert_eq!(desk.json(&format!("robot check --robot {rig} --json"))["fault"], Value::Null);
@@ -226,6 +227,7 @@ fn a_stop_on_the_way_is_named_by_the_controller() {
     let ended = perform.wait_with_output().unwrap();
     let said = errors(&ended);
     assert!(!ended.status.success() && said.contains("stopped by `etude robot stop`"), "{said}");
+    assert!(!said.contains("did not confirm"), "{said}");
     assert!(is_safe(twin.seen(&desk)));
 }
 
@@ -250,6 +252,7 @@ fn a_stop_is_not_lost_before_a_controller_has_claimed_the_robot() {
     let ended = home.wait_with_output().unwrap();
     let said = errors(&ended);
     assert!(!ended.status.success() && said.contains("stopped by `etude robot stop`"), "{said}");
+    assert!(!said.contains("did not confirm"), "{said}");
     assert!(is_safe(twin.seen(&desk)));
 }
 
@@ -267,6 +270,7 @@ fn a_stop_is_not_lost_while_an_arm_is_made_ready_to_be_led() {
     let ended = leading.wait_with_output().unwrap();
     let said = errors(&ended);
     assert!(!ended.status.success() && said.contains("stopped by `etude robot stop`"), "{said}");
+    assert!(!said.contains("did not confirm"), "{said}");
     assert!(is_safe(twin.seen(&desk)));
 }
 

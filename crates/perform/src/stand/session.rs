@@ -69,12 +69,19 @@ impl Live {
 
     /// Stops the robot if its guard is gone or a stop was requested.
     fn watch(&mut self, robot: &mut Robot) {
-        let (has_guard, now) = (self.guard.beat(), self.pace.now());
-        if self.claim.is_stop_requested() {
-            robot.stop_as_requested(now, self.pace.wires());
-        } else if !has_guard {
+        let has_guard = self.guard.beat();
+        if self.is_stop_requested(robot) || !has_guard {
+            let now = self.pace.now();
             robot.stop(now, self.pace.wires());
         }
+    }
+
+    fn is_stop_requested(&self, robot: &mut Robot) -> bool {
+        let requested = self.claim.is_stop_requested();
+        if requested {
+            robot.stop_was_requested(self.pace.now());
+        }
+        requested
     }
 }
 
@@ -154,7 +161,8 @@ impl Pace for StandPace {
             let next = (live.pace.now() + PERIOD).min(until);
             live.pace.run_until(robot, next);
             if next >= until {
-                live.watch(robot);
+                // A fault meanwhile may be the work of the stop.
+                live.is_stop_requested(robot);
                 return;
             }
         }

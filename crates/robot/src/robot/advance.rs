@@ -96,9 +96,10 @@ impl Robot {
             return Ok(());
         }
         self.advance_plan(now)?;
-        // After a gap the grid restarts: missed set-points are not made up for.
-        if now.saturating_sub(self.stepped) > 4 * period() {
-            self.stepped = now.saturating_sub(period());
+        // After a gap, missed set-points are not made up for; the grid stays that of the stream.
+        let periods = now.saturating_sub(self.stepped).as_nanos() / period().as_nanos();
+        if periods >= 4 {
+            self.stepped += period() * (periods - 1) as u32;
         }
         while now.saturating_sub(self.stepped) >= period() {
             self.stepped += period();

@@ -49,7 +49,7 @@ use crate::limiter::Axis;
 use crate::rig::{RigConfig, RigError, SETPOINT_HZ};
 use crate::wires::Wires;
 use crate::xarm::{Arm, ArmFault, kinematics};
-use axes::{AXES, RAIL_AXIS, all_axes, driven};
+use axes::{AXES, RAIL_AXIS, all_axes, driven, period};
 use doubt::Doubts;
 use following::Following;
 use motion::{Easing, SlowMove, Stretch};
@@ -175,8 +175,8 @@ impl Robot {
         }
     }
 
-    /// The same after `etude robot stop`, which has stopped hand and arm itself: that is not the fault that it looked like.
-    pub fn stop_as_requested(&mut self, now: Duration, wires: &mut dyn Wires) {
+    /// `etude robot stop` was called, which stops hand and arm itself: that is not the fault that it looked like.
+    pub fn stop_was_requested(&mut self, now: Duration) {
         let is_the_stop = match &self.fault {
             Some(Fault::Hand(fault)) => matches!(fault, HandFault::ServoOff | HandFault::OtherProgram),
             Some(Fault::Arm(fault)) => matches!(fault, ArmFault::UnexpectedState { .. } | ArmFault::NotReady),
@@ -186,7 +186,6 @@ impl Robot {
             self.fault = None;
             self.enter(now, Phase::Stopped);
         }
-        self.stop(now, wires);
     }
 
     /// Brings the robot slowly to a pose, from wherever it is: fingers straight, the arm over its home and from above
@@ -263,8 +262,10 @@ impl Robot {
             if let Some(warning) = self.keyboard.warnings().next() {
                 return Err(Refused::Keyboard(warning.to_string()));
             }
-            // The grid of the set-points begins with the stream.
-            self.stepped = self.stepped.max(begun);
+            // The grid of the set-points is that of the stream: each waypoint is then due a whole period after its stretch begins, also if
+            // the first command comes a little late. At rest one shorter period does not matter.
+            let periods = self.stepped.saturating_sub(begun).as_nanos() / period().as_nanos();
+            self.stepped = begun + period() * periods as u32;
             self.arm.align(begun, self.stepped);
             self.enter(begun, Phase::Following);
         }

@@ -2,6 +2,7 @@
 
 use std::cell::RefCell;
 use std::rc::Rc;
+use std::time::Duration;
 
 use etude_emulators::faults::FaultPlan;
 use etude_robot::joints::RAIL;
@@ -31,6 +32,36 @@ fn it_starts_goes_to_the_keyboard_and_follows() {
     let world = bench.lockstep.twin.joints()[RAIL];
     assert!((world - bench.robot.joints()[RAIL]).abs() < 0.01, "{world}");
     println!("{} frames, {} targets", bench.judge.frames, bench.judge.targets);
+}
+
+/// By the wall clock a command comes a millisecond or more after its control step has begun, while the grid of the set-points has any phase.
+#[test]
+fn a_command_that_comes_within_a_set_point_changes_nothing() {
+    for (phase, late) in [(0, 0), (0, 2), (1, 1), (2, 2), (3, 2), (4, 4)] {
+        let mut bench = Bench::at_the_keyboard(&Truth::load("standard").unwrap());
+        bench.start_and_hold();
+        bench.run(100 + phase);
+        let (begun, from) = (bench.now(), bench.robot.joints());
+        bench.run(late);
+        let before = bench.robot.clamped();
+        for step in 0..40 {
+            let waypoints: Vec<_> = (1..=10)
+                .map(|n| {
+                    let secs = 0.05 * f64::from(step) + 0.005 * f64::from(n);
+                    let mut pose = from;
+                    pose[RAIL] += 0.1 * (1.0 - (1.5 * secs).cos());
+                    pose
+                })
+                .collect();
+            bench.robot.follow(begun + Duration::from_millis(50) * step, &waypoints).unwrap();
+            bench.run(50);
+        }
+        assert_eq!(bench.robot.phase(), Phase::Following, "{:?}", bench.robot.fault());
+        // A waypoint that is skipped and one that is repeated would ask for more than the rail's acceleration.
+        let clamped = bench.robot.clamped() - before;
+        // The first one is from rest.
+        assert!(clamped <= 1, "grid {phase} ms, command {late} ms late: {clamped}");
+    }
 }
 
 /// Slow replies slow the arm a little; ones with which it cannot keep up are a fault, and do not leave the hand behind.
