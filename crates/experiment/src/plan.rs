@@ -52,7 +52,7 @@ impl Experiment {
         }
         let smoke = config.smoke;
         let seeds = if smoke { 1 } else { config.seeds.unwrap_or(self.seeds) };
-        let songs = if smoke { &self.songs[..self.songs.len().min(1)] } else { &self.songs };
+        let songs = all_or_first(&self.songs, smoke);
         let mut trials = Vec::new();
         for seed in 0..seeds {
             match &self.identify {
@@ -73,7 +73,7 @@ impl Experiment {
     fn fits(&self, fit: &FitConfig, seed: u64, smoke: bool) -> anyhow::Result<Vec<Trial>> {
         let evaluations = if smoke { Some(SMOKE_EVALUATIONS) } else { fit.evaluations };
         let mut trials = Vec::new();
-        for name in if smoke { &fit.truths[..fit.truths.len().min(1)] } else { &fit.truths } {
+        for name in all_or_first(&fit.truths, smoke) {
             let content = self.fingerprint_of_truth(name)?;
             for method in &fit.methods {
                 let work = Work::Identify { truth: name.clone(), method: *method, evaluations, seed };
@@ -121,8 +121,7 @@ impl Experiment {
                 match &self.rehearse {
                     Some(rehearse) => {
                         // Fits are what a smoke test would spend its time on.
-                        let truths = &rehearse.truths;
-                        for truth in if smoke { &truths[..truths.len().min(1)] } else { truths } {
+                        for truth in all_or_first(&rehearse.truths, smoke) {
                             let what = format!("{what}{}", self.fingerprint_of_truth(truth)?);
                             trials
                                 .extend(rehearsals(rehearse, truth, &training, &labels, smoke, seed, &what));
@@ -206,8 +205,12 @@ fn rehearsals(
         };
         Trial { id: id("rehearse", &training.song, seed, &all), labels, work }
     };
-    let modes = if smoke { &rehearse.modes[..rehearse.modes.len().min(1)] } else { &rehearse.modes };
-    modes.iter().map(trial).collect()
+    all_or_first(&rehearse.modes, smoke).iter().map(trial).collect()
+}
+
+/// All of them, in a smoke test the first.
+fn all_or_first<T>(all: &[T], smoke: bool) -> &[T] {
+    if smoke { &all[..all.len().min(1)] } else { all }
 }
 
 #[cfg(test)]

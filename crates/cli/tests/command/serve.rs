@@ -445,7 +445,7 @@ fn a_training_is_stopped_and_resumed() {
     let step = server.state()["runs"][0]["step"].as_u64().unwrap();
     assert!(step > 0);
     let on = server.begin(&json!({ "verb": "resume", "run": "runs/short__fast__0", "minutes": null }));
-    wait_for("it goes on", || server.state()["runs"][0]["step"].as_u64().unwrap() > step);
+    wait_for("it makes more steps", || server.state()["runs"][0]["step"].as_u64().unwrap() > step);
     server.post(&format!("jobs/{on}/stop"), b"");
     assert_eq!(server.ended(on)["state"], "stopped");
     // Its policy plays the song from now on.

@@ -190,6 +190,14 @@ fn wait_for(what: &str, is_so: impl Fn() -> bool) {
     }
 }
 
+/// The controller ends with an error that names the stop.
+fn names_the_stop(controller: Child) {
+    let ended = controller.wait_with_output().unwrap();
+    let said = errors(&ended);
+    assert!(!ended.status.success() && said.contains("stopped by `etude robot stop`"), "{said}");
+    assert!(!said.contains("did not confirm"), "{said}");
+}
+
 /// The request is made as soon as the controller has claimed the robot, long before it has loaded what it plays.
 #[test]
 fn a_stop_is_not_lost_while_a_controller_starts() {
@@ -202,10 +210,7 @@ fn a_stop_is_not_lost_while_a_controller_starts() {
     wait_for("it never claimed the robot", || bus.exists());
     let stop = desk.json(&format!("robot stop --robot {rig} --json"));
     assert_eq!(stop["sure"], true, "{stop}");
-    let ended = perform.wait_with_output().unwrap();
-    let said = errors(&ended);
-    assert!(!ended.status.success() && said.contains("stopped by `etude robot stop`"), "{said}");
-    assert!(!said.contains("did not confirm"), "{said}");
+    names_the_stop(perform);
     assert!(!desk.path("p/run-1.wav").exists() && is_safe(twin.seen(&desk)));
     // Afterwards it can be used again.
     assert_eq!(desk.json(&format!("robot check --robot {rig} --json"))["fault"], Value::Null);
@@ -224,10 +229,7 @@ fn a_stop_on_the_way_is_named_by_the_controller() {
     std::thread::sleep(Duration::from_secs(2));
     let stop = desk.json(&format!("robot stop --robot {rig} --json"));
     assert_eq!(stop["sure"], true, "{stop}");
-    let ended = perform.wait_with_output().unwrap();
-    let said = errors(&ended);
-    assert!(!ended.status.success() && said.contains("stopped by `etude robot stop`"), "{said}");
-    assert!(!said.contains("did not confirm"), "{said}");
+    names_the_stop(perform);
     assert!(is_safe(twin.seen(&desk)));
 }
 
@@ -249,10 +251,7 @@ fn a_stop_is_not_lost_before_a_controller_has_claimed_the_robot() {
     std::fs::copy(&twin.rig, &slow).unwrap();
     pipe.write_all(&std::fs::read(&twin.rig).unwrap()).unwrap();
     drop(pipe);
-    let ended = home.wait_with_output().unwrap();
-    let said = errors(&ended);
-    assert!(!ended.status.success() && said.contains("stopped by `etude robot stop`"), "{said}");
-    assert!(!said.contains("did not confirm"), "{said}");
+    names_the_stop(home);
     assert!(is_safe(twin.seen(&desk)));
 }
 
@@ -267,10 +266,7 @@ fn a_stop_is_not_lost_while_an_arm_is_made_ready_to_be_led() {
     wait_for("it never claimed the robot", || bus.exists());
     let stop = desk.json(&format!("robot stop --robot {rig} --json"));
     assert_eq!(stop["sure"], true, "{stop}");
-    let ended = leading.wait_with_output().unwrap();
-    let said = errors(&ended);
-    assert!(!ended.status.success() && said.contains("stopped by `etude robot stop`"), "{said}");
-    assert!(!said.contains("did not confirm"), "{said}");
+    names_the_stop(leading);
     assert!(is_safe(twin.seen(&desk)));
 }
 

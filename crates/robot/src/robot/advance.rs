@@ -97,9 +97,9 @@ impl Robot {
         }
         self.advance_plan(now)?;
         // After a gap, missed set-points are not made up for; the grid stays that of the stream.
-        let periods = now.saturating_sub(self.stepped).as_nanos() / period().as_nanos();
-        if periods >= 4 {
-            self.stepped += period() * (periods - 1) as u32;
+        let gap = now.saturating_sub(self.stepped);
+        if gap > 4 * period() {
+            self.stepped += period() * ((gap.as_nanos() / period().as_nanos()) as u32 - 1);
         }
         while now.saturating_sub(self.stepped) >= period() {
             self.stepped += period();

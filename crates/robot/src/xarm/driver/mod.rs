@@ -34,7 +34,6 @@ impl Arm {
         self.commands = FrameParser::default();
         self.reports = ReportParser::default();
         (self.outstanding, self.report, self.halt, self.ask_error) = (None, None, None, false);
-        self.rhythm = Rhythm::new(REPORT_PERIOD);
         self.phase = match self.phase {
             Phase::Fault(fault, _) => Phase::Fault(fault, true),
             _ => Phase::Stopped,
