@@ -303,6 +303,7 @@ fn warm_start(path: &Path, song: &Song, config: &RunConfig, parts: &Parts) -> an
             format!("with previous joints {} (`task.previous_joints`)", task.previous_joints),
             format!("with {} previous actions (`task.previous_actions`)", task.previous_actions),
             format!("with a fingering {} (`task.fingering`)", task.fingering),
+            format!("with targets of finger joints within {} rad (`task.finger_range`)", task.finger_range),
         ]
     };
     let pairs = told(learned, &theirs).into_iter().zip(told(song.title(), config));
