@@ -72,12 +72,13 @@ pub const TERMS: &[Term] = &[
     term("fingering", 0.0, fingering),
     term("preparation", 0.0, preparation),
     term("velocity", 0.0, velocity),
+    term("dynamics", 0.0, dynamics),
     term("holding", 0.0, holding),
     term("tracking", 0.0, tracking),
 ];
 
 /// Terms that need [`TaskConfig::fingering`](crate::TaskConfig::fingering).
-pub const OF_A_FINGERING: [&str; 4] = ["fingering", "preparation", "velocity", "holding"];
+pub const OF_A_FINGERING: [&str; 5] = ["fingering", "preparation", "velocity", "dynamics", "holding"];
 
 /// Weight of the rail's power relative to that of the fingers, as in lasr-lab/learning-to-play-piano.
 const RAIL_SHARE: f64 = 0.003;
@@ -204,19 +205,33 @@ fn holding(moment: &Moment) -> f64 {
 }
 
 /// Difference between force and velocity, as a share of 127, up to which a strike earns everything, and further that at which it earns
-/// a tenth.
+/// a tenth: as a bonus for strikes, and where soft and loud are to be learned.
 const VELOCITY_BOUND: f64 = 0.05;
 const VELOCITY_MARGIN: f64 = 0.4;
+const DYNAMICS_MARGIN: f64 = 0.5;
 
 /// For each note that begins in the step and is struck in it, how near the force is to the note's velocity. It is never negative,
 /// so that holding a key through pays less than striking it again.
 fn velocity(moment: &Moment) -> f64 {
-    let begun = moment.goals.iter().flatten().filter(|goal| goal.begins);
-    let struck = begun.filter_map(|goal| {
+    strikes(moment, VELOCITY_MARGIN, Goal::begins)
+}
+
+/// The same for notes that are struck in the step in which they begin or in the next: a soft strike takes longer than a loud one, so that
+/// both can begin at the same time.
+fn dynamics(moment: &Moment) -> f64 {
+    let late = |goal: &Goal| {
+        goal.wait_steps == 0 && goal.age_steps == 1 && !moment.pressed_before.contains(goal.key)
+    };
+    strikes(moment, DYNAMICS_MARGIN, |goal| goal.begins() || late(goal))
+}
+
+/// How near the forces of the strikes of some goals' keys are to their velocities, summed.
+fn strikes(moment: &Moment, margin: f64, counts: impl Fn(&Goal) -> bool) -> f64 {
+    let struck = moment.goals.iter().flatten().filter(|goal| counts(goal)).filter_map(|goal| {
         let strike = moment.world.strikes().iter().find(|strike| strike.key == goal.key)?;
         Some((strike.force - f64::from(goal.velocity)).abs() / 127.0)
     });
-    struck.map(|error| tolerance(error, VELOCITY_BOUND, VELOCITY_MARGIN)).sum()
+    struck.map(|error| tolerance(error, VELOCITY_BOUND, margin)).sum()
 }
 
 /// 0.5 if there was no contact other than fingertips on the keyboard during the step, else 0.

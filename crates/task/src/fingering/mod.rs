@@ -36,10 +36,17 @@ pub struct Goal {
     pub over: [f64; 2],
     /// Control steps until the note begins; 0 while it sounds.
     pub wait_steps: usize,
-    /// Whether the note begins in this step.
-    pub begins: bool,
+    /// Control steps since the note began; 0 before.
+    pub age_steps: usize,
     /// MIDI velocity of the note.
     pub velocity: u8,
+}
+
+impl Goal {
+    /// Whether the note begins in this step.
+    pub fn begins(&self) -> bool {
+        self.wait_steps == 0 && self.age_steps == 0
+    }
 }
 
 /// The goal of each finger in one control step, if it has one.
@@ -159,8 +166,9 @@ fn goals(comb: &Comb, notes: &[Played], steps: usize) -> Vec<Goals> {
             let wait_steps = note.start.saturating_sub(step);
             let goal = &mut goals[note.finger];
             if goal.is_none_or(|goal| goal.wait_steps > wait_steps) {
-                let (key, velocity, begins) = (note.key, note.velocity, step == note.start);
-                *goal = Some(Goal { key, over: comb.over(key), wait_steps, begins, velocity });
+                let (key, velocity) = (note.key, note.velocity);
+                let age_steps = step.saturating_sub(note.start);
+                *goal = Some(Goal { key, over: comb.over(key), wait_steps, age_steps, velocity });
             }
         }
     }

@@ -35,7 +35,7 @@ fn a_finger_has_its_key_as_goal_from_half_a_second_before_until_the_note_ends() 
             let expected =
                 (start - AHEAD_STEPS..start + 10).contains(&step).then(|| start.saturating_sub(step));
             assert_eq!(goal.map(|goal| goal.wait_steps), expected, "key {key}, step {step}");
-            assert_eq!(goal.is_some_and(|goal| goal.begins), step == start, "key {key}, step {step}");
+            assert_eq!(goal.is_some_and(|goal| goal.begins()), step == start, "key {key}, step {step}");
             if let Some(goal) = goal {
                 assert!((goal.over[1] - key_lateral(key)).abs() < 1e-9, "{goal:?}");
             }
