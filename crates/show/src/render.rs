@@ -7,12 +7,13 @@ use std::process::{Command, Stdio};
 
 use anyhow::{anyhow, bail};
 use etude_lab::Interrupted;
-use etude_music::KeySet;
 use etude_music::sound::{self, write_hint};
+use etude_music::{KEYS, KeySet, LOWEST_PITCH};
 use etude_perform::{Job, shell_word, write_file};
-use etude_stage::{JOINTS, Painter, View, World};
+use etude_stage::{FINGERS, JOINTS, Painter, SceneGeom, View, World, picture_size};
 
 use crate::replay::Take;
+use crate::strip::{self, Strip};
 
 /// Pictures a second of a video.
 pub const FRAMES_PER_SEC: u32 = 30;
@@ -33,33 +34,68 @@ pub enum Video {
     },
 }
 
+/// Height of the fingertips' shadows, just above the white keys, m.
+const FLOOR: f64 = 0.0229;
+/// Radius of a fingertip's shadow when it touches, m, and height at which it is gone, m.
+const SHADOW: [f64; 2] = [0.016, 0.06];
+/// Shadows of one fingertip, one in another, which make its edge soft.
+const SHADOWS: u32 = 6;
+
 /// Draws pictures of a recording.
 pub struct Studio<'a> {
     take: &'a Take,
     world: World,
     painter: Painter,
+    strip: Option<Strip>,
     size: [u32; 2],
+    /// What is drawn besides MuJoCo's shapes.
+    ornaments: Vec<SceneGeom>,
+    pixels: Vec<u8>,
 }
 
 impl<'a> Studio<'a> {
-    /// Sets up pictures of `size` pixels from `view`.
+    /// Sets up pictures of `size` pixels from `view`, with the piano roll below.
     ///
     /// # Errors
     /// If there is no OpenGL, or nothing to draw.
     pub fn new(take: &'a Take, size: [u32; 2], view: View) -> anyhow::Result<Self> {
+        Self::with(take, size, view, Strip::new(take, size[0], Strip::height_in(size[1])))
+    }
+
+    /// The same without the piano roll.
+    ///
+    /// # Errors
+    /// If there is no OpenGL, or nothing to draw.
+    pub fn without_roll(take: &'a Take, size: [u32; 2], view: View) -> anyhow::Result<Self> {
+        Self::with(take, size, view, None)
+    }
+
+    fn with(take: &'a Take, size: [u32; 2], view: View, strip: Option<Strip>) -> anyhow::Result<Self> {
         if take.positions.is_empty() {
             bail!("{} holds no control step, so there is nothing to draw", take.name);
         }
+        // One that is not possible is refused as it was asked for.
+        picture_size(size[0].into(), size[1].into())?;
         let world = take.world()?;
-        let painter = Painter::new(&world, size[0], size[1], view)?;
-        Ok(Self { take, world, painter, size })
+        let below = strip.as_ref().map_or(0, |_| Strip::height_in(size[1]));
+        let painter = Painter::new(&world, size[0], size[1] - below, view)?;
+        let ornaments = world.ornaments();
+        Ok(Self { take, world, painter, strip, size, ornaments, pixels: Vec::new() })
     }
 
     fn paint(&mut self, secs: f64) -> anyhow::Result<&[u8]> {
         let sounding = self.take.notes.iter().filter(|note| (note.start..note.end).contains(&secs));
         let down = KeySet::from_pitches(sounding.map(|note| note.pitch));
         self.world.pose(&joints_at(self.take, secs), down);
-        Ok(self.painter.paint(&mut self.world)?)
+        self.world.colour_keys(&key_colours(self.take, secs, down));
+        let mut shapes = self.ornaments.clone();
+        shapes.extend((0..FINGERS).flat_map(|finger| shadow(self.world.fingertip(finger))));
+        self.pixels.clear();
+        self.pixels.extend_from_slice(self.painter.paint(&mut self.world, &shapes)?);
+        if let Some(strip) = &mut self.strip {
+            self.pixels.extend_from_slice(strip.paint(secs));
+        }
+        Ok(&self.pixels)
     }
 
     /// Writes the picture at `secs` as PNG.
@@ -139,7 +175,7 @@ impl<'a> Studio<'a> {
             .args(["-hide_banner", "-loglevel", "error", "-y", "-f", "rawvideo", "-pix_fmt", "rgb24"])
             .args(["-s", &format!("{width}x{height}"), "-r", &FRAMES_PER_SEC.to_string(), "-i", "-", "-i"])
             .arg(wav)
-            .args(["-vf", EVEN, "-c:v", "libx264", "-pix_fmt", "yuv420p"])
+            .args(["-vf", EVEN, "-c:v", "libx264", "-preset", "veryfast", "-crf", "20", "-pix_fmt", "yuv420p"])
             .args(["-c:a", "aac", "-shortest", "-movflags", "+faststart"])
             .arg(out)
             .stdin(Stdio::piped())
@@ -192,6 +228,42 @@ fn joints_at(take: &Take, secs: f64) -> [f64; JOINTS] {
     let (from, to) = (row(place.floor()), row(place.ceil()));
     let share = place - place.floor();
     std::array::from_fn(|joint| from[joint] + share * (to[joint] - from[joint]))
+}
+
+/// The colours of keys that are due or sound, as on the replay page.
+fn key_colours(take: &Take, secs: f64, down: KeySet) -> [Option<[f32; 3]>; KEYS] {
+    let step = (secs * take.control_hz + 1e-6) as usize;
+    let due = take.due.get(step).map_or(&[][..], Vec::as_slice);
+    std::array::from_fn(|key| {
+        let pitch = LOWEST_PITCH + key as u8;
+        let colour = match (due.contains(&pitch), down.contains(key)) {
+            (true, _) if take.is_unstruck(pitch, step) => strip::MISSED,
+            (true, true) => strip::RIGHT,
+            (true, false) => strip::DUE,
+            (false, true) => strip::WRONG,
+            (false, false) => return None,
+        };
+        Some(colour.map(|value| f32::from(value) / 255.0))
+    })
+}
+
+/// The soft shadow of a fingertip at `tip` on the white keys: smaller and fainter, the higher it is.
+fn shadow([x, y, z]: [f64; 3]) -> impl Iterator<Item = SceneGeom> {
+    let [radius, gone] = SHADOW;
+    let near = 1.0 - ((z - FLOOR) / gone).clamp(0.0, 1.0);
+    let layers = if near > 0.0 { SHADOWS } else { 0 };
+    (1..=layers).map(move |layer| {
+        let radius = radius * f64::from(layer) / f64::from(SHADOWS) * (1.6 - 0.6 * near);
+        SceneGeom {
+            name: String::new(),
+            body: -1,
+            kind: "ellipsoid".to_string(),
+            size: [radius, radius, 0.0002],
+            pos: [x, y, FLOOR + 0.00005 * f64::from(layer)],
+            quat: [1.0, 0.0, 0.0, 0.0],
+            rgba: [0.0, 0.0, 0.0, 0.085 * near as f32],
+        }
+    })
 }
 
 /// Writes rows of red, green, blue as a PNG file.

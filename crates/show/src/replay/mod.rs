@@ -16,7 +16,7 @@ use walkdir::WalkDir;
 
 pub use heard::Heard;
 pub use page::replay_page;
-pub(crate) use roll::roll_svg;
+pub(crate) use roll::{Shown, roll_svg};
 pub use take::{Mark, MarkKind, PlayedNote, Take};
 
 /// The recordings that a path means: itself, or those below it if it is a folder, sorted.
