@@ -161,6 +161,11 @@ pub struct RunEnded {
     pub run: RobotRun,
 }
 
+/// Name of a file of run `index` of a performance.
+pub fn run_file(index: usize, kind: &str) -> String {
+    format!("run-{}.{kind}", index + 1)
+}
+
 /// Plays the song on the robot and, if a `folder` is given, writes the files into it. `job` receives each run when it
 /// ends. A run that ends early is the last one.
 ///
@@ -198,7 +203,7 @@ pub fn play_on_robot(
     let mut runs = Vec::new();
     for index in 0..play.runs {
         let files = folder.map(|folder| {
-            let file = |kind: &str| folder.join(format!("run-{}.{kind}", index + 1));
+            let file = |kind: &str| folder.join(run_file(index, kind));
             let (midi, wav, frames, recording) = (file("mid"), file("wav"), file("csv"), file("mcap"));
             let reference = folder.join(REFERENCE);
             Files { midi, wav, reference, frames, recording, report: None }

@@ -24,6 +24,8 @@ use crate::params::{JointRow, PhysicalParams, WorldRow};
 
 /// Greatest width and height of a picture, pixels: the model's off-screen buffer.
 pub const LARGEST_PICTURE: [u32; 2] = [1920, 1080];
+/// The cameras' angle of view from top to bottom, degrees.
+pub(crate) const FIELD_OF_VIEW_DEG: f64 = 30.0;
 /// How far above rest a key may spring before its upper stop, rad.
 const KEY_REBOUND: f64 = 0.01;
 /// Speed below which a key may fall asleep, rad/s. With MuJoCo's default, keys fall asleep before they are at rest, which visibly
@@ -68,7 +70,7 @@ pub(crate) fn mjcf_with(config: &StageConfig, params: &PhysicalParams, options: 
   <option timestep="{step}" gravity="0 0 {gravity}" sleep_tolerance="{SLEEP_TOLERANCE}" cone="{cone}" impratio="10" integrator="{integrator}">
     <flag sleep="enable"/>
   </option>
-  <visual><global offwidth="{width}" offheight="{height}" fovy="30"/><quality shadowsize="2048" numquads="1" numslices="20" numstacks="12"/><headlight ambient="0.3 0.3 0.3" diffuse="0.25 0.25 0.25" specular="0 0 0"/></visual>
+  <visual><global offwidth="{width}" offheight="{height}" fovy="{FIELD_OF_VIEW_DEG}"/><quality shadowsize="2048" numquads="1" numslices="20" numstacks="12"/><headlight ambient="0.3 0.3 0.3" diffuse="0.25 0.25 0.25" specular="0 0 0"/></visual>
   <asset><texture type="skybox" builtin="gradient" rgb1="0.93 0.94 0.96" rgb2="0.62 0.66 0.72" width="64" height="384"/></asset>
   <statistic center="0 0 0.05" extent="0.5"/>
   <default>

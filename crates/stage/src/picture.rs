@@ -9,7 +9,7 @@ use mujoco_rs::wrappers::fun::utility::{mju_mul_quat, mju_quat_2_mat, mju_rot_ve
 use mujoco_rs::wrappers::mj_model::MjtGeom;
 
 use crate::hand::RAIL;
-use crate::mjcf::LARGEST_PICTURE;
+use crate::mjcf::{FIELD_OF_VIEW_DEG, LARGEST_PICTURE};
 use crate::scene::SceneGeom;
 use crate::world::World;
 
@@ -76,8 +76,6 @@ impl View {
     }
 }
 
-/// The camera's angle of view from top to bottom, degrees: that of the model (`fovy`).
-const FIELD_OF_VIEW_DEG: f64 = 30.0;
 /// Most shapes that are drawn besides those of the model.
 const MOST_SHAPES: u32 = 128;
 

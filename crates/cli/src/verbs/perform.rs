@@ -122,9 +122,19 @@ fn folder_name(args: &Args, rig: &RigChoice) -> String {
             Path::new(&args.truth).file_stem().unwrap_or_default().to_string_lossy().into_owned()
         }
     };
-    let parts = [args.pianist.folder_name(&args.song), args.mode.to_string()];
     let others = [robot].into_iter().chain(args.faults.iter().map(ToString::to_string));
-    let others = others.filter(|part| !part.is_empty()).map(|part| etude_show::slug(&part));
+    performance_name(&args.pianist, &args.song, args.mode, others.filter(|part| !part.is_empty()))
+}
+
+/// The same from player, song, mode and the `others`.
+pub(super) fn performance_name(
+    pianist: &PianistArgs,
+    song: &str,
+    mode: Mode,
+    others: impl IntoIterator<Item = String>,
+) -> String {
+    let parts = [pianist.folder_name(song), mode.to_string()];
+    let others = others.into_iter().map(|part| etude_show::slug(&part));
     parts.into_iter().chain(others).collect::<Vec<_>>().join("-")
 }
 

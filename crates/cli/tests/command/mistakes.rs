@@ -37,7 +37,7 @@ fn songs_that_cannot_be_had() {
             "{verb}: {said}"
         );
     }
-    refused(&desk, "songs show twinkle --initial-silence nan", &["NaN s"]);
+    refused(&desk, "songs show twinkle --set task.initial_silence_secs=nan", &["NaN s"]);
     assert_eq!(desk.left_behind().len(), before, "{:?}", desk.left_behind());
 }
 

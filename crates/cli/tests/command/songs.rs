@@ -49,6 +49,14 @@ fn a_song_is_shown_and_its_frames_are_written() {
     assert!(rows[1..21].iter().all(|row| row[1].is_empty()));
     assert_eq!(rows[21][1], "60");
 
+    // Another configuration plans other frames.
+    desk.ok("songs show twinkle --frames p.csv --preset paper");
+    let papers = csv(&desk.bytes("p.csv"));
+    assert_eq!(papers.len(), rows.len());
+    assert_ne!(papers, rows, "RoboPianist's rule is another");
+    let text = desk.ok("songs show twinkle --set task.initial_silence_secs=0");
+    assert!(text.contains(" 161 frames with 0 s of silence first"), "{text}");
+
     // Keys that are struck together, and how many beats they last.
     let chords = desk.ok("songs show chord-progression");
     assert!(chords.contains("  bar   2  F4+A4+C5 4\n"), "{chords}");
@@ -167,6 +175,9 @@ fn a_song_that_does_not_fit_is_arranged() {
     };
     let advice = refused("songs show high.mid");
     assert!(advice.contains("-12 keeps its key: `etude songs arrange`"), "{advice}");
+    let shown = desk.command("songs show high.mid").output().unwrap();
+    let shown = String::from_utf8(shown.stdout).unwrap();
+    assert!(shown.contains("3 notes from C6 to G6") && !shown.contains("frames"), "{shown}");
     let said = desk.ok("songs arrange high.mid --transpose -12 --stretch 2 -o low.mid");
     assert!(said.contains("etude train low.mid"), "{said}");
     let (high, low) = (desk.json("songs show short.mid --json"), desk.json("songs show low.mid --json"));

@@ -2,6 +2,7 @@
 //!
 //! [`Take`] is the page's data of a recording; `viewer/` draws it.
 
+mod arm;
 mod heard;
 mod page;
 mod rewards;
