@@ -179,7 +179,8 @@ mod tests {
     fn every_command_in_a_shell_block_of_readme_and_book_is_one() {
         let commands = documented();
         assert!(commands.len() > 80, "{}", commands.len());
-        for page in ["README.md", "docs/learn.md", "docs/twin.md", "docs/midi-to-robot.md", "docs/reading.md"] {
+        for page in ["README.md", "docs/learn.md", "docs/twin.md", "docs/midi-to-robot.md", "docs/reading.md"]
+        {
             assert!(commands.iter().any(|command| command.page == page), "{page} has none");
         }
         for command in &commands {

@@ -21,6 +21,7 @@ use serde::{Deserialize, Serialize};
 use crate::errors::{Interrupted, released};
 use crate::folder::make_folder;
 use crate::pianist::Pianist;
+use crate::planning::plan;
 use crate::play::{Files, REFERENCE, header, keep, keep_reference, scores_in_simulation, write_report};
 
 /// How to play.
@@ -187,7 +188,7 @@ pub fn play_on_robot(
         );
     }
     let task = &pianist.config.task;
-    let piece = Piece::for_task(song, task)?;
+    let piece = plan(song, task)?;
     if let Some(folder) = folder {
         make_folder(folder)?;
         keep_reference(&folder.join(REFERENCE), &piece, font)?;

@@ -175,7 +175,9 @@ impl<'a> Studio<'a> {
             .args(["-hide_banner", "-loglevel", "error", "-y", "-f", "rawvideo", "-pix_fmt", "rgb24"])
             .args(["-s", &format!("{width}x{height}"), "-r", &FRAMES_PER_SEC.to_string(), "-i", "-", "-i"])
             .arg(wav)
-            .args(["-vf", EVEN, "-c:v", "libx264", "-preset", "veryfast", "-crf", "20", "-pix_fmt", "yuv420p"])
+            .args([
+                "-vf", EVEN, "-c:v", "libx264", "-preset", "veryfast", "-crf", "20", "-pix_fmt", "yuv420p",
+            ])
             .args(["-c:a", "aac", "-shortest", "-movflags", "+faststart"])
             .arg(out)
             .stdin(Stdio::piped())
@@ -280,19 +282,85 @@ fn write_png(path: &Path, [width, height]: [u32; 2], pixels: &[u8]) -> anyhow::R
 
 #[cfg(test)]
 mod tests {
+    use etude_perform::{Activity, DueNote, Header, KeyMessage, Recording, StepMessage};
+
     use super::*;
-    use etude_perform::{Activity, Header, Recording, StepMessage};
+
+    /// Rest in simulation, with the keys that are due, pressed and struck.
+    fn take(steps: Vec<StepMessage>, due: Vec<Vec<u8>>, keys: Vec<KeyMessage>) -> Take {
+        let due_notes = if due.is_empty() {
+            Vec::new()
+        } else {
+            vec![DueNote { pitch: 60, velocity: 80, start_secs: 0.5, end_secs: 1.0 }]
+        };
+        let header =
+            Header { control_hz: 20.0, activity: Activity::Rest, due, due_notes, ..Header::default() };
+        let recording = Recording { header, steps, keys, complete: true, ..Recording::default() };
+        Take::new(&recording, "r".to_string()).unwrap()
+    }
 
     #[test]
     fn joints_move_on_straight_lines_between_the_ends_of_steps() {
-        let step = |value: f64| StepMessage { positions: vec![value; JOINTS], ..StepMessage::default() };
         // The start pose is known of a simulation only.
-        let header = Header { control_hz: 20.0, activity: Activity::Rest, ..Header::default() };
-        let recording =
-            Recording { header, steps: vec![step(0.1), step(0.3)], complete: true, ..Recording::default() };
-        let take = Take::new(&recording, "r".to_string()).unwrap();
+        let step = |value: f64| StepMessage { positions: vec![value; JOINTS], ..StepMessage::default() };
+        let take = take(vec![step(0.1), step(0.3)], Vec::new(), Vec::new());
         for (secs, value) in [(0.0, 0.1), (0.05, 0.1), (0.075, 0.2), (0.1, 0.3), (9.0, 0.3)] {
             assert!((joints_at(&take, secs)[0] - value).abs() < 1e-9, "{secs}");
+        }
+    }
+
+    /// A note that is due in the second half of a second, and played if `is_played`, else another one.
+    fn second(is_played: bool) -> Take {
+        let pitch = if is_played { 60 } else { 62 };
+        let step = |index: usize| StepMessage {
+            positions: vec![0.0; JOINTS],
+            pressed: if index < 10 { Vec::new() } else { vec![pitch] },
+            ..StepMessage::default()
+        };
+        let due = (0..20).map(|index| if index < 10 { Vec::new() } else { vec![60] }).collect();
+        let key = |secs, velocity| KeyMessage { secs, pitch, velocity };
+        take((0..20).map(step).collect(), due, vec![key(0.5, 80), key(1.0, 0)])
+    }
+
+    #[test]
+    fn keys_are_lit_as_they_are_played() {
+        let colour = |take: &Take, secs: f64, pitch: u8, down: &[u8]| {
+            let down = KeySet::from_pitches(down.iter().copied());
+            key_colours(take, secs, down)[usize::from(pitch - LOWEST_PITCH)]
+                .map(|colour| colour.map(|value| (255.0 * value).round() as u8))
+        };
+        let (right, wrong) = (second(true), second(false));
+        assert_eq!(colour(&right, 0.2, 60, &[]), None);
+        assert_eq!(colour(&right, 0.6, 60, &[]), Some(strip::DUE));
+        assert_eq!(colour(&right, 0.6, 60, &[60]), Some(strip::RIGHT));
+        assert_eq!(colour(&wrong, 0.6, 60, &[62]), Some(strip::MISSED));
+        assert_eq!(colour(&wrong, 0.6, 62, &[62]), Some(strip::WRONG));
+    }
+
+    /// The share of a picture's upper part that is blue, as a key that is right.
+    fn blue(studio: &mut Studio<'_>, secs: f64) -> f64 {
+        let [width, height] = studio.size;
+        let scene = 3 * (width * (height - Strip::height_in(height))) as usize;
+        let pixels = studio.paint(secs).unwrap();
+        assert_eq!(pixels.len(), 3 * (width * height) as usize);
+        let count =
+            pixels[..scene].chunks_exact(3).filter(|rgb| rgb[2] > 60 && rgb[2] > 3 * rgb[0].max(1)).count();
+        count as f64 / (scene / 3) as f64
+    }
+
+    #[test]
+    fn a_key_that_is_played_is_seen_in_every_view() {
+        let take = second(true);
+        for view in View::ALL {
+            let mut studio = match Studio::new(&take, [320, 180], view) {
+                Ok(studio) => studio,
+                Err(error) => {
+                    assert!(std::env::var_os("ETUDE_NEEDS_ALL").is_none(), "{error}");
+                    return;
+                }
+            };
+            let (before, during) = (blue(&mut studio, 0.2), blue(&mut studio, 0.7));
+            assert!(before == 0.0 && during > 0.001, "{}: {before} before, {during} during", view.name());
         }
     }
 }

@@ -66,8 +66,11 @@ impl Strip {
             secs: [secs(stretch.from), secs(stretch.to)],
             shown: Some(stretch.shown),
         });
-        let due =
-            take.due_notes.iter().map(|note| Bar { pitch: note.pitch, secs: [note.start, note.end], shown: None });
+        let due = take.due_notes.iter().map(|note| Bar {
+            pitch: note.pitch,
+            secs: [note.start, note.end],
+            shown: None,
+        });
         let (width, height) = (width as usize, height as usize);
         let mut strip = Self {
             width,
@@ -169,7 +172,7 @@ impl Canvas<'_> {
 
 #[cfg(test)]
 mod tests {
-    use etude_perform::{Activity, Header, KeyMessage, DueNote, Recording, StepMessage};
+    use etude_perform::{Activity, DueNote, Header, KeyMessage, Recording, StepMessage};
     use etude_stage::JOINTS;
 
     use super::*;
@@ -181,7 +184,8 @@ mod tests {
             pressed: vec![if index < 20 { 60 } else { 67 }],
             ..StepMessage::default()
         };
-        let note = |pitch, start_secs: f64| DueNote { pitch, start_secs, end_secs: start_secs + 1.0, velocity: 80 };
+        let note =
+            |pitch, start_secs: f64| DueNote { pitch, start_secs, end_secs: start_secs + 1.0, velocity: 80 };
         let key = |secs, pitch, velocity| KeyMessage { secs, pitch, velocity };
         let header = Header {
             control_hz: 20.0,
@@ -191,8 +195,13 @@ mod tests {
             ..Header::default()
         };
         let keys = vec![key(0.0, 60, 80), key(1.0, 60, 0), key(1.0, 67, 80), key(2.0, 67, 0)];
-        let recording =
-            Recording { header, steps: (0..40).map(step).collect(), keys, complete: true, ..Recording::default() };
+        let recording = Recording {
+            header,
+            steps: (0..40).map(step).collect(),
+            keys,
+            complete: true,
+            ..Recording::default()
+        };
         Take::new(&recording, "r".to_string()).unwrap()
     }
 

@@ -13,6 +13,7 @@ use super::play::heard;
 use super::{PianistArgs, json, line, note};
 use crate::Ending;
 use crate::progress::stop_flag;
+use crate::status::while_planning;
 
 const DEFAULT_TRUTH: &str = "standard";
 
@@ -96,7 +97,8 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
         }
     };
     let mut job = Job::new(&mut tell, &stop);
-    let report = play_on_robot(&song, &pianist, &rig, &play, Some(&folder), font.as_ref(), &mut job)?;
+    let perform = || play_on_robot(&song, &pianist, &rig, &play, Some(&folder), font.as_ref(), &mut job);
+    let report = while_planning(args.json, perform)?;
     if args.json {
         json(&report)?;
     } else {

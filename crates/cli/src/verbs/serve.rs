@@ -86,7 +86,9 @@ mod tests {
     #[test]
     fn a_port_that_cannot_be_used_is_refused_with_its_cause() {
         let forbidden = cause(&Error::from(ErrorKind::PermissionDenied));
-        assert!(forbidden.contains("this user may not use ports below 1024") && forbidden.contains("--port 8000"));
+        assert!(
+            forbidden.contains("this user may not use ports below 1024") && forbidden.contains("--port 8000")
+        );
         assert!(cause(&Error::from(ErrorKind::AddrInUse)).contains("another program uses it"));
         assert!(cause(&Error::other("no loopback")).contains("no loopback"));
     }

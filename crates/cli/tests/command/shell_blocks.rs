@@ -58,7 +58,12 @@ pub fn of_page(page: &Path, text: &str) -> Vec<Documented> {
 }
 
 /// Reads one simple command.
-fn read(page: &Path, command: &[String], values: &mut Vec<(String, Vec<String>)>, found: &mut Vec<Documented>) {
+fn read(
+    page: &Path,
+    command: &[String],
+    values: &mut Vec<(String, Vec<String>)>,
+    found: &mut Vec<Documented>,
+) {
     match command {
         [word, name, is_in, all @ ..] if word == "for" && is_in == "in" => {
             values.push((name.clone(), all.to_vec()));
@@ -76,13 +81,18 @@ fn read(page: &Path, command: &[String], values: &mut Vec<(String, Vec<String>)>
                 lines = lines
                     .iter()
                     .flat_map(|line| {
-                        let times = if line.iter().any(|word| word.contains(&name)) { &all[..] } else { &all[..1] };
+                        let times =
+                            if line.iter().any(|word| word.contains(&name)) { &all[..] } else { &all[..1] };
                         times.iter().map(|value| line.iter().map(|word| word.replace(&name, value)).collect())
                     })
                     .collect();
             }
             for words in lines {
-                assert!(!words.iter().any(|word| word.contains('$')), "{}: {words:?} has no value", page.display());
+                assert!(
+                    !words.iter().any(|word| word.contains('$')),
+                    "{}: {words:?} has no value",
+                    page.display()
+                );
                 found.push(Documented { page: page.display().to_string(), words });
             }
         }

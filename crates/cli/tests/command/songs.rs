@@ -2,7 +2,7 @@
 
 use etude_music::{Note, Song};
 
-use crate::{Desk, csv, errors};
+use crate::{Desk, TINY, csv, errors};
 
 #[test]
 fn all_seven_are_listed_with_the_papers_lengths() {
@@ -156,8 +156,17 @@ pub fn write_slow(desk: &Desk, name: &str) {
 fn planning_that_takes_long_says_how_far_it_is() {
     let desk = Desk::new();
     write_slow(&desk, "chords.mid");
-    for verb in ["songs show chords.mid", "play chords.mid --scripted"] {
+    let train = TINY.iter().map(|set| format!(" --set {set}")).collect::<String>();
+    for verb in [
+        "songs show chords.mid",
+        "play chords.mid --scripted",
+        "evaluate chords.mid --scripted --worlds 1",
+        "perform chords.mid --scripted",
+        &format!("train chords.mid{train}"),
+        "train --resume runs/chords__fast__0 --set trainer.total_steps=500",
+    ] {
         let output = desk.command(verb).output().unwrap();
+        assert!(output.status.success(), "{verb}: {}", errors(&output));
         assert!(errors(&output).contains("planning the fingering, "), "{verb}: {}", errors(&output));
     }
     let output = desk.command("songs show chords.mid --json").output().unwrap();

@@ -82,13 +82,18 @@ fn the_commands_of_the_readme_run_one_after_the_other() {
     for verb in ["train", "play", "replay", "perform", "watch", "gallery"] {
         assert!(tour.iter().any(|command| command.words[0] == verb), "no {verb}");
     }
-    assert!(tour.iter().all(|command| left_out(&command.line()).is_none()), "every one of the five minutes runs");
+    assert!(
+        tour.iter().all(|command| left_out(&command.line()).is_none()),
+        "every one of the five minutes runs"
+    );
     for command in of_page("README.md".as_ref(), readme) {
         if left_out(&command.line()).is_none() {
             run(&desk, &command);
         }
     }
-    for made in ["out/twinkle/replay.html", "out/both.html", "out/gallery/index.html", "out/twinkle/recording.mp4"] {
+    for made in
+        ["out/twinkle/replay.html", "out/both.html", "out/gallery/index.html", "out/twinkle/recording.mp4"]
+    {
         // Without ffmpeg a video is a folder of pictures.
         assert!(desk.path(made).is_file() || made.ends_with(".mp4"), "{made}");
     }
@@ -99,7 +104,10 @@ fn the_commands_of_the_readme_run_one_after_the_other() {
 fn the_quick_commands_of_the_book_run() {
     let all = documented();
     for (part, why) in BEGINNINGS.iter().chain(PARTS) {
-        assert!(all.iter().any(|command| command.line().contains(part)), "nothing has `{part}` any more ({why})");
+        assert!(
+            all.iter().any(|command| command.line().contains(part)),
+            "nothing has `{part}` any more ({why})"
+        );
     }
     let mut ran = 0;
     for page in all.chunk_by(|one, next| one.page == next.page).filter(|page| page[0].page != "README.md") {

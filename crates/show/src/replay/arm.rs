@@ -10,7 +10,7 @@ use serde::Serialize;
 use super::rewards::rounded;
 
 /// Radius of the tube that is drawn from each point to the next, m (our choice; the xArm7 looks like this).
-const RADII: [f64; POINTS - 1] = [0.06, 0.052, 0.05, 0.05, 0.045, 0.042, 0.038];
+const RADII: [f64; POINTS - 1] = [0.058, 0.05, 0.048, 0.046, 0.042, 0.038, 0.033];
 /// Base, shoulder, end of the upper arm, elbow, begin of the forearm, wrist, last axis, flange.
 const POINTS: usize = 8;
 
@@ -30,20 +30,39 @@ pub(super) fn arm(recording: &Recording, steps: usize, control_hz: f64) -> Optio
         .iter()
         .filter_map(|(secs, report)| {
             let joints = <[f64; JOINTS]>::try_from(report.measured.as_slice()).ok()?;
-            joints.iter().all(|joint| joint.is_finite()).then_some((*secs, joints, report.rail_m))
+            // At 0 s are also those of the way to the keyboard.
+            let counts = *secs > 0.0 && joints.iter().all(|joint| joint.is_finite());
+            counts.then_some((*secs, joints, report.rail_m))
         })
         .collect();
-    let (_, first, rail) = reports.first()?;
-    // The arm looks at the keyboard from the player's side: its x is the keyboard's -x. The hand's mount gives the rest.
-    let flange = Vector3::new(MOUNT[0] - FLANGE_END[2], *rail, MOUNT[1] - FLANGE_END[0]);
-    let place = flange - turned(forward(first).position_m);
+    let place = place(&reports)?;
     let row = |step: usize| {
         let secs = (step + 1) as f64 / control_hz;
         let next = reports.partition_point(|(at, _, _)| *at < secs).min(reports.len() - 1);
         let joints = &reports[next].1;
-        points(joints).iter().flat_map(|point| <[f64; 3]>::from(turned(*point) + place)).map(rounded).collect()
+        points(joints)
+            .iter()
+            .flat_map(|point| <[f64; 3]>::from(turned(*point) + place))
+            .map(rounded)
+            .collect()
     };
     Some(Arm { radii: RADII.to_vec(), points: (0..steps).map(row).collect() })
+}
+
+/// Where the arm's base stands in the world. The arm looks at the keyboard from the player's side: its x is the keyboard's -x. The
+/// hand's mount gives the rest, in the median of the reports, since a robot may still come or already leave in some.
+fn place(reports: &[(f64, [f64; JOINTS], f64)]) -> Option<Vector3<f64>> {
+    let place = |(_, joints, rail): &(f64, [f64; JOINTS], f64)| {
+        let flange = Vector3::new(MOUNT[0] - FLANGE_END[2], *rail, MOUNT[1] - FLANGE_END[0]);
+        flange - turned(forward(joints).position_m)
+    };
+    let places: Vec<Vector3<f64>> = reports.iter().map(place).collect();
+    let median = |axis: usize| {
+        let mut values: Vec<f64> = places.iter().map(|place| place[axis]).collect();
+        values.sort_by(f64::total_cmp);
+        values.get(values.len() / 2).copied()
+    };
+    Some(Vector3::new(median(0)?, median(1)?, median(2)?))
 }
 
 /// Half a turn about the vertical axis.
@@ -102,11 +121,16 @@ mod tests {
 
     #[test]
     fn the_arm_holds_the_hand() {
-        let report = |secs: f64| {
-            let measured = PAPER_HOME_DEG.map(f64::to_radians).to_vec();
+        let report = |secs: f64, elbow: f64| {
+            let mut measured = PAPER_HOME_DEG.map(f64::to_radians).to_vec();
+            measured[3] += elbow;
             (secs, ArmMessage { measured, sent: None, rail_m: 0.1 })
         };
-        let mut recording = Recording { arm: vec![report(0.0), report(0.02)], ..Recording::default() };
+        // On its way to the keyboard it is elsewhere.
+        let way = (0..9).map(|index| report(0.0, 0.1 * f64::from(index)));
+        let song = [report(0.01, 0.0), report(0.02, 0.0), report(0.03, 0.0), report(0.04, 0.5)];
+        let mut recording = Recording { arm: way.chain(song).collect(), ..Recording::default() };
+        recording.arm.push(report(0.2, 0.0));
         let found = arm(&recording, 3, 20.0).unwrap();
         assert_eq!((found.points.len(), found.points[0].len()), (3, 3 * POINTS));
         let flange = &found.points[2][3 * (POINTS - 1)..];
