@@ -101,7 +101,8 @@ impl Run {
                 shell_word(folder.display())
             );
         }
-        let config = resolve_config("paper", Some(&folder.join(CONFIG)), &[])?;
+        let config = resolve_config("paper", Some(&folder.join(CONFIG)), &[])
+            .with_context(|| format!("the training in {} cannot be continued", folder.display()))?;
         let config = change_free(&config, overrides)?;
         config.check()?;
         let song = titled(Song::load(folder.join(SONG))?, folder)?;

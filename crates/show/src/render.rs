@@ -39,7 +39,7 @@ const FLOOR: f64 = 0.0229;
 /// Radius of a fingertip's shadow when it touches, m, and height at which it is gone, m.
 const SHADOW: [f64; 2] = [0.016, 0.06];
 /// Shadows of one fingertip, one in another, which make its edge soft.
-const SHADOWS: u32 = 6;
+const SHADOWS: u32 = 4;
 
 /// Draws pictures of a recording.
 pub struct Studio<'a> {
@@ -176,7 +176,16 @@ impl<'a> Studio<'a> {
             .args(["-s", &format!("{width}x{height}"), "-r", &FRAMES_PER_SEC.to_string(), "-i", "-", "-i"])
             .arg(wav)
             .args([
-                "-vf", EVEN, "-c:v", "libx264", "-preset", "veryfast", "-crf", "20", "-pix_fmt", "yuv420p",
+                "-vf",
+                EVEN,
+                "-c:v",
+                "libx264",
+                "-preset",
+                "superfast",
+                "-crf",
+                "20",
+                "-pix_fmt",
+                "yuv420p",
             ])
             .args(["-c:a", "aac", "-shortest", "-movflags", "+faststart"])
             .arg(out)
@@ -263,7 +272,7 @@ fn shadow([x, y, z]: [f64; 3]) -> impl Iterator<Item = SceneGeom> {
             size: [radius, radius, 0.0002],
             pos: [x, y, FLOOR + 0.00005 * f64::from(layer)],
             quat: [1.0, 0.0, 0.0, 0.0],
-            rgba: [0.0, 0.0, 0.0, 0.085 * near as f32],
+            rgba: [0.0, 0.0, 0.0, 0.12 * near as f32],
         }
     })
 }

@@ -78,7 +78,7 @@ pub(crate) fn mjcf_with(config: &StageConfig, params: &PhysicalParams, options: 
 {firm}    <default class="visual"><geom contype="0" conaffinity="0"/></default>
   </default>
   <worldbody>
-    <light directional="true" pos="0.3 -0.2 1.2" dir="-0.35 0.3 -1" diffuse="0.5 0.5 0.48" specular="0.15 0.15 0.15"/>
+    <light directional="true" pos="0.3 -0.2 1.2" dir="-0.35 0.3 -1" diffuse="0.58 0.58 0.56" specular="0.15 0.15 0.15"/>
     <camera name="player" pos="0.62 0 0.48" xyaxes="0 1 0 -0.58 0 0.81"/>
     <camera name="side" pos="0.05 -0.75 0.18" xyaxes="1 0 0 0 0.15 0.99"/>
 {keyboard}{hand}  </worldbody>

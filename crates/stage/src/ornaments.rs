@@ -37,8 +37,8 @@ const FORWARD: [f64; 4] = [std::f64::consts::FRAC_1_SQRT_2, 0.0, std::f64::const
 
 /// Radius and half length of the adapter between arm or rail and the palm, m.
 const FLANGE: [f64; 2] = [0.0315, 0.025];
-/// Half thickness of the rail's beam, m.
-const BEAM: [f64; 2] = [0.012, 0.018];
+/// Half depth and half height of the rail's beam, m.
+const BEAM: [f64; 2] = [0.008, 0.012];
 
 /// Place of the adapter's far end in the palm frame, m: the flange of an arm is there.
 pub const FLANGE_END: [f64; 3] = [PALM_CENTRE[0], 0.0, -PALM_SIZE[2] - 2.0 * FLANGE[1]];

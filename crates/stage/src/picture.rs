@@ -150,13 +150,10 @@ impl Painter {
                 "sphere" => MjtGeom::mjGEOM_SPHERE,
                 _ => MjtGeom::mjGEOM_BOX,
             };
-            let [a, b, c] = shape.size;
-            let is_round = ["capsule", "cylinder"].contains(&shape.kind.as_str());
-            // Drawn shapes have both radii first, the model's have one.
-            let size = if is_round { [a, a, b] } else { [a, b, c] };
             // SAFETY: these kinds refer to no mesh, texture or other element of the model.
-            let made =
-                unsafe { scene.try_create_geom(kind, Some(size), Some(pos), Some(matrix), Some(shape.rgba)) };
+            let made = unsafe {
+                scene.try_create_geom(kind, Some(shape.size), Some(pos), Some(matrix), Some(shape.rgba))
+            };
             made.map_err(|error| PictureError::Draw(error.to_string()))?;
         }
         self.renderer.render().map_err(fail)?;

@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use clap::ValueHint;
-use etude_lab::{RobotPlay, RobotReport, RunEnded, find_song, play_on_robot};
+use etude_lab::{MeanNotes, RobotPlay, RobotReport, RunEnded, find_song, play_on_robot};
 use etude_music::sound::SoundFont;
 use etude_perform::stand::{RigChoice, rig_choice};
 use etude_perform::{Ending as Played, Job, Mode, NoteCounts};
@@ -166,13 +166,15 @@ fn print(report: &RobotReport) -> anyhow::Result<()> {
         line(format!("run {}: {}", index + 1, heard(&run.scores.note)))?;
     }
     if let Some((lag, lead)) = report.lag_secs.zip(report.better_lead_secs()) {
-        line(format!(
-            "Everything came {:.0} ms {}. Onset F1 {:.3}; without that {:.3}: --set task.plan.lead_secs={lead:.3}",
-            lag.abs() * 1e3,
-            if lag > 0.0 { "late" } else { "early" },
-            report.notes.onset_f1,
-            report.notes.onset_f1_without_lag
-        ))?;
+        let MeanNotes { onset_f1, onset_f1_without_lag: without, .. } = report.notes;
+        // A lag that costs no note needs no advice.
+        let advice = if without > onset_f1 {
+            format!("; without that {without:.3}: --set task.plan.lead_secs={lead:.3}")
+        } else {
+            String::new()
+        };
+        let side = if lag > 0.0 { "late" } else { "early" };
+        line(format!("Everything came {:.0} ms {side}. Onset F1 {onset_f1:.3}{advice}", lag.abs() * 1e3))?;
     }
     line(format!("{:22} {:>9} {:>9} {:>9}", "by control step", "precision", "recall", "F1"))?;
     line(format!("{:22} {:>9} {:>9} {:>9.3}", "simulation alone", "", "", report.sim_f1))?;
