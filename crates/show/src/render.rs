@@ -352,8 +352,8 @@ mod tests {
         let scene = 3 * (width * (height - Strip::height_in(height))) as usize;
         let pixels = studio.paint(secs).unwrap();
         assert_eq!(pixels.len(), 3 * (width * height) as usize);
-        let count =
-            pixels[..scene].chunks_exact(3).filter(|rgb| rgb[2] > 60 && rgb[2] > 3 * rgb[0].max(1)).count();
+        let is_blue = |rgb: &&[u8]| rgb[2] > 60 && u32::from(rgb[2]) > 3 * u32::from(rgb[0]).max(1);
+        let count = pixels[..scene].chunks_exact(3).filter(is_blue).count();
         count as f64 / (scene / 3) as f64
     }
 

@@ -10,7 +10,7 @@ use serde::Serialize;
 use super::rewards::rounded;
 
 /// Radius of the tube that is drawn from each point to the next, m (our choice; the xArm7 looks like this).
-const RADII: [f64; POINTS - 1] = [0.058, 0.05, 0.048, 0.046, 0.042, 0.038, 0.033];
+const RADII: [f64; POINTS - 1] = [0.058, 0.05, 0.048, 0.046, 0.042, 0.038, 0.029];
 /// Base, shoulder, end of the upper arm, elbow, begin of the forearm, wrist, last axis, flange.
 const POINTS: usize = 8;
 
