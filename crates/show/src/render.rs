@@ -369,7 +369,7 @@ mod tests {
                 }
             };
             let (before, during) = (blue(&mut studio, 0.2), blue(&mut studio, 0.7));
-            assert!(before == 0.0 && during > 0.001, "{}: {before} before, {during} during", view.name());
+            assert!(before == 0.0 && during > 0.0003, "{}: {before} before, {during} during", view.name());
         }
     }
 }

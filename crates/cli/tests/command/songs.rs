@@ -160,13 +160,14 @@ fn planning_that_takes_long_says_how_far_it_is() {
     for verb in [
         "songs show chords.mid",
         "play chords.mid --scripted",
-        "evaluate chords.mid --scripted --worlds 1",
-        "perform chords.mid --scripted",
         &format!("train chords.mid{train}"),
         "train --resume runs/chords__fast__0 --set trainer.total_steps=500",
+        "evaluate chords.mid --worlds 1",
+        // What is learned in so short a time may push until the twin is stopped.
+        "perform chords.mid",
     ] {
         let output = desk.command(verb).output().unwrap();
-        assert!(output.status.success(), "{verb}: {}", errors(&output));
+        assert!(output.status.success() || verb.starts_with("perform"), "{verb}: {}", errors(&output));
         assert!(errors(&output).contains("planning the fingering, "), "{verb}: {}", errors(&output));
     }
     let output = desk.command("songs show chords.mid --json").output().unwrap();
