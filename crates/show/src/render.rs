@@ -358,9 +358,10 @@ mod tests {
     }
 
     #[test]
-    fn a_key_that_is_played_is_seen_in_every_view() {
+    fn a_key_that_is_played_is_seen() {
         let take = second(true);
-        for view in View::ALL {
+        // From the side the keys before it may hide it.
+        for view in [View::Player, View::Top, View::Fingers] {
             let mut studio = match Studio::new(&take, [320, 180], view) {
                 Ok(studio) => studio,
                 Err(error) => {
