@@ -2,7 +2,7 @@
 
 use std::cell::RefCell;
 
-use etude_stage::{Painter, StageConfig, View, World, picture_size};
+use etude_stage::{Painter, SceneGeom, StageConfig, View, World, picture_size};
 use pyo3::PyResult;
 
 use crate::error;
@@ -16,6 +16,7 @@ struct Studio {
     size: [u32; 2],
     view: View,
     world: World,
+    shapes: Vec<SceneGeom>,
     painter: Painter,
 }
 
@@ -27,7 +28,8 @@ impl Studio {
     fn new(like: &World, size: [u32; 2], view: View) -> PyResult<Self> {
         let world = World::new(like.config(), like.params()).map_err(error)?;
         let painter = Painter::new(&world, size[0], size[1], view).map_err(error)?;
-        Ok(Self { stage: like.config().clone(), size, view, world, painter })
+        let shapes = world.ornaments();
+        Ok(Self { stage: like.config().clone(), size, view, world, shapes, painter })
     }
 }
 
@@ -55,6 +57,6 @@ pub(crate) fn paint(world: &World, size: [u32; 2], view: View) -> PyResult<Vec<u
         let studio = &mut studios[index];
         studio.world.set_params(world.params());
         studio.world.restore(&world.snapshot()).map_err(error)?;
-        Ok(studio.painter.paint(&mut studio.world).map_err(error)?.to_vec())
+        Ok(studio.painter.paint(&mut studio.world, &studio.shapes).map_err(error)?.to_vec())
     })
 }

@@ -5,13 +5,13 @@ import { OrbitControls } from 'three/addons/controls/OrbitControls.js';
 
 /**
  * The views. `direction` points from the target to the camera, `width` × `height` (m) is the visible area at the
- * target, `follows` moves the view along the keyboard with the hand.
+ * target, `follows` moves the view along the keyboard with the hand. `etude render` has the same (crates/stage/src/picture.rs).
  */
 export const VIEWS = [
   { name: 'player', label: 'Player', target: [0.03, 0, 0.03], direction: [0.66, -0.09, 0.85], width: 0.76, height: 0.33, follows: false },
   { name: 'side', label: 'Side', target: [0.03, 0, 0.06], direction: [0.1, -1, 0.24], width: 0.34, height: 0.26, follows: true },
   { name: 'top', label: 'Top', target: [0.03, 0, 0.03], direction: [0.02, 0, 1], width: 0.76, height: 0.42, follows: false },
-  { name: 'fingers', label: 'Fingers', target: [0.03, 0, 0.05], direction: [-0.6, -0.6, 0.5], width: 0.24, height: 0.165, follows: true },
+  { name: 'fingers', label: 'Fingers', target: [0.03, 0, 0.055], direction: [0.45, -0.8, 0.3], width: 0.3, height: 0.19, follows: true },
 ];
 
 const FIELD_OF_VIEW_DEG = 30;

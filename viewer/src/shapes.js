@@ -92,7 +92,7 @@ const turn = new Matrix3();
 function geometryOf({ type, size }) {
   const [a, b = a, c = b] = size;
   if (type === 'sphere') return new SphereGeometry(a, 16, 12);
-  if (type === 'capsule') return new CapsuleGeometry(a, 2 * b, 4, 14).rotateX(Math.PI / 2);
+  if (type === 'capsule') return new CapsuleGeometry(a, 2 * b, 5, 18).rotateX(Math.PI / 2);
   if (type === 'cylinder') return new CylinderGeometry(a, a, 2 * b, 20).rotateX(Math.PI / 2);
   const thinnest = 2 * Math.min(a, b, c);
   if (thinnest < THIN) return new BoxGeometry(2 * a, 2 * b, 2 * c);

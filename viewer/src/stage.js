@@ -2,6 +2,7 @@
 
 import { Color, DirectionalLight, Group, HemisphereLight, Scene } from 'three';
 
+import { Arm } from './arm.js';
 import { bodyTree } from './bodies.js';
 import { kinds } from './classify.js';
 import { Shadows } from './shadows.js';
@@ -26,6 +27,11 @@ export class Stage {
     this.driven = this.bodies.filter((body) => body.joint?.drive !== undefined);
     this.keys = this.bodies.filter((body) => body.joint?.key !== undefined).map(keyOf);
     shapes.push(...this.keys.map((key) => key.strip).filter((strip) => strip !== null));
+    this.arm = take.arm ? new Arm(take) : null;
+    if (this.arm) {
+      this.world.add(...this.arm.tubes);
+      shapes.push(...this.arm.tubes);
+    }
     this.solids = shapes.length > 0 ? new Solids(shapes) : null;
     if (this.solids) this.scene.add(this.solids);
     this.hand = this.driven.find((body) => body.joint.type === 'slide') ?? null;
@@ -58,6 +64,7 @@ export class Stage {
       key.strip?.scale.setScalar(shows === 'due' ? 1 : 0);
       if (key.shape) this.solids.paint(key.shape, PAINT[shows] ?? key.shape.colour);
     }
+    this.arm?.pose(secs);
     this.world.updateMatrixWorld();
     this.solids?.follow();
     this.shadows.update();

@@ -21,6 +21,8 @@ export class Take {
     this.pressed = list(take.pressed).map(list);
     this.start = Array.isArray(take.start) ? take.start : null;
     this.positions = filled(list(take.positions), this.start, this.joints.length);
+    /** The robot's arm: radii of its links, and points along them, a row a control step; null without one. */
+    this.arm = list(take.arm?.points).length > 0 ? { radii: list(take.arm.radii), points: list(take.arm.points) } : null;
     this.running = take.running ?? {};
     this.final = take.final ?? null;
     this.rewards = list(take.rewards);
@@ -68,6 +70,14 @@ export class Take {
       out[joint] = q + 0.5 * u * (r - p + u * (2 * p - 5 * q + 4 * r - s + u * (3 * (q - r) + s - p)));
     }
     return out;
+  }
+
+  /** Points of the arm at a time: x, y and z of each in a row. */
+  armAt(secs) {
+    const { points } = this.arm;
+    const place = Math.min(Math.max(secs * this.hz - 1, 0), points.length - 1);
+    const [from, to] = [points[Math.floor(place)], points[Math.ceil(place)]];
+    return from.map((value, index) => value + (place % 1) * (to[index] - value));
   }
 
   /** Whether the latest due note of a pitch that has begun at a time was not struck. */

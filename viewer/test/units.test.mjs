@@ -5,6 +5,7 @@ import { test } from 'node:test';
 
 import { Group, Vector3 } from 'three';
 
+import { Arm } from '../src/arm.js';
 import { bodyTree } from '../src/bodies.js';
 import { kinds, stripes } from '../src/classify.js';
 import { barAround } from '../src/clock.js';
@@ -129,4 +130,22 @@ test('a tone has its pitch, and a harder stroke is louder and brighter', () => {
   assert.ok(loud(hard) > 2 * loud(soft) && loud(hard) <= 1);
   const brightness = (samples) => power(samples, 1765) / power(samples, 440);
   assert.ok(brightness(hard) > 2 * brightness(soft));
+});
+
+test('the arm\'s tubes reach from point to point, and move with them', () => {
+  const points = [[0, 0, 0, 0, 0, 0.3, 0.4, 0, 0.3], [0, 0, 0, 0.3, 0, 0, 0.3, 0.4, 0]];
+  const take = new Take({ ...sampleTake({ steps: 2 }), arm: { radii: [0.05, 0.04], points } });
+  const arm = new Arm(take);
+  for (const [row, secs] of [[0, 0.05], [1, 0.1]]) {
+    arm.pose(secs);
+    arm.tubes.forEach((tube, link) => {
+      tube.updateMatrixWorld();
+      const half = tube.size[1];
+      for (const [end, point] of [[-half, link], [half, link + 1]]) {
+        tube.localToWorld(new Vector3(0, 0, end)).toArray().forEach((value, axis) => near(value, points[row][3 * point + axis], 1e-6));
+      }
+    });
+  }
+  near(take.armAt(0.075)[3], 0.15);
+  assert.equal(new Take(sampleTake({ steps: 2 })).arm, null);
 });

@@ -165,8 +165,40 @@ fn broken_pipe(error: &anyhow::Error) -> bool {
 }
 
 #[cfg(test)]
+#[path = "../tests/command/shell_blocks.rs"]
+mod shell_blocks;
+
+#[cfg(test)]
 mod tests {
-    use clap::CommandFactory as _;
+    use clap::{CommandFactory as _, Parser as _};
+
+    use super::shell_blocks::documented;
+
+    /// Verbs, options and values are those of the program, and so are the names that `--set` changes.
+    #[test]
+    fn every_command_in_a_shell_block_of_readme_and_book_is_one() {
+        let commands = documented();
+        assert!(commands.len() > 80, "{}", commands.len());
+        for page in ["README.md", "docs/learn.md", "docs/twin.md", "docs/midi-to-robot.md", "docs/reading.md"]
+        {
+            assert!(commands.iter().any(|command| command.page == page), "{page} has none");
+        }
+        for command in &commands {
+            let (page, line) = (&command.page, command.line());
+            let words = std::iter::once("etude").chain(command.words.iter().map(String::as_str));
+            if let Err(error) = super::Cli::try_parse_from(words) {
+                panic!("{page}: `etude {line}`: {error}");
+            }
+            let after = |option: &str| {
+                let pairs = command.words.windows(2).filter(move |pair| pair[0] == option);
+                pairs.map(|pair| pair[1].clone()).collect::<Vec<_>>()
+            };
+            let preset = after("--preset").pop().unwrap_or_else(|| etude_lab::DEFAULT_PRESET.to_string());
+            if let Err(error) = etude_lab::resolve(&preset, None, &after("--set")) {
+                panic!("{page}: `etude {line}`: {error:#}");
+            }
+        }
+    }
 
     #[test]
     fn the_command_line_is_consistent() {

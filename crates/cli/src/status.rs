@@ -3,6 +3,7 @@
 
 use std::time::{Duration, Instant};
 
+use etude_lab::planning_told;
 use indicatif::ProgressBar;
 
 use crate::progress::{clock, target};
@@ -87,6 +88,19 @@ impl Planning {
             self.status.now("the fingering is planned", "");
         }
     }
+}
+
+/// Does `work`, and says how far its planning is if that takes long. Says nothing if `quiet`.
+pub fn while_planning<T>(quiet: bool, work: impl FnOnce() -> T) -> T {
+    let mut planning = Some(Planning::new(quiet));
+    let listener = move |share: f64| {
+        if let Some(now) = &mut planning {
+            now.tell(share);
+        }
+        // What the work says next has the line to itself.
+        planning.take_if(|_| share >= 1.0);
+    };
+    planning_told(listener, work)
 }
 
 /// Time until all is done, if the share `before` was done at first and `share` is `secs` later; none while there is too little to say so.

@@ -11,12 +11,13 @@ use etude_music::Song;
 use etude_perform::stats::{mean, sorted};
 use etude_perform::{PerformError, Performance, Scores, SimRig, perform, write_file};
 use etude_stage::PhysicalParams;
-use etude_task::{Piece, Randomisation, TaskError};
+use etude_task::{Randomisation, TaskError};
 use rayon::prelude::*;
 use serde::Serialize;
 
 use crate::folder::make_folder;
 use crate::pianist::Pianist;
+use crate::planning::plan;
 
 /// Which grid.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
@@ -119,7 +120,7 @@ pub fn evaluate_grid(
     let mut task = pianist.config.task.clone();
     task.randomisation.intensity = grid.intensity;
     task.check()?;
-    let piece = Piece::for_task(song, &task)?;
+    let piece = plan(song, &task)?;
     let nominal = task.params().map_err(TaskError::from)?;
     let randomisation = Randomisation::new(nominal.clone(), &task.randomisation, task.stage.actuation)?;
     let mut worlds = vec![nominal];

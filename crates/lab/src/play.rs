@@ -137,15 +137,18 @@ impl Files {
             wav: folder.join("performance.wav"),
             reference: folder.join(REFERENCE),
             frames: folder.join("frames.csv"),
-            recording: folder.join("recording.mcap"),
+            recording: folder.join(RECORDING),
             report: Some(folder.join(REPORT)),
         }
     }
 }
 
-const REPORT: &str = "report.json";
+/// What was played, with its scores.
+pub const REPORT: &str = "report.json";
+/// The recording of a simulation.
+pub const RECORDING: &str = "recording.mcap";
 /// The page that `etude replay` makes of a recording.
-const PAGE: &str = "replay.html";
+pub const PAGE: &str = "replay.html";
 /// What should have been played, as sound.
 pub(crate) const REFERENCE: &str = "reference.wav";
 

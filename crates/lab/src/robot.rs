@@ -21,6 +21,7 @@ use serde::{Deserialize, Serialize};
 use crate::errors::{Interrupted, released};
 use crate::folder::make_folder;
 use crate::pianist::Pianist;
+use crate::planning::plan;
 use crate::play::{Files, REFERENCE, header, keep, keep_reference, scores_in_simulation, write_report};
 
 /// How to play.
@@ -161,6 +162,11 @@ pub struct RunEnded {
     pub run: RobotRun,
 }
 
+/// Name of a file of run `index` of a performance.
+pub fn run_file(index: usize, kind: &str) -> String {
+    format!("run-{}.{kind}", index + 1)
+}
+
 /// Plays the song on the robot and, if a `folder` is given, writes the files into it. `job` receives each run when it
 /// ends. A run that ends early is the last one.
 ///
@@ -182,7 +188,7 @@ pub fn play_on_robot(
         );
     }
     let task = &pianist.config.task;
-    let piece = Piece::for_task(song, task)?;
+    let piece = plan(song, task)?;
     if let Some(folder) = folder {
         make_folder(folder)?;
         keep_reference(&folder.join(REFERENCE), &piece, font)?;
@@ -198,7 +204,7 @@ pub fn play_on_robot(
     let mut runs = Vec::new();
     for index in 0..play.runs {
         let files = folder.map(|folder| {
-            let file = |kind: &str| folder.join(format!("run-{}.{kind}", index + 1));
+            let file = |kind: &str| folder.join(run_file(index, kind));
             let (midi, wav, frames, recording) = (file("mid"), file("wav"), file("csv"), file("mcap"));
             let reference = folder.join(REFERENCE);
             Files { midi, wav, reference, frames, recording, report: None }

@@ -10,7 +10,7 @@ use etude_learn::{
 };
 use etude_music::{Song, SongError};
 use etude_perform::{Job, NoteCounts, SongEvaluator, shell_word, write_file};
-use etude_task::{Piece, TaskConfig, VectorPiano};
+use etude_task::{TaskConfig, VectorPiano};
 use serde_json::{Value, json};
 
 use crate::config::{RunConfig, change_free, resolve as resolve_config};
@@ -101,7 +101,8 @@ impl Run {
                 shell_word(folder.display())
             );
         }
-        let config = resolve_config("paper", Some(&folder.join(CONFIG)), &[])?;
+        let config = resolve_config("paper", Some(&folder.join(CONFIG)), &[])
+            .with_context(|| format!("the training in {} cannot be continued", folder.display()))?;
         let config = change_free(&config, overrides)?;
         config.check()?;
         let song = titled(Song::load(folder.join(SONG))?, folder)?;
@@ -364,7 +365,7 @@ fn lock(folder: &Path) -> anyhow::Result<File> {
 }
 
 fn parts(song: &Song, config: &RunConfig) -> anyhow::Result<Parts> {
-    let piece = Piece::for_task(song, &config.task)?;
+    let piece = crate::planning::plan(song, &config.task)?;
     let root = seed::split(config.trainer.seed, "task");
     let environment = VectorPiano::new(&config.task, &piece, config.trainer.num_envs, root)?;
     let evaluator = SongEvaluator::new(&config.task, &piece)?;

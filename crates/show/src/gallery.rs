@@ -136,7 +136,7 @@ fn still(take: &Take, path: &Path) -> anyhow::Result<bool> {
     if take.positions.is_empty() {
         return Ok(false);
     }
-    Studio::new(take, STILL, View::Fingers)?.still(best_moment(take), path)?;
+    Studio::without_roll(take, STILL, View::Fingers)?.still(best_moment(take), path)?;
     Ok(true)
 }
 

@@ -9,6 +9,7 @@ pub mod html;
 mod rehearsal_page;
 pub mod render;
 pub mod replay;
+mod strip;
 pub mod watch;
 mod work_page;
 

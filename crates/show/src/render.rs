@@ -7,12 +7,13 @@ use std::process::{Command, Stdio};
 
 use anyhow::{anyhow, bail};
 use etude_lab::Interrupted;
-use etude_music::KeySet;
 use etude_music::sound::{self, write_hint};
+use etude_music::{KEYS, KeySet, LOWEST_PITCH};
 use etude_perform::{Job, shell_word, write_file};
-use etude_stage::{JOINTS, Painter, View, World};
+use etude_stage::{FINGERS, JOINTS, Painter, SceneGeom, View, World, picture_size};
 
 use crate::replay::Take;
+use crate::strip::{self, Strip};
 
 /// Pictures a second of a video.
 pub const FRAMES_PER_SEC: u32 = 30;
@@ -33,33 +34,68 @@ pub enum Video {
     },
 }
 
+/// Height of the fingertips' shadows, just above the white keys, m.
+const FLOOR: f64 = 0.0229;
+/// Radius of a fingertip's shadow when it touches, m, and height at which it is gone, m.
+const SHADOW: [f64; 2] = [0.016, 0.06];
+/// Shadows of one fingertip, one in another, which make its edge soft.
+const SHADOWS: u32 = 4;
+
 /// Draws pictures of a recording.
 pub struct Studio<'a> {
     take: &'a Take,
     world: World,
     painter: Painter,
+    strip: Option<Strip>,
     size: [u32; 2],
+    /// What is drawn besides MuJoCo's shapes.
+    ornaments: Vec<SceneGeom>,
+    pixels: Vec<u8>,
 }
 
 impl<'a> Studio<'a> {
-    /// Sets up pictures of `size` pixels from `view`.
+    /// Sets up pictures of `size` pixels from `view`, with the piano roll below.
     ///
     /// # Errors
     /// If there is no OpenGL, or nothing to draw.
     pub fn new(take: &'a Take, size: [u32; 2], view: View) -> anyhow::Result<Self> {
+        Self::with(take, size, view, Strip::new(take, size[0], Strip::height_in(size[1])))
+    }
+
+    /// The same without the piano roll.
+    ///
+    /// # Errors
+    /// If there is no OpenGL, or nothing to draw.
+    pub fn without_roll(take: &'a Take, size: [u32; 2], view: View) -> anyhow::Result<Self> {
+        Self::with(take, size, view, None)
+    }
+
+    fn with(take: &'a Take, size: [u32; 2], view: View, strip: Option<Strip>) -> anyhow::Result<Self> {
         if take.positions.is_empty() {
             bail!("{} holds no control step, so there is nothing to draw", take.name);
         }
+        // One that is not possible is refused as it was asked for.
+        picture_size(size[0].into(), size[1].into())?;
         let world = take.world()?;
-        let painter = Painter::new(&world, size[0], size[1], view)?;
-        Ok(Self { take, world, painter, size })
+        let below = strip.as_ref().map_or(0, |_| Strip::height_in(size[1]));
+        let painter = Painter::new(&world, size[0], size[1] - below, view)?;
+        let ornaments = world.ornaments();
+        Ok(Self { take, world, painter, strip, size, ornaments, pixels: Vec::new() })
     }
 
     fn paint(&mut self, secs: f64) -> anyhow::Result<&[u8]> {
         let sounding = self.take.notes.iter().filter(|note| (note.start..note.end).contains(&secs));
         let down = KeySet::from_pitches(sounding.map(|note| note.pitch));
         self.world.pose(&joints_at(self.take, secs), down);
-        Ok(self.painter.paint(&mut self.world)?)
+        self.world.colour_keys(&key_colours(self.take, secs, down));
+        let mut shapes = self.ornaments.clone();
+        shapes.extend((0..FINGERS).flat_map(|finger| shadow(self.world.fingertip(finger))));
+        self.pixels.clear();
+        self.pixels.extend_from_slice(self.painter.paint(&mut self.world, &shapes)?);
+        if let Some(strip) = &mut self.strip {
+            self.pixels.extend_from_slice(strip.paint(secs));
+        }
+        Ok(&self.pixels)
     }
 
     /// Writes the picture at `secs` as PNG.
@@ -139,7 +175,18 @@ impl<'a> Studio<'a> {
             .args(["-hide_banner", "-loglevel", "error", "-y", "-f", "rawvideo", "-pix_fmt", "rgb24"])
             .args(["-s", &format!("{width}x{height}"), "-r", &FRAMES_PER_SEC.to_string(), "-i", "-", "-i"])
             .arg(wav)
-            .args(["-vf", EVEN, "-c:v", "libx264", "-pix_fmt", "yuv420p"])
+            .args([
+                "-vf",
+                EVEN,
+                "-c:v",
+                "libx264",
+                "-preset",
+                "superfast",
+                "-crf",
+                "20",
+                "-pix_fmt",
+                "yuv420p",
+            ])
             .args(["-c:a", "aac", "-shortest", "-movflags", "+faststart"])
             .arg(out)
             .stdin(Stdio::piped())
@@ -194,6 +241,42 @@ fn joints_at(take: &Take, secs: f64) -> [f64; JOINTS] {
     std::array::from_fn(|joint| from[joint] + share * (to[joint] - from[joint]))
 }
 
+/// The colours of keys that are due or sound, as on the replay page.
+fn key_colours(take: &Take, secs: f64, down: KeySet) -> [Option<[f32; 3]>; KEYS] {
+    let step = (secs * take.control_hz + 1e-6) as usize;
+    let due = take.due.get(step).map_or(&[][..], Vec::as_slice);
+    std::array::from_fn(|key| {
+        let pitch = LOWEST_PITCH + key as u8;
+        let colour = match (due.contains(&pitch), down.contains(key)) {
+            (true, _) if take.is_unstruck(pitch, step) => strip::MISSED,
+            (true, true) => strip::RIGHT,
+            (true, false) => strip::DUE,
+            (false, true) => strip::WRONG,
+            (false, false) => return None,
+        };
+        Some(colour.map(|value| f32::from(value) / 255.0))
+    })
+}
+
+/// The soft shadow of a fingertip at `tip` on the white keys: smaller and fainter, the higher it is.
+fn shadow([x, y, z]: [f64; 3]) -> impl Iterator<Item = SceneGeom> {
+    let [radius, gone] = SHADOW;
+    let near = 1.0 - ((z - FLOOR) / gone).clamp(0.0, 1.0);
+    let layers = if near > 0.0 { SHADOWS } else { 0 };
+    (1..=layers).map(move |layer| {
+        let radius = radius * f64::from(layer) / f64::from(SHADOWS) * (1.6 - 0.6 * near);
+        SceneGeom {
+            name: String::new(),
+            body: -1,
+            kind: "ellipsoid".to_string(),
+            size: [radius, radius, 0.0002],
+            pos: [x, y, FLOOR + 0.00005 * f64::from(layer)],
+            quat: [1.0, 0.0, 0.0, 0.0],
+            rgba: [0.0, 0.0, 0.0, 0.12 * near as f32],
+        }
+    })
+}
+
 /// Writes rows of red, green, blue as a PNG file.
 fn write_png(path: &Path, [width, height]: [u32; 2], pixels: &[u8]) -> anyhow::Result<()> {
     let mut bytes = Vec::new();
@@ -208,19 +291,86 @@ fn write_png(path: &Path, [width, height]: [u32; 2], pixels: &[u8]) -> anyhow::R
 
 #[cfg(test)]
 mod tests {
+    use etude_perform::{Activity, DueNote, Header, KeyMessage, Recording, StepMessage};
+
     use super::*;
-    use etude_perform::{Activity, Header, Recording, StepMessage};
+
+    /// Rest in simulation, with the keys that are due, pressed and struck.
+    fn take(steps: Vec<StepMessage>, due: Vec<Vec<u8>>, keys: Vec<KeyMessage>) -> Take {
+        let due_notes = if due.is_empty() {
+            Vec::new()
+        } else {
+            vec![DueNote { pitch: 60, velocity: 80, start_secs: 0.5, end_secs: 1.0 }]
+        };
+        let header =
+            Header { control_hz: 20.0, activity: Activity::Rest, due, due_notes, ..Header::default() };
+        let recording = Recording { header, steps, keys, complete: true, ..Recording::default() };
+        Take::new(&recording, "r".to_string()).unwrap()
+    }
 
     #[test]
     fn joints_move_on_straight_lines_between_the_ends_of_steps() {
-        let step = |value: f64| StepMessage { positions: vec![value; JOINTS], ..StepMessage::default() };
         // The start pose is known of a simulation only.
-        let header = Header { control_hz: 20.0, activity: Activity::Rest, ..Header::default() };
-        let recording =
-            Recording { header, steps: vec![step(0.1), step(0.3)], complete: true, ..Recording::default() };
-        let take = Take::new(&recording, "r".to_string()).unwrap();
+        let step = |value: f64| StepMessage { positions: vec![value; JOINTS], ..StepMessage::default() };
+        let take = take(vec![step(0.1), step(0.3)], Vec::new(), Vec::new());
         for (secs, value) in [(0.0, 0.1), (0.05, 0.1), (0.075, 0.2), (0.1, 0.3), (9.0, 0.3)] {
             assert!((joints_at(&take, secs)[0] - value).abs() < 1e-9, "{secs}");
+        }
+    }
+
+    /// A note that is due in the second half of a second, and played if `is_played`, else another one.
+    fn second(is_played: bool) -> Take {
+        let pitch = if is_played { 60 } else { 62 };
+        let step = |index: usize| StepMessage {
+            positions: vec![0.0; JOINTS],
+            pressed: if index < 10 { Vec::new() } else { vec![pitch] },
+            ..StepMessage::default()
+        };
+        let due = (0..20).map(|index| if index < 10 { Vec::new() } else { vec![60] }).collect();
+        let key = |secs, velocity| KeyMessage { secs, pitch, velocity };
+        take((0..20).map(step).collect(), due, vec![key(0.5, 80), key(1.0, 0)])
+    }
+
+    #[test]
+    fn keys_are_lit_as_they_are_played() {
+        let colour = |take: &Take, secs: f64, pitch: u8, down: &[u8]| {
+            let down = KeySet::from_pitches(down.iter().copied());
+            key_colours(take, secs, down)[usize::from(pitch - LOWEST_PITCH)]
+                .map(|colour| colour.map(|value| (255.0 * value).round() as u8))
+        };
+        let (right, wrong) = (second(true), second(false));
+        assert_eq!(colour(&right, 0.2, 60, &[]), None);
+        assert_eq!(colour(&right, 0.6, 60, &[]), Some(strip::DUE));
+        assert_eq!(colour(&right, 0.6, 60, &[60]), Some(strip::RIGHT));
+        assert_eq!(colour(&wrong, 0.6, 60, &[62]), Some(strip::MISSED));
+        assert_eq!(colour(&wrong, 0.6, 62, &[62]), Some(strip::WRONG));
+    }
+
+    /// The share of a picture's upper part that is blue, as a key that is right.
+    fn blue(studio: &mut Studio<'_>, secs: f64) -> f64 {
+        let [width, height] = studio.size;
+        let scene = 3 * (width * (height - Strip::height_in(height))) as usize;
+        let pixels = studio.paint(secs).unwrap();
+        assert_eq!(pixels.len(), 3 * (width * height) as usize);
+        let is_blue = |rgb: &&[u8]| rgb[2] > 60 && u32::from(rgb[2]) > 3 * u32::from(rgb[0]).max(1);
+        let count = pixels[..scene].chunks_exact(3).filter(is_blue).count();
+        count as f64 / (scene / 3) as f64
+    }
+
+    #[test]
+    fn a_key_that_is_played_is_seen() {
+        let take = second(true);
+        // From above the palm hides it, from the side the keys before it.
+        for view in [View::Player, View::Fingers] {
+            let mut studio = match Studio::new(&take, [320, 180], view) {
+                Ok(studio) => studio,
+                Err(error) => {
+                    assert!(std::env::var_os("ETUDE_NEEDS_ALL").is_none(), "{error}");
+                    return;
+                }
+            };
+            let (before, during) = (blue(&mut studio, 0.2), blue(&mut studio, 0.7));
+            assert!(before == 0.0 && during > 0.0003, "{}: {before} before, {during} during", view.name());
         }
     }
 }

@@ -24,6 +24,8 @@ use crate::params::{JointRow, PhysicalParams, WorldRow};
 
 /// Greatest width and height of a picture, pixels: the model's off-screen buffer.
 pub const LARGEST_PICTURE: [u32; 2] = [1920, 1080];
+/// The cameras' angle of view from top to bottom, degrees.
+pub(crate) const FIELD_OF_VIEW_DEG: f64 = 30.0;
 /// How far above rest a key may spring before its upper stop, rad.
 const KEY_REBOUND: f64 = 0.01;
 /// Speed below which a key may fall asleep, rad/s. With MuJoCo's default, keys fall asleep before they are at rest, which visibly
@@ -68,7 +70,7 @@ pub(crate) fn mjcf_with(config: &StageConfig, params: &PhysicalParams, options: 
   <option timestep="{step}" gravity="0 0 {gravity}" sleep_tolerance="{SLEEP_TOLERANCE}" cone="{cone}" impratio="10" integrator="{integrator}">
     <flag sleep="enable"/>
   </option>
-  <visual><global offwidth="{width}" offheight="{height}"/><quality shadowsize="2048"/><headlight ambient="0.3 0.3 0.3" diffuse="0.25 0.25 0.25" specular="0 0 0"/></visual>
+  <visual><global offwidth="{width}" offheight="{height}" fovy="{FIELD_OF_VIEW_DEG}"/><quality shadowsize="2048" numquads="1" numslices="20" numstacks="12"/><headlight ambient="0.3 0.3 0.3" diffuse="0.25 0.25 0.25" specular="0 0 0"/></visual>
   <asset><texture type="skybox" builtin="gradient" rgb1="0.93 0.94 0.96" rgb2="0.62 0.66 0.72" width="64" height="384"/></asset>
   <statistic center="0 0 0.05" extent="0.5"/>
   <default>
@@ -76,7 +78,7 @@ pub(crate) fn mjcf_with(config: &StageConfig, params: &PhysicalParams, options: 
 {firm}    <default class="visual"><geom contype="0" conaffinity="0"/></default>
   </default>
   <worldbody>
-    <light pos="0.3 -0.2 1.2" dir="-0.2 0.1 -1" diffuse="0.55 0.55 0.55" specular="0.1 0.1 0.1"/>
+    <light directional="true" pos="0.3 -0.2 1.2" dir="-0.35 0.3 -1" diffuse="0.58 0.58 0.56" specular="0.15 0.15 0.15"/>
     <camera name="player" pos="0.62 0 0.48" xyaxes="0 1 0 -0.58 0 0.81"/>
     <camera name="side" pos="0.05 -0.75 0.18" xyaxes="1 0 0 0 0.15 0.99"/>
 {keyboard}{hand}  </worldbody>
@@ -124,7 +126,7 @@ fn keyboard(config: &StageConfig, params: &PhysicalParams, options: &ModelOption
         let shape = KeyShape::of(key);
         let [length, width, thick] = shape.size.map(|size| size / 2.0);
         let [x, y, z] = key_place(params, yaw, key);
-        let colour = if etude_music::key_is_black(key) { "0.08 0.08 0.08 1" } else { "0.95 0.95 0.93 1" };
+        let [red, green, blue] = key_colour(key);
         let stop = shape.max_angle() * options.keys[key].travel;
         let stiffness = value(WorldRow::KeyStiffness) * options.keys[key].stiffness;
         let (damping, armature) = (value(WorldRow::KeyDamping), value(WorldRow::KeyArmature));
@@ -132,7 +134,7 @@ fn keyboard(config: &StageConfig, params: &PhysicalParams, options: &ModelOption
         format!(
             r#"    <body name="key_{key}" pos="{x} {y} {z}"{turn}{floats}>
       <joint name="key_{key}" type="hinge" axis="0 1 0" pos="{hinge} 0 0" range="{rebound} {stop}" stiffness="{stiffness}" damping="{damping}" armature="{armature}"/>
-      <geom name="key_{key}" type="box" size="{length} {width} {thick}" mass="{mass}" rgba="{colour}" {key_contact}/>
+      <geom name="key_{key}" type="box" size="{length} {width} {thick}" mass="{mass}" rgba="{red} {green} {blue} 1" {key_contact}/>
     </body>
 "#
         )
@@ -146,6 +148,11 @@ fn keyboard(config: &StageConfig, params: &PhysicalParams, options: &ModelOption
         HALF_WIDTH + 0.02,
         keys = lines(0..KEYS, key),
     )
+}
+
+/// Red, green and blue of key `key`, 0 to 1.
+pub(crate) fn key_colour(key: usize) -> [f32; 3] {
+    if etude_music::key_is_black(key) { [0.08; 3] } else { [0.95, 0.95, 0.93] }
 }
 
 /// World position of the body of key `key` on a keyboard that is turned by `yaw` rad, m.
@@ -194,8 +201,8 @@ fn hand(config: &StageConfig, params: &PhysicalParams) -> String {
     format!(
         r#"    <body name="palm" pos="{back} 0 {up}" xyaxes="0 0 -1 0 -1 0">
       <joint name="rail" type="slide" axis="0 -1 0" range="{low} {HALF_WIDTH}" {rail}/>
-      <geom class="visual" type="box" pos="{cx} {cy} {cz}" size="{sx} {sy} {sz}" mass="{PALM_MASS}" rgba="0.2 0.2 0.22 1"/>
-      <geom class="visual" name="thumb" type="capsule" fromto="-0.018 {} -0.046 -0.018 {} 0.02" size="0.012" mass="{THUMB_MASS}" rgba="0.25 0.25 0.27 1"/>
+      <geom class="visual" type="box" pos="{cx} {cy} {cz}" size="{sx} {sy} {sz}" mass="{PALM_MASS}" rgba="0.42 0.44 0.48 1"/>
+      <geom class="visual" name="thumb" type="capsule" fromto="-0.018 {} -0.046 -0.018 {} 0.02" size="0.012" mass="{THUMB_MASS}" rgba="0.55 0.57 0.6 1"/>
 {fingers}    </body>
 "#,
         thumb * 0.07,
@@ -228,7 +235,7 @@ fn finger(config: &StageConfig, params: &PhysicalParams, finger: usize) -> Strin
     let link = |part: &str, length: f64, mass: f64, contact: &str| {
         let half = length / 2.0;
         format!(
-            r#"<geom name="{name}_{part}" type="box" pos="0 0 {half}" size="{sx} {sy} {half}" mass="{mass}" rgba="0.3 0.3 0.33 1" {contact}/>"#
+            r#"<geom name="{name}_{part}" type="box" pos="0 0 {half}" size="{sx} {sy} {half}" mass="{mass}" rgba="0.55 0.57 0.6 1" {contact}/>"#
         )
     };
     let joints = [joint(0, "0 0 1"), joint(1, "0 1 0"), joint(2, "0 1 0"), joint(3, "0 1 0")];

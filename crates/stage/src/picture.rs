@@ -1,12 +1,16 @@
 //! Pictures of a world, drawn off-screen by MuJoCo through EGL: on a GPU, or on the processor with Mesa.
+#![allow(unsafe_code)] // Shapes that are drawn only are added to MuJoCo's scene; see the use.
 
 use std::error::Error as _;
 
 use mujoco_rs::prelude::MjvCamera;
 use mujoco_rs::renderer::MjRenderer;
+use mujoco_rs::wrappers::fun::utility::{mju_mul_quat, mju_quat_2_mat, mju_rot_vec_quat};
+use mujoco_rs::wrappers::mj_model::MjtGeom;
 
 use crate::hand::RAIL;
-use crate::mjcf::LARGEST_PICTURE;
+use crate::mjcf::{FIELD_OF_VIEW_DEG, LARGEST_PICTURE};
+use crate::scene::SceneGeom;
 use crate::world::World;
 
 /// A picture could not be drawn.
@@ -31,13 +35,13 @@ pub enum PictureError {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum View {
     /// Behind and above the hand, as a player sees the keys.
-    #[default]
     Player,
-    /// From the low end of the keyboard.
+    /// From the low end of the keyboard; moves with the hand.
     Side,
     /// From above.
     Top,
-    /// Close to the fingers; moves with the hand.
+    /// Close to the fingers, from the player's side and so low that the palm hides no fingertip; moves with the hand.
+    #[default]
     Fingers,
 }
 
@@ -60,21 +64,27 @@ impl View {
         Self::ALL.into_iter().find(|view| view.name() == name)
     }
 
-    /// Point that the camera looks at, m; distance from it, m; azimuth and elevation in MuJoCo's convention, degrees.
-    fn place(self, rail: f64) -> ([f64; 3], f64, [f64; 2]) {
+    /// Point that the camera looks at, m; from there to the camera; width and height of what is seen there, m. They are those
+    /// of the replay page (`viewer/src/cameras.js`).
+    fn place(self, rail: f64) -> ([f64; 3], [f64; 3], [f64; 2]) {
         match self {
-            Self::Player => ([0.0, 0.0, 0.04], 0.62, [180.0, -50.0]),
-            Self::Side => ([0.02, 0.0, 0.06], 0.75, [100.0, -12.0]),
-            Self::Top => ([0.02, 0.0, 0.03], 0.8, [180.0, -89.0]),
-            Self::Fingers => ([0.03, rail, 0.05], 0.33, [145.0, -22.0]),
+            Self::Player => ([0.03, 0.0, 0.03], [0.66, -0.09, 0.85], [0.76, 0.33]),
+            Self::Side => ([0.03, rail, 0.06], [0.1, -1.0, 0.24], [0.34, 0.26]),
+            Self::Top => ([0.03, 0.0, 0.03], [0.02, 0.0, 1.0], [0.76, 0.42]),
+            Self::Fingers => ([0.03, rail, 0.055], [0.45, -0.8, 0.3], [0.3, 0.19]),
         }
     }
 }
+
+/// Most shapes that are drawn besides those of the model.
+const MOST_SHAPES: u32 = 128;
 
 /// Draws pictures of worlds with one model.
 pub struct Painter {
     renderer: MjRenderer,
     view: View,
+    /// Width over height.
+    aspect: f64,
 }
 
 /// Width and height of a picture, pixels, if one of that size can be drawn.
@@ -98,26 +108,67 @@ impl Painter {
         picture_size(width.into(), height.into())?;
         let model = world.data().model();
         let camera = MjvCamera::new_free(model);
-        let renderer = MjRenderer::builder().width(width).height(height).camera(camera).build(model);
+        let renderer = MjRenderer::builder()
+            .width(width)
+            .height(height)
+            .num_visual_user_geom(MOST_SHAPES)
+            .camera(camera)
+            .build(model);
         let renderer = renderer.map_err(|error| {
             let cause = error.source().map_or_else(|| error.to_string(), ToString::to_string);
             PictureError::NoGl(cause)
         })?;
-        Ok(Self { renderer, view })
+        Ok(Self { renderer, view, aspect: f64::from(width) / f64::from(height) })
     }
 
-    /// A picture of the world as it stands: rows from top to bottom, three bytes (red, green, blue) a pixel.
+    /// A picture of the world as it stands, with `shapes` on its bodies: rows from top to bottom, three bytes (red, green, blue) a
+    /// pixel.
     ///
     /// # Errors
     /// If drawing fails.
-    pub fn paint(&mut self, world: &mut World) -> Result<&[u8], PictureError> {
+    pub fn paint(&mut self, world: &mut World, shapes: &[SceneGeom]) -> Result<&[u8], PictureError> {
         let fail = |error: mujoco_rs::renderer::RendererError| PictureError::Draw(error.to_string());
-        let (lookat, distance, [azimuth, elevation]) = self.view.place(world.joints()[RAIL]);
-        let camera = self.renderer.camera_mut();
-        (camera.lookat, camera.distance) = (lookat, distance);
-        (camera.azimuth, camera.elevation) = (azimuth, elevation);
+        self.aim(world.joints()[RAIL]);
+        // Shadows take as long as all else together where the processor draws.
+        // SAFETY: only values change; no size, address or id table is touched.
+        unsafe { world.data.model_mut() }.light_castshadow_mut().fill(false);
         self.renderer.sync_data(&mut world.data).map_err(fail)?;
+        let scene = self.renderer.user_scene_mut();
+        scene.clear_geom();
+        for shape in shapes {
+            let body = (shape.body + 1) as usize;
+            let (at, turn) = (world.data.xpos()[body], world.data.xquat()[body]);
+            let (mut pos, mut quat, mut matrix) = ([0.0; 3], [0.0; 4], [0.0; 9]);
+            mju_rot_vec_quat(&mut pos, &shape.pos, &turn);
+            mju_mul_quat(&mut quat, &turn, &shape.quat);
+            mju_quat_2_mat(&mut matrix, &quat);
+            let pos = std::array::from_fn(|axis| at[axis] + pos[axis]);
+            let kind = match shape.kind.as_str() {
+                "capsule" => MjtGeom::mjGEOM_CAPSULE,
+                "cylinder" => MjtGeom::mjGEOM_CYLINDER,
+                "ellipsoid" => MjtGeom::mjGEOM_ELLIPSOID,
+                "sphere" => MjtGeom::mjGEOM_SPHERE,
+                _ => MjtGeom::mjGEOM_BOX,
+            };
+            // SAFETY: these kinds refer to no mesh, texture or other element of the model.
+            let made = unsafe {
+                scene.try_create_geom(kind, Some(shape.size), Some(pos), Some(matrix), Some(shape.rgba))
+            };
+            made.map_err(|error| PictureError::Draw(error.to_string()))?;
+        }
         self.renderer.render().map_err(fail)?;
         Ok(self.renderer.rgb_flat().unwrap_or_default())
+    }
+
+    /// Points the camera, and moves it so far away that the view's width and height are seen.
+    fn aim(&mut self, rail: f64) {
+        let (lookat, [x, y, z], [width, height]) = self.view.place(rail);
+        let tangent = (FIELD_OF_VIEW_DEG / 2.0).to_radians().tan();
+        let camera = self.renderer.camera_mut();
+        camera.lookat = lookat;
+        camera.distance = (height / (2.0 * tangent)).max(width / (2.0 * tangent * self.aspect));
+        // MuJoCo's angles are those of the line of sight.
+        camera.azimuth = (-y).atan2(-x).to_degrees();
+        camera.elevation = -z.atan2(x.hypot(y)).to_degrees();
     }
 }

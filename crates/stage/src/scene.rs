@@ -6,6 +6,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::geometry::KeyShape;
 use crate::hand::JOINT_NAMES;
+use crate::ornaments::{Ornament, ornaments};
 use crate::world::World;
 
 /// Bodies, each after its parent, and the shapes attached to them. Lengths in m, angles in rad, MuJoCo's conventions.
@@ -60,10 +61,11 @@ pub struct SceneGeom {
     pub name: String,
     /// Index of its body; −1 is the world.
     pub body: i32,
-    /// `box`, `capsule`, `cylinder` or `sphere`.
+    /// `box`, `capsule`, `cylinder`, `ellipsoid` or `sphere`.
     #[serde(rename = "type")]
     pub kind: String,
-    /// Half sizes of a box; radius and half length (along z) of a capsule or cylinder; radius of a sphere.
+    /// Half sizes of a box; radius and half length (along z) of a capsule or cylinder; radius of a sphere;
+    /// half axes of an ellipsoid.
     pub size: [f64; 3],
     /// Place in the body's frame.
     pub pos: [f64; 3],
@@ -74,7 +76,7 @@ pub struct SceneGeom {
 }
 
 impl World {
-    /// The world as shapes.
+    /// The world as shapes: those of MuJoCo's model in its order, then those that are drawn only.
     pub fn scene(&self) -> Scene {
         let model = self.data().model();
         let name = |name: Option<&str>| name.unwrap_or_default().to_string();
@@ -116,7 +118,25 @@ impl World {
             quat: model.geom_quat()[geom],
             rgba: model.geom_rgba()[geom],
         });
-        Scene { bodies: bodies.collect(), geoms: geoms.collect() }
+        Scene { bodies: bodies.collect(), geoms: geoms.chain(self.ornaments()).collect() }
+    }
+
+    /// The shapes that are drawn and are not in MuJoCo's model: motors, the thumb's tip, the rail.
+    pub fn ornaments(&self) -> Vec<SceneGeom> {
+        let model = self.data().model();
+        let shape = |ornament: Ornament| {
+            let id = model.name_to_id(MjtObjBase::mjOBJ_BODY, &ornament.body);
+            SceneGeom {
+                name: ornament.name.to_string(),
+                body: id.map_or(-1, |id| id as i32 - 1),
+                kind: ornament.kind.to_string(),
+                size: ornament.size,
+                pos: ornament.pos,
+                quat: ornament.quat,
+                rgba: ornament.rgba,
+            }
+        };
+        ornaments(self.config()).into_iter().map(shape).collect()
     }
 }
 
@@ -160,7 +180,12 @@ mod tests {
             frames.push(parent * frame(body.pos, body.quat) * motion);
         }
         assert_eq!(scene.bodies.iter().filter(|body| body.joint.is_some()).count(), JOINTS + 49);
-        for (index, geom) in scene.geoms.iter().enumerate() {
+        let in_model = world.data().geom_xpos().len();
+        let drawn = &scene.geoms[in_model..];
+        let finger = scene.bodies.iter().position(|body| body.name == "ring_distal").unwrap() as i32;
+        assert!(drawn.iter().any(|geom| geom.body == finger), "every finger has its motors");
+        assert_eq!(drawn.iter().filter(|geom| geom.body < 0).count(), 1, "only the rail stands in the world");
+        for (index, geom) in scene.geoms[..in_model].iter().enumerate() {
             let place = frames[geom.body as usize] * frame(geom.pos, geom.quat);
             let [x, y, z] = world.data().geom_xpos()[index];
             let off = (place.translation.vector - Vector3::new(x, y, z)).norm();

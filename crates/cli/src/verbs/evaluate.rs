@@ -9,6 +9,7 @@ use etude_lab::{GridConfig, GridReport, evaluate_grid, find_song};
 use super::{PianistArgs, json, line, note};
 use crate::Ending;
 use crate::progress::{bar, stop_flag};
+use crate::status::while_planning;
 
 /// Numbers whose influence is printed; the JSON has all.
 const SHOWN: usize = 8;
@@ -56,10 +57,11 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
     let grid = GridConfig { worlds: args.worlds as usize, intensity: args.intensity, seed: args.seed };
     let stop = stop_flag()?;
     let bar = bar(u64::from(args.worlds) + 1, "{pos} worlds  {eta} left", args.json);
-    let report = evaluate_grid(&song, &pianist, &grid, &|done| {
+    let watch = |done: usize| {
         bar.set_position(done as u64);
         !stop.load(Ordering::Relaxed)
-    })?;
+    };
+    let report = while_planning(args.json, || evaluate_grid(&song, &pianist, &grid, &watch))?;
     bar.finish_and_clear();
     let Some(mut report) = report else {
         note("stopped; nothing was written");

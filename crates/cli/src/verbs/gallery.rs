@@ -3,7 +3,7 @@
 use std::collections::BTreeSet;
 use std::path::PathBuf;
 
-use etude_lab::{find_song, load_pianist, play};
+use etude_lab::{RECORDING, find_song, load_pianist, play};
 use etude_music::repertoire;
 use etude_perform::Job;
 use etude_show::gallery::gallery;
@@ -56,7 +56,7 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
             let folder = own.join(id);
             let pianist = load_pianist(id, id, None)?;
             play(&find_song(id)?, &pianist, &folder, None, &mut Job::new(&mut |_| {}, &stop))?;
-            paths.push(folder.join("recording.mcap"));
+            paths.push(folder.join(RECORDING));
         }
     }
     let mut tell = |number: &usize| {

@@ -78,11 +78,11 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
     }
     for pass in &report.identified.passes {
         line(format!(
-            "{:<18} residuals {:6.1} → {:5.1} times the noise, {} replays, {:.0} s",
+            "{:<18} residuals {:6.1} → {:5.1} times the noise, {}, {:.0} s",
             pass.pass.name(),
             pass.rms[0],
             pass.rms[1],
-            pass.replays,
+            replays(pass.replays),
             pass.secs
         ))?;
     }
@@ -112,10 +112,24 @@ fn show(status: &mut Status, at: &Progress) {
 pub(super) fn fit(at: &Progress) -> [String; 2] {
     let [ended, all] = at.ended;
     let state = format!(
-        ", {} replays, residuals {:.2} times the noise, {ended} of {all} settled, {} so far",
-        at.replays,
+        ", {}, residuals {:.2} times the noise, {ended} of {all} settled, {} so far",
+        replays(at.replays),
         at.rms,
         clock(at.secs)
     );
     [format!("pass {}, {}", at.number, at.pass.name()), state]
+}
+
+fn replays(count: u64) -> String {
+    format!("{count} replay{}", if count == 1 { "" } else { "s" })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::replays;
+
+    #[test]
+    fn one_replay_is_no_plural() {
+        assert_eq!([0, 1, 2].map(replays), ["0 replays", "1 replay", "2 replays"]);
+    }
 }

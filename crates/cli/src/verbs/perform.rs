@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use clap::ValueHint;
-use etude_lab::{RobotPlay, RobotReport, RunEnded, find_song, play_on_robot};
+use etude_lab::{MeanNotes, RobotPlay, RobotReport, RunEnded, find_song, play_on_robot};
 use etude_music::sound::SoundFont;
 use etude_perform::stand::{RigChoice, rig_choice};
 use etude_perform::{Ending as Played, Job, Mode, NoteCounts};
@@ -13,6 +13,7 @@ use super::play::heard;
 use super::{PianistArgs, json, line, note};
 use crate::Ending;
 use crate::progress::stop_flag;
+use crate::status::while_planning;
 
 const DEFAULT_TRUTH: &str = "standard";
 
@@ -96,7 +97,8 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
         }
     };
     let mut job = Job::new(&mut tell, &stop);
-    let report = play_on_robot(&song, &pianist, &rig, &play, Some(&folder), font.as_ref(), &mut job)?;
+    let perform = || play_on_robot(&song, &pianist, &rig, &play, Some(&folder), font.as_ref(), &mut job);
+    let report = while_planning(args.json, perform)?;
     if args.json {
         json(&report)?;
     } else {
@@ -122,9 +124,19 @@ fn folder_name(args: &Args, rig: &RigChoice) -> String {
             Path::new(&args.truth).file_stem().unwrap_or_default().to_string_lossy().into_owned()
         }
     };
-    let parts = [args.pianist.folder_name(&args.song), args.mode.to_string()];
     let others = [robot].into_iter().chain(args.faults.iter().map(ToString::to_string));
-    let others = others.filter(|part| !part.is_empty()).map(|part| etude_show::slug(&part));
+    performance_name(&args.pianist, &args.song, args.mode, others.filter(|part| !part.is_empty()))
+}
+
+/// The same from player, song, mode and the `others`.
+pub(super) fn performance_name(
+    pianist: &PianistArgs,
+    song: &str,
+    mode: Mode,
+    others: impl IntoIterator<Item = String>,
+) -> String {
+    let parts = [pianist.folder_name(song), mode.to_string()];
+    let others = others.into_iter().map(|part| etude_show::slug(&part));
     parts.into_iter().chain(others).collect::<Vec<_>>().join("-")
 }
 
@@ -154,13 +166,15 @@ fn print(report: &RobotReport) -> anyhow::Result<()> {
         line(format!("run {}: {}", index + 1, heard(&run.scores.note)))?;
     }
     if let Some((lag, lead)) = report.lag_secs.zip(report.better_lead_secs()) {
-        line(format!(
-            "Everything came {:.0} ms {}. Onset F1 {:.3}; without that {:.3}: --set task.plan.lead_secs={lead:.3}",
-            lag.abs() * 1e3,
-            if lag > 0.0 { "late" } else { "early" },
-            report.notes.onset_f1,
-            report.notes.onset_f1_without_lag
-        ))?;
+        let MeanNotes { onset_f1, onset_f1_without_lag: without, .. } = report.notes;
+        // A lag that costs no note needs no advice.
+        let advice = if without > onset_f1 {
+            format!("; without that {without:.3}: --set task.plan.lead_secs={lead:.3}")
+        } else {
+            String::new()
+        };
+        let side = if lag > 0.0 { "late" } else { "early" };
+        line(format!("Everything came {:.0} ms {side}. Onset F1 {onset_f1:.3}{advice}", lag.abs() * 1e3))?;
     }
     line(format!("{:22} {:>9} {:>9} {:>9}", "by control step", "precision", "recall", "F1"))?;
     line(format!("{:22} {:>9} {:>9} {:>9.3}", "simulation alone", "", "", report.sim_f1))?;

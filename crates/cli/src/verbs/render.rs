@@ -16,12 +16,12 @@ use crate::status::Status;
 /// What to draw, from where, and where it goes.
 #[derive(clap::Args)]
 #[command(after_help = "\
-Drawing needs no screen: a GPU is used if there is one, otherwise Mesa on the processor. Videos are made by ffmpeg, with the sound; \
+Keys light up as on the replay page: light blue due, blue right, red wrong, orange missed. Below runs the piano roll. Drawing needs no screen: a GPU is used if there is one, otherwise Mesa on the processor. Videos are made by ffmpeg, with the sound; \
 without ffmpeg the pictures and the sound go into a folder, with the command that makes a video of them.
 
 Examples:
   etude render out/twinkle -o twinkle.mp4
-  etude render out/twinkle --at 4.5 --view fingers -o still.png")]
+  etude render out/twinkle --at 4.5 --view player -o still.png")]
 pub struct Args {
     /// A recording (*.mcap), or a folder that holds one
     #[arg(value_name = "RECORDING")]
@@ -33,7 +33,7 @@ pub struct Args {
     #[arg(long, value_name = "SECS")]
     at: Option<f64>,
     /// Where the camera stands
-    #[arg(long, default_value = "player", value_parser = view())]
+    #[arg(long, default_value = "fingers", value_parser = view())]
     view: View,
     /// Width and height, pixels
     #[arg(long, default_value = "1280x720", value_name = "WxH", value_parser = size)]

@@ -2,14 +2,12 @@
 
 use std::path::PathBuf;
 
+use etude_lab::PAGE;
 use etude_show::replay::{Take, read_take, recordings, replay_page};
 use serde_json::json as object;
 
 use super::{file_to_write, json, line, note};
 use crate::Ending;
-
-/// Name of the page where none is given.
-const PAGE: &str = "replay.html";
 
 /// The recordings that are shown, and the file of the page.
 #[derive(clap::Args)]

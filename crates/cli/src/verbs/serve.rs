@@ -63,10 +63,33 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
 
 /// A port on this machine that no other machine reaches.
 fn listen(port: u16) -> anyhow::Result<TcpListener> {
-    TcpListener::bind((Ipv4Addr::LOCALHOST, port)).map_err(|error| match error.kind() {
-        ErrorKind::AddrInUse => anyhow!(
-            "cannot serve on port {port}: another program uses it; choose another with --port, or leave --port away"
-        ),
-        _ => anyhow!("cannot serve on port {port}: {error}; choose one above 1023 with --port, or leave --port away"),
-    })
+    TcpListener::bind((Ipv4Addr::LOCALHOST, port))
+        .map_err(|error| anyhow!("cannot serve on port {port}: {}", cause(&error)))
+}
+
+/// Why a port cannot be used, and what to do.
+fn cause(error: &std::io::Error) -> String {
+    let why = match error.kind() {
+        ErrorKind::AddrInUse => "another program uses it".to_string(),
+        ErrorKind::PermissionDenied => "this user may not use ports below 1024".to_string(),
+        _ => error.to_string(),
+    };
+    format!("{why}; choose another port with --port, for example --port 8000, or leave --port away")
+}
+
+#[cfg(test)]
+mod tests {
+    use std::io::{Error, ErrorKind};
+
+    use super::cause;
+
+    #[test]
+    fn a_port_that_cannot_be_used_is_refused_with_its_cause() {
+        let forbidden = cause(&Error::from(ErrorKind::PermissionDenied));
+        assert!(
+            forbidden.contains("this user may not use ports below 1024") && forbidden.contains("--port 8000")
+        );
+        assert!(cause(&Error::from(ErrorKind::AddrInUse)).contains("another program uses it"));
+        assert!(cause(&Error::other("no loopback")).contains("no loopback"));
+    }
 }

@@ -10,7 +10,7 @@ use etude_task::fingering::Limit;
 use etude_task::{Piece, TaskConfig};
 use serde_json::json as object;
 
-use super::{json, line, note};
+use super::{ConfigArgs, json, line, note};
 use crate::Ending;
 use crate::status::Planning;
 
@@ -20,7 +20,7 @@ use crate::status::Planning;
 Examples:
   etude songs
   etude songs show happy-birthday
-  etude songs show my-song.mid --frames due.csv
+  etude songs show my-song.mid --frames due.csv --preset paper
   etude songs arrange my-song.mid --transpose -12 -o my-song-lower.mid")]
 pub struct Args {
     #[command(subcommand)]
@@ -37,16 +37,15 @@ enum What {
         /// A built-in id or a MIDI file
         #[arg(value_parser = super::song(), value_hint = ValueHint::FilePath, hide_possible_values = true)]
         song: String,
-        /// Write the keys due at each control step (20 a second), as the preset `fast` plans them, to this CSV file:
+        /// Write the keys due at each control step (20 a second), as a training by this configuration plans them, to this CSV file:
         /// step,due
         #[arg(long, value_name = "OUT.csv")]
         frames: Option<PathBuf>,
         /// Write how it should sound to this WAV file
         #[arg(long, value_name = "OUT.wav")]
         reference: Option<PathBuf>,
-        /// Silence before the first note, s
-        #[arg(long, default_value_t = 1.0, value_name = "SECS", allow_hyphen_values = true)]
-        initial_silence: f64,
+        #[command(flatten)]
+        config: ConfigArgs,
         /// Print JSON: title, notes, secs, frames, lowest, highest, notes_per_sec, busiest_second, bars, warnings,
         /// fingering
         #[arg(long)]
@@ -73,8 +72,8 @@ enum What {
 pub fn run(args: Args) -> anyhow::Result<Ending> {
     match args.what {
         None => list(args.json)?,
-        Some(What::Show { song, frames, reference, initial_silence, json }) => {
-            show(&song, frames, reference, initial_silence, json || args.json)?;
+        Some(What::Show { song, frames, reference, config, json }) => {
+            show(&song, frames, reference, &config.resolve()?.task, json || args.json)?;
         }
         Some(What::Arrange { song, transpose, stretch, out }) => arrange(&song, transpose, stretch, &out)?,
     }
@@ -110,15 +109,14 @@ fn show(
     name: &str,
     frames_csv: Option<PathBuf>,
     reference: Option<PathBuf>,
-    silence: f64,
+    task: &TaskConfig,
     as_json: bool,
 ) -> anyhow::Result<()> {
     let song = find_song(name)?;
     let fits = song.check_range();
-    let preset = etude_lab::resolve(etude_lab::DEFAULT_PRESET, None, &[])?.task;
-    let task = TaskConfig { initial_silence_secs: silence, ..preset };
+    let silence = task.initial_silence_secs;
     let mut planning = Planning::new(as_json);
-    let mut plan = || Piece::for_task_telling(&song, &task, &mut |share| planning.tell(share));
+    let mut plan = || Piece::for_task_telling(&song, task, &mut |share| planning.tell(share));
     let piece = if fits.is_ok() { Some(plan()?) } else { None };
     drop(planning);
     let frames = piece.as_ref().map_or(&[][..], Piece::frames);
@@ -158,10 +156,11 @@ fn show(
     } else {
         let [lowest, highest] = [lowest, highest].map(|pitch| pitch.map_or_else(String::new, pitch_name));
         line(song.title())?;
-        line(format!(
-            "{notes} notes from {lowest} to {highest}, {secs:.1} s, {} frames with {silence} s of silence first",
-            frames.len()
-        ))?;
+        // A song that does not fit the keyboard has no plan.
+        let planned = piece.as_ref().map_or_else(String::new, |piece| {
+            format!(", {} frames with {silence} s of silence first", piece.steps())
+        });
+        line(format!("{notes} notes from {lowest} to {highest}, {secs:.1} s{planned}"))?;
         if let Some((notes, place, secs)) = busiest {
             line(format!(
                 "{pace:.1} notes a second; {notes} in the busiest, which begins at {place} ({secs:.2} s)"

@@ -11,6 +11,7 @@ use serde_json::json;
 
 use super::{ConfigArgs, line, note, slug};
 use crate::progress::{Progress, heard, stop_flag};
+use crate::status::while_planning;
 use crate::{Ending, broken_pipe};
 
 /// What to learn, how and for how long.
@@ -55,7 +56,10 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
     let limit = args.minutes.map(|minutes| Duration::from_secs_f64(minutes * 60.0));
     let stop = stop_flag()?;
     let (folder, mut run) = match (&args.resume, &args.song) {
-        (Some(folder), _) => (folder.clone(), Run::resume(folder, &args.config.overrides)?),
+        (Some(folder), _) => {
+            let resume = || Run::resume(folder, &args.config.overrides);
+            (folder.clone(), while_planning(args.json, resume)?)
+        }
         (None, song) => {
             let name = song.as_deref().unwrap_or_default();
             let song = find_song(name)?;
@@ -64,7 +68,8 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
                 PathBuf::from(format!("runs/{}__{}__{}", slug(name), args.config.preset, config.trainer.seed))
             });
             let command = shell_line(std::env::args());
-            let run = Run::start(song, config, &folder, &command, args.from.as_deref())?;
+            let start = || Run::start(song, config, &folder, &command, args.from.as_deref());
+            let run = while_planning(args.json, start)?;
             (folder, run)
         }
     };

@@ -15,6 +15,7 @@ mod rehearsing;
 mod replaying;
 mod robots;
 mod serve;
+mod shell_blocks;
 mod slurm;
 mod songs;
 mod stop_times;
@@ -27,6 +28,7 @@ mod worlds;
 
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
+use std::time::{Duration, Instant};
 
 use etude_music::{Note, Song};
 
@@ -105,6 +107,15 @@ impl Desk {
         let entries = std::fs::read_dir(self.folder.path()).unwrap();
         let names = entries.map(|entry| entry.unwrap().file_name().into_string().unwrap());
         names.filter(|name| name != "short.mid").collect()
+    }
+}
+
+/// Waits until it is so; on a busy machine that takes a while.
+fn wait_for(what: &str, mut is_so: impl FnMut() -> bool) {
+    let until = Instant::now() + Duration::from_secs(120);
+    while !is_so() {
+        assert!(Instant::now() < until, "{what}");
+        std::thread::sleep(Duration::from_millis(2));
     }
 }
 

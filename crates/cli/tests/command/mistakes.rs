@@ -37,7 +37,7 @@ fn songs_that_cannot_be_had() {
             "{verb}: {said}"
         );
     }
-    refused(&desk, "songs show twinkle --initial-silence nan", &["NaN s"]);
+    refused(&desk, "songs show twinkle --set task.initial_silence_secs=nan", &["NaN s"]);
     assert_eq!(desk.left_behind().len(), before, "{:?}", desk.left_behind());
 }
 
@@ -87,6 +87,12 @@ fn runs_that_are_none_or_are_one_already() {
     refused(&desk, "train --resume absent", &["absent holds no run to continue", "etude train"]);
     refused(&desk, "train --resume .", &["holds no run to continue"]);
     assert_eq!(desk.left_behind().len(), 0);
+    // A run of another program, or of another version of this one.
+    desk.write_song("foreign-song.mid", [60, 62, 64]);
+    std::fs::create_dir(desk.path("foreign")).unwrap();
+    std::fs::rename(desk.path("foreign-song.mid"), desk.path("foreign/song.mid")).unwrap();
+    std::fs::write(desk.path("foreign/config.toml"), "steps = 1\n").unwrap();
+    refused(&desk, "train --resume foreign", &["the training in foreign cannot be continued", "`steps`"]);
 
     succeed(desk.tiny("short.mid -o run --json"));
     let before = desk.bytes("run/checkpoints/last.safetensors");

@@ -3,7 +3,7 @@
 use std::io::{BufRead as _, BufReader, Read as _, Write as _};
 use std::net::TcpStream;
 use std::process::{Child, ExitStatus, Stdio};
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use serde_json::{Value, json};
 
@@ -11,7 +11,7 @@ use crate::processes::{children_of, signal, with_arguments};
 use crate::replaying::{all_pass, browser_tests};
 use crate::songs::write_slow;
 use crate::training::LONGER;
-use crate::{Desk, TINY, errors, root};
+use crate::{Desk, TINY, errors, root, wait_for};
 
 /// A server that works in a desk.
 struct Server {
@@ -153,15 +153,6 @@ impl Drop for Server {
     fn drop(&mut self) {
         let _ = self.process.kill();
         let _ = self.process.wait();
-    }
-}
-
-/// Waits until it is so; on a busy machine that takes a while.
-fn wait_for(what: &str, mut is_so: impl FnMut() -> bool) {
-    let until = Instant::now() + Duration::from_secs(120);
-    while !is_so() {
-        assert!(Instant::now() < until, "{what}");
-        std::thread::sleep(Duration::from_millis(20));
     }
 }
 
@@ -500,6 +491,28 @@ fn ctrl_c_ends_the_server_and_saves_what_runs() {
         let resumed = desk.ok("train --resume runs/short__fast__0 --minutes 0.01");
         assert!(resumed.contains("going on after"), "{name}: {resumed}");
     }
+}
+
+/// What the server needs to send a file does not depend on its length.
+#[test]
+fn a_long_file_is_sent_in_pieces() {
+    let desk = desk();
+    std::fs::create_dir(desk.path("out")).unwrap();
+    let length = 256 << 20;
+    std::fs::File::create(desk.path("out/long.wav")).unwrap().set_len(length).unwrap();
+    let server = Server::start(&desk);
+    let mut stream = TcpStream::connect(&server.host).unwrap();
+    let request = format!(
+        "GET /{}/files/out/long.wav HTTP/1.1\r\nHost: {}\r\nConnection: close\r\n\r\n",
+        server.token, server.host
+    );
+    stream.write_all(request.as_bytes()).unwrap();
+    let sent = std::io::copy(&mut stream, &mut std::io::sink()).unwrap();
+    assert!((length..length + 2000).contains(&sent), "{sent} bytes");
+    let status = std::fs::read_to_string(format!("/proc/{}/status", server.process.id())).unwrap();
+    let most = status.lines().find_map(|line| line.strip_prefix("VmHWM:")).unwrap();
+    let most: u64 = most.trim().trim_end_matches(" kB").parse().unwrap();
+    assert!(most < 128 << 10, "{most} kB");
 }
 
 #[test]

@@ -2,7 +2,7 @@
 
 use etude_music::{Note, Song};
 
-use crate::{Desk, csv, errors};
+use crate::{Desk, TINY, csv, errors};
 
 #[test]
 fn all_seven_are_listed_with_the_papers_lengths() {
@@ -48,6 +48,14 @@ fn a_song_is_shown_and_its_frames_are_written() {
     // One second of silence, then middle C.
     assert!(rows[1..21].iter().all(|row| row[1].is_empty()));
     assert_eq!(rows[21][1], "60");
+
+    // Another configuration plans other frames.
+    desk.ok("songs show twinkle --frames p.csv --preset paper");
+    let papers = csv(&desk.bytes("p.csv"));
+    assert_eq!(papers.len(), rows.len());
+    assert_ne!(papers, rows, "RoboPianist's rule is another");
+    let text = desk.ok("songs show twinkle --set task.initial_silence_secs=0");
+    assert!(text.contains(" 161 frames with 0 s of silence first"), "{text}");
 
     // Keys that are struck together, and how many beats they last.
     let chords = desk.ok("songs show chord-progression");
@@ -148,8 +156,18 @@ pub fn write_slow(desk: &Desk, name: &str) {
 fn planning_that_takes_long_says_how_far_it_is() {
     let desk = Desk::new();
     write_slow(&desk, "chords.mid");
-    for verb in ["songs show chords.mid", "play chords.mid --scripted"] {
+    let train = TINY.iter().map(|set| format!(" --set {set}")).collect::<String>();
+    for verb in [
+        "songs show chords.mid",
+        "play chords.mid --scripted",
+        &format!("train chords.mid{train}"),
+        "train --resume runs/chords__fast__0 --set trainer.total_steps=500",
+        "evaluate chords.mid --worlds 1",
+        // What is learned in so short a time may push until the twin is stopped.
+        "perform chords.mid",
+    ] {
         let output = desk.command(verb).output().unwrap();
+        assert!(output.status.success() || verb.starts_with("perform"), "{verb}: {}", errors(&output));
         assert!(errors(&output).contains("planning the fingering, "), "{verb}: {}", errors(&output));
     }
     let output = desk.command("songs show chords.mid --json").output().unwrap();
@@ -167,6 +185,9 @@ fn a_song_that_does_not_fit_is_arranged() {
     };
     let advice = refused("songs show high.mid");
     assert!(advice.contains("-12 keeps its key: `etude songs arrange`"), "{advice}");
+    let shown = desk.command("songs show high.mid").output().unwrap();
+    let shown = String::from_utf8(shown.stdout).unwrap();
+    assert!(shown.contains("3 notes from C6 to G6") && !shown.contains("frames"), "{shown}");
     let said = desk.ok("songs arrange high.mid --transpose -12 --stretch 2 -o low.mid");
     assert!(said.contains("etude train low.mid"), "{said}");
     let (high, low) = (desk.json("songs show short.mid --json"), desk.json("songs show low.mid --json"));

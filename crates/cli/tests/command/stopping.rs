@@ -16,7 +16,7 @@ use serde_json::Value;
 
 use crate::playing::read_elsewhere;
 use crate::processes::{self, children_of, with_arguments};
-use crate::{Desk, errors};
+use crate::{Desk, errors, wait_for};
 
 /// A twin in a process of its own.
 pub struct Served {
@@ -179,15 +179,6 @@ fn however_a_controller_ends_the_robot_is_let_go() {
 
 fn signal(process: &Child, name: &str) {
     processes::signal(process.id(), name);
-}
-
-/// Waits until the file is there.
-fn wait_for(what: &str, is_so: impl Fn() -> bool) {
-    let until = Instant::now() + Duration::from_secs(20);
-    while !is_so() {
-        assert!(Instant::now() < until, "{what}");
-        std::thread::sleep(Duration::from_millis(2));
-    }
 }
 
 /// The controller ends with an error that names the stop.

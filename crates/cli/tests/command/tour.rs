@@ -1,47 +1,126 @@
-//! The five-minute tour of the README, command by command.
+//! The commands of README and book, run as they stand.
 
+use std::path::Path;
 use std::process::Command;
 
-use crate::{Desk, TINY, root};
+use crate::replaying::skip;
+use crate::shell_blocks::{Documented, documented, of_page};
+use crate::{Desk, TINY, errors, root};
 
-/// The commands of the README's section, without their comments.
-fn commands() -> Vec<String> {
-    let readme = include_str!("../../../../README.md");
-    let (_, rest) = readme.split_once("\n## Five minutes\n").unwrap();
-    let (section, _) = rest.split_once("\n## ").unwrap();
-    let blocks = section.split("```sh\n").skip(1).map(|block| block.split_once("```").unwrap().0);
-    blocks
-        .flat_map(str::lines)
-        .map(|line| line.split('#').next().unwrap_or_default().trim().to_string())
-        .filter(|line| line.starts_with("etude "))
-        .collect()
+/// Beginnings of commands that are not run here, and why.
+const BEGINNINGS: &[(&str, &str)] = &[
+    ("serve", "it runs until it is stopped: `serve.rs` has its tests"),
+    ("twin", "the same: `stopping.rs`"),
+    ("robot ", "it needs a robot by the wall clock: `robots.rs` and `stopping.rs` start a twin"),
+    ("rehearse", "minutes of training: `rehearsing.rs`"),
+    ("identify", "minutes: shorter recordings are fitted by the tests of `etude-identify`"),
+    ("experiment run songs", "hours of training: `make test-heavy` in its smallest form"),
+    ("experiment run fences", "the same"),
+    ("experiment status", "it needs these trainings"),
+    ("experiment report", "the same"),
+    ("man -o", "it writes into the home folder: `typing.rs`"),
+];
+/// The same for parts of commands.
+const PARTS: &[(&str, &str)] = &[
+    ("--robot out/twin/twin.toml", "it needs a robot by the wall clock"),
+    ("out/lab", "it needs what was recorded there"),
+    ("--fault", "it ends with the fault that was ordered: `robots.rs`"),
+    ("identified", "it needs what `identify` writes"),
+    ("runs/rehearse", "it needs what `rehearse` writes"),
+    ("--set trainer.total_steps=3e6", "millions of steps"),
+];
+
+/// Why a command is not run.
+fn left_out(line: &str) -> Option<&'static str> {
+    let begins = BEGINNINGS.iter().find(|(beginning, _)| line.starts_with(beginning));
+    let has = PARTS.iter().find(|(part, _)| line.contains(part));
+    begins.or(has).map(|(_, why)| *why)
 }
 
-/// Each runs as it stands, one after the other in one folder. Only the training is made short; what it learns in that time pushes at
-/// the limits of the hand's torque until the twin is stopped, so the scripted player performs in its place.
-#[test]
-fn every_command_of_the_five_minute_tour_runs() {
-    let desk = Desk::new();
-    std::os::unix::fs::symlink(root().join("songs"), desk.path("songs")).unwrap();
-    let commands = commands();
-    assert!(commands.len() >= 8, "{commands:?}");
-    for verb in ["train", "play", "replay", "perform", "watch", "gallery"] {
-        assert!(commands.iter().any(|command| command.starts_with(&format!("etude {verb}"))), "no {verb}");
-    }
-    for command in commands {
-        let mut words = command.split_whitespace().skip(1);
-        let verb = words.next().unwrap();
-        let mut etude = Command::new(assert_cmd::cargo::cargo_bin!("etude"));
-        etude.current_dir(desk.path("")).arg(verb).args(words);
-        if verb == "train" {
+/// Runs a command in `desk`. Only a training is made short; what it learns in that time pushes at the limits of the hand's torque until
+/// the twin is stopped, so the scripted player performs in its place.
+fn run(desk: &Desk, command: &Documented) {
+    let words: Vec<&str> = command.words.iter().map(String::as_str).collect();
+    let has = |option: &str| words.contains(&option);
+    let mut etude = Command::new(assert_cmd::cargo::cargo_bin!("etude"));
+    etude.current_dir(desk.path("")).args(&words);
+    match words[0] {
+        "train" if !has("--resume") => {
+            // Several of a page are alternatives with one folder.
+            let _ = std::fs::remove_dir_all(desk.path("runs"));
             etude.args(TINY.iter().flat_map(|set| ["--set", set]));
         }
-        if verb == "perform" && command.contains(".mid") {
-            etude.arg("--scripted");
+        "perform" if words[1].ends_with(".mid") => {
+            let stem = Path::new(words[1]).file_stem().unwrap().to_str().unwrap();
+            etude.args(["--scripted", "-o", &format!("out/{stem}-real")]);
         }
-        crate::succeed(etude);
+        _ => {}
     }
-    for made in ["out/twinkle/replay.html", "out/both.html", "out/gallery/index.html"] {
-        assert!(desk.path(made).is_file(), "{made}");
+    println!("{}: etude {}", command.page, command.line());
+    let output = etude.output().unwrap();
+    let said = errors(&output);
+    if words[0] == "render" && said.contains("no off-screen OpenGL here") {
+        return skip("there is no off-screen OpenGL here");
     }
+    assert!(output.status.success(), "{}: etude {}: {said}", command.page, command.line());
+}
+
+/// A folder as a reader has it: the repository's songs, and a song of one's own.
+fn desk() -> Desk {
+    let desk = Desk::new();
+    std::os::unix::fs::symlink(root().join("songs"), desk.path("songs")).unwrap();
+    std::fs::rename(desk.path("short.mid"), desk.path("my-song.mid")).unwrap();
+    desk
+}
+
+#[test]
+fn the_commands_of_the_readme_run_one_after_the_other() {
+    let desk = desk();
+    let readme = include_str!("../../../../README.md");
+    let (_, rest) = readme.split_once("\n## Five minutes\n").unwrap();
+    let tour = of_page("README.md".as_ref(), rest.split_once("\n## ").unwrap().0);
+    for verb in ["train", "play", "replay", "perform", "watch", "gallery"] {
+        assert!(tour.iter().any(|command| command.words[0] == verb), "no {verb}");
+    }
+    assert!(
+        tour.iter().all(|command| left_out(&command.line()).is_none()),
+        "every one of the five minutes runs"
+    );
+    for command in of_page("README.md".as_ref(), readme) {
+        if left_out(&command.line()).is_none() {
+            run(&desk, &command);
+        }
+    }
+    for made in
+        ["out/twinkle/replay.html", "out/both.html", "out/gallery/index.html", "out/twinkle/recording.mp4"]
+    {
+        // Without ffmpeg a video is a folder of pictures.
+        assert!(desk.path(made).is_file() || made.ends_with(".mp4"), "{made}");
+    }
+}
+
+/// Page by page, each in a folder of its own, in the order of the page, what takes seconds.
+#[test]
+fn the_quick_commands_of_the_book_run() {
+    let all = documented();
+    for (part, why) in BEGINNINGS.iter().chain(PARTS) {
+        assert!(
+            all.iter().any(|command| command.line().contains(part)),
+            "nothing has `{part}` any more ({why})"
+        );
+    }
+    let mut ran = 0;
+    for page in all.chunk_by(|one, next| one.page == next.page).filter(|page| page[0].page != "README.md") {
+        let desk = desk();
+        if page[0].page == "docs/reading.md" {
+            // It begins with what was played on the pages before.
+            desk.ok("play twinkle");
+            desk.ok("perform twinkle --robot twin -o out/twin");
+        }
+        for command in page.iter().filter(|command| left_out(&command.line()).is_none()) {
+            run(&desk, command);
+            ran += 1;
+        }
+    }
+    assert!(ran > 30, "{ran}");
 }

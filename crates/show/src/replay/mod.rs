@@ -2,6 +2,7 @@
 //!
 //! [`Take`] is the page's data of a recording; `viewer/` draws it.
 
+mod arm;
 mod heard;
 mod page;
 mod rewards;
@@ -16,7 +17,7 @@ use walkdir::WalkDir;
 
 pub use heard::Heard;
 pub use page::replay_page;
-pub(crate) use roll::roll_svg;
+pub(crate) use roll::{Shown, roll_svg};
 pub use take::{Mark, MarkKind, PlayedNote, Take};
 
 /// The recordings that a path means: itself, or those below it if it is a folder, sorted.

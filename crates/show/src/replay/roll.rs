@@ -1,4 +1,4 @@
-//! The piano roll of a take as a drawing: what was due and what was played.
+//! The piano roll of a take: what was due and what was played, as stretches of time, and as a drawing.
 
 use maud::{Markup, html};
 
@@ -8,39 +8,89 @@ use super::take::Take;
 const STEP: usize = 4;
 const KEY: usize = 8;
 
+/// What is shown of a key.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Shown {
+    /// Due and struck.
+    Right,
+    /// Due and silent, or held from a note before it and not struck.
+    Missed,
+    /// It sounds and is not due.
+    Wrong,
+}
+
+/// A stretch of control steps in which one key shows the same.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct Stretch {
+    pub pitch: u8,
+    /// The first step.
+    pub from: usize,
+    /// The step after the last one.
+    pub to: usize,
+    pub shown: Shown,
+}
+
+impl Take {
+    /// Whether a note of `pitch` that is due in a control step is one that was not struck.
+    pub(crate) fn is_unstruck(&self, pitch: u8, step: usize) -> bool {
+        let middle = (step as f64 + 0.5) / self.control_hz;
+        let latest = self.due_notes.iter().rposition(|note| note.pitch == pitch && note.start <= middle);
+        latest.is_some_and(|index| self.heard[index].is_none())
+    }
+
+    /// The stretches, pitch by pitch.
+    pub(crate) fn stretches(&self) -> Vec<Stretch> {
+        let steps = self.due.len().max(self.pressed.len());
+        let mut found: Vec<Stretch> = Vec::new();
+        let Some((low, high)) = self.compass() else { return found };
+        for pitch in low..=high {
+            let mut open: Option<Stretch> = None;
+            for step in 0..=steps {
+                let shown = self.shown(pitch, step);
+                if open.map(|stretch| stretch.shown) == shown {
+                    continue;
+                }
+                found.extend(open.map(|stretch| Stretch { to: step, ..stretch }));
+                open = shown.map(|shown| Stretch { pitch, from: step, to: step, shown });
+            }
+        }
+        found
+    }
+
+    fn shown(&self, pitch: u8, step: usize) -> Option<Shown> {
+        let has = |rows: &[Vec<u8>]| rows.get(step).is_some_and(|row| row.contains(&pitch));
+        match (has(&self.due), has(&self.pressed)) {
+            (true, true) if !self.is_unstruck(pitch, step) => Some(Shown::Right),
+            (true, _) => Some(Shown::Missed),
+            (false, true) => Some(Shown::Wrong),
+            (false, false) => None,
+        }
+    }
+
+    /// The lowest and the highest pitch that is due or played.
+    pub(crate) fn compass(&self) -> Option<(u8, u8)> {
+        let all = || self.due.iter().chain(&self.pressed).flatten().copied();
+        Some((all().min()?, all().max()?))
+    }
+}
+
 /// Right is filled, missed an outline, wrong hatched, so that the three differ without colours too.
 pub(crate) fn roll_svg(take: &Take) -> String {
     let steps = take.due.len().max(take.pressed.len()).max(1);
-    let sounding = || take.due.iter().chain(&take.pressed).flatten().copied();
-    let (low, high) = (sounding().min().unwrap_or(60), sounding().max().unwrap_or(60));
+    let (low, high) = take.compass().unwrap_or((60, 60));
     let (width, height) = (STEP * steps, KEY * (usize::from(high - low) + 3));
-    let mut bars: Vec<Markup> = Vec::new();
-    let none = Vec::new();
-    for pitch in low..=high {
-        let y = KEY * (usize::from(high - pitch) + 1);
-        let mut from = 0;
-        let state = |step: usize| {
-            let has = |rows: &[Vec<u8>]| rows.get(step).unwrap_or(&none).contains(&pitch);
-            (has(&take.due), has(&take.pressed))
+    let bar = |Stretch { pitch, from, to, shown }: Stretch| {
+        let [fill, stroke, line] = match shown {
+            Shown::Right => ["#0072b2", "none", "1"],
+            Shown::Missed => ["none", "#0072b2", "1"],
+            Shown::Wrong => ["url(#wrong)", "#d55e00", "0.5"],
         };
-        while from < steps {
-            let now = state(from);
-            let to = (from..steps).find(|step| state(*step) != now).unwrap_or(steps);
-            let style = match now {
-                (true, true) => Some(["#0072b2", "none", "1"]),
-                (true, false) => Some(["none", "#0072b2", "1"]),
-                (false, true) => Some(["url(#wrong)", "#d55e00", "0.5"]),
-                (false, false) => None,
-            };
-            if let Some([fill, stroke, width]) = style {
-                let (x, length) = (STEP * from, STEP * (to - from));
-                bars.push(html! {
-                    rect x=(x) y=(y) width=(length) height=(KEY - 1) fill=(fill) stroke=(stroke) stroke-width=(width) vector-effect="non-scaling-stroke" {}
-                });
-            }
-            from = to;
+        let (x, y, length) = (STEP * from, KEY * (usize::from(high - pitch) + 1), STEP * (to - from));
+        html! {
+            rect x=(x) y=(y) width=(length) height=(KEY - 1) fill=(fill) stroke=(stroke) stroke-width=(line) vector-effect="non-scaling-stroke" {}
         }
-    }
+    };
+    let bars: Vec<Markup> = take.stretches().into_iter().map(bar).collect();
     let svg = html! {
         svg xmlns="http://www.w3.org/2000/svg" width=(width) height=(height) viewBox={ "0 0 " (width) " " (height) } preserveAspectRatio="none" {
             defs {

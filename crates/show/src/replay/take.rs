@@ -7,10 +7,11 @@ use etude_music::sound::{self, SoundError};
 use etude_music::{CONTROL_HZ, HIGHEST_PITCH, KeyEvent, KeySet, LOWEST_PITCH, Note, notes_from_key_events};
 use etude_perform::stand::stage_side;
 use etude_perform::{Header, Recording};
-use etude_stage::{JOINTS, Scene, StageConfig, World};
+use etude_stage::{JOINTS, RAIL_BEAM, Scene, StageConfig, World};
 use etude_task::TaskConfig;
 use serde::Serialize;
 
+use super::arm::{Arm, arm};
 use super::heard::{Heard, heard};
 use super::rewards::{RewardCurve, rewards, rounded};
 
@@ -47,6 +48,8 @@ pub struct Take {
     pub positions: Vec<Vec<f64>>,
     /// Joint positions at the beginning, where they are known.
     pub start: Option<Vec<f64>>,
+    /// The robot's arm; none in simulation, where the hand is on a rail.
+    pub arm: Option<Arm>,
     /// Pitches due in each control step.
     pub due: Vec<Vec<u8>>,
     /// Pitches that sounded at the end of each control step.
@@ -133,7 +136,7 @@ impl Take {
         let header = &recording.header;
         let task = task_of(header);
         let mut world = world_of(&task)?;
-        let scene = world.scene();
+        let mut scene = world.scene();
         let in_simulation = header.activity == etude_perform::Activity::Simulation;
         let start = in_simulation.then(|| world.start_pose().map(rounded).to_vec());
 
@@ -144,6 +147,10 @@ impl Take {
         let pressed: Vec<KeySet> = steps.iter().map(|step| keys(&step.pressed)).collect();
         let hz = if (1.0..=1000.0).contains(&header.control_hz) { header.control_hz } else { CONTROL_HZ };
         let end_secs = steps.len() as f64 / hz;
+        let arm = arm(recording, steps.len(), hz);
+        if arm.is_some() {
+            scene.geoms.retain(|geom| geom.name != RAIL_BEAM);
+        }
 
         let mut running = Running::default();
         if !due.is_empty() {
@@ -174,6 +181,7 @@ impl Take {
             joints: header.joints.clone(),
             positions: positions.iter().map(|row| row.map(rounded).to_vec()).collect(),
             start,
+            arm,
             heard: heard(&due_notes, &notes),
             note_scores: (!due_notes.is_empty()).then(|| note_scores(&due_notes, &notes)),
             due_notes: due_notes.iter().map(PlayedNote::of).collect(),

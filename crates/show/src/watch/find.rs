@@ -51,7 +51,8 @@ fn is_run(folder: &Path) -> bool {
     is_file(CONFIG) && (is_file(METRICS) || is_file(SONG))
 }
 
-fn recent(folder: &Path, most: usize, now: SystemTime) -> anyhow::Result<Vec<PathBuf>> {
+/// Every run in `folder`, with the time at which it was last written to, the last one first.
+pub fn runs_in(folder: &Path) -> Vec<(SystemTime, PathBuf)> {
     let mut runs = Vec::new();
     let mut below = WalkDir::new(folder).min_depth(1).max_depth(DEPTH).into_iter();
     while let Some(entry) = below.next() {
@@ -64,6 +65,11 @@ fn recent(folder: &Path, most: usize, now: SystemTime) -> anyhow::Result<Vec<Pat
     }
     // The path decides between equals, so that the order is always the same.
     runs.sort_by(|a, b| b.cmp(a));
+    runs
+}
+
+fn recent(folder: &Path, most: usize, now: SystemTime) -> anyhow::Result<Vec<PathBuf>> {
+    let mut runs = runs_in(folder);
     let Some((_, latest)) = runs.first().cloned() else {
         bail!(
             "{} holds no run; name a run's folder, or start one there with `etude train SONG -o {}`",

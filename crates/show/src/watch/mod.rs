@@ -11,7 +11,7 @@ use std::time::SystemTime;
 use anyhow::anyhow;
 use serde::{Deserialize, Serialize};
 
-pub use find::find_runs;
+pub use find::{find_runs, runs_in};
 pub use history::{History, Point};
 
 use etude_lab::{CONFIG, META};

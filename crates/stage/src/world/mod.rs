@@ -20,7 +20,7 @@ use crate::error::StageError;
 use crate::geometry::{HALF_WIDTH, WHITE};
 use crate::hand::{FINGER_JOINTS, FINGERS, JOINTS, RAIL, TIP_RADIUS, joint_range, root_lateral};
 use crate::kinematics;
-use crate::mjcf::{key_place, keyboard_place, mjcf_with, passive_damping};
+use crate::mjcf::{key_colour, key_place, keyboard_place, mjcf_with, passive_damping};
 use crate::params::{JointRow, PhysicalParams, WorldRow};
 use crate::strike::Strike;
 use layout::Layout;
@@ -189,6 +189,16 @@ impl World {
         self.put_keys(&angles);
         self.pressed = down;
         self.data.forward();
+    }
+
+    /// Gives keys these colours (red, green, blue, 0 to 1) in pictures, the others their own.
+    pub fn colour_keys(&mut self, colours: &[Option<[f32; 3]>; KEYS]) {
+        // SAFETY: only values change; no size, address or id table is touched.
+        let model = unsafe { self.data.model_mut() };
+        for (key, colour) in colours.iter().enumerate() {
+            model.geom_rgba_mut()[self.layout.key_geom[key]][..3]
+                .copy_from_slice(&colour.unwrap_or_else(|| key_colour(key)));
+        }
     }
 
     /// Moves the keys to these angles, rad.

@@ -5,10 +5,10 @@ use std::path::{Path, PathBuf};
 use std::sync::{Mutex, PoisonError};
 use std::time::SystemTime;
 
-use etude_lab::{CONFIG, Pianist, find_song, load_pianist};
+use etude_lab::{PAGE, Pianist, RECORDING, REPORT, find_song, load_pianist};
 use etude_music::{Song, SongError, repertoire};
 use etude_perform::write_file;
-use etude_show::watch::{Point, RunFigures, WatchedRun};
+use etude_show::watch::{Point, RunFigures, WatchedRun, runs_in};
 use hyper::StatusCode;
 use serde::Serialize;
 use serde_json::{Value, json};
@@ -194,13 +194,8 @@ impl Desk {
 
     /// The trainings, the last one first.
     pub fn runs(&self) -> Vec<Trained> {
-        let mut folders = entries(RUNS);
-        folders.retain(|folder| folder.join(CONFIG).is_file());
-        folders.sort_by_key(|folder| {
-            let written = ["metrics.jsonl", CONFIG].iter().find_map(|name| written(&folder.join(name)));
-            std::cmp::Reverse(written)
-        });
-        folders.truncate(MOST_RUNS);
+        let found = runs_in(Path::new(RUNS)).into_iter().map(|(_, folder)| folder);
+        let folders: Vec<PathBuf> = found.take(MOST_RUNS).collect();
         let mut watched = self.watched.lock().unwrap_or_else(PoisonError::into_inner);
         watched.retain(|folder, _| folders.contains(folder));
         let seen = |folder: &PathBuf| {
@@ -237,8 +232,8 @@ pub fn policy_for(asked: &str, song: &Song) -> Option<Pianist> {
 
 /// The page of a recording: each run of a performance has its own.
 pub fn replay_page(recording: &Path) -> PathBuf {
-    if recording.file_stem().is_some_and(|stem| stem == "recording") {
-        recording.with_file_name("replay.html")
+    if recording.file_name().is_some_and(|name| name == RECORDING) {
+        recording.with_file_name(PAGE)
     } else {
         recording.with_extension("html")
     }
@@ -278,7 +273,7 @@ fn written(path: &Path) -> Option<SystemTime> {
 
 /// The performances in a folder of `etude play` or `etude perform`, from its report.
 fn performed(folder: &Path) -> Vec<Performed> {
-    let report = std::fs::read(folder.join("report.json")).ok();
+    let report = std::fs::read(folder.join(REPORT)).ok();
     let report = report.and_then(|bytes| serde_json::from_slice::<Value>(&bytes).ok()).unwrap_or_default();
     let text = |key: &str| report[key].as_str().map(str::to_string);
     let runs = report["runs"].as_array().cloned().unwrap_or_else(|| vec![report.clone()]);

@@ -1,13 +1,13 @@
 //! Files of the working folder: those that the verbs write and the page shows.
 
 use std::fs::File;
-use std::io::{Read as _, Seek as _, SeekFrom};
+use std::io::{Seek as _, SeekFrom};
 use std::path::{Path, PathBuf};
 
 use hyper::StatusCode;
 use hyper::header;
 
-use super::http::{Answer, Refusal};
+use super::http::{Answer, Content, Refusal};
 
 /// Folders whose files are served.
 const FOLDERS: [&str; 2] = ["out", "songs"];
@@ -38,14 +38,12 @@ pub fn file(root: &Path, parts: &[String], range: Option<&str>) -> Result<Answer
             return Err(Refusal::new(StatusCode::RANGE_NOT_SATISFIABLE, "the file does not reach so far"));
         }
     };
-    let mut body = Vec::new();
     file.seek(SeekFrom::Start(first)).map_err(|_| missing())?;
-    file.take(last - first).read_to_end(&mut body).map_err(|_| missing())?;
     let mut headers = vec![(header::ACCEPT_RANGES, "bytes".to_string())];
     if status == StatusCode::PARTIAL_CONTENT {
         headers.push((header::CONTENT_RANGE, format!("bytes {first}-{}/{length}", last - 1)));
     }
-    Ok(Answer { status, kind, policy: POLICY.to_string(), headers, body: body.into() })
+    Ok(Answer { status, kind, policy: POLICY.to_string(), headers, body: Content::Part(file, last - first) })
 }
 
 /// The file, if it is in one of the folders, and no link on the way leads out of the working folder.
@@ -73,6 +71,8 @@ fn bounds(range: &str, length: u64) -> Option<(u64, u64)> {
 
 #[cfg(test)]
 mod tests {
+    use std::io::Read as _;
+
     use super::*;
 
     #[test]
@@ -111,7 +111,10 @@ mod tests {
         std::os::unix::fs::symlink(root.join("out/a"), root.join("out/b")).unwrap();
         let get = |path: &str| {
             let parts: Vec<String> = path.split('|').map(str::to_string).collect();
-            file(&root, &parts, None).ok().map(|answer| answer.body)
+            let Content::Part(mut file, length) = file(&root, &parts, None).ok()?.body else { return None };
+            let mut text = String::new();
+            assert_eq!(file.read_to_string(&mut text).unwrap() as u64, length);
+            Some(text)
         };
         assert_eq!(get("out|a|x.wav").unwrap(), "out/a/x.wav");
         assert_eq!(get("out|b|x.wav").unwrap(), "out/a/x.wav", "a link that stays inside");

@@ -2,13 +2,17 @@
 
 use std::collections::BTreeMap;
 use std::convert::Infallible;
+use std::fs::File;
+use std::io::Read as _;
 use std::net::TcpListener;
+use std::pin::Pin;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::task::{Context, Poll};
 use std::time::Duration;
 
-use http_body_util::{BodyExt as _, Full, Limited};
-use hyper::body::{Body as _, Bytes, Incoming};
+use http_body_util::{BodyExt as _, Limited};
+use hyper::body::{Body, Bytes, Frame, Incoming, SizeHint};
 use hyper::header::{self, HeaderName};
 use hyper::server::conn::http1;
 use hyper::service::service_fn;
@@ -16,7 +20,7 @@ use hyper::{Method, Response, StatusCode};
 use hyper_util::rt::{TokioIo, TokioTimer};
 use serde_json::json;
 use tokio::net::TcpListener as AsyncListener;
-use tokio::sync::Semaphore;
+use tokio::sync::{Semaphore, mpsc};
 
 use super::super::note;
 use super::routes::Site;
@@ -27,6 +31,8 @@ const LARGEST: usize = 1 << 20;
 const ARRIVAL: Duration = Duration::from_secs(10);
 /// Connections at a time; more wait.
 const MOST_CONNECTIONS: usize = 64;
+/// The largest piece of a file that is in memory, bytes.
+const PIECE: usize = 1 << 16;
 /// Longest time between two looks at the request to stop.
 const LOOK: Duration = Duration::from_millis(50);
 
@@ -50,7 +56,20 @@ pub struct Answer {
     /// What the content may do in a browser.
     pub policy: String,
     pub headers: Vec<(HeaderName, String)>,
-    pub body: Bytes,
+    pub body: Content,
+}
+
+/// What an answer holds.
+pub enum Content {
+    Bytes(Bytes),
+    /// The next so many bytes of a file, which are sent in pieces.
+    Part(File, u64),
+}
+
+impl<T: Into<Bytes>> From<T> for Content {
+    fn from(bytes: T) -> Self {
+        Self::Bytes(bytes.into())
+    }
 }
 
 impl Answer {
@@ -183,7 +202,7 @@ async fn answer(request: hyper::Request<Incoming>, site: Arc<Site>) -> Result<An
     })?
 }
 
-fn response(answer: Answer) -> Response<Full<Bytes>> {
+fn response(answer: Answer) -> Response<Sent> {
     let mut response = Response::builder()
         .status(answer.status)
         .header(header::CONTENT_TYPE, answer.kind)
@@ -197,7 +216,67 @@ fn response(answer: Answer) -> Response<Full<Bytes>> {
     for (name, value) in answer.headers {
         response = response.header(name, value);
     }
-    response.body(Full::new(answer.body)).expect("the headers are our own")
+    response.body(Sent::new(answer.body)).expect("the headers are our own")
+}
+
+/// A body on its way: bytes that are there, or pieces that another thread reads.
+struct Sent {
+    pieces: mpsc::Receiver<std::io::Result<Bytes>>,
+    left: u64,
+}
+
+impl Sent {
+    /// Files are read in a thread that waits while nobody takes their pieces, and ends when the browser has gone.
+    fn new(content: Content) -> Self {
+        let (sender, pieces) = mpsc::channel(1);
+        let left = match content {
+            Content::Bytes(bytes) => {
+                let length = bytes.len() as u64;
+                // There is room for one.
+                let _ = sender.try_send(Ok(bytes));
+                length
+            }
+            Content::Part(mut file, length) => {
+                tokio::task::spawn_blocking(move || {
+                    let mut left = length;
+                    while left > 0 {
+                        let mut piece = vec![0; PIECE.min(left as usize)];
+                        let read = file.read_exact(&mut piece);
+                        left -= piece.len() as u64;
+                        let failed = read.is_err();
+                        if sender.blocking_send(read.map(|()| piece.into())).is_err() || failed {
+                            break;
+                        }
+                    }
+                });
+                length
+            }
+        };
+        Self { pieces, left }
+    }
+}
+
+impl Body for Sent {
+    type Data = Bytes;
+    type Error = std::io::Error;
+
+    fn poll_frame(
+        mut self: Pin<&mut Self>,
+        context: &mut Context<'_>,
+    ) -> Poll<Option<std::io::Result<Frame<Bytes>>>> {
+        self.pieces.poll_recv(context).map(|piece| {
+            piece.map(|piece| {
+                piece.map(|piece| {
+                    self.left -= piece.len() as u64;
+                    Frame::data(piece)
+                })
+            })
+        })
+    }
+
+    fn size_hint(&self) -> SizeHint {
+        SizeHint::with_exact(self.left)
+    }
 }
 
 /// `text` with its `%41` as characters; none if it is malformed.

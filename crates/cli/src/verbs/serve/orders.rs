@@ -2,10 +2,12 @@
 
 use std::path::{Path, PathBuf};
 
+use etude_lab::{RECORDING, run_file};
 use etude_perform::Mode;
 use etude_show::watch::RunState;
 use serde::Deserialize;
 
+use super::super::perform::performance_name;
 use super::super::{PianistArgs, slug};
 use super::desk::{COMPARED, Desk, Listed, SONGS, about, make_folder, policy_for, replay_page};
 use super::http::Refusal;
@@ -64,18 +66,18 @@ impl Wanted {
                 let folder = format!("out/{}", pianist.folder_name(&song));
                 let mut play = vec!["play".to_string(), song.clone(), "-o".to_string(), folder.clone()];
                 play.extend(arguments(&pianist));
-                let steps = vec![gentle(play), replay(&format!("{folder}/recording.mcap"))];
+                let steps = vec![gentle(play), replay(&format!("{folder}/{RECORDING}"))];
                 Ok(order(format!("Play {title}"), song, folder, steps))
             }
             Self::Perform { song, player, mode } => {
                 let (title, pianist) = pianist(desk, &song, player)?;
                 let mode: Mode = mode.parse().map_err(|error| anyhow::anyhow!("the mode: {error}"))?;
-                let folder = format!("out/{}-{mode}", pianist.folder_name(&song));
+                let folder = format!("out/{}", performance_name(&pianist, &song, mode, []));
                 let mut perform: Vec<String> =
                     ["perform", &song, "--robot", "twin", "-o", &folder].map(str::to_string).into();
                 perform.push(format!("--mode={mode}"));
                 perform.extend(arguments(&pianist));
-                let steps = vec![gentle(perform), replay(&format!("{folder}/run-1.mcap"))];
+                let steps = vec![gentle(perform), replay(&format!("{folder}/{}", run_file(0, "mcap")))];
                 Ok(order(format!("Perform {title} on the twin"), song, folder, steps))
             }
             Self::Train { song, minutes, set } => {

@@ -1,0 +1,65 @@
+//! Who hears how far the planning of a fingering is. It is deep inside of starting a training or a performance, and only a long song
+//! needs it; so the listener belongs to the thread while its work runs, and is no argument on the way there.
+
+use std::cell::RefCell;
+use std::rc::Rc;
+
+use etude_music::Song;
+use etude_task::{Piece, TaskConfig, TaskError};
+
+type Listener = Rc<RefCell<dyn FnMut(f64)>>;
+
+thread_local! {
+    static LISTENERS: RefCell<Vec<Listener>> = const { RefCell::new(Vec::new()) };
+}
+
+/// Removes the listener also if the work panics.
+struct Listening;
+
+impl Drop for Listening {
+    fn drop(&mut self) {
+        LISTENERS.with_borrow_mut(Vec::pop);
+    }
+}
+
+/// Does `work`; what it plans in this thread tells `listener` the share that is planned, 0 to 1.
+pub fn planning_told<T>(listener: impl FnMut(f64) + 'static, work: impl FnOnce() -> T) -> T {
+    LISTENERS.with_borrow_mut(|listeners| listeners.push(Rc::new(RefCell::new(listener))));
+    let _listening = Listening;
+    work()
+}
+
+/// [`Piece::for_task`], heard by the listener if there is one.
+pub(crate) fn plan(song: &Song, task: &TaskConfig) -> Result<Piece, TaskError> {
+    let listener = LISTENERS.with_borrow(|listeners| listeners.last().cloned());
+    Piece::for_task_telling(song, task, &mut |share| {
+        if let Some(listener) = &listener {
+            listener.borrow_mut()(share);
+        }
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_innermost_listener_hears_the_planning_of_its_own_work() {
+        let task = crate::resolve(crate::DEFAULT_PRESET, None, &[]).unwrap().task;
+        let song = etude_music::repertoire::get("twinkle").unwrap();
+        let heard = Rc::new(RefCell::new(Vec::new()));
+        let listener = |heard: &Rc<RefCell<Vec<f64>>>| {
+            let heard = heard.clone();
+            move |share| heard.borrow_mut().push(share)
+        };
+        let outer = Rc::new(RefCell::new(Vec::new()));
+        planning_told(listener(&outer), || {
+            planning_told(listener(&heard), || plan(&song, &task).unwrap());
+            assert!(outer.borrow().is_empty());
+        });
+        let before = heard.borrow().len();
+        assert!(before > 0 && heard.borrow().iter().all(|share| (0.0..=1.0).contains(share)));
+        plan(&song, &task).unwrap();
+        assert_eq!(heard.borrow().len(), before);
+    }
+}
