@@ -67,7 +67,7 @@ pub struct Args {
     /// A SoundFont (.sf2) for the sound; a built-in piano tone if not given
     #[arg(long, value_name = "FILE")]
     soundfont: Option<PathBuf>,
-    /// Print JSON: notes_right, notes_due, notes_wrong, onset_f1, lag_secs, sim_f1, robot_f1, robot_f1_std, gap, runs, …
+    /// Print JSON: notes_right, notes_due, notes_wrong, onset_f1, onset_f1_without_lag, lag_secs, sim_f1, robot_f1, robot_f1_std, gap, runs, …
     #[arg(long)]
     json: bool,
 }
@@ -153,13 +153,15 @@ fn print(report: &RobotReport) -> anyhow::Result<()> {
     for (index, run) in report.runs.iter().enumerate() {
         line(format!("run {}: {}", index + 1, heard(&run.scores.note)))?;
     }
-    if let Some((lag, lead)) = report.lag_secs.zip(report.better_lead_secs()) {
+    if let Some(lag) = report.lag_secs {
+        let lead = report
+            .better_lead_secs()
+            .map_or_else(String::new, |lead| format!("; on time with --set task.plan.lead_secs={lead:.3}"));
         line(format!(
-            "Everything came {:.0} ms {}. Onset F1 {:.3}; without that {:.3}: --set task.plan.lead_secs={lead:.3}",
-            lag.abs() * 1e3,
-            if lag > 0.0 { "late" } else { "early" },
+            "Onset F1 {:.3}, aligned by the median lag {:.3}; lag {:+.0} ms{lead}",
             report.notes.onset_f1,
-            report.notes.onset_f1_without_lag
+            report.notes.onset_f1_without_lag,
+            lag * 1e3,
         ))?;
     }
     line(format!("{:22} {:>9} {:>9} {:>9}", "by control step", "precision", "recall", "F1"))?;
@@ -172,7 +174,7 @@ fn print(report: &RobotReport) -> anyhow::Result<()> {
     let spread =
         if report.runs.len() > 1 { format!(" ± {:.3}", report.robot_f1_std) } else { String::new() };
     line(format!(
-        "F1 {:.3} in simulation, {:.3}{spread} on {}: a gap of {:.1} %",
+        "The paper's F1 {:.3} in simulation, {:.3}{spread} on {}: a gap of {:.1} %",
         report.sim_f1,
         report.robot_f1,
         report.robot,

@@ -12,7 +12,7 @@ use etude_identify::{
 use etude_perform::{Excitation, Job, shaping_params};
 use etude_robot::rig::RigConfig;
 use etude_stage::params::JointRow;
-use etude_stage::{JOINTS, PhysicalParams, RAIL, StageConfig};
+use etude_stage::{JOINTS, PhysicalParams, RAIL, StageConfig, World};
 use rand::{RngExt as _, SeedableRng as _};
 use rand_pcg::Pcg64;
 
@@ -32,6 +32,11 @@ pub struct Recovery {
 }
 
 impl Recovery {
+    /// The estimate of a parameter and what it should be; none if it is not identifiable.
+    pub fn number(&self, path: &str) -> Option<&(ParameterEstimate, f64)> {
+        self.numbers.iter().find(|(found, _)| found.path == path)
+    }
+
     /// Median relative error of the identifiable parameters.
     pub fn median_error(&self) -> f64 {
         let mut errors: Vec<f64> =
@@ -134,6 +139,47 @@ fn truth(joints: &[usize], seed: u64) -> PhysicalParams {
 /// Draws a robot, records motion of these joints, and fits.
 pub fn recover(joints: &[usize], seed: u64) -> Result<Recovery, Error> {
     let truth = truth(joints, seed);
+    recover_as(&truth, &truth, joints, seed)
+}
+
+/// A robot of [`truth`] whose finger motors take `back_emf` (N·m·s/rad) away as they turn: a viscosity, which is no parameter of a fit
+/// and has to come back as damping.
+pub fn recover_back_emf(joints: &[usize], back_emf: f64, seed: u64) -> Result<Recovery, Error> {
+    let (mut truth, mut expected) = (truth(joints, seed), truth(joints, seed));
+    for &joint in joints {
+        let of = |row: JointRow| truth.joint(row, joint) + back_emf;
+        let (viscosity, damping) = (of(JointRow::Viscosity), of(JointRow::Damping));
+        truth.set_joint(JointRow::Viscosity, joint, viscosity);
+        expected.set_joint(JointRow::Damping, joint, damping);
+    }
+    recover_as(&truth, &expected, joints, seed)
+}
+
+/// An arm that follows as a mass on a spring: its own frequency, Hz, and damping ratio; and it is late, s.
+pub fn recover_arm(hertz: f64, ratio: f64, delay_secs: f64, seed: u64) -> Result<Recovery, Error> {
+    let mut truth = truth(&[RAIL], seed);
+    let world = World::new(&StageConfig::default(), &truth)?;
+    let model = world.data().model();
+    let hand = model.body("palm").ok_or("no palm")?.view(model).subtreemass[0];
+    let mass = hand + truth.joint(JointRow::Armature, RAIL);
+    let pace = std::f64::consts::TAU * hertz;
+    truth.set_joint(JointRow::Stiffness, RAIL, mass * pace * pace);
+    truth.set_joint(
+        JointRow::Damping,
+        RAIL,
+        2.0 * ratio * pace * mass - truth.joint(JointRow::Viscosity, RAIL),
+    );
+    truth.set_joint(JointRow::Delay, RAIL, delay_secs);
+    recover_as(&truth, &truth, &[RAIL], seed)
+}
+
+/// Records motion of these joints of a robot, fits, and compares with what is expected of the fit.
+fn recover_as(
+    truth: &PhysicalParams,
+    expected: &PhysicalParams,
+    joints: &[usize],
+    seed: u64,
+) -> Result<Recovery, Error> {
     let parts = [(Excitation::OpenClose, 1), (Excitation::Chirp, 2), (Excitation::Rail, 1)];
     let told =
         |(excitation, _): &(Excitation, usize)| *excitation != Excitation::Rail || joints.contains(&RAIL);
@@ -141,7 +187,7 @@ pub fn recover(joints: &[usize], seed: u64) -> Result<Recovery, Error> {
         .into_iter()
         .filter(told)
         .enumerate()
-        .map(|(index, part)| recorded(&truth, joints, part, 10 * seed + index as u64))
+        .map(|(index, part)| recorded(truth, joints, part, 10 * seed + index as u64))
         .collect::<Result<_, _>>()?;
     let most = LmConfig::default().max_evaluations;
     let method = LmConfig { cost_tolerance: 1e-6, max_evaluations: most, ..LmConfig::for_replays() };
@@ -156,15 +202,15 @@ pub fn recover(joints: &[usize], seed: u64) -> Result<Recovery, Error> {
     );
     std::fs::remove_dir_all(&folder)?;
     let identified = identified?;
-    let held_out = [recorded(&truth, joints, (Excitation::Held, 1), 10 * seed + 9)?];
+    let held_out = [recorded(truth, joints, (Excitation::Held, 1), 10 * seed + 9)?];
     let before = shaping_params(&RigConfig::default().limits);
     let after = PhysicalParams::default().with(&identified.physics)?;
     let found = Assessment::new(&held_out, &before, &after)?;
     let errors = found.joints.into_iter();
     let numbers = identified.estimates.into_iter().flat_map(|(_, estimate)| estimate.parameters);
     let numbers = numbers.filter(|found| found.is_identifiable).map(|found| {
-        let truth = truth.get(&found.path)?;
-        Ok((found, truth))
+        let expected = expected.get(&found.path)?;
+        Ok((found, expected))
     });
     Ok(Recovery {
         passes: identified.passes,
