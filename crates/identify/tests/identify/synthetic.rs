@@ -192,15 +192,13 @@ fn recover_as(
     let most = LmConfig::default().max_evaluations;
     let method = LmConfig { cost_tolerance: 1e-6, max_evaluations: most, ..LmConfig::for_replays() };
     let config = IdentifyConfig { method: MethodConfig::Lm(method), seed, start: BTreeMap::default() };
-    let folder = std::env::temp_dir().join(format!("etude-recovery-{seed}-{}", std::process::id()));
-    std::fs::create_dir_all(&folder)?;
+    let folder = tempfile::tempdir()?;
     let identified = identify(
         &motions,
         &config,
-        &folder.join("state.json"),
+        &folder.path().join("state.json"),
         &mut Job::new(&mut |_| {}, &AtomicBool::new(false)),
     );
-    std::fs::remove_dir_all(&folder)?;
     let identified = identified?;
     let held_out = [recorded(truth, joints, (Excitation::Held, 1), 10 * seed + 9)?];
     let before = shaping_params(&RigConfig::default().limits);
