@@ -1,7 +1,7 @@
 """What each change of the twin alone costs: three songs in three modes on the truth `mild` with one thing changed at a time, and the table of
-docs/results/robot.md: onset F1 aligned by the median lag, the lag, and the paper's F1, as means over the songs (and runs).
+docs/results/robot.md: onset F1 aligned by the median lag, the lag, and the paper's F1, as means over the songs (and runs). With --drawn the same of so many truths that are drawn, random:1 and so on.
 
-    make build && python3 scripts/truth_costs.py [--runs 1] [--songs twinkle,ode-to-joy,c-major-scale]
+    make build && python3 scripts/truth_costs.py [--runs 1] [--songs twinkle,ode-to-joy,c-major-scale] [--drawn 20]
 """
 
 import argparse
@@ -87,20 +87,26 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--runs", type=int, default=1)
     parser.add_argument("--songs", default="twinkle,ode-to-joy,c-major-scale")
+    parser.add_argument("--drawn", type=int)
     options = parser.parse_args()
     songs = options.songs.split(",")
     folder = ROOT / "out" / "truth-costs"
     folder.mkdir(parents=True, exist_ok=True)
     print("| what is changed | " + " | ".join(MODES) + " |")
     print("|---|" + "---|" * len(MODES), flush=True)
-    rows = [(name, changed(change)) for name, change in CHANGES]
-    rows += [(f"all of `{name}`", tomllib.loads((TRUTHS / f"{name}.toml").read_text())) for name in ["standard", "worn"]]
-    for number, (name, truth) in enumerate(rows):
-        file = folder / f"{number}.toml"
-        file.write_text(toml(truth))
+    if options.drawn:
+        rows = [(f"`random:{seed}`", f"random:{seed}") for seed in range(1, options.drawn + 1)]
+    else:
+        rows = []
+        for number, (name, change) in enumerate(CHANGES):
+            file = folder / f"{number}.toml"
+            file.write_text(toml(changed(change)))
+            rows.append((name, file))
+        rows += [(f"all of `{name}`", name) for name in ["standard", "worn"]]
+    for name, truth in rows:
         cells = []
         for mode in MODES:
-            reports = [perform(song, mode, file, options.runs) for song in songs]
+            reports = [perform(song, mode, truth, options.runs) for song in songs]
             mean = lambda key: sum(report.get(key, float("nan")) for report in reports) / len(reports)
             cells.append(f"{mean('onset_f1_without_lag'):.3f}; {1e3 * mean('lag_secs'):+.0f} ms; {mean('robot_f1'):.3f}")
         print(f"| {name} | " + " | ".join(cells) + " |", flush=True)

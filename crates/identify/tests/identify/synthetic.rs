@@ -12,11 +12,11 @@ use etude_identify::{
 use etude_perform::{Excitation, Job, shaping_params};
 use etude_robot::rig::RigConfig;
 use etude_stage::params::JointRow;
-use etude_stage::{JOINTS, PhysicalParams, RAIL, StageConfig, World};
+use etude_stage::{JOINTS, PhysicalParams, RAIL, StageConfig};
 use rand::{RngExt as _, SeedableRng as _};
 use rand_pcg::Pcg64;
 
-type Error = Box<dyn std::error::Error>;
+pub type Error = Box<dyn std::error::Error>;
 
 /// Noise of the encoders, rad, and of the rail, m.
 const NOISE: [f64; 2] = [2e-4, 5e-5];
@@ -32,11 +32,6 @@ pub struct Recovery {
 }
 
 impl Recovery {
-    /// The estimate of a parameter and what it should be; none if it is not identifiable.
-    pub fn number(&self, path: &str) -> Option<&(ParameterEstimate, f64)> {
-        self.numbers.iter().find(|(found, _)| found.path == path)
-    }
-
     /// Median relative error of the identifiable parameters.
     pub fn median_error(&self) -> f64 {
         let mut errors: Vec<f64> =
@@ -109,7 +104,7 @@ fn recorded(
 const FINGER_JERK: f64 = 60_000.0;
 
 /// A robot whose parameters differ from the start of a fit.
-fn truth(joints: &[usize], seed: u64) -> PhysicalParams {
+pub fn truth(joints: &[usize], seed: u64) -> PhysicalParams {
     let mut random = Pcg64::seed_from_u64(seed);
     let mut params = shaping_params(&RigConfig::default().limits);
     for &joint in joints {
@@ -142,39 +137,8 @@ pub fn recover(joints: &[usize], seed: u64) -> Result<Recovery, Error> {
     recover_as(&truth, &truth, joints, seed)
 }
 
-/// A robot of [`truth`] whose finger motors take `back_emf` (N·m·s/rad) away as they turn: a viscosity, which is no parameter of a fit
-/// and has to come back as damping.
-pub fn recover_back_emf(joints: &[usize], back_emf: f64, seed: u64) -> Result<Recovery, Error> {
-    let (mut truth, mut expected) = (truth(joints, seed), truth(joints, seed));
-    for &joint in joints {
-        let of = |row: JointRow| truth.joint(row, joint) + back_emf;
-        let (viscosity, damping) = (of(JointRow::Viscosity), of(JointRow::Damping));
-        truth.set_joint(JointRow::Viscosity, joint, viscosity);
-        expected.set_joint(JointRow::Damping, joint, damping);
-    }
-    recover_as(&truth, &expected, joints, seed)
-}
-
-/// An arm that follows as a mass on a spring: its own frequency, Hz, and damping ratio; and it is late, s.
-pub fn recover_arm(hertz: f64, ratio: f64, delay_secs: f64, seed: u64) -> Result<Recovery, Error> {
-    let mut truth = truth(&[RAIL], seed);
-    let world = World::new(&StageConfig::default(), &truth)?;
-    let model = world.data().model();
-    let hand = model.body("palm").ok_or("no palm")?.view(model).subtreemass[0];
-    let mass = hand + truth.joint(JointRow::Armature, RAIL);
-    let pace = std::f64::consts::TAU * hertz;
-    truth.set_joint(JointRow::Stiffness, RAIL, mass * pace * pace);
-    truth.set_joint(
-        JointRow::Damping,
-        RAIL,
-        2.0 * ratio * pace * mass - truth.joint(JointRow::Viscosity, RAIL),
-    );
-    truth.set_joint(JointRow::Delay, RAIL, delay_secs);
-    recover_as(&truth, &truth, &[RAIL], seed)
-}
-
 /// Records motion of these joints of a robot, fits, and compares with what is expected of the fit.
-fn recover_as(
+pub fn recover_as(
     truth: &PhysicalParams,
     expected: &PhysicalParams,
     joints: &[usize],

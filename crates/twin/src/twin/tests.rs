@@ -71,6 +71,9 @@ fn a_harder_strike_is_louder_on_the_wire() {
     for stuck in ["[hand]\ndead_pwm = 100", "[physics]\n\"joint.fingers.friction\" = 0.1"] {
         assert!(strike(stuck, 100).is_empty(), "{stuck}");
     }
+    // A key with a preload is not moved by a finger whose weight and push are less.
+    assert!(!strike("", 40).is_empty());
+    assert!(strike("[physics]\n\"key.preload\" = 1.5", 40).is_empty());
 }
 
 /// A finger joint, alone and under a steady duty for 0.2 s: how far it turned, rad.
