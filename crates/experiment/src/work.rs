@@ -198,6 +198,7 @@ impl Doing<'_, '_> {
                     for (run, played) in report.runs.iter().enumerate() {
                         let frame = &played.scores.frame;
                         let whole = if played.steps[0] == played.steps[1] { 1.0 } else { 0.0 };
+                        let lag = played.scores.note.lag_secs.map(|lag| ("lag_secs", lag));
                         let of_twin = [
                             ("f1", frame.f1),
                             ("precision", frame.precision),
@@ -212,7 +213,7 @@ impl Doing<'_, '_> {
                             ("mode", mode.name().to_string()),
                             ("run", run.to_string()),
                         ];
-                        rows.push(row(&labels, &[of_sim.as_slice(), &of_twin].concat()));
+                        rows.push(row(&labels, &[of_sim.as_slice(), &of_twin, lag.as_slice()].concat()));
                     }
                 }
             }

@@ -10,7 +10,7 @@ use etude_perform::stand::RigChoice;
 use etude_twin::Truth;
 
 fn weighed(change: &str) -> Weight {
-    let truth = Truth::load("standard").unwrap().with(change).unwrap();
+    let truth = Truth::load("mild").unwrap().with(change).unwrap();
     let folder = tempfile::tempdir().unwrap();
     let rig = RigChoice::Twin(Box::new(truth));
     let recordings =

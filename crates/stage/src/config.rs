@@ -80,6 +80,9 @@ pub struct ModelOptions {
     pub keyboard_yaw_rad: f64,
     /// Whether the hand has a weight. The keys' springs are at rest where gravity leaves them.
     pub gravity: bool,
+    /// How the hand is turned on the arm about its mount, rad: about the axis toward the player (positive raises the high notes'
+    /// side), and about the keyboard's length (positive raises the fingertips).
+    pub hand_tilt_rad: [f64; 2],
     /// The keys.
     pub keys: [KeyFactors; KEYS],
 }
@@ -93,6 +96,7 @@ impl Default for ModelOptions {
             firm_joints: false,
             keyboard_yaw_rad: 0.0,
             gravity: false,
+            hand_tilt_rad: [0.0; 2],
             keys: [KeyFactors { stiffness: 1.0, travel: 1.0 }; KEYS],
         }
     }

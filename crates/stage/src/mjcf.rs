@@ -87,7 +87,7 @@ pub(crate) fn mjcf_with(config: &StageConfig, params: &PhysicalParams, options: 
 </mujoco>
 "#,
         keyboard = keyboard(config, params, options),
-        hand = hand(config, params),
+        hand = hand(config, params, options),
     )
 }
 
@@ -127,13 +127,17 @@ fn keyboard(config: &StageConfig, params: &PhysicalParams, options: &ModelOption
         let [length, width, thick] = shape.size.map(|size| size / 2.0);
         let [x, y, z] = key_place(params, yaw, key);
         let [red, green, blue] = key_colour(key);
-        let stop = shape.max_angle() * options.keys[key].travel;
+        let [low, stop] = key_range(params, options, key);
         let stiffness = value(WorldRow::KeyStiffness) * options.keys[key].stiffness;
+        let spring = match key_spring_rest(params, options, key) {
+            0.0 => String::new(),
+            rest => format!(r#" springref="{rest}""#),
+        };
         let (damping, armature) = (value(WorldRow::KeyDamping), value(WorldRow::KeyArmature));
-        let (hinge, rebound, mass) = (-length, -KEY_REBOUND, shape.mass);
+        let (hinge, mass) = (-length, shape.mass);
         format!(
             r#"    <body name="key_{key}" pos="{x} {y} {z}"{turn}{floats}>
-      <joint name="key_{key}" type="hinge" axis="0 1 0" pos="{hinge} 0 0" range="{rebound} {stop}" stiffness="{stiffness}" damping="{damping}" armature="{armature}"/>
+      <joint name="key_{key}" type="hinge" axis="0 1 0" pos="{hinge} 0 0" range="{low} {stop}" stiffness="{stiffness}"{spring} damping="{damping}" armature="{armature}"/>
       <geom name="key_{key}" type="box" size="{length} {width} {thick}" mass="{mass}" rgba="{red} {green} {blue} 1" {key_contact}/>
     </body>
 "#
@@ -153,6 +157,22 @@ fn keyboard(config: &StageConfig, params: &PhysicalParams, options: &ModelOption
 /// Red, green and blue of key `key`, 0 to 1.
 pub(crate) fn key_colour(key: usize) -> [f32; 3] {
     if etude_music::key_is_black(key) { [0.08; 3] } else { [0.95, 0.95, 0.93] }
+}
+
+/// Angles of a key's upper and lower stop, rad. A key that its spring presses upward rests against the upper one.
+pub(crate) fn key_range(params: &PhysicalParams, options: &ModelOptions, key: usize) -> [f64; 2] {
+    let upper = if params.world(WorldRow::KeyPreload) > 0.0 { 0.0 } else { -KEY_REBOUND };
+    [upper, KeyShape::of(key).max_angle() * options.keys[key].travel]
+}
+
+/// Angle at which a key's spring would be at rest, rad.
+pub(crate) fn key_spring_rest(params: &PhysicalParams, options: &ModelOptions, key: usize) -> f64 {
+    let preload = params.world(WorldRow::KeyPreload);
+    if preload == 0.0 {
+        return 0.0;
+    }
+    let [length, ..] = KeyShape::of(key).size;
+    -preload * length / (params.world(WorldRow::KeyStiffness) * options.keys[key].stiffness)
 }
 
 /// World position of the body of key `key` on a keyboard that is turned by `yaw` rad, m.
@@ -190,17 +210,36 @@ fn joint_attributes(config: &StageConfig, params: &PhysicalParams, index: usize)
     format!(r#"damping="{damping}" frictionloss="{friction}" armature="{armature}""#)
 }
 
-fn hand(config: &StageConfig, params: &PhysicalParams) -> String {
-    let [back, up] = MOUNT;
+/// World position of the palm's body when the rail is centred, m.
+pub(crate) const PALM_PLACE: [f64; 3] = [MOUNT[0], 0.0, MOUNT[1]];
+
+/// Axes x and y of the palm in the world, and the world's y axis, along which the rail moves, in the palm.
+fn palm_axes([roll, pitch]: [f64; 2]) -> [[f64; 3]; 3] {
+    // The palm faces down and the fingers point into the keyboard: palm x is world -z, palm y is world -y, palm z is world -x.
+    if (roll, pitch) == (0.0, 0.0) {
+        return [[0.0, 0.0, -1.0], [0.0, -1.0, 0.0], [0.0, -1.0, 0.0]];
+    }
+    let ((sr, cr), (sp, cp)) = (roll.sin_cos(), pitch.sin_cos());
+    // First about the world's y axis, then about its x axis. Fingertips lie toward -x of the mount.
+    let turned = |[x, y, z]: [f64; 3]| {
+        let (x, z) = (x * cp + z * sp, z * cp - x * sp);
+        [x, y * cr - z * sr, y * sr + z * cr]
+    };
+    let axes = [[0.0, 0.0, -1.0], [0.0, -1.0, 0.0], [-1.0, 0.0, 0.0]].map(turned);
+    [axes[0], axes[1], axes.map(|axis| axis[1])]
+}
+
+fn hand(config: &StageConfig, params: &PhysicalParams, options: &ModelOptions) -> String {
+    let [back, _, up] = PALM_PLACE;
+    let [x_axis, y_axis, along] = palm_axes(options.hand_tilt_rad).map(|[x, y, z]| format!("{x} {y} {z}"));
     let [sx, sy, sz] = PALM_SIZE.map(|size| size / 2.0);
     let [cx, cy, cz] = PALM_CENTRE;
     let rail = joint_attributes(config, params, RAIL);
     let thumb = if root_side(config.side, 0) > 0.0 { 1.0 } else { -1.0 };
-    // The palm faces down and the fingers point into the keyboard: palm x is world -z, palm z is world -x. The thumb is folded
-    // along the palm's far side; it adds its mass and touches nothing.
+    // The thumb is folded along the palm's far side; it adds its mass and touches nothing.
     format!(
-        r#"    <body name="palm" pos="{back} 0 {up}" xyaxes="0 0 -1 0 -1 0">
-      <joint name="rail" type="slide" axis="0 -1 0" range="{low} {HALF_WIDTH}" {rail}/>
+        r#"    <body name="palm" pos="{back} 0 {up}" xyaxes="{x_axis} {y_axis}">
+      <joint name="rail" type="slide" axis="{along}" range="{low} {HALF_WIDTH}" {rail}/>
       <geom class="visual" type="box" pos="{cx} {cy} {cz}" size="{sx} {sy} {sz}" mass="{PALM_MASS}" rgba="0.42 0.44 0.48 1"/>
       <geom class="visual" name="thumb" type="capsule" fromto="-0.018 {} -0.046 -0.018 {} 0.02" size="0.012" mass="{THUMB_MASS}" rgba="0.55 0.57 0.6 1"/>
 {fingers}    </body>

@@ -1,7 +1,7 @@
 //! The hand between its wires and its links: what a duty does to a joint, and what an encoder makes of an angle.
 //!
-//! Play is between encoder and link: the encoder sits on the drive, so a link that turns back has turned through the play
-//! before the encoder follows. Drive torque reaches the link undiminished, as gears that push against something pass it.
+//! Here play is between encoder and link: a link that turns back has turned through the play before the encoder follows. The play
+//! that a motor's torque has to cross is in `play`.
 
 use etude_robot::allegro::{self, FULL_SCALE_PWM};
 use etude_robot::joints::FINGER_JOINTS;
@@ -18,6 +18,8 @@ const BROKEN_LOOSE_RAD_PER_SEC: f64 = 0.05;
 pub(crate) struct Drives {
     full_torque_nm: [f64; FINGER],
     dead_pwm: f64,
+    /// Torque that the motor's own voltage takes away, as a share of the full torque for each rad/s.
+    lost_per_speed: f64,
     friction: [f64; JOINTS],
     friction_at_rest: f64,
 }
@@ -27,16 +29,18 @@ impl Drives {
         Self {
             full_torque_nm: truth.full_torque_nm,
             dead_pwm: truth.dead_pwm.into(),
+            lost_per_speed: truth.no_load_rad_per_sec.map_or(0.0, f64::recip),
             friction: std::array::from_fn(|joint| params.joint(JointRow::Friction, joint)),
             friction_at_rest: truth.friction_at_rest,
         }
     }
 
-    /// Torque of flat joint `joint` (any but the thumb's) under this duty, N·m.
-    pub(crate) fn torque(&self, joint: usize, pwm: &[i16; allegro::JOINTS]) -> f64 {
+    /// Torque of the motor of flat joint `joint` (any but the thumb's) under this duty when it turns at `speed`, rad/s, N·m.
+    pub(crate) fn torque(&self, joint: usize, pwm: &[i16; allegro::JOINTS], speed: f64) -> f64 {
         let pwm = f64::from(pwm.get(joint).copied().unwrap_or_default());
         let beyond = (pwm.abs() - self.dead_pwm).max(0.0).copysign(pwm);
-        beyond / f64::from(FULL_SCALE_PWM) * self.full_torque_nm[joint % FINGER]
+        let share = beyond / f64::from(FULL_SCALE_PWM) - self.lost_per_speed * speed;
+        share * self.full_torque_nm[joint % FINGER]
     }
 
     /// Dry friction of the joints at these speeds (rad/s), N·m, the rail's in N: greatest at rest (Stribeck's curve).
@@ -97,7 +101,7 @@ mod tests {
     fn each_joint_of_a_finger_has_its_own_torque_beyond_the_dead_band() {
         let full_torque_nm = [1.0, 2.0, 3.0, 4.0];
         let drives = drives(&HandTruth { full_torque_nm, dead_pwm: 20, ..HandTruth::default() });
-        let torque = |joint: usize, pwm: i16| drives.torque(joint, &[pwm; allegro::JOINTS]);
+        let torque = |joint: usize, pwm: i16| drives.torque(joint, &[pwm; allegro::JOINTS], 0.0);
         for pwm in [-20, -7, 0, 1, 20] {
             assert_eq!(torque(5, pwm), 0.0);
         }
@@ -107,6 +111,14 @@ mod tests {
         close(torque(11, -260), -240.0 / 1200.0 * 4.0);
         close(torque(0, 1220), 1.0);
         close(torque(2, i16::MIN), -(32768.0 - 20.0) / 1200.0 * 3.0);
+    }
+
+    #[test]
+    fn a_motor_loses_torque_with_speed_and_has_none_at_its_no_load_speed() {
+        let drives = drives(&HandTruth { no_load_rad_per_sec: Some(8.0), ..HandTruth::default() });
+        let torque = |pwm: i16, speed: f64| drives.torque(5, &[pwm; allegro::JOINTS], speed);
+        assert!((torque(1200, 0.0) - 1.0).abs() < 1e-12 && torque(1200, 8.0).abs() < 1e-12);
+        assert!((torque(600, 2.0) - 0.25).abs() < 1e-12 && (torque(0, -4.0) - 0.5).abs() < 1e-12);
     }
 
     #[test]

@@ -20,6 +20,9 @@ pub enum TruthError {
     /// The text does not describe a truth.
     #[error("this is not a valid truth of a twin: {0}; configs/truths has examples")]
     Text(String),
+    /// The seed of a truth that is drawn is not one.
+    #[error("there is no truth `{0}`: its seed is a whole number from 0 to {max}, as in `random:7`", max = u32::MAX)]
+    Seed(String),
     /// A physical number is unknown or out of range.
     #[error("the twin's physics: {0}")]
     Physics(#[from] ParamError),

@@ -82,10 +82,16 @@ pub(crate) struct HandTruth {
     pub(crate) full_torque_nm: [f64; FINGER],
     /// Duty that moves nothing, in counts of PWM; more of it counts from there.
     pub(crate) dead_pwm: u16,
+    /// Speed at full duty of a joint that nothing holds, rad/s: the motor's own voltage takes the torque away as it turns. Without it
+    /// the torque does not depend on the speed.
+    pub(crate) no_load_rad_per_sec: Option<f64>,
     /// Dry friction of a finger's joint at rest, as a multiple of that on its way (`joint.*.friction`).
     pub(crate) friction_at_rest: f64,
     /// Play between a joint's encoder and its link, rad: so far the link turns back before the encoder follows.
     pub(crate) backlash_rad: f64,
+    /// Play between a motor and its joint, rad: so far the motor turns without the joint before its torque has an effect. The encoder
+    /// is on the joint's side of it.
+    pub(crate) play_rad: f64,
     /// Time constant of the hand's own filter on its positions, s; 0 is none.
     pub(crate) filter_secs: f64,
     /// Encoder readings are off by up to so many counts, evenly.
@@ -101,8 +107,10 @@ impl Default for HandTruth {
         Self {
             full_torque_nm: [1.0; FINGER],
             dead_pwm: 0,
+            no_load_rad_per_sec: None,
             friction_at_rest: 1.0,
             backlash_rad: 0.0,
+            play_rad: 0.0,
             filter_secs: 0.0,
             noise_counts: 1,
             clock_skew: 0.0,
@@ -119,15 +127,35 @@ pub(crate) struct ArmTruth {
     pub(crate) delay_secs: f64,
     /// How fast the joints close in on a servo target, Hz.
     pub(crate) bandwidth_hz: f64,
+    /// With it the joints follow as a mass on a spring of that frequency with this damping ratio, and overshoot below 1.
+    pub(crate) damping_ratio: Option<f64>,
     /// Stiffness of the hand's place along the keyboard, N/m.
     pub(crate) stiffness: f64,
     /// Damping of it, N·s/m.
     pub(crate) damping: f64,
+    /// How the hand is turned on the arm, rad: about the axis toward the player, and about the keyboard's length.
+    pub(crate) tilt_rad: [f64; 2],
+    /// How much lower the hand hangs at the ends of the keyboard than in its middle, m: the farther the arm reaches, the more it bends.
+    pub(crate) sag_m: f64,
+    /// Kinematic error: how far the hand is off its place at most in each of three directions, m.
+    pub(crate) error_m: f64,
+    /// The way along the keyboard after which that error repeats, m.
+    pub(crate) error_period_m: f64,
 }
 
 impl Default for ArmTruth {
     fn default() -> Self {
-        Self { delay_secs: 0.01, bandwidth_hz: 10.0, stiffness: 40_000.0, damping: 1000.0 }
+        Self {
+            delay_secs: 0.01,
+            bandwidth_hz: 10.0,
+            damping_ratio: None,
+            stiffness: 40_000.0,
+            damping: 1000.0,
+            tilt_rad: [0.0; 2],
+            sag_m: 0.0,
+            error_m: 0.0,
+            error_period_m: 0.2,
+        }
     }
 }
 
@@ -191,6 +219,7 @@ impl Numbers {
             firm_joints: true,
             keyboard_yaw_rad: self.world.keyboard_yaw_rad,
             gravity: self.world.gravity,
+            hand_tilt_rad: self.arm.tilt_rad,
             keys: stiffness.map(|stiffness| KeyFactors { stiffness, travel: self.keys.travel }),
         }
     }
@@ -218,11 +247,17 @@ impl Numbers {
             ("hand.dead_pwm", hand.dead_pwm.into(), 0.0, 100.0),
             ("hand.friction_at_rest", hand.friction_at_rest, 1.0, 5.0),
             ("hand.backlash_rad", hand.backlash_rad, 0.0, 0.1),
+            ("hand.play_rad", hand.play_rad, 0.0, 0.1),
+            ("hand.no_load_rad_per_sec", hand.no_load_rad_per_sec.unwrap_or(10.0), 2.0, 100.0),
             ("hand.filter_secs", hand.filter_secs, 0.0, 0.1),
             ("hand.clock_skew", hand.clock_skew, -0.01, 0.01),
             ("hand.torque_timeout_secs", hand.torque_timeout_secs.unwrap_or(0.0), 0.0, 60.0),
             ("arm.delay_secs", arm.delay_secs, 0.0, 0.5),
             ("arm.bandwidth_hz", arm.bandwidth_hz, 0.5, 100.0),
+            ("arm.damping_ratio", arm.damping_ratio.unwrap_or(1.0), 0.2, 2.0),
+            ("arm.sag_m", arm.sag_m, -0.01, 0.01),
+            ("arm.error_m", arm.error_m, 0.0, 0.005),
+            ("arm.error_period_m", arm.error_period_m, 0.02, 1.0),
             ("arm.stiffness", arm.stiffness, 100.0, 1e6),
             ("arm.damping", arm.damping, 1.0, 1e5),
             ("keys.threshold_spread", keys.threshold_spread, 0.0, highest_spread),
@@ -233,7 +268,8 @@ impl Numbers {
             ("keys.softest_secs", keys.softest_secs, 2.0 * keys.loudest_secs, 10.0),
         ];
         let torques = hand.full_torque_nm.map(|torque| ("hand.full_torque_nm", torque, 0.0, 10.0));
-        for (name, value, low, high) in rows.into_iter().chain(torques) {
+        let tilts = arm.tilt_rad.map(|tilt| ("arm.tilt_rad", tilt, -0.05, 0.05));
+        for (name, value, low, high) in rows.into_iter().chain(torques).chain(tilts) {
             check_range(name, value, low, high)?;
         }
         Ok(self.faults.iter().try_for_each(OrderedFault::check)?)
@@ -242,14 +278,17 @@ impl Numbers {
 
 /// What a draw is for, so that draws for different things do not resemble each other.
 #[derive(Clone, Copy, Debug)]
-enum Purpose {
+pub(crate) enum Purpose {
     Threshold = 1,
     Stiffness = 2,
+    KinematicError = 3,
+    /// A number of a truth that is drawn.
+    Truth = 4,
 }
 
 /// A number in −1 … 1 that depends on nothing else than these three (SplitMix64 and its constants).
-fn signed_share(seed: u64, purpose: Purpose, key: usize) -> f64 {
-    let counter = ((purpose as u64) << 32) | key as u64;
+pub(crate) fn signed_share(seed: u64, purpose: Purpose, number: usize) -> f64 {
+    let counter = ((purpose as u64) << 32) | number as u64;
     let mut bits = seed.wrapping_mul(0xD134_2543_DE82_EF95).wrapping_add(counter);
     bits = bits.wrapping_add(0x9E37_79B9_7F4A_7C15);
     bits = (bits ^ (bits >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);

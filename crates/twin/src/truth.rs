@@ -10,6 +10,7 @@ use etude_robot::rig::RigConfig;
 
 use crate::error::TruthError;
 use crate::numbers::Numbers;
+use crate::random;
 
 /// The truth of one twin. Its numbers are for the twin alone:
 ///
@@ -35,23 +36,28 @@ pub struct Truth {
 }
 
 /// The truths that come with Étude, by name.
-const BUILT_IN: [(&str, &str); 3] = [
+const BUILT_IN: [(&str, &str); 4] = [
     ("standard", include_str!("../../../configs/truths/standard.toml")),
+    ("mild", include_str!("../../../configs/truths/mild.toml")),
     ("ideal", include_str!("../../../configs/truths/ideal.toml")),
     ("worn", include_str!("../../../configs/truths/worn.toml")),
 ];
 
 impl Truth {
-    /// The truth called `name`: a built-in one, or a file.
+    /// The truth called `name`: a built-in one, `random:SEED`, or a file.
     ///
     /// # Errors
-    /// If there is neither, or it is not sound.
+    /// If there is none of these, or it is not sound.
     pub fn load(name: &str) -> Result<Self, TruthError> {
+        if let Some(seed) = random::seed(name) {
+            return Ok(Self { numbers: random::draw(seed?)?, run: 0 });
+        }
         let fail = |message: String| TruthError::Read { path: Path::new(name).to_path_buf(), message };
         let text = match BUILT_IN.iter().find(|(built_in, _)| *built_in == name) {
             Some((_, text)) => (*text).to_string(),
-            None => std::fs::read_to_string(name)
-                .map_err(|error| fail(format!("{error}; built in are {}", Self::names().join(", "))))?,
+            None => std::fs::read_to_string(name).map_err(|error| {
+                fail(format!("{error}; built in are {}, and random:SEED draws one", Self::names().join(", ")))
+            })?,
         };
         Self::parse(&text).map_err(|error| match error {
             TruthError::Text(message) => fail(message),
@@ -183,6 +189,11 @@ mod tests {
                 f64::from(hand.dead_pwm),
                 f64::from(hand.noise_counts),
                 numbers.arm.delay_secs,
+                numbers.arm.sag_m,
+                numbers.arm.error_m,
+                hand.play_rad,
+                hand.no_load_rad_per_sec.unwrap(),
+                numbers.params().unwrap().get("key.preload").unwrap(),
                 keys.threshold_spread,
                 keys.stiffness_spread,
                 (keys.travel - 1.0).abs(),
@@ -207,6 +218,14 @@ mod tests {
         assert!(refused("colour = 1").contains("colour"));
         assert!(refused("colour = 1").contains("t.toml"));
         assert!(refused("[world]\ncone = \"round\"").contains("pyramidal"));
+        assert!(refused("[hand]\nno_load_rad_per_sec = 0").contains("no_load_rad_per_sec"));
+        assert!(refused("[hand]\nplay_rad = -0.1").contains("play_rad"));
+        assert!(refused("[arm]\ndamping_ratio = 0").contains("damping_ratio"));
+        assert!(refused("[arm]\ntilt_rad = [0, 0.2]").contains("tilt_rad"));
+        assert!(refused("[arm]\nsag_m = 0.1").contains("sag_m"));
+        assert!(refused("[arm]\nerror_m = -1").contains("error_m"));
+        assert!(refused("[arm]\nerror_period_m = 0").contains("error_period_m"));
+        assert!(refused("[physics]\n\"key.preload\" = 5").contains("key.preload"));
         assert!(refused("[world]\nkeyboard_yaw_rad = 0.1").contains("keyboard_yaw_rad"));
         assert!(refused("[hand]\nfull_torque_nm = [1, 1, -1, 1]").contains("full_torque_nm"));
         assert!(refused("[hand]\nfriction_at_rest = 0.5").contains("friction_at_rest"));

@@ -6,8 +6,8 @@
 //! TCP ◄──► ArmEmulator ─ place on the rail ─►└───────┘
 //! ```
 //!
-//! What it leaves out: the hand is mounted on a rail, so height and tilt of the arm have no effect at the keys; the thumb moves
-//! freely; the keys exert no forces on the arm's joints.
+//! What it leaves out: the thumb moves freely; the keys exert no forces on the arm's joints, and the arm gives way along the keyboard
+//! only.
 
 use std::time::Duration;
 
@@ -26,7 +26,9 @@ use etude_stage::{JOINTS, Side, StageConfig, StageError, World};
 use crate::drives::{Drives, Encoders};
 use crate::error::TruthError;
 use crate::keys::{KeyEvent, Keys};
+use crate::mount::Mount;
 use crate::numbers::STEP;
+use crate::play::Play;
 use crate::truth::Truth;
 
 /// Where the flange stands over the middle key, mm, and how it is turned, degrees: the paper's C3 (lasr-lab/learning-to-play-piano).
@@ -57,6 +59,8 @@ pub struct Twin {
     pub(crate) truth: Truth,
     pub(crate) world: World,
     drives: Drives,
+    play: Play,
+    mount: Mount,
     encoders: Encoders,
     keys: Keys,
     path: RailPath,
@@ -87,6 +91,7 @@ impl Twin {
         let arm = ArmEmulator::new(ArmEmulatorConfig {
             delay_secs: numbers.arm.delay_secs,
             bandwidth_hz: numbers.arm.bandwidth_hz,
+            damping_ratio: numbers.arm.damping_ratio,
             ..ArmEmulatorConfig::default()
         });
         let path = RailPath::new(
@@ -97,6 +102,8 @@ impl Twin {
         let mut twin = Self {
             world: World::with_options(&stage, &params, &numbers.options())?,
             drives: Drives::new(&numbers.hand, &params),
+            play: Play::new(&numbers.hand, &params),
+            mount: Mount::new(&numbers.arm, numbers.seed),
             encoders: Encoders::new(&numbers.hand),
             keys: Keys::new(&numbers.keys, numbers.second_contacts(&params)),
             rail: path.place(&arm.joints()).rail_m,
@@ -149,7 +156,8 @@ impl Twin {
             if joint == RAIL {
                 arm.stiffness * (rail - joints[RAIL]) + arm.damping * (speed - velocities[RAIL])
             } else {
-                self.drives.torque(joint, &duty)
+                let motor = |speed| self.drives.torque(joint, &duty, speed);
+                self.play.pass(joint, motor, velocities[joint])
             }
         })
     }
@@ -157,6 +165,9 @@ impl Twin {
     /// Moves the world on.
     fn drive(&mut self, torques: &[f64; JOINTS]) {
         self.world.set_joint_friction(&self.drives.friction(&self.world.joint_velocities()));
+        if let Some(offset) = self.mount.offset(self.world.joints()[RAIL]) {
+            self.world.set_hand_offset(offset);
+        }
         self.world.drive(torques);
     }
 
@@ -223,168 +234,4 @@ pub fn stage_side(side: HandSide) -> Side {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-    use etude_robot::allegro::{self, DeviceId, Finger, HandMessage, HostMessage, Request};
-    use etude_stage::geometry::KeyShape;
-    use etude_stage::params::WorldRow;
-
-    fn twin(truth: &str) -> Twin {
-        Twin::new(&Truth::parse(truth).unwrap(), HandSide::Left).unwrap()
-    }
-
-    /// The middle finger bends at its root under this duty, from above the keys: what the keyboard says in half a
-    /// second.
-    fn strike(truth: &str, pwm: i16) -> Vec<u8> {
-        let mut twin = twin(truth);
-        let pose = twin.world.start_pose();
-        twin.world.reset_to(&pose);
-        let torque = HostMessage::Torque { finger: Finger::Middle, pwm: [0, pwm, 0, 0] };
-        for message in [HostMessage::ServoOn, torque] {
-            twin.devices.hand.receive(twin.now, &message.encode(DeviceId::default()), &mut Vec::new());
-        }
-        let mut said = Vec::new();
-        for _ in 0..500 {
-            twin.step();
-            twin.devices.keyboard.poll(twin.now, &mut said);
-        }
-        said
-    }
-
-    #[test]
-    fn the_world_is_not_the_simulators() {
-        let options = |name: &str| Truth::load(name).unwrap().numbers.options();
-        let simulators = etude_stage::ModelOptions::default();
-        for name in ["standard", "worn"] {
-            let options = options(name);
-            assert_ne!(options.integrator, simulators.integrator);
-            assert_ne!(options.cone, simulators.cone);
-            assert_ne!(options.keys, simulators.keys);
-            assert_ne!(options.keyboard_yaw_rad, simulators.keyboard_yaw_rad);
-        }
-        assert_eq!(options("standard").step_secs, 0.001);
-    }
-
-    #[test]
-    fn a_turned_keyboard_has_its_ends_elsewhere() {
-        let straight = twin("");
-        let turned = twin("[world]\nkeyboard_yaw_rad = 0.01");
-        for key in SHOWN_KEYS {
-            let [x, y, _] = straight.world.key_target(key);
-            let [turned_x, turned_y, _] = turned.world.key_target(key);
-            let (sine, cosine) = 0.01f64.sin_cos();
-            assert!((turned_x - (x * cosine - y * sine)).abs() < 1e-12, "{key}");
-            assert!((turned_y - (x * sine + y * cosine)).abs() < 1e-12, "{key}");
-            // The body in the world stands where that says, and is turned.
-            let data = turned.world.data();
-            let body = data.body(&format!("key_{key}")).unwrap().view(data);
-            let shape = KeyShape::of(key);
-            let target_from_middle = [shape.target()[0] - shape.x, 0.0];
-            assert!((body.xpos[0] + target_from_middle[0] * cosine - turned_x).abs() < 1e-12, "{key}");
-            assert!((body.xpos[1] + target_from_middle[0] * sine - turned_y).abs() < 1e-12, "{key}");
-            assert!((body.xquat[3] - 0.005f64.sin()).abs() < 1e-12, "{key}");
-        }
-        let ends =
-            [0, KEYS - 1].map(|key| turned.world.key_target(key)[0] - straight.world.key_target(key)[0]);
-        assert!(ends[0] > 0.003 && ends[1] < -0.003, "{ends:?}");
-    }
-
-    #[test]
-    fn a_harder_strike_is_louder_on_the_wire() {
-        let (soft, hard) = (strike("", 100), strike("", 600));
-        assert!(soft.len() >= 3 && hard.len() >= 3, "{soft:?} {hard:?}");
-        assert_eq!([soft[0], hard[0]], [0x90, 0x90]);
-        assert!(soft[2] > 1 && soft[2] + 10 < hard[2], "{soft:?} {hard:?}");
-        for stuck in ["[hand]\ndead_pwm = 100", "[physics]\n\"joint.fingers.friction\" = 0.1"] {
-            assert!(strike(stuck, 100).is_empty(), "{stuck}");
-        }
-    }
-
-    /// A finger joint, alone and under a steady duty for 0.2 s: how far it turned, rad.
-    fn turned_under(truth: &str, pwm: i16) -> f64 {
-        const JOINT: usize = 5;
-        let mut twin = twin(truth);
-        let before = twin.world.joints()[JOINT];
-        let mut duty = [0; allegro::JOINTS];
-        duty[JOINT] = pwm;
-        for _ in 0..200 {
-            let mut torques = [0.0; JOINTS];
-            torques[JOINT] = twin.drives.torque(JOINT, &duty);
-            twin.drive(&torques);
-        }
-        twin.world.joints()[JOINT] - before
-    }
-
-    #[test]
-    fn a_joint_sticks_until_it_breaks_loose() {
-        // 24 of 1200 are 0.02 N·m: more than moves it on its way, less than breaks it loose.
-        let sliding = "[physics]\n\"joint.fingers.friction\" = 0.015";
-        let sticking = format!("{sliding}\n[hand]\nfriction_at_rest = 1.5");
-        let dead = "[hand]\ndead_pwm = 24";
-        assert!(turned_under("", 24) > 0.1);
-        assert!(turned_under(sliding, 24) > 0.05);
-        assert!(turned_under(&sticking, 24).abs() < 1e-3, "{}", turned_under(&sticking, 24));
-        assert!(turned_under(&sticking, 40) > 0.1);
-        // Friction that holds does hold: without it MuJoCo's joints creep.
-        assert!(turned_under(sliding, 14).abs() < 1e-3, "{}", turned_under(sliding, 14));
-        assert_eq!(turned_under(dead, 24), 0.0);
-        let weak = "[hand]\nfull_torque_nm = [1, 0.5, 1, 1]";
-        assert!((turned_under(weak, 48) - turned_under("", 24)).abs() < 1e-9);
-    }
-
-    #[test]
-    fn a_joint_ends_at_its_stop() {
-        const JOINT: usize = 4;
-        let mut twin = twin("");
-        let mut farthest = 0.0f64;
-        for _ in 0..300 {
-            twin.drive(&std::array::from_fn(|joint| if joint == JOINT { 0.3 } else { 0.0 }));
-            farthest = farthest.max(twin.world.joints()[JOINT]);
-        }
-        let [_, stop] = etude_stage::joint_range(JOINT);
-        assert!((stop..stop + 0.03).contains(&farthest), "{farthest} beyond {stop}");
-    }
-
-    #[test]
-    fn keys_have_their_own_springs_and_thresholds() {
-        let spread = |seed: u64| {
-            twin(&format!(
-                "seed = {seed}\n[keys]\nstiffness_spread = 0.2\nthreshold_spread = 0.1\ntravel = 1.1"
-            ))
-        };
-        let springs = |twin: &Twin| -> Vec<f64> {
-            let model = twin.world.data().model();
-            (0..KEYS)
-                .map(|key| model.joint(&format!("key_{key}")).unwrap().view(model).stiffness[0])
-                .collect()
-        };
-        let (one, same, other) = (spread(1), spread(1), spread(2));
-        assert_eq!(springs(&one), springs(&same));
-        assert_ne!(springs(&one), springs(&other));
-        assert!(one.truth.numbers.options().keys.iter().all(|key| key.travel == 1.1));
-        assert_eq!(one.keys.second, same.keys.second);
-        assert_ne!(one.keys.second, other.keys.second);
-        let nominal = one.world.params().world(WorldRow::KeyStiffness);
-        assert!(springs(&one).iter().all(|spring| (spring / nominal - 1.0).abs() <= 0.2));
-        assert!(springs(&one).iter().any(|spring| (spring / nominal - 1.0).abs() > 0.1));
-        assert!(springs(&twin("seed = 1")).iter().all(|spring| *spring == nominal));
-    }
-
-    #[test]
-    fn what_the_hand_sends_is_what_its_encoders_read() {
-        let mut loose = twin("[hand]\nbacklash_rad = 0.02\nnoise_counts = 0");
-        let mut pose = [0.0; JOINTS];
-        pose[5] = 0.5;
-        loose.world.reset_to(&pose);
-        loose.show_joints();
-        let mut answer = Vec::new();
-        let device = DeviceId::default();
-        let question = HostMessage::Request(Request::Position(Finger::Middle)).encode(device);
-        loose.devices.hand.receive(loose.now, &question, &mut answer);
-        let Some(HandMessage::Position { counts, .. }) = HandMessage::decode(device, &answer[0]) else {
-            panic!("{answer:?}");
-        };
-        // Half the play short of the link, in whole counts.
-        assert_eq!(counts, [0, allegro::counts_from_rad(0.49), 0, 0]);
-    }
-}
+mod tests;

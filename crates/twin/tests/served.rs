@@ -26,7 +26,7 @@ fn ordered_faults_reach_a_controller_over_sockets() {
         ("arm-disconnect@7+0.5", "connection"),
     ];
     let faults = ordered.map(|(text, _)| text.parse().unwrap());
-    let truth = Truth::load("standard").unwrap().with_faults(&faults).unwrap();
+    let truth = Truth::load("mild").unwrap().with_faults(&faults).unwrap();
     let mut server = TwinServer::open(&truth, &RigConfig::default(), folder.path(), ArmPorts::FREE).unwrap();
     let mut rig = RigConfig::load(server.rig()).unwrap();
     // A machine that is busy with other tests must not look like a fault.

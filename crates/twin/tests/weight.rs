@@ -54,7 +54,7 @@ proptest! {
 
 /// How far the flexed joints of a twin's hand are from the pose that it holds, rad.
 fn sag(feed_forward: bool) -> f64 {
-    let truth = Truth::load("standard").unwrap().with("[world]\ngravity = true\n").unwrap();
+    let truth = Truth::load("mild").unwrap().with("[world]\ngravity = true\n").unwrap();
     let mut rig = truth.rig();
     assert!(rig.joint_loop.gravity_pwm_per_nm > 0.0, "the rig of a hand with a weight holds it");
     if !feed_forward {

@@ -57,7 +57,7 @@ fn song() -> NameOrPath {
 }
 
 fn truth() -> NameOrPath {
-    NameOrPath(etude_twin::Truth::names)
+    NameOrPath(|| etude_twin::Truth::names().into_iter().chain(["random:"]).collect())
 }
 
 /// The layers of configuration that several verbs take.

@@ -44,8 +44,8 @@ pub struct Args {
     /// `twin`, or the file of a rig
     #[arg(long, default_value = "twin", value_name = "RIG", value_hint = ValueHint::FilePath)]
     robot: String,
-    /// What is true of the twin: `standard`, `ideal`, `worn`, or a file
-    #[arg(long, default_value = DEFAULT_TRUTH, value_name = "NAME|FILE", value_parser = super::truth(), value_hint = ValueHint::FilePath, hide_possible_values = true)]
+    /// What is true of the twin: `standard`, `worn`, `mild`, `ideal`, `random:SEED`, or a file
+    #[arg(long, default_value = DEFAULT_TRUTH, value_name = "NAME|random:SEED|FILE", value_parser = super::truth(), value_hint = ValueHint::FilePath, hide_possible_values = true)]
     truth: String,
     /// Something that goes wrong with the twin, as in `etude twin`; starting and homing take some ten seconds
     #[arg(long = "fault", value_name = "KIND[=VALUE]@SECS[+SECS]")]
@@ -68,7 +68,7 @@ pub struct Args {
     /// A SoundFont (.sf2) for the sound; a built-in piano tone if not given
     #[arg(long, value_name = "FILE")]
     soundfont: Option<PathBuf>,
-    /// Print JSON: notes_right, notes_due, notes_wrong, onset_f1, lag_secs, sim_f1, robot_f1, robot_f1_std, gap, runs, …
+    /// Print JSON: notes_right, notes_due, notes_wrong, onset_f1, onset_f1_without_lag, lag_secs, sim_f1, robot_f1, robot_f1_std, gap, runs, …
     #[arg(long)]
     json: bool,
 }
@@ -165,16 +165,16 @@ fn print(report: &RobotReport) -> anyhow::Result<()> {
     for (index, run) in report.runs.iter().enumerate() {
         line(format!("run {}: {}", index + 1, heard(&run.scores.note)))?;
     }
-    if let Some((lag, lead)) = report.lag_secs.zip(report.better_lead_secs()) {
-        let MeanNotes { onset_f1, onset_f1_without_lag: without, .. } = report.notes;
+    if let Some(lag) = report.lag_secs {
+        let MeanNotes { onset_f1, onset_f1_without_lag: aligned, .. } = report.notes;
         // A lag that costs no note needs no advice.
-        let advice = if without > onset_f1 {
-            format!("; without that {without:.3}: --set task.plan.lead_secs={lead:.3}")
-        } else {
-            String::new()
-        };
-        let side = if lag > 0.0 { "late" } else { "early" };
-        line(format!("Everything came {:.0} ms {side}. Onset F1 {onset_f1:.3}{advice}", lag.abs() * 1e3))?;
+        let advice = report.better_lead_secs().filter(|_| aligned > onset_f1);
+        let advice = advice
+            .map_or_else(String::new, |lead| format!("; on time with --set task.plan.lead_secs={lead:.3}"));
+        line(format!(
+            "Onset F1 {onset_f1:.3}, aligned by the median lag {aligned:.3}; lag {:+.0} ms{advice}",
+            lag * 1e3,
+        ))?;
     }
     line(format!("{:22} {:>9} {:>9} {:>9}", "by control step", "precision", "recall", "F1"))?;
     line(format!("{:22} {:>9} {:>9} {:>9.3}", "simulation alone", "", "", report.sim_f1))?;
@@ -186,7 +186,7 @@ fn print(report: &RobotReport) -> anyhow::Result<()> {
     let spread =
         if report.runs.len() > 1 { format!(" ± {:.3}", report.robot_f1_std) } else { String::new() };
     line(format!(
-        "F1 {:.3} in simulation, {:.3}{spread} on {}: a gap of {:.1} %",
+        "The paper's F1 {:.3} in simulation, {:.3}{spread} on {}: a gap of {:.1} %",
         report.sim_f1,
         report.robot_f1,
         report.robot,

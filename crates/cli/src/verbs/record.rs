@@ -26,8 +26,8 @@ pub struct Args {
     /// `twin`, or the file of a rig
     #[arg(long, value_name = "RIG", value_hint = ValueHint::FilePath)]
     robot: String,
-    /// What is true of the twin: `standard`, `ideal`, `worn`, or a file
-    #[arg(long, default_value = "standard", value_name = "NAME|FILE", value_parser = super::truth(), value_hint = ValueHint::FilePath, hide_possible_values = true)]
+    /// What is true of the twin: `standard`, `worn`, `mild`, `ideal`, `random:SEED`, or a file
+    #[arg(long, default_value = "standard", value_name = "NAME|random:SEED|FILE", value_parser = super::truth(), value_hint = ValueHint::FilePath, hide_possible_values = true)]
     truth: String,
     /// Move the joints so that a simulator can be fitted to them: `open-close`, `chirp`, `rail`, or `held-out` to try a
     /// fit on

@@ -35,8 +35,8 @@ pub struct Args {
     /// `twin`, or the file of a rig
     #[arg(long, default_value = "twin", value_name = "RIG", value_hint = ValueHint::FilePath)]
     robot: String,
-    /// What is true of the twin: `standard`, `ideal`, `worn`, or a file
-    #[arg(long, default_value = "standard", value_name = "NAME|FILE", value_parser = super::truth(), value_hint = ValueHint::FilePath, hide_possible_values = true)]
+    /// What is true of the twin: `standard`, `worn`, `mild`, `ideal`, `random:SEED`, or a file
+    #[arg(long, default_value = "standard", value_name = "NAME|random:SEED|FILE", value_parser = super::truth(), value_hint = ValueHint::FilePath, hide_possible_values = true)]
     truth: String,
     /// Rounds of identifying, training and performing
     #[arg(long, default_value_t = 2)]

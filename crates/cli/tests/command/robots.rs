@@ -37,6 +37,7 @@ fn each_robot_has_a_folder_of_its_own() {
     for (args, folder) in [
         ("", "short-scripted-real"),
         ("--truth worn", "short-scripted-real-worn"),
+        ("--truth random:7", "short-scripted-real-random-7"),
         ("--fault joint-dead=5@30", "short-scripted-real-joint-dead-5-30"),
         ("--mode hybrid", "short-scripted-hybrid"),
     ] {
@@ -89,7 +90,11 @@ fn mistakes_are_told_before_anything_moves() {
         ("perform short.mid --scripted --robot lab.toml", "etude robot calibrate"),
         ("perform short.mid --scripted --robot old.toml", "days old"),
         ("perform short.mid --scripted --mode blind", "joint-mirroring, hybrid, real"),
-        ("perform short.mid --scripted --truth no.toml", "built in are"),
+        ("perform short.mid --scripted --truth no.toml", "random:SEED"),
+        ("perform short.mid --scripted --truth random:seven", "whole number"),
+        ("rehearse short.mid --robot twin --truth random:-7", "whole number"),
+        ("record --robot twin --truth random: -o r.mcap", "whole number"),
+        ("twin --truth random:1.5", "whole number"),
         ("perform short.mid --scripted --fault fire@1", "can-bus-off, can-silent"),
         ("perform short.mid --scripted --robot fenced.toml", "fence_mm (highest x)"),
         ("twin --fault estop", "KIND[=VALUE]@SECS[+SECS]"),

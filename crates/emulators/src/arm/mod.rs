@@ -52,6 +52,9 @@ pub struct ArmEmulatorConfig {
     pub delay_secs: f64,
     /// How fast the joints close in on a servo target, Hz.
     pub bandwidth_hz: f64,
+    /// With it the joints follow servo targets as a mass on a spring, whose own frequency is the bandwidth, with this damping ratio:
+    /// below 1 they overshoot. Without it the speed is proportional to the distance.
+    pub damping_ratio: Option<f64>,
 }
 
 impl Default for ArmEmulatorConfig {
@@ -62,6 +65,7 @@ impl Default for ArmEmulatorConfig {
             joints_rad: PAPER_HOME_DEG.map(f64::to_radians),
             delay_secs: 0.02,
             bandwidth_hz: 8.0,
+            damping_ratio: None,
         }
     }
 }
@@ -144,7 +148,7 @@ impl ArmEmulator {
     pub fn new(config: ArmEmulatorConfig) -> Self {
         Self {
             clock: 0,
-            motion: Motion::new(config.joints_rad, config.bandwidth_hz),
+            motion: Motion::new(config.joints_rad, config.bandwidth_hz, config.damping_ratio),
             tool_at: None,
             queue: VecDeque::new(),
             current: None,

@@ -27,6 +27,7 @@ pub(super) struct Motion {
     /// Servo targets that have not arrived at the joints yet, each with the step of its arrival.
     coming: VecDeque<(u64, Joints)>,
     bandwidth: f64,
+    damping_ratio: Option<f64>,
     /// The joints are held by something.
     pub(super) stuck: bool,
 }
@@ -57,10 +58,10 @@ struct Plan {
 }
 
 impl Motion {
-    pub(super) fn new(joints: Joints, bandwidth_hz: f64) -> Self {
+    pub(super) fn new(joints: Joints, bandwidth_hz: f64, damping_ratio: Option<f64>) -> Self {
         let bandwidth = bandwidth_hz * 2.0 * PI;
         let (speeds, coming) = ([0.0; JOINTS], VecDeque::new());
-        Self { joints, speeds, drive: Drive::Hold, coming, bandwidth, stuck: false }
+        Self { joints, speeds, drive: Drive::Hold, coming, bandwidth, damping_ratio, stuck: false }
     }
 
     /// Whether a joint moves or will.
@@ -158,10 +159,18 @@ impl Motion {
                 for joint in 0..JOINTS {
                     let apart = target[joint] - before[joint];
                     // As fast as allowed, but so that it can still stop at the target.
-                    let wanted = (self.bandwidth * apart.abs())
-                        .min((2.0 * MAX_ACCELERATION * apart.abs()).sqrt())
-                        .min(MAX_SPEED)
-                        .copysign(apart);
+                    let stoppable = (2.0 * MAX_ACCELERATION * apart.abs()).sqrt().min(MAX_SPEED);
+                    let wanted = match self.damping_ratio {
+                        None => self.bandwidth * apart,
+                        // A mass on a spring.
+                        Some(ratio) => {
+                            let speed = self.speeds[joint];
+                            let pull = self.bandwidth * apart - 2.0 * ratio * speed;
+                            speed + self.bandwidth * pull * STEP_SECS
+                        }
+                    };
+                    let most = if self.damping_ratio.is_none() { stoppable } else { MAX_SPEED };
+                    let wanted = wanted.clamp(-most, most);
                     self.turn(joint, wanted, MAX_ACCELERATION);
                     if apart.abs() < 1e-6 && self.speeds[joint].abs() < 1e-3 {
                         (self.joints[joint], self.speeds[joint]) = (target[joint], 0.0);
@@ -243,7 +252,7 @@ mod tests {
 
     #[test]
     fn a_planned_move_arrives_in_the_time_of_its_trapezoid() {
-        let mut motion = Motion::new([0.0; JOINTS], 8.0);
+        let mut motion = Motion::new([0.0; JOINTS], 8.0, None);
         let to = [1.0, -0.5, 0.0, 0.3, 0.0, 0.0, 0.2];
         motion.plan(to, 0.5, 2.0);
         let steps = (1..10_000).find(|&step| {
@@ -258,7 +267,7 @@ mod tests {
 
     #[test]
     fn it_holds_at_the_last_target() {
-        let mut motion = Motion::new([0.0; JOINTS], 8.0);
+        let mut motion = Motion::new([0.0; JOINTS], 8.0, None);
         motion.follow(20, [0.3; JOINTS]);
         (0..20).for_each(|step| motion.step(step, false));
         assert_eq!(motion.joints, [0.0; JOINTS]);
@@ -266,13 +275,40 @@ mod tests {
         assert_eq!((motion.joints, motion.moving()), ([0.3; JOINTS], false));
     }
 
+    /// A small step, and a steady ramp: the textbook's overshoot and lag of a system of second order.
+    #[test]
+    fn an_arm_with_a_damping_ratio_overshoots_and_lags_as_its_numbers_say() {
+        for (hertz, ratio) in [(5.0, 0.5), (8.0, 0.7), (4.0, 0.8)] {
+            let mut motion = Motion::new([0.0; JOINTS], hertz, Some(ratio));
+            motion.follow(0, [1e-3; JOINTS]);
+            let farthest = (0..1000).fold(0.0_f64, |most, step| {
+                motion.step(step, false);
+                most.max(motion.joints[3])
+            });
+            let overshoot = (-ratio * PI / (1.0 - ratio * ratio).sqrt()).exp();
+            assert!((farthest / 1e-3 - 1.0 - overshoot).abs() < 0.02, "{hertz} Hz, {ratio}: {farthest}");
+            assert_eq!(motion.joints, [1e-3; JOINTS], "it comes to rest");
+
+            let mut motion = Motion::new([0.0; JOINTS], hertz, Some(ratio));
+            let speed = 0.4;
+            for step in 0..1500 {
+                motion.follow(step, [speed * step as f64 * STEP_SECS; JOINTS]);
+                motion.step(step, false);
+            }
+            let lag = (speed * 1499.0 * STEP_SECS - motion.joints[0]) / speed;
+            let expected = 2.0 * ratio / (2.0 * PI * hertz);
+            assert!((lag - expected).abs() < 1.5e-3, "{hertz} Hz, {ratio}: {lag} s, not {expected}");
+        }
+    }
+
     proptest! {
         #[test]
         fn speed_and_acceleration_stay_within_the_arms(
             targets in prop::collection::vec(prop::array::uniform7(-2.0..2.0), 1..20),
             stop_after in 1..2000_u64,
+            ratio in prop::option::of(0.3..1.5),
         ) {
-            let mut motion = Motion::new([0.0; JOINTS], 8.0);
+            let mut motion = Motion::new([0.0; JOINTS], 8.0, ratio);
             for (index, target) in targets.iter().enumerate() {
                 motion.follow(index as u64 * 50, *target);
             }

@@ -16,7 +16,7 @@ use etude_stage::{JOINTS, PhysicalParams, RAIL, StageConfig};
 use rand::{RngExt as _, SeedableRng as _};
 use rand_pcg::Pcg64;
 
-type Error = Box<dyn std::error::Error>;
+pub type Error = Box<dyn std::error::Error>;
 
 /// Noise of the encoders, rad, and of the rail, m.
 const NOISE: [f64; 2] = [2e-4, 5e-5];
@@ -104,7 +104,7 @@ fn recorded(
 const FINGER_JERK: f64 = 60_000.0;
 
 /// A robot whose parameters differ from the start of a fit.
-fn truth(joints: &[usize], seed: u64) -> PhysicalParams {
+pub fn truth(joints: &[usize], seed: u64) -> PhysicalParams {
     let mut random = Pcg64::seed_from_u64(seed);
     let mut params = shaping_params(&RigConfig::default().limits);
     for &joint in joints {
@@ -134,6 +134,16 @@ fn truth(joints: &[usize], seed: u64) -> PhysicalParams {
 /// Draws a robot, records motion of these joints, and fits.
 pub fn recover(joints: &[usize], seed: u64) -> Result<Recovery, Error> {
     let truth = truth(joints, seed);
+    recover_as(&truth, &truth, joints, seed)
+}
+
+/// Records motion of these joints of a robot, fits, and compares with what is expected of the fit.
+pub fn recover_as(
+    truth: &PhysicalParams,
+    expected: &PhysicalParams,
+    joints: &[usize],
+    seed: u64,
+) -> Result<Recovery, Error> {
     let parts = [(Excitation::OpenClose, 1), (Excitation::Chirp, 2), (Excitation::Rail, 1)];
     let told =
         |(excitation, _): &(Excitation, usize)| *excitation != Excitation::Rail || joints.contains(&RAIL);
@@ -141,30 +151,28 @@ pub fn recover(joints: &[usize], seed: u64) -> Result<Recovery, Error> {
         .into_iter()
         .filter(told)
         .enumerate()
-        .map(|(index, part)| recorded(&truth, joints, part, 10 * seed + index as u64))
+        .map(|(index, part)| recorded(truth, joints, part, 10 * seed + index as u64))
         .collect::<Result<_, _>>()?;
     let most = LmConfig::default().max_evaluations;
     let method = LmConfig { cost_tolerance: 1e-6, max_evaluations: most, ..LmConfig::for_replays() };
     let config = IdentifyConfig { method: MethodConfig::Lm(method), seed, start: BTreeMap::default() };
-    let folder = std::env::temp_dir().join(format!("etude-recovery-{seed}-{}", std::process::id()));
-    std::fs::create_dir_all(&folder)?;
+    let folder = tempfile::tempdir()?;
     let identified = identify(
         &motions,
         &config,
-        &folder.join("state.json"),
+        &folder.path().join("state.json"),
         &mut Job::new(&mut |_| {}, &AtomicBool::new(false)),
     );
-    std::fs::remove_dir_all(&folder)?;
     let identified = identified?;
-    let held_out = [recorded(&truth, joints, (Excitation::Held, 1), 10 * seed + 9)?];
+    let held_out = [recorded(truth, joints, (Excitation::Held, 1), 10 * seed + 9)?];
     let before = shaping_params(&RigConfig::default().limits);
     let after = PhysicalParams::default().with(&identified.physics)?;
     let found = Assessment::new(&held_out, &before, &after)?;
     let errors = found.joints.into_iter();
     let numbers = identified.estimates.into_iter().flat_map(|(_, estimate)| estimate.parameters);
     let numbers = numbers.filter(|found| found.is_identifiable).map(|found| {
-        let truth = truth.get(&found.path)?;
-        Ok((found, truth))
+        let expected = expected.get(&found.path)?;
+        Ok((found, expected))
     });
     Ok(Recovery {
         passes: identified.passes,

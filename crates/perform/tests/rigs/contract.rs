@@ -20,7 +20,7 @@ const UP: usize = 20;
 const DOWN: usize = 20;
 
 pub fn truth() -> Truth {
-    Truth::load("standard").unwrap()
+    Truth::load("mild").unwrap()
 }
 
 /// Joints in rad and m: the columns of the observation are then the readings themselves.

@@ -80,6 +80,10 @@ rows! {
         /// Spring of the keys.
         KeyStiffness = row("key.stiffness", "N·m/rad", 1.0, [0.05, 5.0],
             "spring of every key about its hinge; as lasr-lab/learning-to-play-piano without randomisation"),
+        /// Force of the keys at rest.
+        KeyPreload = row("key.preload", "N", 0.0, [0.0, 2.0],
+            "force at the front of every key that moves it from rest: its spring presses it against its upper stop, which then is at \
+             rest; the paper's simulator has none"),
         /// Damping of the keys.
         KeyDamping = row("key.damping", "N·m·s/rad", 0.05, [0.001, 0.5],
             "damping of every key about its hinge; as RoboPianist's piano_constants.py"),

@@ -11,6 +11,7 @@ use crate::hand::{FINGER_NAMES, FINGERS, JOINT_NAMES, JOINTS};
 #[derive(Clone)]
 pub(super) struct Layout {
     pub keyboard: usize,
+    pub palm: usize,
     pub key_dof: [usize; KEYS],
     pub key_tree: [usize; KEYS],
     pub key_body: [usize; KEYS],
@@ -31,6 +32,7 @@ impl Layout {
         let dof = |name: &str| id(model, MjtObjBase::mjOBJ_JOINT, name);
         let mut layout = Self {
             keyboard: id(model, MjtObjBase::mjOBJ_BODY, "keyboard")?,
+            palm: id(model, MjtObjBase::mjOBJ_BODY, "palm")?,
             key_dof: [0; KEYS],
             key_tree: [0; KEYS],
             key_body: [0; KEYS],

@@ -20,7 +20,9 @@ use crate::error::StageError;
 use crate::geometry::{HALF_WIDTH, WHITE};
 use crate::hand::{FINGER_JOINTS, FINGERS, JOINTS, RAIL, TIP_RADIUS, joint_range, root_lateral};
 use crate::kinematics;
-use crate::mjcf::{key_colour, key_place, keyboard_place, mjcf_with, passive_damping};
+use crate::mjcf::{
+    key_colour, key_place, key_range, key_spring_rest, keyboard_place, mjcf_with, passive_damping,
+};
 use crate::params::{JointRow, PhysicalParams, WorldRow};
 use crate::strike::Strike;
 use layout::Layout;
@@ -134,6 +136,8 @@ impl World {
             model.body_pos_mut()[self.layout.key_body[key]] =
                 key_place(params, self.options.keyboard_yaw_rad, key);
             model.jnt_stiffness_mut()[dof] = value(WorldRow::KeyStiffness) * self.options.keys[key].stiffness;
+            model.qpos_spring_mut()[dof] = key_spring_rest(params, &self.options, key);
+            model.jnt_range_mut()[dof] = key_range(params, &self.options, key);
             model.dof_damping_mut()[dof] = value(WorldRow::KeyDamping);
             model.dof_armature_mut()[dof] = value(WorldRow::KeyArmature);
             model.geom_friction_mut()[self.layout.key_geom[key]][0] = value(WorldRow::KeyFriction);

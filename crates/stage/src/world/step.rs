@@ -9,6 +9,7 @@ use super::World;
 use crate::config::PHYSICS_STEPS;
 use crate::controller::{Controller, Gains};
 use crate::hand::{JOINTS, RAIL, joint_range};
+use crate::mjcf::PALM_PLACE;
 use crate::strike::{CONTACTS_APART, LOUDEST_SECS, SOFTEST_SECS, Strike, force, midi};
 
 /// What happened during one control step.
@@ -113,6 +114,14 @@ impl World {
         for (dof, friction) in self.layout.joint_dof.iter().zip(friction) {
             model.dof_frictionloss_mut()[*dof] = friction.max(0.0);
         }
+    }
+
+    /// Puts the hand off its nominal place on the rail by this, m: an arm sags, and its links are not as its controller believes.
+    /// The hand is moved there without a speed, so the offset must change slowly.
+    pub fn set_hand_offset(&mut self, offset: [f64; 3]) {
+        // SAFETY: only values change; no size, address or id table is touched.
+        let model = unsafe { self.data.model_mut() };
+        model.body_pos_mut()[self.layout.palm] = std::array::from_fn(|axis| PALM_PLACE[axis] + offset[axis]);
     }
 
     /// One physics step under `self.torques`.

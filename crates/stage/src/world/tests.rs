@@ -1,6 +1,7 @@
 use super::*;
 use crate::config::KeyFactors;
 use crate::geometry::KeyShape;
+use crate::mjcf::PALM_PLACE;
 
 /// A key with half the travel reaches its lower stop, and sounds, at half the depth of its neighbours; also after the
 /// physical numbers were set again.
@@ -34,4 +35,92 @@ fn friction_of_the_joints_can_change_on_the_way() {
     world.set_joint_friction(&[f64::NAN; JOINTS]);
     let free = push(&mut world);
     assert!(held.abs() < 0.02 && free > 5.0 * held.abs(), "{held} {free}");
+}
+
+/// How far down key `key` is after a fifth of a second with this force at its front, as a share of its travel.
+fn pressed_by(world: &mut World, key: usize, newton: f64) -> f64 {
+    world.reset();
+    let dof = world.layout.key_dof[key];
+    for _ in 0..40 {
+        world.data.qfrc_applied_mut()[dof] = newton * KeyShape::of(key).size[0];
+        world.drive(&[0.0; JOINTS]);
+    }
+    world.key_travel(key)
+}
+
+/// A white and a black key move from rest at the preload and at no less, whether the model was built with it or was given it later.
+#[test]
+fn a_key_with_a_preload_needs_that_force_to_move() {
+    let config = StageConfig::default();
+    let mut params = PhysicalParams::default();
+    params.set("key.preload", 0.6).unwrap();
+    let mut keys = ModelOptions::default().keys;
+    // The preload does not depend on the spring.
+    keys[5] = KeyFactors { stiffness: 1.3, travel: 1.0 };
+    let options = ModelOptions { keys, ..ModelOptions::default() };
+    let built = World::with_options(&config, &params, &options).unwrap();
+    let mut given = World::with_options(&config, &PhysicalParams::default(), &options).unwrap();
+    given.set_params(&params);
+    for mut world in [built, given] {
+        for key in [5, 6] {
+            let (at_rest, below, above) = (
+                pressed_by(&mut world, key, 0.0),
+                pressed_by(&mut world, key, 0.55),
+                pressed_by(&mut world, key, 0.7),
+            );
+            // The stop yields by a quarter of a millimetre.
+            assert!((-0.03..=0.0).contains(&at_rest) && below.abs() < 0.01, "{key}: {at_rest} {below}");
+            // The spring yields to what is more than the preload.
+            let shape = KeyShape::of(key);
+            let spring = if key == 5 { 1.3 } else { 1.0 };
+            let expected = 0.1 * shape.size[0] / spring / shape.max_angle();
+            assert!((above / expected - 1.0).abs() < 0.05, "{key}: {above}, not {expected}");
+        }
+        // A key at rest sleeps as one without a preload does.
+        world.reset();
+        let zero = [0.0; JOINTS];
+        (0..200).for_each(|_| world.drive(&zero));
+        assert!(world.data.tree_asleep()[world.layout.key_tree[20]] >= 0);
+    }
+    let mut loose = World::new(&config, &PhysicalParams::default()).unwrap();
+    assert!(pressed_by(&mut loose, 5, 0.3) > 0.5);
+}
+
+/// The hand is turned about its mount and put off its place, and the rail still leads along the keyboard.
+#[test]
+fn a_hand_can_be_tilted_and_off_its_place() {
+    let (config, params) = (StageConfig::default(), PhysicalParams::default());
+    let [roll, pitch] = [0.02, 0.03];
+    let options = ModelOptions { hand_tilt_rad: [roll, pitch], ..ModelOptions::default() };
+    let mut straight = World::new(&config, &params).unwrap();
+    let mut tilted = World::with_options(&config, &params, &options).unwrap();
+    let mut pose = [0.0; JOINTS];
+    let mut tips = |pose: &[f64; JOINTS]| {
+        straight.reset_to(pose);
+        tilted.reset_to(pose);
+        [0, 1, 2].map(|finger| [straight.fingertip(finger), tilted.fingertip(finger)])
+    };
+    for [[x, y, z], found] in tips(&pose) {
+        // About the mount, first about the keyboard's length, then about the axis toward the player.
+        let (x, z) = (x - PALM_PLACE[0], z - PALM_PLACE[2]);
+        let (x, z) = (x * pitch.cos() + z * pitch.sin(), z * pitch.cos() - x * pitch.sin());
+        let (y, z) = (y * roll.cos() - z * roll.sin(), y * roll.sin() + z * roll.cos());
+        let expected = [x + PALM_PLACE[0], y, z + PALM_PLACE[2]];
+        assert!(expected.iter().zip(found).all(|(a, b)| (a - b).abs() < 1e-9), "{expected:?} {found:?}");
+    }
+    let before = tips(&pose);
+    pose[RAIL] = 0.1;
+    for ([_, before], [_, after]) in before.into_iter().zip(tips(&pose)) {
+        assert!((after[1] - before[1] - 0.1).abs() < 1e-9, "{after:?} {before:?}");
+        assert!((after[0] - before[0]).abs() < 1e-9 && (after[2] - before[2]).abs() < 1e-9);
+    }
+    let offset = [1e-3, -2e-3, 3e-3];
+    let before = straight.fingertip(1);
+    straight.set_hand_offset(offset);
+    straight.reset_to(&pose);
+    let after = straight.fingertip(1);
+    assert!(
+        (0..3).all(|axis| (after[axis] - before[axis] - offset[axis]).abs() < 1e-9),
+        "{after:?} {before:?}"
+    );
 }

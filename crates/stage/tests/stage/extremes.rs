@@ -2,11 +2,13 @@
 //! middle of a training costs days.
 //!
 //! Rows span orders of magnitude and are set independently. Some combinations lead to motion too fast for steps of 5 ms, and
-//! MuJoCo then resets itself. Two rules exclude them. Each limits one number by an inertia; all others are free.
+//! MuJoCo then resets itself. Three rules exclude them. Each limits one number by an inertia; all others are free.
 //!
 //! - A key's spring must be stable by itself. MuJoCo integrates springs explicitly and damping implicitly: a hinge with
 //!   inertia I, stiffness k and damping d is unstable unless dt²·k < 2·(2·I + dt·d). The lightest keys break
 //!   this (the black ones, at the smallest armature and damping, from k = 4.2 on).
+//! - A key's preload is a constant torque, which its upper stop resists only from the next step on. It may carry the lightest key
+//!   across a tenth of its travel in a step: with the default inertia that is 3.5 N, and 0.08 N with the least.
 //! - A drive must not be too strong for the inertia that is surely there: its armature, and the whole hand on the rail.
 //!   By itself it may at most cross its joint's range at a rate of 0.4 ranges in a step, which for a finger's flexion is
 //!   three quarters of a radian. What grows with the square of speed, and links that a neighbour flings about, are
@@ -24,6 +26,8 @@ use crate::replica::STEP_SECS;
 
 /// Share of the stiffness at which the lightest key would lose stability. Half, since fingers touch keys.
 const KEY_SHARE: f64 = 0.5;
+/// How far a key's preload may carry it in a step, as a share of its travel.
+const CARRIED: f64 = 0.1;
 /// Fastest that a drive may by itself cross its joint's range, ranges per second.
 const FASTEST: f64 = 0.4 / STEP_SECS;
 
@@ -51,17 +55,24 @@ fn params(actuation: Actuation) -> impl Strategy<Value = PhysicalParams> {
 fn keep_to_the_rules(params: &mut PhysicalParams, actuation: Actuation) {
     let stiffest = KEY_SHARE * stiffest_stable_key(params);
     params.set_world(WorldRow::KeyStiffness, params.world(WorldRow::KeyStiffness).min(stiffest));
+    let strongest = CARRIED * BLACK.max_angle() / STEP_SECS.powi(2) * lightest_key(params) / BLACK.size[0];
+    params.set_world(WorldRow::KeyPreload, params.world(WorldRow::KeyPreload).min(strongest));
     for joint in 0..JOINTS {
         let (quantity, most) = strongest_drive(params, joint, actuation);
         params.set_joint(quantity, joint, params.joint(quantity, joint).min(most));
     }
 }
 
-/// Stiffness from which a black key is unstable, N·m/rad.
-fn stiffest_stable_key(params: &PhysicalParams) -> f64 {
+/// Inertia of a black key about its hinge, kg·m².
+fn lightest_key(params: &PhysicalParams) -> f64 {
     let [length, _, height] = BLACK.size;
     let box_about_its_rear = BLACK.mass * (length * length / 3.0 + height * height / 12.0);
-    let inertia = box_about_its_rear + params.world(WorldRow::KeyArmature);
+    box_about_its_rear + params.world(WorldRow::KeyArmature)
+}
+
+/// Stiffness from which a black key is unstable, N·m/rad.
+fn stiffest_stable_key(params: &PhysicalParams) -> f64 {
+    let inertia = lightest_key(params);
     2.0 * (2.0 * inertia + STEP_SECS * params.world(WorldRow::KeyDamping)) / (STEP_SECS * STEP_SECS)
 }
 

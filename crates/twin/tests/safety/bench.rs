@@ -25,7 +25,7 @@ use crate::judge::Judge;
 const CONTROL: u32 = 50;
 
 pub fn rig() -> RigConfig {
-    Truth::load("standard").unwrap().rig()
+    Truth::load("mild").unwrap().rig()
 }
 
 fn path(calibration: &Calibration) -> RailPath {
@@ -34,14 +34,18 @@ fn path(calibration: &Calibration) -> RailPath {
 }
 
 pub fn robot(calibration: &Calibration) -> Robot {
-    Robot::new(&rig(), path(calibration)).unwrap()
+    robot_of(&rig(), calibration)
 }
 
-/// The standard truth with these faults on its links.
+fn robot_of(rig: &RigConfig, calibration: &Calibration) -> Robot {
+    Robot::new(rig, path(calibration)).unwrap()
+}
+
+/// The mild truth with these faults on its links.
 pub fn with_links(can: &FaultPlan, arm: &FaultPlan, midi: &FaultPlan) -> Truth {
     let plan = |name: &str, plan: &FaultPlan| format!("[links.{name}]\n{}", toml::to_string(plan).unwrap());
     let links = [plan("can", can), plan("arm", arm), plan("midi", midi)];
-    Truth::load("standard").unwrap().with(&links.concat()).unwrap()
+    Truth::load("mild").unwrap().with(&links.concat()).unwrap()
 }
 
 /// Where a song begins.
@@ -240,11 +244,16 @@ impl Bench {
     }
 
     pub fn new(truth: &Truth, calibration: &Calibration) -> Self {
-        let twin = Twin::new(truth, rig().hand.side).unwrap();
+        Self::with_rig(&rig(), truth, calibration)
+    }
+
+    /// A bench whose controller has the settings of this rig.
+    pub fn with_rig(rig: &RigConfig, truth: &Truth, calibration: &Calibration) -> Self {
+        let twin = Twin::new(truth, rig.hand.side).unwrap();
         Self {
-            robot: robot(calibration),
+            robot: robot_of(rig, calibration),
             lockstep: Lockstep::new(twin).unwrap(),
-            judge: Judge::new(&rig()),
+            judge: Judge::new(rig),
             mischief: Mischief::default(),
             policy: Policy::Silent,
             ahead: Duration::ZERO,

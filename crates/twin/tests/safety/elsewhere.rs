@@ -16,7 +16,7 @@ const WITHIN: u32 = 200;
 
 /// A robot that holds its pose at the keyboard, or follows.
 fn live(follows: bool) -> Bench {
-    let mut bench = Bench::at_the_keyboard(&Truth::load("standard").unwrap());
+    let mut bench = Bench::at_the_keyboard(&Truth::load("mild").unwrap());
     bench.start_and_hold();
     bench.run(50);
     if follows {

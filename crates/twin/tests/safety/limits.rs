@@ -255,7 +255,7 @@ proptest! {
 /// Sweeps along the keyboard while a key goes down and comes up, and replies of the arm are held back.
 #[test]
 fn a_hand_brakes_while_a_key_is_down() {
-    let mut bench = Bench::at_the_keyboard(&Truth::load("standard").unwrap());
+    let mut bench = Bench::at_the_keyboard(&Truth::load("mild").unwrap());
     bench.start_and_hold();
     bench.follow(Policy::Sweeps);
     for round in 0..40 {
@@ -287,7 +287,7 @@ fn a_hand_brakes_while_a_key_is_down() {
 /// The same while a finger is low, and no key sounds: it is curled in front of the keys and touches nothing.
 #[test]
 fn a_hand_brakes_while_a_finger_is_as_low_as_between_fences() {
-    let mut bench = Bench::at_the_keyboard(&Truth::load("standard").unwrap());
+    let mut bench = Bench::at_the_keyboard(&Truth::load("mild").unwrap());
     let mut fingers = [0.0; FINGER_JOINTS];
     fingers[4..8].copy_from_slice(&[0.0, 1.6, 0.5, 0.6]);
     bench.lockstep.twin.place_fingers(&fingers);
@@ -304,7 +304,7 @@ fn a_hand_brakes_while_a_finger_is_as_low_as_between_fences() {
 /// The property above is worth something only if robots do move in it.
 #[test]
 fn a_judge_has_something_to_judge() {
-    let mut bench = Bench::at_the_keyboard(&Truth::load("standard").unwrap());
+    let mut bench = Bench::at_the_keyboard(&Truth::load("mild").unwrap());
     bench.start_and_hold();
     bench.follow(Policy::Jumps);
     bench.run(2000);

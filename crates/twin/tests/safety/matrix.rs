@@ -201,7 +201,7 @@ fn recovers(bench: &mut Bench, row: &Row, end: End, when: When, place: &str) {
 }
 
 fn truth(row: &Row) -> Truth {
-    let truth = Truth::load("standard").unwrap().with("[keyboard]\nsensing_secs = 0.1").unwrap();
+    let truth = Truth::load("mild").unwrap().with("[keyboard]\nsensing_secs = 0.1").unwrap();
     match row.lost {
         Lost::HandTimesOut => truth.with("[hand]\ntorque_timeout_secs = 0.1").unwrap(),
         _ => truth,

@@ -19,7 +19,7 @@ fn every_kind_ends_a_performance() {
         let text = format!(
             "faults = [{{ kind = \"{kind}\", at_secs = {AT_SECS} }}]\n[keyboard]\nsensing_secs = 0.1"
         );
-        let truth = Truth::load("standard").unwrap().with(&text).unwrap();
+        let truth = Truth::load("mild").unwrap().with(&text).unwrap();
         let mut bench = Bench::at_the_keyboard(&truth);
         bench.start_and_hold();
         bench.follow(Policy::Smooth);
@@ -56,7 +56,7 @@ fn every_kind_ends_a_performance() {
 #[test]
 fn a_fault_that_is_over_is_started_after() {
     let ordered = ["can-bus-off@1+0.5", "estop@3+0.5"].map(|text| text.parse().unwrap());
-    let truth = Truth::load("standard").unwrap().with_faults(&ordered).unwrap();
+    let truth = Truth::load("mild").unwrap().with_faults(&ordered).unwrap();
     let mut bench = Bench::at_the_keyboard(&truth);
     for (from_secs, said) in [(1.0, "bus-off"), (3.0, "error 1")] {
         bench.start_and_hold();

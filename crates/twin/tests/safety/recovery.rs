@@ -10,7 +10,7 @@ use etude_twin::{FaultKind, Truth, calibration};
 use crate::bench::{Bench, Policy};
 
 fn truth() -> Truth {
-    Truth::load("standard").unwrap()
+    Truth::load("mild").unwrap()
 }
 
 fn following() -> Bench {

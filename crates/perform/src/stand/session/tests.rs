@@ -117,7 +117,7 @@ fn on_a_twin(faults: &[&str], act: impl Fn(&mut Stand, &Watch<'_>)) {
     for _ in 0..3 {
         let folder = tempfile::tempdir().unwrap();
         let faults: Vec<_> = faults.iter().map(|fault| fault.parse().unwrap()).collect();
-        let truth = Truth::load("standard").unwrap().with_faults(&faults).unwrap();
+        let truth = Truth::load("mild").unwrap().with_faults(&faults).unwrap();
         let mut server =
             TwinServer::open(&truth, &RigConfig::default(), folder.path(), ArmPorts::FREE).unwrap();
         let path = server.rig().to_path_buf();
