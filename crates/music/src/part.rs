@@ -19,6 +19,11 @@ pub enum Part {
     Test,
 }
 
+impl Part {
+    /// All of them.
+    pub const ALL: [Self; 3] = [Self::Training, Self::Validation, Self::Test];
+}
+
 impl fmt::Display for Part {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(match self {
@@ -67,8 +72,7 @@ mod tests {
     #[test]
     fn no_melody_is_in_two_parts() {
         let seen = |part| melodies(part, 0).take(40).map(|song| song.title().to_string());
-        let [training, validation, test] =
-            [Part::Training, Part::Validation, Part::Test].map(|part| seen(part).collect::<Vec<_>>());
+        let [training, validation, test] = Part::ALL.map(|part| seen(part).collect::<Vec<_>>());
         let all: std::collections::BTreeSet<&String> =
             training.iter().chain(&validation).chain(&test).collect();
         assert_eq!(all.len(), 120);
