@@ -15,6 +15,7 @@ mod rehearsing;
 mod replaying;
 mod robots;
 mod serve;
+mod sight;
 mod slurm;
 mod songs;
 mod stop_times;
