@@ -36,6 +36,7 @@ def task_config(
     previous_joints: bool | None = None,
     previous_actions: int | None = None,
     fingering: bool | None = None,
+    finger_range: float | None = None,
     velocities: bool | None = None,
     plan: Mapping[str, Any] | None = None,
     lookahead: int | None = None,
@@ -58,6 +59,8 @@ def task_config(
         previous_actions: Previous actions that the observation shows, 0 to 4.
         fingering: Whether a fingering is planned for the song: the observation shows each finger its goal, and the rail's action is a
             distance from its planned place. The reward terms `fingering`, `preparation` and `velocity` need it.
+        finger_range: How far the target of a finger joint may be from the pose that holds the fingertip over its goal, rad; 0 stands for
+            the joint's whole range. It needs a fingering.
         velocities: Whether the observation shows, with each finger's goal, how loud its note is. It needs a fingering.
         plan: What is due, by name: `rule` (`robopianist` or `articulated`), `restrike_secs` and `lead_secs`; the others keep the
             variant's.
@@ -81,6 +84,7 @@ def task_config(
         "previous_joints": previous_joints,
         "previous_actions": previous_actions,
         "fingering": fingering,
+        "finger_range": finger_range,
         "velocities": velocities,
         "lookahead": lookahead,
         "initial_silence_secs": initial_silence_secs,

@@ -125,6 +125,7 @@ KEYWORDS = st.fixed_dictionaries(
         "previous_joints": ANYTHING,
         "previous_actions": ANYTHING,
         "fingering": ANYTHING,
+        "finger_range": ANYTHING,
         "plan": st.one_of(ANYTHING, TABLES),
         "lookahead": ANYTHING,
         "initial_silence_secs": ANYTHING,

@@ -74,6 +74,7 @@ pub(crate) fn warm_start(
             format!("with previous joints {} (`task.previous_joints`)", task.previous_joints),
             format!("with {} previous actions (`task.previous_actions`)", task.previous_actions),
             format!("with a fingering {} (`task.fingering`)", task.fingering),
+            format!("with targets of finger joints within {} rad (`task.finger_range`)", task.finger_range),
             format!("with the view of the {:?} (`task.view`)", task.view),
         ]
     };

@@ -42,6 +42,6 @@ pub mod xarm;
 
 pub use pace::{Pace, RealTime};
 pub use robot::{
-    Doubt, Fault, OBSERVED, Phase, Record, Refused, Robot, RobotError, WIGGLED, Warmth, Wiggled,
-    propose_fence, wiggle,
+    Doubt, Fault, OBSERVED, Phase, ROOTS_OVER_KEYS_M, Record, Refused, Robot, RobotError, WIGGLED, Warmth,
+    Wiggled, propose_fence, wiggle,
 };

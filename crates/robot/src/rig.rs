@@ -83,7 +83,7 @@ pub struct LimitsConfig {
     pub rail_acceleration: f64,
     /// Largest jerk, m/s³.
     pub rail_jerk: f64,
-    /// The same while a key of the keyboard is down, m/s: a finger between two fences is not dragged against them faster.
+    /// The same while a key sounds or a fingertip is as low as between two fences, m/s: it is not dragged against them faster.
     pub key_down_rail_velocity: f64,
     /// Where the thumb stays, rad.
     pub thumb_rad: [f64; 4],

@@ -68,6 +68,9 @@ pub struct TaskConfig {
     /// each fingertip relative to its goal, and the rail's action is a distance from its planned place. The reward terms `fingering` and
     /// `preparation` need it. The paper has none.
     pub fingering: bool,
+    /// How far the target of a finger joint may be from the angle that holds the fingertip over its goal, rad; 0 stands for the joint's
+    /// whole range. It needs a fingering.
+    pub finger_range: f64,
     /// Whether the observation shows, with each finger's goal, the velocity of its note. It needs a fingering.
     pub velocities: bool,
     /// What the observation's keys and rail are relative to. Configurations of runs from before there was a choice have no such key.
@@ -92,6 +95,7 @@ impl Default for TaskConfig {
             previous_joints: true,
             previous_actions: 0,
             fingering: false,
+            finger_range: 0.0,
             velocities: false,
             view: ObservationView::default(),
             scale: ObservationScale::default(),
@@ -126,6 +130,7 @@ impl TaskConfig {
             ("initial_silence_secs", self.initial_silence_secs, 0.0, 60.0),
             ("lookahead", self.lookahead as f64, 0.0, 40.0),
             ("previous_actions", self.previous_actions as f64, 0.0, MOST_ACTIONS as f64),
+            ("finger_range", self.finger_range, 0.0, 2.0),
         ];
         for (name, value, low, high) in limits {
             if !(low..=high).contains(&value) {
@@ -138,6 +143,12 @@ impl TaskConfig {
             return Err(TaskError::Value(format!(
                 "the reward term `{term}` needs a fingering; set task.fingering = true"
             )));
+        }
+        if self.finger_range > 0.0 && !self.fingering {
+            return Err(TaskError::Value(
+                "task.finger_range is around the pose that a fingering plans; set task.fingering = true"
+                    .to_string(),
+            ));
         }
         if self.velocities && !self.fingering {
             return Err(TaskError::Value(

@@ -61,7 +61,11 @@ impl Piece {
     ) -> Result<Self, TaskError> {
         let mut piece = Self::of(config.plan.plan(song, config.initial_silence_secs)?);
         if config.fingering {
-            let fingering = Fingering::plan_telling(&config.stage, &config.params()?, &piece, tell);
+            let (stage, params) = (&config.stage, &config.params()?);
+            let mut fingering = Fingering::plan_telling(stage, params, &piece, tell);
+            if config.finger_range > 0.0 {
+                fingering = fingering.around_poses(stage, params, config.finger_range);
+            }
             piece.fingering = Some(Arc::new(fingering));
         }
         Ok(piece)

@@ -9,7 +9,8 @@ use etude_stage::{JOINTS, RAIL, joint_range};
 use crate::{ACTION_LEN, Fingering, Piece};
 
 /// Range of each joint's target, to which an action in [−1, 1] is mapped: the joint's own range for a finger joint, the part of the
-/// keyboard that the piece needs for the rail. With a fingering, the rail's range is 40 mm to either side of its planned place.
+/// keyboard that the piece needs for the rail. With a fingering, the rail's range is 40 mm to either side of its planned place, and with
+/// [`TaskConfig::finger_range`](crate::TaskConfig::finger_range) those of the finger joints are around the planned pose.
 ///
 /// If the rail's range were the whole keyboard, a change of its action by 0.02 would be 7 mm, more than a fingertip may be off the
 /// middle of a key between fences. docs/results/learning.md compares the two.
@@ -27,24 +28,29 @@ impl TargetRange {
     pub fn new(piece: &Piece) -> Self {
         let mut ranges = std::array::from_fn(joint_range);
         let fingering = piece.fingering().cloned();
-        if fingering.is_some() {
+        if let Some(fingering) = &fingering {
             ranges[RAIL] = [-RAIL_PLAY_M, RAIL_PLAY_M];
+            if let Some(poses) = fingering.poses() {
+                ranges[..RAIL].fill([-poses.range, poses.range]);
+            }
         } else if let Some(range) = over_its_keys(piece) {
             ranges[RAIL] = range;
         }
         Self { ranges, fingering }
     }
 
-    /// Lowest and highest target of `joint`, rad or m; with a fingering, the rail's relative to its planned place.
+    /// Lowest and highest target of `joint`, rad or m; with a fingering, relative to what it plans.
     pub fn relative(&self, joint: usize) -> [f64; 2] {
         self.ranges[joint]
     }
 
     /// Lowest and highest target of `joint` in control step `step`, rad or m.
     pub fn ends(&self, joint: usize, step: usize) -> [f64; 2] {
-        let fingering = self.fingering.as_ref().filter(|_| joint == RAIL);
-        let place = fingering.map_or(0.0, |fingering| fingering.rail_at(step));
-        self.ranges[joint].map(|end| place + end)
+        let planned = self.fingering.as_ref().map_or(0.0, |fingering| match joint {
+            RAIL => fingering.rail_at(step),
+            finger => fingering.poses().map_or(0.0, |poses| poses.at(step)[finger]),
+        });
+        self.ranges[joint].map(|end| planned + end)
     }
 
     /// Joint targets (rad, the rail in m) of an action in control step `step`; its values are clamped to ±1.

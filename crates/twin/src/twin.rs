@@ -166,10 +166,10 @@ impl Twin {
         self.devices.hand.set_positions(&to_wire(&self.encoders.read(&self.world.joints()), &thumb));
     }
 
-    /// Straightens the fingers by hand, clear of the keys.
-    pub fn straighten_fingers(&mut self) {
-        let mut pose = [0.0; JOINTS];
-        pose[RAIL] = self.world.joints()[RAIL];
+    /// Brings the fingers by hand to these angles, rad, at rest and clear of the keys.
+    pub fn place_fingers(&mut self, fingers: &[f64; FINGER_JOINTS]) {
+        let mut pose = self.world.joints();
+        pose[..FINGER_JOINTS].copy_from_slice(fingers);
         self.world.reset_to(&pose);
         self.show_joints();
     }

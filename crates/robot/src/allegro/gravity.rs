@@ -1,16 +1,12 @@
 //! Torques that hold the fingers against gravity. The hand's own driver has none: a straight, horizontal finger would hang 1.4° below its
 //! reference, which is 3 mm at its tip.
 //!
-//! Lengths are those of MuJoCo Menagerie's `wonik_allegro` and of the printed tips (lasr-lab/learning-to-play-piano), masses those of the
-//! URDF in simlabrobotics/allegro_hand_ros_v4, each in the middle of its link. The thumb is folded away and has its stop.
+//! Masses are those of the URDF in simlabrobotics/allegro_hand_ros_v4, each in the middle of its link. The thumb is folded away and has
+//! its stop.
 
+use super::fingers::{MEDIAL_M, PROXIMAL_M, bends};
 use super::limits::JOINTS;
 
-/// Fingers that play, with four joints each.
-const FINGERS: usize = 3;
-/// From the first flexion joint to the second, and from there to the third, m.
-const PROXIMAL_M: f64 = 0.054;
-const MEDIAL_M: f64 = 0.0384;
 /// Mass, kg, and distance of its centre from the joint before it, m: proximal and medial link.
 const PROXIMAL: (f64, f64) = (0.065, PROXIMAL_M / 2.0);
 const MEDIAL: (f64, f64) = (0.0355, MEDIAL_M / 2.0);
@@ -22,9 +18,7 @@ const GRAVITY: f64 = 9.81;
 /// are to be multiplied by the cosine of the angle between its normal and straight down.
 pub fn holding_torques(positions: &[f64; JOINTS]) -> [f64; JOINTS] {
     let mut torques = [0.0; JOINTS];
-    let (joints, _) = positions.as_chunks::<4>();
-    for (finger, [roll, first, second, third]) in joints.iter().take(FINGERS).enumerate() {
-        let bends = [*first, first + second, first + second + third];
+    for (finger, (roll, bends)) in bends(positions).into_iter().enumerate() {
         // Along the straight finger, and toward the keys.
         let along = bends.map(f64::cos);
         let down = bends.map(f64::sin);

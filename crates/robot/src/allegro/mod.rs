@@ -14,6 +14,7 @@ mod config;
 mod driver;
 mod encoder;
 mod fault;
+mod fingers;
 mod gravity;
 mod joint_loop;
 mod limits;
@@ -23,6 +24,7 @@ mod state;
 pub use config::HandConfig;
 pub use driver::Hand;
 pub use fault::HandFault;
+pub use fingers::tip_depths;
 pub use gravity::holding_torques;
 pub use joint_loop::{JointLoop, JointLoopConfig};
 pub use limits::{

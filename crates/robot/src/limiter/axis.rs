@@ -26,7 +26,7 @@ pub enum Clamp {
     Passing,
     /// The arm has not followed: the set-point of the rail waits for it.
     Ahead,
-    /// A key is down: the hand moves along the keyboard only slowly.
+    /// A key is down, or a finger is between fences: the hand moves along the keyboard only slowly.
     KeyDown,
 }
 

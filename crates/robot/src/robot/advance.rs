@@ -19,11 +19,6 @@ const ON_PATH_M: f64 = 0.005;
 const ON_PATH_RAD: f64 = 0.03;
 /// Largest distance from its range at which a joint of the hand may start, rad: play, and some give of the stop.
 const OUTSIDE_RAD: f64 = 0.1;
-/// Largest lead of the rail's set-point over the arm, m: a tenth of a second at 0.6 m/s. Playing on the twin reaches 38 mm. The torque
-/// clamp does the same for the fingers: policies press by asking for up to 1.6 rad more than a key allows.
-const AHEAD_M: f64 = 0.06;
-/// Largest lead of the rail's set-point over the arm's target while a key is down, m: the arm may then not hurry after it.
-const BEFORE_TARGET_M: f64 = 0.02;
 /// Time after a release in which the hand is still observed, for recordings.
 pub const OBSERVED: Duration = Duration::from_secs(1);
 /// Longest time between two polls while torques are on. The hand holds the last torque meanwhile.
@@ -145,23 +140,6 @@ impl Robot {
         self.stepped = now;
         self.arm.align(now, now);
         Ok(())
-    }
-
-    /// Why the rail's set-point brakes now, whatever is asked: the arm has not followed, or a finger would be dragged against the fences.
-    fn holds_rail(&self) -> Option<Clamp> {
-        self.arm_sent?;
-        let axis = &self.axes[RAIL_AXIS];
-        let before = |rail_m: f64| (axis.position() - rail_m) * axis.velocity().signum();
-        if before(self.place().rail_m) > AHEAD_M {
-            return Some(Clamp::Ahead);
-        }
-        let waits = self.keyboard.pressed() != 0 && before(self.arm_axis.position()) > BEFORE_TARGET_M;
-        (waits || self.drags(axis)).then_some(Clamp::KeyDown)
-    }
-
-    /// Whether a finger on a key would be dragged along the keyboard too fast.
-    fn drags(&self, rail: &Axis) -> bool {
-        rail.velocity().abs() > self.config.limits.key_down_rail_velocity && self.keyboard.pressed() != 0
     }
 
     fn set_points(&mut self, at: Duration) -> Result<(), Fault> {

@@ -10,7 +10,7 @@ use etude_learn::PolicyLayer;
 use etude_music::{CONTROL_HZ, KEYS, LOWEST_PITCH, Song};
 use etude_perform::write_file;
 use etude_stage::geometry::WHITE_PITCH;
-use etude_stage::{FINGERS, JOINT_NAMES, JOINTS, RAIL};
+use etude_stage::{FINGERS, JOINT_NAMES, JOINTS, RAIL, joint_range};
 use etude_task::fingering::Goal;
 use etude_task::{ACTION_LEN, Fingering, Piece, TargetRange, TaskError};
 use prost::Message as _;
@@ -83,7 +83,9 @@ fn fingering_json(fingering: &Fingering) -> serde_json::Value {
     let goals: Vec<_> = steps.map(|step| fingering.goals(step).map(|it| it.map(goal))).collect();
     let meaning = "x and y of the centre of the fingertip, computed from the joint readings, minus those of the goal, in white keys, \
                    clamped to -4 ... 4; then wait / 10. Without a goal 0, 0, 1. After the end there is no goal, and the last rail_m stays.";
-    json!({"meaning": meaning, "rail_m": fingering.rail(), "goals": goals})
+    let pose = |step: usize| fingering.poses().map(|poses| poses.at(step));
+    let poses: Option<Vec<_>> = (0..goals.len()).map(pose).collect();
+    json!({"meaning": meaning, "rail_m": fingering.rail(), "goals": goals, "pose_rad": poses})
 }
 
 /// What the columns of the observation and of the action mean.
@@ -116,7 +118,8 @@ fn contract(pianist: &Pianist, song: &Song) -> Result<serde_json::Value, TaskErr
     let joints: Vec<_> = (0..JOINTS)
         .map(|joint| {
             let [low, high] = range.relative(joint);
-            json!({"name": JOINT_NAMES[joint], "low": low, "high": high, "unit": unit(joint)})
+            let [lowest, highest] = joint_range(joint);
+            json!({"name": JOINT_NAMES[joint], "low": low, "high": high, "lowest": lowest, "highest": highest, "unit": unit(joint)})
         })
         .collect();
     Ok(json!({
@@ -130,10 +133,10 @@ fn contract(pianist: &Pianist, song: &Song) -> Result<serde_json::Value, TaskErr
             "white_key_m": WHITE_PITCH,
             "scales": {
                 "si": "rad, the rail in m",
-                "normalised": "finger joints from the action's `low` … `high` to -1 … 1, the rail in white keys from the middle",
+                "normalised": "finger joints from the action's `lowest` … `highest` (the joint's own range) to -1 … 1, the rail in white keys from the middle",
             },
         },
-        "action": {"meaning": "targets, -1 at `low` and 1 at `high`; with a fingering, the rail's are relative to its `rail_m`", "joints": joints},
+        "action": {"meaning": "targets, -1 at `low` and 1 at `high`; with a fingering, the rail's are relative to its `rail_m`, and those of the fingers to its `pose_rad` if it has one", "joints": joints},
         "due": piece.frames().iter().map(|due| due.pitches().collect()).collect::<Vec<Vec<u8>>>(),
         "fingering": fingering.map(|fingering| fingering_json(fingering)),
         "task": task,

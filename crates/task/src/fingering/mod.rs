@@ -7,6 +7,7 @@
 pub(crate) mod comb;
 mod limits;
 pub(crate) mod planner;
+mod poses;
 pub(crate) mod rail;
 mod strokes;
 
@@ -20,6 +21,7 @@ use strokes::Slice;
 
 pub use limits::{Limit, LimitKind, Limits};
 pub use planner::Played;
+pub use poses::{Fingers, Poses};
 
 /// Control steps before the beginning of a note from which its key is the goal of its finger: half a second, enough for every
 /// move of the fingers and most of the rail.
@@ -50,6 +52,7 @@ pub struct Fingering {
     rail: Vec<f64>,
     goals: Vec<Goals>,
     limits: Limits,
+    poses: Option<Poses>,
 }
 
 impl Fingering {
@@ -75,7 +78,19 @@ impl Fingering {
         let limits = planner::limits(&planner, &notes, piece.notes().len());
         let rail = rail_places(rail.lead_steps, &slices, &places, &notes, piece.steps());
         let goals = goals(&comb, &notes, piece.steps());
-        Self { notes, rail, goals, limits }
+        Self { notes, rail, goals, limits, poses: None }
+    }
+
+    /// The same fingering, whose actions mean targets of finger joints at most `range` (rad) from the pose that holds the fingertips over
+    /// their goals.
+    pub(crate) fn around_poses(self, stage: &StageConfig, params: &PhysicalParams, range: f64) -> Self {
+        let angles = poses::over_goals(&Comb::new(stage.side, params), params, &self.goals, &self.rail);
+        Self { poses: Some(Poses { range, angles }), ..self }
+    }
+
+    /// The poses around which the targets of the fingers are, if they are around poses.
+    pub fn poses(&self) -> Option<&Poses> {
+        self.poses.as_ref()
     }
 
     /// The notes as the fingers play them, in order of their beginning.

@@ -1,8 +1,8 @@
 //! A planned fingering where a policy meets it: its goals, the columns of the observation, the rail's range and the reward.
 
 use etude_music::{KeySet, Note, Song, repertoire};
-use etude_stage::geometry::{WHITE_PITCH, key_lateral};
-use etude_stage::hand::FINGER_JOINTS;
+use etude_stage::geometry::{KeyShape, WHITE_PITCH, key_lateral};
+use etude_stage::hand::{FINGER_JOINTS, TIP_RADIUS};
 use etude_stage::{FINGERS, JOINTS, RAIL, kinematics};
 use etude_task::fingering::AHEAD_STEPS;
 use etude_task::{
@@ -64,7 +64,7 @@ fn the_rail_waits_where_the_finger_that_plays_is_over_its_key() {
         assert_eq!(range.action(&targets, start)[RAIL], -1.0);
     }
     assert_ne!(range.ends(RAIL, FIRST.1), range.ends(RAIL, SECOND.1));
-    // The fingers' ranges are those of their joints, at any time.
+    // The fingers' ranges are those of their joints, at any time, unless the task asks for others.
     assert_eq!(range.ends(0, 0), range.ends(0, SECOND.1));
     // After the end, the hand stays.
     assert_eq!(range.ends(RAIL, piece.steps() + 100), range.ends(RAIL, piece.steps() - 1));
@@ -185,6 +185,38 @@ fn keys_are_held_while_they_are_due_and_some_are_left_early() {
     // Without a fingering nobody leaves early.
     let piece = Piece::for_task(&song, &TaskConfig::default()).unwrap();
     assert!((0..piece.steps()).all(|step| piece.held(step) == piece.due(step)));
+}
+
+#[test]
+fn targets_of_the_fingers_are_around_the_pose_that_holds_them_over_their_goals() {
+    let (song, _) = two_notes();
+    let bias = [("joint.index_1.encoder_bias".to_string(), 0.02)];
+    let config = TaskConfig { finger_range: 0.3, physics: bias.into(), ..with_fingering() };
+    config.check().unwrap();
+    let piece = Piece::for_task(&song, &config).unwrap();
+    let range = TargetRange::new(&piece);
+    for (played, (key, start)) in piece.fingering().unwrap().notes().iter().zip([FIRST, SECOND]) {
+        // The rail has arrived, the finger waits.
+        let step = start - 1;
+        let targets = range.targets(&[0.0; ACTION_LEN], step);
+        let joints = played.finger * FINGER_JOINTS..(played.finger + 1) * FINGER_JOINTS;
+        let readings: [f64; FINGER_JOINTS] = targets[joints.clone()].try_into().unwrap();
+        let mut angles = readings;
+        angles[1] -= if played.finger == 0 { 0.02 } else { 0.0 };
+        let [x, y, z] = kinematics::fingertip(config.stage.side, played.finger, &angles, targets[RAIL]);
+        let over = piece.goals(step)[played.finger].unwrap().over;
+        assert!((x - over[0]).abs() < 1e-6 && (y - over[1]).abs() < 1e-6, "{x}, {y} for {over:?}");
+        let clear = z - TIP_RADIUS - KeyShape::of(key).top();
+        assert!((0.004..0.01).contains(&clear), "{clear} m over the key");
+        for joint in joints {
+            let [low, high] = range.ends(joint, step);
+            assert!((high - low - 0.6).abs() < 1e-9 && (targets[joint] - (low + high) / 2.0).abs() < 1e-9);
+        }
+    }
+    // A finger that has nothing to play keeps its pose, also after the end.
+    assert_eq!(range.ends(0, piece.steps() + 50), range.ends(0, piece.steps() - 1));
+    let without = TaskConfig { finger_range: 0.3, ..TaskConfig::default() };
+    assert!(without.check().unwrap_err().to_string().contains("task.fingering = true"));
 }
 
 #[test]

@@ -316,6 +316,7 @@ impl Bench {
             self.other_client(&request);
         }
         self.judge.arm = Some(self.lockstep.twin.devices.arm.joints());
+        self.judge.fingers(self.lockstep.now(), &self.lockstep.twin.joints());
         self.at_the_wires(|robot, now, wires| robot.poll(now, wires));
         self.judge.settled(self.robot.phase());
         let (judge, notes) = (&mut self.judge, &mut self.notes);

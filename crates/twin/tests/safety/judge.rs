@@ -11,6 +11,10 @@ use etude_robot::limiter::AxisLimits;
 use etude_robot::rig::RigConfig;
 use etude_robot::xarm::kinematics::forward;
 use etude_robot::{Phase, Record};
+use etude_stage::JOINTS;
+use etude_stage::geometry::WHITE;
+use etude_stage::hand::{Side, TIP_RADIUS};
+use etude_stage::kinematics::fingertip;
 
 /// Largest PWM of a finger's and the thumb's joints (allegro_hand_ros_v4).
 const FINGER_PWM: [i16; 4] = [375, 675, 450, 285];
@@ -36,6 +40,10 @@ const LONGEST_SECS: f64 = 0.02;
 const FIRST_RAD: f64 = 0.1;
 /// Time after a key went down in which the hand may not yet brake: a poll, a set-point, a target, and the jerk of each.
 const REACTION_SECS: f64 = 0.025;
+/// The same after a finger came between fences, where the hand's angles may be old.
+const OLD_ANGLES_SECS: f64 = 0.015;
+/// A fingertip this far below the tops of the white keys is between fences, whatever biases and play the encoders have, m.
+const BETWEEN_FENCES_M: f64 = 0.0055;
 /// Lowest and highest note of the keyboard.
 const NOTES: [u8; 2] = [36, 84];
 /// Set-points per second.
@@ -72,8 +80,10 @@ pub struct Judge {
     /// Notes that sound, and since when one does.
     notes: u128,
     sounds_since: Option<Duration>,
+    /// Since when a finger is between fences.
+    low_since: Option<Duration>,
     key_down_m_s: f64,
-    /// Greatest speed along the keyboard while a key sounds and the hand has had time to brake, m/s.
+    /// Greatest speed along the keyboard while a key sounds or a finger is between fences and the hand has had time to brake, m/s.
     pub worst_key_down_m_s: f64,
     past: [Past; 13],
     /// Whether the arm is told where to be by the set-point of the rail.
@@ -109,6 +119,7 @@ impl Judge {
             midi: (0, None),
             notes: 0,
             sounds_since: None,
+            low_since: None,
             key_down_m_s: rig.limits.key_down_rail_velocity,
             worst_key_down_m_s: 0.0,
             past: [Past::default(); 13],
@@ -183,6 +194,14 @@ impl Judge {
     /// The keyboard is gone.
     pub fn midi_lost(&mut self) {
         (self.midi, self.notes, self.sounds_since) = ((0, None), 0, None);
+    }
+
+    /// The joints of the hand really are at these angles.
+    pub fn fingers(&mut self, now: Duration, joints: &[f64; JOINTS]) {
+        let (angles, _) = joints.as_chunks();
+        let lowest = |finger| fingertip(Side::Left, finger, &angles[finger], 0.0)[2] - TIP_RADIUS;
+        let low = (0..3).any(|finger| lowest(finger) < WHITE.top() - BETWEEN_FENCES_M);
+        self.low_since = low.then(|| self.low_since.unwrap_or(now));
     }
 
     /// Bytes go to the arm.
@@ -267,12 +286,14 @@ impl Judge {
                 "{acceleration} m/s² along the keyboard"
             );
             assert!(jerk.abs() <= limits.jerk * 1.02 + 30.0, "{jerk} m/s³ along the keyboard");
-            if let Some(since) = self.sounds_since {
-                let braked_secs = (now - since).as_secs_f64() - REACTION_SECS;
+            let old = Duration::from_secs_f64(OLD_ANGLES_SECS);
+            let down = [self.sounds_since, self.low_since.map(|since| since + old)];
+            if let Some(since) = down.into_iter().flatten().min() {
+                let braked_secs = now.as_secs_f64() - since.as_secs_f64() - REACTION_SECS;
                 let braking = limits.velocity - limits.acceleration * braked_secs.max(0.0);
                 // Besides: what one target may add before the hand brakes again.
                 let most = braking.max(self.key_down_m_s + limits.acceleration * TARGET_SECS) + 0.03;
-                assert!(speed.abs() <= most, "{speed} m/s, {braked_secs} s after a key went down");
+                assert!(speed.abs() <= most, "{speed} m/s, {braked_secs} s after a finger went down");
                 if braking < self.key_down_m_s {
                     self.worst_key_down_m_s = self.worst_key_down_m_s.max(speed.abs());
                 }

@@ -8,7 +8,7 @@ use std::time::Duration;
 use etude_emulators::faults::FaultPlan;
 use etude_robot::Phase;
 use etude_robot::can::CanFrame;
-use etude_robot::joints::DRIVEN;
+use etude_robot::joints::{DRIVEN, FINGER_JOINTS};
 use etude_twin::{FaultKind, Truth, calibration};
 use proptest::prelude::*;
 
@@ -282,6 +282,23 @@ fn a_hand_brakes_while_a_key_is_down() {
     let limits = &bench.robot.config().limits;
     assert!(judge.worst_step_m > 0.9 * limits.rail_velocity * 0.005);
     assert!(judge.worst_key_down_m_s > 0.9 * limits.key_down_rail_velocity);
+}
+
+/// The same while a finger is low, and no key sounds: it is curled in front of the keys and touches nothing.
+#[test]
+fn a_hand_brakes_while_a_finger_is_as_low_as_between_fences() {
+    let mut bench = Bench::at_the_keyboard(&Truth::load("standard").unwrap());
+    let mut fingers = [0.0; FINGER_JOINTS];
+    fingers[4..8].copy_from_slice(&[0.0, 1.6, 0.5, 0.6]);
+    bench.lockstep.twin.place_fingers(&fingers);
+    bench.run(200);
+    bench.start_and_hold();
+    bench.follow(Policy::Sweeps);
+    bench.run(4000);
+    assert_eq!(bench.robot.phase(), Phase::Following, "{:?}", bench.robot.fault());
+    println!("{} m/s", bench.judge.worst_key_down_m_s);
+    assert_eq!(bench.robot.pressed(), 0);
+    assert!(bench.judge.worst_key_down_m_s > 0.9 * bench.robot.config().limits.key_down_rail_velocity);
 }
 
 /// The property above is worth something only if robots do move in it.

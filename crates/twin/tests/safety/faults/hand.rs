@@ -5,6 +5,7 @@ use std::collections::VecDeque;
 use etude_emulators::HandEmulator;
 use etude_robot::allegro::{DeviceId, HandSide, HostMessage};
 use etude_robot::can::CanFrame;
+use etude_robot::joints::FINGER_JOINTS;
 use etude_twin::FaultKind;
 
 use super::End::{Fault, GoesOn};
@@ -190,7 +191,7 @@ pub const ROWS: &[Row] = &[
         },
         mend: |b| {
             b.mischief = Mischief::default();
-            b.lockstep.twin.straighten_fingers();
+            b.lockstep.twin.place_fingers(&[0.0; FINGER_JOINTS]);
         },
         ..ROW
     },
@@ -227,7 +228,7 @@ pub const ROWS: &[Row] = &[
         },
         mend: |b| {
             b.mischief = Mischief::default();
-            b.lockstep.twin.straighten_fingers();
+            b.lockstep.twin.place_fingers(&[0.0; FINGER_JOINTS]);
         },
         ..ROW
     },
@@ -239,7 +240,7 @@ pub const ROWS: &[Row] = &[
         strike: |b| b.mischief.from_hand = Some(joint(5, i16::saturating_neg)),
         mend: |b| {
             b.mischief = Mischief::default();
-            b.lockstep.twin.straighten_fingers();
+            b.lockstep.twin.place_fingers(&[0.0; FINGER_JOINTS]);
         },
         ..ROW
     },
@@ -260,7 +261,7 @@ pub const ROWS: &[Row] = &[
         },
         mend: |b| {
             b.mischief = Mischief::default();
-            b.lockstep.twin.straighten_fingers();
+            b.lockstep.twin.place_fingers(&[0.0; FINGER_JOINTS]);
         },
         ..ROW
     },
