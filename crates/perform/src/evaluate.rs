@@ -74,7 +74,7 @@ impl Evaluator for SongEvaluator {
 
 /// The values of [`SCORES`].
 fn values(performance: &Performance) -> [f64; SCORES.len()] {
-    let (scores, simulated) = (performance.scores(), performance.simulation.clone().unwrap_or_default());
+    let (scores, simulated) = (performance.scores(), performance.simulation.unwrap_or_default());
     [
         scores.frame.f1,
         scores.frame.precision,
