@@ -11,7 +11,7 @@ mod poses;
 pub(crate) mod rail;
 mod strokes;
 
-use etude_stage::{FINGERS, PhysicalParams, StageConfig};
+use etude_stage::{FINGERS, PHYSICS_STEPS, PhysicalParams, StageConfig};
 
 use crate::Piece;
 use comb::Comb;
@@ -84,7 +84,11 @@ impl Fingering {
     /// The same fingering, whose actions mean targets of finger joints at most `range` (rad) from the pose that holds the fingertips over
     /// their goals.
     pub(crate) fn around_poses(self, stage: &StageConfig, params: &PhysicalParams, range: f64) -> Self {
-        let angles = poses::over_goals(&Comb::new(stage.side, params), params, &self.goals, &self.rail);
+        // Where the rail really is at the end of each control step: it is slower than the fingers.
+        let rail = Rail::new(stage, params);
+        let path: Vec<f64> =
+            rail.follow(rail.start, &self.rail).into_iter().step_by(PHYSICS_STEPS).skip(1).collect();
+        let angles = poses::over_goals(&Comb::new(stage.side, params), params, &self.goals, &path);
         Self { poses: Some(Poses { range, angles }), ..self }
     }
 

@@ -25,7 +25,7 @@ impl Poses {
     }
 }
 
-/// The pose in each control step, with the rail where it is planned. A finger without a goal keeps its pose; before its first one it waits
+/// The pose in each control step, with the rail at these places at its end. A finger without a goal keeps its pose; before its first one it waits
 /// over the white keys.
 pub(super) fn over_goals(
     comb: &Comb,
