@@ -140,6 +140,16 @@ impl PianistArgs {
                     pianist.name(),
                     shell_word(asked)
                 ));
+                if let Some((first, others)) = song.warnings().split_first() {
+                    let others = match others.len() {
+                        0 => String::new(),
+                        more => format!(" (and {more} more)"),
+                    };
+                    note(format!(
+                        "warning: {first}{others}; `etude songs show {}` lists what is left out",
+                        shell_word(asked)
+                    ));
+                }
             }
         } else if let Some(learned) = pianist.song.as_deref().filter(|learned| *learned != song.title()) {
             note(format!(

@@ -1,7 +1,6 @@
 //! Playing at sight: melodies to practise on, a training on them, and what it is used for.
 
-use etude_music::Part;
-use etude_music::Song;
+use etude_music::{Note, Part, Song};
 
 use crate::{Desk, errors, succeed};
 
@@ -65,6 +64,13 @@ fn a_sight_reader_is_trained_resumed_and_plays_what_has_no_policy_of_its_own() {
         "{said}"
     );
     assert!(said.contains("`etude train short.mid --from sight-reader`"), "{said}");
+    // What three fingers cannot reach is said too.
+    let note = |pitch| Note { pitch, start_secs: 0.0, end_secs: 0.4, velocity: 80 };
+    let wide = [48, 61, 74, 79].map(note).to_vec();
+    Song::new("Wide", wide, 0.4).unwrap().save(desk.path("wide.mid")).unwrap();
+    let said = errors(&desk.command("play wide.mid").output().unwrap());
+    assert_eq!(said.lines().count(), 2, "{said}");
+    assert!(said.contains("4 notes at once for 3 fingers; `etude songs show wide.mid`"), "{said}");
     // Of the one that is named nothing is said: it is for every song.
     let output = desk.command(&format!("play short.mid --policy {run}")).output().unwrap();
     assert_eq!(errors(&output), "");
