@@ -6,10 +6,10 @@ use anyhow::{anyhow, bail};
 use etude_learn::{DroqConfig, TrainerConfig};
 use etude_music::did_you_mean;
 use etude_perform::SCORES;
-use etude_task::TaskConfig;
+use etude_task::{CorpusConfig, TaskConfig};
 use serde::{Deserialize, Serialize};
 
-/// Everything that decides a training, apart from the song.
+/// Everything that decides a training, apart from the song; with a corpus, everything.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct RunConfig {
@@ -19,6 +19,9 @@ pub struct RunConfig {
     pub droq: DroqConfig,
     /// The world and the task.
     pub task: TaskConfig,
+    /// The pieces to learn from, where no song is named.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub corpus: Option<CorpusConfig>,
 }
 
 /// The preset that is used where none is named.
@@ -31,6 +34,7 @@ const PRESETS: &[(&str, &str)] = &[
     ("paper", include_str!("../../../configs/presets/paper.toml")),
     ("appendix", include_str!("../../../configs/presets/appendix.toml")),
     ("appendix-fast", include_str!("../../../configs/presets/appendix-fast.toml")),
+    ("sight-reader", include_str!("../../../configs/presets/sight-reader.toml")),
 ];
 
 /// Names of the presets.
@@ -380,7 +384,7 @@ mod tests {
             resolve("slow", None, &[])
                 .unwrap_err()
                 .to_string()
-                .contains("fast, quick, paper, appendix, appendix-fast")
+                .contains("fast, quick, paper, appendix, appendix-fast, sight-reader")
         );
     }
 }

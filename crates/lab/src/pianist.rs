@@ -15,6 +15,9 @@ use crate::folder::{other_notes, policy_in};
 
 /// Folder of the runs, in the working folder.
 const RUNS: &str = "runs";
+/// Name of the policy for pieces without one of their own, as of a song: `policies/sight-reader.safetensors` and runs in
+/// `runs/sight-reader__…`.
+pub const SIGHT_READER: &str = "sight-reader";
 
 /// What chooses the actions.
 pub(crate) enum Kind {
@@ -101,7 +104,8 @@ pub fn policies(slug: &str) -> Vec<PathBuf> {
 
 /// Loads the policy at `path` (a policy file or a run's folder), or else the best usable one that there is for `slug`,
 /// the short form of the song that was `asked` for: that with the highest F1, one by an articulated plan before all others, because F1 does
-/// not compare between plans. Among equally good policies, one of a run is preferred to the shipped one.
+/// not compare between plans. Among equally good policies, one of a run is preferred to the shipped one. If there is none for `slug`, it
+/// is the best [`SIGHT_READER`].
 ///
 /// # Errors
 /// If there is none, or it cannot be used.
@@ -114,6 +118,24 @@ pub fn load_pianist(asked: &str, slug: &str, path: Option<&Path>) -> anyhow::Res
             format!("{} holds no policy; name the folder of a run, or a policy file", path.display())
         })?);
     }
+    let none = || {
+        anyhow!(
+            "there is no policy for `{asked}` yet: `etude train {}` makes one, or name one with --policy (looked in \
+             policies/ and {RUNS})",
+            shell_word(asked)
+        )
+    };
+    match best(slug)? {
+        Some(pianist) => Ok(pianist),
+        None => best(SIGHT_READER)?.ok_or_else(none),
+    }
+}
+
+/// The best usable policy for `slug`, if there is one.
+///
+/// # Errors
+/// If there are some, and none can be used.
+fn best(slug: &str) -> anyhow::Result<Option<Pianist>> {
     // One damaged file must not keep the others from playing.
     let (mut pianists, mut errors) = (Vec::new(), Vec::new());
     for path in policies(slug) {
@@ -127,14 +149,10 @@ pub fn load_pianist(asked: &str, slug: &str, path: Option<&Path>) -> anyhow::Res
         let ((rule_a, f1_a), (rule_b, f1_b)) = (rank(a), rank(b));
         rule_b.cmp(&rule_a).then(f1_b.total_cmp(&f1_a))
     });
-    let none = || {
-        anyhow!(
-            "there is no policy for `{asked}` yet: `etude train {}` makes one, or name one with --policy (looked in \
-             policies/ and {RUNS})",
-            shell_word(asked)
-        )
-    };
-    pianists.into_iter().next().ok_or_else(|| errors.into_iter().next().unwrap_or_else(none))
+    match pianists.into_iter().next() {
+        None => errors.into_iter().next().map_or(Ok(None), Err),
+        found => Ok(found),
+    }
 }
 
 /// The pianist with the policy in the file `path`.
@@ -184,6 +202,11 @@ impl Pianist {
             Kind::Policy(policy, _) => Some(policy),
             Kind::Script => None,
         }
+    }
+
+    /// Whether it is a policy that has learned a corpus of pieces, for pieces that it has not seen.
+    pub fn reads_at_sight(&self) -> bool {
+        self.config.corpus.is_some()
     }
 
     /// The policy's file, or `scripted`.

@@ -1,40 +1,46 @@
-//! Training a song: the run folder, its description, and the trainer in it.
+//! Training a song or a corpus: the run folder, its description, and the trainer in it.
 
 use std::fs::{File, TryLockError};
 use std::path::Path;
+use std::sync::Arc;
 
 use anyhow::{Context as _, anyhow, bail};
 use etude_learn::{
     EvaluationRow, LogRow, Outcome, Parts, Policy, Score, StopReason, TrainError, Trainer, TrainerConfig,
-    TrainingObserver, WarmStart, seed,
+    TrainingObserver, seed,
 };
 use etude_music::{Song, SongError};
 use etude_perform::{Job, NoteCounts, SongEvaluator, shell_word, write_file};
-use etude_task::{TaskConfig, VectorPiano};
+use etude_task::{Corpus, TaskConfig, VectorPiano};
 use serde_json::{Value, json};
 
 use crate::config::{RunConfig, change_free, resolve as resolve_config};
 use crate::errors::unusable;
 use crate::folder::{CONFIG, META, SONG, make_folder, other_notes, policy_in};
 use crate::pianist::open;
+use crate::warm::warm_start;
 
 /// Name of the file that a process locks while it works in a run's folder. The system releases the lock when the process ends.
 const LOCK: &str = "run.lock";
 
+/// What a training without a song of its own learns, as its description says.
+const SIGHT_READING: &str = "sight-reading";
+
 /// A training in its folder, which is locked for other processes.
 pub struct Run {
-    song: Song,
+    /// The song; none where a corpus is learned.
+    song: Option<Song>,
     config: RunConfig,
     trainer: Trainer,
     _lock: File,
 }
 
 impl Run {
-    /// Starts a training of `song` in `folder`. `command` is recorded.
+    /// Starts a training of `song` in `folder`. `command` is recorded. A corpus of the configuration is not used.
     ///
     /// Without a `source` the networks are random. A `source` is what another training of the song has learned, in any physics:
     /// a run's folder (its last policy with critics, targets and temperature) or a policy file (the actor alone). See
-    /// [`WarmStart`].
+    /// [`WarmStart`](etude_learn::WarmStart).
     ///
     /// # Errors
     /// If the song or configuration cannot be used, or the folder cannot be written or already holds a run; and if the
@@ -47,8 +53,36 @@ impl Run {
         command: &str,
         source: Option<&Path>,
     ) -> anyhow::Result<Self> {
+        Self::begin(Some(song), RunConfig { corpus: None, ..config }, folder, command, source)
+    }
+
+    /// Starts a training of the configuration's corpus, as [`start`](Self::start).
+    ///
+    /// # Errors
+    /// As that; also if there is no corpus.
+    pub fn start_corpus(
+        config: RunConfig,
+        folder: &Path,
+        command: &str,
+        source: Option<&Path>,
+    ) -> anyhow::Result<Self> {
+        if config.corpus.is_none() {
+            bail!("name a song to learn, or a preset with a corpus of pieces: --preset sight-reader");
+        }
+        Self::begin(None, config, folder, command, source)
+    }
+
+    fn begin(
+        song: Option<Song>,
+        config: RunConfig,
+        folder: &Path,
+        command: &str,
+        source: Option<&Path>,
+    ) -> anyhow::Result<Self> {
         if Trainer::exists(folder) {
-            if let Some(theirs) = other_notes(folder, &song) {
+            if let Some(song) = &song
+                && let Some(theirs) = other_notes(folder, song)
+            {
                 bail!(
                     "{} holds a training of another `{}` ({theirs} notes, yours has {}, or their times differ): choose another \
                      folder with -o, or delete that one",
@@ -66,17 +100,24 @@ impl Run {
         Trainer::check_vacant(folder)?;
         let config = config.complete();
         config.check()?;
-        let parts = parts(&song, &config)?;
-        let warm = source.map(|source| warm_start(source, &song, &config, &parts)).transpose()?;
+        let title = song.as_ref().map(Song::title);
+        let parts = parts(song.as_ref(), &config)?;
+        let warm = source.map(|source| warm_start(source, title, &config, &parts)).transpose()?;
         make_folder(folder)?;
         let lock = lock(folder)?;
         write_config(folder, &config)?;
-        song.save(folder.join(SONG))?;
+        let checksum = match &song {
+            None => None,
+            Some(song) => {
+                song.save(folder.join(SONG))?;
+                Some(song_checksum(folder)?)
+            }
+        };
         let meta = json!({
             "command": command,
             "from": source,
-            "song": song.title(),
-            "song_crc32c": song_checksum(folder)?,
+            "song": title.unwrap_or(SIGHT_READING),
+            "song_crc32c": checksum,
             "etude": env!("CARGO_PKG_VERSION"),
             "mujoco": etude_stage::mujoco_version(),
             "cores": std::thread::available_parallelism().map_or(0, usize::from),
@@ -105,7 +146,10 @@ impl Run {
             .with_context(|| format!("the training in {} cannot be continued", folder.display()))?;
         let config = change_free(&config, overrides)?;
         config.check()?;
-        let song = titled(Song::load(folder.join(SONG))?, folder)?;
+        let song = match config.corpus {
+            Some(_) => None,
+            None => Some(titled(Song::load(folder.join(SONG))?, folder)?),
+        };
         let lock = lock(folder)?;
         if learned_task(folder).is_some_and(|task| task != config.task) {
             let [config, from] =
@@ -116,15 +160,16 @@ impl Run {
                 folder.display()
             );
         }
-        let (learned, found) = (recorded_checksum(folder), song_checksum(folder)?);
-        if learned.is_some_and(|learned| learned != found) {
+        if let Some(learned) = recorded_checksum(folder).filter(|_| song.is_some())
+            && learned != song_checksum(folder)?
+        {
             let folder = folder.display();
             bail!(
                 "{folder}/{SONG} is not the song that this training has learned so far: put it back, or begin another training \
                  with `etude train SONG -o DIR`"
             );
         }
-        let trainer = Trainer::resume(folder, &config.droq, &config.trainer, parts(&song, &config)?)
+        let trainer = Trainer::resume(folder, &config.droq, &config.trainer, parts(song.as_ref(), &config)?)
             .map_err(|error| usable_still(error, folder))?;
         if !overrides.is_empty() {
             write_config(folder, &config)?;
@@ -154,9 +199,9 @@ impl Run {
         Self::start(song, config, folder, command, source)
     }
 
-    /// The song that is learned.
-    pub fn song(&self) -> &Song {
-        &self.song
+    /// The song that is learned; none where a corpus is.
+    pub fn song(&self) -> Option<&Song> {
+        self.song.as_ref()
     }
 
     /// The resolved configuration.
@@ -265,58 +310,18 @@ fn usable_still(error: TrainError, folder: &Path) -> anyhow::Error {
     let Some(policy) = policy.filter(|policy| Policy::load(policy).is_ok()) else { return error.into() };
     let [song, config, policy] =
         [folder.join(SONG), folder.join(CONFIG), policy].map(|path| shell_word(path.display()));
-    let begin = format!("`etude train {song} --config {config} --from {policy} -o DIR`");
+    // A corpus has no song.
+    let song = if folder.join(SONG).is_file() { format!("{song} ") } else { String::new() };
+    let begin = format!("`etude train {song}--config {config} --from {policy} -o DIR`");
     anyhow!("{error}; its policy is whole: {begin} begins with it")
 }
 
-/// Whether `folder` has the configuration and the song of a run.
+/// Whether `folder` has the configuration of a run, and its song or a corpus instead.
 fn is_run(folder: &Path) -> bool {
-    folder.join(CONFIG).is_file() && folder.join(SONG).is_file()
-}
-
-/// What the run or policy at `path` has learned, if a training of `song` by `config` can begin with it.
-fn warm_start(path: &Path, song: &Song, config: &RunConfig, parts: &Parts) -> anyhow::Result<WarmStart> {
-    let warm = match (path.is_dir(), policy_in(path)) {
-        (false, _) => WarmStart::from_policy(path),
-        (true, _) if Trainer::exists(path) => WarmStart::from_run(path),
-        (true, Some(policy)) => WarmStart::from_policy(&policy),
-        (true, None) => bail!(
-            "{} holds no policy to begin with; name the folder of a run, or a policy file",
-            path.display()
-        ),
-    };
-    let warm = warm.map_err(TrainError::from)?;
-    let unknown = || {
-        anyhow!(
-            "a training cannot begin with {}: it does not say which song and task it has learned; begin without --from",
-            path.display()
-        )
-    };
-    let learned = warm.notes()["song"].as_str().ok_or_else(unknown)?;
-    let theirs = RunConfig::stored(warm.notes()["config"].clone()).map_err(|_| unknown())?;
-    let told = |title: &str, config: &RunConfig| {
-        let task = &config.task;
-        [
-            format!("of the song `{title}`"),
-            format!("of the {:?} hand (`task.stage.side`)", task.stage.side),
-            format!("with joint readings scaled {:?} (`task.scale`)", task.scale),
-            format!("with {} steps of lookahead (`task.lookahead`)", task.lookahead),
-            format!("with previous joints {} (`task.previous_joints`)", task.previous_joints),
-            format!("with {} previous actions (`task.previous_actions`)", task.previous_actions),
-            format!("with a fingering {} (`task.fingering`)", task.fingering),
-            format!("with targets of finger joints within {} rad (`task.finger_range`)", task.finger_range),
-        ]
-    };
-    let pairs = told(learned, &theirs).into_iter().zip(told(song.title(), config));
-    if let Some((theirs, ours)) = { pairs }.find(|(theirs, ours)| theirs != ours) {
-        bail!(
-            "a training cannot begin with what {} has learned: that is {theirs}, this one {ours}; set the same value, \
-             or begin without --from",
-            path.display()
-        );
-    }
-    warm.check(&config.droq, &*parts.environment)?;
-    Ok(warm)
+    let config = folder.join(CONFIG);
+    let has_corpus =
+        || resolve_config("paper", Some(&config), &[]).is_ok_and(|config| config.corpus.is_some());
+    config.is_file() && (folder.join(SONG).is_file() || has_corpus())
 }
 
 /// The task that the run in `folder` has learned so far, if its last policy holds it.
@@ -364,15 +369,22 @@ fn lock(folder: &Path) -> anyhow::Result<File> {
     Ok(file)
 }
 
-fn parts(song: &Song, config: &RunConfig) -> anyhow::Result<Parts> {
-    let piece = crate::planning::plan(song, &config.task)?;
+/// What a training of `song` or, without one, of the corpus needs.
+fn parts(song: Option<&Song>, config: &RunConfig) -> anyhow::Result<Parts> {
+    let (task, envs) = (&config.task, config.trainer.num_envs);
     let root = seed::split(config.trainer.seed, "task");
-    let environment = VectorPiano::new(&config.task, &piece, config.trainer.num_envs, root)?;
-    let evaluator = SongEvaluator::new(&config.task, &piece)?;
+    let (environment, evaluator) = if let Some(song) = song {
+        let piece = crate::planning::plan(song, task)?;
+        (VectorPiano::new(task, &piece, envs, root)?, SongEvaluator::new(task, &piece)?)
+    } else {
+        let corpus = Arc::new(Corpus::new(&config.corpus.clone().unwrap_or_default(), task)?);
+        let evaluator = SongEvaluator::of_pieces(task, corpus.validation())?;
+        (VectorPiano::of_corpus(task, &corpus, envs, root)?, evaluator)
+    };
     // Threads do not change the result, so they are not stored in a policy: same seed, same bytes.
     let defaults = TrainerConfig::default();
     let (threads, overlap) = (defaults.threads, defaults.overlap);
     let trainer = TrainerConfig { threads, overlap, ..config.trainer.clone() };
-    let notes = json!({ "song": song.title(), "config": RunConfig { trainer, ..config.clone() } });
+    let notes = json!({ "song": song.map(Song::title), "config": RunConfig { trainer, ..config.clone() } });
     Ok(Parts { environment: Box::new(environment), evaluator: Box::new(evaluator), notes })
 }

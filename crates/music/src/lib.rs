@@ -1,7 +1,7 @@
 //! Songs: notes, MIDI files, frames, metrics, sound.
 //!
 //! A [`Song`] is a list of notes in seconds with a beat grid. It is read from a MIDI file ([`Song::load`]) or taken from the built-in
-//! [`repertoire`]; notes that a hand played come from [`notes_from_key_events`]. Learning uses a song as
+//! [`repertoire`] or drawn at random ([`melody()`]); notes that a hand played come from [`notes_from_key_events`]. Learning uses a song as
 //! *frames*: one [`KeySet`] a control step, by RoboPianist's rules so that scores compare ([`Song::frames`]). [`metrics`] compares a
 //! performance with its song, [`sound`] renders it.
 //!
@@ -24,6 +24,7 @@ mod error;
 mod frames;
 mod keys;
 mod limits;
+mod melody;
 mod meter;
 pub mod metrics;
 mod midi;
@@ -31,6 +32,7 @@ mod near;
 pub mod notation;
 mod note;
 mod pace;
+mod part;
 mod plan;
 mod range;
 mod reach;
@@ -43,10 +45,12 @@ pub use error::{MidiError, SongError};
 pub use frames::{KeyEvent, notes_from_key_events};
 pub use keys::{HIGHEST_PITCH, KEYS, KeySet, LOWEST_PITCH, key_is_black, pitch_name};
 pub use limits::{MAX_DURATION_SECS, MAX_NOTES};
+pub use melody::melody;
 pub use meter::{BeatGrid, Position};
 pub use near::{did_you_mean, near};
 pub use note::Note;
 pub use pace::BusiestSecond;
+pub use part::{Part, melodies};
 pub use plan::{LONGEST_LEAD_SECS, Plan, PlanConfig, PlanRule};
 pub use range::{OffendingNote, OutOfRange};
 pub use reach::{

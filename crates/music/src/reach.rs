@@ -78,7 +78,7 @@ pub fn key_centre_mm(pitch: u8) -> f64 {
 }
 
 /// Whether the playing fingers can reach all of these keys at once; pitches lowest first.
-fn within_reach(pitches: &[u8]) -> bool {
+pub(crate) fn within_reach(pitches: &[u8]) -> bool {
     // Which finger takes which key: every way to choose as many fingers, in order, as there are keys.
     (0u32..1 << PLAYING_FINGERS).filter(|fingers| fingers.count_ones() as usize == pitches.len()).any(
         |fingers| {

@@ -1,4 +1,4 @@
-//! Evaluation during a training: the whole song in the nominal world, without exploration.
+//! Evaluation during a training: the whole song, or each held-out piece of a corpus, in the nominal world, without exploration.
 
 use std::sync::atomic::AtomicBool;
 
@@ -6,7 +6,7 @@ use etude_learn::{Evaluator, Score};
 use etude_music::metrics::NoteScores;
 use etude_task::{ACTION_LEN, Piece, TaskConfig, TaskError};
 
-use crate::{SimRig, perform};
+use crate::{Performance, SimRig, perform};
 
 /// Names of the scores of [`SongEvaluator`]. `overall` is the mean of the paper's F1 and the F1 of the notes' onsets.
 pub const SCORES: [&str; 12] = [
@@ -24,11 +24,11 @@ pub const SCORES: [&str; 12] = [
     "return",
 ];
 
-/// Plays the song once for each evaluation, always in the nominal world, and scores it.
+/// Plays the song once for each evaluation, always in the nominal world, and scores it. Of several pieces the scores are the means,
+/// and the counts of notes the sums.
 pub struct SongEvaluator {
-    rig: SimRig,
+    pieces: Vec<(SimRig, Piece)>,
     task: TaskConfig,
-    piece: Piece,
 }
 
 impl SongEvaluator {
@@ -37,7 +37,17 @@ impl SongEvaluator {
     /// # Errors
     /// If the configuration is not sound.
     pub fn new(task: &TaskConfig, piece: &Piece) -> Result<Self, TaskError> {
-        Ok(Self { rig: SimRig::nominal(task, piece)?, task: task.clone(), piece: piece.clone() })
+        Self::of_pieces(task, std::slice::from_ref(piece))
+    }
+
+    /// An evaluator that plays each of `pieces`.
+    ///
+    /// # Errors
+    /// If the configuration is not sound.
+    pub fn of_pieces(task: &TaskConfig, pieces: &[Piece]) -> Result<Self, TaskError> {
+        let with_rig = |piece: &Piece| Ok((SimRig::nominal(task, piece)?, piece.clone()));
+        let pieces = pieces.iter().map(with_rig).collect::<Result<_, TaskError>>()?;
+        Ok(Self { pieces, task: task.clone() })
     }
 }
 
@@ -46,25 +56,39 @@ impl Evaluator for SongEvaluator {
         let mut player =
             |_: usize, observation: &[f32], action: &mut [f32; ACTION_LEN]| act(observation, action);
         let never = AtomicBool::new(false);
-        let performance = perform(&mut self.rig, &mut player, &self.task, &self.piece, None, &never)
-            .expect("a simulation has no recording here that could fail");
-        let (scores, simulated) = (performance.scores(), performance.simulation.unwrap_or_default());
-        let values = [
-            scores.frame.f1,
-            scores.frame.precision,
-            scores.frame.recall,
-            scores.frame.pooled_f1,
-            scores.note.matched as f64,
-            scores.note.missed as f64,
-            scores.note.wrong as f64,
-            scores.note.onset_f1,
-            scores.note.onset_offset_f1,
-            (scores.frame.f1 + scores.note.onset_f1) / 2.0,
-            simulated.collision_free,
-            simulated.reward,
-        ];
-        SCORES.into_iter().zip(values).map(|(name, value)| Score { name: name.to_string(), value }).collect()
+        let mut sums = [0.0; SCORES.len()];
+        for (rig, piece) in &mut self.pieces {
+            let performance = perform(rig, &mut player, &self.task, piece, None, &never)
+                .expect("a simulation has no recording here that could fail");
+            for (sum, value) in sums.iter_mut().zip(values(&performance)) {
+                *sum += value;
+            }
+        }
+        let mean = |(name, sum): (&str, f64)| {
+            let pieces = if name.starts_with("notes_") { 1.0 } else { self.pieces.len() as f64 };
+            Score { name: name.to_string(), value: sum / pieces }
+        };
+        SCORES.into_iter().zip(sums).map(mean).collect()
     }
+}
+
+/// The values of [`SCORES`].
+fn values(performance: &Performance) -> [f64; SCORES.len()] {
+    let (scores, simulated) = (performance.scores(), performance.simulation.unwrap_or_default());
+    [
+        scores.frame.f1,
+        scores.frame.precision,
+        scores.frame.recall,
+        scores.frame.pooled_f1,
+        scores.note.matched as f64,
+        scores.note.missed as f64,
+        scores.note.wrong as f64,
+        scores.note.onset_f1,
+        scores.note.onset_offset_f1,
+        (scores.frame.f1 + scores.note.onset_f1) / 2.0,
+        simulated.collision_free,
+        simulated.reward,
+    ]
 }
 
 /// How many notes are right, for people to read.

@@ -22,6 +22,24 @@ pub enum ObservationScale {
     Normalised,
 }
 
+/// What the observation's keys and rail are relative to.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum ObservationView {
+    /// The keyboard: all 49 keys, and the rail's place on it. The paper's.
+    #[default]
+    Keyboard,
+    /// The hand: the keys around the rail's planned place, how far the rail is from that place, and how far the place moves in the next
+    /// control steps. What is learned in one octave then holds in all. It needs a fingering.
+    Hand,
+}
+
+impl ObservationView {
+    fn is_keyboard(&self) -> bool {
+        *self == Self::Keyboard
+    }
+}
+
 /// The world and the decision process on it.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
@@ -55,6 +73,9 @@ pub struct TaskConfig {
     pub finger_range: f64,
     /// Whether the observation shows, with each finger's goal, the velocity of its note. It needs a fingering.
     pub velocities: bool,
+    /// What the observation's keys and rail are relative to. Configurations of runs from before there was a choice have no such key.
+    #[serde(skip_serializing_if = "ObservationView::is_keyboard")]
+    pub view: ObservationView,
     /// Scale of the joint readings in the observation.
     pub scale: ObservationScale,
     /// Whether training episodes start anywhere in the song. Evaluations always play the whole song.
@@ -76,6 +97,7 @@ impl Default for TaskConfig {
             fingering: false,
             finger_range: 0.0,
             velocities: false,
+            view: ObservationView::default(),
             scale: ObservationScale::default(),
             random_start: false,
         }
@@ -131,6 +153,12 @@ impl TaskConfig {
         if self.velocities && !self.fingering {
             return Err(TaskError::Value(
                 "task.velocities shows them with the goals of a fingering; set task.fingering = true"
+                    .to_string(),
+            ));
+        }
+        if self.view == ObservationView::Hand && !self.fingering {
+            return Err(TaskError::Value(
+                "task.view = hand shows the keys around the rail's planned place; set task.fingering = true"
                     .to_string(),
             ));
         }

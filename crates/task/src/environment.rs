@@ -1,6 +1,8 @@
-//! One environment. An episode is one performance of the song.
+//! One environment. An episode is one performance of the song, or of a new piece of a corpus.
 //!
 //! Reading order: [`Environment::reset`], [`Environment::step`], [`Environment::observe`], [`Environment::save`].
+
+use std::sync::Arc;
 
 use etude_learn::EnvironmentError;
 use etude_music::{KeySet, key_is_black};
@@ -15,7 +17,7 @@ use serde::{Deserialize, Serialize};
 use crate::observation::{History, observe};
 use crate::randomise::Randomisation;
 use crate::reward::{Moment, Reward};
-use crate::{ACTION_LEN, Piece, TargetRange, TaskConfig, TaskError};
+use crate::{ACTION_LEN, Corpus, Piece, TargetRange, TaskConfig, TaskError};
 
 /// Result of one control step.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -35,6 +37,8 @@ pub struct Step {
 pub struct Environment {
     world: World,
     piece: Piece,
+    /// Where each episode's piece comes from, if not all play the same.
+    drawn: Option<Drawn>,
     range: TargetRange,
     config: TaskConfig,
     reward: Reward,
@@ -49,6 +53,12 @@ pub struct Environment {
     history: History,
 }
 
+/// A corpus, and the number of the piece in play.
+struct Drawn {
+    corpus: Arc<Corpus>,
+    number: u64,
+}
+
 /// What [`Environment::save`] keeps.
 #[derive(Serialize, Deserialize)]
 struct Saved {
@@ -58,6 +68,9 @@ struct Saved {
     step: usize,
     steps_made: u64,
     history: History,
+    /// Of a corpus, the number of the piece in play.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    number: Option<u64>,
 }
 
 impl Environment {
@@ -78,6 +91,7 @@ impl Environment {
         let mut environment = Self {
             world: World::new(&config.stage, &params)?,
             piece: piece.clone(),
+            drawn: None,
             config: config.clone(),
             reward: Reward::new(&config.reward)?,
             randomisation,
@@ -89,6 +103,17 @@ impl Environment {
             range,
         };
         environment.reset();
+        Ok(environment)
+    }
+
+    /// An environment that draws a piece of `corpus` for each episode, at the start of the first.
+    ///
+    /// # Errors
+    /// If the configuration is not sound.
+    pub fn of_corpus(config: &TaskConfig, corpus: &Arc<Corpus>, seed: u64) -> Result<Self, TaskError> {
+        let mut environment = Self::new(config, &corpus.piece(0), seed)?;
+        environment.drawn = Some(Drawn { corpus: corpus.clone(), number: 0 });
+        environment.restart(seed);
         Ok(environment)
     }
 
@@ -111,9 +136,22 @@ impl Environment {
         self.reset();
     }
 
-    /// Starts the next episode: draws the randomised numbers and puts the hand into its starting pose, at the beginning of the
+    /// Takes the piece of this number from the corpus, if there is one.
+    fn take(&mut self, number: u64) {
+        if let Some(drawn) = &mut self.drawn {
+            drawn.number = number;
+            self.piece = drawn.corpus.piece(number);
+            self.range = TargetRange::new(&self.piece);
+        }
+    }
+
+    /// Starts the next episode: draws a piece of the corpus and the randomised numbers and puts the hand into its starting pose, at the beginning of the
     /// song. With `random_start`, the episode starts anywhere in the song, with a random finger over the next due key.
     pub fn reset(&mut self) {
+        if self.drawn.is_some() {
+            let number = u64::from(self.random.random::<u32>());
+            self.take(number);
+        }
         if self.randomisation.is_on() {
             let steps = self.steps_made.saturating_mul(self.peers);
             let params = self.randomisation.draw(steps, &mut self.random);
@@ -202,6 +240,11 @@ impl Environment {
         step
     }
 
+    /// The piece in play.
+    pub fn piece(&self) -> &Piece {
+        &self.piece
+    }
+
     /// The control step that is played next.
     pub fn position(&self) -> usize {
         self.step
@@ -231,6 +274,7 @@ impl Environment {
             step: self.step,
             steps_made: self.steps_made,
             history: self.history,
+            number: self.drawn.as_ref().map(|drawn| drawn.number),
         };
         serde_json::to_vec(&saved).expect("plain numbers and strings become JSON")
     }
@@ -241,6 +285,14 @@ impl Environment {
     /// If the bytes are not the saved state of such an environment. It must then be [reset](Self::reset) before use.
     pub fn load(&mut self, bytes: &[u8]) -> Result<(), EnvironmentError> {
         let saved: Saved = serde_json::from_slice(bytes).map_err(|e| EnvironmentError::new(e.to_string()))?;
+        if saved.number.is_some() != self.drawn.is_some() {
+            return Err(EnvironmentError::new(
+                "it is of one song, or of a corpus, and this training of the other",
+            ));
+        }
+        if let Some(number) = saved.number {
+            self.take(number);
+        }
         if saved.step > self.piece.steps() {
             return Err(EnvironmentError::new("it is beyond the end of the song"));
         }

@@ -1,11 +1,12 @@
 //! The decision process on top of a [`World`](etude_stage::World): observation, action, reward, episodes.
 //!
-//! A [`Piece`] is a song in control steps. An [`Environment`] plays it once per episode; [`VectorPiano`] runs many environments in
+//! A [`Piece`] is a song in control steps. An [`Environment`] plays it once per episode, or a new piece of a [`Corpus`] in each; [`VectorPiano`] runs many environments in
 //! parallel for the learner. A [`Player`] chooses the actions.
 
 mod assignment;
 pub mod bench;
 mod config;
+mod corpus;
 mod environment;
 mod error;
 pub mod fingering;
@@ -17,9 +18,11 @@ mod range;
 pub mod reward;
 pub mod scripted;
 mod vector;
+mod window;
 
 pub use assignment::assign;
-pub use config::{ObservationScale, TaskConfig};
+pub use config::{ObservationScale, ObservationView, TaskConfig};
+pub use corpus::{Corpus, CorpusConfig};
 pub use environment::{Environment, Step};
 pub use error::TaskError;
 pub use fingering::{Fingering, Goals};

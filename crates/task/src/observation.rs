@@ -2,17 +2,18 @@
 //! actions and a fingering.
 
 use etude_learn::ObservationLayout;
-use etude_music::{KEYS, KeySet};
+use etude_music::{KEYS, KeySet, key_is_black};
 use etude_stage::geometry::WHITE_PITCH;
 use etude_stage::hand::FINGER_JOINTS;
 use etude_stage::{FINGERS, JOINTS, RAIL, joint_range, kinematics};
 use serde::{Deserialize, Serialize};
 
 use crate::ACTION_LEN;
-use crate::config::{ObservationScale, TaskConfig};
+use crate::config::{ObservationScale, ObservationView, TaskConfig};
 use crate::fingering::{AHEAD_STEPS, Goal};
 use crate::piece::Piece;
 use crate::range::TargetRange;
+use crate::window::{SLOTS, Window, all_keys, planned_place};
 
 /// The most previous actions that an observation can show.
 pub const MOST_ACTIONS: usize = 4;
@@ -56,7 +57,24 @@ pub fn layout(config: &TaskConfig) -> ObservationLayout {
     let actions = config.previous_actions * ACTION_LEN;
     let goals = if config.fingering { goal_columns(config) * FINGERS } else { 0 };
     let playing = if config.fingering { FINGERS * (config.lookahead + 1) } else { 0 };
-    ObservationLayout { real: joints + actions + goals, binary: KEYS * (config.lookahead + 2) + playing }
+    let places = places(config);
+    ObservationLayout { real: joints + actions + goals + places, binary: keys(config) + playing }
+}
+
+/// Columns of the rail's planned places.
+fn places(config: &TaskConfig) -> usize {
+    match config.view {
+        ObservationView::Keyboard => 0,
+        ObservationView::Hand => config.lookahead + 1,
+    }
+}
+
+/// Columns of the keys: those that are down, those due in each step and, seen from the hand, which of the slots have a black key.
+fn keys(config: &TaskConfig) -> usize {
+    match config.view {
+        ObservationView::Keyboard => KEYS * (config.lookahead + 2),
+        ObservationView::Hand => SLOTS * (config.lookahead + 3),
+    }
 }
 
 /// Writes an observation of [`layout`]'s length: `joints` (encoder readings) and those of one control step ago, previous actions,
@@ -66,6 +84,11 @@ pub fn layout(config: &TaskConfig) -> ObservationLayout {
 /// The place relative to a goal has three columns: how far the fingertip is beyond it toward the player (x) and along the
 /// keyboard, in white keys from −4 to 4, and the time until the note begins, as a fraction of [`AHEAD_STEPS`]. With
 /// [`TaskConfig::velocities`] a fourth is the note's MIDI velocity over 127. A finger without a goal has 0, 0, 1 and 0. The fingertip is the centre of the rounded tip where the readings place it.
+///
+/// With [`ObservationView::Hand`] the rail's readings are relative to its planned place, the keys are those in a window of 21 half white
+/// keys around that place, with one more set of columns for the black keys among them, and after the goals there are: how far the
+/// place is from the middle of the window, and how far from it the planned places of the next `lookahead` steps are, in white keys
+/// (−4 to 4).
 pub fn observe(
     config: &TaskConfig,
     joints: &[f64; JOINTS],
@@ -77,27 +100,42 @@ pub fn observe(
 ) {
     let (real, binary) = out.split_at_mut(layout(config).real);
     let (halves, real) = real.split_at_mut(if config.previous_joints { 2 * JOINTS } else { JOINTS });
-    let (actions, places) = real.split_at_mut(config.previous_actions * ACTION_LEN);
+    let (actions, real) = real.split_at_mut(config.previous_actions * ACTION_LEN);
+    let (tips, places) = real.split_at_mut(real.len() - places(config));
+    let from_hand = config.view == ObservationView::Hand;
+    let place = if from_hand { planned_place(piece, step) } else { 0.0 };
+    let window = Window::around(place);
     for (half, readings) in halves.chunks_exact_mut(JOINTS).zip([joints, &history.joints]) {
         for (joint, slot) in half.iter_mut().enumerate() {
-            *slot = scaled(config.scale, joint, readings[joint]);
+            let origin = if joint == RAIL { place } else { 0.0 };
+            *slot = scaled(config.scale, joint, readings[joint] - origin);
         }
+    }
+    for (ahead, column) in places.iter_mut().enumerate() {
+        let away = (planned_place(piece, step + ahead) - place) / WHITE_PITCH;
+        let away = if ahead == 0 { window.off_middle(place) } else { away };
+        *column = away.clamp(-FARTHEST_KEYS, FARTHEST_KEYS) as f32;
     }
     for (columns, action) in actions.chunks_exact_mut(ACTION_LEN).zip(&history.actions) {
         columns.copy_from_slice(action);
     }
     let goals = piece.goals(step);
-    for (finger, (columns, goal)) in places.chunks_exact_mut(goal_columns(config)).zip(goals).enumerate() {
+    for (finger, (columns, goal)) in tips.chunks_exact_mut(goal_columns(config)).zip(goals).enumerate() {
         let (place, velocity) = columns.split_at_mut(GOAL_COLUMNS);
         place.copy_from_slice(&goal.map_or([0.0, 0.0, 1.0], |goal| from_goal(config, joints, finger, &goal)));
         velocity.fill(goal.map_or(0.0, |goal| f32::from(goal.velocity) / 127.0));
     }
     binary.fill(0.0);
-    let (keys, playing) = binary.split_at_mut(KEYS * (config.lookahead + 2));
-    for (index, columns) in keys.chunks_exact_mut(KEYS).enumerate() {
+    let (keys, playing) = binary.split_at_mut(keys(config));
+    let width = if from_hand { SLOTS } else { KEYS };
+    for (index, columns) in keys.chunks_exact_mut(width).enumerate() {
         let keys = if index == 0 { pressed } else { piece.due(step + index - 1) };
-        for key in keys.iter() {
-            columns[key] = 1.0;
+        if from_hand && index == config.lookahead + 2 {
+            window.show(all_keys().iter().filter(|key| key_is_black(*key)), columns);
+        } else if from_hand {
+            window.show(keys.iter(), columns);
+        } else {
+            keys.iter().for_each(|key| columns[key] = 1.0);
         }
     }
     for (ahead, columns) in playing.chunks_exact_mut(FINGERS).enumerate() {

@@ -1,13 +1,15 @@
 //! Many environments over threads, for the learner.
 
+use std::sync::Arc;
+
 use etude_learn::{EnvironmentError, ObservationLayout, StepBatch, VectorEnvironment, seed};
 use rayon::prelude::*;
 
 use crate::environment::Environment;
 use crate::observation::layout;
-use crate::{ACTION_LEN, Piece, TaskConfig, TaskError};
+use crate::{ACTION_LEN, Corpus, Piece, TaskConfig, TaskError};
 
-/// Environments of one piece that step together. Each owns its world and its random stream, so the result
+/// Environments of one piece, or of one corpus, that step together. Each owns its world and its random stream, so the result
 /// does not depend on the number of threads.
 pub struct VectorPiano {
     environments: Vec<Slot>,
@@ -32,10 +34,32 @@ impl VectorPiano {
         num_envs: usize,
         root_seed: u64,
     ) -> Result<Self, TaskError> {
+        Self::of(config, num_envs, root_seed, |seed| Environment::new(config, piece, seed))
+    }
+
+    /// The same, each of which plays a new piece of `corpus` in every episode.
+    ///
+    /// # Errors
+    /// If the configuration is not sound.
+    pub fn of_corpus(
+        config: &TaskConfig,
+        corpus: &Arc<Corpus>,
+        num_envs: usize,
+        root_seed: u64,
+    ) -> Result<Self, TaskError> {
+        Self::of(config, num_envs, root_seed, |seed| Environment::of_corpus(config, corpus, seed))
+    }
+
+    fn of(
+        config: &TaskConfig,
+        num_envs: usize,
+        root_seed: u64,
+        make: impl Fn(u64) -> Result<Environment, TaskError>,
+    ) -> Result<Self, TaskError> {
         let environments = (0..num_envs)
             .map(|index| {
                 let seed = seed::split(root_seed, &format!("environment {index}"));
-                let environment = Environment::new(config, piece, seed)?.among(num_envs);
+                let environment = make(seed)?.among(num_envs);
                 let parts = vec![0.0; environment.reward().names().len()];
                 Ok(Slot { environment, parts })
             })

@@ -28,8 +28,9 @@ use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
 
 use clap::builder::{PossibleValue, PossibleValuesParser, StringValueParser, TypedValueParser};
-use etude_lab::{Pianist, RunConfig, load_pianist};
+use etude_lab::{Pianist, RunConfig, SIGHT_READER, load_pianist};
 use etude_music::Song;
+use etude_perform::shell_word;
 
 /// Text that is one of these names or the path of a file: any text is taken, and a shell can complete the names.
 #[derive(Clone)]
@@ -64,7 +65,8 @@ fn truth() -> NameOrPath {
 #[derive(clap::Args)]
 pub struct ConfigArgs {
     /// Start from this preset: fast (a song in minutes), quick (without a fingering, in more steps), paper (as
-    /// published), appendix (the paper's variant) or appendix-fast (that, with a fingering)
+    /// published), appendix (the paper's variant), appendix-fast (that, with a fingering) or sight-reader (for pieces that it
+    /// has not seen)
     #[arg(long, default_value = etude_lab::DEFAULT_PRESET, value_name = "NAME", value_parser = PossibleValuesParser::new(etude_lab::presets()), hide_possible_values = true)]
     preset: String,
     /// Then take what this TOML file says
@@ -84,7 +86,7 @@ impl ConfigArgs {
 /// Who plays, as several verbs take it.
 #[derive(clap::Args)]
 pub struct PianistArgs {
-    /// A policy file or the folder of a run; the best for this song if not given
+    /// A policy file or the folder of a run; if not given the best for this song or, without one, the sight-reader
     #[arg(long, value_name = "PATH")]
     policy: Option<PathBuf>,
     /// Play by inverse kinematics and timing instead of a policy: the baseline that needs no training
@@ -131,7 +133,25 @@ impl PianistArgs {
                 note(format!("warning: this policy learned in another world; now {}", changes.join(", ")));
             }
         }
-        if let Some(learned) = pianist.song.as_deref().filter(|learned| *learned != song.title()) {
+        if pianist.reads_at_sight() {
+            if self.policy.is_none() {
+                note(format!(
+                    "`{asked}` has no policy of its own: {} plays it at sight; `etude train {} --from {SIGHT_READER}` learns it",
+                    pianist.name(),
+                    shell_word(asked)
+                ));
+                if let Some((first, others)) = song.warnings().split_first() {
+                    let others = match others.len() {
+                        0 => String::new(),
+                        more => format!(" (and {more} more)"),
+                    };
+                    note(format!(
+                        "warning: {first}{others}; `etude songs show {}` lists what is left out",
+                        shell_word(asked)
+                    ));
+                }
+            }
+        } else if let Some(learned) = pianist.song.as_deref().filter(|learned| *learned != song.title()) {
             note(format!(
                 "warning: this policy learned `{learned}`; it plays `{}` from the score alone",
                 song.title()

@@ -2,9 +2,10 @@
 
 use std::path::{Path, PathBuf};
 
+use anyhow::Context as _;
 use clap::ValueHint;
 use etude_lab::{find_song, policies};
-use etude_music::{CONTROL_HZ, Note, Song, pitch_name, repertoire, sound};
+use etude_music::{CONTROL_HZ, Note, Part, Song, melody, pitch_name, repertoire, sound};
 use etude_perform::shell_word;
 use etude_task::fingering::Limit;
 use etude_task::{Piece, TaskConfig};
@@ -21,7 +22,8 @@ Examples:
   etude songs
   etude songs show happy-birthday
   etude songs show my-song.mid --frames due.csv --preset paper
-  etude songs arrange my-song.mid --transpose -12 -o my-song-lower.mid")]
+  etude songs arrange my-song.mid --transpose -12 -o my-song-lower.mid
+  etude songs make --seed 7 -o melody.mid")]
 pub struct Args {
     #[command(subcommand)]
     what: Option<What>,
@@ -66,6 +68,28 @@ enum What {
         #[arg(short, long, value_name = "OUT.mid")]
         out: PathBuf,
     },
+    /// Write a melody that is drawn at random, as those that the sight-reader learns
+    Make {
+        /// The melody of this seed; with --part, the first of that part from it on
+        #[arg(long, default_value_t = 0, value_name = "N")]
+        seed: u64,
+        /// Only a melody that is for this: training, validation (it decides which policy is the best) or test
+        #[arg(long, value_name = "PART", value_parser = part)]
+        part: Option<Part>,
+        /// The new file
+        #[arg(short, long, value_name = "OUT.mid")]
+        out: PathBuf,
+        /// Print JSON: seed, part, notes, secs
+        #[arg(long)]
+        json: bool,
+    },
+}
+
+fn part(text: &str) -> Result<Part, String> {
+    Part::ALL
+        .into_iter()
+        .find(|part| part.to_string() == text)
+        .ok_or_else(|| "it must be training, validation or test".to_string())
 }
 
 /// Runs the verb.
@@ -76,6 +100,7 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
             show(&song, frames, reference, &config.resolve()?.task, json || args.json)?;
         }
         Some(What::Arrange { song, transpose, stretch, out }) => arrange(&song, transpose, stretch, &out)?,
+        Some(What::Make { seed, part, out, json }) => make(seed, part, &out, json || args.json)?,
     }
     Ok(Ending::Done)
 }
@@ -233,4 +258,17 @@ fn arrange(name: &str, semitones: i32, factor: f64, out: &Path) -> anyhow::Resul
     song.save(out)?;
     let (notes, secs) = (song.notes().len(), song.duration_secs());
     line(format!("{notes} notes, {secs:.1} s: learn it with `etude train {}`", shell_word(out.display())))
+}
+
+fn make(seed: u64, part: Option<Part>, out: &Path, as_json: bool) -> anyhow::Result<()> {
+    let is_wanted = |seed: &u64| part.is_none_or(|part| melody(*seed).part() == part);
+    let seed = (seed..).find(is_wanted).context("there is no melody of this part from that seed on")?;
+    let song = melody(seed);
+    song.save(out)?;
+    let (part, notes, secs) = (song.part().to_string(), song.notes().len(), song.duration_secs());
+    if as_json {
+        return json(&object!({ "seed": seed, "part": part, "notes": notes, "secs": secs }));
+    }
+    let file = shell_word(out.display());
+    line(format!("{} for {part}: {notes} notes, {secs:.1} s: hear it with `etude play {file}`", song.title()))
 }

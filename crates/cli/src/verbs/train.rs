@@ -1,11 +1,12 @@
-//! `etude train`: learn a song.
+//! `etude train`: learn a song, or to read at sight.
 
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use clap::ValueHint;
-use etude_lab::{Run, find_song};
+use etude_lab::{Run, SIGHT_READER, beginning_with, find_song, shipped_policy};
 use etude_learn::{Outcome, StopReason};
+use etude_music::Song;
 use etude_perform::{NoteCounts, shell_line, shell_word};
 use serde_json::json;
 
@@ -24,11 +25,13 @@ Examples:
   etude train twinkle --minutes 10
   etude train my-song.mid --set trainer.seed=3 --set trainer.total_steps=2e6
   etude train twinkle --from runs/twinkle__fast__0 --config identified.toml -o runs/second
+  etude train my-song.mid --from sight-reader --minutes 5
+  etude train --preset sight-reader
   etude train --resume runs/twinkle__fast__0
   etude train --resume runs/twinkle__fast__0 --set trainer.total_steps=3e6")]
 pub struct Args {
-    /// A built-in id (see `etude songs`) or a MIDI file
-    #[arg(required_unless_present = "resume", conflicts_with = "resume", value_parser = super::song(), value_hint = ValueHint::FilePath, hide_possible_values = true)]
+    /// A built-in id (see `etude songs`) or a MIDI file; without one, the preset's corpus is learned (--preset sight-reader)
+    #[arg(required_unless_present_any = ["resume", "preset", "config"], conflicts_with = "resume", value_parser = super::song(), value_hint = ValueHint::FilePath, hide_possible_values = true)]
     song: Option<String>,
     #[command(flatten)]
     config: ConfigArgs,
@@ -36,7 +39,8 @@ pub struct Args {
     #[arg(short = 'o', long = "out", value_name = "DIR", conflicts_with = "resume")]
     out: Option<PathBuf>,
     /// Begin with what this run or policy file has learned of the song, in whatever physics: from a run the last policy with its
-    /// critics, from a file the actor alone. Replay and optimiser are new
+    /// critics, from a file the actor alone. Replay and optimiser are new. `sight-reader` is the policy that comes with Étude for
+    /// pieces without one of their own; networks and observation are then its own
     #[arg(long, value_name = "PATH", conflicts_with = "resume")]
     from: Option<PathBuf>,
     /// Continue the run in this folder, bit for bit; --set may change its steps, intervals and threads, nothing else
@@ -60,15 +64,31 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
             let resume = || Run::resume(folder, &args.config.overrides);
             (folder.clone(), while_planning(args.json, resume)?)
         }
-        (None, song) => {
-            let name = song.as_deref().unwrap_or_default();
+        (None, Some(name)) => {
             let song = find_song(name)?;
+            let source = args.from.as_deref().map(source);
             let config = args.config.resolve()?;
+            let config = match &source {
+                Some(source) => beginning_with(config, source),
+                None => config,
+            };
             let folder = args.out.clone().unwrap_or_else(|| {
                 PathBuf::from(format!("runs/{}__{}__{}", slug(name), args.config.preset, config.trainer.seed))
             });
             let command = shell_line(std::env::args());
-            let start = || Run::start(song, config, &folder, &command, args.from.as_deref());
+            let start = || Run::start(song, config, &folder, &command, source.as_deref());
+            let run = while_planning(args.json, start)?;
+            (folder, run)
+        }
+        (None, None) => {
+            let source = args.from.as_deref().map(source);
+            let config = args.config.resolve()?;
+            let folder = args
+                .out
+                .clone()
+                .unwrap_or_else(|| PathBuf::from(format!("runs/{SIGHT_READER}__{}", config.trainer.seed)));
+            let command = shell_line(std::env::args());
+            let start = || Run::start_corpus(config, &folder, &command, source.as_deref());
             let run = while_planning(args.json, start)?;
             (folder, run)
         }
@@ -84,16 +104,28 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
     Ok(if outcome.stopped == Some(StopReason::Requested) { Ending::Stopped } else { Ending::Done })
 }
 
+/// The run or policy that `--from` names: a path, or the name of a policy that comes with Étude.
+fn source(named: &Path) -> PathBuf {
+    let shipped = named.to_str().filter(|_| !named.exists()).and_then(shipped_policy);
+    shipped.unwrap_or_else(|| named.to_path_buf())
+}
+
 /// A closed standard output does not change how a training ends: Ctrl-C in `etude train … | tee log` stops both.
 fn ignore_broken_pipe(said: anyhow::Result<()>) -> anyhow::Result<()> {
     said.or_else(|error| if broken_pipe(&error) { Ok(()) } else { Err(error) })
 }
 
 fn announce(run: &Run, args: &Args, folder: &Path) -> anyhow::Result<()> {
-    let quick = run.config().task.plan.warnings(run.song());
-    for warning in run.song().warnings().iter().chain(&quick) {
-        note(format!("warning: {warning}"));
+    if let Some(song) = run.song() {
+        let quick = run.config().task.plan.warnings(song);
+        for warning in song.warnings().iter().chain(&quick) {
+            note(format!("warning: {warning}"));
+        }
     }
+    let what = run.song().map_or_else(
+        || "to read at sight".to_string(),
+        |song| format!("{} ({} notes)", song.title(), song.notes().len()),
+    );
     let trainer = &run.config().trainer;
     let begun = match run.step() {
         0 => String::new(),
@@ -101,9 +133,7 @@ fn announce(run: &Run, args: &Args, folder: &Path) -> anyhow::Result<()> {
     };
     let begun = args.from.as_ref().map_or(begun, |source| format!(", beginning with {}", source.display()));
     line(format!(
-        "Learning {} ({} notes): {} steps in {} at a time{begun}, into {}",
-        run.song().title(),
-        run.song().notes().len(),
+        "Learning {what}: {} steps in {} at a time{begun}, into {}",
         trainer.total_steps,
         trainer.num_envs,
         folder.display()
@@ -120,7 +150,7 @@ fn report(args: &Args, folder: &Path, run: &Run, outcome: &Outcome) -> anyhow::R
         return super::json(&json!({
             "run": folder,
             "policy": policy,
-            "song": run.song().title(),
+            "song": run.song().map(Song::title),
             "notes_right": notes.map(|notes| notes.right),
             "notes_due": notes.map(|notes| notes.due),
             "notes_wrong": notes.map(|notes| notes.wrong),
@@ -147,7 +177,9 @@ fn report(args: &Args, folder: &Path, run: &Run, outcome: &Outcome) -> anyhow::R
         Some(heard) => line(format!("The best policy: {heard}; {}", policy.display()))?,
         None => line(format!("Not evaluated yet; the policy so far is {}", policy.display()))?,
     }
-    let song = args.song.clone().unwrap_or_else(|| folder.join("song.mid").display().to_string());
+    let of_run =
+        run.song().map_or_else(|| "SONG".to_string(), |_| folder.join("song.mid").display().to_string());
+    let song = args.song.clone().unwrap_or(of_run);
     let run = shell_word(folder.display());
     line(format!("Play it with:  etude play {} --policy {run}", shell_word(song)))?;
     let resume = format!("etude train --resume {run}");

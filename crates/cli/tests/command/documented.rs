@@ -106,6 +106,28 @@ fn the_scripted_player_plays_what_the_documents_say() {
     );
 }
 
+/// Of songs that it has not learned: notes right and wrong; onset F1; F1.
+#[test]
+fn the_sight_reader_plays_what_the_documents_say() {
+    let table = Table::read("docs/results/sight-reading.md", "| piece | sight-reader: notes; onset F1; F1 |");
+    let policy = shipped(etude_lab::SIGHT_READER);
+    assert!(std::fs::metadata(&policy).unwrap().len() < 10_000_000);
+    let file = |row: &str| match root().join(format!("songs/{row}.mid")) {
+        path if path.is_file() => Some(path.display().to_string()),
+        _ => None,
+    };
+    let files = table.rows.iter().filter_map(|row| Some((row[0].clone(), file(&row[0])?)));
+    let built_in = etude_music::repertoire::ids().map(|id| (id.to_string(), id.to_string()));
+    for (row, song) in built_in.chain(files) {
+        let report = Desk::new().json(&format!("play {song} --policy {} -o out --json", policy.display()));
+        let said: Vec<&str> = table.text(&row, "sight-reader: notes; onset F1; F1").split("; ").collect();
+        for (said, key, tolerance) in [(said[1], "onset_f1", 2.0 * SCORE), (said[2], "f1", SCORE)] {
+            let (said, played) = (leading_number(said), report[key].as_f64().unwrap());
+            assert!(played >= said - tolerance, "{row}, {key}: {said}, but it is {played}");
+        }
+    }
+}
+
 /// Real execution: notes right of those due, wrong ones; onset F1 without the lag; F1.
 #[test]
 fn the_shipped_policies_play_on_the_twin_what_the_documents_say() {

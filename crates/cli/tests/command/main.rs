@@ -16,6 +16,7 @@ mod replaying;
 mod robots;
 mod serve;
 mod shell_blocks;
+mod sight;
 mod slurm;
 mod songs;
 mod stop_times;

@@ -3,6 +3,7 @@
 
 mod assignment;
 mod bench;
+mod corpora;
 mod fingerings;
 mod model_choices;
 mod performances;
@@ -13,3 +14,4 @@ mod rewards;
 mod saved;
 mod scripted;
 mod vectors;
+mod views;

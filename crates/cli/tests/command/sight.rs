@@ -1,0 +1,112 @@
+//! Playing at sight: melodies to practise on, a training on them, and what it is used for.
+
+use etude_music::{Note, Part, Song};
+
+use crate::{Desk, errors, succeed};
+
+/// A sight-reader that takes seconds to train.
+const READER: &str =
+    "--preset sight-reader --set corpus.validation_pieces=1 --set trainer.evaluate_every_steps=400";
+
+#[test]
+fn melodies_are_written_by_seed_and_by_part() {
+    let desk = Desk::new();
+    let said = desk.ok("songs make --seed 7 -o melody.mid");
+    assert!(said.starts_with("Melody 7 for ") && said.contains("etude play melody.mid"), "{said}");
+    desk.ok("songs make --seed 7 -o again.mid");
+    assert_eq!(desk.bytes("melody.mid"), desk.bytes("again.mid"));
+    let expected = etude_music::melody(7);
+    let song = Song::load(desk.path("melody.mid")).unwrap();
+    assert_eq!(song.notes().len(), expected.notes().len());
+
+    for part in Part::ALL {
+        let made = desk.json(&format!("songs make --part {part} --seed 3 -o part.mid --json"));
+        let song = Song::load(desk.path("part.mid")).unwrap();
+        assert_eq!(song.part(), part);
+        assert_eq!((&made["part"], &made["notes"]), (&part.to_string().into(), &song.notes().len().into()));
+        assert!(made["seed"].as_u64().unwrap() >= 3 && made["secs"].is_number());
+    }
+    for (arguments, code, said) in [
+        ("songs make --part tests -o x.mid", 2, "training, validation or test"),
+        ("songs make -o nowhere/x.mid", 1, "nowhere"),
+    ] {
+        let output = desk.command(arguments).output().unwrap();
+        assert_eq!(output.status.code(), Some(code), "{arguments}");
+        assert!(errors(&output).contains(said), "{}", errors(&output));
+    }
+}
+
+#[test]
+fn a_sight_reader_is_trained_resumed_and_plays_what_has_no_policy_of_its_own() {
+    let desk = Desk::new();
+    let printed: serde_json::Value =
+        serde_json::from_str(&succeed(desk.tiny(&format!("{READER} --json")))).unwrap();
+    let run = "runs/sight-reader__0";
+    assert_eq!((&printed["run"], &printed["step"]), (&run.into(), &400.into()));
+    assert!(printed["song"].is_null() && printed["f1"].is_number(), "{printed}");
+    assert!(!desk.path(run).join("song.mid").exists());
+    assert!(String::from_utf8(desk.bytes(format!("{run}/config.toml"))).unwrap().contains("[corpus]"));
+
+    // Stopped and resumed it is the same training.
+    succeed(desk.tiny(&format!("{READER} --set trainer.total_steps=800 -o whole")));
+    succeed(desk.command(&format!("train --resume {run} --set trainer.total_steps=800")));
+    for name in ["policy-last.safetensors", "checkpoints/last.safetensors"] {
+        assert!(desk.bytes(format!("{run}/{name}")) == desk.bytes(format!("whole/{name}")), "{name}");
+    }
+
+    // The best sight-reader there is plays, and the verb says so in one line. It may be the one that comes with Étude.
+    let output = desk.command("play short.mid").output().unwrap();
+    let said = errors(&output);
+    assert_eq!(output.status.code(), Some(0), "{said}");
+    assert_eq!(said.lines().count(), 1, "{said}");
+    assert!(
+        said.contains("`short.mid` has no policy of its own: ") && said.contains("plays it at sight"),
+        "{said}"
+    );
+    assert!(said.contains("`etude train short.mid --from sight-reader`"), "{said}");
+    // What three fingers cannot reach is said too.
+    let note = |pitch| Note { pitch, start_secs: 0.0, end_secs: 0.4, velocity: 80 };
+    let wide = [48, 61, 74, 79].map(note).to_vec();
+    Song::new("Wide", wide, 0.4).unwrap().save(desk.path("wide.mid")).unwrap();
+    let said = errors(&desk.command("play wide.mid").output().unwrap());
+    assert_eq!(said.lines().count(), 2, "{said}");
+    assert!(said.contains("4 notes at once for 3 fingers; `etude songs show wide.mid`"), "{said}");
+    // Of the one that is named nothing is said: it is for every song.
+    let output = desk.command(&format!("play short.mid --policy {run}")).output().unwrap();
+    assert_eq!(errors(&output), "");
+    assert!(String::from_utf8_lossy(&output.stdout).contains(run));
+
+    // A training of a song goes on from it, with its networks and observation.
+    let mut tune = desk.command("train short.mid -o tuned --set trainer.total_steps=400 --set trainer.warmup_steps=100 --set droq.batch=16");
+    tune.args(["--from", run]);
+    succeed(tune);
+    let config = String::from_utf8(desk.bytes("tuned/config.toml")).unwrap();
+    assert!(config.contains("view = \"hand\"") && !config.contains("[corpus]"), "{config}");
+    assert!(
+        config.contains("hidden = [\n    16,\n    16,\n]") || config.contains("hidden = [16, 16]"),
+        "{config}"
+    );
+    let first = String::from_utf8(desk.bytes("tuned/metrics.jsonl")).unwrap();
+    assert!(
+        first.lines().next().unwrap().contains("\"step\":0,\"eval/f1\""),
+        "what it begins with is played first"
+    );
+
+    // A song's own policy comes first.
+    succeed(desk.tiny("short.mid -o runs/short__fast__0"));
+    let output = desk.command("play short.mid").output().unwrap();
+    assert_eq!(errors(&output), "");
+}
+
+#[test]
+fn without_a_song_and_a_corpus_there_is_nothing_to_learn() {
+    let desk = Desk::new();
+    let output = desk.command("train").output().unwrap();
+    assert_eq!(output.status.code(), Some(2), "{}", errors(&output));
+    let output = desk.command("train --preset fast").output().unwrap();
+    assert_eq!(output.status.code(), Some(1));
+    assert!(errors(&output).contains("--preset sight-reader"), "{}", errors(&output));
+    let output = desk.command("train --preset sight-reader --set corpus.folder=none").output().unwrap();
+    assert!(errors(&output).contains("none"), "{}", errors(&output));
+    assert_eq!(desk.left_behind(), Vec::<String>::new());
+}

@@ -1,0 +1,94 @@
+//! Warm starts: beginning a training with what another has learned.
+
+use std::path::Path;
+
+use anyhow::{anyhow, bail};
+use etude_learn::{Parts, TrainError, Trainer, WarmStart};
+
+use crate::config::RunConfig;
+use crate::folder::policy_in;
+use crate::pianist::open;
+
+/// `config` for a training that begins with what the run or policy at `source` has learned. If that is a sight-reader, the
+/// training has its networks and observation.
+pub fn beginning_with(config: RunConfig, source: &Path) -> RunConfig {
+    let file = if source.is_dir() { policy_in(source) } else { Some(source.to_path_buf()) };
+    match file.and_then(|file| open(&file).ok()).map(|pianist| pianist.config) {
+        Some(theirs) if theirs.corpus.is_some() => in_the_form_of(config, &theirs),
+        _ => config,
+    }
+}
+
+/// `config` with the networks and the observation of `other`, so that a training can begin with what that one has learned.
+fn in_the_form_of(mut config: RunConfig, other: &RunConfig) -> RunConfig {
+    config.droq.hidden.clone_from(&other.droq.hidden);
+    let (task, other) = (&mut config.task, &other.task);
+    task.lookahead = other.lookahead;
+    task.previous_joints = other.previous_joints;
+    task.previous_actions = other.previous_actions;
+    task.fingering = other.fingering;
+    task.finger_range = other.finger_range;
+    task.velocities = other.velocities;
+    task.view = other.view;
+    task.scale = other.scale;
+    config
+}
+
+/// What the run or policy at `path` has learned, if a training by `config` of the song with this title, or of a corpus, can begin with
+/// it.
+pub(crate) fn warm_start(
+    path: &Path,
+    song: Option<&str>,
+    config: &RunConfig,
+    parts: &Parts,
+) -> anyhow::Result<WarmStart> {
+    let warm = match (path.is_dir(), policy_in(path)) {
+        (false, _) => WarmStart::from_policy(path),
+        (true, _) if Trainer::exists(path) => WarmStart::from_run(path),
+        (true, Some(policy)) => WarmStart::from_policy(&policy),
+        (true, None) => bail!(
+            "{} holds no policy to begin with; name the folder of a run, or a policy file",
+            path.display()
+        ),
+    };
+    let warm = warm.map_err(TrainError::from)?;
+    let unknown = || {
+        anyhow!(
+            "a training cannot begin with {}: it does not say which song and task it has learned; begin without --from",
+            path.display()
+        )
+    };
+    let theirs = RunConfig::stored(warm.notes()["config"].clone()).map_err(|_| unknown())?;
+    let learned = warm.notes()["song"].as_str();
+    if learned.is_none() && theirs.corpus.is_none() {
+        return Err(unknown());
+    }
+    // What has learned a corpus can go on with any song, and what has learned a song with a corpus.
+    let both = learned.zip(song);
+    let told = |title: Option<&str>, config: &RunConfig| {
+        let task = &config.task;
+        [
+            format!("of the song `{}`", title.unwrap_or_default()),
+            format!("of the {:?} hand (`task.stage.side`)", task.stage.side),
+            format!("with joint readings scaled {:?} (`task.scale`)", task.scale),
+            format!("with {} steps of lookahead (`task.lookahead`)", task.lookahead),
+            format!("with previous joints {} (`task.previous_joints`)", task.previous_joints),
+            format!("with {} previous actions (`task.previous_actions`)", task.previous_actions),
+            format!("with a fingering {} (`task.fingering`)", task.fingering),
+            format!("with targets of finger joints within {} rad (`task.finger_range`)", task.finger_range),
+            format!("with the view of the {:?} (`task.view`)", task.view),
+        ]
+    };
+    let pairs = told(both.map(|(theirs, _)| theirs), &theirs)
+        .into_iter()
+        .zip(told(both.map(|(_, ours)| ours), config));
+    if let Some((theirs, ours)) = { pairs }.find(|(theirs, ours)| theirs != ours) {
+        bail!(
+            "a training cannot begin with what {} has learned: that is {theirs}, this one {ours}; set the same value, \
+             or begin without --from",
+            path.display()
+        );
+    }
+    warm.check(&config.droq, &*parts.environment)?;
+    Ok(warm)
+}

@@ -1,0 +1,101 @@
+//! What every drawn melody keeps to, and what a thousand of them have.
+
+#![allow(clippy::unwrap_used, reason = "an unwrap that fails fails the test")]
+
+use std::collections::BTreeSet;
+
+use etude_music::{HIGHEST_PITCH, LOWEST_PITCH, Note, Song, WarningKind, key_is_black, melody};
+use proptest::prelude::*;
+
+/// Least time from one onset to the next, s.
+const LEAST_SECS: f64 = 0.2;
+
+fn chords(song: &Song) -> Vec<&[Note]> {
+    song.notes().chunk_by(|one, next| next.start_secs - one.start_secs < 0.005).collect()
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(2000))]
+
+    #[test]
+    fn every_melody_can_be_put_on_the_keyboard(seed in any::<u64>()) {
+        let song = melody(seed);
+        prop_assert_eq!(&song, &melody(seed));
+        prop_assert!(song.check_range().is_ok());
+        prop_assert!((8.0..25.0).contains(&song.duration_secs()), "{} s", song.duration_secs());
+        prop_assert!((2..=300).contains(&song.notes().len()), "{} notes", song.notes().len());
+        for note in song.notes() {
+            prop_assert!((LOWEST_PITCH..=HIGHEST_PITCH).contains(&note.pitch));
+            prop_assert!((20..=120).contains(&note.velocity));
+            prop_assert!(note.duration_secs() >= 0.08, "{note:?}");
+            prop_assert!(note.end_secs <= song.duration_secs() + 1e-9);
+        }
+        // No key is struck while it sounds.
+        for (index, note) in song.notes().iter().enumerate() {
+            for later in song.notes()[index + 1..].iter().filter(|later| later.pitch == note.pitch) {
+                prop_assert!(later.start_secs >= note.end_secs - 1e-9, "{note:?} {later:?}");
+            }
+        }
+        for pair in chords(&song).windows(2) {
+            let wait = pair[1][0].start_secs - pair[0][0].start_secs;
+            prop_assert!(wait >= LEAST_SECS - 1e-9, "{wait} s");
+        }
+        prop_assert!(chords(&song).iter().all(|chord| chord.len() <= 3));
+        let hard: Vec<_> = song.warnings().into_iter().filter(|it| it.kind != WarningKind::QuickRepeat).collect();
+        prop_assert!(hard.is_empty(), "{}", hard[0]);
+        // As a file it is the same song.
+        let read = Song::from_midi(&song.to_midi(), "again").unwrap();
+        prop_assert_eq!(read.notes().len(), song.notes().len());
+        prop_assert_eq!(read.part(), song.part());
+    }
+}
+
+/// A change of a melody changes what was trained and what was held out: it must be deliberate.
+#[test]
+fn melodies_never_change() {
+    let checksum = |seeds: std::ops::Range<u64>| {
+        let bytes: Vec<u8> = seeds.flat_map(|seed| melody(seed).to_midi()).collect();
+        crc32c::crc32c(&bytes)
+    };
+    assert_eq!(checksum(0..200), 3_861_526_346);
+}
+
+#[test]
+fn a_thousand_melodies_are_as_varied_as_they_are_said_to_be() {
+    let songs: Vec<Song> = (0..1000).map(melody).collect();
+    let notes: Vec<&Note> = songs.iter().flat_map(Song::notes).collect();
+    let share = |count: usize, of: usize| count as f64 / of as f64;
+    let pitches: BTreeSet<u8> = notes.iter().map(|note| note.pitch).collect();
+    assert_eq!(pitches.len(), 49, "every key");
+    let black = notes.iter().filter(|note| key_is_black(usize::from(note.pitch - LOWEST_PITCH))).count();
+    assert!((0.3..0.55).contains(&share(black, notes.len())), "{}", share(black, notes.len()));
+    let onsets: Vec<usize> = songs
+        .iter()
+        .flat_map(|song| chords(song).iter().map(|chord| chord.len()).collect::<Vec<_>>())
+        .collect();
+    for (size, expected) in [(1, 0.7..0.9), (2, 0.06..0.2), (3, 0.03..0.12)] {
+        let found = share(onsets.iter().filter(|notes| **notes == size).count(), onsets.len());
+        assert!(expected.contains(&found), "{size} notes at once: {found}");
+    }
+    let steps: Vec<(f64, u8)> = songs
+        .iter()
+        .flat_map(|song| {
+            let chords = chords(song);
+            let pairs = chords.windows(2).map(|pair| {
+                let [from, to] = [pair[0], pair[1]].map(|chord| chord[chord.len() - 1]);
+                (to.start_secs - from.start_secs, to.pitch.abs_diff(from.pitch))
+            });
+            pairs.collect::<Vec<_>>()
+        })
+        .collect();
+    let of_steps = |what: &dyn Fn(&(f64, u8)) -> bool| {
+        share(steps.iter().filter(|step| what(step)).count(), steps.len())
+    };
+    assert!((0.1..0.3).contains(&of_steps(&|(_, semitones)| *semitones == 0)), "repeats");
+    assert!((0.05..0.3).contains(&of_steps(&|(_, semitones)| *semitones > 4)), "leaps");
+    assert!((0.1..0.5).contains(&of_steps(&|(secs, _)| *secs < 0.35)), "quick notes");
+    assert!((0.05..0.5).contains(&of_steps(&|(secs, _)| *secs > 0.8)), "slow notes");
+    let first_beats: BTreeSet<String> =
+        songs.iter().map(|song| format!("{:?}", song.position(7.0))).collect();
+    assert!(first_beats.len() > 500, "metres and tempi");
+}

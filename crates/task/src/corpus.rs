@@ -1,0 +1,122 @@
+//! The pieces of a training that plays another one in every episode: drawn melodies, or the MIDI files of a folder.
+//!
+//! Both are split into parts by their notes ([`Song::part`]). Episodes play pieces of [`Part::Training`], evaluations a fixed set of
+//! [`Part::Validation`].
+
+use std::path::{Path, PathBuf};
+
+use etude_music::{Part, Song, SongError, melodies};
+use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
+
+use crate::{Piece, TaskConfig, TaskError};
+
+/// Where the pieces of a training come from.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct CorpusConfig {
+    /// A folder of MIDI files (`.mid`), searched with the folders in it; without one, melodies are drawn ([`etude_music::melody`]).
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub folder: Option<PathBuf>,
+    /// Held-out pieces that an evaluation plays.
+    pub validation_pieces: usize,
+}
+
+impl Default for CorpusConfig {
+    fn default() -> Self {
+        Self { folder: None, validation_pieces: 8 }
+    }
+}
+
+/// The most held-out pieces of an evaluation. Each has a world of its own.
+const MOST_VALIDATION_PIECES: usize = 1024;
+
+/// The pieces, planned for one task.
+#[derive(Debug)]
+pub struct Corpus {
+    task: TaskConfig,
+    /// The pieces of the folder that are learned; none where melodies are drawn.
+    files: Vec<Piece>,
+    validation: Vec<Piece>,
+}
+
+impl Corpus {
+    /// The corpus of a task. The files of a folder are planned at once, melodies when they are played.
+    ///
+    /// # Errors
+    /// If the folder or a file in it cannot be read, or there are too few pieces.
+    pub fn new(config: &CorpusConfig, task: &TaskConfig) -> Result<Self, TaskError> {
+        let wanted = config.validation_pieces;
+        if !(1..=MOST_VALIDATION_PIECES).contains(&wanted) {
+            return Err(TaskError::Value(format!(
+                "corpus.validation_pieces = {wanted} must lie in 1 … {MOST_VALIDATION_PIECES}"
+            )));
+        }
+        let planned = |songs: Vec<Song>| -> Result<Vec<Piece>, TaskError> {
+            songs.par_iter().map(|song| Piece::for_task(song, task)).collect()
+        };
+        let Some(folder) = &config.folder else {
+            let validation = planned(melodies(Part::Validation, 0).take(wanted).collect())?;
+            return Ok(Self { task: task.clone(), files: Vec::new(), validation });
+        };
+        let songs = songs_in(folder)?;
+        let of = |part| songs.iter().filter(|song| song.part() == part).cloned().collect::<Vec<_>>();
+        let (training, mut validation) = (of(Part::Training), of(Part::Validation));
+        validation.truncate(wanted);
+        if training.is_empty() || validation.is_empty() {
+            return Err(TaskError::Value(format!(
+                "corpus.folder = {}: of its {} songs that fit the keyboard {} are for training and {} for validation; each part \
+                 needs one at least, and one song in twenty is for validation",
+                folder.display(),
+                songs.len(),
+                training.len(),
+                validation.len()
+            )));
+        }
+        Ok(Self { task: task.clone(), files: planned(training)?, validation: planned(validation)? })
+    }
+
+    /// A piece of the training's part: the same for the same number.
+    pub fn piece(&self, number: u64) -> Piece {
+        if let Some(piece) = self.files.get((number % self.files.len().max(1) as u64) as usize) {
+            return piece.clone();
+        }
+        let song = melodies(Part::Training, number).next().expect("there is no end of melodies");
+        Piece::for_task(&song, &self.task).expect("a melody fits the keyboard, and the task was checked")
+    }
+
+    /// The held-out pieces that an evaluation plays.
+    pub fn validation(&self) -> &[Piece] {
+        &self.validation
+    }
+}
+
+/// The songs of the MIDI files below `folder` in the order of their paths, each moved onto the keyboard by the smallest
+/// transposition. Those that are wider than the keyboard are left out.
+fn songs_in(folder: &Path) -> Result<Vec<Song>, TaskError> {
+    let unreadable = |source| SongError::Read { path: folder.to_path_buf(), source };
+    let mut paths = Vec::new();
+    for entry in std::fs::read_dir(folder).map_err(unreadable)? {
+        paths.push(entry.map_err(unreadable)?.path());
+    }
+    paths.sort();
+    let mut songs = Vec::new();
+    for path in paths {
+        let is_midi = path
+            .extension()
+            .is_some_and(|end| end.eq_ignore_ascii_case("mid") || end.eq_ignore_ascii_case("midi"));
+        if path.is_dir() {
+            songs.extend(songs_in(&path)?);
+        } else if is_midi {
+            songs.extend(on_the_keyboard(Song::load(&path)?)?);
+        }
+    }
+    Ok(songs)
+}
+
+fn on_the_keyboard(song: Song) -> Result<Option<Song>, TaskError> {
+    let Err(error) = song.check_range() else { return Ok(Some(song)) };
+    let SongError::OutOfRange(out) = &error else { return Err(error.into()) };
+    let least = out.transpositions.iter().min_by_key(|semitones| semitones.abs());
+    Ok(least.map(|semitones| song.transpose(*semitones)).transpose()?)
+}

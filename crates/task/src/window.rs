@@ -1,0 +1,59 @@
+//! The keys and the rail as seen from the hand.
+//!
+//! The keyboard is a row of *slots*, half a white key wide: white keys stand in the even ones, black keys in the odd ones between them,
+//! and there is none between B and C or E and F. The window is the slots around the planned place of the rail. So a passage looks the
+//! same in every octave, and what is learned in one is known in all.
+
+use etude_music::{KEYS, KeySet};
+use etude_stage::geometry::{WHITE_PITCH, key_lateral};
+
+use crate::Piece;
+
+/// Slots to either side of the rail's planned place: five white keys, more than the outer fingers reach.
+const SIDE_SLOTS: i32 = 10;
+/// Slots of the window.
+pub(crate) const SLOTS: usize = 2 * SIDE_SLOTS as usize + 1;
+/// Width of a slot, m.
+const SLOT_M: f64 = WHITE_PITCH / 2.0;
+
+/// The window in one control step.
+#[derive(Clone, Copy)]
+pub(crate) struct Window {
+    middle: i32,
+}
+
+fn slot(lateral: f64) -> i32 {
+    (lateral / SLOT_M).round() as i32
+}
+
+impl Window {
+    /// The window around the rail's place, m.
+    pub(crate) fn around(place: f64) -> Self {
+        Self { middle: slot(place) }
+    }
+
+    /// Writes which of `keys` stand in the window, lowest slot first.
+    pub(crate) fn show(self, keys: impl IntoIterator<Item = usize>, columns: &mut [f32]) {
+        for key in keys {
+            let column = slot(key_lateral(key)) - self.middle + SIDE_SLOTS;
+            if let Some(column) = usize::try_from(column).ok().and_then(|column| columns.get_mut(column)) {
+                *column = 1.0;
+            }
+        }
+    }
+
+    /// How far `place` is from the middle of the window, white keys.
+    pub(crate) fn off_middle(self, place: f64) -> f64 {
+        place / WHITE_PITCH - f64::from(self.middle) / 2.0
+    }
+}
+
+/// Planned place of the rail, m.
+pub(crate) fn planned_place(piece: &Piece, step: usize) -> f64 {
+    piece.fingering().map_or(0.0, |fingering| fingering.rail_at(step))
+}
+
+/// All keys of the keyboard.
+pub(crate) fn all_keys() -> KeySet {
+    (0..KEYS).collect()
+}
