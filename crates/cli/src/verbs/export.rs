@@ -4,9 +4,8 @@ use std::path::PathBuf;
 
 use clap::ValueHint;
 use etude_lab::find_song;
-use etude_show::export::export_onnx;
-
 use etude_perform::shell_word;
+use etude_show::export::export_onnx;
 use etude_task::ObservationView;
 
 use super::{PianistArgs, file_to_write, json, line, slug};
