@@ -104,8 +104,7 @@ pub fn policies(slug: &str) -> Vec<PathBuf> {
 
 /// Loads the policy at `path` (a policy file or a run's folder), or else the best usable one that there is for `slug`,
 /// the short form of the song that was `asked` for: that with the highest F1, one by an articulated plan before all others, because F1 does
-/// not compare between plans. Among equally good policies, one of a run is preferred to the shipped one. If there is none for `slug`, it
-/// is the best [`SIGHT_READER`].
+/// not compare between plans. Among equally good policies, one of a run is preferred to the shipped one.
 ///
 /// # Errors
 /// If there is none, or it cannot be used.
@@ -125,10 +124,15 @@ pub fn load_pianist(asked: &str, slug: &str, path: Option<&Path>) -> anyhow::Res
             shell_word(asked)
         )
     };
-    match best(slug)? {
-        Some(pianist) => Ok(pianist),
-        None => best(SIGHT_READER)?.ok_or_else(none),
-    }
+    best(slug)?.ok_or_else(none)
+}
+
+/// The best policy for pieces without one of their own, if there is one.
+///
+/// # Errors
+/// If there are some, and none can be used.
+pub fn load_sight_reader() -> anyhow::Result<Option<Pianist>> {
+    best(SIGHT_READER)
 }
 
 /// The best usable policy for `slug`, if there is one.

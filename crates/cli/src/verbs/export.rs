@@ -4,7 +4,9 @@ use std::path::PathBuf;
 
 use clap::ValueHint;
 use etude_lab::find_song;
+use etude_perform::shell_word;
 use etude_show::export::export_onnx;
+use etude_task::ObservationView;
 
 use super::{PianistArgs, file_to_write, json, line, slug};
 use crate::Ending;
@@ -46,6 +48,13 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
     let What::Onnx { song: asked, out, pianist, json: as_json } = args.what;
     let song = find_song(&asked)?;
     let pianist = pianist.load(&asked, &song)?;
+    if pianist.config.task.view == ObservationView::Hand {
+        anyhow::bail!(
+            "the contract in a model does not describe an observation relative to the hand (task.view): `etude train {}` makes a \
+             policy that can be exported",
+            shell_word(&asked)
+        );
+    }
     let out = out.unwrap_or_else(|| PathBuf::from(format!("{}.onnx", slug(&asked))));
     let out = file_to_write(out, "onnx", "a model is written as .onnx")?;
     export_onnx(&pianist, &song, &out)?;

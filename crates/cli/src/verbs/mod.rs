@@ -28,7 +28,7 @@ use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
 
 use clap::builder::{PossibleValue, PossibleValuesParser, StringValueParser, TypedValueParser};
-use etude_lab::{Pianist, RunConfig, SIGHT_READER, load_pianist};
+use etude_lab::{Pianist, RunConfig, SIGHT_READER, load_pianist, load_sight_reader, policies};
 use etude_music::Song;
 use etude_perform::shell_word;
 
@@ -125,7 +125,11 @@ impl PianistArgs {
         let mut pianist = if self.scripted {
             Pianist::scripted()
         } else {
-            load_pianist(asked, &slug(asked), self.policy.as_deref())?
+            let has_own = self.policy.is_some() || !policies(&slug(asked)).is_empty();
+            match if has_own { None } else { load_sight_reader()? } {
+                Some(reader) => reader,
+                None => load_pianist(asked, &slug(asked), self.policy.as_deref())?,
+            }
         };
         if !self.overrides.is_empty() {
             let changes = pianist.reconfigure(&self.overrides)?;

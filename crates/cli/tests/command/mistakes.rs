@@ -152,7 +152,6 @@ fn beginnings_that_do_not_fit() {
 #[test]
 fn policies_that_cannot_play() {
     let desk = Desk::new();
-    refused(&desk, "play short.mid", &["`etude train short.mid` makes one", "--policy"]);
     refused(&desk, "play short.mid --policy absent", &["absent", "No such file"]);
     refused(&desk, "play short.mid --policy .", &["holds no policy"]);
     refused(&desk, "play short.mid --policy short.mid", &["short.mid cannot be used"]);
