@@ -47,11 +47,16 @@ def main():
     for song in songs:
         cells = []
         for mode in MODES:
-            report = etude(
-                "perform", song, "--mode", mode, "--robot", "twin", "--truth", options.truth,
-                "--policy", f"policies/{song}.safetensors", "--runs", options.runs, "--set", f"task.plan.lead_secs={leads[mode]}",
-                "--out", f"out/robot-table/{options.truth}/{song}-{mode}", "--json",
-            )
+            try:
+                report = etude(
+                    "perform", song, "--mode", mode, "--robot", "twin", "--truth", options.truth,
+                    "--policy", f"policies/{song}.safetensors", "--runs", options.runs, "--set", f"task.plan.lead_secs={leads[mode]}",
+                    "--out", f"out/robot-table/{options.truth}/{song}-{mode}", "--json",
+                )
+            except subprocess.CalledProcessError as ended:
+                # A fault, for instance: the robot has stopped itself. It counts in no mean.
+                cells.append(ended.stderr.strip().splitlines()[-1].removeprefix("etude: ").split(":")[0])
+                continue
             lag = report.get("lag_secs")
             late = "–" if lag is None else f"{1e3 * lag:+.0f} ms"
             aligned = report["onset_f1_without_lag"]

@@ -30,6 +30,7 @@ pub const DEFAULT_PRESET: &str = "fast";
 /// The presets: name and text.
 const PRESETS: &[(&str, &str)] = &[
     ("fast", include_str!("../../../configs/presets/fast.toml")),
+    ("expressive", include_str!("../../../configs/presets/expressive.toml")),
     ("quick", include_str!("../../../configs/presets/quick.toml")),
     ("paper", include_str!("../../../configs/presets/paper.toml")),
     ("appendix", include_str!("../../../configs/presets/appendix.toml")),
@@ -384,7 +385,7 @@ mod tests {
             resolve("slow", None, &[])
                 .unwrap_err()
                 .to_string()
-                .contains("fast, quick, paper, appendix, appendix-fast, sight-reader")
+                .contains("fast, expressive, quick, paper, appendix, appendix-fast, sight-reader")
         );
     }
 }

@@ -64,9 +64,9 @@ fn truth() -> NameOrPath {
 /// The layers of configuration that several verbs take.
 #[derive(clap::Args)]
 pub struct ConfigArgs {
-    /// Start from this preset: fast (a song in minutes), quick (without a fingering, in more steps), paper (as
-    /// published), appendix (the paper's variant), appendix-fast (that, with a fingering) or sight-reader (for pieces that it
-    /// has not seen)
+    /// Start from this preset: fast (a song in minutes), expressive (soft and loud as written, in more steps), quick
+    /// (without a fingering), paper (as published), appendix (the paper's variant), appendix-fast (that, with a fingering)
+    /// or sight-reader (for pieces that it has not seen)
     #[arg(long, default_value = etude_lab::DEFAULT_PRESET, value_name = "NAME", value_parser = PossibleValuesParser::new(etude_lab::presets()), hide_possible_values = true)]
     preset: String,
     /// Then take what this TOML file says

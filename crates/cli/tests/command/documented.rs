@@ -2,6 +2,8 @@
 //!
 //! Another processor rounds otherwise, and a contact may then fall the other way: hence the tolerances.
 
+use serde_json::Value;
+
 use crate::{Desk, root, shipped};
 
 /// Tolerance of F1 and onset F1.
@@ -126,6 +128,19 @@ fn the_sight_reader_plays_what_the_documents_say() {
             assert!(played >= said - tolerance, "{row}, {key}: {said}, but it is {played}");
         }
     }
+}
+
+/// Soft and loud: the correlation of played and written velocities, in simulation and on the twin.
+#[test]
+fn a_piece_with_dynamics_is_played_soft_and_loud() {
+    let (song, policy) = (root().join("songs/surprise-symphony.mid"), shipped("surprise-symphony"));
+    let asked = format!("{} --policy {} -o out --json", song.display(), policy.display());
+    let report = Desk::new().json(&format!("play {asked}"));
+    let played = |report: &Value, key: &str| report[key].as_f64().unwrap();
+    assert!(played(&report, "velocity_correlation") >= 0.8, "{report}");
+    assert!(played(&report, "matched") >= 53.0 && played(&report, "f1") >= 0.95, "{report}");
+    let report = Desk::new().json(&format!("perform {asked} --robot twin --truth mild"));
+    assert!(played(&report["runs"][0], "velocity_correlation") >= 0.6, "{report}");
 }
 
 /// Real execution: notes right of those due, wrong ones; onset F1 without the lag; F1.
