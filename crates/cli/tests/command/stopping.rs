@@ -35,7 +35,7 @@ impl Served {
 
     fn with_fault(desk: &Desk, fault: Option<&str>) -> Self {
         let alone = ALONE.lock().unwrap_or_else(PoisonError::into_inner);
-        let mut command = desk.command("twin -o twin --json");
+        let mut command = desk.command("twin -o twin --truth mild --json");
         command.args(fault.iter().flat_map(|fault| ["--fault", fault]));
         let mut process = command.stdout(Stdio::piped()).stderr(Stdio::null()).spawn().unwrap();
         let mut line = String::new();
