@@ -63,7 +63,7 @@ pub(crate) fn warm_start(
     if learned.is_none() && theirs.corpus.is_none() {
         return Err(unknown());
     }
-    // What has learned a corpus can go on with any song, and what has learned a song with a corpus.
+    // A training of any song can begin with what has learned a corpus, and one of a corpus with what has learned a song.
     let both = learned.zip(song);
     let told = |title: Option<&str>, config: &RunConfig| {
         let task = &config.task;

@@ -76,7 +76,7 @@ fn a_sight_reader_is_trained_resumed_and_plays_what_has_no_policy_of_its_own() {
     assert_eq!(errors(&output), "");
     assert!(String::from_utf8_lossy(&output.stdout).contains(run));
 
-    // A training of a song goes on from it, with its networks and observation.
+    // A training of a song begins with it, with its networks and observation.
     let mut tune = desk.command("train short.mid -o tuned --set trainer.total_steps=400 --set trainer.warmup_steps=100 --set droq.batch=16");
     tune.args(["--from", run]);
     succeed(tune);

@@ -231,7 +231,7 @@ fn a_joint_stands_below_its_dead_band() {
     }
 }
 
-/// A turning joint goes on as before when its motor's torque turns round, for the time that the motor takes to cross the play.
+/// A turning joint keeps turning as before when its motor's torque turns round, for the time that the motor takes to cross the play.
 #[test]
 fn a_torque_crosses_the_play_before_it_slows_the_joint() {
     const JOINT: usize = 5;
