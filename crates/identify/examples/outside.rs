@@ -111,7 +111,6 @@ fn recorded(params: &PhysicalParams, excitation: Excitation, third: usize) -> Fa
         rail: Vec::new(),
         noise: [NOISE_RAD; JOINTS],
         moves: [true; JOINTS],
-        saturates: [false; JOINTS],
         keys: Vec::new(),
     };
     let stage = StageConfig::default();

@@ -21,8 +21,6 @@ const LONGEST_GAP_SECS: f64 = 0.1;
 const MOST_LATE: f64 = 0.01;
 /// Largest share of periods in which a joint's drive may have been at its limit.
 const MOST_SATURATED: f64 = 0.5;
-/// The limit of a drive that reached it for more of the time is identifiable.
-const TELLS_LIMIT: f64 = 0.005;
 /// Duties that differ by more were cut, of 1200.
 const CUT_PWM: f64 = 2.0;
 /// Readings before the motion from which the start and the noise are taken.
@@ -74,8 +72,6 @@ pub struct Motion {
     pub noise: [f64; JOINTS],
     /// Whether a joint moves enough to be identified.
     pub moves: [bool; JOINTS],
-    /// Whether a joint's drive reaches its limit often enough to identify it.
-    pub saturates: [bool; JOINTS],
     /// Key events.
     pub keys: Vec<KeyEvent>,
 }
@@ -160,7 +156,7 @@ impl Motion {
             })
             .collect();
         let most = if keys.is_empty() { MOST_SATURATED } else { 1.0 };
-        let saturates = drives_at_their_limits(recording, secs, most)?;
+        check_limits(recording, secs, most)?;
         let (start, noise) = at_rest(&before, &rail_before)?;
         let mut moves = [false; JOINTS];
         for (joint, moves) in moves.iter_mut().enumerate() {
@@ -185,7 +181,6 @@ impl Motion {
             rail,
             noise,
             moves,
-            saturates,
             keys,
         })
     }
@@ -324,10 +319,8 @@ fn check_times(
     Ok(())
 }
 
-/// Which drives reached their limits often enough to identify them. Refuses recordings in which a drive was at its limit
-/// for a larger share of the time than `most`.
-fn drives_at_their_limits(recording: &Recording, secs: f64, most: f64) -> Result<[bool; JOINTS], String> {
-    let mut saturates = [false; JOINTS];
+/// Refuses recordings in which a drive was at its limit for a larger share of the time than `most`.
+fn check_limits(recording: &Recording, secs: f64, most: f64) -> Result<(), String> {
     for joint in 0..FINGER_JOINTS {
         let cut = |message: &HandMessage| {
             let [wanted, sent] =
@@ -346,9 +339,8 @@ fn drives_at_their_limits(recording: &Recording, secs: f64, most: f64) -> Result
                 100.0 * cut as f64 / inside as f64
             ));
         }
-        saturates[joint] = cut as f64 > TELLS_LIMIT * inside as f64;
     }
-    Ok(saturates)
+    Ok(())
 }
 
 /// Mean and standard deviation of the readings just before the first command.

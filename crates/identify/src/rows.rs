@@ -1,9 +1,16 @@
 //! Which parameters a fit estimates, and their bounds.
 //!
-//! Not estimated: a joint's viscosity, which has the same effect as its damping while the drive is below its limit; limits of
-//! velocity and acceleration, which Étude itself applies to a robot's commands; the rail's armature, which scales with its
-//! gains.
+//! A finger's joint is driven by Étude's own joint loop, whose gains and limits of the duty are known. What a duty is worth is not: one
+//! scale of torque, estimated as the stiffness; damping and torque limit follow it ([`follow_stiffness`]). What slows a joint down
+//! beyond that, its viscosity and its motor's back-EMF, acts also when the duty is at its limit.
+//!
+//! Not estimated: limits of velocity and acceleration, which Étude itself applies to a robot's commands; the rail's armature, which
+//! scales with its gains, and its viscosity, which has the same effect as its damping.
 
+use etude_perform::shaping_params;
+use etude_robot::allegro::{FULL_SCALE_PWM, JointLoopConfig};
+use etude_robot::rig::RigConfig;
+use etude_stage::hand::FINGER_JOINTS;
 use etude_stage::params::{JointRow, WorldRow};
 use etude_stage::{JOINT_NAMES, PhysicalParams, RAIL};
 
@@ -25,16 +32,21 @@ use Bounds::{Around, Factor, FactorBelow, UpTo};
 
 /// Parameters of a finger joint. Dry friction: up to a tenth of the joint's torque.
 const FINGER: &[(JointRow, Bounds)] = &[
-    (JointRow::Stiffness, Factor(5.0)),
-    (JointRow::Damping, Factor(8.0)),
+    // The scale of torque, of which motion in the air shows little. Sources for the v4's full torque are within 30 % of 1 N·m.
+    (JointRow::Stiffness, Factor(1.4)),
+    // A motor of 1 N·m that turns at 4 rad/s without load has 0.25.
+    (JointRow::Viscosity, UpTo(0.4, VISCOSITY)),
     (JointRow::Friction, UpTo(0.08, 0.005)),
     (JointRow::Armature, Factor(8.0)),
     (JointRow::LowPass, Factor(8.0)),
     (JointRow::Delay, UpTo(0.05, 0.0025)),
     // The default is the acceleration limit within one physics step. A fit that began there would not see a slower drive.
     (JointRow::JerkLimit, FactorBelow(8.0, 50_000.0)),
-    (JointRow::TorqueLimit, Factor(3.0)),
 ];
+
+/// Viscosity of a finger joint at the start of a fit, N·m·s/rad: a motor of 1 N·m at full duty that turns at 10 rad/s without load. A fit
+/// that begins far below takes the low-pass for what slows the joint down, and stays there.
+const VISCOSITY: f64 = 0.1;
 
 /// Parameters of the rail.
 const RAIL_ROWS: &[(JointRow, Bounds)] = &[
@@ -80,11 +92,10 @@ fn parameter(path: String, range: [f64; 2], before: f64, bounds: &Bounds) -> Par
     }
 }
 
-/// Parameters of a joint's drive; its torque limit only where the drive reaches it.
-pub fn joint_parameters(joint: usize, saturates: bool, before: &PhysicalParams) -> Vec<Parameter> {
+/// Parameters of a joint's drive.
+pub fn joint_parameters(joint: usize, before: &PhysicalParams) -> Vec<Parameter> {
     let rows = if joint == RAIL { RAIL_ROWS } else { FINGER };
     rows.iter()
-        .filter(|(quantity, _)| saturates || *quantity != JointRow::TorqueLimit)
         .map(|(quantity, bounds)| {
             let row = quantity.row();
             let path = format!("joint.{}.{}", JOINT_NAMES[joint], row.name);
@@ -99,7 +110,7 @@ pub fn contact_parameters(before: &PhysicalParams) -> Vec<Parameter> {
         let row = quantity.row();
         parameter(row.name.to_string(), row.range, before.world(*quantity), bounds)
     });
-    let bends = (0..RAIL).filter(|joint| joint % etude_stage::hand::FINGER_JOINTS == FIRST_BEND);
+    let bends = (0..RAIL).filter(|joint| joint % FINGER_JOINTS == FIRST_BEND);
     let biases = bends.map(|joint| {
         let row = JointRow::EncoderBias.row();
         let path = format!("joint.{}.{}", JOINT_NAMES[joint], row.name);
@@ -123,17 +134,29 @@ pub fn contact_prior<'a>(
     })
 }
 
-/// Scales the torque limits of joints that did not reach them by the change of their stiffness, because both are proportional
-/// to the same motor's torque.
-pub fn follow_stiffness(
-    before: &PhysicalParams,
-    saturates: impl Fn(usize) -> bool,
-    params: &mut PhysicalParams,
-) {
-    for joint in (0..RAIL).filter(|joint| !saturates(*joint)) {
+/// Scales damping and torque limit of the finger joints by the change of their stiffness: all three are duties of Étude's joint loop
+/// times the torque at full duty.
+pub fn follow_stiffness(before: &PhysicalParams, params: &mut PhysicalParams) {
+    for joint in 0..RAIL {
         let share = params.joint(JointRow::Stiffness, joint) / before.joint(JointRow::Stiffness, joint);
-        params.set_joint(JointRow::TorqueLimit, joint, before.joint(JointRow::TorqueLimit, joint) * share);
+        for row in [JointRow::Damping, JointRow::TorqueLimit] {
+            params.set_joint(row, joint, before.joint(row, joint) * share);
+        }
     }
+}
+
+/// The parameters in which a fit to this rig begins: its shaping, and the gains of its joint loop for a motor of 1 N·m at full duty.
+pub fn start(rig: &RigConfig) -> PhysicalParams {
+    let mut params = shaping_params(&rig.limits);
+    for joint in 0..RAIL {
+        let JointLoopConfig { kp, kd, .. } = &rig.joint_loop;
+        let rows = [(JointRow::Stiffness, kp), (JointRow::Damping, kd)];
+        for (row, gains) in rows {
+            params.set_joint(row, joint, gains[joint % FINGER_JOINTS] / f64::from(FULL_SCALE_PWM));
+        }
+        params.set_joint(JointRow::Viscosity, joint, VISCOSITY);
+    }
+    params
 }
 
 #[cfg(test)]
@@ -144,8 +167,7 @@ mod tests {
     #[test]
     fn every_parameter_is_a_row_with_bounds_around_its_value() {
         let before = PhysicalParams::default();
-        let mut all: Vec<Parameter> =
-            (0..=RAIL).flat_map(|joint| joint_parameters(joint, true, &before)).collect();
+        let mut all: Vec<Parameter> = (0..=RAIL).flat_map(|joint| joint_parameters(joint, &before)).collect();
         all.extend(contact_parameters(&before));
         let space = Space::new(all).unwrap();
         assert_eq!(space.len(), 12 * FINGER.len() + RAIL_ROWS.len() + CONTACT.len() + 3);

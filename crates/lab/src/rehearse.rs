@@ -26,7 +26,7 @@ use crate::errors::{Interrupted, unusable};
 use crate::excitations::{excitation_file, record_excitations, stopped_itself};
 use crate::folder::make_folder;
 use crate::identify::{Identification, IdentifyMethod, IdentifyReport, identify_robot};
-use crate::pianist::load_pianist;
+use crate::pianist::{Pianist, load_pianist};
 use crate::robot::{MeanNotes, RobotPlay, RobotReport, RunEnded, lead_against, play_on_robot};
 use crate::run::{Run, TrainingProgress};
 
@@ -77,7 +77,7 @@ pub struct Round {
     /// Notes on the robot.
     #[serde(flatten)]
     pub notes: MeanNotes,
-    /// The lead of the plan, s. Each round leads by what the round before was late.
+    /// The lead of the plan, s. Each round first plays once to measure how late its notes are, and leads by that.
     #[serde(default)]
     pub lead_secs: f64,
     /// How late the notes were on the robot, s.
@@ -116,12 +116,19 @@ pub enum RehearsalStep {
     Identifying(usize, Progress),
     /// The training of a round has advanced.
     Training(usize, TrainingProgress),
+    /// How late the notes of a round are was measured: the plan leads by this much now, s.
+    Led {
+        /// The round.
+        round: usize,
+        /// The lead of the plan, s.
+        lead_secs: f64,
+    },
     /// A run was played.
     Performed {
         /// The round.
         round: usize,
-        /// The run, from 0.
-        run: usize,
+        /// The run, from 0; none of the one that measures how late the notes are.
+        run: Option<usize>,
         /// Its notes.
         notes: NoteCounts,
         /// Its F1 by control step.
@@ -214,12 +221,11 @@ impl Rehearsal<'_> {
             physics = report.identified.physics;
             layer = Some(report.file);
         }
-        let lead_secs = before.and_then(|before| self.better_lead_secs(before));
         let policy = match (&self.config.policy, before) {
             (Some(policy), None) => policy.clone(),
-            _ => self.train(round, layer.as_deref(), before, lead_secs, job)?,
+            _ => self.train(round, layer.as_deref(), before, job)?,
         };
-        let report = self.play(round, &policy, lead_secs, &folder.join("performance"), job)?;
+        let report = self.play(round, &policy, &folder.join("performance"), job)?;
         let recordings = report.runs.into_iter().filter_map(|run| run.files).map(|files| files.recording);
         let done = Round {
             round,
@@ -286,26 +292,17 @@ impl Rehearsal<'_> {
         )
     }
 
-    /// The lead with which the robot will be on time, from the lag of the round before; none if the settings name one.
-    fn better_lead_secs(&self, before: &Round) -> Option<f64> {
-        let is_set = self.config.overrides.iter().any(|set| set.trim_start().starts_with(LEAD));
-        let late = before.lag_secs.filter(|_| !is_set)?;
-        Some(lead_against(before.lead_secs, late))
-    }
-
     /// Trains in the simulator of `layer`, from what the round before has learned; resumes a training that was interrupted.
     fn train(
         &self,
         round: usize,
         layer: Option<&Path>,
         before: Option<&Round>,
-        lead_secs: Option<f64>,
         job: &mut Job<'_, RehearsalStep>,
     ) -> anyhow::Result<PathBuf> {
         let folder = self.round_folder(round).join("training");
         let mut config = resolve(&self.config.preset, layer, &self.config.overrides)?;
         config.trainer.threads = self.config.threads.unwrap_or(config.trainer.threads);
-        config.task.plan.lead_secs = lead_secs.unwrap_or(config.task.plan.lead_secs);
         let source = before.map(|before| before.policy.as_path());
         let command = format!("etude rehearse, round {round}");
         let mut run = Run::start_or_resume(self.song.clone(), config, &folder, &command, source)?;
@@ -316,33 +313,45 @@ impl Rehearsal<'_> {
         Ok(folder)
     }
 
-    /// Plays the song on the robot.
+    /// Plays the song on the robot: once to measure how late its notes are, unless the settings name a lead, and then the runs of the round.
     fn play(
         &self,
         round: usize,
         policy: &Path,
-        lead_secs: Option<f64>,
         folder: &Path,
         job: &mut Job<'_, RehearsalStep>,
     ) -> anyhow::Result<RobotReport> {
         let mut pianist = load_pianist(&self.config.song, "", Some(policy))?;
-        let plan = &mut pianist.config.task.plan;
-        plan.lead_secs = lead_secs.unwrap_or(plan.lead_secs);
-        let play = RobotPlay {
-            mode: self.config.mode,
-            runs: self.config.runs,
-            home: true,
-            seed: self.config.seed.wrapping_add(1000 * round as u64),
-        };
+        let runs = self.config.runs;
+        let is_set = self.config.overrides.iter().any(|set| set.trim_start().starts_with(LEAD));
+        if !is_set {
+            let measured = self.play_runs(round, 1, &pianist, None, job)?;
+            let lead_secs = lead_against(measured.lead_secs, measured.lag_secs.unwrap_or(0.0));
+            pianist.config.task.plan.lead_secs = lead_secs;
+            job.tell(&RehearsalStep::Led { round, lead_secs });
+        }
+        self.play_runs(round, runs, &pianist, Some(folder), job)
+    }
+
+    /// Plays the song a number of times, and keeps the runs if there is a `folder` for them.
+    fn play_runs(
+        &self,
+        round: usize,
+        runs: usize,
+        pianist: &Pianist,
+        folder: Option<&Path>,
+        job: &mut Job<'_, RehearsalStep>,
+    ) -> anyhow::Result<RobotReport> {
+        let seed = self.config.seed.wrapping_add(1000 * round as u64);
+        let play = RobotPlay { mode: self.config.mode, runs, home: true, seed };
         let performed = |ended: &RunEnded| RehearsalStep::Performed {
             round,
-            run: ended.index,
+            run: folder.map(|_| ended.index),
             notes: NoteCounts::from(&ended.run.scores.note),
             f1: ended.run.scores.frame.f1,
         };
-        let report = job.part(performed, |job| {
-            play_on_robot(self.song, &pianist, self.rig, &play, Some(folder), None, job)
-        });
+        let report =
+            job.part(performed, |job| play_on_robot(self.song, pianist, self.rig, &play, folder, None, job));
         if job.is_interrupted() && report.as_ref().err().is_none_or(Interrupted::is_cause_of) {
             return Err(Interrupted::resumable().into());
         }

@@ -120,6 +120,11 @@ impl PlanConfig {
         warnings
     }
 
+    /// Whole frames by which a player who leads is heard later than the frames of the [plan](Self::plan) have it.
+    pub fn late_frames(&self) -> usize {
+        (self.lead_secs * CONTROL_HZ + ON_BORDER_FRAMES) as usize
+    }
+
     /// Checks the numbers.
     ///
     /// # Errors
@@ -226,6 +231,12 @@ mod tests {
         let due: Vec<String> = plan.frames.iter().map(KeySet::to_string).collect();
         assert_eq!(due, ["", "60", "62", "62", "62", "62", "62", "64", ""]);
         assert_eq!(plan.song, song(&notes));
+    }
+
+    #[test]
+    fn a_lead_of_a_frame_is_heard_a_frame_later_than_it_is_planned() {
+        let late = |lead_secs: f64| PlanConfig { lead_secs, ..ARTICULATED }.late_frames();
+        assert_eq!([0.0, 0.025, 0.0499, 0.05, 0.0999, 0.115, 0.15, 0.25].map(late), [0, 0, 0, 1, 1, 2, 3, 5]);
     }
 
     #[test]

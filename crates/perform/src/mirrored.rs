@@ -60,7 +60,7 @@ impl Rig for Mirrored<'_> {
             Keys::Simulated => self.world.pressed(),
             Keys::Robot => self.robot.seen().keys,
         };
-        Seen { joints: self.world.joints(), keys }
+        Seen { joints: self.world.joints(), set_points: self.world.set_points(), keys }
     }
 
     fn step(

@@ -50,12 +50,14 @@ fn play(
     let range = TargetRange::new(&piece);
     let mut observation = vec![0.0; layout(task).len()];
     let mut action = [0.0; ACTION_LEN];
-    let mut history = History::at_rest(rig.seen().joints, &range, 0);
+    let Seen { joints, set_points, .. } = rig.seen();
+    let mut history = History::at_rest(task.observed(joints, set_points), &range, 0);
     for step in 0..piece.steps() {
         if interrupt.load(Ordering::Relaxed) {
             return Ok(Ending::Interrupted);
         }
-        let Seen { joints, keys } = rig.seen();
+        let Seen { joints, set_points, keys } = rig.seen();
+        let joints = task.observed(joints, set_points);
         observe(task, &joints, &history, keys, &piece, step, &mut observation);
         rig.run_while(&mut || player.act(step, &observation, &mut action));
         history.push(joints, &action);

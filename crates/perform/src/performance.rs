@@ -124,10 +124,16 @@ impl Performance {
         notes_from_key_events(&self.events, self.secs())
     }
 
+    /// Keys that should be heard in each control step. A robot lags and the plan leads, so that on time is later than the plan by its
+    /// lead; a simulation has keys down as early as the plan does.
+    pub fn due(&self) -> Vec<KeySet> {
+        if self.robot.is_some() { self.piece.heard_frames() } else { self.piece.frames().to_vec() }
+    }
+
     /// Every score. Control steps after an early end count as silence; onsets are read at the times of the key events.
     pub fn scores(&self) -> Scores {
         Scores {
-            frame: frame_scores(self.piece.frames(), &self.every_step()),
+            frame: frame_scores(&self.due(), &self.every_step()),
             note: note_scores(self.piece.notes(), &self.notes()),
         }
     }
@@ -151,10 +157,32 @@ pub fn gap(sim_f1: f64, robot_f1: f64) -> f64 {
 
 #[cfg(test)]
 mod tests {
+    use super::*;
+    use etude_music::{PlanConfig, repertoire};
+    use etude_task::TaskConfig;
+
+    /// Who plays all keys two steps after the plan, which leads by 0.11 s, is on time: as a robot, and not in a simulation.
+    #[test]
+    fn a_robot_is_scored_on_the_songs_own_time() {
+        let task = TaskConfig {
+            plan: PlanConfig { lead_secs: 0.11, ..PlanConfig::default() },
+            ..TaskConfig::default()
+        };
+        let piece = Piece::for_task(&repertoire::get("twinkle").expect("built in"), &task).unwrap();
+        let mut played = Performance::new(&piece);
+        for step in 0..piece.steps() {
+            let pressed = step.checked_sub(2).map_or(KeySet::EMPTY, |step| piece.due(step));
+            played.push(Stepped { pressed, alongside: None });
+        }
+        assert!(played.scores().frame.f1 < 0.9);
+        played.robot = Some(Executed::default());
+        assert_eq!(played.scores().frame.f1, 1.0);
+    }
+
     #[test]
     fn the_gap_is_the_papers() {
-        assert!((super::gap(0.946, 0.881) - 0.0687).abs() < 1e-4);
-        assert!((super::gap(0.946, 0.840) - 0.112).abs() < 1e-3);
-        assert_eq!(super::gap(0.0, 0.5), 0.0);
+        assert!((gap(0.946, 0.881) - 0.0687).abs() < 1e-4);
+        assert!((gap(0.946, 0.840) - 0.112).abs() < 1e-3);
+        assert_eq!(gap(0.0, 0.5), 0.0);
     }
 }

@@ -14,6 +14,8 @@ use crate::{PerformError, Recorder};
 pub struct Seen {
     /// Joints as the encoders read them: rad, the rail in m.
     pub joints: [f64; JOINTS],
+    /// Set-points of the joints: rad, the rail in m.
+    pub set_points: [f64; JOINTS],
     /// Keys that sound.
     pub keys: KeySet,
 }

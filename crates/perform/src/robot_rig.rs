@@ -148,7 +148,7 @@ impl Rig for RobotRig<'_> {
     }
 
     fn seen(&self) -> Seen {
-        Seen { joints: self.robot.joints(), keys: keys(self.robot) }
+        Seen { joints: self.robot.joints(), set_points: self.robot.sent(), keys: keys(self.robot) }
     }
 
     fn step(

@@ -92,7 +92,8 @@ impl Rig for SimRig {
     }
 
     fn seen(&self) -> Seen {
-        Seen { joints: self.world().joints(), keys: self.world().pressed() }
+        let world = self.world();
+        Seen { joints: world.joints(), set_points: world.set_points(), keys: world.pressed() }
     }
 
     fn step(

@@ -131,6 +131,11 @@ impl Controller {
         self.acceleration = 0.0;
     }
 
+    /// The set-point now, before the delay.
+    pub(crate) fn set_point(&self) -> f64 {
+        self.queue[self.head]
+    }
+
     /// Whether a deserialised controller is consistent.
     pub(crate) fn is_sound(&self) -> bool {
         self.queue.len() == QUEUE && self.head < QUEUE

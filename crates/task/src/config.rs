@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use etude_music::PlanConfig;
-use etude_stage::{ParamError, PhysicalParams, StageConfig};
+use etude_stage::{JOINTS, ParamError, PhysicalParams, RAIL, StageConfig};
 use serde::{Deserialize, Serialize};
 
 use crate::error::TaskError;
@@ -76,6 +76,11 @@ pub struct TaskConfig {
     /// What the observation's keys and rail are relative to. Configurations of runs from before there was a choice have no such key.
     #[serde(skip_serializing_if = "ObservationView::is_keyboard")]
     pub view: ObservationView,
+    /// Whether the observation has the rail's set-point instead of its measured place. A policy that reads the measured place swings
+    /// about its goal if the arm lags more than in its training. The paper's reads it. Configurations of runs from before there was a
+    /// choice have no such key.
+    #[serde(skip_serializing_if = "std::ops::Not::not")]
+    pub rail_set_point: bool,
     /// Scale of the joint readings in the observation.
     pub scale: ObservationScale,
     /// Whether training episodes start anywhere in the song. Evaluations always play the whole song.
@@ -98,6 +103,7 @@ impl Default for TaskConfig {
             finger_range: 0.0,
             velocities: false,
             view: ObservationView::default(),
+            rail_set_point: false,
             scale: ObservationScale::default(),
             random_start: false,
         }
@@ -111,6 +117,15 @@ impl TaskConfig {
     /// If a path is unknown or a value out of its range.
     pub fn params(&self) -> Result<PhysicalParams, ParamError> {
         PhysicalParams::default().with(&self.physics)
+    }
+
+    /// The places of the joints to observe, of joints that are `measured` and have these set-points.
+    pub fn observed(&self, measured: [f64; JOINTS], set_points: [f64; JOINTS]) -> [f64; JOINTS] {
+        let mut places = measured;
+        if self.rail_set_point {
+            places[RAIL] = set_points[RAIL];
+        }
+        places
     }
 
     /// The same task without anything random: from the beginning of the song, in the nominal world.

@@ -179,6 +179,11 @@ impl Environment {
         self.history = History::at_rest(self.world.joints(), &self.range, self.step);
     }
 
+    /// The places of the joints that the observation has.
+    fn joints(&self) -> [f64; JOINTS] {
+        self.config.observed(self.world.joints(), self.world.set_points())
+    }
+
     /// Of the next frame in which keys are due, the lowest white key, or the lowest key if all are black.
     fn next_due_key(&self) -> Option<usize> {
         let due = self.piece.frames()[self.step..].iter().find(|due| !due.is_empty())?;
@@ -189,7 +194,7 @@ impl Environment {
     /// of [`Reward::names`].
     pub fn step(&mut self, action: &[f32; ACTION_LEN], parts: &mut [f32]) -> Step {
         let due = self.piece.due(self.step);
-        let joints = self.world.joints();
+        let joints = self.joints();
         let pressed_before = self.world.pressed();
         let targets = self.range.targets(action, self.step);
         let outcome = self.world.step(&targets);
@@ -215,7 +220,7 @@ impl Environment {
 
     /// Writes the current observation, of the length of [`layout`](crate::layout).
     pub fn observe(&self, out: &mut [f32]) {
-        let joints = self.world.joints();
+        let joints = self.joints();
         let pressed = self.world.pressed();
         observe(&self.config, &joints, &self.history, pressed, &self.piece, self.step, out);
     }

@@ -13,6 +13,8 @@ pub struct Piece {
     due: Arc<[KeySet]>,
     notes: Arc<[Note]>,
     bars: Arc<[f64]>,
+    /// See [`PlanConfig::late_frames`].
+    late_steps: usize,
     fingering: Option<Arc<Fingering>>,
 }
 
@@ -32,6 +34,7 @@ impl Piece {
             due: plan.frames.into(),
             notes: song.notes().into(),
             bars: song.beats().bar_lines(song.duration_secs()).into(),
+            late_steps: 0,
             fingering: None,
         }
     }
@@ -39,7 +42,8 @@ impl Piece {
     /// `steps` control steps in which no key is due, for motions without a song.
     pub fn silent(steps: usize) -> Self {
         let (notes, bars) = ([].into(), [].into());
-        Self { title: String::new(), due: vec![KeySet::EMPTY; steps].into(), notes, bars, fingering: None }
+        let due = vec![KeySet::EMPTY; steps].into();
+        Self { title: String::new(), due, notes, bars, late_steps: 0, fingering: None }
     }
 
     /// The song as `config` plays it: its plan, after its initial silence and, if it asks for one, with a fingering for its world.
@@ -60,6 +64,7 @@ impl Piece {
         tell: &mut dyn FnMut(f64),
     ) -> Result<Self, TaskError> {
         let mut piece = Self::of(config.plan.plan(song, config.initial_silence_secs)?);
+        piece.late_steps = config.plan.late_frames();
         if config.fingering {
             let (stage, params) = (&config.stage, &config.params()?);
             let mut fingering = Fingering::plan_telling(stage, params, &piece, tell);
@@ -113,6 +118,13 @@ impl Piece {
     /// Keys due at every control step.
     pub fn frames(&self) -> &[KeySet] {
         &self.due
+    }
+
+    /// Keys that should be heard in every control step from a robot that the plan leads: those of [`frames`](Self::frames), later by the
+    /// whole control steps of the lead.
+    pub fn heard_frames(&self) -> Vec<KeySet> {
+        let silence = std::iter::repeat_n(KeySet::EMPTY, self.late_steps);
+        silence.chain(self.due.iter().copied()).take(self.due.len()).collect()
     }
 
     /// Times of the bar lines, with the initial silence, s.

@@ -149,9 +149,16 @@ fn show(status: &mut Status, step: &RehearsalStep, config: &RehearsalConfig) {
             );
         }
         RehearsalStep::Performed { round, run, notes, f1 } => {
-            let played = run + 1;
-            let state = format!(", {played} of {} runs played, {notes}, F1 {f1:.3}", config.runs);
+            let played = run.map_or(0, |run| run + 1);
+            let what = match run {
+                Some(_) => format!("{played} of {} runs played", config.runs),
+                None => "once to measure how late the notes are".to_string(),
+            };
+            let state = format!(", {what}, {notes}, F1 {f1:.3}");
             status.part(&part(*round, "playing"), &state, played as f64 / config.runs as f64);
+        }
+        RehearsalStep::Led { round, lead_secs } => {
+            status.done(&format!("round {round}: the plan leads by {:.0} ms", lead_secs * 1e3));
         }
         RehearsalStep::Round(round) => status.done(&format!(
             "round {}: {} on the robot; F1 {:.3} in simulation, {:.3} on the robot: a gap of {:.1} %",

@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 
 use super::error::IdentifyError;
 use super::pass::{ESTIMATE_STEP, Pass, PassEnd};
-use super::scene::{Scene, set};
+use super::scene::Scene;
 use super::state::State;
 use crate::estimate::Estimate;
 use crate::group::Group;
@@ -68,7 +68,7 @@ fn judge_stage(
         let mut params = params.clone();
         for (_, problem, _, candidates) in &problems {
             if let Some(Candidate { values, .. }) = candidates.get(index) {
-                set(&mut params, problem, values);
+                scene.set(&mut params, problem, values);
             }
         }
         params

@@ -8,7 +8,7 @@ use etude_stage::PhysicalParams;
 
 use super::error::IdentifyError;
 use super::pass::{Pass, PassEnd};
-use super::scene::{Scene, saturates, set};
+use super::scene::Scene;
 use super::starts::{cross_the_kinks, find_delays};
 use super::state::State;
 use crate::fit::Fit;
@@ -16,7 +16,6 @@ use crate::group::Group;
 use crate::method::Candidate;
 use crate::motion::Motion;
 use crate::problem::Evaluation;
-use crate::rows::follow_stiffness;
 
 /// Progress of a pass.
 #[derive(Clone, Debug)]
@@ -63,7 +62,8 @@ pub(super) fn run(
         if batch == 0 {
             break;
         }
-        let worlds: Vec<PhysicalParams> = (0..batch).map(|index| world_of(state, &asked, index)).collect();
+        let worlds: Vec<PhysicalParams> =
+            (0..batch).map(|index| world_of(scene, state, &asked, index)).collect();
         let traces = scene.replay(&worlds, &motions, pass == Pass::Contact, job.interrupt())?;
         for ((group, fit), candidates) in state.fits.iter_mut().zip(&asked) {
             if !candidates.is_empty() {
@@ -86,7 +86,7 @@ pub(super) fn run(
         job.tell(&Progress { pass, number, secs, replays, rms, ended });
         state.save(file)?;
     }
-    end(scene, state, pass, &motions);
+    end(scene, state, pass);
     state.save(file)
 }
 
@@ -118,19 +118,19 @@ fn fits(
 }
 
 /// The parameters with candidate `index` of each fit, or its best so far if it has fewer candidates.
-fn world_of(state: &State, asked: &[Vec<Candidate>], index: usize) -> PhysicalParams {
+fn world_of(scene: &Scene<'_>, state: &State, asked: &[Vec<Candidate>], index: usize) -> PhysicalParams {
     let mut params = state.params.clone();
     for ((_, fit), candidates) in state.fits.iter().zip(asked) {
         let values = candidates.get(index).map(|candidate| &candidate.values);
         if let Some(values) = values.or_else(|| fit.best().map(|best| &best.values)) {
-            set(&mut params, fit.problem(), values);
+            scene.set(&mut params, fit.problem(), values);
         }
     }
     params
 }
 
 /// Takes the best candidates of a pass over into the parameters.
-fn end(scene: &Scene<'_>, state: &mut State, pass: Pass, motions: &[Motion]) {
+fn end(scene: &Scene<'_>, state: &mut State, pass: Pass) {
     let mut fits = std::mem::take(&mut state.fits);
     let samples = fits.iter().map(|(_, fit)| fit.problem().samples()).sum();
     let mut begin_rms = state.rms;
@@ -147,11 +147,8 @@ fn end(scene: &Scene<'_>, state: &mut State, pass: Pass, motions: &[Motion]) {
     for (group, fit) in &fits {
         if let Some(best) = fit.best() {
             state.costs.insert(group.name.clone(), best.cost);
-            set(&mut state.params, fit.problem(), &best.values);
+            scene.set(&mut state.params, fit.problem(), &best.values);
         }
-    }
-    if pass != Pass::Contact {
-        follow_stiffness(&scene.before, |joint| saturates(motions, joint), &mut state.params);
     }
     let rms = [begin_rms, root_mean_square(state.costs.values().sum(), samples)];
     state.ended.push(PassEnd { pass, replays: state.replays, secs: state.secs, rms });

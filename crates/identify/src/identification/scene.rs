@@ -2,7 +2,6 @@
 
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use etude_perform::shaping_params;
 use etude_stage::{PhysicalParams, StageConfig};
 use rayon::prelude::*;
 
@@ -13,7 +12,7 @@ use crate::group::Group;
 use crate::motion::Motion;
 use crate::problem::Problem;
 use crate::replay::{Replayer, Trace};
-use crate::rows::{contact_parameters, joint_parameters};
+use crate::rows::{contact_parameters, follow_stiffness, joint_parameters, start};
 use crate::space::Parameter;
 
 /// Motions of one rig and the simulation that replays them.
@@ -31,7 +30,7 @@ impl<'a> Scene<'a> {
     pub fn new(motions: &'a [Motion], config: &IdentifyConfig) -> Result<Self, IdentifyError> {
         let first = motions.first().ok_or(IdentifyError::Nothing)?;
         let world = StageConfig { side: first.side(), ..StageConfig::default() };
-        let before = shaping_params(&first.rig.limits).with(&config.start)?;
+        let before = start(&first.rig).with(&config.start)?;
         Ok(Self { motions, world, before })
     }
 
@@ -48,11 +47,19 @@ impl<'a> Scene<'a> {
         let of_joint = |&joint: &usize| {
             let influenced: Vec<String> = group.influenced(joint, motions).collect();
             // A joint of a finger that never moves has no parameter to estimate.
-            let parameters = (!influenced.is_empty())
-                .then(|| joint_parameters(joint, saturates(motions, joint), &self.before));
+            let parameters = (!influenced.is_empty()).then(|| joint_parameters(joint, &self.before));
             parameters.into_iter().flatten().map(move |parameter| parameter.influencing(influenced.clone()))
         };
         group.joints.iter().flat_map(of_joint).collect()
+    }
+
+    /// Sets the parameters of a problem to these values, and those that follow from them.
+    pub fn set(&self, params: &mut PhysicalParams, problem: &Problem, values: &[f64]) {
+        for (parameter, value) in problem.space().parameters().iter().zip(values) {
+            // The path is one of the rows and the value within its bounds.
+            let _ = params.set(&parameter.path, *value);
+        }
+        follow_stiffness(&self.before, params);
     }
 
     /// Replays every motion in a simulation with each set of parameters. `keys` records the travel of the keys too.
@@ -79,18 +86,5 @@ impl<'a> Scene<'a> {
             .collect::<Result<_, _>>()?;
         let mut traces = traces.into_iter();
         Ok(worlds.iter().map(|_| traces.by_ref().take(motions.len()).collect()).collect())
-    }
-}
-
-/// Whether the motions identify the limit of a joint's drive.
-pub(super) fn saturates(motions: &[Motion], joint: usize) -> bool {
-    motions.iter().any(|motion| motion.saturates[joint])
-}
-
-/// Sets the parameters of a problem to these values.
-pub(super) fn set(params: &mut PhysicalParams, problem: &Problem, values: &[f64]) {
-    for (parameter, value) in problem.space().parameters().iter().zip(values) {
-        // The path is one of the rows and the value within its bounds.
-        let _ = params.set(&parameter.path, *value);
     }
 }

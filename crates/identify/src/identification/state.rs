@@ -13,6 +13,7 @@ use crate::config::MethodConfig;
 use crate::fit::Fit;
 use crate::group::Group;
 use crate::motion::Motion;
+use crate::rows::joint_parameters;
 
 /// How to identify.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -31,6 +32,9 @@ pub(super) struct State {
     pub config: IdentifyConfig,
     /// Path, length and start of each recording, to recognise them.
     motions: Vec<(String, usize, [f64; JOINTS])>,
+    /// Paths of what is estimated, to recognise the state of a build that estimated something else.
+    #[serde(default)]
+    rows: Vec<String>,
     pub params: PhysicalParams,
     pub ended: Vec<PassEnd>,
     /// Whether all passes have ended.
@@ -55,9 +59,11 @@ impl State {
     ) -> Result<Self, IdentifyError> {
         let mark =
             |motion: &Motion| (motion.path.display().to_string(), motion.commands.steps(), motion.start);
+        let rows = (0..JOINTS).flat_map(|joint| joint_parameters(joint, before));
         let fresh = Self {
             config: config.clone(),
             motions: motions.iter().map(mark).collect(),
+            rows: rows.map(|parameter| parameter.path).collect(),
             params: before.clone(),
             ended: Vec::new(),
             done: false,
@@ -76,9 +82,11 @@ impl State {
         };
         let saved: Self = serde_json::from_slice(&bytes)
             .map_err(|error| fail(format!("{} is damaged: {error}", file.display())))?;
-        let is_same = saved.config == fresh.config && saved.motions == fresh.motions;
+        let is_same =
+            saved.config == fresh.config && saved.motions == fresh.motions && saved.rows == fresh.rows;
         if !is_same && !saved.done {
-            let what = "is of an unfinished identification with other recordings or settings";
+            let what =
+                "is of an unfinished identification with other recordings or settings, or of another build";
             return Err(fail(format!("{} {what}", file.display())));
         }
         Ok(if is_same { saved } else { fresh })

@@ -16,7 +16,7 @@ pub(super) struct Advice {
 /// Advice for combined parameters comes before that for single ones.
 const ADVICE: &[Advice] = &[
     Advice {
-        rows: &["stiffness", "damping", "friction", "armature"],
+        rows: &["stiffness", "viscosity", "friction", "armature"],
         least: 3,
         why: "together they are one scale of torque: multiplied by the same factor they move the joint in \
               the same way while its drive is below its limit",
@@ -43,13 +43,6 @@ const ADVICE: &[Advice] = &[
         least: 2,
         why: "a softer key and a lower threshold make the key sound at the same time",
         motion: "strike keys slowly and fast, and hold some halfway; or weigh a key down to where it sounds",
-    },
-    Advice {
-        rows: &["torque_limit"],
-        least: 1,
-        why: "the drive was hardly ever at its limit",
-        motion: "motion that saturates the drive for a few per cent of the time: large fast steps, or a push \
-                 against something that does not move",
     },
     Advice {
         rows: &["jerk_limit"],
@@ -82,7 +75,7 @@ const ADVICE: &[Advice] = &[
         motion: "slow swings of all sizes: many turning points, and stretches below 0.1 rad/s (0.01 m/s)",
     },
     Advice {
-        rows: &["damping"],
+        rows: &["damping", "viscosity"],
         least: 1,
         why: "the joint neither rang after a step nor swung near its resonance",
         motion: "steps with a second of rest after each, and sweeps through the resonance",
@@ -162,7 +155,8 @@ mod tests {
 
     #[test]
     fn rows_that_act_together_are_taken_together() {
-        let scale = ["stiffness", "damping", "armature", "friction"].map(|row| format!("joint.ring_0.{row}"));
+        let scale =
+            ["stiffness", "viscosity", "armature", "friction"].map(|row| format!("joint.ring_0.{row}"));
         let found = advice(scale.iter().map(String::as_str));
         assert_eq!(found.len(), 1);
         assert!(found[0].why.contains("scale of torque"));
@@ -171,7 +165,6 @@ mod tests {
         assert!(
             advice(["joint.index_1.jerk_limit"].into_iter())[0].motion.contains("larger and faster steps")
         );
-        assert!(advice(["joint.index_1.torque_limit"].into_iter())[0].motion.contains("saturates"));
         assert!(advice(["no.such.row"].into_iter()).is_empty());
     }
 

@@ -74,7 +74,7 @@ fn why(path: &str, estimated: &BTreeSet<&str>) -> &'static str {
     };
     match super::advice::row_of(path) {
         "velocity_limit" | "acceleration_limit" => LIMITED,
-        "viscosity" => "it has the same effect as the damping while the drive is below its limit",
+        "viscosity" if joint == RAIL => "it has the same effect as the damping",
         "encoder_bias" if joint == RAIL || joint % etude_stage::hand::FINGER_JOINTS == 0 => {
             "it has the same effect as keyboard.lateral"
         }
@@ -85,7 +85,7 @@ fn why(path: &str, estimated: &BTreeSet<&str>) -> &'static str {
         _ if !estimated.contains(format!("joint.{}.stiffness", JOINT_NAMES[joint]).as_str()) => {
             "the joint does not move in any recording that was fitted without touching keys"
         }
-        "torque_limit" => "its drive was hardly ever at its limit; it is scaled with the stiffness",
+        "damping" | "torque_limit" => "it is scaled with the stiffness: both belong to one motor",
         _ => "no fit estimates it",
     }
 }
@@ -98,11 +98,9 @@ mod tests {
     #[test]
     fn every_row_is_estimated_or_held_for_a_reason() {
         let before = PhysicalParams::default();
-        for (saturates, touches, moving) in
-            [(true, true, 0..=RAIL), (false, false, 0..=RAIL), (false, true, 4..=7), (false, true, 0..=0)]
-        {
+        for (touches, moving) in [(true, 0..=RAIL), (false, 0..=RAIL), (true, 4..=7), (true, 0..=0)] {
             let mut paths: Vec<String> = moving
-                .flat_map(|joint| joint_parameters(joint, saturates, &before))
+                .flat_map(|joint| joint_parameters(joint, &before))
                 .map(|parameter| parameter.path)
                 .collect();
             if touches {

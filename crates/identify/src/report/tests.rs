@@ -46,7 +46,6 @@ fn motion(path: &str, truth: &PhysicalParams) -> Motion {
         rail: Vec::new(),
         noise: [1e-4; JOINTS],
         moves: [true; JOINTS],
-        saturates: [false; JOINTS],
         keys: Vec::new(),
     };
     let trace = replay_one(truth, &motion);

@@ -81,7 +81,6 @@ fn recorded(
         rail: Vec::new(),
         noise,
         moves: std::array::from_fn(|joint| joints.contains(&joint)),
-        saturates: [false; JOINTS],
         keys: Vec::new(),
     };
     let mut replayer = Replayer::new(&StageConfig::default())?;
@@ -106,7 +105,8 @@ const FINGER_JERK: f64 = 60_000.0;
 /// A robot whose parameters differ from the start of a fit.
 pub fn truth(joints: &[usize], seed: u64) -> PhysicalParams {
     let mut random = Pcg64::seed_from_u64(seed);
-    let mut params = shaping_params(&RigConfig::default().limits);
+    let start = shaping_params(&RigConfig::default().limits);
+    let mut params = start.clone();
     for &joint in joints {
         if joint != RAIL {
             // The default is the acceleration limit within one physics step, which no recording can show.
@@ -117,15 +117,25 @@ pub fn truth(joints: &[usize], seed: u64) -> PhysicalParams {
             params.set_joint(quantity, joint, params.joint(quantity, joint) * factor);
         };
         scale(JointRow::Stiffness, 1.3);
-        scale(JointRow::Damping, 1.3);
+        if joint == RAIL {
+            scale(JointRow::Damping, 1.3);
+        }
         scale(JointRow::LowPass, 1.5);
         scale(JointRow::JerkLimit, 1.3);
         if joint != RAIL {
             scale(JointRow::Armature, 1.3);
+            // One scale of torque for all that the joint loop commands.
+            let torque = params.joint(JointRow::Stiffness, joint) / start.joint(JointRow::Stiffness, joint);
+            for row in [JointRow::Damping, JointRow::TorqueLimit] {
+                params.set_joint(row, joint, torque * start.joint(row, joint));
+            }
         }
         let friction =
             if joint == RAIL { random.random_range(1.0..5.0) } else { random.random_range(0.004..0.02) };
         params.set_joint(JointRow::Friction, joint, friction);
+        if joint != RAIL {
+            params.set_joint(JointRow::Viscosity, joint, random.random_range(0.02..0.1));
+        }
         params.set_joint(JointRow::Delay, joint, random.random_range(0.002..0.018));
     }
     params

@@ -5,7 +5,7 @@ use std::sync::atomic::AtomicBool;
 
 use etude_music::{KEYS, LOWEST_PITCH, repertoire};
 use etude_perform::{Header, Mode, Recording, RecordingWriter};
-use etude_stage::JOINTS;
+use etude_stage::{JOINTS, RAIL};
 use etude_task::{ACTION_LEN, ObservationScale, Piece, ScriptedPlayer, TaskConfig};
 use etude_twin::Truth;
 
@@ -28,11 +28,20 @@ impl Seen {
     }
 }
 
-/// The observations of a performance in `mode`, and what the simulation and the robot measured after each control step; the
-/// piece and who played it.
-fn observed(mode: Mode, folder: &Path) -> (Vec<Vec<f32>>, Vec<Seen>, Vec<Seen>, Piece, ScriptedPlayer) {
+/// The observations of a performance in `mode`; where the robot was sent in each control step, with the keys of the simulation that sent
+/// it there, if one did; what the robot measured after each; the piece and who played it.
+fn observed(
+    mode: Mode,
+    rail_set_point: bool,
+    folder: &Path,
+) -> (Vec<Vec<f32>>, Vec<Seen>, Vec<Seen>, Piece, ScriptedPlayer) {
     // The units of the paper: the columns are then the readings themselves.
-    let task = TaskConfig { scale: ObservationScale::Si, previous_actions: ACTIONS, ..TaskConfig::default() };
+    let task = TaskConfig {
+        scale: ObservationScale::Si,
+        previous_actions: ACTIONS,
+        rail_set_point,
+        ..TaskConfig::default()
+    };
     let song = repertoire::get("twinkle").expect("built in");
     let piece = Piece::new(&song, task.initial_silence_secs).unwrap();
     // A truth whose joints and keys differ from the simulation's.
@@ -53,11 +62,10 @@ fn observed(mode: Mode, folder: &Path) -> (Vec<Vec<f32>>, Vec<Seen>, Vec<Seen>, 
     let recording = Recording::read(&file).unwrap();
     let robot = recording.steps.iter().map(|step| Seen::new(&step.positions, step.pressed.iter().copied()));
     // The robot is sent where the simulation's joints are: the last way-point is their position at the end of the step.
-    let simulated = recording
-        .steps
-        .iter()
-        .zip(&played.alongside)
-        .map(|(step, keys)| Seen::new(&step.targets, keys.pitches()));
+    let simulated = recording.steps.iter().enumerate().map(|(index, step)| {
+        let keys = played.alongside.get(index).copied().unwrap_or_default();
+        Seen::new(&step.targets, keys.pitches())
+    });
     (observations, simulated.collect(), robot.collect(), piece, script)
 }
 
@@ -70,7 +78,7 @@ fn differences(a: &[Seen], b: &[Seen], of: impl Fn(&Seen) -> &Vec<f32>) -> usize
 fn each_column_comes_from_the_rig_that_the_mode_names() {
     let folder = tempfile::tempdir().unwrap();
     for mode in Mode::ALL {
-        let (observations, simulated, robot, piece, script) = observed(mode, folder.path());
+        let (observations, simulated, robot, piece, script) = observed(mode, false, folder.path());
         assert_eq!(observations.len(), piece.steps(), "{mode}");
         let (joints, keys) = match mode {
             Mode::JointMirroring => (&simulated, &simulated),
@@ -102,4 +110,21 @@ fn each_column_comes_from_the_rig_that_the_mode_names() {
             }
         }
     }
+}
+
+/// Where a robot was sent and where a slow arm is differ, and only the rail is shown where it was sent.
+#[test]
+fn the_rails_set_point_is_shown_if_the_task_says_so() {
+    let folder = tempfile::tempdir().unwrap();
+    let (observations, sent, robot, ..) = observed(Mode::Real, true, folder.path());
+    assert!(differences(&sent, &robot, |seen| &seen.joints) > sent.len() / 2);
+    for step in 2..observations.len() {
+        let (now, before) = observations[step].split_at(JOINTS);
+        for (shown, ago) in [(now, 1), (before, 2)] {
+            assert_eq!(shown[..RAIL], robot[step - ago].joints[..RAIL], "step {step}: fingers");
+            assert_eq!(shown[RAIL], sent[step - ago].joints[RAIL], "step {step}: rail");
+        }
+    }
+    let apart = |step: &usize| (sent[*step].joints[RAIL] - robot[*step].joints[RAIL]).abs() > 0.001;
+    assert!((0..sent.len()).filter(apart).count() > sent.len() / 10, "the arm of this truth is slow");
 }

@@ -345,6 +345,11 @@ impl Robot {
         from_wire(&self.hand.positions(), self.place().rail_m)
     }
 
+    /// The last set-points of the driven joints: rad, the rail in m.
+    pub fn sent(&self) -> [f64; DRIVEN] {
+        driven(&self.setpoints())
+    }
+
     /// Where the hand is, seen from the rail; in the middle before the arm has reported.
     pub fn place(&self) -> RailPlace {
         self.path.place(&self.arm.joints().unwrap_or(*self.path.middle()))

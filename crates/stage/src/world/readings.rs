@@ -20,6 +20,11 @@ impl World {
         self.layout.joint_dof.map(|dof| self.data.qpos()[dof])
     }
 
+    /// Set-points of the joints' controllers, before their delays, as encoder readings: rad, the rail in m.
+    pub fn set_points(&self) -> [f64; JOINTS] {
+        std::array::from_fn(|joint| self.controllers[joint].set_point())
+    }
+
     /// Joint velocities, rad/s, the rail in m/s.
     pub fn joint_velocities(&self) -> [f64; JOINTS] {
         std::array::from_fn(|j| self.data.qvel()[self.layout.joint_dof[j]])

@@ -3,7 +3,7 @@
 use etude_music::{KeySet, Note, Song};
 use etude_stage::geometry::{WHITE_PITCH, key_lateral};
 use etude_stage::{FINGERS, JOINTS, RAIL};
-use etude_task::{ACTION_LEN, History, ObservationView, Piece, TaskConfig, layout, observe};
+use etude_task::{ACTION_LEN, Environment, History, ObservationView, Piece, TaskConfig, layout, observe};
 
 const SLOTS: usize = 21;
 const MIDDLE: usize = 10;
@@ -127,4 +127,29 @@ fn the_hand_needs_a_fingering_and_the_default_has_no_key_of_its_own() {
     let text = serde_json::to_string(&config()).unwrap();
     assert!(text.contains(r#""view":"hand""#), "{text}");
     assert_eq!(serde_json::from_str::<TaskConfig>(&text).unwrap(), config());
+}
+
+/// In a simulation, too: after a jump of its target the rail's set-point is ahead of its place.
+#[test]
+fn an_environment_shows_the_rails_set_point_if_the_task_says_so() {
+    let shown = |rail_set_point: bool| {
+        let config = TaskConfig { rail_set_point, ..TaskConfig::default() };
+        let song = etude_music::repertoire::get("c-major-scale").expect("built in");
+        let piece = Piece::for_task(&song, &config).unwrap();
+        let mut environment = Environment::new(&config, &piece, 0).unwrap();
+        let mut parts = vec![0.0; environment.reward().names().len()];
+        environment.step(&[1.0; ACTION_LEN], &mut parts);
+        environment.step(&[1.0; ACTION_LEN], &mut parts);
+        let mut out = vec![0.0; layout(&config).len()];
+        environment.observe(&mut out);
+        let (set, is) = (environment.world().set_points()[RAIL], environment.world().joints()[RAIL]);
+        (out, set / WHITE_PITCH, is / WHITE_PITCH)
+    };
+    let (measured, set, is) = shown(false);
+    let (commanded, ..) = shown(true);
+    assert!(set > is + 0.05, "{set} and {is} white keys");
+    assert!((f64::from(measured[RAIL]) - is).abs() < 1e-5 && (f64::from(commanded[RAIL]) - set).abs() < 1e-5);
+    assert_eq!(measured[..RAIL], commanded[..RAIL]);
+    let previous = JOINTS + RAIL;
+    assert!(commanded[previous] > measured[previous], "one step ago it was ahead, too");
 }
