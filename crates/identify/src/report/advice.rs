@@ -134,7 +134,7 @@ mod tests {
 
     fn estimated() -> Vec<String> {
         let before = PhysicalParams::default();
-        let drives = (0..=RAIL).flat_map(|joint| joint_parameters(joint, true, &before));
+        let drives = (0..=RAIL).flat_map(|joint| joint_parameters(joint, &before));
         drives.chain(contact_parameters(&before)).map(|parameter| parameter.path).collect()
     }
 
