@@ -20,6 +20,8 @@ use crate::twin::{Twin, TwinError};
 pub struct Lockstep {
     /// The twin.
     pub twin: Twin,
+    /// Which reports of the arm its controller listens to.
+    pub reports: ReportKind,
     wires: Links,
     client: ConnectionId,
     frames: Vec<CanFrame>,
@@ -68,7 +70,8 @@ impl Lockstep {
         let numbers = &twin.truth.numbers;
         let wires = Links::new(&numbers.links, Faults::new(&numbers.faults), twin.truth.run_seed())
             .map_err(TruthError::from)?;
-        Ok(Self { twin, wires, client, frames: Vec::new(), bytes: Vec::new() })
+        let reports = ReportKind::Real;
+        Ok(Self { twin, reports, wires, client, frames: Vec::new(), bytes: Vec::new() })
     }
 
     /// Begins a fault now, in addition to those that the truth orders.
@@ -104,11 +107,9 @@ impl Lockstep {
         }
         self.twin.devices.arm.receive(now, self.client, &self.bytes);
         self.step_apart_from_the_arm();
-        let (twin, wires, client) = (&mut self.twin, &mut self.wires, self.client);
+        let (twin, wires, client, reports) = (&mut self.twin, &mut self.wires, self.client, self.reports);
         send(&mut wires.from_arm, now, &mut self.bytes, |out| twin.devices.arm.take(client, out));
-        send(&mut wires.reports, now, &mut self.bytes, |out| {
-            twin.devices.arm.take_reports(ReportKind::Real, out)
-        });
+        send(&mut wires.reports, now, &mut self.bytes, |out| twin.devices.arm.take_reports(reports, out));
     }
 
     /// The same without the arm's connections, for the server.

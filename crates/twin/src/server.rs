@@ -156,7 +156,7 @@ impl TwinServer {
             while self.lockstep.now() + STEP <= started.elapsed() {
                 self.step()?;
             }
-            std::thread::sleep(STEP / 4);
+            std::thread::sleep((self.lockstep.now() + STEP).saturating_sub(started.elapsed()));
         }
         Ok(())
     }

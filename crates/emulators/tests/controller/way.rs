@@ -116,10 +116,14 @@ fn a_box_holds_the_keyboard_and_the_way_there_or_nothing_begins() {
     assert_eq!(bench.robot.phase(), Phase::Holding);
 }
 
+/// An arm that is so near to its end stands, m.
+const STANDS_M: f64 = 1e-3;
+
 /// Controller and guard are killed together, and nobody sends a stop: the arm must stand where it was sent last.
 #[test]
 fn without_a_controller_the_arm_stands_where_it_was_sent_last() {
     let mut farthest = [0.0_f64; 2];
+    let mut longest_ms = [0; 2];
     for at in 0..12 {
         let mut bench = Bench::new();
         bench.devices.arm.place(PAPER_HOME_DEG.map(f64::to_radians));
@@ -139,7 +143,16 @@ fn without_a_controller_the_arm_stands_where_it_was_sent_last() {
             bench.run(1200 + 700 * at);
         }
         let (sent, stood) = (bench.robot.arm().sent().unwrap(), bench.devices.arm.joints());
-        (0..500).for_each(|_| bench.pass());
+        // Every millisecond where it is.
+        let places: Vec<_> = std::iter::repeat_with(|| {
+            bench.pass();
+            forward(&bench.devices.arm.joints()).position_m
+        })
+        .take(500)
+        .collect();
+        let moves_until = places.iter().rposition(|place| (place - places[499]).norm() > STANDS_M);
+        let longest_ms = &mut longest_ms[usize::from(following)];
+        *longest_ms = (*longest_ms).max(moves_until.map_or(0, |last| last + 1));
         let ended = bench.devices.arm.joints();
         let beside = ended.iter().zip(sent).map(|(ended, sent)| (ended - sent).abs()).fold(0.0, f64::max);
         assert!(beside < 1e-3, "{at}: {beside} rad from where it was sent");
@@ -148,10 +161,14 @@ fn without_a_controller_the_arm_stands_where_it_was_sent_last() {
     }
     // What its own lag leaves, at 0.3 rad/s and at 0.8 m/s: a planned move would have taken it half a metre farther.
     println!(
-        "after the last target it moved by {:.0} mm on its way, {:.0} mm at the keyboard",
+        "after the last target it moved by {:.0} mm on its way, {:.0} mm at the keyboard; to within a millimetre of its end in {} and {} ms",
         farthest[0] * 1e3,
-        farthest[1] * 1e3
+        farthest[1] * 1e3,
+        longest_ms[0],
+        longest_ms[1]
     );
+    // As soon as a robot whose controller hangs.
+    assert!(longest_ms.iter().all(|ms| (1..=100).contains(ms)), "{longest_ms:?} ms");
     assert!(
         farthest[0] > 1e-3 && farthest[0] < 0.04 && farthest[1] > 1e-3 && farthest[1] < 0.08,
         "{farthest:?}"

@@ -21,6 +21,10 @@ pub struct Bench {
     pub held: bool,
     /// Replies of this register have these bits of their state set.
     pub spoil: Option<(u8, u8)>,
+    /// The port of the reports.
+    pub reports: ReportKind,
+    /// The report that comes instead of each other one.
+    pub repeated: Option<Vec<u8>>,
 }
 
 /// Checks everything that the driver sends.
@@ -80,11 +84,25 @@ impl Bench {
         let id = emulator.connect();
         assert_eq!(arm.state(), ArmState::Disconnected);
         arm.connected(Duration::ZERO);
-        Self { arm, emulator, id, now: Duration::ZERO, wire: Ear::default(), held: false, spoil: None }
+        Self {
+            arm,
+            emulator,
+            id,
+            now: Duration::ZERO,
+            wire: Ear::default(),
+            held: false,
+            spoil: None,
+            reports: ReportKind::Real,
+            repeated: None,
+        }
     }
 
     pub fn ready() -> Self {
-        let mut bench = Self::new();
+        Self::ready_on(ReportKind::Real)
+    }
+
+    pub fn ready_on(reports: ReportKind) -> Self {
+        let mut bench = Self { reports, ..Self::new() };
         bench.arm.start(bench.now).unwrap();
         bench.until(ArmState::Ready);
         bench
@@ -94,7 +112,10 @@ impl Bench {
         self.now += MS;
         self.emulator.advance(self.now);
         let mut bytes = Vec::new();
-        self.emulator.take_reports(ReportKind::Real, &mut bytes);
+        self.emulator.take_reports(self.reports, &mut bytes);
+        if let Some(repeated) = self.repeated.as_ref().filter(|_| !bytes.is_empty()) {
+            bytes.clone_from(repeated);
+        }
         self.arm.receive_report(self.now, &bytes);
         bytes.clear();
         if !self.held {

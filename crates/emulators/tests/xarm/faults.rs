@@ -2,6 +2,7 @@
 
 use std::time::Duration;
 
+use etude_emulators::ReportKind;
 use etude_robot::xarm::codec::{Frame, Register, ReplyState};
 use etude_robot::xarm::kinematics::JOINTS;
 use etude_robot::xarm::{Arm, ArmConfig, ArmError, ArmFault, ArmState, Fence, TargetError};
@@ -91,8 +92,14 @@ const MISCHIEF: &[Mischief] = &[
 
 #[test]
 fn every_fault_is_seen_stops_the_arm_and_stays() {
+    for reports in [ReportKind::Real, ReportKind::Control] {
+        every_fault_on(reports);
+    }
+}
+
+fn every_fault_on(reports: ReportKind) {
     for (name, mischief, expected) in MISCHIEF {
-        let mut bench = Bench::ready();
+        let mut bench = Bench::ready_on(reports);
         let path = |time: f64| {
             let mut joints = home();
             joints[0] += 1.2 * smooth(time / 2.0);
@@ -140,6 +147,29 @@ fn every_fault_is_seen_stops_the_arm_and_stays() {
         bench.run(50);
         bench.arm.start(bench.now).unwrap();
         bench.until(ArmState::Ready);
+    }
+}
+
+/// A controller that repeats itself while nothing moves: only a report with a time shows it.
+#[test]
+fn a_repeated_report_is_none_where_it_carries_a_time() {
+    for (reports, size, seen) in [(ReportKind::Real, 87, false), (ReportKind::Control, 784, true)] {
+        let mut bench = Bench::ready_on(reports);
+        bench.servo(home()).unwrap();
+        bench.run(200);
+        let mut bytes = Vec::new();
+        bench.now += Duration::from_millis(20);
+        bench.emulator.advance(bench.now);
+        bench.emulator.take_reports(reports, &mut bytes);
+        let last = bytes.split_off(bytes.len() - size);
+        bench.arm.receive_report(bench.now, &last);
+        bench.repeated = Some(last);
+        let stops = bench.wire.stops();
+        bench.run(98);
+        assert_eq!((bench.fault(), bench.wire.stops()), (None, stops));
+        bench.run(7);
+        let fault = seen.then_some(ArmFault::ReportStale);
+        assert_eq!((bench.fault(), bench.wire.stops() > stops), (fault, seen), "{reports:?}");
     }
 }
 

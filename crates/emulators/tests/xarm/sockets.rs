@@ -38,12 +38,19 @@ impl Served {
 
 #[test]
 fn driver_and_emulator_meet_on_sockets() {
+    for reports in [|ports: &ArmPorts| ports.real, |ports: &ArmPorts| ports.control] {
+        meet_on_sockets(reports);
+    }
+}
+
+/// With the reports of this port.
+fn meet_on_sockets(reports: fn(&ArmPorts) -> u16) {
     let outside: IpAddr = [0, 0, 0, 0].into();
     assert!(ArmServer::bind(outside, ArmPorts::FREE, Reach::ThisMachine).is_err());
 
     let mut served = Served::new();
     let ports = served.server.ports().unwrap();
-    let host = format!("127.0.0.1:{}:{}", ports.command, ports.real);
+    let host = format!("127.0.0.1:{}:{}", ports.command, reports(&ports));
     let mut connection = ArmConnection::open(&host).unwrap();
     // A machine that is busy with other tests must not look like a fault.
     let patient = ArmConfig { reply_timeout_secs: 5.0, report_stale_after_secs: 5.0, ..ArmConfig::default() };

@@ -1,4 +1,5 @@
-//! The periodic reports of the controller on port 30003, 100 a second (ufactory_docs).
+//! The periodic reports of the controller (ufactory_docs): on port 30003, 100 a second, or on port 30000 (firmware 2.1 and newer), 250 a
+//! second, which carry the time at the controller. Their sizes tell them apart.
 
 use std::time::Duration;
 
@@ -6,12 +7,15 @@ use super::codec::floats;
 use super::framing::Framing;
 use super::kinematics::{JOINTS, WIDEST_LIMITS_RAD};
 
-/// Time from one report to the next.
+/// Time from one report of port 30003 to the next.
 pub(super) const REPORT_PERIOD: Duration = Duration::from_millis(10);
-/// Bytes of a report without what later firmware appends.
+/// Bytes of a report of port 30003, and of one of port 30000, without what later firmware appends. The longest other one has 587.
 const SIZE: usize = 87;
-/// Largest plausible size word; the longest known report has 587 bytes.
+const TIMED_SIZE: usize = 784;
+/// Largest plausible size word.
 const MAX_SIZE: usize = 1024;
+/// Where a report of port 30000 has the joints as they are; those before are where they were sent.
+const TIMED_JOINTS: usize = 116;
 
 /// What the driver reads of a report. The pose and the torques after the joints are not looked at.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -22,6 +26,8 @@ pub struct Report {
     pub mode: u8,
     /// Joints, rad.
     pub joints_rad: [f32; JOINTS],
+    /// The time at the controller, which only port 30000 gives.
+    pub told_at: Option<Duration>,
 }
 
 /// Beyond what any model's joints reach, rad: encoders and stops have some play. An angle farther out was not measured.
@@ -37,12 +43,20 @@ fn possible_joints(joints_rad: &[f32; JOINTS]) -> bool {
 impl Report {
     /// Reads a whole frame; `None` if it is too short, or holds what no report can.
     fn read(frame: &[u8]) -> Option<Self> {
-        // The size, state and mode, and the length of the queue come first.
-        let (&[_, _, _, _, state_and_mode, _, _], rest) = frame.split_first_chunk()?;
-        let (state, mode, joints_rad) = (state_and_mode & 0x0F, state_and_mode >> 4, floats(rest)?);
+        // The size comes first, and on port 30000 the time, in microseconds.
+        let (_size, mut rest) = frame.split_first_chunk::<4>()?;
+        let mut told_at = None;
+        if frame.len() >= TIMED_SIZE {
+            let (&time, others) = rest.split_first_chunk()?;
+            (told_at, rest) = (Some(Duration::from_micros(u64::from_be_bytes(time))), others);
+        }
+        // Then state and mode, and the length of the queue.
+        let (&[state_and_mode, _, _], rest) = rest.split_first_chunk()?;
+        let joints_rad = floats(if told_at.is_some() { frame.get(TIMED_JOINTS..)? } else { rest })?;
+        let (state, mode) = (state_and_mode & 0x0F, state_and_mode >> 4);
         // The modes and states that xArm-Python-SDK accepts.
         let possible = state <= 9 && mode <= 11 && possible_joints(&joints_rad);
-        possible.then_some(Self { state, mode, joints_rad })
+        possible.then_some(Self { state, mode, joints_rad, told_at })
     }
 }
 
@@ -88,15 +102,26 @@ mod tests {
                 (lowest + (highest - lowest) * shares[joint]) as f32
             })
         });
-        (0..10_u8, 0..12_u8, joints).prop_map(|(state, mode, joints_rad)| Report { state, mode, joints_rad })
+        (0..10_u8, 0..12_u8, joints).prop_map(|(state, mode, joints_rad)| Report {
+            state,
+            mode,
+            joints_rad,
+            told_at: None,
+        })
     }
 
     /// The frame of a report by the documented offsets, with so many bytes of later firmware.
     fn frame(report: &Report, longer: usize) -> Vec<u8> {
-        let mut frame = vec![0xA5; SIZE + longer];
-        frame[..4].copy_from_slice(&((SIZE + longer) as u32).to_be_bytes());
-        frame[4] = report.state | report.mode << 4;
-        frame[7..35].copy_from_slice(report.joints_rad.map(f32::to_le_bytes).as_flattened());
+        let timed = report.told_at.is_some();
+        let (size, state_at, joints_at) = if timed { (TIMED_SIZE, 12, 116) } else { (SIZE, 4, 7) };
+        let mut frame = vec![0xA5; size + longer];
+        frame[..4].copy_from_slice(&((size + longer) as u32).to_be_bytes());
+        if let Some(at) = report.told_at {
+            frame[4..12].copy_from_slice(&(at.as_micros() as u64).to_be_bytes());
+        }
+        frame[state_at] = report.state | report.mode << 4;
+        frame[joints_at..joints_at + 28]
+            .copy_from_slice(report.joints_rad.map(f32::to_le_bytes).as_flattened());
         frame
     }
 
@@ -104,7 +129,7 @@ mod tests {
     #[test]
     fn impossible_angles_are_rejected() {
         let report = |joint: usize, angle: f64| {
-            let mut report = Report { state: 2, mode: 1, joints_rad: [0.0; 7] };
+            let mut report = Report { state: 2, mode: 1, joints_rad: [0.0; 7], told_at: None };
             report.joints_rad[joint] = angle as f32;
             Report::read(&frame(&report, 0)).is_some()
         };
@@ -123,8 +148,10 @@ mod tests {
     proptest! {
         #[test]
         fn any_cut_gives_the_same_reports(
-            reports in prop::collection::vec(any_report(), 1..5), longer in 0..300_usize, cut in 1..300_usize,
+            mut reports in prop::collection::vec(any_report(), 1..5), longer in 0..240_usize, cut in 1..300_usize,
+            told_us in prop::option::of(any::<u64>()),
         ) {
+            reports.iter_mut().for_each(|report| report.told_at = told_us.map(Duration::from_micros));
             let stream: Vec<u8> = reports.iter().flat_map(|report| frame(report, longer)).collect();
             let (mut parser, mut found) = (ReportParser::default(), Vec::new());
             for mut piece in stream.chunks(cut) {

@@ -1,5 +1,5 @@
-//! How much later messages come than before, from their number alone: the arm's reports on port 30003 are sent at a steady rate over TCP, which
-//! loses none, and carry no time.
+//! How much later messages come than before. The arm's reports on port 30000 carry the time at which they were sent. Those on port 30003 do
+//! not; they are sent at a steady rate over TCP, which loses none, so their number tells it.
 //!
 //! A delay that was there from the first message on is not seen, nor one that grows by less than a twentieth of the time.
 
@@ -14,7 +14,8 @@ const PARTS: usize = 4;
 #[derive(Clone, Debug)]
 pub(super) struct Rhythm {
     period_secs: f64,
-    counted: u64,
+    /// When the newest message was sent, s from any moment.
+    told_secs: Option<f64>,
     /// The earliest that a message came, s from when it would have come after the first, in each part of the remembered time; the newest first.
     earliest_secs: [f64; PARTS],
     /// When the newest part began.
@@ -22,27 +23,26 @@ pub(super) struct Rhythm {
 }
 
 impl Rhythm {
-    /// Of a stream that has one message in each period.
+    /// Of a stream whose messages, if they carry no time, come once in each period.
     pub fn new(period: Duration) -> Self {
         Self {
             period_secs: period.as_secs_f64(),
-            counted: 0,
+            told_secs: None,
             earliest_secs: [f64::INFINITY; PARTS],
             began: None,
         }
     }
 
-    /// One message has come.
-    pub fn count(&mut self) {
-        self.counted += 1;
+    /// One message has come, which was sent at this time, if it says so.
+    pub fn count(&mut self, told_at: Option<Duration>) {
+        let next_secs = self.told_secs.unwrap_or(0.0) + self.period_secs;
+        self.told_secs = Some(told_at.map_or(next_secs, |at| at.as_secs_f64()));
     }
 
     /// How much later than before the newest message came, if that is `now`. Messages that came together are counted before this is called.
     pub fn late(&mut self, now: Duration) -> Duration {
-        if self.counted == 0 {
-            return Duration::ZERO;
-        }
-        let secs = now.as_secs_f64() - self.period_secs * self.counted as f64;
+        let Some(told_secs) = self.told_secs else { return Duration::ZERO };
+        let secs = now.as_secs_f64() - told_secs;
         let began = *self.began.get_or_insert(now);
         if now.saturating_sub(began) > REMEMBERED / PARTS as u32 {
             self.began = Some(now);
@@ -69,7 +69,7 @@ mod tests {
         let mut times: Vec<f64> = times.into_iter().collect();
         times.sort_by(f64::total_cmp);
         let late = times.chunk_by(|one, other| one == other).map(|together| {
-            together.iter().for_each(|_| rhythm.count());
+            together.iter().for_each(|_| rhythm.count(None));
             rhythm.late(Duration::from_secs_f64(together[0])).as_secs_f64()
         });
         late.fold(0.0, f64::max)
@@ -82,10 +82,25 @@ mod tests {
         assert!((greatest((0..1000).map(grows)) - 0.12).abs() < 0.002);
         let mut rhythm = Rhythm::new(PERIOD);
         let last = (0..1000).map(|n| {
-            rhythm.count();
+            rhythm.count(None);
             rhythm.late(Duration::from_secs_f64(grows(n)))
         });
         assert!(last.last().unwrap() < Duration::from_millis(1));
+    }
+
+    /// With the time in each message, at any rate: only what comes later than it was sent is late.
+    #[test]
+    fn the_time_of_a_message_counts_more_than_its_number() {
+        let late = |delay_ms: fn(u64) -> u64| {
+            let mut rhythm = Rhythm::new(PERIOD);
+            let sent_ms = (0..1000).map(|n| 4 * n + n % 3);
+            sent_ms.fold(Duration::ZERO, |most, ms| {
+                rhythm.count(Some(Duration::from_millis(1_000_000 + ms)));
+                rhythm.late(Duration::from_millis(ms + delay_ms(ms))).max(most)
+            })
+        };
+        assert_eq!(late(|_| 30), Duration::ZERO);
+        assert!(late(|ms| ms.saturating_sub(1500).min(120)) > Duration::from_millis(115));
     }
 
     #[test]

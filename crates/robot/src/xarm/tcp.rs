@@ -94,7 +94,7 @@ pub struct ArmConnection {
 }
 
 impl ArmConnection {
-    /// Connects to `host`, or to `host:command-port:report-port` for an emulator on other ports.
+    /// Connects to `host`, or to `host:command-port:report-port`: for an emulator on other ports, or for the reports of port 30000.
     ///
     /// # Errors
     /// If the address cannot be read, or nothing answers there within a second.

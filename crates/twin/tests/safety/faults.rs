@@ -71,6 +71,8 @@ pub struct Row {
     pub lost: Lost,
     /// The cause stays until it is removed, so that a start before that fails.
     pub stays: bool,
+    /// The arm's reports are those of port 30000, which carry a time.
+    pub timed: bool,
     pub strike: fn(&mut Bench),
     pub mend: fn(&mut Bench),
 }
@@ -89,6 +91,7 @@ const ROW: Row = Row {
     says: "",
     lost: Lost::Nothing,
     stays: false,
+    timed: false,
     strike: |_| {},
     mend: |b| b.mischief = Mischief::default(),
 };

@@ -3,6 +3,7 @@
 use std::fmt::Write as _;
 use std::path::Path;
 
+use etude_emulators::ReportKind;
 use etude_robot::joints::{DRIVEN, RAIL};
 use etude_robot::{Phase, Refused};
 use etude_twin::{Truth, calibration};
@@ -210,6 +211,9 @@ fn truth(row: &Row) -> Truth {
 
 fn line(row: &Row) -> String {
     let mut bench = Bench::new(&truth(row), &calibration("twin"));
+    if row.timed {
+        bench.lockstep.reports = ReportKind::Control;
+    }
     let mut says = None;
     let cells = WHENS.map(|when| cell(&mut bench, row, when, &mut says));
     let fault = row.ends.iter().any(|end| matches!(end, Fault(_) | End::Stopped));

@@ -4,34 +4,40 @@ use std::cell::RefCell;
 use std::rc::Rc;
 use std::time::Duration;
 
+use etude_emulators::ReportKind;
 use etude_emulators::faults::FaultPlan;
 use etude_robot::joints::RAIL;
 use etude_robot::xarm::ArmFault;
 use etude_robot::{Doubt, Fault, Phase};
 use etude_twin::{Truth, calibration};
+use proptest::prelude::*;
 
 use crate::bench::{Bench, Policy, start_pose, with_links};
 
 #[test]
 fn it_starts_goes_to_the_keyboard_and_follows() {
-    let mut bench = Bench::new(&Truth::load("mild").unwrap(), &calibration("twin"));
-    bench.start_and_hold();
-    let mut pose = start_pose();
-    pose[RAIL] = 0.05;
-    bench.robot.home(bench.now(), &pose).unwrap();
-    bench.until_phase(Phase::Holding, 60_000);
-    println!("at the keyboard at {:?}", bench.now());
-    assert!((bench.robot.joints()[RAIL] - 0.05).abs() < 1e-3);
-    bench.follow(Policy::Smooth);
-    bench.run(500);
-    let clamped = bench.robot.clamped();
-    bench.run(2000);
-    assert_eq!(bench.robot.phase(), Phase::Following, "{:?}", bench.robot.fault());
-    // The policy keeps the limits: once the way to where it begins is made up, nothing of it may be changed.
-    assert_eq!(bench.robot.clamped(), clamped);
-    let world = bench.lockstep.twin.joints()[RAIL];
-    assert!((world - bench.robot.joints()[RAIL]).abs() < 0.01, "{world}");
-    println!("{} frames, {} targets", bench.judge.frames, bench.judge.targets);
+    // Whichever port the arm's reports come from.
+    for reports in [ReportKind::Real, ReportKind::Control] {
+        let mut bench = Bench::new(&Truth::load("mild").unwrap(), &calibration("twin"));
+        bench.lockstep.reports = reports;
+        bench.start_and_hold();
+        let mut pose = start_pose();
+        pose[RAIL] = 0.05;
+        bench.robot.home(bench.now(), &pose).unwrap();
+        bench.until_phase(Phase::Holding, 60_000);
+        println!("at the keyboard at {:?}", bench.now());
+        assert!((bench.robot.joints()[RAIL] - 0.05).abs() < 1e-3);
+        bench.follow(Policy::Smooth);
+        bench.run(500);
+        let clamped = bench.robot.clamped();
+        bench.run(2000);
+        assert_eq!(bench.robot.phase(), Phase::Following, "{:?}", bench.robot.fault());
+        // The policy keeps the limits: once the way to where it begins is made up, nothing of it may be changed.
+        assert_eq!(bench.robot.clamped(), clamped);
+        let world = bench.lockstep.twin.joints()[RAIL];
+        assert!((world - bench.robot.joints()[RAIL]).abs() < 0.01, "{world}");
+        println!("{} frames, {} targets", bench.judge.frames, bench.judge.targets);
+    }
 }
 
 /// Whatever rig it is, within the ranges of docs/twin.md: its controller brings it to the keyboard and it follows a policy along the whole
@@ -152,12 +158,7 @@ fn replies_that_were_held_back_make_no_leap() {
             }
             (bench.judge.worst_step_m, bench.judge.worst_m_s2) = (0.0, 0.0);
             let targets = bench.judge.targets;
-            let held = Rc::new(RefCell::new(Vec::new()));
-            let keep = Rc::clone(&held);
-            bench.mischief.alter_replies = Some(Box::new(move |bytes| keep.borrow_mut().append(bytes)));
-            bench.run(held_ms);
-            bench.mischief.alter_replies = None;
-            bench.mischief.replies.append(&mut held.borrow_mut());
+            hold_replies(&mut bench, held_ms);
             bench.run(400);
             assert!(bench.judge.targets > targets, "nothing was sent afterwards");
             let (step_mm, m_s2) = (bench.judge.worst_step_m * 1e3, bench.judge.worst_m_s2);
@@ -166,4 +167,37 @@ fn replies_that_were_held_back_make_no_leap() {
         }
         println!("| {held_ms} ms | {} |", cells.join(" | "));
     }
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 60, max_shrink_iters: 100, ..ProptestConfig::default() })]
+
+    /// The same for any delays, one after the other, at the greatest speed that the limits allow.
+    #[test]
+    fn no_delays_of_replies_make_a_leap(
+        policy in prop_oneof![Just(Policy::Sweeps), Just(Policy::Jumps)],
+        delays in prop::collection::vec((1_u32..260, 1_u32..300), 1..8),
+    ) {
+        let mut bench = Bench::at_the_keyboard(&Truth::load("mild").unwrap());
+        bench.start_and_hold();
+        bench.follow(policy);
+        bench.run(200);
+        for (held_ms, then_ms) in delays {
+            hold_replies(&mut bench, held_ms);
+            let targets = bench.judge.targets;
+            bench.run(then_ms);
+            let sends = bench.robot.phase() != Phase::Following || then_ms < 20 || bench.judge.targets > targets;
+            prop_assert!(sends, "nothing was sent after {held_ms} ms");
+        }
+    }
+}
+
+/// Holds the arm's replies back; then they come together.
+fn hold_replies(bench: &mut Bench, millis: u32) {
+    let held = Rc::new(RefCell::new(Vec::new()));
+    let keep = Rc::clone(&held);
+    bench.mischief.alter_replies = Some(Box::new(move |bytes| keep.borrow_mut().append(bytes)));
+    bench.run(millis);
+    bench.mischief.alter_replies = None;
+    bench.mischief.replies.append(&mut held.borrow_mut());
 }

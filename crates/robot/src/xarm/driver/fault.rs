@@ -50,11 +50,13 @@ pub enum ArmFault {
         register: &'static str,
     },
     /// Reports stopped coming.
-    #[error("the arm's reports (port 30003) stopped: check cable and switch, connect and start again")]
+    #[error(
+        "the arm's reports stopped, or say the same again: check cable and switch, connect and start again"
+    )]
     ReportStale,
     /// Reports come, but ever later.
     #[error(
-        "the arm's reports (port 30003) come {} ms later than before: connect its control box by cable, close other programs, then start again",
+        "the arm's reports come {} ms later than before: connect its control box by cable, close other programs, then start again",
         by.as_millis()
     )]
     ReportsLate {

@@ -54,6 +54,7 @@ pub const ROWS: &[Row] = &[
         stays: true,
         strike: |b| b.begin(FaultKind::ArmDisconnect),
         mend: |b| b.end(FaultKind::ArmDisconnect),
+        ..ROW
     },
     Row {
         name: "arm does not reply",
@@ -109,6 +110,19 @@ pub const ROWS: &[Row] = &[
         name: "the arm's reports repeat",
         ends: [GoesOn, GoesOn, Fault(800), Fault(1000), Fault(1500), GoesOn],
         says: "the arm has reported the same angles",
+        strike: |b| {
+            let mut first = None;
+            b.mischief.alter_reports =
+                Some(Box::new(move |bytes| bytes.clone_from(first.get_or_insert_with(|| bytes.clone()))));
+        },
+        ..ROW
+    },
+    Row {
+        name: "the arm's reports repeat, and carry a time (port 30000)",
+        ends: [Fault(5100), Fault(115), Fault(115), Fault(115), Fault(115), GoesOn],
+        says: "say the same again",
+        timed: true,
+        stays: true,
         strike: |b| {
             let mut first = None;
             b.mischief.alter_reports =
@@ -291,6 +305,7 @@ pub const ROWS: &[Row] = &[
             b.end(FaultKind::ArmSilent);
             b.end(FaultKind::CanSilent);
         },
+        ..ROW
     },
     Row {
         name: "arm's link and the CAN bus are cut at once",
@@ -306,5 +321,6 @@ pub const ROWS: &[Row] = &[
             b.end(FaultKind::ArmDisconnect);
             b.end(FaultKind::CanBusOff);
         },
+        ..ROW
     },
 ];

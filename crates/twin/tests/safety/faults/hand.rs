@@ -45,6 +45,7 @@ pub const ROWS: &[Row] = &[
         stays: true,
         strike: |b| b.begin(FaultKind::CanBusOff),
         mend: |b| b.end(FaultKind::CanBusOff),
+        ..ROW
     },
     Row {
         name: "CAN controller in bus-off; the hand's firmware times out after 100 ms",
@@ -54,6 +55,7 @@ pub const ROWS: &[Row] = &[
         stays: true,
         strike: |b| b.begin(FaultKind::CanBusOff),
         mend: |b| b.end(FaultKind::CanBusOff),
+        ..ROW
     },
     Row {
         name: "CAN cut, and nobody says so",
@@ -63,6 +65,7 @@ pub const ROWS: &[Row] = &[
         stays: true,
         strike: |b| b.begin(FaultKind::CanSilent),
         mend: |b| b.end(FaultKind::CanSilent),
+        ..ROW
     },
     Row { name: "CAN loses 10 % of all frames", strike: |b| b.mischief.frame_loss = 0.1, ..ROW },
     Row {
