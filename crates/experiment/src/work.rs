@@ -162,7 +162,7 @@ impl Doing<'_, '_> {
         if outcome.stopped.is_some() {
             bail!(STOPPED);
         }
-        let pianist = load_pianist(&training.song, "", Some(&folder))?;
+        let pianist = load_pianist(&folder)?;
         let piece = Piece::for_task(&song, &pianist.config.task)?;
         let Scores { frame: sim, note: sim_note } = scores_in_simulation(&pianist, &piece)?;
         let of_sim = [

@@ -30,7 +30,7 @@ pub use excitations::record_excitations;
 pub use folder::{CONFIG, META, SONG, make_folder};
 pub use grid::{GridConfig, GridReport, Marginal, WorldScores, evaluate_grid};
 pub use identify::{IDENTIFIED, Identification, IdentifyMethod, IdentifyReport, identify_robot};
-pub use pianist::{Pianist, SIGHT_READER, load_pianist, load_sight_reader, policies, shipped_policy};
+pub use pianist::{Pianist, SIGHT_READER, best_policy, load_pianist, pianist_for, policies, shipped_policy};
 pub use planning::planning_told;
 pub use play::{Files, PAGE, PlayReport, RECORDING, REPORT, play, scores_in_simulation};
 pub use record::{Motion, Recorded, record_robot};

@@ -325,7 +325,7 @@ impl Rehearsal<'_> {
         folder: &Path,
         job: &mut Job<'_, RehearsalStep>,
     ) -> anyhow::Result<RobotReport> {
-        let mut pianist = load_pianist(&self.config.song, "", Some(policy))?;
+        let mut pianist = load_pianist(policy)?;
         let plan = &mut pianist.config.task.plan;
         plan.lead_secs = lead_secs.unwrap_or(plan.lead_secs);
         let play = RobotPlay {
