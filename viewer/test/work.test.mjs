@@ -75,6 +75,7 @@ test('a dropped MIDI file is heard', { skip }, async () => {
   assert.match(await page.locator('.song').innerText(), /No policy has learned this song yet\. The sight-reader plays it at sight/);
   assert.ok(await loudest('#player') > 0.05, 'the sound is not silence');
   await page.getByText('With three fingers: 44 notes').waitFor(LONG);
+  await page.getByText(/Predicted at sight: 44 of 44 notes, F1 0\.9\d\d/).waitFor();
   assert.ok(await loudest('[data-key="reference"]') > 0.05);
   await page.getByText('Its 16 bars').click();
   await page.getByText('C4 1   C4 1   C4 1   D4 1').first().waitFor();

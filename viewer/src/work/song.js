@@ -83,7 +83,7 @@ export class SongSection {
     ];
   }
 
-  hard({ warnings, fingering }) {
+  hard({ warnings, fingering, notes, at_sight: atSight }) {
     const items = [
       ...warnings,
       ...(fingering?.limits ?? []).map((limit) => `Bar ${limit.bar}, beat ${Number(limit.beat.toFixed(2))} (${limit.secs.toFixed(1)} s): ${limit.note} ${limit.what}`),
@@ -92,6 +92,7 @@ export class SongSection {
     return [
       element('h3', { text: 'What will be hard' }),
       fingering ? element('p', { text: `With three fingers: ${fingering.summary}.` }) : null,
+      atSight ? element('p', { text: `Predicted at sight: ${atSight.notes_right} of ${notes} notes, ${scoreText(atSight.f1)}.` }) : null,
       items.length === 0 ? element('p', { class: 'note', text: 'Nothing: the hand reaches every note in time.' }) : list(items.slice(0, FIRST)),
       items.length > FIRST
         ? element('details', {}, element('summary', { text: `${items.length - FIRST} more` }), list(items.slice(FIRST)))
