@@ -150,7 +150,7 @@ impl Doing<'_, '_> {
         let mut config = training.resolve()?;
         config.trainer.threads = self.threads;
         let seed = config.trainer.seed;
-        let mut run = Run::start_or_resume(song.clone(), config, &folder, self.command, None)?;
+        let mut run = Run::start_or_resume(Some(song.clone()), config, &folder, self.command, None)?;
         let share = if perform.is_some() { TRAINING_SHARE } else { 1.0 };
         let told = |at: &TrainingProgress| TrialProgress {
             phase: "training".to_string(),
