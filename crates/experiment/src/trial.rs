@@ -38,7 +38,7 @@ pub enum Work {
     },
     /// A player that is ready plays.
     Play {
-        /// A built-in id, a MIDI file, or a melody: see [`piece_called`](crate::pieces::piece_called).
+        /// A built-in id, a MIDI file, or a melody by its seed: `melody-7`.
         song: String,
         /// `scripted`, the name of a policy that comes with Étude, a policy's file, or the folder of a run.
         player: String,
