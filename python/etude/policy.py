@@ -16,6 +16,8 @@ from ._native import EtudeError
 
 SCHEMA = "etude-policy-1"
 SHIPPED = pathlib.Path(__file__).parent / "policies"
+SIGHT_READER = SHIPPED / "sight-reader.safetensors"
+MIDI = (".mid", ".midi")
 # Policy files in the folder of a run, the best first.
 IN_A_RUN = ("policy-best.safetensors", "policy-last.safetensors")
 
@@ -100,11 +102,11 @@ def _find(song_or_path: str | os.PathLike[str]) -> pathlib.Path:
     if not path.is_file():
         songs = ", ".join(sorted(file.stem for file in SHIPPED.glob("*.safetensors")))
         raise EtudeError(f"there is no policy {path}; give a file, the folder of a run, or one of {songs}")
-    return path
+    return SIGHT_READER if path.suffix.lower() in MIDI else path
 
 
 def load_policy(song_or_path: str | os.PathLike[str]) -> Policy:
-    """The shipped policy of a built-in song, or that of a file or of a run's folder.
+    """The shipped policy of a built-in song, or that of a file or of a run's folder; for a MIDI file the sight-reader.
 
     Raises:
         EtudeError: If there is none, or the file is not a policy.

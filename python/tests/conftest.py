@@ -34,12 +34,16 @@ def needed(what):
     pytest.skip(what)
 
 
-@pytest.fixture(scope="session")
-def played(tmp_path_factory):
-    """The folder of `etude play c-major-scale --scripted`."""
+def etude_command(folder, *arguments):
+    """Runs the command, which writes to the folder; gives the folder."""
     program = pathlib.Path(os.environ.get("ETUDE_COMMAND", "target/debug/etude")).absolute()
     if not program.is_file():
         needed(f"{program} is not built")
-    folder = tmp_path_factory.mktemp("played")
-    subprocess.run([program, "play", "c-major-scale", "--scripted", "-o", folder], check=True, capture_output=True)
+    subprocess.run([program, *arguments, "-o", folder], check=True, capture_output=True)
     return folder
+
+
+@pytest.fixture(scope="session")
+def played(tmp_path_factory):
+    """The folder of `etude play c-major-scale --scripted`."""
+    return etude_command(tmp_path_factory.mktemp("played"), "play", "c-major-scale", "--scripted")

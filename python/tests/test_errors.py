@@ -165,7 +165,7 @@ def test_no_file_makes_it_panic(tmp_path_factory, content):
     with pytest.raises(etude.EtudeError):
         etude.PianoEnv(path)
     with pytest.raises(etude.EtudeError):
-        etude.load_policy(path)
+        etude.load_policy(path.rename(path.with_suffix(".safetensors")))
 
 
 def test_make_passes_the_message_on():

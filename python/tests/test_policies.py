@@ -9,7 +9,9 @@ from safetensors import safe_open
 from safetensors.numpy import load_file, save_file
 
 import etude
-from etude.policy import SHIPPED
+from conftest import etude_command, midi
+from etude.policy import SHIPPED, SIGHT_READER
+from etude.recordings import read_recording
 
 
 def play(policy, song, **keywords):
@@ -28,6 +30,30 @@ def test_a_shipped_policy_plays_as_well_as_its_file_says(song):
     assert policy.song == etude.SONGS[song]
     # The last bits of an action differ from the trainer's, and a stroke may fall a control step earlier or later.
     assert play(policy, song)["f1"] == pytest.approx(policy.scores["f1"], abs=0.02)
+
+
+@pytest.fixture(scope="module")
+def song(tmp_path_factory):
+    """A song of forty notes that no policy has learned, with leaps and black keys."""
+    path = tmp_path_factory.mktemp("song") / "unseen.mid"
+    path.write_bytes(midi([(60 + (7 * note) % 13, 1) for note in range(40)]))
+    return path
+
+
+def test_the_sight_reader_plays_what_has_no_policy_of_its_own(song, tmp_path):
+    policy = etude.load_policy(song)
+    assert policy.path == SIGHT_READER and policy.song is None
+    told = json.loads((etude_command(tmp_path / "played", "play", song) / "report.json").read_text())
+    assert told["player"].endswith(SIGHT_READER.name) and told["f1"] > 0.8
+    assert play(policy, song)["f1"] == pytest.approx(told["f1"], abs=0.02)
+
+
+def test_it_acts_as_the_command_does_on_what_it_sees_of_a_robot(song, tmp_path):
+    performed = etude_command(tmp_path / "performed", "perform", song, "--robot", "twin")
+    seen = read_recording(performed / "run-1.mcap").topics["/policy"]
+    observations, actions = seen["observation"], seen["action"]
+    assert observations.shape[0] > 300 and np.ptp(actions, axis=0).min() > 0.1
+    np.testing.assert_allclose(etude.load_policy(song).act(observations), actions, atol=1e-5)
 
 
 def test_its_task_is_the_one_that_its_scores_are_of():

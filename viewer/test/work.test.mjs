@@ -71,10 +71,11 @@ test('a dropped MIDI file is heard', { skip }, async () => {
     return !player.paused && player.currentTime > 0;
   }, null, LONG);
   console.log(`from the drop to the sound: ${((Date.now() - begun) / 1000).toFixed(2)} s`);
-  assert.match(await page.locator('.heard').innerText(), /played by the scripted player: \d+ of 44 notes right/);
-  assert.match(await page.locator('.song').innerText(), /No policy has learned this song yet/);
+  assert.match(await page.locator('.heard').innerText(), /played by the policy policies\/sight-reader\.safetensors: \d+ of 44 notes right/);
+  assert.match(await page.locator('.song').innerText(), /No policy has learned this song yet\. The sight-reader plays it at sight/);
   assert.ok(await loudest('#player') > 0.05, 'the sound is not silence');
   await page.getByText('With three fingers: 44 notes').waitFor(LONG);
+  await page.getByText(/Predicted at sight: 44 of 44 notes, F1 0\.9\d\d/).waitFor();
   assert.ok(await loudest('[data-key="reference"]') > 0.05);
   await page.getByText('Its 16 bars').click();
   await page.getByText('C4 1   C4 1   C4 1   D4 1').first().waitFor();
@@ -136,7 +137,7 @@ test('it trains with live curves, and stops', { skip }, async () => {
 
 test('a file can be chosen instead of dropped', { skip }, async () => {
   await page.locator('input[type="file"]').setInputFiles({ name: 'By Button.mid', mimeType: 'audio/midi', buffer: await readFile(songFile) });
-  await page.locator('.heard').getByText('By Button, played by the scripted player').waitFor(LONG);
+  await page.locator('.heard').getByText('By Button, played by the policy policies/sight-reader.safetensors').waitFor(LONG);
   assert.equal(await page.locator('.song h2').first().innerText(), 'By Button');
 });
 
@@ -160,7 +161,7 @@ for (const [look, options] of [
     const shown = await open(options);
     await shown.getByLabel('Song').selectOption('out/songs/au-clair-de-la-lune.mid');
     await shown.getByText('With three fingers: 44 notes').waitFor(LONG);
-    await shown.getByRole('button', { name: /^Listen to out\/au-clair-de-la-lune-scripted\// }).click();
+    await shown.getByRole('button', { name: /^Listen to out\/au-clair-de-la-lune\// }).click();
     await shown.getByLabel('Comparison').selectOption({ index: 1 });
     await shown.getByText('Of each note').waitFor(LONG);
     await shown.evaluate(() => document.querySelectorAll('details').forEach((details) => { details.open = true; }));

@@ -48,7 +48,9 @@ pub struct Experiment {
     /// Values for keys of the configuration, by path; all combinations are tried.
     #[serde(default)]
     pub grid: BTreeMap<String, Vec<toml::Value>>,
-    /// The trained policies play on the twin.
+    /// Instead of a training: players that are ready play.
+    pub play: Option<PlayConfig>,
+    /// The trained policies, or the players, play on the twin.
     pub perform: Option<PerformConfig>,
     /// Instead of a training: Sim2Real2Sim.
     pub rehearse: Option<RehearseConfig>,
@@ -77,6 +79,17 @@ pub struct Variant {
     pub set: Vec<String>,
     /// The modes in which it is played, if not those of `[perform]`.
     pub modes: Option<Vec<Mode>>,
+}
+
+/// Who plays without a training before, and which pieces beside the songs.
+#[derive(Clone, Debug, PartialEq, Eq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct PlayConfig {
+    /// `scripted`, the name of a policy that comes with Étude, a policy's file, or the folder of a run. The others are compared with the first.
+    pub players: Vec<String>,
+    /// How many of the first test melodies.
+    #[serde(default)]
+    pub melodies: usize,
 }
 
 /// How trained policies play on the twin.
@@ -172,7 +185,8 @@ pub struct Published {
 }
 
 /// Labels that a grid cannot have.
-const RESERVED: [&str; 8] = ["song", "seed", "variant", "mode", "run", "round", "truth", "method"];
+const RESERVED: [&str; 10] =
+    ["song", "seed", "variant", "mode", "run", "round", "truth", "method", "player", "pieces"];
 
 /// Whether a setting `path=value` sets the seed, which the plan does.
 pub(crate) fn sets_the_seed(set: &str) -> bool {
@@ -227,14 +241,25 @@ impl Experiment {
         if self.seeds == 0 {
             return Err("key `seeds`: there must be at least one".to_string());
         }
-        if self.rehearse.is_some() && self.identify.is_some() {
-            return Err("it cannot be both [rehearse] and [identify]".to_string());
+        let kinds = [self.play.is_some(), self.rehearse.is_some(), self.identify.is_some()];
+        if kinds.iter().filter(|is_there| **is_there).count() > 1 {
+            return Err("it can be one of [play], [rehearse] and [identify]".to_string());
+        }
+        if let Some(play) = &self.play {
+            if play.players.is_empty() {
+                return Err("key `play.players`: name at least one player".to_string());
+            }
+            if !(self.set.is_empty() && self.variants.is_empty() && self.grid.is_empty()) {
+                return Err("with [play] nothing is trained: no `set`, [[variants]] or [grid]".to_string());
+            }
         }
         if self.identify.is_none() && self.songs.is_empty() {
             return Err("key `songs`: name at least one song".to_string());
         }
         if self.perform.is_some() && (self.rehearse.is_some() || self.identify.is_some()) {
-            return Err("[perform] goes with trainings alone, not with [rehearse] or [identify]".to_string());
+            return Err(
+                "[perform] goes with trainings and [play], not with [rehearse] or [identify]".to_string()
+            );
         }
         if let Some((path, _)) = self.grid.iter().find(|(_, values)| values.is_empty()) {
             return Err(format!("key `grid.{path}`: name at least one value"));
@@ -302,6 +327,11 @@ mod tests {
         assert!(said(&format!("{least}[grid]\n'task.x' = []")).contains("task.x"));
         assert!(said(&format!("{least}[grid]\n'a.mode' = [1]")).contains("`mode` is taken"));
         assert!(said(&format!("{least}[grid]\n'a.x' = [1]\n'b.x' = [1]")).contains("`x` is taken"));
+        assert!(said(&format!("{least}[play]\nplayers = []")).contains("play.players"));
+        let both = format!("{least}[play]\nplayers = ['scripted']\n[identify]\ntruths = []\nmethods = []");
+        assert!(said(&both).contains("one of [play]"));
+        let trained = format!("{least}set = ['task.lookahead=3']\n[play]\nplayers = ['scripted']");
+        assert!(said(&trained).contains("nothing is trained"));
         assert!(said(&format!("{least}set = ['trainer.seed=3']")).contains("`seeds`"));
         let unknown = Experiment::load("no-such").unwrap_err().to_string();
         assert!(unknown.contains("no-such") && unknown.contains("songs"), "{unknown}");

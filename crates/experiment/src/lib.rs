@@ -6,6 +6,7 @@ mod drawings;
 mod local;
 mod notes;
 mod outcome;
+mod pieces;
 mod plan;
 mod plan_file;
 mod record;

@@ -55,9 +55,10 @@ impl Experiment {
         let songs = all_or_first(&self.songs, smoke);
         let mut trials = Vec::new();
         for seed in 0..seeds {
-            match &self.identify {
-                Some(fit) => trials.extend(self.fits(fit, seed, smoke)?),
-                None => {
+            match (&self.identify, &self.play) {
+                (Some(fit), _) => trials.extend(self.fits(fit, seed, smoke)?),
+                (None, Some(play)) => trials.extend(self.plays(play, seed, smoke)?),
+                (None, None) => {
                     for song in songs {
                         trials.extend(self.trainings(song, seed, config)?);
                     }
@@ -143,7 +144,7 @@ impl Experiment {
         Ok(trials)
     }
 
-    fn performance(&self, modes: Option<&[Mode]>, smoke: bool) -> Option<PerformConfig> {
+    pub(crate) fn performance(&self, modes: Option<&[Mode]>, smoke: bool) -> Option<PerformConfig> {
         let perform = self.perform.clone()?;
         let modes = modes.map_or_else(|| perform.modes.clone(), <[Mode]>::to_vec);
         let runs = if smoke { 1 } else { perform.runs };
@@ -173,7 +174,7 @@ impl Experiment {
     }
 
     /// Differs for truths of different content, whether they come with Étude or from a file.
-    fn fingerprint_of_truth(&self, truth: &str) -> anyhow::Result<String> {
+    pub(crate) fn fingerprint_of_truth(&self, truth: &str) -> anyhow::Result<String> {
         let truth = Truth::load(truth).map_err(|error| anyhow!("experiment {}: {error}", self.name))?;
         Ok(format!("{:08x}", truth.fingerprint()))
     }

@@ -64,7 +64,8 @@ fn measures(experiment: &Experiment) -> Vec<String> {
 /// Means and interquartile means of what is compared, pooled and by song.
 pub(crate) fn scores(experiment: &Experiment, all: &[Row]) -> Markup {
     let measures = measures(experiment);
-    let mut columns = strings(&["what", "trainings"]);
+    let counted = if experiment.play.is_some() { "pieces" } else { "trainings" };
+    let mut columns = strings(&["what", counted]);
     for measure in &measures {
         let name = measure_name(measure, false);
         columns.extend([format!("{name}: mean"), format!("{name}: IQM")]);
@@ -106,8 +107,15 @@ pub(crate) fn differences(experiment: &Experiment, all: &[Row]) -> Markup {
             if mine == first || !pooled.contains(&base) {
                 continue;
             }
-            let found = measures.iter().map(|measure| paired(all, labels, &base, measure));
-            let cells = found.map(|found| found.map_or_else(|| "–".to_string(), |found| told(&found.mean)));
+            let found: Vec<Option<Summary>> =
+                measures.iter().map(|measure| paired(all, labels, &base, measure)).collect();
+            // Other songs are no pairs.
+            if found.iter().all(Option::is_none) {
+                continue;
+            }
+            let cells = found
+                .iter()
+                .map(|found| found.as_ref().map_or_else(|| "–".to_string(), |found| told(&found.mean)));
             rows.push([words(labels), words(&base)].into_iter().chain(cells).collect::<Vec<_>>());
         }
     }

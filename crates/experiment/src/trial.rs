@@ -19,7 +19,7 @@ use crate::config::PerformConfig;
 pub struct Trial {
     /// Name of its folder below `runs`; the same work has the same id.
     pub id: String,
-    /// Its place in the experiment: `song`, `variant`, `seed`, the keys of the grid, `mode`, `truth`, `method`.
+    /// Its place in the experiment: `song`, `variant`, `seed`, the keys of the grid, `mode`, `truth`, `method`, `player`, `pieces`.
     pub labels: BTreeMap<String, String>,
     /// The work.
     pub work: Work,
@@ -35,6 +35,17 @@ pub enum Work {
         training: TrainingConfig,
         /// How it is played.
         perform: Option<PerformConfig>,
+    },
+    /// A player that is ready plays.
+    Play {
+        /// A built-in id, a MIDI file, or a melody by its seed: `melody-7`.
+        song: String,
+        /// `scripted`, the name of a policy that comes with Étude, a policy's file, or the folder of a run.
+        player: String,
+        /// How it is played on the twin.
+        perform: Option<PerformConfig>,
+        /// Seed of the twin's noise.
+        seed: u64,
     },
     /// Sim2Real2Sim.
     Rehearse {

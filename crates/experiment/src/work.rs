@@ -19,10 +19,11 @@ use anyhow::bail;
 use etude_identify::Progress;
 use etude_lab::machine::processor;
 use etude_lab::{
-    Identification, IdentifyMethod, RehearsalConfig, RehearsalStep, RobotPlay, Run, TrainingProgress,
-    find_song, identify_robot, load_pianist, play_on_robot, record_excitations, rehearse_on_robot,
-    scores_in_simulation,
+    Identification, IdentifyMethod, Pianist, RehearsalConfig, RehearsalStep, RobotPlay, Run,
+    TrainingProgress, find_song, identify_robot, load_pianist, play_on_robot, record_excitations,
+    rehearse_on_robot, scores_in_simulation,
 };
+use etude_music::Song;
 use etude_perform::stand::{TWIN, rig_choice, unix_secs};
 use etude_perform::{Job, Mode, Scores, gap, write_file};
 use etude_show::RehearsalPage;
@@ -34,6 +35,7 @@ use crate::course::{Course, evaluations};
 use crate::outcome::{
     LOCK, RESULT, Row, TIMES, TRIAL, TrialEnd, TrialProgress, TrialResult, TrialTimes, Values, file_error,
 };
+use crate::pieces::{piece_called, player_called};
 use crate::trial::{TrainingConfig, Trial, Work};
 
 const COURSE: &str = "course.jsonl";
@@ -88,6 +90,7 @@ pub fn run_trial(
     let mut doing = Doing { trial, folder: &folder, threads, command, job };
     let done = match &trial.work {
         Work::Train { training, perform } => doing.train_and_perform(training, perform.as_ref()),
+        Work::Play { song, player, perform, seed } => doing.play(song, player, perform.as_ref(), *seed),
         Work::Rehearse { training, mode, rounds, runs, truth, evaluations } => {
             doing.rehearse(training, *mode, [*rounds, *runs], truth, *evaluations)
         }
@@ -150,7 +153,7 @@ impl Doing<'_, '_> {
         let mut config = training.resolve()?;
         config.trainer.threads = self.threads;
         let seed = config.trainer.seed;
-        let mut run = Run::start_or_resume(song.clone(), config, &folder, self.command, None)?;
+        let mut run = Run::start_or_resume(Some(song.clone()), config, &folder, self.command, None)?;
         let share = if perform.is_some() { TRAINING_SHARE } else { 1.0 };
         let told = |at: &TrainingProgress| TrialProgress {
             phase: "training".to_string(),
@@ -162,9 +165,35 @@ impl Doing<'_, '_> {
         if outcome.stopped.is_some() {
             bail!(STOPPED);
         }
-        let pianist = load_pianist(&training.song, "", Some(&folder))?;
-        let piece = Piece::for_task(&song, &pianist.config.task)?;
-        let Scores { frame: sim, note: sim_note } = scores_in_simulation(&pianist, &piece)?;
+        let pianist = load_pianist(&folder)?;
+        let rows = self.scores(&song, &pianist, perform, seed, share)?;
+        let (course, secs) = evaluations(&folder.join("metrics.jsonl"))?;
+        Ok((self.result(rows, course), self.times(outcome.elapsed_secs, secs)))
+    }
+
+    fn play(
+        &mut self,
+        song: &str,
+        player: &str,
+        perform: Option<&PerformConfig>,
+        seed: u64,
+    ) -> anyhow::Result<(TrialResult, TrialTimes)> {
+        let begun = Instant::now();
+        let rows = self.scores(&piece_called(song)?, &player_called(player)?, perform, seed, 0.0)?;
+        Ok((self.result(rows, Vec::new()), self.times(begun.elapsed().as_secs_f64(), Vec::new())))
+    }
+
+    /// Scores of a player in simulation and, with `perform`, of each of its runs on the twin. `share` of the trial is done before.
+    fn scores(
+        &mut self,
+        song: &Song,
+        pianist: &Pianist,
+        perform: Option<&PerformConfig>,
+        seed: u64,
+        share: f64,
+    ) -> anyhow::Result<Vec<Row>> {
+        let piece = Piece::for_task(song, &pianist.config.task)?;
+        let Scores { frame: sim, note: sim_note } = scores_in_simulation(pianist, &piece)?;
         let of_sim = [
             ("sim_f1", sim.f1),
             ("sim_precision", sim.precision),
@@ -184,8 +213,8 @@ impl Doing<'_, '_> {
                     let (runs, seed) = (perform.runs, SEEDS_OF_RUNS.wrapping_mul(seed));
                     let play = RobotPlay { mode: **mode, runs, home: true, seed };
                     let report = play_on_robot(
-                        &song,
-                        &pianist,
+                        song,
+                        pianist,
                         &rig,
                         &play,
                         None,
@@ -218,8 +247,7 @@ impl Doing<'_, '_> {
                 }
             }
         }
-        let (course, secs) = evaluations(&folder.join("metrics.jsonl"))?;
-        Ok((self.result(rows, course), self.times(outcome.elapsed_secs, secs)))
+        Ok(rows)
     }
 
     fn rehearse(

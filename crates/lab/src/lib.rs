@@ -5,6 +5,7 @@
 //! [`play_on_robot`] on a robot or its twin, [`identify_robot`] fits the simulator to recordings, and [`rehearse_on_robot`] does
 //! all of it in rounds.
 
+mod at_sight;
 pub mod bench;
 mod config;
 mod doctor;
@@ -23,6 +24,7 @@ mod robot;
 mod run;
 mod warm;
 
+pub use at_sight::{AtSight, predicted_at_sight};
 pub use config::{DEFAULT_PRESET, RunConfig, presets, resolve};
 pub use doctor::{Finding, examine};
 pub use errors::{Interrupted, released};
@@ -30,7 +32,7 @@ pub use excitations::record_excitations;
 pub use folder::{CONFIG, META, SONG, make_folder};
 pub use grid::{GridConfig, GridReport, Marginal, WorldScores, evaluate_grid};
 pub use identify::{IDENTIFIED, Identification, IdentifyMethod, IdentifyReport, identify_robot};
-pub use pianist::{Pianist, SIGHT_READER, load_pianist, load_sight_reader, policies, shipped_policy};
+pub use pianist::{Pianist, SIGHT_READER, best_policy, load_pianist, pianist_for, policies, shipped_policy};
 pub use planning::planning_told;
 pub use play::{Files, PAGE, PlayReport, RECORDING, REPORT, play, scores_in_simulation};
 pub use record::{Motion, Recorded, record_robot};

@@ -102,44 +102,25 @@ pub fn policies(slug: &str) -> Vec<PathBuf> {
     found
 }
 
-/// Loads the policy at `path` (a policy file or a run's folder), or else the best usable one that there is for `slug`,
-/// the short form of the song that was `asked` for: that with the highest F1, one by an articulated plan before all others, because F1 does
-/// not compare between plans. Among equally good policies, one of a run is preferred to the shipped one.
+/// Loads the policy at `path`, a policy file or a run's folder.
 ///
 /// # Errors
 /// If there is none, or it cannot be used.
-pub fn load_pianist(asked: &str, slug: &str, path: Option<&Path>) -> anyhow::Result<Pianist> {
-    if let Some(path) = path {
-        if !path.is_dir() {
-            return open(path);
-        }
-        return open(&policy_in(path).with_context(|| {
-            format!("{} holds no policy; name the folder of a run, or a policy file", path.display())
-        })?);
+pub fn load_pianist(path: &Path) -> anyhow::Result<Pianist> {
+    if !path.is_dir() {
+        return open(path);
     }
-    let none = || {
-        anyhow!(
-            "there is no policy for `{asked}` yet: `etude train {}` makes one, or name one with --policy (looked in \
-             policies/ and {RUNS})",
-            shell_word(asked)
-        )
-    };
-    best(slug)?.ok_or_else(none)
+    open(&policy_in(path).with_context(|| {
+        format!("{} holds no policy; name the folder of a run, or a policy file", path.display())
+    })?)
 }
 
-/// The best policy for pieces without one of their own, if there is one.
+/// The best usable policy that there is for the song `slug`, if there is one: that with the highest F1, one by an articulated plan before
+/// all others, because F1 does not compare between plans. Among equally good policies, one of a run is preferred to the shipped one.
 ///
 /// # Errors
 /// If there are some, and none can be used.
-pub fn load_sight_reader() -> anyhow::Result<Option<Pianist>> {
-    best(SIGHT_READER)
-}
-
-/// The best usable policy for `slug`, if there is one.
-///
-/// # Errors
-/// If there are some, and none can be used.
-fn best(slug: &str) -> anyhow::Result<Option<Pianist>> {
+pub fn best_policy(slug: &str) -> anyhow::Result<Option<Pianist>> {
     // One damaged file must not keep the others from playing.
     let (mut pianists, mut errors) = (Vec::new(), Vec::new());
     for path in policies(slug) {
@@ -157,6 +138,26 @@ fn best(slug: &str) -> anyhow::Result<Option<Pianist>> {
         None => errors.into_iter().next().map_or(Ok(None), Err),
         found => Ok(found),
     }
+}
+
+/// Who plays `song`, which was `asked` for and has this short form, if no policy is named: the best of its policies, if it has learned
+/// these notes, or else the sight-reader.
+///
+/// # Errors
+/// If there is none, or none can be used.
+pub fn pianist_for(asked: &str, slug: &str, song: &Song) -> anyhow::Result<Pianist> {
+    let own = best_policy(slug)?.filter(|pianist| pianist.has_learned(song));
+    let pianist = match own {
+        None => best_policy(SIGHT_READER)?,
+        own => own,
+    };
+    pianist.with_context(|| {
+        format!(
+            "there is no policy for `{asked}` yet: `etude train {}` makes one, or name one with --policy (looked in \
+             policies/ and {RUNS})",
+            shell_word(asked)
+        )
+    })
 }
 
 /// The pianist with the policy in the file `path`.
@@ -219,6 +220,12 @@ impl Pianist {
             Kind::Policy(_, path) => path.display().to_string(),
             Kind::Script => "scripted".to_string(),
         }
+    }
+
+    /// Whether a policy was trained on `song`, as far as its file and its folder say.
+    fn has_learned(&self, song: &Song) -> bool {
+        self.song.as_deref().is_none_or(|learned| learned == song.title())
+            && self.learned_other_notes(song).is_none()
     }
 
     /// Number of notes of the song that the policy was trained on, if these are not the notes of `song`; `None` if they are, or if

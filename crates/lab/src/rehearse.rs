@@ -5,7 +5,7 @@
 //! DIR/excitation/*.mcap       the robot moving clear of the keyboard
 //! DIR/round-0/                performance of the policy from the default simulator
 //! DIR/round-N/identified/     the simulator fitted to the excitation (once) and to the performances of the round before
-//! DIR/round-N/training/       the policy of the round before, trained further in that simulator
+//! DIR/round-N/training/       the policy of the round before, trained further in that simulator: on the song, or on the preset's corpus
 //! DIR/round-N/performance/    performance on the robot; recordings, MIDI and sound
 //! DIR/round-N/round.json      the result of the round; written last
 //! ```
@@ -48,11 +48,11 @@ pub struct RehearsalConfig {
     pub runs: usize,
     /// How they are played.
     pub mode: Mode,
-    /// Preset of the trainings.
+    /// Preset of the trainings. If it has a corpus they learn that, for all songs, and the song is what the robot plays.
     pub preset: String,
     /// Overrides of its values, `path=value`.
     pub overrides: Vec<String>,
-    /// The policy of round 0; without one the song is learned first.
+    /// The policy of round 0; without one it is learned first.
     pub policy: Option<PathBuf>,
     /// Method of identification.
     pub method: IdentifyMethod,
@@ -305,7 +305,8 @@ impl Rehearsal<'_> {
         config.trainer.threads = self.config.threads.unwrap_or(config.trainer.threads);
         let source = before.map(|before| before.policy.as_path());
         let command = format!("etude rehearse, round {round}");
-        let mut run = Run::start_or_resume(self.song.clone(), config, &folder, &command, source)?;
+        let song = config.corpus.is_none().then(|| self.song.clone());
+        let mut run = Run::start_or_resume(song, config, &folder, &command, source)?;
         let told = |at: &TrainingProgress| RehearsalStep::Training(round, *at);
         if job.part(told, |job| run.run_job(job))?.stopped.is_some() {
             return Err(Interrupted::resumable().into());
@@ -321,7 +322,7 @@ impl Rehearsal<'_> {
         folder: &Path,
         job: &mut Job<'_, RehearsalStep>,
     ) -> anyhow::Result<RobotReport> {
-        let mut pianist = load_pianist(&self.config.song, "", Some(policy))?;
+        let mut pianist = load_pianist(policy)?;
         let runs = self.config.runs;
         let is_set = self.config.overrides.iter().any(|set| set.trim_start().starts_with(LEAD));
         if !is_set {

@@ -177,12 +177,12 @@ impl Run {
         Ok(Self { song, config, trainer, _lock: lock })
     }
 
-    /// Resumes the training in `folder`, or starts it, as [`start`](Self::start).
+    /// Resumes the training in `folder`, or starts it, as [`start`](Self::start); without a song as [`start_corpus`](Self::start_corpus).
     ///
     /// # Errors
     /// As those.
     pub fn start_or_resume(
-        song: Song,
+        song: Option<Song>,
         config: RunConfig,
         folder: &Path,
         command: &str,
@@ -196,7 +196,10 @@ impl Run {
                 resumed => return resumed,
             }
         }
-        Self::start(song, config, folder, command, source)
+        match song {
+            Some(song) => Self::start(song, config, folder, command, source),
+            None => Self::start_corpus(config, folder, command, source),
+        }
     }
 
     /// The song that is learned; none where a corpus is.

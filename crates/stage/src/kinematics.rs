@@ -6,7 +6,7 @@
 use crate::hand::{FINGER_JOINTS, FINGER_RANGE, LINKS, MOUNT, ROOT_Z, SPLAY, Side, root_lateral, root_side};
 
 /// Root of a finger in the world when the rail is at `rail`, m, and the lateral tilt of its axis, rad.
-fn root(side: Side, finger: usize, rail: f64) -> ([f64; 3], f64) {
+pub fn root(side: Side, finger: usize, rail: f64) -> ([f64; 3], f64) {
     let outer = root_side(side, finger) != 0.0;
     let [back, up] = MOUNT;
     let forward = ROOT_Z[usize::from(!outer)];

@@ -18,7 +18,7 @@ mod range;
 pub mod reward;
 pub mod scripted;
 mod vector;
-mod window;
+pub mod window;
 
 pub use assignment::assign;
 pub use config::{ObservationScale, ObservationView, TaskConfig};

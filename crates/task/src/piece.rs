@@ -81,6 +81,18 @@ impl Piece {
         self.fingering.as_ref()
     }
 
+    /// The keys that its fingering plays in each control step: what is due, less what the hand cannot do.
+    pub fn planned(&self) -> Vec<KeySet> {
+        let mut planned = vec![KeySet::EMPTY; self.due.len()];
+        for note in self.fingering.iter().flat_map(|fingering| fingering.notes()) {
+            let end = note.end.min(planned.len());
+            for keys in &mut planned[note.start.min(end)..end] {
+                keys.insert(note.key);
+            }
+        }
+        planned
+    }
+
     /// The goals of the fingers in control step `step`; none without a fingering.
     pub fn goals(&self, step: usize) -> Goals {
         self.fingering.as_ref().map(|fingering| fingering.goals(step)).unwrap_or_default()

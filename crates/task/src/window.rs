@@ -12,13 +12,18 @@ use crate::Piece;
 /// Slots to either side of the rail's planned place: five white keys, more than the outer fingers reach.
 const SIDE_SLOTS: i32 = 10;
 /// Slots of the window.
-pub(crate) const SLOTS: usize = 2 * SIDE_SLOTS as usize + 1;
+pub const SLOTS: usize = 2 * SIDE_SLOTS as usize + 1;
 /// Width of a slot, m.
 const SLOT_M: f64 = WHITE_PITCH / 2.0;
 
+/// The slot in which `key` stands.
+pub fn slot_of_key(key: usize) -> i32 {
+    slot(key_lateral(key))
+}
+
 /// The window in one control step.
-#[derive(Clone, Copy)]
-pub(crate) struct Window {
+#[derive(Clone, Copy, Debug)]
+pub struct Window {
     middle: i32,
 }
 
@@ -28,14 +33,19 @@ fn slot(lateral: f64) -> i32 {
 
 impl Window {
     /// The window around the rail's place, m.
-    pub(crate) fn around(place: f64) -> Self {
+    pub fn around(place: f64) -> Self {
         Self { middle: slot(place) }
+    }
+
+    /// Its middle slot; 0 is that in the middle of the keyboard.
+    pub fn middle(self) -> i32 {
+        self.middle
     }
 
     /// Writes which of `keys` stand in the window, lowest slot first.
     pub(crate) fn show(self, keys: impl IntoIterator<Item = usize>, columns: &mut [f32]) {
         for key in keys {
-            let column = slot(key_lateral(key)) - self.middle + SIDE_SLOTS;
+            let column = slot_of_key(key) - self.middle + SIDE_SLOTS;
             if let Some(column) = usize::try_from(column).ok().and_then(|column| columns.get_mut(column)) {
                 *column = 1.0;
             }

@@ -132,8 +132,8 @@ const take = (file) => attempt(async () => {
   try {
     const name = await ask.handOver(file);
     await look();
-    const { problem } = await choose(name);
-    if (problem === null) await start({ verb: 'play', song: name, player: 'best' });
+    const { problem, policy } = await choose(name);
+    if (problem === null) await start({ verb: 'play', song: name, player: policy === null ? 'scripted' : 'best' });
   } finally {
     status.textContent = '';
   }

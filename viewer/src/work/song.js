@@ -83,7 +83,7 @@ export class SongSection {
     ];
   }
 
-  hard({ warnings, fingering }) {
+  hard({ warnings, fingering, notes, at_sight: atSight }) {
     const items = [
       ...warnings,
       ...(fingering?.limits ?? []).map((limit) => `Bar ${limit.bar}, beat ${Number(limit.beat.toFixed(2))} (${limit.secs.toFixed(1)} s): ${limit.note} ${limit.what}`),
@@ -92,6 +92,7 @@ export class SongSection {
     return [
       element('h3', { text: 'What will be hard' }),
       fingering ? element('p', { text: `With three fingers: ${fingering.summary}.` }) : null,
+      atSight ? element('p', { text: `Predicted at sight: ${atSight.notes_right} of ${notes} notes, ${scoreText(atSight.f1)}.` }) : null,
       items.length === 0 ? element('p', { class: 'note', text: 'Nothing: the hand reaches every note in time.' }) : list(items.slice(0, FIRST)),
       items.length > FIRST
         ? element('details', {}, element('summary', { text: `${items.length - FIRST} more` }), list(items.slice(FIRST)))
@@ -111,18 +112,21 @@ export class SongSection {
 
   showActions(known) {
     this.actions.root.hidden = known.problem !== null;
-    const { song, policy, policy_f1: f1 } = known;
-    this.actions.show([song, policy, f1], () => {
+    const { song, policy, policy_f1: f1, at_sight: atSight } = known;
+    this.actions.show([song, policy, f1, atSight], () => {
       const players = policy === null
         ? [['scripted', 'the scripted player']]
-        : [['best', `${playerText(policy)}${typeof f1 === 'number' ? `, ${scoreText(f1)} in training` : ''}`], ['scripted', 'the scripted player']];
+        : [['best', `${playerText(policy)}${typeof f1 === 'number' ? `, ${scoreText(f1)} ${atSight ? 'on other melodies' : 'in training'}` : ''}`], ['scripted', 'the scripted player']];
       const player = choice(players, { 'data-key': 'player' });
       const mode = choice(MODES, { 'data-key': 'mode' });
       const minutes = element('input', { type: 'number', min: '0.1', step: 'any', placeholder: 'no limit', 'data-key': 'minutes' });
       const set = element('input', { type: 'text', placeholder: 'droq.batch=256', autocomplete: 'off', spellcheck: 'false', 'data-key': 'set' });
       return [
         policy === null
-          ? element('p', { text: 'No policy has learned this song yet. The scripted player plays it: by inverse kinematics and timing, without learning.' })
+          ? element('p', { text: 'There is no policy that can play this song. The scripted player plays it: by inverse kinematics and timing, without learning.' })
+          : null,
+        atSight
+          ? element('p', { text: 'No policy has learned this song yet. The sight-reader plays it at sight: a policy that has learned other melodies.' })
           : null,
         element('div', { class: 'row' }, field('Player', player), button('Play it', 'play', () => this.start({ verb: 'play', song, player: player.value }))),
         element(

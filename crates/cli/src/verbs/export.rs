@@ -4,9 +4,7 @@ use std::path::PathBuf;
 
 use clap::ValueHint;
 use etude_lab::find_song;
-use etude_perform::shell_word;
 use etude_show::export::export_onnx;
-use etude_task::ObservationView;
 
 use super::{PianistArgs, file_to_write, json, line, slug};
 use crate::Ending;
@@ -16,6 +14,7 @@ use crate::Ending;
 #[command(after_help = "\
 Examples:
   etude export onnx twinkle -o twinkle.onnx
+  etude export onnx songs/mine.mid
   etude export onnx songs/mine.mid --policy runs/mine")]
 pub struct Args {
     #[command(subcommand)]
@@ -29,7 +28,7 @@ enum What {
     /// The entry `etude` of the model's metadata says in JSON what each column of the observation and of the action means,
     /// with the joints' ranges for this song.
     Onnx {
-        /// A built-in song or a MIDI file: the policy's range of the rail goes by it
+        /// A built-in song or a MIDI file: the description has what is due and the plan of its fingering
         #[arg(value_name = "SONG", value_parser = super::song(), value_hint = ValueHint::FilePath, hide_possible_values = true)]
         song: String,
         /// The file; SONG.onnx if not given
@@ -48,13 +47,6 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
     let What::Onnx { song: asked, out, pianist, json: as_json } = args.what;
     let song = find_song(&asked)?;
     let pianist = pianist.load(&asked, &song)?;
-    if pianist.config.task.view == ObservationView::Hand {
-        anyhow::bail!(
-            "the contract in a model does not describe an observation relative to the hand (task.view): `etude train {}` makes a \
-             policy that can be exported",
-            shell_word(&asked)
-        );
-    }
     let out = out.unwrap_or_else(|| PathBuf::from(format!("{}.onnx", slug(&asked))));
     let out = file_to_write(out, "onnx", "a model is written as .onnx")?;
     export_onnx(&pianist, &song, &out)?;

@@ -3,7 +3,7 @@
 use std::collections::BTreeSet;
 use std::path::PathBuf;
 
-use etude_lab::{RECORDING, find_song, load_pianist, play};
+use etude_lab::{RECORDING, find_song, pianist_for, play};
 use etude_music::repertoire;
 use etude_perform::Job;
 use etude_show::gallery::gallery;
@@ -54,8 +54,9 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
         for (number, id) in ids.iter().enumerate() {
             told(&mut status, "playing", id, [number, ids.len()]);
             let folder = own.join(id);
-            let pianist = load_pianist(id, id, None)?;
-            play(&find_song(id)?, &pianist, &folder, None, &mut Job::new(&mut |_| {}, &stop))?;
+            let song = find_song(id)?;
+            let pianist = pianist_for(id, id, &song)?;
+            play(&song, &pianist, &folder, None, &mut Job::new(&mut |_| {}, &stop))?;
             paths.push(folder.join(RECORDING));
         }
     }

@@ -28,7 +28,7 @@ use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
 
 use clap::builder::{PossibleValue, PossibleValuesParser, StringValueParser, TypedValueParser};
-use etude_lab::{Pianist, RunConfig, SIGHT_READER, load_pianist, load_sight_reader, policies};
+use etude_lab::{Pianist, RunConfig, SIGHT_READER, load_pianist, pianist_for, policies};
 use etude_music::Song;
 use etude_perform::shell_word;
 
@@ -125,10 +125,9 @@ impl PianistArgs {
         let mut pianist = if self.scripted {
             Pianist::scripted()
         } else {
-            let has_own = self.policy.is_some() || !policies(&slug(asked)).is_empty();
-            match if has_own { None } else { load_sight_reader()? } {
-                Some(reader) => reader,
-                None => load_pianist(asked, &slug(asked), self.policy.as_deref())?,
+            match &self.policy {
+                Some(policy) => load_pianist(policy)?,
+                None => pianist_for(asked, &slug(asked), song)?,
             }
         };
         if !self.overrides.is_empty() {
@@ -139,8 +138,13 @@ impl PianistArgs {
         }
         if pianist.reads_at_sight() {
             if self.policy.is_none() {
+                let why = if policies(&slug(asked)).is_empty() {
+                    "has no policy of its own"
+                } else {
+                    "has other notes than its policies learned"
+                };
                 note(format!(
-                    "`{asked}` has no policy of its own: {} plays it at sight; `etude train {} --from {SIGHT_READER}` learns it",
+                    "`{asked}` {why}: {} plays it at sight; `etude train {} --from {SIGHT_READER}` learns it",
                     pianist.name(),
                     shell_word(asked)
                 ));

@@ -5,7 +5,8 @@ use std::path::PathBuf;
 use clap::ValueHint;
 use clap::builder::PossibleValuesParser;
 use etude_lab::{
-    IdentifyMethod, RehearsalConfig, RehearsalStep, Round, find_song, rehearse_on_robot, shipped_policy,
+    IdentifyMethod, RehearsalConfig, RehearsalStep, Round, SIGHT_READER, find_song, rehearse_on_robot,
+    shipped_policy,
 };
 use etude_perform::stand::{RigChoice, rig_choice};
 use etude_perform::{Excitation, Job, Mode};
@@ -22,12 +23,14 @@ use crate::status::Status;
 #[command(after_help = "\
 Round 0 plays what was learned in the default simulator. Each later round records the robot (once, moving clear of the \
 keyboard), fits the simulator to that and to the last performances, trains further in it, and plays again. If it is stopped, the \
-same command resumes it. Keep clear of the robot: it moves to the keyboard by itself before each run.
+same command resumes it. With --preset sight-reader the trainings continue the sight-reader, for all songs: SONG is what the robot plays \
+in each round, and `etude perform` plays others with the policy of the last. Keep clear of the robot: it moves to the keyboard by itself before each run.
 
 Examples:
   etude rehearse c-major-scale --robot twin --rounds 2
   etude rehearse twinkle --robot twin --truth worn --mode hybrid --rounds 1
-  etude rehearse my-song.mid --robot lab.toml --rounds 3")]
+  etude rehearse my-song.mid --robot lab.toml --rounds 3
+  etude rehearse twinkle --preset sight-reader --set trainer.total_steps=300000 --rounds 1")]
 pub struct Args {
     /// A built-in id (see `etude songs`) or a MIDI file
     #[arg(value_parser = super::song(), value_hint = ValueHint::FilePath, hide_possible_values = true)]
@@ -53,7 +56,7 @@ pub struct Args {
     /// Set a value of it, for example --set task.randomisation.intensity=0.2; may be repeated
     #[arg(long = "set", value_name = "PATH=VALUE")]
     overrides: Vec<String>,
-    /// The first policy; the shipped one if not given. Without any, the song is learned first
+    /// The first policy; the shipped one of the song, or with --preset sight-reader the sight-reader, if not given. Without any, it is learned first
     #[arg(long, value_name = "FILE|DIR")]
     policy: Option<PathBuf>,
     /// Method of identification: `lm` or `bo`
@@ -65,7 +68,7 @@ pub struct Args {
     /// Seed of identification, of the twin's noise, and of the training unless --set says otherwise
     #[arg(long, default_value_t = 0)]
     seed: u64,
-    /// Where everything goes; out/rehearse-SONG if not given
+    /// Where everything goes; out/rehearse-SONG if not given, out/rehearse-sight-reader with that preset
     #[arg(short = 'o', long = "out", value_name = "DIR")]
     out: Option<PathBuf>,
     /// Keep the replay buffers of the trainings (some 100 MB a round), so that `etude train --resume` can continue one
@@ -82,9 +85,11 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
     song.check_range()?;
     let name = slug(&args.song);
     let rig = rig_choice(&args.robot, &args.truth)?;
-    let folder = args.out.unwrap_or_else(|| PathBuf::from("out").join(format!("rehearse-{name}")));
     let mut overrides = vec![format!("trainer.seed={}", args.seed)];
     overrides.extend(args.overrides);
+    let has_corpus = etude_lab::resolve(&args.preset, None, &overrides)?.corpus.is_some();
+    let learned = if has_corpus { SIGHT_READER.to_string() } else { name };
+    let folder = args.out.unwrap_or_else(|| PathBuf::from("out").join(format!("rehearse-{learned}")));
     let config = RehearsalConfig {
         song: args.song,
         rig: rig.name().to_string(),
@@ -97,7 +102,7 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
         mode: args.mode,
         preset: args.preset,
         overrides,
-        policy: args.policy.or_else(|| shipped_policy(&name)),
+        policy: args.policy.or_else(|| shipped_policy(&learned)),
         method: args.method,
         evaluations: args.evaluations,
         seed: args.seed,

@@ -4,10 +4,10 @@ use std::path::{Path, PathBuf};
 
 use anyhow::Context as _;
 use clap::ValueHint;
-use etude_lab::{find_song, policies};
+use etude_lab::{AtSight, find_song, policies, predicted_at_sight};
 use etude_music::{CONTROL_HZ, Note, Part, Song, melody, pitch_name, repertoire, sound};
 use etude_perform::shell_word;
-use etude_task::fingering::Limit;
+use etude_task::fingering::{Limit, LimitKind};
 use etude_task::{Piece, TaskConfig};
 use serde_json::json as object;
 
@@ -34,7 +34,7 @@ pub struct Args {
 
 #[derive(clap::Subcommand)]
 enum What {
-    /// Show one song: notes by bar, range, how many a second, what may be hard
+    /// Show one song: notes by bar, range, how many a second, what may be hard, and how well it will go at sight
     Show {
         /// A built-in id or a MIDI file
         #[arg(value_parser = super::song(), value_hint = ValueHint::FilePath, hide_possible_values = true)]
@@ -49,7 +49,7 @@ enum What {
         #[command(flatten)]
         config: ConfigArgs,
         /// Print JSON: title, notes, secs, frames, lowest, highest, notes_per_sec, busiest_second, bars, warnings,
-        /// fingering
+        /// at_sight (notes_right and f1, predicted for the sight-reader that comes with Étude), fingering
         #[arg(long)]
         json: bool,
     },
@@ -146,6 +146,7 @@ fn show(
     drop(planning);
     let frames = piece.as_ref().map_or(&[][..], Piece::frames);
     let limits = piece.as_ref().and_then(Piece::fingering).map(|fingering| fingering.limits());
+    let at_sight = piece.as_ref().and_then(predicted_at_sight);
     let place_of = |limit: &Limit| {
         // Control steps are rounded; the note is the nearest of its key.
         let away = |note: &&Note| (note.start_secs + silence - limit.secs()).abs();
@@ -170,11 +171,11 @@ fn show(
                 object!({"notes": notes, "bar": place.bar, "beat": place.beat, "secs": secs})
             }), "bars": bars.iter().map(|(bar, secs, chords)| {
                 object!({"bar": bar, "secs": secs, "chords": chords})
-            }).collect::<Vec<_>>(), "warnings": warnings, "fingering": limits.map(|limits| object!({
+            }).collect::<Vec<_>>(), "warnings": warnings, "at_sight": at_sight, "fingering": limits.map(|limits| object!({
                 "summary": limits.to_string(),
                 "limits": limits.notes.iter().map(|limit| {
                     let (place, secs) = place_of(limit);
-                    object!({"bar": place.bar, "beat": place.beat, "secs": secs, "note": limit.note(), "leap": limit.is_leap(), "what": limit.what()})
+                    object!({"bar": place.bar, "beat": place.beat, "secs": secs, "note": limit.note(), "leap": limit.is_leap(), "chord": is_chord(limit), "what": limit.what()})
                 }).collect::<Vec<_>>(),
             })),
         }))?;
@@ -200,6 +201,13 @@ fn show(
         }
         if let Some(limits) = limits {
             line(format!("With three fingers: {limits}"))?;
+            if let Some(AtSight { notes_right, f1 }) = at_sight {
+                line(format!("Predicted at sight: {notes_right} of {notes} notes, F1 {f1:.2}"))?;
+            }
+            let wide = limits.notes.iter().filter(|limit| is_chord(limit)).count();
+            if wide > 0 {
+                line(format!("Chords too wide, or of more notes than fingers: {wide} of these"))?;
+            }
             if let Some(first) = limits.leaps().next() {
                 let (place, secs) = place_of(first);
                 let leaps = limits.leaps().count();
@@ -223,6 +231,11 @@ fn show(
         note(format!("Listen: {}", path.display()));
     }
     Ok(())
+}
+
+/// Whether a note is skipped because no place of the hand reaches its chord.
+fn is_chord(limit: &Limit) -> bool {
+    matches!(limit.kind, LimitKind::TooManyKeys | LimitKind::OutOfReach)
 }
 
 /// Number of each bar that has notes, when the first of them begins (s), and what is struck together in it.

@@ -5,7 +5,7 @@ use std::thread::sleep;
 use std::time::{Duration, Instant};
 
 use crate::processes::{self, children_of};
-use crate::{Desk, TINY, errors};
+use crate::{Desk, TINY, errors, shipped};
 
 /// An experiment of four short trials in the scratch folder.
 pub const FOUR: &str = r#"
@@ -92,6 +92,53 @@ fn every_experiment_of_the_paper_runs_by_its_one_command() {
     std::fs::remove_dir_all(desk.path("runs")).unwrap();
     desk.ok(&report);
     assert!(desk.bytes("report/index.html") == page, "the same page, made of what the first one kept");
+}
+
+#[test]
+fn players_that_are_ready_play_songs_and_melodies_without_a_training() {
+    let desk = Desk::new();
+    desk.ok("experiment run sight-reading --budget smoke");
+    desk.ok("experiment report sight-reading --budget smoke -o report");
+    let table = crate::csv(&desk.bytes("report/sight-reading/results.csv"));
+    let column = |name: &str| table[0].iter().position(|column| column == name).unwrap();
+    let of = |row: &Vec<String>, name: &str| row[column(name)].clone();
+    // A song and a melody, which is of four kinds, by two players.
+    assert_eq!(table.len(), 1 + 2 * (1 + 4));
+    for player in ["sight-reader", "scripted"] {
+        let rows: Vec<_> = table[1..].iter().filter(|row| of(row, "player") == player).collect();
+        let song = of(rows[0], "song");
+        assert_eq!((song.as_str(), of(rows[0], "pieces").as_str()), ("are-you-sleeping", "songs"));
+        let who = match player {
+            "scripted" => "--scripted".to_string(),
+            name => format!("--policy {}", shipped(name).display()),
+        };
+        let played = desk.json(&format!("play {song} {who} -o out --json"));
+        let performed = desk.json(&format!("perform {song} {who} --robot twin -o twin --json"));
+        for (name, expected) in [
+            ("sim_f1", &played["f1"]),
+            ("sim_onset_f1", &played["onset_f1"]),
+            ("f1", &performed["robot_f1"]),
+            ("onset_f1", &performed["onset_f1"]),
+        ] {
+            let found: f64 = of(rows[0], name).parse().unwrap();
+            assert!(
+                (found - expected.as_f64().unwrap()).abs() < 1e-5,
+                "{player}: {name} {found}, {expected}"
+            );
+        }
+        let kinds: Vec<String> = rows[1..].iter().map(|row| of(row, "pieces")).collect();
+        assert!(kinds.len() == 4 && kinds.iter().all(|kind| kind != "songs"), "{kinds:?}");
+        assert!(rows[2..].iter().all(|row| of(row, "sim_f1") == of(rows[1], "sim_f1")), "played once");
+    }
+    let page = String::from_utf8(desk.bytes("report/index.html")).unwrap();
+    assert!(
+        page.contains("player\u{a0}scripted") && !page.contains("nothing done has these labels"),
+        "{page}"
+    );
+    let text = "title = 'T'\nsource = 'S'\nsongs = ['twinkle']\nseeds = 1\n[play]\nplayers = ['nobody']\n";
+    std::fs::write(desk.path("sight.toml"), text).unwrap();
+    let said = errors(&desk.command("experiment plan sight.toml").output().unwrap());
+    assert!(said.contains("player `nobody`"), "{said}");
 }
 
 #[test]

@@ -3,7 +3,7 @@
 use etude_learn::Policy;
 
 use crate::playing::check_elsewhere;
-use crate::{Desk, errors, shipped, succeed};
+use crate::{Desk, errors, root, shipped, succeed};
 
 #[test]
 fn onnx_runtime_acts_as_the_policy_does() {
@@ -32,6 +32,25 @@ fn onnx_runtime_acts_as_the_policy_does() {
     check_elsewhere("check_onnx.py", &files);
 }
 
+/// What the policy saw and did in performances on the twin, from the description in the model and from joints and keys alone: with an
+/// observation relative to the hand, with one of the whole keyboard, and with velocities.
+#[test]
+fn a_model_says_all_that_is_needed_to_play() {
+    let desk = Desk::new();
+    let song = root().join("songs/au-clair-de-la-lune.mid");
+    for (name, song, policy) in [
+        ("sight", song.to_str().unwrap(), "sight-reader"),
+        ("own", "twinkle", "twinkle"),
+        ("velocities", "chord-progression", "surprise-symphony"),
+    ] {
+        let policy = format!("--policy {}", shipped(policy).display());
+        desk.ok(&format!("export onnx {song} {policy} -o {name}.onnx"));
+        desk.ok(&format!("perform {song} {policy} --robot twin -o {name}"));
+        let files = [format!("{name}.onnx"), format!("{name}/run-1.mcap")].map(|file| desk.path(file));
+        check_elsewhere("check_contract.py", &files);
+    }
+}
+
 #[test]
 fn what_cannot_be_exported_is_refused() {
     let desk = Desk::new();
@@ -39,7 +58,6 @@ fn what_cannot_be_exported_is_refused() {
         ("export onnx twinkle --scripted", "no network"),
         ("export onnx twinkle -o twinkle.pb", "written as .onnx"),
         ("export onnx twinckle", "did you mean twinkle"),
-        ("export onnx short.mid", "etude train short.mid"),
     ] {
         let output = desk.command(args).output().unwrap();
         assert!(!output.status.success() && errors(&output).contains(message), "{args}: {}", errors(&output));
@@ -47,4 +65,7 @@ fn what_cannot_be_exported_is_refused() {
     assert_eq!(desk.left_behind(), [""; 0]);
     succeed(desk.tiny("short.mid -o run --json"));
     assert!(desk.ok("export onnx short.mid --policy run").contains("short.onnx"));
+    // A song without a policy of its own gets the sight-reader.
+    let said = desk.json("export onnx short.mid --json");
+    assert!(said["policy"].as_str().unwrap().ends_with("sight-reader.safetensors"), "{said}");
 }

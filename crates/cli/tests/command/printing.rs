@@ -60,6 +60,7 @@ fn figures_come_as_json_with_the_documented_keys() {
         "updates_per_sec",
         "train_steps_per_sec",
         "train_steps_per_sec_1_core",
+        "sight_reader_step_micros",
         "bf16_train_steps_per_sec",
         "bf16_updates_per_sec",
         "start_up_secs",

@@ -126,3 +126,35 @@ fn a_rehearsal_that_was_killed_goes_on_to_the_same_end() {
     let changed = desk.command("rehearse short.mid --robot twin --rounds 1 --runs 2 -o a").output().unwrap();
     assert!(errors(&changed).contains("another rehearsal"), "{}", errors(&changed));
 }
+
+/// With a corpus the rounds continue the sight-reader for all songs; the song is what the robot plays.
+#[test]
+#[ignore = "takes a minute: `make test-heavy`, which .ci/run calls"]
+fn the_sight_reader_is_adapted_once_for_all_songs() {
+    let desk = Desk::new();
+    let mut command =
+        desk.command("rehearse short.mid --preset sight-reader --rounds 1 --runs 1 --evaluations 2 --json");
+    let sets = ["trainer.total_steps=400", "trainer.warmup_steps=100", "corpus.validation_pieces=1"];
+    let output = command.args(sets.iter().flat_map(|set| ["--set", set])).output().unwrap();
+    assert!(output.status.success(), "{}", errors(&output));
+    let rounds: Vec<Value> = serde_json::from_slice(&output.stdout).unwrap();
+    assert!(
+        rounds[0]["policy"].as_str().unwrap().ends_with("policies/sight-reader.safetensors"),
+        "{rounds:?}"
+    );
+    let training = "out/rehearse-sight-reader/round-1/training";
+    assert!(rounds[1]["policy"].as_str().unwrap().starts_with(training), "{rounds:?}");
+    // It learned the corpus, in the fitted simulator, with the lead against the lag of the round before.
+    assert!(!desk.path(training).join("song.mid").exists());
+    let config = String::from_utf8(desk.bytes(format!("{training}/config.toml"))).unwrap();
+    assert!(config.contains("[corpus]") && config.contains("joint.rail.delay"), "{config}");
+    let lead = |round: usize| rounds[round]["lead_secs"].as_f64().unwrap();
+    let late = rounds[0]["lag_secs"].as_f64().unwrap();
+    assert!(late != 0.0 && (lead(1) - (lead(0) + late).clamp(0.0, 0.2)).abs() < 1e-9, "{rounds:?}");
+    // It plays other songs too.
+    let report = desk.json(&format!("perform twinkle --policy {training} -o twinkle --json"));
+    assert!(
+        report["notes_right"].as_f64().unwrap() > 7.0 && report["lead_secs"] == rounds[1]["lead_secs"],
+        "{report}"
+    );
+}

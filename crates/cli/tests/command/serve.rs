@@ -304,11 +304,14 @@ fn a_dropped_file_is_bounded_and_must_be_midi() {
     assert_eq!(kept("twinkle.mid", &song), "out/songs/twinkle 2.mid");
     assert_eq!(kept("-o.mid", &other), "out/songs/o.mid");
     // Who has learned a song of that name has not learned this one.
-    let about = server.get("song?name=out/songs/twinkle%202.mid").json();
-    assert_eq!((&about["policy"], &about["problem"]), (&Value::Null, &Value::Null), "{about}");
-    assert!(
-        server.get("song?name=twinkle").json()["policy"].as_str().unwrap().ends_with("twinkle.safetensors")
-    );
+    let plays = |song: &str| {
+        let about = server.get(&format!("song?name={song}")).json();
+        assert_eq!(about["problem"], Value::Null, "{about}");
+        let file = about["policy"].as_str().unwrap().rsplit('/').next().unwrap().to_string();
+        (file, about["at_sight"].as_bool().unwrap())
+    };
+    assert_eq!(plays("out/songs/twinkle%202.mid"), ("sight-reader.safetensors".to_string(), true));
+    assert_eq!(plays("twinkle"), ("twinkle.safetensors".to_string(), false));
     assert_eq!(server.get("song?name=other.mid").status, 404);
 }
 
@@ -366,8 +369,7 @@ fn what_was_made_is_there_after_a_restart() {
         server.get("files/out/songs/short.json").json()
     );
     assert!(server.get("files/out/songs/short.wav").body.starts_with(b"RIFF"));
-    // No policy has learned it, so the scripted player plays.
-    let played = server.does(&json!({ "verb": "play", "song": song, "player": "best" }));
+    let played = server.does(&json!({ "verb": "play", "song": song, "player": "scripted" }));
     assert!(played["command"].as_str().unwrap().starts_with("etude replay"), "{played}");
     server.does(&json!({ "verb": "perform", "song": song, "player": "scripted", "mode": "real" }));
     let performances = server.state()["performances"].clone();
@@ -377,6 +379,18 @@ fn what_was_made_is_there_after_a_restart() {
     assert_eq!(of("recording"), ["out/short-scripted-real/run-1.mcap", "out/short-scripted/recording.mcap"]);
     assert_eq!((of("player"), of("mode")), (vec!["scripted".into(); 2], vec!["real".into(), Value::Null]));
     assert_eq!(of("notes_due"), [3, 3]);
+    // No policy has learned it, so the sight-reader plays at sight, and the page names it.
+    assert_eq!(about["at_sight"], true, "{about}");
+    server.does(&json!({ "verb": "play", "song": song, "player": "best" }));
+    let newest = server.state()["performances"][0].clone();
+    assert_eq!(
+        (&newest["recording"], &newest["player"]),
+        (&"out/short/recording.mcap".into(), &about["policy"])
+    );
+    assert!(about["policy"].as_str().unwrap().ends_with("/sight-reader.safetensors"), "{about}");
+    // Its replay names it too.
+    let replay = server.get("files/out/short/replay.html");
+    assert!(String::from_utf8_lossy(&replay.body).contains("sight-reader.safetensors"));
     // The same files as the verb writes by itself.
     desk.ok("play songs/short.mid --scripted -o same");
     assert_eq!(
@@ -398,7 +412,7 @@ fn what_was_made_is_there_after_a_restart() {
         assert_eq!(before[key], after[key], "{key}");
     }
     // Each run of a performance has a page of its own.
-    assert_eq!(after["performances"][0]["page"], "out/short-scripted-real/run-1.html");
+    assert_eq!(after["performances"][1]["page"], "out/short-scripted-real/run-1.html");
     assert_eq!(after["jobs"], json!([]));
     let run = &after["runs"][0];
     assert_eq!((&run["run"], &run["song"]), (&"runs/short__fast__0".into(), &"short".into()));
@@ -468,7 +482,7 @@ fn planning_that_takes_long_is_stopped_and_says_how_far_it_is() {
         assert_eq!(server.ended(id)["state"], "stopped");
     }
     assert!(!desk.path("out/songs/chords.json").exists(), "half of it is nothing");
-    let left: Vec<_> = std::fs::read_dir(desk.path("out/chords-scripted")).unwrap().collect();
+    let left: Vec<_> = std::fs::read_dir(desk.path("out/chords")).unwrap().collect();
     assert!(left.is_empty(), "{left:?}");
 }
 
@@ -537,6 +551,6 @@ fn a_dropped_song_is_heard() {
     tests.env("ETUDE_PAGE", server.address()).env("ETUDE_SONG", song).env("ETUDE_SETTINGS", TINY.join(" "));
     let said = all_pass(tests);
     println!("{}", said.lines().find(|line| line.contains("from the drop")).unwrap());
-    assert!(desk.path("out/au-clair-de-la-lune-scripted/performance.wav").is_file());
+    assert!(desk.path("out/au-clair-de-la-lune/performance.wav").is_file());
     assert_eq!(std::fs::read_dir(desk.path("screenshots")).unwrap().count(), 4);
 }

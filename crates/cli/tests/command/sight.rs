@@ -1,8 +1,9 @@
 //! Playing at sight: melodies to practise on, a training on them, and what it is used for.
 
-use etude_music::{Note, Part, Song};
+use etude_music::{Note, Part, Song, melodies};
+use serde_json::Value;
 
-use crate::{Desk, errors, succeed};
+use crate::{Desk, errors, shipped, succeed};
 
 /// A sight-reader that takes seconds to train.
 const READER: &str =
@@ -96,6 +97,47 @@ fn a_sight_reader_is_trained_resumed_and_plays_what_has_no_policy_of_its_own() {
     succeed(desk.tiny("short.mid -o runs/short__fast__0"));
     let output = desk.command("play short.mid").output().unwrap();
     assert_eq!(errors(&output), "");
+}
+
+/// Notes and F1 as `songs show` predicts them, and as the shipped sight-reader plays them.
+#[test]
+fn what_is_predicted_is_what_happens() {
+    let desk = Desk::new();
+    let mut songs: Vec<String> = etude_music::repertoire::ids().map(str::to_string).collect();
+    // The first test melodies, the last of which is quick and has leaps too far for the time.
+    for (number, song) in melodies(Part::Test, 0).take(13).enumerate() {
+        song.save(desk.path(format!("melody-{number}.mid"))).unwrap();
+        songs.push(format!("melody-{number}.mid"));
+    }
+    let policy = shipped("sight-reader");
+    let (mut predicted, mut played) = (Vec::new(), Vec::new());
+    for song in &songs {
+        let shown = desk.json(&format!("songs show {song} --json"));
+        let report = desk.json(&format!("play {song} --policy {} -o out --json", policy.display()));
+        let notes = |report: &Value, name: &str| report[name].as_f64().unwrap();
+        let away = notes(&shown["at_sight"], "notes_right") - notes(&report, "matched");
+        assert!(away.abs() <= 2.0 + 0.05 * notes(&shown, "notes"), "{song}: {shown} and {report}");
+        predicted.push(notes(&shown["at_sight"], "f1"));
+        played.push(notes(&report, "f1"));
+    }
+    let mean = |values: &[f64]| values.iter().sum::<f64>() / values.len() as f64;
+    let away: Vec<f64> = predicted.iter().zip(&played).map(|(one, other)| (one - other).abs()).collect();
+    assert!(mean(&away) < 0.01, "{predicted:?} and {played:?}");
+    let deviations = |values: &[f64]| values.iter().map(|value| value - mean(values)).collect::<Vec<f64>>();
+    let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
+    let (one, other) = (deviations(&predicted), deviations(&played));
+    let correlation = dot(&one, &other) / (dot(&one, &one) * dot(&other, &other)).sqrt();
+    assert!(correlation > 0.9, "{correlation}: {predicted:?} and {played:?}");
+    // Four notes at once: one is too many.
+    let note = |pitch| Note { pitch, start_secs: 0.0, end_secs: 0.4, velocity: 80 };
+    Song::new("Four", [60, 62, 64, 65].map(note).to_vec(), 0.4).unwrap().save(desk.path("four.mid")).unwrap();
+    let said = desk.ok("songs show four.mid");
+    assert!(said.contains("Predicted at sight: 3 of 4 notes, F1 0."), "{said}");
+    assert!(said.contains("Chords too wide, or of more notes than fingers: 1 of these"), "{said}");
+    assert!(
+        desk.json("songs show four.mid --preset paper --json")["at_sight"].is_null(),
+        "without a fingering"
+    );
 }
 
 #[test]

@@ -27,6 +27,7 @@ const PARTS: &[(&str, &str)] = &[
     ("--fault", "it ends with the fault that was ordered: `robots.rs`"),
     ("identified", "it needs what `identify` writes"),
     ("runs/rehearse", "it needs what `rehearse` writes"),
+    ("out/rehearse-sight-reader", "the same"),
     ("--set trainer.total_steps=3e6", "millions of steps"),
 ];
 

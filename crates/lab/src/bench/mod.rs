@@ -1,5 +1,6 @@
 //! Speed of environments, learner and whole trainings on this machine. `benches/run.py` compares it with other programs.
 
+mod acting;
 mod rate;
 
 use std::path::Path;
@@ -14,6 +15,8 @@ use serde::Serialize;
 use serde_json::{Map, Value, json};
 
 use crate::machine::{machine, peak_memory_mib};
+use crate::pianist::{Kind, Pianist, SIGHT_READER, best_policy};
+use acting::control_step_secs;
 pub use rate::training_rate;
 
 /// The song that everything is measured on.
@@ -118,6 +121,14 @@ pub fn measure(program: &Path, secs: f64) -> anyhow::Result<BenchReport> {
             })?;
         }
     }
+
+    let micros = match best_policy(SIGHT_READER)? {
+        Some(Pianist { kind: Kind::Policy(mut policy, _), config, .. }) => {
+            Some(1e6 * control_step_secs(&mut policy, &config.task, &song, secs)?)
+        }
+        _ => None,
+    };
+    report.row("sight-reader: one control step, 1 core", "sight_reader_step_micros", "µs", micros);
 
     report.row("peak memory of a training, begun", "peak_memory_mib", "MiB", memory);
     let start_up = start_up_secs(program)?;

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use std::sync::{Mutex, PoisonError};
 use std::time::SystemTime;
 
-use etude_lab::{PAGE, Pianist, RECORDING, REPORT, find_song, load_pianist};
+use etude_lab::{PAGE, Pianist, RECORDING, REPORT, find_song, pianist_for};
 use etude_music::{Song, SongError, repertoire};
 use etude_perform::write_file;
 use etude_show::watch::{Point, RunFigures, WatchedRun, runs_in};
@@ -163,12 +163,13 @@ impl Desk {
         });
         let said = || serde_json::from_slice::<Value>(&std::fs::read(&about).ok()?).ok();
         let is_there = is_there && said().is_some_and(|said| said["title"] == notes.title());
-        let policy = policy_for(song, &notes);
+        let pianist = pianist_for(song, &slug(song), &notes).ok();
         Ok(json!({
             "song": song, "title": listed.title, "about": about, "reference": reference, "is_there": is_there,
             "problem": problem, "transpositions": transpositions,
-            "policy": policy.as_ref().map(Pianist::name),
-            "policy_f1": policy.and_then(|pianist| pianist.claimed_f1),
+            "policy": pianist.as_ref().map(Pianist::name),
+            "at_sight": pianist.as_ref().is_some_and(Pianist::reads_at_sight),
+            "policy_f1": pianist.and_then(|pianist| pianist.claimed_f1),
         }))
     }
 
@@ -221,13 +222,6 @@ pub fn about(song: &str) -> (String, String) {
         name = "song".to_string();
     }
     (format!("{SONGS}/{name}.json"), format!("{SONGS}/{name}.wav"))
-}
-
-/// The best policy there is, if it has learned this song.
-pub fn policy_for(asked: &str, song: &Song) -> Option<Pianist> {
-    let pianist = load_pianist(asked, &slug(asked), None).ok()?;
-    let is_of_it = pianist.song.as_deref().is_none_or(|learned| learned == song.title());
-    (is_of_it && pianist.learned_other_notes(song).is_none()).then_some(pianist)
 }
 
 /// The page of a recording: each run of a performance has its own.

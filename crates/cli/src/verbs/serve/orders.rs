@@ -9,7 +9,7 @@ use serde::Deserialize;
 
 use super::super::perform::performance_name;
 use super::super::{PianistArgs, slug};
-use super::desk::{COMPARED, Desk, Listed, SONGS, about, make_folder, policy_for, replay_page};
+use super::desk::{COMPARED, Desk, Listed, SONGS, about, make_folder, replay_page};
 use super::http::Refusal;
 use super::jobs::{Order, Step};
 
@@ -31,7 +31,7 @@ pub enum Wanted {
 #[derive(Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Who {
-    /// The best policy that has learned the song; without one the scripted player.
+    /// The best policy that has learned the song; without one the sight-reader.
     Best,
     Scripted,
     /// The policy of a training.
@@ -162,9 +162,9 @@ fn performance(desk: &Desk, recording: &Path) -> Result<String, Refusal> {
 
 /// Title of the song, and who plays it.
 fn pianist(desk: &Desk, asked: &str, player: Who) -> Result<(String, PianistArgs), Refusal> {
-    let (listed, song) = desk.song(asked)?;
+    let (listed, _) = desk.song(asked)?;
     let (policy, scripted) = match player {
-        Who::Best => (None, policy_for(asked, &song).is_none()),
+        Who::Best => (None, false),
         Who::Scripted => (None, true),
         Who::Run(run) if desk.runs().iter().any(|known| known.figures.run == run) => (Some(run), false),
         Who::Run(run) => return Err(unknown(&run)),

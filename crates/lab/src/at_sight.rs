@@ -1,0 +1,34 @@
+//! How well a piece will go at sight, from its plan alone.
+
+use etude_music::KeySet;
+use etude_music::metrics::frame_scores;
+use etude_task::Piece;
+use serde::Serialize;
+
+/// Time around each onset in which the keys are not those that are due, s. Measured with the shipped sight-reader on validation
+/// melodies by `scripts/sight_prediction.py`.
+const LOST_AT_AN_ONSET_SECS: f64 = 0.012;
+
+/// What a piece is predicted to score at sight.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct AtSight {
+    /// Notes of the song that are played.
+    pub notes_right: usize,
+    /// F1 by control step.
+    pub f1: f64,
+}
+
+/// What the shipped sight-reader will score on `piece`: all that its fingering plays, less what is lost at each onset. None without a
+/// fingering.
+pub fn predicted_at_sight(piece: &Piece) -> Option<AtSight> {
+    let limits = piece.fingering()?.limits();
+    let frames = piece.frames();
+    let new = |keys: &[KeySet]| keys[1].iter().any(|key| !keys[0].contains(key));
+    let onsets = frames.windows(2).filter(|keys| new(keys)).count();
+    let secs = frames.len() as f64 / etude_music::CONTROL_HZ;
+    let planned = frame_scores(frames, &piece.planned()).f1;
+    Some(AtSight {
+        notes_right: limits.total_notes.saturating_sub(limits.skipped().count() + limits.merged_notes),
+        f1: (planned - LOST_AT_AN_ONSET_SECS * onsets as f64 / secs).max(0.0),
+    })
+}
