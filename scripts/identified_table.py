@@ -3,7 +3,7 @@
     etude identify … -o out/identified && python3 scripts/identified_table.py out/identified configs/truths/standard.toml
 
 Implied are: a joint's gains, the rig's (duty a radian) times the torque of full duty; its dry friction, that of the truth on its
-way and the torque of the drive's dead band; its damping, that gain, what its viscosity has more than the default, and its motor's back-EMF; the keyboard's rows, as the truth has them. Armature, low-pass, delay and jerk limit
+way and the torque of the drive's dead band; its viscosity, the truth's and its motor's back-EMF; the keyboard's rows, as the truth has them. Armature, low-pass, delay and jerk limit
 have no counterpart: in the twin a velocity filter, a servo and wires stand in their place.
 """
 
@@ -14,7 +14,7 @@ import sys
 import tomllib
 
 FULL_PWM = 1200
-KP, KD = 3600, 120  # duty a radian, duty a radian a second: the rig's default gains
+KP = 3600  # duty a radian: the rig's default gain
 DEFAULT_VISCOSITY = 0.01
 KEYBOARD = {"key.threshold": 0.5, "key.stiffness": 1.0, "key.damping": None, "keyboard.height": 0.0, "keyboard.lateral": 0.0}
 
@@ -32,7 +32,7 @@ def implied(truth):
             own = lambda row, default: physics.get(f"{name}.{row}", physics.get(f"joint.fingers.{row}", default))
             values[f"{name}.stiffness"] = KP / FULL_PWM * torque[joint]
             back_emf = torque[joint] / hand["no_load_rad_per_sec"] if "no_load_rad_per_sec" in hand else 0.0
-            values[f"{name}.damping"] = KD / FULL_PWM * torque[joint] + own("viscosity", DEFAULT_VISCOSITY) - DEFAULT_VISCOSITY + back_emf
+            values[f"{name}.viscosity"] = own("viscosity", DEFAULT_VISCOSITY) + back_emf
             values[f"{name}.friction"] = own("friction", 0.0) + hand.get("dead_pwm", 0) / FULL_PWM * torque[joint]
     return values
 

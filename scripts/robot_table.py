@@ -20,9 +20,8 @@ def etude(*arguments):
     return json.loads(done.stdout)
 
 
-def perform(song, mode, truth, runs, secs=None):
-    """The report of performances on the twin, with this lead of the plan, s."""
-    lead = [] if secs is None else ["--set", f"task.plan.lead_secs={secs}"]
+def perform(song, mode, truth, runs, lead):
+    """The report of performances on the twin."""
     return etude(
         "perform", song, "--mode", mode, "--robot", "twin", "--truth", truth, "--policy", f"policies/{song}.safetensors", "--runs", runs,
         *lead, "--out", f"out/robot-table/{truth}/{song}-{mode}", "--json",
@@ -31,9 +30,11 @@ def perform(song, mode, truth, runs, secs=None):
 
 def on_time(song, mode, truth, runs):
     """The same with the lead with which the notes are on time in the median, measured from one run before."""
-    before = perform(song, mode, truth, "1")
+    # Another noise of the twin than in the runs that are scored.
+    before = perform(song, mode, truth, "1", ["--seed", "100"])
     late = before.get("lag_secs") or 0.0
-    return perform(song, mode, truth, runs, round(min(max(before["lead_secs"] + late, 0.0), LONGEST_LEAD_SECS), 3))
+    secs = min(max(before["lead_secs"] + late, 0.0), LONGEST_LEAD_SECS)
+    return perform(song, mode, truth, runs, ["--set", f"task.plan.lead_secs={secs:.3f}"])
 
 
 def main():

@@ -271,6 +271,7 @@ impl Doing<'_, '_> {
             preset: training.preset.clone(),
             overrides: training.set.clone(),
             policy: None,
+            simulator: None,
             method: IdentifyMethod::Lm,
             evaluations,
             seed: training.resolve()?.trainer.seed,

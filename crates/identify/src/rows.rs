@@ -1,7 +1,7 @@
 //! Which parameters a fit estimates, and their bounds.
 //!
-//! A finger's joint is driven by Étude's own joint loop, whose gains and limits of the duty are known. What a duty is worth is not: one
-//! scale of torque, estimated as the stiffness; damping and torque limit follow it ([`follow_stiffness`]). What slows a joint down
+//! A finger's joint is driven by Étude's own joint loop, whose gains and limits of the duty are known. The torque of a duty is not known: one
+//! scale, estimated as the stiffness; damping and torque limit follow it ([`follow_stiffness`]). What slows a joint down
 //! beyond that, its viscosity and its motor's back-EMF, acts also when the duty is at its limit.
 //!
 //! Not estimated: limits of velocity and acceleration, which Étude itself applies to a robot's commands; the rail's armature, which
@@ -32,13 +32,14 @@ use Bounds::{Around, Factor, FactorBelow, UpTo};
 
 /// Parameters of a finger joint. Dry friction: up to a tenth of the joint's torque.
 const FINGER: &[(JointRow, Bounds)] = &[
-    // The scale of torque, of which motion in the air shows little. Sources for the v4's full torque are within 30 % of 1 N·m.
-    (JointRow::Stiffness, Factor(1.4)),
+    // The scale of torque, of which motion in the air shows little. Sources for the v4's full torque say 0.7 to 1 N·m.
+    (JointRow::Stiffness, Factor(1.5)),
     // A motor of 1 N·m that turns at 4 rad/s without load has 0.25.
     (JointRow::Viscosity, UpTo(0.4, VISCOSITY)),
     (JointRow::Friction, UpTo(0.08, 0.005)),
     (JointRow::Armature, Factor(8.0)),
-    (JointRow::LowPass, Factor(8.0)),
+    // Étude's own shaping has it. With wide bounds a fit takes it for what slows the joint down.
+    (JointRow::LowPass, Factor(2.5)),
     (JointRow::Delay, UpTo(0.05, 0.0025)),
     // The default is the acceleration limit within one physics step. A fit that began there would not see a slower drive.
     (JointRow::JerkLimit, FactorBelow(8.0, 50_000.0)),
@@ -154,6 +155,8 @@ pub fn start(rig: &RigConfig) -> PhysicalParams {
         for (row, gains) in rows {
             params.set_joint(row, joint, gains[joint % FINGER_JOINTS] / f64::from(FULL_SCALE_PWM));
         }
+        let most = f64::from(rig.hand.pwm_limit[joint]) / f64::from(FULL_SCALE_PWM);
+        params.set_joint(JointRow::TorqueLimit, joint, most);
         params.set_joint(JointRow::Viscosity, joint, VISCOSITY);
     }
     params
@@ -163,6 +166,26 @@ pub fn start(rig: &RigConfig) -> PhysicalParams {
 mod tests {
     use super::*;
     use crate::Space;
+
+    /// A rig with its own gains and limits of the duty; and the truths of the twin are within the bounds of the scale (docs/twin.md).
+    #[test]
+    fn a_fit_begins_with_the_rigs_joint_loop() {
+        let mut rig = RigConfig::default();
+        rig.joint_loop.kp[1] = 1800.0;
+        rig.joint_loop.kd[1] = 60.0;
+        rig.hand.pwm_limit[5] = 300;
+        let params = start(&rig);
+        let rows = [JointRow::Stiffness, JointRow::Damping, JointRow::TorqueLimit];
+        assert_eq!(rows.map(|row| params.joint(row, 5)), [1.5, 0.05, 0.25]);
+        assert_eq!(rows.map(|row| params.joint(row, 4)), [3.0, 0.1, 0.3125]);
+        let scale = joint_parameters(4, &params).swap_remove(0);
+        assert!(scale.path.ends_with("stiffness") && scale.low <= 0.7 * 3.0 && scale.high >= 3.0);
+        let mut stronger = params.clone();
+        stronger.set_joint(JointRow::Stiffness, 4, 2.4);
+        follow_stiffness(&params, &mut stronger);
+        let followed = rows.map(|row| stronger.joint(row, 4) / params.joint(row, 4));
+        assert!(followed.iter().all(|share| (share - 0.8).abs() < 1e-12), "{followed:?}");
+    }
 
     #[test]
     fn every_parameter_is_a_row_with_bounds_around_its_value() {

@@ -121,10 +121,16 @@ pub fn load_pianist(path: &Path) -> anyhow::Result<Pianist> {
 /// # Errors
 /// If there are some, and none can be used.
 pub fn best_policy(slug: &str) -> anyhow::Result<Option<Pianist>> {
+    best_of(slug, |_| true)
+}
+
+/// The same of those that `fit`.
+fn best_of(slug: &str, fit: impl Fn(&Pianist) -> bool) -> anyhow::Result<Option<Pianist>> {
     // One damaged file must not keep the others from playing.
     let (mut pianists, mut errors) = (Vec::new(), Vec::new());
     for path in policies(slug) {
         match open(&path) {
+            Ok(pianist) if !fit(&pianist) => {}
             Ok(pianist) => pianists.push(pianist),
             Err(error) => errors.push(error),
         }
@@ -140,13 +146,13 @@ pub fn best_policy(slug: &str) -> anyhow::Result<Option<Pianist>> {
     }
 }
 
-/// Who plays `song`, which was `asked` for and has this short form, if no policy is named: the best of its policies, if it has learned
-/// these notes, or else the sight-reader.
+/// Who plays `song`, which was `asked` for and has this short form, if no policy is named: the best of its policies that have
+/// learned these notes, or else the sight-reader.
 ///
 /// # Errors
 /// If there is none, or none can be used.
 pub fn pianist_for(asked: &str, slug: &str, song: &Song) -> anyhow::Result<Pianist> {
-    let own = best_policy(slug)?.filter(|pianist| pianist.has_learned(song));
+    let own = best_of(slug, |pianist| pianist.has_learned(song))?;
     let pianist = match own {
         None => best_policy(SIGHT_READER)?,
         own => own,

@@ -165,7 +165,7 @@ pub fn scores_in_simulation(pianist: &Pianist, piece: &Piece) -> anyhow::Result<
 
 /// The header of a recording in which `pianist` plays `piece` on the rig that is called `rig`.
 pub(crate) fn header(piece: &Piece, pianist: &Pianist, rig: &str, config: Option<RigConfig>) -> Header {
-    let due = if config.is_some() { piece.heard_frames() } else { piece.frames().to_vec() };
+    let due = piece.heard_frames(config.is_some());
     Header {
         song: piece.title().to_string(),
         player: pianist.name(),

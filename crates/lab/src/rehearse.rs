@@ -54,6 +54,10 @@ pub struct RehearsalConfig {
     pub overrides: Vec<String>,
     /// The policy of round 0; without one it is learned first.
     pub policy: Option<PathBuf>,
+    /// A simulator whose drives are fitted to this robot already, as `etude identify` and rehearsals write it: only its keyboard is fitted
+    /// then, to what was played.
+    #[serde(default)]
+    pub simulator: Option<PathBuf>,
     /// Method of identification.
     pub method: IdentifyMethod,
     /// Evaluations of each fit at most.
@@ -116,12 +120,12 @@ pub enum RehearsalStep {
     Identifying(usize, Progress),
     /// The training of a round has advanced.
     Training(usize, TrainingProgress),
-    /// How late the notes of a round are was measured: the plan leads by this much now, s.
-    Led {
+    /// The lag of a round was measured.
+    LagMeasured {
         /// The round.
         round: usize,
-        /// The lead of the plan, s.
-        lead_secs: f64,
+        /// The lead of the plan against it, s; none if no right note was near its time, and the lead stays.
+        lead_secs: Option<f64>,
     },
     /// A run was played.
     Performed {
@@ -276,7 +280,13 @@ impl Rehearsal<'_> {
             }
         }
         // The excitations are the same in each round and identify the drives. Once they are fitted, only the performances are new.
-        let fitted_before = round > 1 && !performances.is_empty();
+        let given = match &self.config.simulator {
+            Some(file) => {
+                Some(resolve(&self.config.preset, Some(file), &self.config.overrides)?.task.physics)
+            }
+            None => None,
+        };
+        let fitted_before = (round > 1 || given.is_some()) && !performances.is_empty();
         let is_new = |path: &PathBuf| !fitted_before || path.ends_with(excitation_file(Excitation::Held));
         let what = Identification {
             recordings: excitations.into_iter().filter(is_new).chain(performances).collect(),
@@ -284,7 +294,7 @@ impl Rehearsal<'_> {
             method: self.config.method,
             evaluations: self.config.evaluations,
             seed: self.config.seed,
-            start: before.physics.clone(),
+            start: given.filter(|_| round == 1).unwrap_or_else(|| before.physics.clone()),
         };
         job.part(
             |at: &Progress| RehearsalStep::Identifying(round, at.clone()),
@@ -327,9 +337,9 @@ impl Rehearsal<'_> {
         let is_set = self.config.overrides.iter().any(|set| set.trim_start().starts_with(LEAD));
         if !is_set {
             let measured = self.play_runs(round, 1, &pianist, None, job)?;
-            let lead_secs = lead_against(measured.lead_secs, measured.lag_secs.unwrap_or(0.0));
-            pianist.config.task.plan.lead_secs = lead_secs;
-            job.tell(&RehearsalStep::Led { round, lead_secs });
+            let lead_secs = measured.lag_secs.map(|late| lead_against(measured.lead_secs, late));
+            pianist.config.task.plan.lead_secs = lead_secs.unwrap_or(measured.lead_secs);
+            job.tell(&RehearsalStep::LagMeasured { round, lead_secs });
         }
         self.play_runs(round, runs, &pianist, Some(folder), job)
     }
@@ -343,7 +353,9 @@ impl Rehearsal<'_> {
         folder: Option<&Path>,
         job: &mut Job<'_, RehearsalStep>,
     ) -> anyhow::Result<RobotReport> {
-        let seed = self.config.seed.wrapping_add(1000 * round as u64);
+        // The run that measures the lag is none of those that are scored: the twin's noise is another.
+        let first = if folder.is_some() { 0 } else { self.config.runs as u64 };
+        let seed = self.config.seed.wrapping_add(1000 * round as u64 + first);
         let play = RobotPlay { mode: self.config.mode, runs, home: true, seed };
         let performed = |ended: &RunEnded| RehearsalStep::Performed {
             round,

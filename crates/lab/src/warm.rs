@@ -30,6 +30,7 @@ fn in_the_form_of(mut config: RunConfig, other: &RunConfig) -> RunConfig {
     task.finger_range = other.finger_range;
     task.velocities = other.velocities;
     task.view = other.view;
+    task.rail_set_point = other.rail_set_point;
     task.scale = other.scale;
     config
 }

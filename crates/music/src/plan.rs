@@ -44,6 +44,11 @@ pub struct PlanConfig {
     pub lead_secs: f64,
 }
 
+/// Whole frames by which a player who leads by this time is heard later than the frames of the plan have it.
+pub fn late_frames(lead_secs: f64) -> usize {
+    (lead_secs * CONTROL_HZ + ON_BORDER_FRAMES) as usize
+}
+
 impl Default for PlanConfig {
     fn default() -> Self {
         Self { rule: PlanRule::default(), restrike_secs: 0.1, lead_secs: 0.0 }
@@ -118,11 +123,6 @@ impl PlanConfig {
             .collect();
         warnings.sort_by(|a, b| a.start_secs.total_cmp(&b.start_secs));
         warnings
-    }
-
-    /// Whole frames by which a player who leads is heard later than the frames of the [plan](Self::plan) have it.
-    pub fn late_frames(&self) -> usize {
-        (self.lead_secs * CONTROL_HZ + ON_BORDER_FRAMES) as usize
     }
 
     /// Checks the numbers.
@@ -235,8 +235,8 @@ mod tests {
 
     #[test]
     fn a_lead_of_a_frame_is_heard_a_frame_later_than_it_is_planned() {
-        let late = |lead_secs: f64| PlanConfig { lead_secs, ..ARTICULATED }.late_frames();
-        assert_eq!([0.0, 0.025, 0.0499, 0.05, 0.0999, 0.115, 0.15, 0.25].map(late), [0, 0, 0, 1, 1, 2, 3, 5]);
+        let leads = [0.0, 0.025, 0.0499, 0.05, 0.0999, 0.115, 0.15, 0.25];
+        assert_eq!(leads.map(late_frames), [0, 0, 0, 1, 1, 2, 3, 5]);
     }
 
     #[test]

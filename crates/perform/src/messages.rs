@@ -90,7 +90,8 @@ pub struct Header {
     pub control_hz: f64,
     /// Names of the joints, in the order of every list below.
     pub joints: Vec<String>,
-    /// MIDI numbers of the keys due at each control step.
+    /// MIDI numbers of the keys that should be heard in each control step; on a robot later than the plan by the whole control steps of
+    /// its lead.
     pub due: Vec<Vec<u8>>,
     /// The notes that are due.
     pub due_notes: Vec<DueNote>,

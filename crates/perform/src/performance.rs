@@ -124,10 +124,9 @@ impl Performance {
         notes_from_key_events(&self.events, self.secs())
     }
 
-    /// Keys that should be heard in each control step. A robot lags and the plan leads, so that on time is later than the plan by its
-    /// lead; a simulation has keys down as early as the plan does.
+    /// Keys that should be heard in each control step: see [`Piece::heard_frames`].
     pub fn due(&self) -> Vec<KeySet> {
-        if self.robot.is_some() { self.piece.heard_frames() } else { self.piece.frames().to_vec() }
+        self.piece.heard_frames(self.robot.is_some())
     }
 
     /// Every score. Control steps after an early end count as silence; onsets are read at the times of the key events.

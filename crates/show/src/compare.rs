@@ -56,8 +56,7 @@ impl Comparison {
                 );
             }
         }
-        let pitches = |take: &Take| take.due_notes.iter().map(|note| note.pitch).collect::<Vec<_>>();
-        if pitches(a) != pitches(b) {
+        if !a.has_the_notes_of(b) {
             bail!(
                 "{} ({}) and {} ({}) are not of the same notes; compare performances of one piece",
                 a.name,

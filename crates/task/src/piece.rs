@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use etude_music::{KeySet, Note, Plan, PlanConfig, Song, SongError};
+use etude_music::{KeySet, Note, Plan, PlanConfig, Song, SongError, late_frames};
 
 use crate::{Fingering, Goals, TaskConfig, TaskError};
 
@@ -13,8 +13,8 @@ pub struct Piece {
     due: Arc<[KeySet]>,
     notes: Arc<[Note]>,
     bars: Arc<[f64]>,
-    /// See [`PlanConfig::late_frames`].
-    late_steps: usize,
+    /// Time by which the notes are later than the keys that are due, s.
+    lead_secs: f64,
     fingering: Option<Arc<Fingering>>,
 }
 
@@ -34,7 +34,7 @@ impl Piece {
             due: plan.frames.into(),
             notes: song.notes().into(),
             bars: song.beats().bar_lines(song.duration_secs()).into(),
-            late_steps: 0,
+            lead_secs: 0.0,
             fingering: None,
         }
     }
@@ -43,7 +43,7 @@ impl Piece {
     pub fn silent(steps: usize) -> Self {
         let (notes, bars) = ([].into(), [].into());
         let due = vec![KeySet::EMPTY; steps].into();
-        Self { title: String::new(), due, notes, bars, late_steps: 0, fingering: None }
+        Self { title: String::new(), due, notes, bars, lead_secs: 0.0, fingering: None }
     }
 
     /// The song as `config` plays it: its plan, after its initial silence and, if it asks for one, with a fingering for its world.
@@ -64,7 +64,7 @@ impl Piece {
         tell: &mut dyn FnMut(f64),
     ) -> Result<Self, TaskError> {
         let mut piece = Self::of(config.plan.plan(song, config.initial_silence_secs)?);
-        piece.late_steps = config.plan.late_frames();
+        piece.lead_secs = config.plan.lead_secs;
         if config.fingering {
             let (stage, params) = (&config.stage, &config.params()?);
             let mut fingering = Fingering::plan_telling(stage, params, &piece, tell);
@@ -132,11 +132,17 @@ impl Piece {
         &self.due
     }
 
-    /// Keys that should be heard in every control step from a robot that the plan leads: those of [`frames`](Self::frames), later by the
-    /// whole control steps of the lead.
-    pub fn heard_frames(&self) -> Vec<KeySet> {
-        let silence = std::iter::repeat_n(KeySet::EMPTY, self.late_steps);
+    /// Keys that should be heard in every control step. In a simulation these are the [`frames`](Self::frames): it plays them as early as
+    /// the plan has them. A robot lags and the plan leads, so on a robot they are later by the whole control steps of the lead.
+    pub fn heard_frames(&self, on_robot: bool) -> Vec<KeySet> {
+        let late = if on_robot { late_frames(self.lead_secs) } else { 0 };
+        let silence = std::iter::repeat_n(KeySet::EMPTY, late);
         silence.chain(self.due.iter().copied()).take(self.due.len()).collect()
+    }
+
+    /// Time by which the notes are later than the keys that are due, s: the lead of the plan.
+    pub fn lead_secs(&self) -> f64 {
+        self.lead_secs
     }
 
     /// Times of the bar lines, with the initial silence, s.

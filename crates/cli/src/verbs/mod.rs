@@ -141,7 +141,7 @@ impl PianistArgs {
                 let why = if policies(&slug(asked)).is_empty() {
                     "has no policy of its own"
                 } else {
-                    "has other notes than its policies learned"
+                    "is not the piece that its policies learned"
                 };
                 note(format!(
                     "`{asked}` {why}: {} plays it at sight; `etude train {} --from {SIGHT_READER}` learns it",

@@ -9,7 +9,7 @@ use etude_lab::{
     shipped_policy,
 };
 use etude_perform::stand::{RigChoice, rig_choice};
-use etude_perform::{Excitation, Job, Mode};
+use etude_perform::{Excitation, Job, Mode, shell_word};
 use etude_show::{REHEARSAL_PAGE, RehearsalPage};
 
 use super::identify::fit;
@@ -23,13 +23,14 @@ use crate::status::Status;
 #[command(after_help = "\
 Round 0 plays what was learned in the default simulator. Each later round records the robot (once, moving clear of the \
 keyboard), fits the simulator to that and to the last performances, trains further in it, and plays again. If it is stopped, the \
-same command resumes it. With --preset sight-reader the trainings continue the sight-reader, for all songs: SONG is what the robot plays \
-in each round, and `etude perform` plays others with the policy of the last. Keep clear of the robot: it moves to the keyboard by itself before each run.
+same command resumes it. With --preset sight-reader the trainings continue the sight-reader, for all songs: the robot plays SONG in each round. \
+`etude perform` plays other songs with the policy of the last round. Keep clear of the robot: it moves to the keyboard by itself before each run.
 
 Examples:
   etude rehearse c-major-scale --robot twin --rounds 2
   etude rehearse twinkle --robot twin --truth worn --mode hybrid --rounds 1
   etude rehearse my-song.mid --robot lab.toml --rounds 3
+  etude rehearse twinkle --simulator out/rehearse-c-major-scale/round-1/identified/identified.toml
   etude rehearse twinkle --preset sight-reader --set trainer.total_steps=300000 --rounds 1")]
 pub struct Args {
     /// A built-in id (see `etude songs`) or a MIDI file
@@ -59,6 +60,10 @@ pub struct Args {
     /// The first policy; the shipped one of the song, or with --preset sight-reader the sight-reader, if not given. Without any, it is learned first
     #[arg(long, value_name = "FILE|DIR")]
     policy: Option<PathBuf>,
+    /// A simulator whose drives `etude identify` or another rehearsal has fitted to this robot (identified.toml); then only the keyboard is
+    /// fitted
+    #[arg(long, value_name = "FILE", value_hint = ValueHint::FilePath)]
+    simulator: Option<PathBuf>,
     /// Method of identification: `lm` or `bo`
     #[arg(long, default_value = "lm", value_name = "METHOD")]
     method: IdentifyMethod,
@@ -87,7 +92,8 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
     let rig = rig_choice(&args.robot, &args.truth)?;
     let mut overrides = vec![format!("trainer.seed={}", args.seed)];
     overrides.extend(args.overrides);
-    let has_corpus = etude_lab::resolve(&args.preset, None, &overrides)?.corpus.is_some();
+    let has_corpus =
+        etude_lab::resolve(&args.preset, args.simulator.as_deref(), &overrides)?.corpus.is_some();
     let learned = if has_corpus { SIGHT_READER.to_string() } else { name };
     let folder = args.out.unwrap_or_else(|| PathBuf::from("out").join(format!("rehearse-{learned}")));
     let config = RehearsalConfig {
@@ -103,6 +109,7 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
         preset: args.preset,
         overrides,
         policy: args.policy.or_else(|| shipped_policy(&learned)),
+        simulator: args.simulator,
         method: args.method,
         evaluations: args.evaluations,
         seed: args.seed,
@@ -127,6 +134,18 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
     }
     print(&rounds, config.mode)?;
     line(format!("Read and listen: {}", folder.join(REHEARSAL_PAGE).display()))?;
+    if let Some(last) = rounds.last() {
+        let truth =
+            config.truth.as_ref().map_or_else(String::new, |truth| format!(" --truth {}", shell_word(truth)));
+        line(format!(
+            "Play again with:  etude perform {} --robot {}{truth} --mode {} --policy {} --set task.plan.lead_secs={:.3}",
+            shell_word(&config.song),
+            shell_word(&args.robot),
+            config.mode,
+            shell_word(&last.policy.display().to_string()),
+            last.lead_secs
+        ))?;
+    }
     Ok(Ending::Done)
 }
 
@@ -162,8 +181,11 @@ fn show(status: &mut Status, step: &RehearsalStep, config: &RehearsalConfig) {
             let state = format!(", {what}, {notes}, F1 {f1:.3}");
             status.part(&part(*round, "playing"), &state, played as f64 / config.runs as f64);
         }
-        RehearsalStep::Led { round, lead_secs } => {
+        RehearsalStep::LagMeasured { round, lead_secs: Some(lead_secs) } => {
             status.done(&format!("round {round}: the plan leads by {:.0} ms", lead_secs * 1e3));
+        }
+        RehearsalStep::LagMeasured { round, lead_secs: None } => {
+            status.done(&format!("round {round}: no right note was near its time, so the plan's lead stays"));
         }
         RehearsalStep::Round(round) => status.done(&format!(
             "round {}: {} on the robot; F1 {:.3} in simulation, {:.3} on the robot: a gap of {:.1} %",

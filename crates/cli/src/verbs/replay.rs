@@ -59,7 +59,7 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
     let page = file_to_write(page, "html", "a replay is written as .html")?;
     replay_page(&takes, &page)?;
     let bytes = std::fs::metadata(&page)?.len();
-    if takes.iter().any(|take| take.due != takes[0].due) {
+    if takes.iter().any(|take| !take.has_the_notes_of(&takes[0])) {
         note(
             "not all of these recordings are of the same notes: the marks of where they differ mean nothing",
         );

@@ -215,7 +215,7 @@ fn a_song_that_has_changed_under_its_name_is_told_from_the_one_that_was_learned(
     assert!(same.status.success() && errors(&same).is_empty(), "{}", errors(&same));
     desk.write_song("short.mid", [60, 62, 65]);
     for (play, said) in [
-        ("play short.mid -o after", "`short.mid` has other notes than its policies learned: "),
+        ("play short.mid -o after", "`short.mid` is not the piece that its policies learned: "),
         (
             "play short.mid -o after --policy runs/short__fast__0",
             "warning: this policy learned another `short`",

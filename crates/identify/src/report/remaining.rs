@@ -38,8 +38,8 @@ const CAUSES: [Cause; 7] = [
     Cause {
         name: "velocity",
         phrase: "depends on velocity (timing)",
-        meaning: "an error of timing: the robot is late by this time (early, where it is negative). Rows: delay, low_pass, \
-                  damping.",
+        meaning: "an error of timing: the robot is late by this time (early, where it is negative). Rows: delay, low_pass; \
+                  of a finger viscosity, of the rail damping.",
     },
     Cause {
         name: "acceleration",

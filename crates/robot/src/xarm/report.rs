@@ -9,8 +9,9 @@ use super::kinematics::{JOINTS, WIDEST_LIMITS_RAD};
 
 /// Time from one report of port 30003 to the next.
 pub(super) const REPORT_PERIOD: Duration = Duration::from_millis(10);
-/// Bytes of a report of port 30003, and of one of port 30000, without what later firmware appends. The longest other one has 587.
+/// Bytes of a report of port 30003, without what later firmware appends.
 const SIZE: usize = 87;
+/// Bytes of a report of port 30000, without what later firmware appends. Reports of all other ports are shorter (587 at most).
 const TIMED_SIZE: usize = 784;
 /// Largest plausible size word.
 const MAX_SIZE: usize = 1024;
@@ -27,7 +28,7 @@ pub struct Report {
     /// Joints, rad.
     pub joints_rad: [f32; JOINTS],
     /// The time at the controller, which only port 30000 gives.
-    pub told_at: Option<Duration>,
+    pub sent_at: Option<Duration>,
 }
 
 /// Beyond what any model's joints reach, rad: encoders and stops have some play. An angle farther out was not measured.
@@ -45,18 +46,18 @@ impl Report {
     fn read(frame: &[u8]) -> Option<Self> {
         // The size comes first, and on port 30000 the time, in microseconds.
         let (_size, mut rest) = frame.split_first_chunk::<4>()?;
-        let mut told_at = None;
+        let mut sent_at = None;
         if frame.len() >= TIMED_SIZE {
             let (&time, others) = rest.split_first_chunk()?;
-            (told_at, rest) = (Some(Duration::from_micros(u64::from_be_bytes(time))), others);
+            (sent_at, rest) = (Some(Duration::from_micros(u64::from_be_bytes(time))), others);
         }
         // Then state and mode, and the length of the queue.
         let (&[state_and_mode, _, _], rest) = rest.split_first_chunk()?;
-        let joints_rad = floats(if told_at.is_some() { frame.get(TIMED_JOINTS..)? } else { rest })?;
+        let joints_rad = floats(if sent_at.is_some() { frame.get(TIMED_JOINTS..)? } else { rest })?;
         let (state, mode) = (state_and_mode & 0x0F, state_and_mode >> 4);
         // The modes and states that xArm-Python-SDK accepts.
         let possible = state <= 9 && mode <= 11 && possible_joints(&joints_rad);
-        possible.then_some(Self { state, mode, joints_rad, told_at })
+        possible.then_some(Self { state, mode, joints_rad, sent_at })
     }
 }
 
@@ -106,17 +107,17 @@ mod tests {
             state,
             mode,
             joints_rad,
-            told_at: None,
+            sent_at: None,
         })
     }
 
     /// The frame of a report by the documented offsets, with so many bytes of later firmware.
     fn frame(report: &Report, longer: usize) -> Vec<u8> {
-        let timed = report.told_at.is_some();
+        let timed = report.sent_at.is_some();
         let (size, state_at, joints_at) = if timed { (TIMED_SIZE, 12, 116) } else { (SIZE, 4, 7) };
         let mut frame = vec![0xA5; size + longer];
         frame[..4].copy_from_slice(&((size + longer) as u32).to_be_bytes());
-        if let Some(at) = report.told_at {
+        if let Some(at) = report.sent_at {
             frame[4..12].copy_from_slice(&(at.as_micros() as u64).to_be_bytes());
         }
         frame[state_at] = report.state | report.mode << 4;
@@ -129,7 +130,7 @@ mod tests {
     #[test]
     fn impossible_angles_are_rejected() {
         let report = |joint: usize, angle: f64| {
-            let mut report = Report { state: 2, mode: 1, joints_rad: [0.0; 7], told_at: None };
+            let mut report = Report { state: 2, mode: 1, joints_rad: [0.0; 7], sent_at: None };
             report.joints_rad[joint] = angle as f32;
             Report::read(&frame(&report, 0)).is_some()
         };
@@ -149,9 +150,9 @@ mod tests {
         #[test]
         fn any_cut_gives_the_same_reports(
             mut reports in prop::collection::vec(any_report(), 1..5), longer in 0..240_usize, cut in 1..300_usize,
-            told_us in prop::option::of(any::<u64>()),
+            sent_us in prop::option::of(any::<u64>()),
         ) {
-            reports.iter_mut().for_each(|report| report.told_at = told_us.map(Duration::from_micros));
+            reports.iter_mut().for_each(|report| report.sent_at = sent_us.map(Duration::from_micros));
             let stream: Vec<u8> = reports.iter().flat_map(|report| frame(report, longer)).collect();
             let (mut parser, mut found) = (ReportParser::default(), Vec::new());
             for mut piece in stream.chunks(cut) {

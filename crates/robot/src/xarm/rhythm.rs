@@ -15,7 +15,7 @@ const PARTS: usize = 4;
 pub(super) struct Rhythm {
     period_secs: f64,
     /// When the newest message was sent, s from any moment.
-    told_secs: Option<f64>,
+    sent_secs: Option<f64>,
     /// The earliest that a message came, s from when it would have come after the first, in each part of the remembered time; the newest first.
     earliest_secs: [f64; PARTS],
     /// When the newest part began.
@@ -27,22 +27,22 @@ impl Rhythm {
     pub fn new(period: Duration) -> Self {
         Self {
             period_secs: period.as_secs_f64(),
-            told_secs: None,
+            sent_secs: None,
             earliest_secs: [f64::INFINITY; PARTS],
             began: None,
         }
     }
 
     /// One message has come, which was sent at this time, if it says so.
-    pub fn count(&mut self, told_at: Option<Duration>) {
-        let next_secs = self.told_secs.unwrap_or(0.0) + self.period_secs;
-        self.told_secs = Some(told_at.map_or(next_secs, |at| at.as_secs_f64()));
+    pub fn count(&mut self, sent_at: Option<Duration>) {
+        let next_secs = self.sent_secs.unwrap_or(0.0) + self.period_secs;
+        self.sent_secs = Some(sent_at.map_or(next_secs, |at| at.as_secs_f64()));
     }
 
     /// How much later than before the newest message came, if that is `now`. Messages that came together are counted before this is called.
     pub fn late(&mut self, now: Duration) -> Duration {
-        let Some(told_secs) = self.told_secs else { return Duration::ZERO };
-        let secs = now.as_secs_f64() - told_secs;
+        let Some(sent_secs) = self.sent_secs else { return Duration::ZERO };
+        let secs = now.as_secs_f64() - sent_secs;
         let began = *self.began.get_or_insert(now);
         if now.saturating_sub(began) > REMEMBERED / PARTS as u32 {
             self.began = Some(now);

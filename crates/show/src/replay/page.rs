@@ -51,12 +51,19 @@ fn page(takes: &[Take]) -> serde_json::Result<String> {
     Ok(document(title, Some(POLICY.trim()), STYLE, &body))
 }
 
-/// Where the first two takes of the same song sound different keys.
+/// Where the first two takes of the same song sound different keys, each on its own time.
 fn partings(takes: &[Take]) -> Vec<[f64; 2]> {
     let [one, other, ..] = takes else { return Vec::new() };
     let mut partings: Vec<[usize; 2]> = Vec::new();
-    for (step, (ours, theirs)) in one.pressed.iter().zip(&other.pressed).enumerate() {
-        if one.due.get(step) != other.due.get(step) {
+    let silence = |take: &Take| take.due.iter().take_while(|due| due.is_empty()).count();
+    let first = silence(one);
+    let later = silence(other) as isize - first as isize;
+    for (step, ours) in one.pressed.iter().enumerate() {
+        let there = step as isize + later;
+        let Some(theirs) = usize::try_from(there).ok().and_then(|there| other.pressed.get(there)) else {
+            continue;
+        };
+        if one.due.get(step) != other.due.get(there as usize) && step >= first {
             break;
         }
         if ours != theirs {

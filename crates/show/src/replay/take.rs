@@ -50,7 +50,7 @@ pub struct Take {
     pub start: Option<Vec<f64>>,
     /// The robot's arm; none in simulation, where the hand is on a rail.
     pub arm: Option<Arm>,
-    /// Pitches due in each control step.
+    /// Pitches that should be heard in each control step: on a robot later than its plan by the whole control steps of the lead.
     pub due: Vec<Vec<u8>>,
     /// Pitches that sounded at the end of each control step.
     pub pressed: Vec<Vec<u8>>,
@@ -128,6 +128,12 @@ pub struct Mark {
 }
 
 impl Take {
+    /// Whether the same notes were due here as in `other`, whatever the lead of each.
+    pub fn has_the_notes_of(&self, other: &Self) -> bool {
+        let pitches = |take: &Self| take.due_notes.iter().map(|note| note.pitch).collect::<Vec<_>>();
+        pitches(self) == pitches(other) && (!self.due_notes.is_empty() || self.due == other.due)
+    }
+
     /// The page's data of `recording`, with this `name`.
     ///
     /// # Errors

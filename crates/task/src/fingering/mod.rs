@@ -75,7 +75,7 @@ impl Fingering {
         piece: &Piece,
         tell: &mut dyn FnMut(f64),
     ) -> Self {
-        let strokes = strokes::strokes(piece.frames(), piece.notes());
+        let strokes = strokes::strokes(piece.frames(), piece.notes(), piece.lead_secs());
         let slices = strokes::slices(&strokes);
         let comb = Comb::new(stage.side, params);
         let rail = Rail::new(stage, params);

@@ -26,10 +26,11 @@ pub(crate) struct Slice {
     pub sounding: Vec<usize>,
 }
 
-/// All strokes in order of their beginning, lowest key first. Each has the velocity of the note of its key that begins nearest.
-pub(crate) fn strokes(frames: &[KeySet], notes: &[Note]) -> Vec<Stroke> {
+/// All strokes in order of their beginning, lowest key first. Each has the velocity of the note of its key that begins
+/// nearest; notes are later than frames by `lead_secs`.
+pub(crate) fn strokes(frames: &[KeySet], notes: &[Note], lead_secs: f64) -> Vec<Stroke> {
     let velocity = |key: usize, start: usize| {
-        let away = |note: &&Note| (note.start_secs - start as f64 / CONTROL_HZ).abs();
+        let away = |note: &&Note| (note.start_secs - lead_secs - start as f64 / CONTROL_HZ).abs();
         let of_key = notes.iter().filter(|note| usize::from(note.pitch) == key + usize::from(LOWEST_PITCH));
         of_key.min_by(|a, b| away(a).total_cmp(&away(b))).map_or(UNKNOWN_VELOCITY, |note| note.velocity)
     };
@@ -76,7 +77,12 @@ mod tests {
             .into();
         let note =
             |pitch, start_secs, velocity| Note { pitch, velocity, start_secs, end_secs: start_secs + 0.1 };
-        let strokes = strokes(&frames, &[note(60, 0.06, 50), note(64, 0.26, 90), note(64, 0.11, 70)]);
+        let notes =
+            |lead: f64| [note(60, 0.06 + lead, 50), note(64, 0.26 + lead, 90), note(64, 0.11 + lead, 70)];
+        // A lead of more than half of the time between two strokes of a key does not exchange their velocities.
+        let led = strokes(&frames, &notes(0.115), 0.115);
+        let strokes = strokes(&frames, &notes(0.0), 0.0);
+        assert_eq!(led, strokes);
         let stroke = |key, start, end, velocity| Stroke { key, start, end, velocity };
         assert_eq!(strokes, [stroke(24, 1, 3, 50), stroke(28, 2, 4, 70), stroke(28, 5, 6, 90)]);
         let sounding: Vec<_> =

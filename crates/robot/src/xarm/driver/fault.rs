@@ -51,7 +51,7 @@ pub enum ArmFault {
     },
     /// Reports stopped coming.
     #[error(
-        "the arm's reports stopped, or say the same again: check cable and switch, connect and start again"
+        "no new report has come from the arm (none, or the same one again): check cable and switch; if they are sound, switch the arm's control box off and on; then connect and start again"
     )]
     ReportStale,
     /// Reports come, but ever later.

@@ -140,14 +140,14 @@ impl Arm {
     pub fn receive_report(&mut self, now: Duration, mut bytes: &[u8]) {
         let mut is_new = false;
         while let Some(report) = self.reports.next(&mut bytes) {
-            let told_before = self.report.and_then(|(before, _)| before.told_at);
-            if told_before.is_some() && report.told_at <= told_before {
-                // It is repeated, and soon too old.
+            let sent_before = self.report.and_then(|(before, _)| before.sent_at);
+            if sent_before.is_some() && report.sent_at <= sent_before {
+                // A repeated report is ignored; without a new one the arm is stopped soon.
                 continue;
             }
             is_new = true;
             self.report = Some((report, now));
-            self.rhythm.count(report.told_at);
+            self.rhythm.count(report.sent_at);
             self.check_report(&report, now);
         }
         if is_new {

@@ -120,7 +120,7 @@ pub const ROWS: &[Row] = &[
     Row {
         name: "the arm's reports repeat, and carry a time (port 30000)",
         ends: [Fault(5100), Fault(115), Fault(115), Fault(115), Fault(115), GoesOn],
-        says: "say the same again",
+        says: "the same one again",
         timed: true,
         stays: true,
         strike: |b| {
