@@ -281,7 +281,7 @@ mod tests {
             "Notes right on the robot",
             "notes due",
             "gap (%)",
-            "<td>13.5\u{a0}of\u{a0}14</td><td>2.0</td><td>+60</td><td>0.960</td><td>0.900 ± 0.010</td><td>6.0 %</td><td>13.00</td><td>1.70</td>",
+            "<td>13.5\u{a0}of\u{a0}14</td><td>2.0</td><td>25</td><td>+60</td><td>0.960</td><td>0.900 ± 0.010</td><td>6.0 %</td><td>13.00</td><td>1.70</td>",
             "No replay of round 0, run 1: it is &lt;damaged&gt;",
             "<a href=\"round-1/performance/run-1.html\">Replay of round 1, run 1</a> · 13 of 14 notes right, 2 wrong",
             "src=\"round-1/performance/run-1.wav\"",

@@ -132,7 +132,7 @@ impl Controller {
     }
 
     /// The set-point now, before the delay.
-    pub(crate) fn set_point(&self) -> f64 {
+    pub fn set_point(&self) -> f64 {
         self.queue[self.head]
     }
 

@@ -86,6 +86,7 @@ fn what_is_kept_has_the_name_of_the_truth_alone() {
             // Whether the hand has a weight, and no more.
             "truth.rig()",
             "report.truth.as_ref()",
+            "config.truth.as_ref()",
         ];
         assert!(allowed.iter().any(|call| line.contains(call)), "{line}");
     }

@@ -10,14 +10,16 @@ use crate::{Desk, succeed};
 fn the_exported_model_is_the_world() {
     let desk = Desk::new();
     desk.ok("model export -o world.xml");
+    // The world in which the preset `fast` learns.
     let config = StageConfig::default();
-    let expected = mjcf(&config, &PhysicalParams::default());
+    let mut params = PhysicalParams::default();
+    params.set("joint.fingers.viscosity", 0.1).unwrap();
+    let expected = mjcf(&config, &params);
     assert_eq!(String::from_utf8(desk.bytes("world.xml")).unwrap(), expected);
     assert_eq!(desk.ok("model export").trim_end(), expected.trim_end());
     World::new(&config, &PhysicalParams::default()).unwrap();
     let right = desk.ok("model export --set task.stage.side=right --set task.physics.key.threshold=0.6");
     let config = StageConfig { side: Side::Right, ..config };
-    let mut params = PhysicalParams::default();
     params.set("key.threshold", 0.6).unwrap();
     assert_eq!(right.trim_end(), mjcf(&config, &params).trim_end());
 }

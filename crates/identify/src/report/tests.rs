@@ -76,11 +76,11 @@ fn estimate() -> Estimate {
         is_identifiable,
     };
     let parts =
-        [("joint.index_0.stiffness", 0.7), ("joint.index_0.damping", 0.6), ("joint.index_0.friction", 0.4)];
+        [("joint.index_0.stiffness", 0.7), ("joint.index_0.viscosity", 0.6), ("joint.index_0.friction", 0.4)];
     Estimate {
         parameters: vec![
             parameter("joint.index_0.stiffness", None, false),
-            parameter("joint.index_0.damping", None, false),
+            parameter("joint.index_0.viscosity", None, false),
             parameter("joint.index_0.friction", Some(Bound::Low), false),
             parameter("joint.index_0.low_pass", None, true),
         ],
@@ -255,12 +255,12 @@ fn parameters_weak_directions_and_advice_are_named() {
     assert_eq!(index[2][6], "lower");
     assert_eq!(index[3][7], "yes");
     let weak = rows(&report, "What is not identifiable, the weakest direction of each group first");
-    let direction = "+0.70 index_0.stiffness, +0.60 index_0.damping, +0.40 index_0.friction";
+    let direction = "+0.70 index_0.stiffness, +0.60 index_0.viscosity, +0.40 index_0.friction";
     assert_eq!(weak, [["index", direction, "3.92", "1"].map(str::to_string)]);
     let text = &report.markdown;
     let advice = rows(&report, "Which motion would make it identifiable");
     assert!(advice.len() == 1 && advice[0][2] == "index_0" && advice[0][3].contains("one scale of torque"));
-    assert!(text.contains("index_0.stiffness and index_0.damping") && text.contains("+0.950"));
+    assert!(text.contains("index_0.stiffness and index_0.viscosity") && text.contains("+0.950"));
     assert!(
         text.contains("1 of 4 estimated parameters are identifiable from these recordings; 1 are at a bound")
     );

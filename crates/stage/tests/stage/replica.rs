@@ -87,6 +87,11 @@ impl Replica {
         self.dofs.map(|dof| self.data.qpos()[dof])
     }
 
+    /// Set-points of the joints' controllers.
+    pub fn set_points(&self) -> [f64; JOINTS] {
+        std::array::from_fn(|joint| self.controllers[joint].set_point())
+    }
+
     /// Keys past the threshold at these positions of the model.
     pub fn down(&self, positions: &[f64]) -> KeySet {
         self.sounding(positions, KeySet::EMPTY, 0.0)

@@ -114,7 +114,7 @@ impl Player {
         let (mut pressed, mut moments) = (Vec::new(), Vec::new());
         let (mut now, mut history) = (KeySet::EMPTY, History::at_rest(replica.joints(), &range, 0));
         for step in 0..self.piece.steps() {
-            let joints = replica.joints();
+            let joints = self.config.observed(replica.joints(), replica.set_points());
             observe(&self.config, &joints, &history, now, &self.piece, step, &mut observation);
             let action = self.act(&observation);
             history.push(joints, &action);

@@ -68,7 +68,7 @@ pub const ROWS: &[Row] = &[
     Row {
         name: "arm's reports stop",
         ends: [Fault(5100), Fault(115), Fault(115), Fault(115), Fault(115), GoesOn],
-        says: "reports",
+        says: "report",
         stays: true,
         strike: |b| b.begin(FaultKind::ArmMute),
         mend: |b| b.end(FaultKind::ArmMute),
