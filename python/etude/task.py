@@ -37,6 +37,7 @@ def task_config(
     previous_actions: int | None = None,
     fingering: bool | None = None,
     finger_range: float | None = None,
+    rail_set_point: bool | None = None,
     velocities: bool | None = None,
     plan: Mapping[str, Any] | None = None,
     lookahead: int | None = None,
@@ -61,6 +62,7 @@ def task_config(
             distance from its planned place. The reward terms `fingering`, `preparation` and `velocity` need it.
         finger_range: How far the target of a finger joint may be from the pose that holds the fingertip over its goal, rad; 0 stands for
             the joint's whole range. It needs a fingering.
+        rail_set_point: Whether the observation has the rail's set-point instead of its measured place.
         velocities: Whether the observation shows, with each finger's goal, how loud its note is. It needs a fingering.
         plan: What is due, by name: `rule` (`robopianist` or `articulated`), `restrike_secs` and `lead_secs`; the others keep the
             variant's.
@@ -85,6 +87,7 @@ def task_config(
         "previous_actions": previous_actions,
         "fingering": fingering,
         "finger_range": finger_range,
+        "rail_set_point": rail_set_point,
         "velocities": velocities,
         "lookahead": lookahead,
         "initial_silence_secs": initial_silence_secs,

@@ -54,6 +54,18 @@ def test_the_variants_differ_as_in_the_paper():
     assert heavier["stage"]["actuation"] == "position"
 
 
+def test_the_rails_set_point_is_ahead_of_its_place():
+    shown = []
+    for rail_set_point in (False, True):
+        env = etude.PianoEnv("twinkle", rail_set_point=rail_set_point)
+        env.reset(seed=0)
+        for _ in range(2):
+            observation = env.step(np.ones(13, np.float32))[0]
+        shown.append(observation)
+    measured, sent = shown
+    assert sent[12] > measured[12] + 0.05 and (sent[:12] == measured[:12]).all()
+
+
 def test_a_fingering_and_a_plan_change_what_is_shown_and_due():
     plain, planned = etude.PianoEnv("twinkle"), etude.PianoEnv("twinkle", fingering=True, plan={"rule": "articulated"})
     assert planned.observation_space.shape == (369 + 9 + 18,) and planned.task["plan"]["rule"] == "articulated"

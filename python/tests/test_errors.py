@@ -126,6 +126,7 @@ KEYWORDS = st.fixed_dictionaries(
         "previous_actions": ANYTHING,
         "fingering": ANYTHING,
         "finger_range": ANYTHING,
+        "rail_set_point": ANYTHING,
         "plan": st.one_of(ANYTHING, TABLES),
         "lookahead": ANYTHING,
         "initial_silence_secs": ANYTHING,

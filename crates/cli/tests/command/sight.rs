@@ -122,7 +122,7 @@ fn what_is_predicted_is_what_happens() {
     }
     let mean = |values: &[f64]| values.iter().sum::<f64>() / values.len() as f64;
     let away: Vec<f64> = predicted.iter().zip(&played).map(|(one, other)| (one - other).abs()).collect();
-    assert!(mean(&away) < 0.01, "{predicted:?} and {played:?}");
+    assert!(mean(&away) < 0.015, "{predicted:?} and {played:?}");
     let deviations = |values: &[f64]| values.iter().map(|value| value - mean(values)).collect::<Vec<f64>>();
     let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
     let (one, other) = (deviations(&predicted), deviations(&played));
