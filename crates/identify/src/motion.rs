@@ -321,7 +321,7 @@ fn check_times(
 
 /// Refuses recordings in which a drive was at its limit for a larger share of the time than `most`.
 fn check_limits(recording: &Recording, secs: f64, most: f64) -> Result<(), String> {
-    for joint in 0..FINGER_JOINTS {
+    for (joint, name) in JOINT_NAMES.iter().enumerate().take(FINGER_JOINTS) {
         let cut = |message: &HandMessage| {
             let [wanted, sent] =
                 [message.wanted.get(joint).copied(), message.pwm.get(joint).map(|&pwm| f64::from(pwm))];
@@ -334,8 +334,7 @@ fn check_limits(recording: &Recording, secs: f64, most: f64) -> Result<(), Strin
             .fold((0usize, 0usize), |(all, cuts), (_, message)| (all + 1, cuts + usize::from(cut(message))));
         if cut as f64 > most * inside as f64 {
             return Err(format!(
-                "it is saturated: the drive of {} was at its limit for {:.0} % of the time; move less or slower",
-                JOINT_NAMES[joint],
+                "it is saturated: the drive of {name} was at its limit for {:.0} % of the time; move less or slower",
                 100.0 * cut as f64 / inside as f64
             ));
         }

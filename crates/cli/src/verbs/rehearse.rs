@@ -142,7 +142,7 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
             shell_word(&config.song),
             shell_word(&args.robot),
             config.mode,
-            shell_word(&last.policy.display().to_string()),
+            shell_word(last.policy.display()),
             last.lead_secs
         ))?;
     }
