@@ -116,7 +116,7 @@ fn what_is_predicted_is_what_happens() {
         let report = desk.json(&format!("play {song} --policy {} -o out --json", policy.display()));
         let notes = |report: &Value, name: &str| report[name].as_f64().unwrap();
         let away = notes(&shown["at_sight"], "notes_right") - notes(&report, "matched");
-        assert!(away.abs() <= 2.0 + 0.05 * notes(&shown, "notes"), "{song}: {shown} and {report}");
+        assert!(away.abs() <= 2.0 + 0.1 * notes(&shown, "notes"), "{song}: {shown} and {report}");
         predicted.push(notes(&shown["at_sight"], "f1"));
         played.push(notes(&report, "f1"));
     }
