@@ -104,7 +104,7 @@ fn a_rehearsal_that_was_killed_goes_on_to_the_same_end() {
     }
     let same = finish("b");
     for (round, same) in rounds.iter().zip(&same) {
-        for key in ["sim_f1", "robot_f1", "physics", "held_out_rad"] {
+        for key in ["sim_f1", "robot_f1", "lead_secs", "lag_secs", "physics", "held_out_rad"] {
             assert_eq!(round[key], same[key], "{key}");
         }
     }
@@ -112,7 +112,7 @@ fn a_rehearsal_that_was_killed_goes_on_to_the_same_end() {
         desk.command("rehearse short.mid --robot twin --rounds 1 --runs 1 --evaluations 2 -o told");
     let said = told.args(TINY.iter().flat_map(|set| ["--set", set])).output().unwrap();
     for part in
-        ["round 0 of 1: training, step ", "recorded chirp (2 of 4)", "round 1 of 1: playing, 1 of 1 runs"]
+        ["round 0 of 1: training, step ", "recorded chirp (2 of 4)", "round 1 of 1: playing, once to measure"]
     {
         assert!(errors(&said).contains(part), "{part}: {}", errors(&said));
     }
