@@ -81,7 +81,7 @@ pub struct Variant {
     pub modes: Option<Vec<Mode>>,
 }
 
-/// Who plays without a training before, and which pieces beside the songs.
+/// Players that need no training in this experiment, and pieces beside the songs.
 #[derive(Clone, Debug, PartialEq, Eq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct PlayConfig {

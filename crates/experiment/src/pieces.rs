@@ -1,14 +1,15 @@
 //! Pieces that players who are ready play: songs and test melodies, by what makes them hard.
 
 use std::collections::BTreeMap;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use anyhow::{Context as _, anyhow};
 use etude_lab::{Pianist, find_song, load_pianist, shipped_policy};
 use etude_learn::seed::fnv;
-use etude_music::{Part, Song, key_is_black, melody};
+use etude_music::{Part, Song, chords, key_is_black, melody};
 
 use crate::config::{Experiment, PlayConfig};
+use crate::plan::all_or_first;
 use crate::trial::{Trial, Work, id, json};
 
 /// Name of the scripted player.
@@ -31,8 +32,6 @@ const QUICK_PER_SEC: f64 = 2.0;
 const LEAP_SEMITONES: u8 = 5;
 /// From this share of leaps among the steps on, of chords among the onsets, and of black keys among the notes, there are many.
 const MANY: [f64; 3] = [0.1, 0.1, 0.5];
-/// Notes that begin within this time are struck together, s.
-const TOGETHER_SECS: f64 = 0.005;
 
 /// The piece of this name: a built-in id, a MIDI file, or `melody-SEED`.
 ///
@@ -58,8 +57,7 @@ pub(crate) fn player_called(name: &str) -> anyhow::Result<Pianist> {
 
 /// What makes a melody hard or easy: of tempo, leaps, chords and black keys one word each.
 pub(crate) fn kinds(song: &Song) -> [&'static str; 4] {
-    let chords: Vec<_> =
-        song.notes().chunk_by(|one, next| next.start_secs - one.start_secs < TOGETHER_SECS).collect();
+    let chords: Vec<_> = chords(song.notes()).collect();
     let tops: Vec<u8> = chords.iter().filter_map(|chord| chord.iter().map(|note| note.pitch).max()).collect();
     let share = |count: usize, of: usize| count as f64 / of.max(1) as f64;
     let leaps = tops.windows(2).filter(|pair| pair[0].abs_diff(pair[1]) > LEAP_SEMITONES).count();
@@ -78,9 +76,8 @@ impl Experiment {
     /// The trials of players that are ready: each piece by each. A melody is in four kinds, and is played once.
     pub(crate) fn plays(&self, play: &PlayConfig, seed: u64, smoke: bool) -> anyhow::Result<Vec<Trial>> {
         let melodies = if smoke { play.melodies.min(1) } else { play.melodies };
-        let songs = if smoke { &self.songs[..1] } else { &self.songs };
         let mut pieces: Vec<(String, Song, Vec<&str>)> = Vec::new();
-        for name in songs {
+        for name in all_or_first(&self.songs, smoke) {
             pieces.push((name.clone(), find_song(name)?, vec![SONGS]));
         }
         let seeds = (0..).filter(|seed| melody(*seed).part() == Part::Test);
@@ -89,9 +86,7 @@ impl Experiment {
             let kinds = kinds(&song).to_vec();
             pieces.push((format!("{MELODY}{melody_seed}"), song, kinds));
         }
-        let perform = self.performance(None, smoke);
-        let truths = perform.iter().flat_map(|perform| &perform.truths);
-        let truths = truths.map(|truth| self.fingerprint_of_truth(truth)).collect::<Result<String, _>>()?;
+        let (perform, on_twin) = self.performance(None, smoke)?;
         let mut trials = Vec::new();
         for player in &play.players {
             let wrong = |error| anyhow!("experiment {}: player `{player}`: {error:#}", self.name);
@@ -99,7 +94,7 @@ impl Experiment {
             for (name, song, kinds) in &pieces {
                 let work =
                     Work::Play { song: name.clone(), player: player.clone(), perform: perform.clone(), seed };
-                let all = format!("{:?}{content}{}{truths}{seed}", song.notes(), json(&perform));
+                let all = format!("{:?}{content}{on_twin}{seed}", song.notes());
                 let id = id("play", name, seed, &all);
                 for kind in kinds {
                     let labels = [("song", name.as_str()), ("player", player), ("pieces", kind)];
@@ -123,11 +118,8 @@ impl Experiment {
 /// What a player's result depends on: its task and, of a policy, the bytes of its file.
 fn content(pianist: &Pianist) -> anyhow::Result<String> {
     let task = json(&pianist.config.task);
-    if pianist.policy().is_none() {
-        return Ok(task);
-    }
-    let name = pianist.name();
-    let bytes = std::fs::read(Path::new(&name)).with_context(|| format!("cannot read {name}"))?;
+    let Some(file) = pianist.file() else { return Ok(task) };
+    let bytes = std::fs::read(file).with_context(|| format!("cannot read {}", file.display()))?;
     Ok(format!("{task}{:016x}", fnv(&bytes)))
 }
 

@@ -129,13 +129,8 @@ impl Experiment {
                         }
                     }
                     None => {
-                        let perform = self.performance(variant.modes.as_deref(), smoke);
-                        let truths = perform.iter().flat_map(|perform| &perform.truths);
-                        let truths = truths
-                            .map(|truth| self.fingerprint_of_truth(truth))
-                            .collect::<Result<String, _>>()?;
-                        let all = format!("{what}{}{truths}", json(&perform));
-                        let id = id("train", song, seed, &all);
+                        let (perform, on_twin) = self.performance(variant.modes.as_deref(), smoke)?;
+                        let id = id("train", song, seed, &format!("{what}{on_twin}"));
                         trials.push(Trial { id, labels, work: Work::Train { training, perform } });
                     }
                 }
@@ -144,11 +139,22 @@ impl Experiment {
         Ok(trials)
     }
 
-    pub(crate) fn performance(&self, modes: Option<&[Mode]>, smoke: bool) -> Option<PerformConfig> {
-        let perform = self.perform.clone()?;
-        let modes = modes.map_or_else(|| perform.modes.clone(), <[Mode]>::to_vec);
-        let runs = if smoke { 1 } else { perform.runs };
-        Some(PerformConfig { modes, runs, ..perform })
+    /// How a player plays on the twin, and a text that differs where the result may.
+    pub(crate) fn performance(
+        &self,
+        modes: Option<&[Mode]>,
+        smoke: bool,
+    ) -> anyhow::Result<(Option<PerformConfig>, String)> {
+        let perform = self.perform.clone().map(|perform| PerformConfig {
+            modes: modes.map_or_else(|| perform.modes.clone(), <[Mode]>::to_vec),
+            runs: if smoke { 1 } else { perform.runs },
+            ..perform
+        });
+        let mut text = json(&perform);
+        for truth in perform.iter().flat_map(|perform| &perform.truths) {
+            text += &self.fingerprint_of_truth(truth)?;
+        }
+        Ok((perform, text))
     }
 
     /// Every combination of the grid's values; in a smoke test, of the first and the last of each.
@@ -174,7 +180,7 @@ impl Experiment {
     }
 
     /// Differs for truths of different content, whether they come with Étude or from a file.
-    pub(crate) fn fingerprint_of_truth(&self, truth: &str) -> anyhow::Result<String> {
+    fn fingerprint_of_truth(&self, truth: &str) -> anyhow::Result<String> {
         let truth = Truth::load(truth).map_err(|error| anyhow!("experiment {}: {error}", self.name))?;
         Ok(format!("{:08x}", truth.fingerprint()))
     }
@@ -210,7 +216,7 @@ fn rehearsals(
 }
 
 /// All of them, in a smoke test the first.
-fn all_or_first<T>(all: &[T], smoke: bool) -> &[T] {
+pub(crate) fn all_or_first<T>(all: &[T], smoke: bool) -> &[T] {
     if smoke { &all[..all.len().min(1)] } else { all }
 }
 

@@ -1,7 +1,7 @@
 //! Which parameters a fit estimates, and their bounds.
 //!
-//! A finger's joint is driven by Étude's own joint loop, whose gains and limits of the duty are known. The torque of a duty is not known: one
-//! scale, estimated as the stiffness; damping and torque limit follow it ([`follow_stiffness`]). What slows a joint down
+//! A finger's joint is driven by Étude's own joint loop, whose gains and limits of the duty are known. The torque of a duty is not
+//! known: one scale, estimated as the stiffness; damping and torque limit follow it ([`follow_stiffness`]). What slows a joint down
 //! beyond that, its viscosity and its motor's back-EMF, acts also when the duty is at its limit.
 //!
 //! Not estimated: limits of velocity and acceleration, which Étude itself applies to a robot's commands; the rail's armature, which
@@ -149,14 +149,17 @@ pub fn follow_stiffness(before: &PhysicalParams, params: &mut PhysicalParams) {
 /// The parameters in which a fit to this rig begins: its shaping, and the gains of its joint loop for a motor of 1 N·m at full duty.
 pub fn start(rig: &RigConfig) -> PhysicalParams {
     let mut params = shaping_params(&rig.limits);
+    let JointLoopConfig { kp, kd, .. } = &rig.joint_loop;
     for joint in 0..RAIL {
-        let JointLoopConfig { kp, kd, .. } = &rig.joint_loop;
-        let rows = [(JointRow::Stiffness, kp), (JointRow::Damping, kd)];
-        for (row, gains) in rows {
-            params.set_joint(row, joint, gains[joint % FINGER_JOINTS] / f64::from(FULL_SCALE_PWM));
+        let of_finger = joint % FINGER_JOINTS;
+        let duties = [
+            (JointRow::Stiffness, kp[of_finger]),
+            (JointRow::Damping, kd[of_finger]),
+            (JointRow::TorqueLimit, rig.hand.pwm_limit[joint].into()),
+        ];
+        for (row, duty) in duties {
+            params.set_joint(row, joint, duty / f64::from(FULL_SCALE_PWM));
         }
-        let most = f64::from(rig.hand.pwm_limit[joint]) / f64::from(FULL_SCALE_PWM);
-        params.set_joint(JointRow::TorqueLimit, joint, most);
         params.set_joint(JointRow::Viscosity, joint, VISCOSITY);
     }
     params

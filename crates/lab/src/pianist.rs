@@ -220,12 +220,17 @@ impl Pianist {
         self.config.corpus.is_some()
     }
 
+    /// The policy's file; the scripted player has none.
+    pub fn file(&self) -> Option<&Path> {
+        match &self.kind {
+            Kind::Policy(_, path) => Some(path),
+            Kind::Script => None,
+        }
+    }
+
     /// The policy's file, or `scripted`.
     pub fn name(&self) -> String {
-        match &self.kind {
-            Kind::Policy(_, path) => path.display().to_string(),
-            Kind::Script => "scripted".to_string(),
-        }
+        self.file().map_or_else(|| "scripted".to_string(), |path| path.display().to_string())
     }
 
     /// Whether a policy was trained on `song`, as far as its file and its folder say.

@@ -280,21 +280,21 @@ impl Rehearsal<'_> {
             }
         }
         // The excitations are the same in each round and identify the drives. Once they are fitted, only the performances are new.
-        let given = match &self.config.simulator {
-            Some(file) => {
-                Some(resolve(&self.config.preset, Some(file), &self.config.overrides)?.task.physics)
-            }
-            None => None,
-        };
-        let fitted_before = (round > 1 || given.is_some()) && !performances.is_empty();
+        let fitted_before = (round > 1 || self.config.simulator.is_some()) && !performances.is_empty();
         let is_new = |path: &PathBuf| !fitted_before || path.ends_with(excitation_file(Excitation::Held));
+        let start = match &self.config.simulator {
+            Some(file) if round == 1 => {
+                resolve(&self.config.preset, Some(file), &self.config.overrides)?.task.physics
+            }
+            _ => before.physics.clone(),
+        };
         let what = Identification {
             recordings: excitations.into_iter().filter(is_new).chain(performances).collect(),
             held_out: Vec::new(),
             method: self.config.method,
             evaluations: self.config.evaluations,
             seed: self.config.seed,
-            start: given.filter(|_| round == 1).unwrap_or_else(|| before.physics.clone()),
+            start,
         };
         job.part(
             |at: &Progress| RehearsalStep::Identifying(round, at.clone()),

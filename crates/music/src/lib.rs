@@ -48,7 +48,7 @@ pub use limits::{MAX_DURATION_SECS, MAX_NOTES};
 pub use melody::melody;
 pub use meter::{BeatGrid, Position};
 pub use near::{did_you_mean, near};
-pub use note::Note;
+pub use note::{Note, chords};
 pub use pace::BusiestSecond;
 pub use part::{Part, melodies};
 pub use plan::{LONGEST_LEAD_SECS, Plan, PlanConfig, PlanRule, late_frames};

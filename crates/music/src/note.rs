@@ -25,6 +25,14 @@ impl Note {
     }
 }
 
+/// Notes that begin within this time are struck together, s.
+const TOGETHER_SECS: f64 = 0.005;
+
+/// The notes that are struck together, of notes in order of their onsets.
+pub fn chords(notes: &[Note]) -> impl Iterator<Item = &[Note]> {
+    notes.chunk_by(|one, next| next.start_secs - one.start_secs < TOGETHER_SECS)
+}
+
 /// Onsets of one pitch closer than this, in seconds, are one stroke: far below a MIDI tick of any real file.
 const SAME_STROKE_SECS: f64 = 1e-6;
 

@@ -62,6 +62,8 @@ pub struct Plan {
     pub song: Song,
     /// The keys that are due in each frame.
     pub frames: Vec<KeySet>,
+    /// Time by which the notes are later than the keys that are due, s.
+    pub lead_secs: f64,
 }
 
 impl PlanConfig {
@@ -86,6 +88,7 @@ impl PlanConfig {
         Ok(Plan {
             song: heard.with_initial_silence(silence_secs + self.lead_secs)?,
             frames: gridded.episode_frames(CONTROL_HZ, silence_secs)?,
+            lead_secs: self.lead_secs,
         })
     }
 

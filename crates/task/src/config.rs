@@ -77,8 +77,8 @@ pub struct TaskConfig {
     #[serde(skip_serializing_if = "ObservationView::is_keyboard")]
     pub view: ObservationView,
     /// Whether the observation has the rail's set-point instead of its measured place. A policy that reads the measured place swings
-    /// about its goal if the arm lags more than in its training. The paper's policies observe the measured place. Configurations of runs from before there was a
-    /// choice have no such key.
+    /// about its goal if the arm lags more than in its training. The paper's policies observe the measured place. Configurations of
+    /// runs from before there was a choice have no such key.
     #[serde(skip_serializing_if = "std::ops::Not::not")]
     pub rail_set_point: bool,
     /// Scale of the joint readings in the observation.

@@ -34,7 +34,7 @@ impl Piece {
             due: plan.frames.into(),
             notes: song.notes().into(),
             bars: song.beats().bar_lines(song.duration_secs()).into(),
-            lead_secs: 0.0,
+            lead_secs: plan.lead_secs,
             fingering: None,
         }
     }
@@ -64,7 +64,6 @@ impl Piece {
         tell: &mut dyn FnMut(f64),
     ) -> Result<Self, TaskError> {
         let mut piece = Self::of(config.plan.plan(song, config.initial_silence_secs)?);
-        piece.lead_secs = config.plan.lead_secs;
         if config.fingering {
             let (stage, params) = (&config.stage, &config.params()?);
             let mut fingering = Fingering::plan_telling(stage, params, &piece, tell);

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use anyhow::Context as _;
 use clap::ValueHint;
 use etude_lab::{AtSight, find_song, policies, predicted_at_sight};
-use etude_music::{CONTROL_HZ, Note, Part, Song, melody, pitch_name, repertoire, sound};
+use etude_music::{CONTROL_HZ, Note, Part, Song, chords, melody, pitch_name, repertoire, sound};
 use etude_perform::shell_word;
 use etude_task::fingering::{Limit, LimitKind};
 use etude_task::{Piece, TaskConfig};
@@ -241,17 +241,13 @@ fn is_chord(limit: &Limit) -> bool {
 /// Number of each bar that has notes, when the first of them begins (s), and what is struck together in it.
 fn bars(song: &Song) -> Vec<(u32, f64, Vec<String>)> {
     let bar = |note: &Note| song.position(note.start_secs).bar;
-    let together = |one: &Note, next: &Note| next.start_secs - one.start_secs < TOGETHER_SECS;
     let bars = song.notes().chunk_by(|one, next| bar(one) == bar(next));
     bars.map(|notes| {
-        let chords = notes.chunk_by(together).map(|chord| chord_name(song, chord)).collect();
-        (bar(&notes[0]), notes[0].start_secs, chords)
+        let names = chords(notes).map(|chord| chord_name(song, chord)).collect();
+        (bar(&notes[0]), notes[0].start_secs, names)
     })
     .collect()
 }
-
-/// Notes that begin within this time are struck together, s.
-const TOGETHER_SECS: f64 = 0.005;
 
 /// Notes that are struck together and the beats that the longest of them lasts: `C4+E4 2`.
 fn chord_name(song: &Song, chord: &[Note]) -> String {

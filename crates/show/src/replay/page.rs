@@ -54,16 +54,13 @@ fn page(takes: &[Take]) -> serde_json::Result<String> {
 /// Where the first two takes of the same song sound different keys, each on its own time.
 fn partings(takes: &[Take]) -> Vec<[f64; 2]> {
     let [one, other, ..] = takes else { return Vec::new() };
+    // Their first keys are due at the same time after these steps of silence.
+    let silence = [one, other].map(|take| take.due.iter().take_while(|due| due.is_empty()).count());
+    let [skipped, skipped_there] = silence.map(|steps| steps - silence[0].min(silence[1]));
+    let theirs = other.pressed.iter().enumerate().skip(skipped_there);
     let mut partings: Vec<[usize; 2]> = Vec::new();
-    let silence = |take: &Take| take.due.iter().take_while(|due| due.is_empty()).count();
-    let first = silence(one);
-    let later = silence(other) as isize - first as isize;
-    for (step, ours) in one.pressed.iter().enumerate() {
-        let there = step as isize + later;
-        let Some(theirs) = usize::try_from(there).ok().and_then(|there| other.pressed.get(there)) else {
-            continue;
-        };
-        if one.due.get(step) != other.due.get(there as usize) && step >= first {
+    for ((step, ours), (there, theirs)) in one.pressed.iter().enumerate().skip(skipped).zip(theirs) {
+        if one.due.get(step) != other.due.get(there) {
             break;
         }
         if ours != theirs {

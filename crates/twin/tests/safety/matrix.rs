@@ -107,7 +107,7 @@ fn cell(bench: &mut Bench, row: &Row, when: When, says: &mut Option<String>) -> 
                 assert!(bench.hand_is_off() && bench.arm_stands(), "{place}");
                 "stays stopped".into()
             } else {
-                "goes on".into()
+                "continues".into()
             }
         }
         End::Stopped => {
