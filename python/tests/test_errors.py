@@ -125,6 +125,7 @@ KEYWORDS = st.fixed_dictionaries(
         "previous_joints": ANYTHING,
         "previous_actions": ANYTHING,
         "fingering": ANYTHING,
+        "change_steps": ANYTHING,
         "finger_range": ANYTHING,
         "rail_set_point": ANYTHING,
         "plan": st.one_of(ANYTHING, TABLES),

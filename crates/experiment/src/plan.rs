@@ -31,6 +31,9 @@ const SMOKE: [&str; 4] = [
 /// Evaluations of a fit in a smoke test.
 const SMOKE_EVALUATIONS: u64 = 2;
 
+/// How policies play on a twin; a trial that was done otherwise has another id.
+const PLAYED: &str = "with the lead that one run before has measured";
+
 impl PlanConfig {
     /// The flags that give it on the command line, as they are typed.
     pub fn flags(&self) -> String {
@@ -151,6 +154,9 @@ impl Experiment {
             ..perform
         });
         let mut text = json(&perform);
+        if perform.is_some() {
+            text += PLAYED;
+        }
         for truth in perform.iter().flat_map(|perform| &perform.truths) {
             text += &self.fingerprint_of_truth(truth)?;
         }

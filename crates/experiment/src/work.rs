@@ -19,12 +19,12 @@ use anyhow::bail;
 use etude_identify::Progress;
 use etude_lab::machine::processor;
 use etude_lab::{
-    Identification, IdentifyMethod, Pianist, RehearsalConfig, RehearsalStep, RobotPlay, Run,
+    Identification, IdentifyMethod, Pianist, RehearsalConfig, RehearsalStep, RobotPlay, RobotReport, Run,
     TrainingProgress, find_song, identify_robot, load_pianist, play_on_robot, record_excitations,
     rehearse_on_robot, scores_in_simulation,
 };
 use etude_music::Song;
-use etude_perform::stand::{TWIN, rig_choice, unix_secs};
+use etude_perform::stand::{RigChoice, TWIN, rig_choice, unix_secs};
 use etude_perform::{Job, Mode, Scores, gap, write_file};
 use etude_show::RehearsalPage;
 use etude_task::Piece;
@@ -165,8 +165,8 @@ impl Doing<'_, '_> {
         if outcome.stopped.is_some() {
             bail!(STOPPED);
         }
-        let pianist = load_pianist(&folder)?;
-        let rows = self.scores(&song, &pianist, perform, seed, share)?;
+        let mut pianist = load_pianist(&folder)?;
+        let rows = self.scores(&song, &mut pianist, perform, seed, share)?;
         let (course, secs) = evaluations(&folder.join("metrics.jsonl"))?;
         Ok((self.result(rows, course), self.times(outcome.elapsed_secs, secs)))
     }
@@ -179,7 +179,7 @@ impl Doing<'_, '_> {
         seed: u64,
     ) -> anyhow::Result<(TrialResult, TrialTimes)> {
         let begun = Instant::now();
-        let rows = self.scores(&piece_called(song)?, &player_called(player)?, perform, seed, 0.0)?;
+        let rows = self.scores(&piece_called(song)?, &mut player_called(player)?, perform, seed, 0.0)?;
         Ok((self.result(rows, Vec::new()), self.times(begun.elapsed().as_secs_f64(), Vec::new())))
     }
 
@@ -187,7 +187,7 @@ impl Doing<'_, '_> {
     fn scores(
         &mut self,
         song: &Song,
-        pianist: &Pianist,
+        pianist: &mut Pianist,
         perform: Option<&PerformConfig>,
         seed: u64,
         share: f64,
@@ -210,25 +210,14 @@ impl Doing<'_, '_> {
                     let at = share + (1.0 - share) * index as f64 / all.len() as f64;
                     self.tell(&format!("playing, {mode}, {truth}"), at, Some(sim.f1));
                     let rig = rig_choice(TWIN, truth)?;
-                    let (runs, seed) = (perform.runs, SEEDS_OF_RUNS.wrapping_mul(seed));
-                    let play = RobotPlay { mode: **mode, runs, home: true, seed };
-                    let report = play_on_robot(
-                        song,
-                        pianist,
-                        &rig,
-                        &play,
-                        None,
-                        None,
-                        &mut Job::new(&mut |_| {}, self.job.interrupt()),
-                    )?;
-                    if self.job.is_interrupted() {
-                        bail!(STOPPED);
-                    }
+                    let seed = SEEDS_OF_RUNS.wrapping_mul(seed);
+                    let report = self.on_time(song, pianist, &rig, (**mode, perform.runs, seed))?;
                     for (run, played) in report.runs.iter().enumerate() {
                         let frame = &played.scores.frame;
                         let whole = if played.steps[0] == played.steps[1] { 1.0 } else { 0.0 };
                         let lag = played.scores.note.lag_secs.map(|lag| ("lag_secs", lag));
                         let of_twin = [
+                            ("lead_secs", report.lead_secs),
                             ("f1", frame.f1),
                             ("precision", frame.precision),
                             ("recall", frame.recall),
@@ -248,6 +237,32 @@ impl Doing<'_, '_> {
             }
         }
         Ok(rows)
+    }
+
+    /// Plays a number of runs with the lead of the plan that one run before, with other noise, has measured.
+    fn on_time(
+        &mut self,
+        song: &Song,
+        pianist: &mut Pianist,
+        rig: &RigChoice,
+        (mode, runs, seed): (Mode, usize, u64),
+    ) -> anyhow::Result<RobotReport> {
+        let interrupt = self.job.interrupt();
+        let play_runs = |pianist: &Pianist, runs: usize, seed: u64| {
+            let play = RobotPlay { mode, runs, home: true, seed };
+            let report =
+                play_on_robot(song, pianist, rig, &play, None, None, &mut Job::new(&mut |_| {}, interrupt))?;
+            Ok::<_, anyhow::Error>(report)
+        };
+        let trained = pianist.config.task.plan.lead_secs;
+        let measured = play_runs(pianist, 1, seed.wrapping_add(runs as u64))?;
+        pianist.config.task.plan.lead_secs = measured.lead_on_time().unwrap_or(trained);
+        let report = play_runs(pianist, runs, seed)?;
+        pianist.config.task.plan.lead_secs = trained;
+        if self.job.is_interrupted() {
+            bail!(STOPPED);
+        }
+        Ok(report)
     }
 
     fn rehearse(

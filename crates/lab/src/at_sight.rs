@@ -1,9 +1,12 @@
 //! How well a piece will go at sight, from its plan alone.
 
-use etude_music::KeySet;
 use etude_music::metrics::frame_scores;
-use etude_task::Piece;
+use etude_music::{KeySet, Song};
+use etude_task::{Piece, TaskConfig};
 use serde::Serialize;
+
+use crate::config::resolve;
+use crate::pianist::SIGHT_READER;
 
 /// Time around each onset in which the keys are not those that are due, s. Measured with the shipped sight-reader on validation
 /// melodies by `scripts/sight_prediction.py`.
@@ -18,9 +21,11 @@ pub struct AtSight {
     pub f1: f64,
 }
 
-/// What the shipped sight-reader will score on `piece`: all that its fingering plays, less what is lost at each onset. None without a
-/// fingering.
-pub fn predicted_at_sight(piece: &Piece) -> Option<AtSight> {
+/// What the shipped sight-reader will score on `song` in the world of `task`: all that its own plan plays, less what is lost at each onset.
+/// None if the song cannot be planned there, or `task` has no fingering. `tell` as in [`Piece::for_task_telling`].
+pub fn predicted_at_sight(song: &Song, task: &TaskConfig, tell: &mut dyn FnMut(f64)) -> Option<AtSight> {
+    let change_steps = resolve(SIGHT_READER, None, &[]).ok()?.task.change_steps;
+    let piece = Piece::for_task_telling(song, &TaskConfig { change_steps, ..task.clone() }, tell).ok()?;
     let limits = piece.fingering()?.limits();
     let frames = piece.frames();
     let new = |keys: &[KeySet]| keys[1].iter().any(|key| !keys[0].contains(key));

@@ -5,7 +5,7 @@
 //! DIR/excitation/*.mcap       the robot moving clear of the keyboard
 //! DIR/round-0/                performance of the policy from the default simulator
 //! DIR/round-N/identified/     the simulator fitted to the excitation (once) and to the performances of the round before
-//! DIR/round-N/training/       the policy of the round before, trained further in that simulator: on the song, or on the preset's corpus
+//! DIR/round-N/training/       the best policy so far, trained further in that simulator: on the song, or on the preset's corpus
 //! DIR/round-N/performance/    performance on the robot; recordings, MIDI and sound
 //! DIR/round-N/round.json      the result of the round; written last
 //! ```
@@ -27,7 +27,7 @@ use crate::excitations::{excitation_file, record_excitations, stopped_itself};
 use crate::folder::make_folder;
 use crate::identify::{Identification, IdentifyMethod, IdentifyReport, identify_robot};
 use crate::pianist::{Pianist, load_pianist};
-use crate::robot::{MeanNotes, RobotPlay, RobotReport, RunEnded, lead_against, play_on_robot};
+use crate::robot::{MeanNotes, RobotPlay, RobotReport, RunEnded, play_on_robot};
 use crate::run::{Run, TrainingProgress};
 
 /// The setting that a round adjusts.
@@ -104,6 +104,20 @@ pub struct Round {
     pub physics: std::collections::BTreeMap<String, f64>,
 }
 
+impl Round {
+    /// By what rounds are compared: the mean of F1 and the onset F1 on the robot.
+    fn score(&self) -> f64 {
+        (self.robot_f1 + self.notes.onset_f1) / 2.0
+    }
+}
+
+/// The round that has played best on the robot, by the mean of F1 and onset F1; the earlier one of equals. The next round begins with its
+/// policy: a training that made the playing worse is not continued.
+pub fn best_round<'a>(rounds: impl IntoIterator<Item = &'a Round>) -> Option<&'a Round> {
+    let rounds: Vec<&Round> = rounds.into_iter().collect();
+    rounds.into_iter().rev().max_by(|a, b| a.score().total_cmp(&b.score()))
+}
+
 /// What a rehearsal reports.
 #[derive(Clone, Debug)]
 pub enum RehearsalStep {
@@ -159,7 +173,7 @@ pub fn rehearse_on_robot(
     for round in 0..=config.rounds {
         let done = match rehearsal.completed(round)? {
             Some(done) => done,
-            None => rehearsal.round(round, rounds.last(), job)?,
+            None => rehearsal.round(round, &rounds, job)?,
         };
         job.tell(&RehearsalStep::Round(done.clone()));
         rounds.push(done);
@@ -212,22 +226,22 @@ impl Rehearsal<'_> {
     fn round(
         &self,
         round: usize,
-        before: Option<&Round>,
+        earlier: &[Round],
         job: &mut Job<'_, RehearsalStep>,
     ) -> anyhow::Result<Round> {
         let folder = self.round_folder(round);
         make_folder(&folder)?;
         let (mut held_out_rad, mut physics, mut layer) = (None, Default::default(), None);
-        if let Some(before) = before {
+        if let Some(before) = earlier.last() {
             let report = self.identify(round, before, &folder.join("identified"), job)?;
             let errors = report.held_out_errors;
             held_out_rad = (!errors.joints.is_empty()).then_some(errors.fingers);
             physics = report.identified.physics;
             layer = Some(report.file);
         }
-        let policy = match (&self.config.policy, before) {
+        let policy = match (&self.config.policy, best_round(earlier)) {
             (Some(policy), None) => policy.clone(),
-            _ => self.train(round, layer.as_deref(), before, job)?,
+            (_, best) => self.train(round, layer.as_deref(), best, job)?,
         };
         let report = self.play(round, &policy, &folder.join("performance"), job)?;
         let recordings = report.runs.into_iter().filter_map(|run| run.files).map(|files| files.recording);
@@ -302,18 +316,18 @@ impl Rehearsal<'_> {
         )
     }
 
-    /// Trains in the simulator of `layer`, from what the round before has learned; resumes a training that was interrupted.
+    /// Trains in the simulator of `layer`, from what the best round so far has learned; resumes a training that was interrupted.
     fn train(
         &self,
         round: usize,
         layer: Option<&Path>,
-        before: Option<&Round>,
+        best: Option<&Round>,
         job: &mut Job<'_, RehearsalStep>,
     ) -> anyhow::Result<PathBuf> {
         let folder = self.round_folder(round).join("training");
         let mut config = resolve(&self.config.preset, layer, &self.config.overrides)?;
         config.trainer.threads = self.config.threads.unwrap_or(config.trainer.threads);
-        let source = before.map(|before| before.policy.as_path());
+        let source = best.map(|best| best.policy.as_path());
         let command = format!("etude rehearse, round {round}");
         let song = config.corpus.is_none().then(|| self.song.clone());
         let mut run = Run::start_or_resume(song, config, &folder, &command, source)?;
@@ -337,7 +351,7 @@ impl Rehearsal<'_> {
         let is_set = self.config.overrides.iter().any(|set| set.trim_start().starts_with(LEAD));
         if !is_set {
             let measured = self.play_runs(round, 1, &pianist, None, job)?;
-            let lead_secs = measured.lag_secs.map(|late| lead_against(measured.lead_secs, late));
+            let lead_secs = measured.lead_on_time();
             pianist.config.task.plan.lead_secs = lead_secs.unwrap_or(measured.lead_secs);
             job.tell(&RehearsalStep::LagMeasured { round, lead_secs });
         }
@@ -373,5 +387,39 @@ impl Rehearsal<'_> {
             Some(run) => Err(stopped_itself(round, &run.ending.to_string())),
             None => Ok(report),
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_best_round_is_by_the_steps_and_by_the_notes_and_the_earlier_of_equals() {
+        let round = |round: usize, robot_f1: f64, onset_f1: f64| Round {
+            round,
+            notes: MeanNotes { onset_f1, ..MeanNotes::default() },
+            lead_secs: 0.025,
+            lag_secs: None,
+            sim_f1: 0.99,
+            robot_f1,
+            robot_f1_std: 0.0,
+            gap: 0.0,
+            held_out_rad: None,
+            policy: PathBuf::new(),
+            recordings: Vec::new(),
+            physics: Default::default(),
+        };
+        let best = |rounds: &[Round]| best_round(rounds).map(|best| best.round);
+        assert_eq!(best(&[]), None);
+        let first = round(0, 0.94, 0.98);
+        assert_eq!(
+            best(&[first.clone(), round(1, 0.96, 0.90)]),
+            Some(0),
+            "more of the time, but fewer notes"
+        );
+        assert_eq!(best(&[first.clone(), round(1, 0.94, 0.98)]), Some(0));
+        assert_eq!(best(&[first.clone(), round(1, 0.91, 0.98), round(2, 0.95, 0.99)]), Some(2));
+        assert_eq!(best(&[first, round(1, 0.96, 1.0), round(2, 0.95, 0.99)]), Some(1));
     }
 }

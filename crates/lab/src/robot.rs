@@ -143,14 +143,14 @@ const NOTICEABLE_SECS: f64 = 0.005;
 impl RobotReport {
     /// The lead of the plan with which the notes would have been on time in the median, if they were not.
     pub fn better_lead_secs(&self) -> Option<f64> {
-        let late = self.lag_secs.filter(|late| late.abs() > NOTICEABLE_SECS)?;
-        Some(lead_against(self.lead_secs, late)).filter(|lead_secs| *lead_secs != self.lead_secs)
+        self.lag_secs.filter(|late| late.abs() > NOTICEABLE_SECS)?;
+        self.lead_on_time().filter(|lead_secs| *lead_secs != self.lead_secs)
     }
-}
 
-/// The lead with which notes are on time that came `late_secs` late with `lead_secs`.
-pub(crate) fn lead_against(lead_secs: f64, late_secs: f64) -> f64 {
-    (lead_secs + late_secs).clamp(0.0, LONGEST_LEAD_SECS)
+    /// The lead of the plan with which the notes would have been on time in the median, s; none if no right note was near its time.
+    pub fn lead_on_time(&self) -> Option<f64> {
+        self.lag_secs.map(|late| (self.lead_secs + late).clamp(0.0, LONGEST_LEAD_SECS))
+    }
 }
 
 /// A run that has ended, of a performance on a robot.

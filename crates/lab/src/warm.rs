@@ -27,6 +27,7 @@ fn in_the_form_of(mut config: RunConfig, other: &RunConfig) -> RunConfig {
     task.previous_joints = other.previous_joints;
     task.previous_actions = other.previous_actions;
     task.fingering = other.fingering;
+    task.change_steps = other.change_steps;
     task.finger_range = other.finger_range;
     task.velocities = other.velocities;
     task.view = other.view;

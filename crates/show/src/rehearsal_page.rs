@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use anyhow::Context as _;
-use etude_lab::{RehearsalConfig, Round};
+use etude_lab::{RehearsalConfig, Round, best_round};
 use etude_perform::{NoteCounts, write_file};
 use etude_stage::PhysicalParams;
 use maud::{Markup, PreEscaped, html};
@@ -86,6 +86,7 @@ fn performance(recording: &Path, folder: &Path) -> anyhow::Result<Performance> {
 /// The page of the rounds so far.
 fn rehearsal_page(config: &RehearsalConfig, rounds: &[Shown]) -> anyhow::Result<String> {
     let results: Vec<&Round> = rounds.iter().map(|shown| &shown.round).collect();
+    let best = best_round(results.iter().copied()).map(|best| best.round);
     let drawings = [notes_by_round(&results), gap_by_round(&results)];
     let drawings = drawings.iter().map(Drawing::inline).collect::<anyhow::Result<Vec<_>>>()?;
     let body = html! {
@@ -94,6 +95,7 @@ fn rehearsal_page(config: &RehearsalConfig, rounds: &[Shown]) -> anyhow::Result<
             @if let Some(truth) = &config.truth { " (truth " (truth) ")" }
             ", preset " (config.preset) ", " (config.runs) " runs a round, seed " (config.seed) ". Round 0 plays what was learned in the \
              default simulator."
+            @if let Some(best) = best { " Round " (best) " has played best, by the mean of F1 and onset F1: its policy is the one to use." }
         }
         div.drawings { @for drawing in drawings { figure { (PreEscaped(drawing)) } } }
         (scores(&results))
@@ -278,6 +280,7 @@ mod tests {
         for part in [
             "&lt;b&gt;&amp;.mid",
             "truth worn",
+            "Round 0 has played best",
             "Notes right on the robot",
             "notes due",
             "gap (%)",

@@ -11,8 +11,9 @@ use etude_music::sound::{self, write_hint};
 use etude_music::{KEYS, KeySet, LOWEST_PITCH};
 use etude_perform::{Job, shell_word, write_file};
 use etude_stage::{FINGERS, JOINTS, Painter, SceneGeom, View, World, picture_size};
+use nalgebra::{UnitQuaternion, Vector3};
 
-use crate::replay::Take;
+use crate::replay::{Arm, Take};
 use crate::strip::{self, Strip};
 
 /// Pictures a second of a video.
@@ -38,6 +39,8 @@ pub enum Video {
 const FLOOR: f64 = 0.0229;
 /// Radius of a fingertip's shadow when it touches, m, and height at which it is gone, m.
 const SHADOW: [f64; 2] = [0.016, 0.06];
+/// Colour of the arm's links.
+const ARM: [f32; 4] = [0.86, 0.87, 0.89, 1.0];
 /// Shadows of one fingertip, one in another, which make its edge soft.
 const SHADOWS: u32 = 4;
 
@@ -90,6 +93,7 @@ impl<'a> Studio<'a> {
         self.world.colour_keys(&key_colours(self.take, secs, down));
         let mut shapes = self.ornaments.clone();
         shapes.extend((0..FINGERS).flat_map(|finger| shadow(self.world.fingertip(finger))));
+        shapes.extend(self.take.arm.iter().flat_map(|arm| links(arm, secs * self.take.control_hz - 1.0)));
         self.pixels.clear();
         self.pixels.extend_from_slice(self.painter.paint(&mut self.world, &shapes)?);
         if let Some(strip) = &mut self.strip {
@@ -277,6 +281,37 @@ fn shadow([x, y, z]: [f64; 3]) -> impl Iterator<Item = SceneGeom> {
     })
 }
 
+/// The links of the arm at the end of control step `step`, between two on straight lines, as tubes.
+fn links(arm: &Arm, step: f64) -> Vec<SceneGeom> {
+    let last = arm.points.len().saturating_sub(1) as f64;
+    let step = step.clamp(0.0, last);
+    let row = |step: f64| arm.points.get(step as usize).map_or(&[][..], Vec::as_slice);
+    let (from, to) = (row(step.floor()), row(step.ceil()));
+    let share = step - step.floor();
+    let points: Vec<Vector3<f64>> = from
+        .chunks_exact(3)
+        .zip(to.chunks_exact(3))
+        .map(|(from, to)| {
+            Vector3::from_iterator(from.iter().zip(to).map(|(from, to)| from + share * (to - from)))
+        })
+        .collect();
+    let tube = |(ends, radius): (&[Vector3<f64>], &f64)| {
+        let way = ends[1] - ends[0];
+        let turn = UnitQuaternion::rotation_between(&Vector3::z(), &way)
+            .unwrap_or_else(|| UnitQuaternion::from_axis_angle(&Vector3::x_axis(), std::f64::consts::PI));
+        SceneGeom {
+            name: String::new(),
+            body: -1,
+            kind: "capsule".to_string(),
+            size: [*radius, way.norm() / 2.0, 0.0],
+            pos: ((ends[0] + ends[1]) / 2.0).into(),
+            quat: [turn.w, turn.i, turn.j, turn.k],
+            rgba: ARM,
+        }
+    };
+    points.windows(2).zip(&arm.radii).map(tube).collect()
+}
+
 /// Writes rows of red, green, blue as a PNG file.
 fn write_png(path: &Path, [width, height]: [u32; 2], pixels: &[u8]) -> anyhow::Result<()> {
     let mut bytes = Vec::new();
@@ -344,6 +379,26 @@ mod tests {
         assert_eq!(colour(&right, 0.6, 60, &[60]), Some(strip::RIGHT));
         assert_eq!(colour(&wrong, 0.6, 60, &[62]), Some(strip::MISSED));
         assert_eq!(colour(&wrong, 0.6, 62, &[62]), Some(strip::WRONG));
+    }
+
+    #[test]
+    fn the_links_of_an_arm_are_tubes_between_its_points() {
+        let row = |x: f64| vec![x, 0.0, 0.0, x, 0.0, 0.4, x, 0.3, 0.4];
+        let arm = Arm { radii: vec![0.05, 0.04], points: vec![row(0.0), row(0.2)] };
+        assert!(links(&Arm { points: Vec::new(), ..arm.clone() }, 0.0).is_empty());
+        let tubes = links(&arm, 0.5);
+        assert_eq!(tubes.len(), 2);
+        for (tube, (pos, half, axis)) in
+            tubes.iter().zip([([0.1, 0.0, 0.2], 0.2, Vector3::z()), ([0.1, 0.15, 0.4], 0.15, Vector3::y())])
+        {
+            assert!((Vector3::from(tube.pos) - Vector3::from(pos)).norm() < 1e-12, "{tube:?}");
+            assert!((tube.size[1] - half).abs() < 1e-12, "{tube:?}");
+            let [w, i, j, k] = tube.quat;
+            let turned =
+                UnitQuaternion::from_quaternion(nalgebra::Quaternion::new(w, i, j, k)) * Vector3::z();
+            assert!((turned - axis).norm() < 1e-9, "{tube:?}");
+        }
+        assert_eq!(links(&arm, 7.0)[0].pos[0], 0.2);
     }
 
     /// The share of a picture's upper part that is blue, as a key that is right.

@@ -68,6 +68,10 @@ pub struct TaskConfig {
     /// each fingertip relative to its goal, and the rail's action is a distance from its planned place. The reward terms `fingering` and
     /// `preparation` need it. The paper has none.
     pub fingering: bool,
+    /// Control steps of silence in which a fingering lets a finger change from one key to another. Fewer keep notes longer; more are
+    /// easier to play. Configurations of runs from before there was a choice have no such key.
+    #[serde(skip_serializing_if = "is_usual_change")]
+    pub change_steps: usize,
     /// How far the target of a finger joint may be from the angle that holds the fingertip over its goal, rad; 0 stands for the joint's
     /// whole range. It needs a fingering.
     pub finger_range: f64,
@@ -87,6 +91,13 @@ pub struct TaskConfig {
     pub random_start: bool,
 }
 
+/// The scripted player needs as many.
+pub(crate) const CHANGE_STEPS: usize = 3;
+
+fn is_usual_change(steps: &usize) -> bool {
+    *steps == CHANGE_STEPS
+}
+
 impl Default for TaskConfig {
     fn default() -> Self {
         Self {
@@ -100,6 +111,7 @@ impl Default for TaskConfig {
             previous_joints: true,
             previous_actions: 0,
             fingering: false,
+            change_steps: CHANGE_STEPS,
             finger_range: 0.0,
             velocities: false,
             view: ObservationView::default(),
@@ -145,6 +157,7 @@ impl TaskConfig {
             ("initial_silence_secs", self.initial_silence_secs, 0.0, 60.0),
             ("lookahead", self.lookahead as f64, 0.0, 40.0),
             ("previous_actions", self.previous_actions as f64, 0.0, MOST_ACTIONS as f64),
+            ("change_steps", self.change_steps as f64, 1.0, 20.0),
             ("finger_range", self.finger_range, 0.0, 2.0),
         ];
         for (name, value, low, high) in limits {

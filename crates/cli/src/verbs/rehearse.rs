@@ -5,8 +5,8 @@ use std::path::PathBuf;
 use clap::ValueHint;
 use clap::builder::PossibleValuesParser;
 use etude_lab::{
-    IdentifyMethod, RehearsalConfig, RehearsalStep, Round, SIGHT_READER, find_song, rehearse_on_robot,
-    shipped_policy,
+    IdentifyMethod, RehearsalConfig, RehearsalStep, Round, SIGHT_READER, best_round, find_song,
+    rehearse_on_robot, shipped_policy,
 };
 use etude_perform::stand::{RigChoice, rig_choice};
 use etude_perform::{Excitation, Job, Mode, shell_word};
@@ -22,9 +22,10 @@ use crate::status::Status;
 #[derive(clap::Args)]
 #[command(after_help = "\
 Round 0 plays what was learned in the default simulator. Each later round records the robot (once, moving clear of the \
-keyboard), fits the simulator to that and to the last performances, trains further in it, and plays again. If it is stopped, the \
+keyboard), fits the simulator to that and to the last performances, trains the policy further in it that has played best so far (by the mean of F1 and \
+onset F1), and plays again. If it is stopped, the \
 same command resumes it. With --preset sight-reader the trainings continue the sight-reader, for all songs: the robot plays SONG in each round. \
-`etude perform` plays other songs with the policy of the last round. Keep clear of the robot: it moves to the keyboard by itself before each run.
+`etude perform` plays other songs with the best round's policy. Keep clear of the robot: it moves to the keyboard by itself before each run.
 
 Examples:
   etude rehearse c-major-scale --robot twin --rounds 2
@@ -134,7 +135,10 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
     }
     print(&rounds, config.mode)?;
     line(format!("Read and listen: {}", folder.join(REHEARSAL_PAGE).display()))?;
-    if let Some(last) = rounds.last() {
+    if let Some(best) = best_round(&rounds) {
+        if best.round + 1 < rounds.len() {
+            line(format!("Round {} played best; its policy is kept", best.round))?;
+        }
         let truth =
             config.truth.as_ref().map_or_else(String::new, |truth| format!(" --truth {}", shell_word(truth)));
         line(format!(
@@ -142,8 +146,8 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
             shell_word(&config.song),
             shell_word(&args.robot),
             config.mode,
-            shell_word(last.policy.display()),
-            last.lead_secs
+            shell_word(best.policy.display()),
+            best.lead_secs
         ))?;
     }
     Ok(Ending::Done)

@@ -141,12 +141,12 @@ fn show(
     let fits = song.check_range();
     let silence = task.initial_silence_secs;
     let mut planning = Planning::new(as_json);
-    let mut plan = || Piece::for_task_telling(&song, task, &mut |share| planning.tell(share));
-    let piece = if fits.is_ok() { Some(plan()?) } else { None };
+    let mut tell = |share| planning.tell(share);
+    let piece = fits.is_ok().then(|| Piece::for_task_telling(&song, task, &mut tell)).transpose()?;
+    let at_sight = piece.as_ref().and_then(|_| predicted_at_sight(&song, task, &mut tell));
     drop(planning);
     let frames = piece.as_ref().map_or(&[][..], Piece::frames);
     let limits = piece.as_ref().and_then(Piece::fingering).map(|fingering| fingering.limits());
-    let at_sight = piece.as_ref().and_then(predicted_at_sight);
     let place_of = |limit: &Limit| {
         // Control steps are rounded; the note is the nearest of its key.
         let away = |note: &&Note| (note.start_secs + silence - limit.secs()).abs();

@@ -15,6 +15,7 @@ use anyhow::{Context as _, bail};
 use etude_perform::Recording;
 use walkdir::WalkDir;
 
+pub use arm::Arm;
 pub use heard::Heard;
 pub use page::replay_page;
 pub(crate) use roll::{Shown, roll_svg};

@@ -14,6 +14,7 @@ mod strokes;
 use etude_stage::{FINGERS, PHYSICS_STEPS, PhysicalParams, StageConfig};
 
 use crate::Piece;
+use crate::config::CHANGE_STEPS;
 use comb::Comb;
 use planner::{Place, Planner};
 use rail::Rail;
@@ -63,15 +64,17 @@ pub struct Fingering {
 }
 
 impl Fingering {
-    /// Plans `piece` for this stage with these physical numbers.
+    /// Plans `piece` for this stage with these physical numbers, as the scripted player needs it.
     pub fn plan(stage: &StageConfig, params: &PhysicalParams, piece: &Piece) -> Self {
-        Self::plan_telling(stage, params, piece, &mut |_| {})
+        Self::plan_telling(stage, params, CHANGE_STEPS, piece, &mut |_| {})
     }
 
-    /// The same for a piece that may be long: tells what share of it is planned, 0 to 1.
+    /// The same for a piece that may be long, and with a number of silent control steps in which a finger changes keys: tells what share of
+    /// it is planned, 0 to 1.
     pub fn plan_telling(
         stage: &StageConfig,
         params: &PhysicalParams,
+        change_steps: usize,
         piece: &Piece,
         tell: &mut dyn FnMut(f64),
     ) -> Self {
@@ -79,7 +82,7 @@ impl Fingering {
         let slices = strokes::slices(&strokes);
         let comb = Comb::new(stage.side, params);
         let rail = Rail::new(stage, params);
-        let planner = Planner { comb: &comb, rail: &rail, strokes: &strokes, slices: &slices };
+        let planner = Planner { comb: &comb, rail: &rail, strokes: &strokes, slices: &slices, change_steps };
         let places = planner.plan(tell);
         let notes = planner::played(&planner, &places);
         let limits = planner::limits(&planner, &notes, piece.notes().len());

@@ -16,9 +16,7 @@ use super::strokes::{Slice, Stroke};
 
 /// Least distance of two neighbouring fingers that press at once, m: the width of a finger's links.
 const SEPARATION_M: f64 = 0.021;
-/// Silent control steps that a finger needs between two different keys.
-const CHANGE_STEPS: usize = 3;
-/// The same between a white key and a black one: up, across the edge, down.
+/// Silent control steps that a finger needs between a white key and a black one: up, across the edge, down.
 const BLACK_CHANGE_STEPS: usize = 6;
 /// Rail positions tried for one choice of fingers.
 const RAIL_CHOICES: usize = 9;
@@ -60,6 +58,8 @@ pub(crate) struct Planner<'a> {
     pub rail: &'a Rail,
     pub strokes: &'a [Stroke],
     pub slices: &'a [Slice],
+    /// Silent control steps that a finger needs between two different keys of one colour.
+    pub change_steps: usize,
 }
 
 impl Planner<'_> {
@@ -198,7 +198,7 @@ impl Planner<'_> {
                     .flatten()
                     .filter(|key| key_is_black(*key));
                 let crosses = black.count() == 1;
-                finger_steps[finger] = if crosses { BLACK_CHANGE_STEPS } else { CHANGE_STEPS };
+                finger_steps[finger] = if crosses { BLACK_CHANGE_STEPS } else { self.change_steps };
             }
             // The finger must move away before a neighbour comes down right beside it.
             let y = self.comb.over(self.strokes[stroke].key)[1];
@@ -207,7 +207,7 @@ impl Planner<'_> {
                 (self.comb.over(key)[1] - y).abs() < SEPARATION_M
             };
             if (0..FINGERS).any(|f| f != finger && !kept(f) && to.hand[f].is_some_and(near)) {
-                finger_steps[finger] = finger_steps[finger].max(CHANGE_STEPS);
+                finger_steps[finger] = finger_steps[finger].max(self.change_steps);
             }
         }
         let lost: usize = ending()

@@ -188,6 +188,28 @@ fn keys_are_held_while_they_are_due_and_some_are_left_early() {
 }
 
 #[test]
+fn a_finger_that_changes_keys_in_fewer_steps_holds_them_longer() {
+    let song = repertoire::get("d-major-scale").expect("built in");
+    let gaps = |change_steps: usize| {
+        let config = TaskConfig { change_steps, ..with_fingering() };
+        config.check().unwrap();
+        let piece = Piece::for_task(&song, &config).unwrap();
+        let fingering = piece.fingering().unwrap();
+        let of_a_finger = |finger: usize| {
+            let notes: Vec<_> = fingering.notes().iter().filter(|note| note.finger == finger).collect();
+            notes.windows(2).map(|two| two[1].start - two[0].end).min()
+        };
+        let shortest = (0..FINGERS).filter_map(of_a_finger).min().unwrap();
+        (shortest, fingering.limits().lost_steps())
+    };
+    let [one, two, three] = [1, 2, 3].map(gaps);
+    assert_eq!([one.0, two.0, three.0], [1, 2, 3]);
+    assert!(one.1 < two.1 && two.1 < three.1, "{one:?} {two:?} {three:?}");
+    let never = TaskConfig { change_steps: 0, ..with_fingering() };
+    assert!(never.check().unwrap_err().to_string().contains("task.change_steps = 0 must lie in 1"));
+}
+
+#[test]
 fn targets_of_the_fingers_are_around_the_pose_that_holds_them_over_their_goals() {
     let (song, _) = two_notes();
     let bias = [("joint.index_1.encoder_bias".to_string(), 0.02)];
