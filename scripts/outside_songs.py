@@ -20,7 +20,6 @@ def main(out: Path) -> None:
     out.mkdir(parents=True, exist_ok=True)
     short = [score for score in corpus.parse("essenFolksong/altdeu10").scores if score.duration.quarterLength <= LONGEST]
     for score in short[:SONGS]:
-        # Tempo and nothing else: no dynamics, no repeats.
         for mark in list(score.recurse().getElementsByClass(tempo.TempoIndication)):
             mark.activeSite.remove(mark)
         score.parts[0].insert(0, tempo.MetronomeMark(number=100))

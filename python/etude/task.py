@@ -61,7 +61,8 @@ def task_config(
         previous_actions: Previous actions that the observation shows, 0 to 4.
         fingering: Whether a fingering is planned for the song: the observation shows each finger its goal, and the rail's action is a
             distance from its planned place. The reward terms `fingering`, `preparation` and `velocity` need it.
-        change_steps: Control steps of silence in which a fingering lets a finger change from one key to another, 1 to 20.
+        change_steps: Control steps of silence in which a fingering lets a finger change from one key to another of the same
+            colour, 1 to 20.
         finger_range: How far the target of a finger joint may be from the pose that holds the fingertip over its goal, rad; 0 stands for
             the joint's whole range. It needs a fingering.
         rail_set_point: Whether the observation has the rail's set-point instead of its measured place.

@@ -204,7 +204,9 @@ fn rehearsals(
     let trial = |mode: &Mode| {
         let (rounds, runs) = if smoke { (1, 1) } else { (rehearse.rounds, rehearse.runs) };
         let evaluations = if smoke { Some(SMOKE_EVALUATIONS) } else { rehearse.evaluations };
-        let all = format!("{what}{mode}{rounds} {runs} {truth_name} {evaluations:?}");
+        // A later round continues from the best one.
+        let from = if rounds > 1 { " from the best round" } else { "" };
+        let all = format!("{what}{mode}{rounds} {runs} {truth_name} {evaluations:?}{from}");
         let mut labels = labels.clone();
         labels.insert("mode".to_string(), mode.name().to_string());
         labels.insert("truth".to_string(), truth_name.to_string());

@@ -6,7 +6,7 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use etude_lab::{IdentifyMethod, RunConfig, resolve};
+use etude_lab::{IdentifyMethod, LEAD, RunConfig, resolve};
 use etude_learn::TrainerConfig;
 use etude_learn::seed::fnv;
 use etude_perform::Mode;
@@ -23,6 +23,16 @@ pub struct Trial {
     pub labels: BTreeMap<String, String>,
     /// The work.
     pub work: Work,
+}
+
+impl Trial {
+    /// Whether its settings name the lead of the plan.
+    pub(crate) fn sets_the_lead(&self) -> bool {
+        match &self.work {
+            Work::Train { training, .. } => training.set.iter().any(|set| set.trim_start().starts_with(LEAD)),
+            _ => false,
+        }
+    }
 }
 
 /// The work of a trial.

@@ -239,7 +239,8 @@ impl Doing<'_, '_> {
         Ok(rows)
     }
 
-    /// Plays a number of runs with the lead of the plan that one run before, with other noise, has measured.
+    /// Plays one run with other noise to measure how late the notes are, and then the runs that count, earlier by that. If the
+    /// experiment sets the lead of the plan, it stays.
     fn on_time(
         &mut self,
         song: &Song,
@@ -255,8 +256,12 @@ impl Doing<'_, '_> {
             Ok::<_, anyhow::Error>(report)
         };
         let trained = pianist.config.task.plan.lead_secs;
-        let measured = play_runs(pianist, 1, seed.wrapping_add(runs as u64))?;
-        pianist.config.task.plan.lead_secs = measured.lead_on_time().unwrap_or(trained);
+        if !self.trial.sets_the_lead() {
+            let measured = play_runs(pianist, 1, seed.wrapping_add(runs as u64))?;
+            let is_whole = measured.runs.iter().all(|run| run.steps[0] == run.steps[1]);
+            let lead_secs = measured.lead_on_time().filter(|_| is_whole);
+            pianist.config.task.plan.lead_secs = lead_secs.unwrap_or(trained);
+        }
         let report = play_runs(pianist, runs, seed)?;
         pianist.config.task.plan.lead_secs = trained;
         if self.job.is_interrupted() {

@@ -21,11 +21,14 @@ pub struct AtSight {
     pub f1: f64,
 }
 
-/// What the shipped sight-reader will score on `song` in the world of `task`: all that its own plan plays, less what is lost at each onset.
-/// None if the song cannot be planned there, or `task` has no fingering. `tell` as in [`Piece::for_task_telling`].
-pub fn predicted_at_sight(song: &Song, task: &TaskConfig, tell: &mut dyn FnMut(f64)) -> Option<AtSight> {
+/// What the shipped sight-reader will score on `song`, which `task` plans as `piece`: all that its own plan plays, less what is lost at
+/// each onset. None if `task` has no fingering.
+pub fn predicted_at_sight(song: &Song, task: &TaskConfig, piece: &Piece) -> Option<AtSight> {
     let change_steps = resolve(SIGHT_READER, None, &[]).ok()?.task.change_steps;
-    let piece = Piece::for_task_telling(song, &TaskConfig { change_steps, ..task.clone() }, tell).ok()?;
+    let own = |task: TaskConfig| Piece::for_task(song, &task).ok();
+    let planned =
+        (task.change_steps != change_steps).then(|| own(TaskConfig { change_steps, ..task.clone() }));
+    let piece = planned.flatten().unwrap_or_else(|| piece.clone());
     let limits = piece.fingering()?.limits();
     let frames = piece.frames();
     let new = |keys: &[KeySet]| keys[1].iter().any(|key| !keys[0].contains(key));

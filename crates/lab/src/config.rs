@@ -234,6 +234,23 @@ mod tests {
         assert_eq!(resolve("paper", None, &[]).unwrap(), RunConfig::default());
     }
 
+    /// `etude train --config RUN/config.toml` repeats a training whatever the preset says.
+    #[test]
+    fn a_complete_configuration_means_the_same_over_any_preset() {
+        let folder = tempfile::tempdir().unwrap();
+        let file = folder.path().join("config.toml");
+        for (name, _) in PRESETS.into_iter().filter(|(name, _)| *name != "sight-reader") {
+            let config = resolve(name, None, &[]).unwrap().complete();
+            std::fs::write(&file, toml::to_string(&config).unwrap()).unwrap();
+            for over in ["paper", "fast", "expressive", "appendix-fast"] {
+                let mut again = resolve(over, Some(&file), &[]).unwrap().complete();
+                // Physical numbers of the preset are under those of the file.
+                again.task.physics.retain(|path, _| config.task.physics.contains_key(path));
+                assert_eq!(again, config, "{name} over {over}");
+            }
+        }
+    }
+
     /// All values of the learner in the preset `paper`, word for word: the paper's where it prints one, else those of the code that
     /// it builds on (`kevinzakka/robopianist-rl`: `sac.py`, `run.sh`), and for the rest our choice, which does not affect the algorithm. A change of
     /// a default must be deliberate.

@@ -30,8 +30,8 @@ use crate::pianist::{Pianist, load_pianist};
 use crate::robot::{MeanNotes, RobotPlay, RobotReport, RunEnded, play_on_robot};
 use crate::run::{Run, TrainingProgress};
 
-/// The setting that a round adjusts.
-const LEAD: &str = "task.plan.lead_secs";
+/// The setting that is measured on a robot, unless it is named.
+pub const LEAD: &str = "task.plan.lead_secs";
 
 /// What to rehearse, and how.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]

@@ -10,7 +10,7 @@ use crate::folder::policy_in;
 use crate::pianist::open;
 
 /// `config` for a training that begins with what the run or policy at `source` has learned. If that is a sight-reader, the
-/// training has its networks and observation.
+/// training has its networks, its observation and its plan, which it has learned to play.
 pub fn beginning_with(config: RunConfig, source: &Path) -> RunConfig {
     let file = if source.is_dir() { policy_in(source) } else { Some(source.to_path_buf()) };
     match file.and_then(|file| open(&file).ok()).map(|pianist| pianist.config) {
@@ -19,7 +19,7 @@ pub fn beginning_with(config: RunConfig, source: &Path) -> RunConfig {
     }
 }
 
-/// `config` with the networks and the observation of `other`, so that a training can begin with what that one has learned.
+/// `config` with the networks and the observation of `other`, and its plan, so that a training can begin with what that one has learned.
 fn in_the_form_of(mut config: RunConfig, other: &RunConfig) -> RunConfig {
     config.droq.hidden.clone_from(&other.droq.hidden);
     let (task, other) = (&mut config.task, &other.task);

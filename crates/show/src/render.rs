@@ -39,8 +39,8 @@ pub enum Video {
 const FLOOR: f64 = 0.0229;
 /// Radius of a fingertip's shadow when it touches, m, and height at which it is gone, m.
 const SHADOW: [f64; 2] = [0.016, 0.06];
-/// Colour of the arm's links.
-const ARM: [f32; 4] = [0.86, 0.87, 0.89, 1.0];
+/// Colour of the arm's links, as on the replay page.
+const ARM: [f32; 4] = [0.86, 0.87, 0.88, 1.0];
 /// Shadows of one fingertip, one in another, which make its edge soft.
 const SHADOWS: u32 = 4;
 

@@ -68,9 +68,8 @@ pub struct TaskConfig {
     /// each fingertip relative to its goal, and the rail's action is a distance from its planned place. The reward terms `fingering` and
     /// `preparation` need it. The paper has none.
     pub fingering: bool,
-    /// Control steps of silence in which a fingering lets a finger change from one key to another. Fewer keep notes longer; more are
-    /// easier to play. Configurations of runs from before there was a choice have no such key.
-    #[serde(skip_serializing_if = "is_usual_change")]
+    /// Control steps of silence in which a fingering lets a finger change from one key to another of the same colour. Fewer keep notes
+    /// longer; more are easier to play.
     pub change_steps: usize,
     /// How far the target of a finger joint may be from the angle that holds the fingertip over its goal, rad; 0 stands for the joint's
     /// whole range. It needs a fingering.
@@ -81,9 +80,7 @@ pub struct TaskConfig {
     #[serde(skip_serializing_if = "ObservationView::is_keyboard")]
     pub view: ObservationView,
     /// Whether the observation has the rail's set-point instead of its measured place. A policy that reads the measured place swings
-    /// about its goal if the arm lags more than in its training. The paper's policies observe the measured place. Configurations of
-    /// runs from before there was a choice have no such key.
-    #[serde(skip_serializing_if = "std::ops::Not::not")]
+    /// about its goal if the arm lags more than in its training. The paper's policies observe the measured place.
     pub rail_set_point: bool,
     /// Scale of the joint readings in the observation.
     pub scale: ObservationScale,
@@ -91,12 +88,8 @@ pub struct TaskConfig {
     pub random_start: bool,
 }
 
-/// The scripted player needs as many.
-pub(crate) const CHANGE_STEPS: usize = 3;
-
-fn is_usual_change(steps: &usize) -> bool {
-    *steps == CHANGE_STEPS
-}
+/// Silent control steps in which the scripted player changes keys, and the default.
+const CHANGE_STEPS: usize = 3;
 
 impl Default for TaskConfig {
     fn default() -> Self {

@@ -66,7 +66,7 @@ impl Piece {
         let mut piece = Self::of(config.plan.plan(song, config.initial_silence_secs)?);
         if config.fingering {
             let (stage, params) = (&config.stage, &config.params()?);
-            let mut fingering = Fingering::plan_telling(stage, params, config.change_steps, &piece, tell);
+            let mut fingering = Fingering::plan(stage, params, config.change_steps, &piece, tell);
             if config.finger_range > 0.0 {
                 fingering = fingering.around_poses(stage, params, config.finger_range);
             }
@@ -113,7 +113,8 @@ impl Piece {
     }
 
     /// Keys to hold in control step `step`: those that are due or, with a fingering, those of them that it plays then or played one
-    /// step before. It leaves keys as early as the scripted player must; a policy is a step quicker.
+    /// step before: a policy is a step quicker than its plan. With [`change_steps`](TaskConfig::change_steps) of 1 no silent step is left
+    /// between two keys of a finger, and the policy itself has to find the time.
     pub fn held(&self, step: usize) -> KeySet {
         let due = self.due(step);
         let Some(fingering) = &self.fingering else { return due };

@@ -22,8 +22,8 @@ use crate::status::Status;
 #[derive(clap::Args)]
 #[command(after_help = "\
 Round 0 plays what was learned in the default simulator. Each later round records the robot (once, moving clear of the \
-keyboard), fits the simulator to that and to the last performances, trains the policy further in it that has played best so far (by the mean of F1 and \
-onset F1), and plays again. If it is stopped, the \
+keyboard), fits the simulator to that and to the last performances, in that simulator continues the training of the policy that \
+has played best so far (by the mean of F1 and onset F1), and plays again. If it is stopped, the \
 same command resumes it. With --preset sight-reader the trainings continue the sight-reader, for all songs: the robot plays SONG in each round. \
 `etude perform` plays other songs with the best round's policy. Keep clear of the robot: it moves to the keyboard by itself before each run.
 
@@ -80,7 +80,7 @@ pub struct Args {
     /// Keep the replay buffers of the trainings (some 100 MB a round), so that `etude train --resume` can continue one
     #[arg(long)]
     keep_replay: bool,
-    /// Print nothing but one JSON array at the end: the rounds
+    /// Print nothing but one JSON array at the end: the rounds. The best one has the highest mean of robot_f1 and onset_f1
     #[arg(long)]
     json: bool,
 }
@@ -137,7 +137,7 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
     line(format!("Read and listen: {}", folder.join(REHEARSAL_PAGE).display()))?;
     if let Some(best) = best_round(&rounds) {
         if best.round + 1 < rounds.len() {
-            line(format!("Round {} played best; its policy is kept", best.round))?;
+            line(format!("Round {} played best, not the last one: use its policy", best.round))?;
         }
         let truth =
             config.truth.as_ref().map_or_else(String::new, |truth| format!(" --truth {}", shell_word(truth)));

@@ -143,7 +143,7 @@ fn show(
     let mut planning = Planning::new(as_json);
     let mut tell = |share| planning.tell(share);
     let piece = fits.is_ok().then(|| Piece::for_task_telling(&song, task, &mut tell)).transpose()?;
-    let at_sight = piece.as_ref().and_then(|_| predicted_at_sight(&song, task, &mut tell));
+    let at_sight = piece.as_ref().and_then(|piece| predicted_at_sight(&song, task, piece));
     drop(planning);
     let frames = piece.as_ref().map_or(&[][..], Piece::frames);
     let limits = piece.as_ref().and_then(Piece::fingering).map(|fingering| fingering.limits());

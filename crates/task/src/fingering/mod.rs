@@ -14,7 +14,6 @@ mod strokes;
 use etude_stage::{FINGERS, PHYSICS_STEPS, PhysicalParams, StageConfig};
 
 use crate::Piece;
-use crate::config::CHANGE_STEPS;
 use comb::Comb;
 use planner::{Place, Planner};
 use rail::Rail;
@@ -64,14 +63,9 @@ pub struct Fingering {
 }
 
 impl Fingering {
-    /// Plans `piece` for this stage with these physical numbers, as the scripted player needs it.
-    pub fn plan(stage: &StageConfig, params: &PhysicalParams, piece: &Piece) -> Self {
-        Self::plan_telling(stage, params, CHANGE_STEPS, piece, &mut |_| {})
-    }
-
-    /// The same for a piece that may be long, and with a number of silent control steps in which a finger changes keys: tells what share of
-    /// it is planned, 0 to 1.
-    pub fn plan_telling(
+    /// Plans `piece` for this stage with these physical numbers and this number of silent control steps in which a finger changes keys.
+    /// `tell` receives the share that is planned, 0 to 1: a long piece takes time.
+    pub fn plan(
         stage: &StageConfig,
         params: &PhysicalParams,
         change_steps: usize,

@@ -16,7 +16,7 @@ use super::strokes::{Slice, Stroke};
 
 /// Least distance of two neighbouring fingers that press at once, m: the width of a finger's links.
 const SEPARATION_M: f64 = 0.021;
-/// Silent control steps that a finger needs between a white key and a black one: up, across the edge, down.
+/// Silent control steps that a finger needs at least between a white key and a black one: up, across the edge, down.
 const BLACK_CHANGE_STEPS: usize = 6;
 /// Rail positions tried for one choice of fingers.
 const RAIL_CHOICES: usize = 9;
@@ -198,7 +198,8 @@ impl Planner<'_> {
                     .flatten()
                     .filter(|key| key_is_black(*key));
                 let crosses = black.count() == 1;
-                finger_steps[finger] = if crosses { BLACK_CHANGE_STEPS } else { self.change_steps };
+                finger_steps[finger] =
+                    if crosses { BLACK_CHANGE_STEPS.max(self.change_steps) } else { self.change_steps };
             }
             // The finger must move away before a neighbour comes down right beside it.
             let y = self.comb.over(self.strokes[stroke].key)[1];

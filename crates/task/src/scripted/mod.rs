@@ -44,7 +44,7 @@ impl ScriptedPlayer {
         tell: &mut dyn FnMut(f64),
     ) -> Result<Self, TaskError> {
         let (stage, params) = (&config.stage, &config.params()?);
-        let planned = || Arc::new(Fingering::plan_telling(stage, params, config.change_steps, piece, tell));
+        let planned = || Arc::new(Fingering::plan(stage, params, config.change_steps, piece, tell));
         let fingering = piece.fingering().cloned().unwrap_or_else(planned);
         let comb = Comb::new(stage.side, params);
         let rail = Rail::new(stage, params);
