@@ -187,10 +187,10 @@ fn the_sums_in_the_documents_are_those_of_the_tables() {
     let [right, wrong] = ["notes right", "wrong"].map(|column| sum(&songs, column));
     let [five_right, five_wrong] = ["notes right", "wrong"].map(|column| sum(paper, column));
     for (name, said) in [
-        ("docs/results/learning.md", format!("All {right} notes, and {wrong} wrong ones")),
+        ("docs/results/learning.md", format!("All {right} notes, and {wrong} wrong one")),
         ("docs/results/learning.md", format!("the mean F1 is {all:.3}, of the paper's five songs {five:.3}")),
         ("docs/introduction.md", format!("F1 {five:.3} in the mean")),
-        ("docs/introduction.md", format!("they play all {right} of the seven songs, and {wrong} wrong ones")),
+        ("docs/introduction.md", format!("they play all {right} of the seven songs, and {wrong} wrong one")),
         (
             "README.md",
             format!(
