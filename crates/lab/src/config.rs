@@ -239,7 +239,7 @@ mod tests {
     fn a_complete_configuration_means_the_same_over_any_preset() {
         let folder = tempfile::tempdir().unwrap();
         let file = folder.path().join("config.toml");
-        for (name, _) in PRESETS.into_iter().filter(|(name, _)| *name != "sight-reader") {
+        for (name, _) in PRESETS.iter().filter(|(name, _)| *name != "sight-reader") {
             let config = resolve(name, None, &[]).unwrap().complete();
             std::fs::write(&file, toml::to_string(&config).unwrap()).unwrap();
             for over in ["paper", "fast", "expressive", "appendix-fast"] {

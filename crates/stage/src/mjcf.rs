@@ -114,7 +114,7 @@ fn keyboard(config: &StageConfig, params: &PhysicalParams, options: &ModelOption
         let (x, z) = ((rear + front) / 2.0, (WHITE.top() + FENCE_RISE) / 2.0);
         let (length, thickness) = ((front - rear) / 2.0, FENCE_THICKNESS / 2.0);
         format!(
-            r#"      <geom name="fence_{index}" type="box" pos="{x} {y} {z}" size="{length} {thickness} {z}" rgba="0.9 0.75 0.1 1" {fence_contact}/>
+            r#"      <geom name="fence_{index}" type="box" pos="{x} {y} {z}" size="{length} {thickness} {z}" rgba="0.55 0.6 0.58 1" {fence_contact}/>
 "#
         )
     };
