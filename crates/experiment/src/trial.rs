@@ -6,7 +6,7 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use etude_lab::{IdentifyMethod, LEAD, RunConfig, resolve};
+use etude_lab::{IdentifyMethod, RunConfig, name_the_lead, resolve};
 use etude_learn::TrainerConfig;
 use etude_learn::seed::fnv;
 use etude_perform::Mode;
@@ -29,7 +29,7 @@ impl Trial {
     /// Whether its settings name the lead of the plan.
     pub(crate) fn sets_the_lead(&self) -> bool {
         match &self.work {
-            Work::Train { training, .. } => training.set.iter().any(|set| set.trim_start().starts_with(LEAD)),
+            Work::Train { training, .. } => name_the_lead(&training.set),
             _ => false,
         }
     }

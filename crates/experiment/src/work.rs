@@ -165,8 +165,8 @@ impl Doing<'_, '_> {
         if outcome.stopped.is_some() {
             bail!(STOPPED);
         }
-        let mut pianist = load_pianist(&folder)?;
-        let rows = self.scores(&song, &mut pianist, perform, seed, share)?;
+        let pianist = load_pianist(&folder)?;
+        let rows = self.scores(&song, &pianist, perform, seed, share)?;
         let (course, secs) = evaluations(&folder.join("metrics.jsonl"))?;
         Ok((self.result(rows, course), self.times(outcome.elapsed_secs, secs)))
     }
@@ -179,7 +179,7 @@ impl Doing<'_, '_> {
         seed: u64,
     ) -> anyhow::Result<(TrialResult, TrialTimes)> {
         let begun = Instant::now();
-        let rows = self.scores(&piece_called(song)?, &mut player_called(player)?, perform, seed, 0.0)?;
+        let rows = self.scores(&piece_called(song)?, &player_called(player)?, perform, seed, 0.0)?;
         Ok((self.result(rows, Vec::new()), self.times(begun.elapsed().as_secs_f64(), Vec::new())))
     }
 
@@ -187,7 +187,7 @@ impl Doing<'_, '_> {
     fn scores(
         &mut self,
         song: &Song,
-        pianist: &mut Pianist,
+        pianist: &Pianist,
         perform: Option<&PerformConfig>,
         seed: u64,
         share: f64,
@@ -244,26 +244,24 @@ impl Doing<'_, '_> {
     fn on_time(
         &mut self,
         song: &Song,
-        pianist: &mut Pianist,
+        pianist: &Pianist,
         rig: &RigChoice,
         (mode, runs, seed): (Mode, usize, u64),
     ) -> anyhow::Result<RobotReport> {
         let interrupt = self.job.interrupt();
         let play_runs = |pianist: &Pianist, runs: usize, seed: u64| {
             let play = RobotPlay { mode, runs, home: true, seed };
-            let report =
-                play_on_robot(song, pianist, rig, &play, None, None, &mut Job::new(&mut |_| {}, interrupt))?;
-            Ok::<_, anyhow::Error>(report)
+            play_on_robot(song, pianist, rig, &play, None, None, &mut Job::new(&mut |_| {}, interrupt))
         };
-        let trained = pianist.config.task.plan.lead_secs;
+        let mut pianist = pianist.clone();
         if !self.trial.sets_the_lead() {
-            let measured = play_runs(pianist, 1, seed.wrapping_add(runs as u64))?;
+            let measured = play_runs(&pianist, 1, seed.wrapping_add(runs as u64))?;
             let is_whole = measured.runs.iter().all(|run| run.steps[0] == run.steps[1]);
-            let lead_secs = measured.lead_on_time().filter(|_| is_whole);
-            pianist.config.task.plan.lead_secs = lead_secs.unwrap_or(trained);
+            if let Some(lead_secs) = measured.lead_on_time().filter(|_| is_whole) {
+                pianist.config.task.plan.lead_secs = lead_secs;
+            }
         }
-        let report = play_runs(pianist, runs, seed)?;
-        pianist.config.task.plan.lead_secs = trained;
+        let report = play_runs(&pianist, runs, seed)?;
         if self.job.is_interrupted() {
             bail!(STOPPED);
         }

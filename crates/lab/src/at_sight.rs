@@ -7,6 +7,7 @@ use serde::Serialize;
 
 use crate::config::resolve;
 use crate::pianist::SIGHT_READER;
+use crate::planning::plan;
 
 /// Time around each onset in which the keys are not those that are due, s. Measured with the shipped sight-reader on validation
 /// melodies by `scripts/sight_prediction.py`.
@@ -25,10 +26,11 @@ pub struct AtSight {
 /// each onset. None if `task` has no fingering.
 pub fn predicted_at_sight(song: &Song, task: &TaskConfig, piece: &Piece) -> Option<AtSight> {
     let change_steps = resolve(SIGHT_READER, None, &[]).ok()?.task.change_steps;
-    let own = |task: TaskConfig| Piece::for_task(song, &task).ok();
-    let planned =
-        (task.change_steps != change_steps).then(|| own(TaskConfig { change_steps, ..task.clone() }));
-    let piece = planned.flatten().unwrap_or_else(|| piece.clone());
+    let piece = if task.change_steps == change_steps {
+        piece.clone()
+    } else {
+        plan(song, &TaskConfig { change_steps, ..task.clone() }).ok()?
+    };
     let limits = piece.fingering()?.limits();
     let frames = piece.frames();
     let new = |keys: &[KeySet]| keys[1].iter().any(|key| !keys[0].contains(key));

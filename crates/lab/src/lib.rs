@@ -36,7 +36,7 @@ pub use pianist::{Pianist, SIGHT_READER, best_policy, load_pianist, pianist_for,
 pub use planning::planning_told;
 pub use play::{Files, PAGE, PlayReport, RECORDING, REPORT, play, scores_in_simulation};
 pub use record::{Motion, Recorded, record_robot};
-pub use rehearse::{LEAD, RehearsalConfig, RehearsalStep, Round, best_round, rehearse_on_robot};
+pub use rehearse::{RehearsalConfig, RehearsalStep, Round, best_round, name_the_lead, rehearse_on_robot};
 pub use robot::{MeanNotes, RobotPlay, RobotReport, RobotRun, RunEnded, play_on_robot, run_file};
 pub use run::{Run, TrainingProgress, find_song};
 pub use warm::beginning_with;

@@ -20,6 +20,7 @@ const RUNS: &str = "runs";
 pub const SIGHT_READER: &str = "sight-reader";
 
 /// What chooses the actions.
+#[derive(Clone)]
 pub(crate) enum Kind {
     /// A learned policy, from this file.
     Policy(Box<Policy>, PathBuf),
@@ -54,6 +55,7 @@ impl etude_task::Player for Ready {
 }
 
 /// A policy or the scripted player, with the configuration that it plays in.
+#[derive(Clone)]
 pub struct Pianist {
     pub(crate) kind: Kind,
     /// The configuration; of a policy the one that it was trained with.
@@ -201,9 +203,8 @@ impl Pianist {
     /// The scripted player, the baseline that needs no training, in the world of the default preset. It plans for itself, so its actions
     /// are those of a task without a fingering: it moves the rail earlier than the plan, by the rail's lag.
     pub fn scripted() -> Self {
-        let mut changes = ["task.fingering=false", "task.finger_range=0", "task.change_steps=3"]
-            .map(str::to_string)
-            .to_vec();
+        let mut changes = ["task.fingering=false", "task.finger_range=0"].map(str::to_string).to_vec();
+        changes.push(format!("task.change_steps={}", TaskConfig::default().change_steps));
         changes.extend(OF_A_FINGERING.map(|term| format!("task.reward.{term}=0")));
         let config = resolve(DEFAULT_PRESET, None, &changes).expect("a preset of our own is sound");
         Self { kind: Kind::Script, config, song: None, claimed_f1: None }

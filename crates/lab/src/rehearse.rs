@@ -30,8 +30,10 @@ use crate::pianist::{Pianist, load_pianist};
 use crate::robot::{MeanNotes, RobotPlay, RobotReport, RunEnded, play_on_robot};
 use crate::run::{Run, TrainingProgress};
 
-/// The setting that is measured on a robot, unless it is named.
-pub const LEAD: &str = "task.plan.lead_secs";
+/// Whether these overrides, `path=value`, name the lead of the plan. Else it is measured on the robot.
+pub fn name_the_lead(overrides: &[String]) -> bool {
+    overrides.iter().any(|set| set.trim_start().starts_with("task.plan.lead_secs"))
+}
 
 /// What to rehearse, and how.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -114,8 +116,7 @@ impl Round {
 /// The round that has played best on the robot, by the mean of F1 and onset F1; the earlier one of equals. The next round begins with its
 /// policy: a training that made the playing worse is not continued.
 pub fn best_round<'a>(rounds: impl IntoIterator<Item = &'a Round>) -> Option<&'a Round> {
-    let rounds: Vec<&Round> = rounds.into_iter().collect();
-    rounds.into_iter().rev().max_by(|a, b| a.score().total_cmp(&b.score()))
+    rounds.into_iter().reduce(|best, round| if round.score() > best.score() { round } else { best })
 }
 
 /// What a rehearsal reports.
@@ -348,8 +349,7 @@ impl Rehearsal<'_> {
     ) -> anyhow::Result<RobotReport> {
         let mut pianist = load_pianist(policy)?;
         let runs = self.config.runs;
-        let is_set = self.config.overrides.iter().any(|set| set.trim_start().starts_with(LEAD));
-        if !is_set {
+        if !name_the_lead(&self.config.overrides) {
             let measured = self.play_runs(round, 1, &pianist, None, job)?;
             let lead_secs = measured.lead_on_time();
             pianist.config.task.plan.lead_secs = lead_secs.unwrap_or(measured.lead_secs);

@@ -39,10 +39,10 @@ pub enum Video {
 const FLOOR: f64 = 0.0229;
 /// Radius of a fingertip's shadow when it touches, m, and height at which it is gone, m.
 const SHADOW: [f64; 2] = [0.016, 0.06];
-/// Colour of the arm's links, as on the replay page.
-const ARM: [f32; 4] = [0.86, 0.87, 0.88, 1.0];
 /// Shadows of one fingertip, one in another, which make its edge soft.
 const SHADOWS: u32 = 4;
+/// Colour of the arm's links, as on the replay page.
+const ARM: [f32; 4] = [0.86, 0.87, 0.88, 1.0];
 
 /// Draws pictures of a recording.
 pub struct Studio<'a> {
@@ -288,13 +288,8 @@ fn links(arm: &Arm, step: f64) -> Vec<SceneGeom> {
     let row = |step: f64| arm.points.get(step as usize).map_or(&[][..], Vec::as_slice);
     let (from, to) = (row(step.floor()), row(step.ceil()));
     let share = step - step.floor();
-    let points: Vec<Vector3<f64>> = from
-        .chunks_exact(3)
-        .zip(to.chunks_exact(3))
-        .map(|(from, to)| {
-            Vector3::from_iterator(from.iter().zip(to).map(|(from, to)| from + share * (to - from)))
-        })
-        .collect();
+    let row: Vec<f64> = from.iter().zip(to).map(|(from, to)| from + share * (to - from)).collect();
+    let points: Vec<Vector3<f64>> = row.chunks_exact(3).map(Vector3::from_column_slice).collect();
     let tube = |(ends, radius): (&[Vector3<f64>], &f64)| {
         let way = ends[1] - ends[0];
         let turn = UnitQuaternion::rotation_between(&Vector3::z(), &way)

@@ -69,7 +69,7 @@ pub struct TaskConfig {
     /// `preparation` need it. The paper has none.
     pub fingering: bool,
     /// Control steps of silence in which a fingering lets a finger change from one key to another of the same colour. Fewer keep notes
-    /// longer; more are easier to play.
+    /// longer; more are easier to play. The default is what the scripted player needs.
     pub change_steps: usize,
     /// How far the target of a finger joint may be from the angle that holds the fingertip over its goal, rad; 0 stands for the joint's
     /// whole range. It needs a fingering.
@@ -88,9 +88,6 @@ pub struct TaskConfig {
     pub random_start: bool,
 }
 
-/// Silent control steps in which the scripted player changes keys, and the default.
-const CHANGE_STEPS: usize = 3;
-
 impl Default for TaskConfig {
     fn default() -> Self {
         Self {
@@ -104,7 +101,7 @@ impl Default for TaskConfig {
             previous_joints: true,
             previous_actions: 0,
             fingering: false,
-            change_steps: CHANGE_STEPS,
+            change_steps: 3,
             finger_range: 0.0,
             velocities: false,
             view: ObservationView::default(),

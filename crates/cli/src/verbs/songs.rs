@@ -13,7 +13,7 @@ use serde_json::json as object;
 
 use super::{ConfigArgs, json, line, note};
 use crate::Ending;
-use crate::status::Planning;
+use crate::status::{Planning, while_planning};
 
 /// What to show.
 #[derive(clap::Args)]
@@ -143,8 +143,9 @@ fn show(
     let mut planning = Planning::new(as_json);
     let mut tell = |share| planning.tell(share);
     let piece = fits.is_ok().then(|| Piece::for_task_telling(&song, task, &mut tell)).transpose()?;
-    let at_sight = piece.as_ref().and_then(|piece| predicted_at_sight(&song, task, piece));
     drop(planning);
+    let predict = |piece| while_planning(as_json, || predicted_at_sight(&song, task, piece));
+    let at_sight = piece.as_ref().and_then(predict);
     let frames = piece.as_ref().map_or(&[][..], Piece::frames);
     let limits = piece.as_ref().and_then(Piece::fingering).map(|fingering| fingering.limits());
     let place_of = |limit: &Limit| {
