@@ -250,7 +250,7 @@ impl Doing<'_, '_> {
     ) -> anyhow::Result<RobotReport> {
         let interrupt = self.job.interrupt();
         let play_runs = |pianist: &Pianist, runs: usize, seed: u64| {
-            let play = RobotPlay { mode, runs, home: true, seed };
+            let play = RobotPlay { mode, runs, home: true, seed, correction: None };
             play_on_robot(song, pianist, rig, &play, None, None, &mut Job::new(&mut |_| {}, interrupt))
         };
         let mut pianist = pianist.clone();

@@ -34,7 +34,7 @@ pub fn record_excitations(
             match record_robot(rig, motion, true, seed, &partial, interrupt)?.ending {
                 Ending::Complete => {}
                 Ending::Interrupted => return Err(Interrupted::resumable().into()),
-                Ending::Fault(fault) => return Err(stopped_itself(0, &fault)),
+                Ending::Fault(fault) => return Err(stopped_itself("recording", &fault)),
             }
             std::fs::rename(&partial, &path).map_err(|error| unusable(&path, error))?;
             tell(excitation);
@@ -50,8 +50,6 @@ pub(crate) fn excitation_file(excitation: Excitation) -> String {
 }
 
 /// The error of a robot that stopped itself.
-pub(crate) fn stopped_itself(round: usize, fault: &str) -> anyhow::Error {
-    anyhow!(
-        "round {round}: the robot stopped itself: {fault}; remove the cause, then give the same command again"
-    )
+pub(crate) fn stopped_itself(part: &str, fault: &str) -> anyhow::Error {
+    anyhow!("{part}: the robot stopped itself: {fault}; remove the cause, then give the same command again")
 }

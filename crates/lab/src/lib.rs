@@ -5,6 +5,7 @@
 //! [`play_on_robot`] on a robot or its twin, [`identify_robot`] fits the simulator to recordings, and [`rehearse_on_robot`] does
 //! all of it in rounds.
 
+mod adapt;
 mod at_sight;
 pub mod bench;
 mod config;
@@ -24,6 +25,7 @@ mod robot;
 mod run;
 mod warm;
 
+pub use adapt::{AdaptConfig, AdaptRun, AdaptStep, Adapted, CorrectionFile, adapt_on_robot};
 pub use at_sight::{AtSight, predicted_at_sight};
 pub use config::{DEFAULT_PRESET, RunConfig, presets, resolve};
 pub use doctor::{Finding, examine};

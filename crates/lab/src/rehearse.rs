@@ -27,7 +27,7 @@ use crate::excitations::{excitation_file, record_excitations, stopped_itself};
 use crate::folder::make_folder;
 use crate::identify::{Identification, IdentifyMethod, IdentifyReport, identify_robot};
 use crate::pianist::{Pianist, load_pianist};
-use crate::robot::{MeanNotes, RobotPlay, RobotReport, RunEnded, play_on_robot};
+use crate::robot::{MeanNotes, RobotPlay, RobotReport, RunEnded, play_on_robot, robot_score};
 use crate::run::{Run, TrainingProgress};
 
 /// Whether these overrides, `path=value`, name the lead of the plan. Else it is measured on the robot.
@@ -108,8 +108,8 @@ pub struct Round {
 
 impl Round {
     /// By what rounds are compared: the mean of F1 and the onset F1 on the robot.
-    fn score(&self) -> f64 {
-        (self.robot_f1 + self.notes.onset_f1) / 2.0
+    pub(crate) fn score(&self) -> f64 {
+        robot_score(self.robot_f1, &self.notes)
     }
 }
 
@@ -370,7 +370,7 @@ impl Rehearsal<'_> {
         // The run that measures the lag is none of those that are scored: the twin's noise is another.
         let first = if folder.is_some() { 0 } else { self.config.runs as u64 };
         let seed = self.config.seed.wrapping_add(1000 * round as u64 + first);
-        let play = RobotPlay { mode: self.config.mode, runs, home: true, seed };
+        let play = RobotPlay { mode: self.config.mode, runs, home: true, seed, correction: None };
         let performed = |ended: &RunEnded| RehearsalStep::Performed {
             round,
             run: folder.map(|_| ended.index),
@@ -384,7 +384,7 @@ impl Rehearsal<'_> {
         }
         let report = report?;
         match report.runs.iter().find(|run| run.steps[0] < run.steps[1]) {
-            Some(run) => Err(stopped_itself(round, &run.ending.to_string())),
+            Some(run) => Err(stopped_itself(&format!("round {round}"), &run.ending.to_string())),
             None => Ok(report),
         }
     }

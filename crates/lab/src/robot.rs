@@ -11,10 +11,10 @@ use etude_music::sound::SoundFont;
 use etude_perform::stand::{RigChoice, Stand};
 use etude_perform::stats::{deviation, mean};
 use etude_perform::{
-    Activity, Ending, Header, Job, Mode, Performance, RecordingWriter, RobotRig, Scores, TimingReport, gap,
-    perform, prepare, record_release,
+    Activity, Correction, Ending, Header, Job, Mode, Performance, RecordingWriter, RobotRig, Scores,
+    TimingReport, Tracking, gap, perform, prepare, record_release,
 };
-use etude_stage::{JOINTS, World};
+use etude_stage::{JOINTS, PHYSICS_STEPS, World};
 use etude_task::{Piece, TaskError};
 use serde::{Deserialize, Serialize};
 
@@ -35,6 +35,8 @@ pub struct RobotPlay {
     pub home: bool,
     /// Added to the seed of the twin's truth; each run adds one more.
     pub seed: u64,
+    /// A correction of the robot's motion that was learned on it, in joint mirroring.
+    pub correction: Option<Correction>,
 }
 
 /// The results. Its keys are those of `etude perform --json`. A run that was interrupted is listed, and counts in no mean.
@@ -113,6 +115,11 @@ impl std::fmt::Display for MeanNotes {
     }
 }
 
+/// By what playing on a robot is compared: the mean of F1 and the onset F1.
+pub(crate) fn robot_score(f1: f64, notes: &MeanNotes) -> f64 {
+    (f1 + notes.onset_f1) / 2.0
+}
+
 /// One run.
 #[derive(Clone, Debug, Serialize)]
 pub struct RobotRun {
@@ -132,6 +139,9 @@ pub struct RobotRun {
     pub lost_records: u64,
     /// Deadlines and periods.
     pub timing: TimingReport,
+    /// How the joints were asked to move and how they moved.
+    #[serde(skip)]
+    pub tracking: Tracking,
     /// The files that were written.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub files: Option<Files>,
@@ -189,6 +199,21 @@ pub fn play_on_robot(
     }
     let task = &pianist.config.task;
     let piece = plan(song, task)?;
+    if let Some(correction) = &play.correction {
+        if play.mode != Mode::JointMirroring {
+            bail!(
+                "a correction is for joint-mirroring, not for {}: there every run is the same motion",
+                play.mode
+            );
+        }
+        if correction.len() != piece.steps() * PHYSICS_STEPS {
+            bail!(
+                "the correction is for {} control steps, and the song has {}: it was learned for another one",
+                correction.len() / PHYSICS_STEPS,
+                piece.steps()
+            );
+        }
+    }
     if let Some(folder) = folder {
         make_folder(folder)?;
         keep_reference(&folder.join(REFERENCE), &piece, font)?;
@@ -302,7 +327,8 @@ fn one_run(
     let mut ready = pianist.ready(task, piece, &mut |_| {})?;
     let Stand { robot, pace } = stand;
     prepare(robot, pace, play.home.then_some(start), writer.as_deref_mut(), interrupt)?;
-    let mut rig = play.mode.rig(simulation, RobotRig::new(robot, pace, start));
+    let mut rig =
+        play.mode.rig(simulation, RobotRig::new(robot, pace, start).corrected(play.correction.as_ref()));
     Ok(perform(&mut *rig, &mut ready, task, piece, writer, interrupt)?)
 }
 
@@ -318,6 +344,7 @@ impl RobotRun {
             clamped: robot.clamped,
             lost_records: robot.lost_records,
             timing: robot.timing.report(),
+            tracking: robot.tracking,
             ending: performance.ending,
             files,
         }

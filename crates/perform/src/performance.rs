@@ -6,6 +6,7 @@ use etude_task::Piece;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use crate::correction::Tracking;
 use crate::timing::Timing;
 
 /// A piece as it was played, to its end or until the performance ended early.
@@ -76,6 +77,8 @@ pub struct Executed {
     pub clamped: u64,
     /// Records that are missing in the recording because there were too many at once.
     pub lost_records: u64,
+    /// How the joints were asked to move and how they moved.
+    pub tracking: Tracking,
 }
 
 /// Every score of a performance.

@@ -7,6 +7,7 @@ use etude_music::{CONTROL_HZ, KEYS, KeySet};
 use etude_robot::{Pace, Phase, Record, Robot};
 use etude_stage::{JOINTS, PHYSICS_STEPS, RAIL};
 
+use crate::correction::{Correction, Tracking};
 use crate::messages::{PolicyMessage, StepMessage, TargetMessage};
 use crate::performance::{Ending, Executed, Performance, Stepped};
 use crate::prepare::STOPPED;
@@ -33,6 +34,10 @@ pub struct RobotRig<'a> {
     records: RobotRecords,
     clamped_before: u64,
     timing: Timing,
+    /// Added to the set-points.
+    correction: Option<&'a Correction>,
+    /// How the joints were asked to move and how they moved.
+    tracking: Tracking,
     /// What is not written yet of the step that has ended.
     ended: Option<StepMessage>,
 }
@@ -45,10 +50,17 @@ impl<'a> RobotRig<'a> {
             records: RobotRecords::since(pace.now()),
             clamped_before: robot.clamped(),
             timing: Timing::default(),
+            correction: None,
+            tracking: Tracking::default(),
             ended: None,
             robot,
             pace,
         }
+    }
+
+    /// The same rig, which adds `correction` to its set-points. It was learned in joint mirroring, where no player observes the robot.
+    pub fn corrected(self, correction: Option<&'a Correction>) -> Self {
+        Self { correction, ..self }
     }
 
     /// Sends the set-points of one control step and waits for its end.
@@ -63,7 +75,11 @@ impl<'a> RobotRig<'a> {
         if matches!(self.robot.phase(), Phase::Fault | Phase::Stopped) {
             return Ok(Err(fault(self.robot)));
         }
-        self.robot.follow(due, waypoints)?;
+        let mut corrected = *waypoints;
+        if let Some(correction) = self.correction {
+            correction.add(command.step, &mut corrected);
+        }
+        self.robot.follow(due, &corrected)?;
         let late = self.pace.now().saturating_sub(due);
         self.timing.command(late);
         let begin_secs = command.step as f64 / CONTROL_HZ;
@@ -77,14 +93,18 @@ impl<'a> RobotRig<'a> {
                 late_secs: late.as_secs_f64(),
             })
         })?;
-        self.pace.run_until(self.robot, due + CONTROL_PERIOD);
+        for (tick, waypoint) in (1u32..).zip(waypoints) {
+            self.pace.run_until(self.robot, due + CONTROL_PERIOD * tick / PHYSICS_STEPS as u32);
+            self.tracking.asked.push(*waypoint);
+            self.tracking.measured.push(self.robot.joints());
+        }
         if self.robot.phase() != Phase::Following {
             return Ok(Err(fault(self.robot)));
         }
         let pressed = keys(self.robot);
         self.ended = Some(StepMessage {
             step,
-            targets: waypoints[PHYSICS_STEPS - 1].to_vec(),
+            targets: corrected[PHYSICS_STEPS - 1].to_vec(),
             positions: self.robot.joints().to_vec(),
             pressed: pressed.pitches().collect(),
             ..StepMessage::default()
@@ -181,6 +201,7 @@ impl Rig for RobotRig<'_> {
             timing: std::mem::take(&mut self.timing),
             clamped: self.robot.clamped() - self.clamped_before,
             lost_records: self.robot.lost_records(),
+            tracking: std::mem::take(&mut self.tracking),
         });
         Ok(())
     }

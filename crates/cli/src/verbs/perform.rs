@@ -3,7 +3,8 @@
 use std::path::{Path, PathBuf};
 
 use clap::ValueHint;
-use etude_lab::{MeanNotes, RobotPlay, RobotReport, RunEnded, find_song, play_on_robot};
+use clap::builder::ArgPredicate;
+use etude_lab::{CorrectionFile, MeanNotes, RobotPlay, RobotReport, RunEnded, find_song, play_on_robot};
 use etude_music::sound::SoundFont;
 use etude_perform::stand::{RigChoice, rig_choice};
 use etude_perform::{Ending as Played, Job, Mode, NoteCounts};
@@ -33,14 +34,22 @@ reference.wav (what should have been played).
 Examples:
   etude perform twinkle --robot twin
   etude perform twinkle --mode hybrid --robot twin --runs 3 --json
-  etude perform my-song.mid --policy runs/my-song__fast__0 --robot lab.toml")]
+  etude perform my-song.mid --policy runs/my-song__fast__0 --robot lab.toml
+  etude perform twinkle --robot lab.toml --correction out/rehearse-twinkle/adaptation/correction.json")]
 pub struct Args {
     /// A built-in id (see `etude songs`) or a MIDI file
     #[arg(value_parser = super::song(), value_hint = ValueHint::FilePath, hide_possible_values = true)]
     song: String,
     /// joint-mirroring, hybrid or real
-    #[arg(long, default_value = "real")]
+    #[arg(
+        long,
+        default_value = "real",
+        default_value_if("correction", ArgPredicate::IsPresent, "joint-mirroring")
+    )]
     mode: Mode,
+    /// What `etude rehearse --adapt` has learned for this song on this robot (correction.json): its policy plays, in joint-mirroring
+    #[arg(long, value_name = "FILE", value_hint = ValueHint::FilePath, conflicts_with_all = ["policy", "scripted", "overrides"])]
+    correction: Option<PathBuf>,
     /// `twin`, or the file of a rig
     #[arg(long, default_value = "twin", value_name = "RIG", value_hint = ValueHint::FilePath)]
     robot: String,
@@ -79,7 +88,11 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
     song.check_range()?;
     // First, so that no request to stop the robot is lost while a policy is loaded.
     let rig = with_faults(rig_choice(&args.robot, &args.truth)?, &args.faults)?;
-    let pianist = args.pianist.load(&args.song, &song)?;
+    let learned = args.correction.as_deref().map(CorrectionFile::load).transpose()?;
+    let pianist = match &learned {
+        Some(learned) => learned.pianist(&song)?,
+        None => args.pianist.load(&args.song, &song)?,
+    };
     let font = args.soundfont.as_deref().map(SoundFont::load).transpose()?;
     let folder = args.out.clone().unwrap_or_else(|| Path::new("out").join(folder_name(&args, &rig)));
     let play = RobotPlay {
@@ -87,6 +100,7 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
         runs: args.runs.into(),
         home: args.home || rig.is_twin(),
         seed: args.seed,
+        correction: learned.map(|learned| learned.correction),
     };
     let stop = stop_flag()?;
     let quiet = args.json;
@@ -124,7 +138,8 @@ fn folder_name(args: &Args, rig: &RigChoice) -> String {
             Path::new(&args.truth).file_stem().unwrap_or_default().to_string_lossy().into_owned()
         }
     };
-    let others = [robot].into_iter().chain(args.faults.iter().map(ToString::to_string));
+    let corrected = args.correction.iter().map(|_| "corrected".to_string());
+    let others = [robot].into_iter().chain(corrected).chain(args.faults.iter().map(ToString::to_string));
     performance_name(&args.pianist, &args.song, args.mode, others.filter(|part| !part.is_empty()))
 }
 

@@ -5,8 +5,8 @@ use std::path::PathBuf;
 use clap::ValueHint;
 use clap::builder::PossibleValuesParser;
 use etude_lab::{
-    IdentifyMethod, RehearsalConfig, RehearsalStep, Round, SIGHT_READER, best_round, find_song,
-    rehearse_on_robot, shipped_policy,
+    AdaptConfig, AdaptStep, Adapted, IdentifyMethod, RehearsalConfig, RehearsalStep, Round, SIGHT_READER,
+    adapt_on_robot, best_round, find_song, rehearse_on_robot, shipped_policy,
 };
 use etude_perform::stand::{RigChoice, rig_choice};
 use etude_perform::{Excitation, Job, Mode, shell_word};
@@ -32,6 +32,7 @@ Examples:
   etude rehearse twinkle --robot twin --truth worn --mode hybrid --rounds 1
   etude rehearse my-song.mid --robot lab.toml --rounds 3
   etude rehearse twinkle --simulator out/rehearse-c-major-scale/round-1/identified/identified.toml
+  etude rehearse twinkle --robot twin --truth worn --rounds 0 --adapt 10
   etude rehearse twinkle --preset sight-reader --set trainer.total_steps=300000 --rounds 1")]
 pub struct Args {
     /// A built-in id (see `etude songs`) or a MIDI file
@@ -71,6 +72,10 @@ pub struct Args {
     /// End each fit of the identification after this many evaluations
     #[arg(long, value_parser = clap::value_parser!(u64).range(1..))]
     evaluations: Option<u64>,
+    /// After the rounds, learn on the robot itself for at most this many minutes of playing: the best round's policy plays in joint-mirroring,
+    /// and what the joints missed corrects their set-points in the next run. With --rounds 0, without identification and training
+    #[arg(long, value_name = "MINUTES", value_parser = minutes)]
+    adapt: Option<f64>,
     /// Seed of identification, of the twin's noise, and of the training unless --set says otherwise
     #[arg(long, default_value_t = 0)]
     seed: u64,
@@ -80,7 +85,8 @@ pub struct Args {
     /// Keep the replay buffers of the trainings (some 100 MB a round), so that `etude train --resume` can continue one
     #[arg(long)]
     keep_replay: bool,
-    /// Print nothing but one JSON array at the end: the rounds. The best one has the highest mean of robot_f1 and onset_f1
+    /// Print nothing but one JSON array at the end: the rounds. The best one has the highest mean of robot_f1 and onset_f1. With --adapt an
+    /// object: rounds and adapted
     #[arg(long)]
     json: bool,
 }
@@ -128,26 +134,58 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
     };
     let rounds = rehearse_on_robot(&song, &rig, &config, &folder, &mut Job::new(&mut tell, &stop))?;
     page.finish()?;
+    let best = best_round(&rounds);
+    let adapted = match (args.adapt, best) {
+        (Some(minutes), Some(best)) => {
+            let adaptation = AdaptConfig {
+                song: config.song.clone(),
+                rig: config.rig.clone(),
+                truth: config.truth.clone(),
+                policy: best.policy.clone(),
+                minutes,
+                runs: config.runs,
+                seed: config.seed,
+            };
+            let mut tell = |step: &AdaptStep| show_adapting(&mut status, step, config.runs);
+            let folder = folder.join("adaptation");
+            Some(adapt_on_robot(&song, &rig, &adaptation, &folder, &mut Job::new(&mut tell, &stop))?)
+        }
+        _ => None,
+    };
     drop(status);
     if args.json {
-        json(&rounds)?;
+        match &adapted {
+            Some(adapted) => json(&serde_json::json!({ "rounds": rounds, "adapted": adapted }))?,
+            None => json(&rounds)?,
+        }
         return Ok(Ending::Done);
     }
     print(&rounds, config.mode)?;
+    if let Some(adapted) = &adapted {
+        print_adapted(adapted)?;
+    }
     line(format!("Read and listen: {}", folder.join(REHEARSAL_PAGE).display()))?;
-    if let Some(best) = best_round(&rounds) {
+    if let Some(best) = best {
         if best.round + 1 < rounds.len() {
             line(format!("Round {} played best, not the last one: use its policy", best.round))?;
         }
         let truth =
             config.truth.as_ref().map_or_else(String::new, |truth| format!(" --truth {}", shell_word(truth)));
+        let how = match &adapted {
+            Some(adapted) if adapted.is_better_than(best) => {
+                format!("--correction {}", shell_word(adapted.correction.display()))
+            }
+            _ => format!(
+                "--mode {} --policy {} --set task.plan.lead_secs={:.3}",
+                config.mode,
+                shell_word(best.policy.display()),
+                best.lead_secs
+            ),
+        };
         line(format!(
-            "Play again with:  etude perform {} --robot {}{truth} --mode {} --policy {} --set task.plan.lead_secs={:.3}",
+            "Play again with:  etude perform {} --robot {}{truth} {how}",
             shell_word(&config.song),
-            shell_word(&args.robot),
-            config.mode,
-            shell_word(best.policy.display()),
-            best.lead_secs
+            shell_word(&args.robot)
         ))?;
     }
     Ok(Ending::Done)
@@ -200,6 +238,47 @@ fn show(status: &mut Status, step: &RehearsalStep, config: &RehearsalConfig) {
             100.0 * round.gap
         )),
     }
+}
+
+/// Minutes of playing.
+fn minutes(text: &str) -> Result<f64, String> {
+    match text.parse() {
+        Ok(minutes) if (0.1..=600.0).contains(&minutes) => Ok(minutes),
+        _ => Err("minutes are a number from 0.1 to 600".to_string()),
+    }
+}
+
+fn show_adapting(status: &mut Status, step: &AdaptStep, runs: usize) {
+    match step {
+        AdaptStep::Adapting(index, most, run) => status.part(
+            "adapting",
+            &format!(
+                ", run {} of at most {most}, {}, F1 {:.3}; off its path: fingers {:.0} mrad, rail {:.1} mm",
+                index + 1,
+                run.notes,
+                run.f1,
+                run.fingers_missed_rad * 1e3,
+                run.rail_missed_m * 1e3
+            ),
+            (index + 1) as f64 / *most as f64,
+        ),
+        AdaptStep::Performed { run, notes, f1 } => status.part(
+            "adapted",
+            &format!(", {} of {runs} runs played, {notes}, F1 {f1:.3}", run + 1),
+            (run + 1) as f64 / runs as f64,
+        ),
+    }
+}
+
+fn print_adapted(adapted: &Adapted) -> anyhow::Result<()> {
+    line(format!(
+        "adapted: {}, F1 {:.3} ± {:.3} in joint-mirroring, by the correction after {} runs on the robot (the best of {})",
+        adapted.notes,
+        adapted.robot_f1,
+        adapted.robot_f1_std,
+        adapted.best,
+        adapted.adapting.len()
+    ))
 }
 
 fn print(rounds: &[Round], mode: Mode) -> anyhow::Result<()> {

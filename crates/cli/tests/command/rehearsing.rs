@@ -127,6 +127,66 @@ fn a_rehearsal_that_was_killed_goes_on_to_the_same_end() {
     assert!(errors(&changed).contains("another rehearsal"), "{}", errors(&changed));
 }
 
+/// On the worn twin joint mirroring has half of Twinkle's notes; what the joints missed is learned in two minutes of playing.
+#[test]
+fn playing_is_adapted_on_the_robot_itself_and_a_kill_changes_nothing() {
+    let desk = Desk::new();
+    let adapt = |out: &str| {
+        let rest = "--truth worn --rounds 0 --runs 2 --adapt 2 --set task.plan.lead_secs=0.08";
+        let mut command = desk.command(&format!("rehearse twinkle --robot twin {rest} --json"));
+        command.current_dir(desk.path(out)).args(["-o", "there"]);
+        command
+    };
+    let finish = |out: &str| -> Value {
+        let output = adapt(out).output().unwrap();
+        assert!(output.status.success(), "{}", errors(&output));
+        serde_json::from_slice(&output.stdout).unwrap()
+    };
+    for out in ["a", "b"] {
+        std::fs::create_dir(desk.path(out)).unwrap();
+    }
+    let report = finish("a");
+    let adapted = &report["adapted"];
+    let before = &adapted["adapting"][1];
+    assert!(before["notes_right"].as_f64().unwrap() < 10.0, "{before}");
+    assert!(adapted["notes_right"].as_f64().unwrap() >= 13.0, "{adapted}");
+    assert!(adapted["robot_f1"].as_f64().unwrap() > before["f1"].as_f64().unwrap() + 0.1, "{adapted}");
+    let missed = |run: &Value| run["rail_missed_m"].as_f64().unwrap();
+    let best = &adapted["adapting"][adapted["best"].as_u64().unwrap() as usize];
+    assert!(missed(best) < 0.5 * missed(before), "{adapted}");
+
+    for place in ["run-01/run-1.mcap", "run-02/adapted.json", "run-07/adapted.json", "performance/run-2.mcap"]
+    {
+        interrupt_at(adapt("b"), &desk.path("b/there/adaptation").join(place), "-KILL");
+    }
+    assert_eq!(finish("b"), report);
+    let correction = "there/adaptation/correction.json";
+    assert_eq!(desk.bytes(format!("a/{correction}")), desk.bytes(format!("b/{correction}")));
+    let other = adapt("b").args(["--seed", "7"]).output().unwrap();
+    assert!(errors(&other).contains("another"), "{}", errors(&other));
+
+    let perform = |song: &str, rest: &str| {
+        let line = format!("perform {song} --truth worn --correction {correction} --json {rest}");
+        let output = desk.command(&line).current_dir(desk.path("a")).output().unwrap();
+        (serde_json::from_slice::<Value>(&output.stdout).unwrap_or_default(), errors(&output))
+    };
+    let (again, said) = perform("twinkle", "");
+    assert!(again["notes_right"].as_f64().unwrap() >= 13.0 && again["mode"] == "joint-mirroring", "{said}");
+    assert!(desk.path("a/out/twinkle-joint-mirroring-worn-corrected").is_dir(), "{said}");
+    let refused = [
+        ("c-major-scale", "", "the correction is for Twinkle Twinkle Little Star, not for"),
+        ("twinkle", "--mode real", "a correction is for joint-mirroring"),
+        ("twinkle", "--scripted", "cannot be used with"),
+    ];
+    for (song, rest, why) in refused {
+        let (_, said) = perform(song, rest);
+        assert!(said.contains(why), "{said}");
+    }
+    std::fs::write(desk.path("a").join(correction), "{").unwrap();
+    let (_, said) = perform("twinkle", "");
+    assert!(said.contains("it is no correction"), "{said}");
+}
+
 /// With a corpus the rounds continue the sight-reader for all songs; the song is what the robot plays.
 #[test]
 #[ignore = "takes a minute: `make test-heavy`, which .ci/run calls"]

@@ -1,0 +1,395 @@
+//! Learning from the robot itself: a song is played again and again in joint mirroring, and what the joints missed in one run corrects their
+//! set-points in the next. No simulator is fitted and no policy is trained.
+//!
+//! ```text
+//! DIR/adaptation.json    the configuration
+//! DIR/run-NN/            a run: run-1.mcap and the scores; adapted.json, written last, has the result and what the next run plays
+//! DIR/performance/       the performances with the correction of the best run
+//! DIR/correction.json    that correction, for `etude perform --correction`
+//! DIR/result.json        the scores; written last
+//! ```
+//!
+//! A complete part is not made again, so the same command resumes an adaptation that was stopped at any point.
+
+use std::path::{Path, PathBuf};
+
+use etude_music::Song;
+use etude_perform::stand::RigChoice;
+use etude_perform::{Correction, Delays, Job, Mode, NoteCounts, write_file};
+use etude_stage::{JOINTS, RAIL};
+use serde::de::DeserializeOwned;
+use serde::{Deserialize, Serialize};
+
+use crate::errors::{Interrupted, unusable};
+use crate::excitations::stopped_itself;
+use crate::folder::make_folder;
+use crate::pianist::{Pianist, load_pianist};
+use crate::play::REFERENCE;
+use crate::rehearse::Round;
+use crate::robot::{MeanNotes, RobotPlay, RobotReport, RunEnded, play_on_robot, robot_score, run_file};
+
+/// Name of the file with the result of an adaptation.
+const RESULT: &str = "result.json";
+/// An adaptation ends earlier if this many runs in a row were not better than the best before.
+const PATIENCE: usize = 8;
+/// The two runs before anything is corrected: the first measures how late the notes are, the second how late the joints.
+const MEASURING: usize = 2;
+/// Share of the notes' lateness by which the joints' delay is corrected after a run.
+const LATENESS_GAIN: f64 = 0.5;
+/// The delay that all joints have together is at most this, s.
+const LATEST_SECS: f64 = 0.3;
+
+/// What to adapt, and for how long.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct AdaptConfig {
+    /// The song, as it is named on the command line.
+    pub song: String,
+    /// The rig.
+    pub rig: String,
+    /// Name of the twin's truth.
+    pub truth: Option<String>,
+    /// The policy.
+    pub policy: PathBuf,
+    /// How long is played at most, min; homing is not counted.
+    pub minutes: f64,
+    /// Performances at the end.
+    pub runs: usize,
+    /// Seed of the twin's noise.
+    pub seed: u64,
+}
+
+/// What a run plays.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+struct Played {
+    /// The lead of the plan, s; that of the policy's training if none.
+    lead_secs: Option<f64>,
+    /// How late the joints should be and are, once it is measured.
+    delays: Option<Delays>,
+    /// The correction.
+    correction: Correction,
+}
+
+/// The result of one run.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct AdaptRun {
+    /// Its notes.
+    #[serde(flatten)]
+    pub notes: MeanNotes,
+    /// F1 on the robot.
+    pub f1: f64,
+    /// How late the notes were, s.
+    pub lag_secs: Option<f64>,
+    /// What the finger joints missed, root mean square, rad.
+    pub fingers_missed_rad: f64,
+    /// What the rail missed, m.
+    pub rail_missed_m: f64,
+    /// Set-points that the limiter clamped, counted by joint.
+    pub clamped: u64,
+}
+
+/// A run as it is stored.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+struct Stored {
+    #[serde(flatten)]
+    run: AdaptRun,
+    next: Played,
+}
+
+/// A correction that was learned, with all that it is for.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct CorrectionFile {
+    /// Title of the song.
+    pub song: String,
+    /// The policy that plays it.
+    pub policy: PathBuf,
+    /// The lead of the plan, s.
+    pub lead_secs: f64,
+    /// The correction.
+    pub correction: Correction,
+}
+
+impl CorrectionFile {
+    /// Loads it.
+    ///
+    /// # Errors
+    /// If there is none, or it is damaged.
+    pub fn load(path: &Path) -> anyhow::Result<Self> {
+        let bytes = std::fs::read(path).map_err(|error| unusable(path, error))?;
+        serde_json::from_slice(&bytes)
+            .map_err(|error| unusable(path, format_args!("it is no correction: {error}")))
+    }
+
+    /// The pianist that it was learned with, by whose plan `song` is played.
+    ///
+    /// # Errors
+    /// If the correction is of another song, or the policy cannot be loaded.
+    pub fn pianist(&self, song: &Song) -> anyhow::Result<Pianist> {
+        if self.song != song.title() {
+            anyhow::bail!("the correction is for {}, not for {}", self.song, song.title());
+        }
+        let mut pianist = load_pianist(&self.policy)?;
+        pianist.config.task.plan.lead_secs = self.lead_secs;
+        Ok(pianist)
+    }
+}
+
+/// The result of an adaptation.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Adapted {
+    /// The runs, from before any correction.
+    pub adapting: Vec<AdaptRun>,
+    /// Which of them was the best, from 0.
+    pub best: usize,
+    /// Notes of the performances with its correction.
+    #[serde(flatten)]
+    pub notes: MeanNotes,
+    /// Their mean F1.
+    pub robot_f1: f64,
+    /// Its standard deviation.
+    pub robot_f1_std: f64,
+    /// How late their notes were, s.
+    pub lag_secs: Option<f64>,
+    /// The lead of the plan, s.
+    pub lead_secs: f64,
+    /// The correction, for `etude perform --correction`.
+    pub correction: PathBuf,
+}
+
+impl Adapted {
+    /// Whether it plays better on the robot than this round, by the mean of F1 and onset F1.
+    pub fn is_better_than(&self, round: &Round) -> bool {
+        robot_score(self.robot_f1, &self.notes) > round.score()
+    }
+}
+
+/// What an adaptation reports.
+#[derive(Clone, Debug)]
+pub enum AdaptStep {
+    /// A run while learning; its number from 0, and the most that there will be.
+    Adapting(usize, usize, AdaptRun),
+    /// A run of the performances with the best correction.
+    Performed {
+        /// The run, from 0.
+        run: usize,
+        /// Its notes.
+        notes: NoteCounts,
+        /// Its F1.
+        f1: f64,
+    },
+}
+
+/// Adapts the playing of `song` to a robot, in `folder`, or resumes there.
+///
+/// # Errors
+/// If any part fails; what is complete is kept. [`Interrupted`] if the job is interrupted.
+pub fn adapt_on_robot(
+    song: &Song,
+    rig: &RigChoice,
+    config: &AdaptConfig,
+    folder: &Path,
+    job: &mut Job<'_, AdaptStep>,
+) -> anyhow::Result<Adapted> {
+    let adaptation = Adaptation { song, rig, config, folder };
+    adaptation.open()?;
+    let runs = adaptation.learn(job)?;
+    match load(&folder.join(RESULT))? {
+        Some(done) => Ok(done),
+        None => adaptation.finish(&runs, job),
+    }
+}
+
+struct Adaptation<'a> {
+    song: &'a Song,
+    rig: &'a RigChoice,
+    config: &'a AdaptConfig,
+    folder: &'a Path,
+}
+
+impl Adaptation<'_> {
+    /// Makes the folder, or checks that it holds the same adaptation.
+    fn open(&self) -> anyhow::Result<()> {
+        let file = self.folder.join("adaptation.json");
+        match load::<AdaptConfig>(&file)? {
+            Some(stored) if stored == *self.config => Ok(()),
+            Some(_) => Err(unusable(self.folder, "it holds another adaptation, with other settings")),
+            None => {
+                make_folder(self.folder)?;
+                save(&file, self.config)
+            }
+        }
+    }
+
+    /// All runs, each with what it played: those that are there already, and the others.
+    fn learn(&self, job: &mut Job<'_, AdaptStep>) -> anyhow::Result<Vec<(Played, AdaptRun)>> {
+        let most = (60.0 * self.config.minutes / self.song.duration_secs()).floor() as usize;
+        let most = most.max(MEASURING + 1);
+        let (mut runs, mut next) = (Vec::new(), Played::default());
+        while runs.len() < most && best(&runs) + PATIENCE >= runs.len() {
+            let index = runs.len();
+            let folder = self.folder.join(format!("run-{:02}", index + 1));
+            let stored = match load::<Stored>(&folder.join("adapted.json"))? {
+                Some(stored) => stored,
+                None => self.learn_once(index, &next, &folder, job)?,
+            };
+            job.tell(&AdaptStep::Adapting(index, most, stored.run));
+            runs.push((next, stored.run));
+            next = stored.next;
+        }
+        Ok(runs)
+    }
+
+    /// Plays once, and learns from it.
+    fn learn_once(
+        &self,
+        index: usize,
+        played: &Played,
+        folder: &Path,
+        job: &mut Job<'_, AdaptStep>,
+    ) -> anyhow::Result<Stored> {
+        let mut pianist = load_pianist(&self.config.policy)?;
+        let lead = &mut pianist.config.task.plan.lead_secs;
+        let trained_lead_secs = *lead;
+        *lead = played.lead_secs.unwrap_or(*lead);
+        let silent = |_: &RunEnded| None;
+        let report =
+            self.play(&pianist, &played.correction, (1, 1000 + index as u64), folder, silent, job)?;
+        // There are many runs. `etude replay` makes the sound again from a recording.
+        for sound in [run_file(0, "wav"), REFERENCE.to_string()] {
+            // If it cannot be removed, it only takes up space.
+            let _ = std::fs::remove_file(folder.join(sound));
+        }
+        let run = &report.runs[0];
+        let next = played.after(&report, index, trained_lead_secs);
+        let late_secs = next.delays.map_or(0.0, |delays| delays.late_secs);
+        let squares: f64 = (0..RAIL).map(|joint| run.tracking.error(joint, late_secs).powi(2)).sum();
+        let run = AdaptRun {
+            notes: report.notes,
+            f1: report.robot_f1,
+            lag_secs: report.lag_secs,
+            fingers_missed_rad: (squares / RAIL as f64).sqrt(),
+            rail_missed_m: run.tracking.error(RAIL, late_secs),
+            clamped: run.clamped,
+        };
+        let stored = Stored { run, next };
+        save(&folder.join("adapted.json"), &stored)?;
+        Ok(stored)
+    }
+
+    /// Plays with the correction of the best run as often as was asked for, and writes the result.
+    fn finish(&self, runs: &[(Played, AdaptRun)], job: &mut Job<'_, AdaptStep>) -> anyhow::Result<Adapted> {
+        let best = best(runs);
+        let (played, _) = &runs[best];
+        let mut pianist = load_pianist(&self.config.policy)?;
+        let lead = &mut pianist.config.task.plan.lead_secs;
+        let lead_secs = played.lead_secs.unwrap_or(*lead);
+        *lead = lead_secs;
+        let file = self.folder.join("correction.json");
+        let policy = self.config.policy.clone();
+        let correction = played.correction.clone();
+        save(&file, &CorrectionFile { song: self.song.title().to_string(), policy, lead_secs, correction })?;
+        let performed = |ended: &RunEnded| {
+            let notes = NoteCounts::from(&ended.run.scores.note);
+            Some(AdaptStep::Performed { run: ended.index, notes, f1: ended.run.scores.frame.f1 })
+        };
+        let folder = self.folder.join("performance");
+        let report =
+            self.play(&pianist, &played.correction, (self.config.runs, 0), &folder, performed, job)?;
+        let done = Adapted {
+            adapting: runs.iter().map(|(_, run)| *run).collect(),
+            best,
+            notes: report.notes,
+            robot_f1: report.robot_f1,
+            robot_f1_std: report.robot_f1_std,
+            lag_secs: report.lag_secs,
+            lead_secs,
+            correction: file,
+        };
+        save(&self.folder.join(RESULT), &done)?;
+        Ok(done)
+    }
+
+    /// Plays with `correction` a number of times, with this seed on top of the adaptation's.
+    fn play(
+        &self,
+        pianist: &Pianist,
+        correction: &Correction,
+        (runs, seed): (usize, u64),
+        folder: &Path,
+        told: fn(&RunEnded) -> Option<AdaptStep>,
+        job: &mut Job<'_, AdaptStep>,
+    ) -> anyhow::Result<RobotReport> {
+        let play = RobotPlay {
+            mode: Mode::JointMirroring,
+            runs,
+            home: true,
+            seed: self.config.seed.wrapping_add(seed),
+            correction: (!correction.is_empty()).then(|| correction.clone()),
+        };
+        let interrupt = job.interrupt();
+        let mut tell = |ended: &RunEnded| {
+            if let Some(step) = told(ended) {
+                job.tell(&step);
+            }
+        };
+        let mut playing = Job::new(&mut tell, interrupt);
+        let report = play_on_robot(self.song, pianist, self.rig, &play, Some(folder), None, &mut playing);
+        if playing.is_interrupted() && report.as_ref().err().is_none_or(Interrupted::is_cause_of) {
+            return Err(Interrupted::resumable().into());
+        }
+        let report = report?;
+        match report.runs.iter().find(|run| run.steps[0] < run.steps[1]) {
+            Some(run) => Err(stopped_itself("adapting", &run.ending.to_string())),
+            None => Ok(report),
+        }
+    }
+}
+
+/// The best run, by the mean of F1 and onset F1; the earlier one of equals.
+fn best(runs: &[(Played, AdaptRun)]) -> usize {
+    let score = |index: &usize| robot_score(runs[*index].1.f1, &runs[*index].1.notes);
+    (0..runs.len()).reduce(|best, index| if score(&index) > score(&best) { index } else { best }).unwrap_or(0)
+}
+
+impl Played {
+    /// What the next run plays, after run `index` has played this.
+    fn after(&self, report: &RobotReport, index: usize, trained_lead_secs: f64) -> Self {
+        if index + 1 < MEASURING {
+            return Self { lead_secs: report.lead_on_time(), ..self.clone() };
+        }
+        let tracking = &report.runs[0].tracking;
+        let delays = match self.delays {
+            None => {
+                let lag_secs: [f64; JOINTS] = std::array::from_fn(|joint| tracking.lag_secs(joint));
+                let mut sorted = lag_secs[..RAIL].to_vec();
+                sorted.sort_by(f64::total_cmp);
+                // The notes are later than the joints, and come earlier once the strokes are as steep as in the simulation.
+                let notes_late_secs = report.lead_secs - trained_lead_secs;
+                let late_secs = (sorted[RAIL / 2] + notes_late_secs).max(0.0) / 2.0;
+                Delays { late_secs, lag_secs }
+            }
+            // The plan's lead stays: with another one the motion would be another.
+            Some(delays) => {
+                let late_secs = delays.late_secs - LATENESS_GAIN * report.lag_secs.unwrap_or(0.0);
+                Delays { late_secs: late_secs.clamp(0.0, LATEST_SECS), ..delays }
+            }
+        };
+        let correction = self.correction.after(tracking, &delays);
+        Self { lead_secs: self.lead_secs, delays: Some(delays), correction }
+    }
+}
+
+/// The content of a file; none if there is no file.
+fn load<T: DeserializeOwned>(file: &Path) -> anyhow::Result<Option<T>> {
+    let bytes = match std::fs::read(file) {
+        Ok(bytes) => bytes,
+        Err(error) if error.kind() == std::io::ErrorKind::NotFound => return Ok(None),
+        Err(error) => return Err(unusable(file, error)),
+    };
+    serde_json::from_slice(&bytes).map(Some).map_err(|error| {
+        unusable(file, format_args!("it is damaged ({error}): remove it, and this part is made again"))
+    })
+}
+
+fn save(file: &Path, content: &impl Serialize) -> anyhow::Result<()> {
+    Ok(write_file(file, &(serde_json::to_string(content)? + "\n"))?)
+}

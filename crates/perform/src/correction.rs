@@ -1,0 +1,240 @@
+//! A correction of a robot's motion, learned on the robot itself by iterative learning control. In joint mirroring a song is the same motion
+//! in every run, so what a joint missed in one run is added to its set-points in the next, earlier by the joint's lag.
+//!
+//! Method: S. Arimoto, S. Kawamura, F. Miyazaki, "Bettering operation of robots by learning", Journal of Robotic Systems 1(2), 1984. Low-pass
+//! without phase: D. A. Bristow, M. Tharayil, A. G. Alleyne, "A survey of iterative learning control", IEEE Control Systems 26(3), 2006.
+
+use etude_robot::rig::SETPOINT_HZ;
+use etude_stage::{JOINTS, PHYSICS_STEPS, RAIL, joint_range};
+use serde::{Deserialize, Serialize};
+
+use crate::robot_rig::Waypoints;
+
+/// How the joints were asked to move in a performance and how they moved, at the end of each physics step: rad, the rail in m.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Tracking {
+    /// Set-points, without a correction.
+    pub asked: Vec<[f64; JOINTS]>,
+    /// Joints as the encoders read them.
+    pub measured: Vec<[f64; JOINTS]>,
+}
+
+/// What is added to the set-points of a song, at the end of each physics step: rad, the rail in m. Nothing after its last one.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(transparent)]
+pub struct Correction {
+    offsets: Vec<[f64; JOINTS]>,
+}
+
+/// How much later than its set-points a joint should be and is.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Delays {
+    /// How late every joint should be, s: its path is that of the set-points, later by this.
+    pub late_secs: f64,
+    /// How late each joint follows its set-points, s. What it missed is corrected earlier by that.
+    pub lag_secs: [f64; JOINTS],
+}
+
+/// The share of what a joint missed that is added after each run. With all of it, the noise of one run would be played in the next.
+const GAIN: f64 = 0.5;
+/// The largest offset of a finger joint, rad, and of the rail, m.
+const MOST: [f64; 2] = [0.4, 0.02];
+/// Corner of the low-pass over what is added, Hz: above the joints' motion in a stroke, below the encoders' noise.
+const CORNER_HZ: f64 = 8.0;
+/// Time in which the correction grows to its full size, s: a robot begins in the pose in which the song begins.
+const RAMP_SECS: f64 = 0.5;
+/// The longest lag that is looked for, s.
+const LONGEST_LAG_SECS: f64 = 0.3;
+/// Offsets are rounded to this, rad and m: less than an encoder resolves.
+const RESOLUTION: f64 = 1e-6;
+
+impl Tracking {
+    /// What a joint missed if it should be late by `late_secs`: root mean square, rad, the rail in m.
+    pub fn error(&self, joint: usize, late_secs: f64) -> f64 {
+        let (mean, variance) = self.missed(joint, ticks(late_secs));
+        (variance + mean * mean).sqrt()
+    }
+
+    /// How late a joint follows its set-points, s: where it misses them by the most constant distance. 0 for one that does not move.
+    pub fn lag_secs(&self, joint: usize) -> f64 {
+        let spread = |late: usize| self.missed(joint, late).1;
+        let best = (0..=ticks(LONGEST_LAG_SECS)).min_by(|a, b| spread(*a).total_cmp(&spread(*b)));
+        best.unwrap_or(0) as f64 / SETPOINT_HZ
+    }
+
+    /// Mean and variance of what a joint missed if it should be `late` physics steps late.
+    fn missed(&self, joint: usize, late: usize) -> (f64, f64) {
+        let pairs = || self.asked.iter().zip(self.measured.iter().skip(late));
+        let missed = || pairs().map(|(asked, measured)| asked[joint] - measured[joint]);
+        let count = pairs().count().max(1) as f64;
+        let mean = missed().sum::<f64>() / count;
+        (mean, missed().map(|missed| (missed - mean).powi(2)).sum::<f64>() / count)
+    }
+}
+
+impl Correction {
+    /// Number of physics steps that it corrects.
+    pub fn len(&self) -> usize {
+        self.offsets.len()
+    }
+
+    /// Whether it corrects nothing.
+    pub fn is_empty(&self) -> bool {
+        self.offsets.is_empty()
+    }
+
+    /// Adds the offsets of control step `step` to its set-points, within the ranges of the joints. The limiter of the robot follows.
+    pub(crate) fn add(&self, step: usize, waypoints: &mut Waypoints) {
+        let offsets = self.offsets.get(step * PHYSICS_STEPS..).unwrap_or_default();
+        for (waypoint, offsets) in waypoints.iter_mut().zip(offsets) {
+            for (joint, offset) in offsets.iter().enumerate() {
+                let [low, high] = joint_range(joint);
+                waypoint[joint] = (waypoint[joint] + offset).clamp(low, high);
+            }
+        }
+    }
+
+    /// The correction for the next run, after one that was played with this one.
+    pub fn after(&self, run: &Tracking, delays: &Delays) -> Self {
+        let length = run.asked.len();
+        let mut offsets = vec![[0.0; JOINTS]; length];
+        for joint in 0..JOINTS {
+            let (late, lag) = (ticks(delays.late_secs), ticks(delays.lag_secs[joint]));
+            let missed = |tick: usize| {
+                let tick = (tick + lag).min(length - 1);
+                run.asked[tick.saturating_sub(late)][joint] - run.measured[tick][joint]
+            };
+            let mut added: Vec<f64> = (0..length).map(|tick| GAIN * missed(tick)).collect();
+            low_pass(&mut added);
+            let most = MOST[usize::from(joint == RAIL)];
+            for (tick, added) in added.into_iter().enumerate() {
+                let before = self.offsets.get(tick).map_or(0.0, |offsets| offsets[joint]);
+                let grown = (tick as f64 / SETPOINT_HZ / RAMP_SECS).min(1.0);
+                let offset = (before + grown * added).clamp(-most, most);
+                offsets[tick][joint] = (offset / RESOLUTION).round() * RESOLUTION;
+            }
+        }
+        Self { offsets }
+    }
+}
+
+/// Number of physics steps in this time.
+fn ticks(secs: f64) -> usize {
+    (secs * SETPOINT_HZ).round() as usize
+}
+
+/// A first-order low-pass, forward and then backward: without phase.
+fn low_pass(values: &mut [f64]) {
+    let share = 1.0 - (-std::f64::consts::TAU * CORNER_HZ / SETPOINT_HZ).exp();
+    let mut state = values.first().copied().unwrap_or(0.0);
+    let mut follow = |value: &mut f64| {
+        state += share * (*value - state);
+        *value = state;
+    };
+    values.iter_mut().for_each(&mut follow);
+    values.iter_mut().rev().for_each(&mut follow);
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    /// Control steps of the test's song.
+    const STEPS: usize = 80;
+
+    /// A finger joint and the rail that move to and fro, the others at rest.
+    fn song() -> Vec<[f64; JOINTS]> {
+        (0..STEPS * PHYSICS_STEPS)
+            .map(|tick| {
+                let swing = 1.0 - (tick as f64 / SETPOINT_HZ * 3.0).cos();
+                let mut joints = [0.1; JOINTS];
+                joints[1] += 0.2 * swing;
+                joints[RAIL] = 0.02 * swing;
+                joints
+            })
+            .collect()
+    }
+
+    /// A robot whose joints are 60 ms late, lag by a first order, and sag.
+    fn play(asked: &[[f64; JOINTS]], correction: &Correction) -> Tracking {
+        let mut sent = Vec::new();
+        for step in 0..STEPS {
+            let mut waypoints: Waypoints = std::array::from_fn(|tick| asked[step * PHYSICS_STEPS + tick]);
+            correction.add(step, &mut waypoints);
+            sent.extend(waypoints);
+        }
+        let mut joints = asked[0];
+        let measured = (0..sent.len())
+            .map(|tick| {
+                for (joint, place) in joints.iter_mut().enumerate() {
+                    *place += 0.2 * (sent[tick.saturating_sub(12)][joint] - *place);
+                }
+                joints.map(|place| place - 0.004)
+            })
+            .collect();
+        Tracking { asked: asked.to_vec(), measured }
+    }
+
+    #[test]
+    fn a_joint_that_is_late_and_sags_comes_to_its_path_in_a_few_runs() {
+        let asked = song();
+        let mut correction = Correction::default();
+        let first = play(&asked, &correction);
+        let lag_secs = std::array::from_fn(|joint| first.lag_secs(joint));
+        for joint in [1, RAIL] {
+            assert!((0.07..0.09).contains(&lag_secs[joint]), "{joint}: {}", lag_secs[joint]);
+        }
+        assert_eq!(lag_secs[0], 0.0, "it does not move");
+        let delays = Delays { late_secs: 0.05, lag_secs };
+        for _ in 0..8 {
+            correction = correction.after(&play(&asked, &correction), &delays);
+        }
+        let last = play(&asked, &correction);
+        for joint in 0..JOINTS {
+            let errors = [&first, &last].map(|run| run.error(joint, 0.05));
+            assert!(errors[1] < 0.4 * errors[0], "{joint}: {errors:?}");
+        }
+    }
+
+    #[test]
+    fn a_correction_begins_at_rest_and_ends_with_the_song() {
+        let asked = song();
+        let delays = Delays { late_secs: 0.0, lag_secs: [0.08; JOINTS] };
+        let correction = Correction::default().after(&play(&asked, &Correction::default()), &delays);
+        assert_eq!(correction.len(), STEPS * PHYSICS_STEPS);
+        assert_eq!(correction.offsets[0], [0.0; JOINTS]);
+        let mut waypoints: Waypoints = [[0.3; JOINTS]; PHYSICS_STEPS];
+        correction.add(STEPS, &mut waypoints);
+        assert_eq!(waypoints, [[0.3; JOINTS]; PHYSICS_STEPS]);
+        let text = serde_json::to_string(&correction).unwrap();
+        assert_eq!(serde_json::from_str::<Correction>(&text).unwrap(), correction);
+    }
+
+    proptest! {
+        /// Whatever was measured, offsets are bounded and set-points stay in the ranges of the joints.
+        #[test]
+        fn set_points_stay_in_the_ranges_of_the_joints(
+            places in prop::collection::vec(prop::array::uniform13(-3.0..3.0f64), PHYSICS_STEPS),
+            late_secs in 0.0..0.3f64,
+            lag_secs in prop::array::uniform13(0.0..0.3f64),
+        ) {
+            let asked: Vec<[f64; JOINTS]> = vec![std::array::from_fn(|joint| joint_range(joint)[1]); PHYSICS_STEPS];
+            let run = Tracking { asked, measured: places };
+            let mut correction = Correction::default();
+            for _ in 0..20 {
+                correction = correction.after(&run, &Delays { late_secs, lag_secs });
+            }
+            let mut waypoints: Waypoints = std::array::from_fn(|tick| run.asked[tick]);
+            correction.add(0, &mut waypoints);
+            for (waypoint, offsets) in waypoints.iter().zip(&correction.offsets) {
+                for joint in 0..JOINTS {
+                    let [low, high] = joint_range(joint);
+                    prop_assert!((low..=high).contains(&waypoint[joint]));
+                    prop_assert!(offsets[joint].abs() <= MOST[usize::from(joint == RAIL)]);
+                }
+            }
+        }
+    }
+}

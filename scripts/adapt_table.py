@@ -1,0 +1,93 @@
+"""Adapts the playing of songs to twins and prints tables of docs/results/adaptation.md: notes right of those due and wrong ones, onset F1, the
+paper's F1; before (real execution with the measured lead, no identification), and in joint mirroring before and after the adaptation.
+
+    make build && python3 scripts/adapt_table.py [--songs twinkle,c-major-scale] [--truths standard,worn] [--minutes 10] [--keep DIR]
+"""
+
+import argparse
+import json
+import pathlib
+import shutil
+import subprocess
+import tempfile
+
+ROOT = pathlib.Path(__file__).resolve().parent.parent
+ETUDE = ROOT / "target" / "release" / "etude"
+PAPER = "are-you-sleeping,happy-birthday,ode-to-joy,twinkle,c-major-scale"
+
+
+def rehearse(etude, song, truth, minutes, runs, folder):
+    """The JSON of a rehearsal without rounds that adapts."""
+    arguments = ["rehearse", song, "--robot", "twin", "--truth", truth, "--policy", f"policies/{song}.safetensors", "--rounds", "0"]
+    arguments += ["--runs", str(runs), "--adapt", str(minutes), "--json", "-o", folder]
+    done = subprocess.run([etude, *arguments], cwd=ROOT, capture_output=True, text=True)
+    if done.returncode:
+        raise RuntimeError(done.stderr.strip().splitlines()[-1])
+    return json.loads(done.stdout)
+
+
+def onset_f1(scores):
+    return scores["onset_f1"]
+
+
+def cell(notes, f1):
+    return f"{notes['notes_right']:g} of {notes['notes_due']}, {notes['notes_wrong']:g}; {onset_f1(notes):.3f}; {f1:.3f}"
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--songs", default=PAPER)
+    parser.add_argument("--truths", default="standard,worn")
+    parser.add_argument("--minutes", type=float, default=10)
+    parser.add_argument("--runs", type=int, default=4)
+    parser.add_argument("--etude", default=ETUDE)
+    parser.add_argument("--keep", type=pathlib.Path, help="where the folders of the rehearsals go; they are removed if not given")
+    options = parser.parse_args()
+    print("| truth | song | real execution | joint mirroring, before | adapted | runs, best | fingers off their path, rail | clamped |")
+    print("|---|---|---|---|---|---|---|---|")
+    means = {}
+    for truth in options.truths.split(","):
+        for song in options.songs.split(","):
+            with tempfile.TemporaryDirectory() as temporary:
+                folder = pathlib.Path(temporary) / "rehearsal"
+                try:
+                    report = rehearse(options.etude, song, truth, options.minutes, options.runs, folder)
+                except RuntimeError as error:
+                    print(f"| {truth} | {song} | {error} |", flush=True)
+                    continue
+                if options.keep:
+                    shutil.copytree(folder, options.keep / f"{truth}-{song}")
+            real, adapted = report["rounds"][0], report["adapted"]
+            before, best = adapted["adapting"][1], adapted["adapting"][adapted["best"]]
+            joints = 13 * 200 * 0.05
+            share = best["clamped"] / (joints * steps(options.etude, song))
+            print(
+                f"| {truth} | {song} | {cell(real, real['robot_f1'])} | {cell(before, before['f1'])} | {cell(adapted, adapted['robot_f1'])} "
+                f"| {len(adapted['adapting'])}, {adapted['best'] + 1} | {1e3 * before['fingers_missed_rad']:.0f} → "
+                f"{1e3 * best['fingers_missed_rad']:.0f} mrad, {1e3 * before['rail_missed_m']:.1f} → {1e3 * best['rail_missed_m']:.1f} mm "
+                f"| {100 * share:.1f} % |",
+                flush=True,
+            )
+            three = means.setdefault(truth, [])
+            three.append([(real, real["robot_f1"]), (before, before["f1"]), (adapted, adapted["robot_f1"])])
+    print("\n| truth | real execution: notes, wrong; onset F1; F1 | joint mirroring, before | adapted |")
+    print("|---|---|---|---|")
+    for truth, rows in means.items():
+        cells = []
+        for column in range(3):
+            notes = [row[column] for row in rows]
+            total = lambda key: sum(scores[key] for scores, _ in notes)
+            onset = sum(onset_f1(scores) for scores, _ in notes) / len(notes)
+            f1 = sum(f1 for _, f1 in notes) / len(notes)
+            cells.append(f"{total('notes_right'):g} of {total('notes_due')}, {total('notes_wrong'):g}; {onset:.3f}; {f1:.3f}")
+        print(f"| {truth} | " + " | ".join(cells) + " |")
+
+
+def steps(etude, song):
+    """Control steps of the song."""
+    songs = json.loads(subprocess.run([etude, "songs", "--json"], cwd=ROOT, check=True, capture_output=True, text=True).stdout)
+    return next(entry["frames"] for entry in songs if entry["id"] == song)
+
+
+if __name__ == "__main__":
+    main()
