@@ -15,6 +15,7 @@ use std::path::{Path, PathBuf};
 
 use etude_music::Song;
 use etude_perform::stand::RigChoice;
+use etude_perform::stats::mean;
 use etude_perform::{Correction, Delays, Job, Mode, NoteCounts, write_file};
 use etude_stage::{JOINTS, RAIL};
 use serde::de::DeserializeOwned;
@@ -138,7 +139,7 @@ impl CorrectionFile {
 pub struct Adapted {
     /// The runs, from before any correction.
     pub adapting: Vec<AdaptRun>,
-    /// Which of them was the best, from 0.
+    /// Which of them was the best with those beside it, from 0.
     pub best: usize,
     /// Notes of the performances with its correction.
     #[serde(flatten)]
@@ -344,10 +345,13 @@ impl Adaptation<'_> {
     }
 }
 
-/// The best run, by the mean of F1 and onset F1; the earlier one of equals.
+/// The best run, the earlier one of equals. The score of one run is noisy, so a run is rated by the mean of its score and those beside it.
 fn best(runs: &[(Played, AdaptRun)]) -> usize {
-    let score = |index: &usize| robot_score(runs[*index].1.f1, &runs[*index].1.notes);
-    (0..runs.len()).reduce(|best, index| if score(&index) > score(&best) { index } else { best }).unwrap_or(0)
+    let scores: Vec<f64> = runs.iter().map(|(_, run)| robot_score(run.f1, &run.notes)).collect();
+    let rated: Vec<f64> = (0..scores.len())
+        .map(|index| mean(&scores[index.saturating_sub(1)..scores.len().min(index + 2)]))
+        .collect();
+    (0..rated.len()).reduce(|best, index| if rated[index] > rated[best] { index } else { best }).unwrap_or(0)
 }
 
 impl Played {

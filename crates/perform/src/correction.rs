@@ -39,8 +39,9 @@ pub struct Delays {
 const GAIN: f64 = 0.5;
 /// The largest offset of a finger joint, rad, and of the rail, m.
 const MOST: [f64; 2] = [0.4, 0.02];
-/// Corner of the low-pass over what is added, Hz: above the joints' motion in a stroke, below the encoders' noise.
-const CORNER_HZ: f64 = 8.0;
+/// Corner of the low-pass over what is added for a finger joint and for the rail, Hz. A stroke of a finger has higher frequencies than a
+/// motion of the rail; an arm that rings at 4 to 6 Hz swings more in each run if the rail's is 8 Hz (docs/results/adaptation.md).
+const CORNER_HZ: [f64; 2] = [8.0, 4.0];
 /// Time in which the correction grows to its full size, s: a robot begins in the pose in which the song begins.
 const RAMP_SECS: f64 = 0.5;
 /// The longest lag that is looked for, s.
@@ -105,8 +106,9 @@ impl Correction {
                 run.asked[tick.saturating_sub(late)][joint] - run.measured[tick][joint]
             };
             let mut added: Vec<f64> = (0..length).map(|tick| GAIN * missed(tick)).collect();
-            low_pass(&mut added);
-            let most = MOST[usize::from(joint == RAIL)];
+            let kind = usize::from(joint == RAIL);
+            low_pass(&mut added, CORNER_HZ[kind]);
+            let most = MOST[kind];
             for (tick, added) in added.into_iter().enumerate() {
                 let before = self.offsets.get(tick).map_or(0.0, |offsets| offsets[joint]);
                 let grown = (tick as f64 / SETPOINT_HZ / RAMP_SECS).min(1.0);
@@ -124,8 +126,8 @@ fn ticks(secs: f64) -> usize {
 }
 
 /// A first-order low-pass, forward and then backward: without phase.
-fn low_pass(values: &mut [f64]) {
-    let share = 1.0 - (-std::f64::consts::TAU * CORNER_HZ / SETPOINT_HZ).exp();
+fn low_pass(values: &mut [f64], corner_hz: f64) {
+    let share = 1.0 - (-std::f64::consts::TAU * corner_hz / SETPOINT_HZ).exp();
     let mut state = values.first().copied().unwrap_or(0.0);
     let mut follow = |value: &mut f64| {
         state += share * (*value - state);
