@@ -22,7 +22,7 @@ def rehearse(etude, song, truth, minutes, runs, folder):
     arguments += ["--runs", str(runs), "--adapt", str(minutes), "--json", "-o", folder]
     done = subprocess.run([etude, *arguments], cwd=ROOT, capture_output=True, text=True)
     if done.returncode:
-        raise RuntimeError(done.stderr.strip().splitlines()[-1])
+        raise RuntimeError((done.stderr.strip().splitlines() or ["stopped"])[-1])
     return json.loads(done.stdout)
 
 
@@ -56,11 +56,11 @@ def main():
                     print(f"| {truth} | {song} | {error} |", flush=True)
                     continue
                 if options.keep:
-                    shutil.copytree(folder, options.keep / f"{truth}-{song}")
+                    shutil.copytree(folder, options.keep / f"{truth}-{song}", dirs_exist_ok=True)
             real, adapted = report["rounds"][0], report["adapted"]
             before, best = adapted["adapting"][1], adapted["adapting"][adapted["best"]]
-            joints = 13 * 200 * 0.05
-            share = best["clamped"] / (joints * steps(options.etude, song))
+            set_points_a_step = 13 * 10
+            share = best["clamped"] / (set_points_a_step * steps(options.etude, song))
             print(
                 f"| {truth} | {song} | {cell(real, real['robot_f1'])} | {cell(before, before['f1'])} | {cell(adapted, adapted['robot_f1'])} "
                 f"| {len(adapted['adapting'])}, {adapted['best'] + 1} | {1e3 * before['fingers_missed_rad']:.0f} → "

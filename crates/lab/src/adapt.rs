@@ -13,6 +13,7 @@
 
 use std::path::{Path, PathBuf};
 
+use anyhow::{Context as _, anyhow, bail};
 use etude_music::Song;
 use etude_perform::stand::RigChoice;
 use etude_perform::stats::mean;
@@ -21,13 +22,14 @@ use etude_stage::{JOINTS, RAIL};
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 
-use crate::errors::{Interrupted, unusable};
-use crate::excitations::stopped_itself;
+use crate::errors::unusable;
 use crate::folder::make_folder;
 use crate::pianist::{Pianist, load_pianist};
 use crate::play::REFERENCE;
 use crate::rehearse::Round;
-use crate::robot::{MeanNotes, RobotPlay, RobotReport, RunEnded, play_on_robot, robot_score, run_file};
+use crate::robot::{
+    MeanNotes, RobotPlay, RobotReport, RunEnded, all_complete, play_on_robot, robot_score, run_file,
+};
 
 /// Name of the file with the result of an adaptation.
 const RESULT: &str = "result.json";
@@ -51,7 +53,8 @@ pub struct AdaptConfig {
     pub truth: Option<String>,
     /// The policy.
     pub policy: PathBuf,
-    /// How long is played at most, min; homing is not counted.
+    /// How long is played to learn, min, but at least three runs. Homing and the performances at the end are not counted. More may be
+    /// given later.
     pub minutes: f64,
     /// Performances at the end.
     pub runs: usize,
@@ -100,13 +103,37 @@ struct Stored {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct CorrectionFile {
     /// Title of the song.
-    pub song: String,
+    song: String,
+    /// What the correction is only right for.
+    only_for: OnlyFor,
     /// The policy that plays it.
-    pub policy: PathBuf,
+    policy: PathBuf,
     /// The lead of the plan, s.
-    pub lead_secs: f64,
+    lead_secs: f64,
     /// The correction.
     pub correction: Correction,
+}
+
+/// With another one of these the motion is another, or the robot misses it otherwise.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+struct OnlyFor {
+    /// Name of the rig, and of a twin's truth.
+    robot: String,
+    /// Checksum of the song's notes.
+    notes: u32,
+    /// Checksum of the policy's file.
+    policy: u32,
+}
+
+impl OnlyFor {
+    fn new(song: &Song, rig: &RigChoice, pianist: &Pianist) -> anyhow::Result<Self> {
+        let robot = match rig {
+            RigChoice::Twin(truth) => format!("{}, {}", rig.name(), truth.name()),
+            RigChoice::File { .. } => rig.name().to_string(),
+        };
+        let file = pianist.file().map(std::fs::read).transpose()?.unwrap_or_default();
+        Ok(Self { robot, notes: crc32c::crc32c(&song.to_midi()), policy: crc32c::crc32c(&file) })
+    }
 }
 
 impl CorrectionFile {
@@ -115,20 +142,30 @@ impl CorrectionFile {
     /// # Errors
     /// If there is none, or it is damaged.
     pub fn load(path: &Path) -> anyhow::Result<Self> {
-        let bytes = std::fs::read(path).map_err(|error| unusable(path, error))?;
-        serde_json::from_slice(&bytes)
-            .map_err(|error| unusable(path, format_args!("it is no correction: {error}")))
+        load(path)?
+            .with_context(|| format!("there is no {}; `etude rehearse --adapt` makes it", path.display()))
     }
 
-    /// The pianist that it was learned with, by whose plan `song` is played.
+    /// The pianist that it was learned with, by whose plan `song` is played on `rig`.
     ///
     /// # Errors
-    /// If the correction is of another song, or the policy cannot be loaded.
-    pub fn pianist(&self, song: &Song) -> anyhow::Result<Pianist> {
+    /// If the correction is for something else, or the policy cannot be loaded.
+    pub fn pianist(&self, song: &Song, rig: &RigChoice) -> anyhow::Result<Pianist> {
         if self.song != song.title() {
-            anyhow::bail!("the correction is for {}, not for {}", self.song, song.title());
+            bail!("the correction is for {}, not for {}", self.song, song.title());
         }
         let mut pianist = load_pianist(&self.policy)?;
+        let now = OnlyFor::new(song, rig, &pianist)?;
+        if now.robot != self.only_for.robot {
+            bail!("the correction is for the robot `{}`, not for `{}`", self.only_for.robot, now.robot);
+        }
+        if now != self.only_for {
+            bail!(
+                "the notes or the policy {} have changed since the correction was learned: learn it again with `etude rehearse \
+                 --adapt`, in another folder",
+                self.policy.display()
+            );
+        }
         pianist.config.task.plan.lead_secs = self.lead_secs;
         Ok(pianist)
     }
@@ -182,7 +219,7 @@ pub enum AdaptStep {
 /// Adapts the playing of `song` to a robot, in `folder`, or resumes there.
 ///
 /// # Errors
-/// If any part fails; what is complete is kept. [`Interrupted`] if the job is interrupted.
+/// If any part fails; what is complete is kept. [`Interrupted`](crate::Interrupted) if the job is interrupted.
 pub fn adapt_on_robot(
     song: &Song,
     rig: &RigChoice,
@@ -190,13 +227,15 @@ pub fn adapt_on_robot(
     folder: &Path,
     job: &mut Job<'_, AdaptStep>,
 ) -> anyhow::Result<Adapted> {
-    let adaptation = Adaptation { song, rig, config, folder };
+    let pianist = load_pianist(&config.policy)?;
+    let only_for = OnlyFor::new(song, rig, &pianist)?;
+    let adaptation = Adaptation { song, rig, config, folder, pianist, only_for };
     adaptation.open()?;
-    let runs = adaptation.learn(job)?;
-    match load(&folder.join(RESULT))? {
-        Some(done) => Ok(done),
-        None => adaptation.finish(&runs, job),
+    if let Some(done) = load::<Adapted>(&folder.join(RESULT))? {
+        return Ok(done);
     }
+    let runs = adaptation.learn(job)?;
+    adaptation.finish(&runs, job)
 }
 
 struct Adaptation<'a> {
@@ -204,20 +243,32 @@ struct Adaptation<'a> {
     rig: &'a RigChoice,
     config: &'a AdaptConfig,
     folder: &'a Path,
+    pianist: Pianist,
+    only_for: OnlyFor,
 }
 
 impl Adaptation<'_> {
     /// Makes the folder, or checks that it holds the same adaptation.
     fn open(&self) -> anyhow::Result<()> {
         let file = self.folder.join("adaptation.json");
-        match load::<AdaptConfig>(&file)? {
-            Some(stored) if stored == *self.config => Ok(()),
-            Some(_) => Err(unusable(self.folder, "it holds another adaptation, with other settings")),
-            None => {
-                make_folder(self.folder)?;
-                save(&file, self.config)
+        let now = (self.config.clone(), self.only_for.clone());
+        if let Some((stored, only_for)) = load::<(AdaptConfig, OnlyFor)>(&file)? {
+            // More minutes may be played, and then the result is another.
+            let is_longer = stored.minutes != self.config.minutes;
+            if (AdaptConfig { minutes: self.config.minutes, ..stored }, only_for) != now {
+                bail!(
+                    "{} holds the adaptation of another policy, song or robot, or another number of runs or seed: remove it, \
+                     and learning begins anew",
+                    self.folder.display()
+                );
+            }
+            if is_longer {
+                // It may be missing.
+                let _ = std::fs::remove_file(self.folder.join(RESULT));
             }
         }
+        make_folder(self.folder)?;
+        save(&file, &now)
     }
 
     /// All runs, each with what it played: those that are there already, and the others.
@@ -235,6 +286,10 @@ impl Adaptation<'_> {
             job.tell(&AdaptStep::Adapting(index, most, stored.run));
             runs.push((next, stored.run));
             next = stored.next;
+            if best(&runs) + 1 == runs.len() {
+                // So that it is there if the robot stops itself.
+                self.keep(&runs[index].0)?;
+            }
         }
         Ok(runs)
     }
@@ -247,21 +302,16 @@ impl Adaptation<'_> {
         folder: &Path,
         job: &mut Job<'_, AdaptStep>,
     ) -> anyhow::Result<Stored> {
-        let mut pianist = load_pianist(&self.config.policy)?;
-        let lead = &mut pianist.config.task.plan.lead_secs;
-        let trained_lead_secs = *lead;
-        *lead = played.lead_secs.unwrap_or(*lead);
-        let silent = |_: &RunEnded| None;
-        let report =
-            self.play(&pianist, &played.correction, (1, 1000 + index as u64), folder, silent, job)?;
+        let told = |_: &RunEnded| None;
+        let report = self.play(played, (1, 1000 + index as u64), folder, told, job)?;
         // There are many runs. `etude replay` makes the sound again from a recording.
         for sound in [run_file(0, "wav"), REFERENCE.to_string()] {
             // If it cannot be removed, it only takes up space.
             let _ = std::fs::remove_file(folder.join(sound));
         }
         let run = &report.runs[0];
-        let next = played.after(&report, index, trained_lead_secs);
-        let late_secs = next.delays.map_or(0.0, |delays| delays.late_secs);
+        let next = played.after(&report, index, self.pianist.config.task.plan.lead_secs);
+        let late_secs = played.delays.or(next.delays).map_or(0.0, |delays| delays.late_secs);
         let squares: f64 = (0..RAIL).map(|joint| run.tracking.error(joint, late_secs).powi(2)).sum();
         let run = AdaptRun {
             notes: report.notes,
@@ -280,21 +330,13 @@ impl Adaptation<'_> {
     fn finish(&self, runs: &[(Played, AdaptRun)], job: &mut Job<'_, AdaptStep>) -> anyhow::Result<Adapted> {
         let best = best(runs);
         let (played, _) = &runs[best];
-        let mut pianist = load_pianist(&self.config.policy)?;
-        let lead = &mut pianist.config.task.plan.lead_secs;
-        let lead_secs = played.lead_secs.unwrap_or(*lead);
-        *lead = lead_secs;
-        let file = self.folder.join("correction.json");
-        let policy = self.config.policy.clone();
-        let correction = played.correction.clone();
-        save(&file, &CorrectionFile { song: self.song.title().to_string(), policy, lead_secs, correction })?;
+        let correction = self.keep(played)?;
         let performed = |ended: &RunEnded| {
             let notes = NoteCounts::from(&ended.run.scores.note);
             Some(AdaptStep::Performed { run: ended.index, notes, f1: ended.run.scores.frame.f1 })
         };
         let folder = self.folder.join("performance");
-        let report =
-            self.play(&pianist, &played.correction, (self.config.runs, 0), &folder, performed, job)?;
+        let report = self.play(played, (self.config.runs, 0), &folder, performed, job)?;
         let done = Adapted {
             adapting: runs.iter().map(|(_, run)| *run).collect(),
             best,
@@ -302,29 +344,45 @@ impl Adaptation<'_> {
             robot_f1: report.robot_f1,
             robot_f1_std: report.robot_f1_std,
             lag_secs: report.lag_secs,
-            lead_secs,
-            correction: file,
+            lead_secs: report.lead_secs,
+            correction,
         };
         save(&self.folder.join(RESULT), &done)?;
         Ok(done)
     }
 
-    /// Plays with `correction` a number of times, with this seed on top of the adaptation's.
+    /// Writes the correction of a run for `etude perform`, and returns its file.
+    fn keep(&self, played: &Played) -> anyhow::Result<PathBuf> {
+        let file = self.folder.join("correction.json");
+        let content = CorrectionFile {
+            song: self.song.title().to_string(),
+            only_for: self.only_for.clone(),
+            policy: self.config.policy.clone(),
+            lead_secs: played.lead_secs.unwrap_or(self.pianist.config.task.plan.lead_secs),
+            correction: played.correction.clone(),
+        };
+        save(&file, &content)?;
+        Ok(file)
+    }
+
+    /// Plays this a number of times, with this seed on top of the adaptation's.
     fn play(
         &self,
-        pianist: &Pianist,
-        correction: &Correction,
+        played: &Played,
         (runs, seed): (usize, u64),
         folder: &Path,
         told: fn(&RunEnded) -> Option<AdaptStep>,
         job: &mut Job<'_, AdaptStep>,
     ) -> anyhow::Result<RobotReport> {
+        let mut pianist = self.pianist.clone();
+        let lead_secs = &mut pianist.config.task.plan.lead_secs;
+        *lead_secs = played.lead_secs.unwrap_or(*lead_secs);
         let play = RobotPlay {
             mode: Mode::JointMirroring,
             runs,
             home: true,
             seed: self.config.seed.wrapping_add(seed),
-            correction: (!correction.is_empty()).then(|| correction.clone()),
+            correction: Some(played.correction.clone()),
         };
         let interrupt = job.interrupt();
         let mut tell = |ended: &RunEnded| {
@@ -333,15 +391,8 @@ impl Adaptation<'_> {
             }
         };
         let mut playing = Job::new(&mut tell, interrupt);
-        let report = play_on_robot(self.song, pianist, self.rig, &play, Some(folder), None, &mut playing);
-        if playing.is_interrupted() && report.as_ref().err().is_none_or(Interrupted::is_cause_of) {
-            return Err(Interrupted::resumable().into());
-        }
-        let report = report?;
-        match report.runs.iter().find(|run| run.steps[0] < run.steps[1]) {
-            Some(run) => Err(stopped_itself("adapting", &run.ending.to_string())),
-            None => Ok(report),
-        }
+        let report = play_on_robot(self.song, &pianist, self.rig, &play, Some(folder), None, &mut playing);
+        all_complete(report, job.is_interrupted(), "adapting")
     }
 }
 
@@ -363,12 +414,14 @@ impl Played {
         let tracking = &report.runs[0].tracking;
         let delays = match self.delays {
             None => {
-                let lag_secs: [f64; JOINTS] = std::array::from_fn(|joint| tracking.lag_secs(joint));
-                let mut sorted = lag_secs[..RAIL].to_vec();
-                sorted.sort_by(f64::total_cmp);
+                let lags: [Option<f64>; JOINTS] = std::array::from_fn(|joint| tracking.lag_secs(joint));
+                let mut fingers: Vec<f64> = lags[..RAIL].iter().flatten().copied().collect();
+                fingers.sort_by(f64::total_cmp);
+                let usual = fingers.get(fingers.len() / 2).copied().unwrap_or(0.0);
+                let lag_secs = lags.map(|lag| lag.unwrap_or(usual));
                 // The notes are later than the joints, and come earlier once the strokes are as steep as in the simulation.
                 let notes_late_secs = report.lead_secs - trained_lead_secs;
-                let late_secs = (sorted[RAIL / 2] + notes_late_secs).max(0.0) / 2.0;
+                let late_secs = (usual + notes_late_secs).max(0.0) / 2.0;
                 Delays { late_secs, lag_secs }
             }
             // The plan's lead stays: with another one the motion would be another.
@@ -389,9 +442,10 @@ fn load<T: DeserializeOwned>(file: &Path) -> anyhow::Result<Option<T>> {
         Err(error) if error.kind() == std::io::ErrorKind::NotFound => return Ok(None),
         Err(error) => return Err(unusable(file, error)),
     };
-    serde_json::from_slice(&bytes).map(Some).map_err(|error| {
-        unusable(file, format_args!("it is damaged ({error}): remove it, and this part is made again"))
-    })
+    let damaged = |error| {
+        anyhow!("{} is damaged ({error}): remove its folder, and this part is made again", file.display())
+    };
+    serde_json::from_slice(&bytes).map(Some).map_err(damaged)
 }
 
 fn save(file: &Path, content: &impl Serialize) -> anyhow::Result<()> {

@@ -23,11 +23,11 @@ use serde::{Deserialize, Serialize};
 
 use crate::config::resolve;
 use crate::errors::{Interrupted, unusable};
-use crate::excitations::{excitation_file, record_excitations, stopped_itself};
+use crate::excitations::{excitation_file, record_excitations};
 use crate::folder::make_folder;
 use crate::identify::{Identification, IdentifyMethod, IdentifyReport, identify_robot};
 use crate::pianist::{Pianist, load_pianist};
-use crate::robot::{MeanNotes, RobotPlay, RobotReport, RunEnded, play_on_robot, robot_score};
+use crate::robot::{MeanNotes, RobotPlay, RobotReport, RunEnded, all_complete, play_on_robot, robot_score};
 use crate::run::{Run, TrainingProgress};
 
 /// Whether these overrides, `path=value`, name the lead of the plan. Else it is measured on the robot.
@@ -377,16 +377,9 @@ impl Rehearsal<'_> {
             notes: NoteCounts::from(&ended.run.scores.note),
             f1: ended.run.scores.frame.f1,
         };
-        let report =
+        let played =
             job.part(performed, |job| play_on_robot(self.song, pianist, self.rig, &play, folder, None, job));
-        if job.is_interrupted() && report.as_ref().err().is_none_or(Interrupted::is_cause_of) {
-            return Err(Interrupted::resumable().into());
-        }
-        let report = report?;
-        match report.runs.iter().find(|run| run.steps[0] < run.steps[1]) {
-            Some(run) => Err(stopped_itself(&format!("round {round}"), &run.ending.to_string())),
-            None => Ok(report),
-        }
+        all_complete(played, job.is_interrupted(), &format!("round {round}"))
     }
 }
 

@@ -19,6 +19,7 @@ use etude_task::{Piece, TaskError};
 use serde::{Deserialize, Serialize};
 
 use crate::errors::{Interrupted, released};
+use crate::excitations::stopped_itself;
 use crate::folder::make_folder;
 use crate::pianist::Pianist;
 use crate::planning::plan;
@@ -115,6 +116,26 @@ impl std::fmt::Display for MeanNotes {
     }
 }
 
+/// The report of runs that were all complete, for work that plays on without an operator: a robot that has stopped itself, or was not
+/// released, is not powered again.
+///
+/// # Errors
+/// That of `played`; [`Interrupted`] if it was interrupted, or the fault of `part`.
+pub(crate) fn all_complete(
+    played: anyhow::Result<RobotReport>,
+    interrupted: bool,
+    part: &str,
+) -> anyhow::Result<RobotReport> {
+    if interrupted && played.as_ref().err().is_none_or(Interrupted::is_cause_of) {
+        return Err(Interrupted::resumable().into());
+    }
+    let report = played?;
+    match report.runs.iter().find(|run| run.ending != Ending::Complete) {
+        Some(run) => Err(stopped_itself(part, &run.ending.to_string())),
+        None => Ok(report),
+    }
+}
+
 /// By what playing on a robot is compared: the mean of F1 and the onset F1.
 pub(crate) fn robot_score(f1: f64, notes: &MeanNotes) -> f64 {
     (f1 + notes.onset_f1) / 2.0
@@ -199,7 +220,7 @@ pub fn play_on_robot(
     }
     let task = &pianist.config.task;
     let piece = plan(song, task)?;
-    if let Some(correction) = &play.correction {
+    if let Some(correction) = play.correction.as_ref().filter(|correction| !correction.is_empty()) {
         if play.mode != Mode::JointMirroring {
             bail!(
                 "a correction is for joint-mirroring, not for {}: there every run is the same motion",

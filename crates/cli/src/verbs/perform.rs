@@ -90,7 +90,7 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
     let rig = with_faults(rig_choice(&args.robot, &args.truth)?, &args.faults)?;
     let learned = args.correction.as_deref().map(CorrectionFile::load).transpose()?;
     let pianist = match &learned {
-        Some(learned) => learned.pianist(&song)?,
+        Some(learned) => learned.pianist(&song, &rig)?,
         None => args.pianist.load(&args.song, &song)?,
     };
     let font = args.soundfont.as_deref().map(SoundFont::load).transpose()?;

@@ -72,8 +72,9 @@ pub struct Args {
     /// End each fit of the identification after this many evaluations
     #[arg(long, value_parser = clap::value_parser!(u64).range(1..))]
     evaluations: Option<u64>,
-    /// After the rounds, learn on the robot itself for at most this many minutes of playing: the best round's policy plays in joint-mirroring,
-    /// and what the joints missed corrects their set-points in the next run. With --rounds 0, without identification and training
+    /// After the rounds, learn on the robot itself for so many minutes of playing: the best round's policy plays in joint-mirroring, and what
+    /// the joints missed corrects their set-points in the next run. At least three runs; homing and the performances at the end are not
+    /// counted. With --rounds 0 nothing is fitted
     #[arg(long, value_name = "MINUTES", value_parser = minutes)]
     adapt: Option<f64>,
     /// Seed of identification, of the twin's noise, and of the training unless --set says otherwise
@@ -166,16 +167,17 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
     }
     line(format!("Read and listen: {}", folder.join(REHEARSAL_PAGE).display()))?;
     if let Some(best) = best {
-        if best.round + 1 < rounds.len() {
+        let adapted = adapted.filter(|adapted| adapted.is_better_than(best));
+        if adapted.is_none() && best.round + 1 < rounds.len() {
             line(format!("Round {} played best, not the last one: use its policy", best.round))?;
         }
         let truth =
             config.truth.as_ref().map_or_else(String::new, |truth| format!(" --truth {}", shell_word(truth)));
         let how = match &adapted {
-            Some(adapted) if adapted.is_better_than(best) => {
+            Some(adapted) => {
                 format!("--correction {}", shell_word(adapted.correction.display()))
             }
-            _ => format!(
+            None => format!(
                 "--mode {} --policy {} --set task.plan.lead_secs={:.3}",
                 config.mode,
                 shell_word(best.policy.display()),
@@ -271,13 +273,13 @@ fn show_adapting(status: &mut Status, step: &AdaptStep, runs: usize) {
 }
 
 fn print_adapted(adapted: &Adapted) -> anyhow::Result<()> {
+    let by = match adapted.best {
+        0 | 1 => "without a correction: none was better".to_string(),
+        runs => format!("with the correction after {runs} runs, the best of {}", adapted.adapting.len()),
+    };
     line(format!(
-        "adapted: {}, F1 {:.3} ± {:.3} in joint-mirroring, by the correction after {} runs on the robot (the best of {})",
-        adapted.notes,
-        adapted.robot_f1,
-        adapted.robot_f1_std,
-        adapted.best,
-        adapted.adapting.len()
+        "adapted: {}, F1 {:.3} ± {:.3} in joint-mirroring, {by}",
+        adapted.notes, adapted.robot_f1, adapted.robot_f1_std
     ))
 }
 

@@ -166,7 +166,8 @@ fn playing_is_adapted_on_the_robot_itself_and_a_kill_changes_nothing() {
     assert!(errors(&other).contains("another"), "{}", errors(&other));
 
     let perform = |song: &str, rest: &str| {
-        let line = format!("perform {song} --truth worn --correction {correction} --json {rest}");
+        let truth = if rest.contains("--truth") { "" } else { "--truth worn" };
+        let line = format!("perform {song} {truth} --correction {correction} --json {rest}");
         let output = desk.command(&line).current_dir(desk.path("a")).output().unwrap();
         (serde_json::from_slice::<Value>(&output.stdout).unwrap_or_default(), errors(&output))
     };
@@ -175,6 +176,11 @@ fn playing_is_adapted_on_the_robot_itself_and_a_kill_changes_nothing() {
     assert!(desk.path("a/out/twinkle-joint-mirroring-worn-corrected").is_dir(), "{said}");
     let refused = [
         ("c-major-scale", "", "the correction is for Twinkle Twinkle Little Star, not for"),
+        (
+            "twinkle",
+            "--truth standard",
+            "the correction is for the robot `twin, worn`, not for `twin, standard`",
+        ),
         ("twinkle", "--mode real", "a correction is for joint-mirroring"),
         ("twinkle", "--scripted", "cannot be used with"),
     ];
@@ -184,7 +190,7 @@ fn playing_is_adapted_on_the_robot_itself_and_a_kill_changes_nothing() {
     }
     std::fs::write(desk.path("a").join(correction), "{").unwrap();
     let (_, said) = perform("twinkle", "");
-    assert!(said.contains("it is no correction"), "{said}");
+    assert!(said.contains("correction.json is damaged"), "{said}");
 }
 
 /// With a corpus the rounds continue the sight-reader for all songs; the song is what the robot plays.

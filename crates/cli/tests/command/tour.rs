@@ -28,6 +28,7 @@ const PARTS: &[(&str, &str)] = &[
     ("identified", "it needs what `identify` writes"),
     ("runs/rehearse", "it needs what `rehearse` writes"),
     ("out/rehearse-sight-reader", "the same"),
+    ("--correction", "the same"),
     ("--set trainer.total_steps=3e6", "millions of steps"),
 ];
 
