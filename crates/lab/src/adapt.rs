@@ -45,12 +45,6 @@ const LATEST_SECS: f64 = 0.3;
 /// What to adapt, and for how long.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct AdaptConfig {
-    /// The song, as it is named on the command line.
-    pub song: String,
-    /// The rig.
-    pub rig: String,
-    /// Name of the twin's truth.
-    pub truth: Option<String>,
     /// The policy.
     pub policy: PathBuf,
     /// How long is played to learn, min, but at least three runs. Homing and the performances at the end are not counted. More may be

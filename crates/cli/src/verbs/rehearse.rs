@@ -138,15 +138,8 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
     let best = best_round(&rounds);
     let adapted = match (args.adapt, best) {
         (Some(minutes), Some(best)) => {
-            let adaptation = AdaptConfig {
-                song: config.song.clone(),
-                rig: config.rig.clone(),
-                truth: config.truth.clone(),
-                policy: best.policy.clone(),
-                minutes,
-                runs: config.runs,
-                seed: config.seed,
-            };
+            let adaptation =
+                AdaptConfig { policy: best.policy.clone(), minutes, runs: config.runs, seed: config.seed };
             let mut tell = |step: &AdaptStep| show_adapting(&mut status, step, config.runs);
             let folder = folder.join("adaptation");
             Some(adapt_on_robot(&song, &rig, &adaptation, &folder, &mut Job::new(&mut tell, &stop))?)
