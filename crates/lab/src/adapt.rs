@@ -13,16 +13,15 @@
 
 use std::path::{Path, PathBuf};
 
-use anyhow::{Context as _, anyhow, bail};
+use anyhow::bail;
 use etude_music::Song;
 use etude_perform::stand::RigChoice;
-use etude_perform::stats::mean;
-use etude_perform::{Correction, Delays, Job, Mode, NoteCounts, write_file};
+use etude_perform::stats::{mean, sorted};
+use etude_perform::{Correction, Delays, Job, Mode, NoteCounts};
 use etude_stage::{JOINTS, RAIL};
-use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 
-use crate::errors::unusable;
+use crate::correction::{CorrectionFile, OnlyFor, load, save};
 use crate::folder::make_folder;
 use crate::pianist::{Pianist, load_pianist};
 use crate::play::REFERENCE;
@@ -91,78 +90,6 @@ struct Stored {
     #[serde(flatten)]
     run: AdaptRun,
     next: Played,
-}
-
-/// A correction that was learned, with all that it is for.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct CorrectionFile {
-    /// Title of the song.
-    song: String,
-    /// What the correction is only right for.
-    only_for: OnlyFor,
-    /// The policy that plays it.
-    policy: PathBuf,
-    /// The lead of the plan, s.
-    lead_secs: f64,
-    /// The correction.
-    pub correction: Correction,
-}
-
-/// With another one of these the motion is another, or the robot misses it otherwise.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-struct OnlyFor {
-    /// Name of the rig, and of a twin's truth.
-    robot: String,
-    /// Checksum of the song's notes.
-    notes: u32,
-    /// Checksum of the policy's file.
-    policy: u32,
-}
-
-impl OnlyFor {
-    fn new(song: &Song, rig: &RigChoice, pianist: &Pianist) -> anyhow::Result<Self> {
-        let robot = match rig {
-            RigChoice::Twin(truth) => format!("{}, {}", rig.name(), truth.name()),
-            RigChoice::File { .. } => rig.name().to_string(),
-        };
-        let file = pianist.file().map(std::fs::read).transpose()?.unwrap_or_default();
-        Ok(Self { robot, notes: crc32c::crc32c(&song.to_midi()), policy: crc32c::crc32c(&file) })
-    }
-}
-
-impl CorrectionFile {
-    /// Loads it.
-    ///
-    /// # Errors
-    /// If there is none, or it is damaged.
-    pub fn load(path: &Path) -> anyhow::Result<Self> {
-        load(path)?
-            .with_context(|| format!("there is no {}; `etude rehearse --adapt` makes it", path.display()))
-    }
-
-    /// The pianist that it was learned with, by whose plan `song` is played on `rig`.
-    ///
-    /// # Errors
-    /// If the correction is for something else, or the policy cannot be loaded.
-    pub fn pianist(&self, song: &Song, rig: &RigChoice) -> anyhow::Result<Pianist> {
-        if self.song != song.title() {
-            bail!("the correction is for {}, not for {}", self.song, song.title());
-        }
-        let mut pianist = load_pianist(&self.policy)?;
-        let now = OnlyFor::new(song, rig, &pianist)?;
-        if now.robot != self.only_for.robot {
-            bail!("the correction is for the robot `{}`, not for `{}`", self.only_for.robot, now.robot);
-        }
-        if now != self.only_for {
-            bail!(
-                "the notes or the policy {} have changed since the correction was learned: learn it again with `etude rehearse \
-                 --adapt`, in another folder",
-                self.policy.display()
-            );
-        }
-        pianist.config.task.plan.lead_secs = self.lead_secs;
-        Ok(pianist)
-    }
 }
 
 /// The result of an adaptation.
@@ -247,8 +174,8 @@ impl Adaptation<'_> {
         let file = self.folder.join("adaptation.json");
         let now = (self.config.clone(), self.only_for.clone());
         if let Some((stored, only_for)) = load::<(AdaptConfig, OnlyFor)>(&file)? {
-            // More minutes may be played, and then the result is another.
-            let is_longer = stored.minutes != self.config.minutes;
+            // The minutes may change, and then the result is another.
+            let has_other_minutes = stored.minutes != self.config.minutes;
             if (AdaptConfig { minutes: self.config.minutes, ..stored }, only_for) != now {
                 bail!(
                     "{} holds the adaptation of another policy, song or robot, or another number of runs or seed: remove it, \
@@ -256,7 +183,7 @@ impl Adaptation<'_> {
                     self.folder.display()
                 );
             }
-            if is_longer {
+            if has_other_minutes {
                 // It may be missing.
                 let _ = std::fs::remove_file(self.folder.join(RESULT));
             }
@@ -345,6 +272,11 @@ impl Adaptation<'_> {
         Ok(done)
     }
 
+    /// The lead of the plan of a run, s.
+    fn lead_secs(&self, played: &Played) -> f64 {
+        played.lead_secs.unwrap_or(self.pianist.config.task.plan.lead_secs)
+    }
+
     /// Writes the correction of a run for `etude perform`, and returns its file.
     fn keep(&self, played: &Played) -> anyhow::Result<PathBuf> {
         let file = self.folder.join("correction.json");
@@ -352,7 +284,7 @@ impl Adaptation<'_> {
             song: self.song.title().to_string(),
             only_for: self.only_for.clone(),
             policy: self.config.policy.clone(),
-            lead_secs: played.lead_secs.unwrap_or(self.pianist.config.task.plan.lead_secs),
+            lead_secs: self.lead_secs(played),
             correction: played.correction.clone(),
         };
         save(&file, &content)?;
@@ -369,8 +301,7 @@ impl Adaptation<'_> {
         job: &mut Job<'_, AdaptStep>,
     ) -> anyhow::Result<RobotReport> {
         let mut pianist = self.pianist.clone();
-        let lead_secs = &mut pianist.config.task.plan.lead_secs;
-        *lead_secs = played.lead_secs.unwrap_or(*lead_secs);
+        pianist.config.task.plan.lead_secs = self.lead_secs(played);
         let play = RobotPlay {
             mode: Mode::JointMirroring,
             runs,
@@ -409,8 +340,7 @@ impl Played {
         let delays = match self.delays {
             None => {
                 let lags: [Option<f64>; JOINTS] = std::array::from_fn(|joint| tracking.lag_secs(joint));
-                let mut fingers: Vec<f64> = lags[..RAIL].iter().flatten().copied().collect();
-                fingers.sort_by(f64::total_cmp);
+                let fingers = sorted(lags[..RAIL].iter().flatten().copied());
                 let usual = fingers.get(fingers.len() / 2).copied().unwrap_or(0.0);
                 let lag_secs = lags.map(|lag| lag.unwrap_or(usual));
                 // The notes are later than the joints, and come earlier once the strokes are as steep as in the simulation.
@@ -427,21 +357,4 @@ impl Played {
         let correction = self.correction.after(tracking, &delays);
         Self { lead_secs: self.lead_secs, delays: Some(delays), correction }
     }
-}
-
-/// The content of a file; none if there is no file.
-fn load<T: DeserializeOwned>(file: &Path) -> anyhow::Result<Option<T>> {
-    let bytes = match std::fs::read(file) {
-        Ok(bytes) => bytes,
-        Err(error) if error.kind() == std::io::ErrorKind::NotFound => return Ok(None),
-        Err(error) => return Err(unusable(file, error)),
-    };
-    let damaged = |error| {
-        anyhow!("{} is damaged ({error}): remove its folder, and this part is made again", file.display())
-    };
-    serde_json::from_slice(&bytes).map(Some).map_err(damaged)
-}
-
-fn save(file: &Path, content: &impl Serialize) -> anyhow::Result<()> {
-    Ok(write_file(file, &(serde_json::to_string(content)? + "\n"))?)
 }

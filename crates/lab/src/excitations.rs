@@ -3,11 +3,10 @@
 use std::path::{Path, PathBuf};
 use std::sync::atomic::AtomicBool;
 
-use anyhow::anyhow;
 use etude_perform::stand::RigChoice;
 use etude_perform::{Ending, Excitation};
 
-use crate::errors::{Interrupted, unusable};
+use crate::errors::{Interrupted, stopped_itself, unusable};
 use crate::folder::make_folder;
 use crate::record::{Motion, record_robot};
 
@@ -47,9 +46,4 @@ pub fn record_excitations(
 /// Name of the recording of an excitation in its folder.
 pub(crate) fn excitation_file(excitation: Excitation) -> String {
     format!("{excitation}.mcap")
-}
-
-/// The error of a robot that stopped itself.
-pub(crate) fn stopped_itself(part: &str, fault: &str) -> anyhow::Error {
-    anyhow!("{part}: the robot stopped itself: {fault}; remove the cause, then give the same command again")
 }

@@ -18,8 +18,7 @@ use etude_stage::{JOINTS, PHYSICS_STEPS, World};
 use etude_task::{Piece, TaskError};
 use serde::{Deserialize, Serialize};
 
-use crate::errors::{Interrupted, released};
-use crate::excitations::stopped_itself;
+use crate::errors::{Interrupted, released, stopped_itself};
 use crate::folder::make_folder;
 use crate::pianist::Pianist;
 use crate::planning::plan;
@@ -160,7 +159,7 @@ pub struct RobotRun {
     pub lost_records: u64,
     /// Deadlines and periods.
     pub timing: TimingReport,
-    /// How the joints were asked to move and how they moved.
+    /// How the joints were asked to move and how they moved; empty without a correction, even an empty one.
     #[serde(skip)]
     pub tracking: Tracking,
     /// The files that were written.

@@ -9,6 +9,7 @@ use etude_stage::{FINGERS, JOINTS, PHYSICS_STEPS, RAIL, joint_range};
 use serde::{Deserialize, Serialize};
 
 use crate::robot_rig::Waypoints;
+use crate::stats::deviation;
 
 /// How the joints were asked to move in a performance and how they moved, at the end of each physics step: rad, the rail in m.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -49,7 +50,7 @@ const MOST_RAIL: f64 = 0.02;
 const CORNER_HZ: [f64; 2] = [8.0, 4.0];
 /// Time in which the correction grows to its full size, s: a robot begins in the pose in which the song begins.
 const RAMP_SECS: f64 = 0.5;
-/// The first of them turns the finger aside.
+/// Joints of a finger; the first turns it aside.
 const JOINTS_OF_A_FINGER: usize = RAIL / FINGERS;
 /// A joint whose set-points vary less than this, rad and m (standard deviation), has no lag that could be measured.
 const STILL: [f64; 2] = [0.005, 0.001];
@@ -67,10 +68,8 @@ impl Tracking {
 
     /// How late a joint follows its set-points, s: where it misses them by the most constant distance. None for one that hardly moves.
     pub fn lag_secs(&self, joint: usize) -> Option<f64> {
-        let count = self.asked.len().max(1) as f64;
-        let mean = self.asked.iter().map(|asked| asked[joint]).sum::<f64>() / count;
-        let variance = self.asked.iter().map(|asked| (asked[joint] - mean).powi(2)).sum::<f64>() / count;
-        if variance.sqrt() < STILL[usize::from(joint == RAIL)] {
+        let asked: Vec<f64> = self.asked.iter().map(|asked| asked[joint]).collect();
+        if deviation(&asked) < STILL[usize::from(joint == RAIL)] {
             return None;
         }
         let spread = |late: usize| self.missed(joint, late).1;

@@ -77,7 +77,7 @@ pub struct Executed {
     pub clamped: u64,
     /// Records that are missing in the recording because there were too many at once.
     pub lost_records: u64,
-    /// How the joints were asked to move and how they moved.
+    /// How the joints were asked to move and how they moved; empty without a correction, even an empty one.
     pub tracking: Tracking,
 }
 

@@ -36,7 +36,7 @@ pub struct RobotRig<'a> {
     timing: Timing,
     /// Added to the set-points.
     correction: Option<&'a Correction>,
-    /// How the joints were asked to move and how they moved.
+    /// How the joints were asked to move and how they moved; gathered for a correction alone.
     tracking: Tracking,
     /// What is not written yet of the step that has ended.
     ended: Option<StepMessage>,
@@ -58,7 +58,7 @@ impl<'a> RobotRig<'a> {
         }
     }
 
-    /// The same rig, which adds `correction` to its set-points. It was learned in joint mirroring, where no player observes the robot.
+    /// The same rig, which adds `correction` to its set-points and measures the tracking. It was learned in joint mirroring, where no player observes the robot.
     pub fn corrected(self, correction: Option<&'a Correction>) -> Self {
         Self { correction, ..self }
     }
@@ -93,11 +93,14 @@ impl<'a> RobotRig<'a> {
                 late_secs: late.as_secs_f64(),
             })
         })?;
-        for (tick, waypoint) in (1u32..).zip(waypoints) {
-            self.pace.run_until(self.robot, due + CONTROL_PERIOD * tick / PHYSICS_STEPS as u32);
-            self.tracking.asked.push(*waypoint);
-            self.tracking.measured.push(self.robot.joints());
+        if self.correction.is_some() {
+            for (tick, waypoint) in (1u32..).zip(waypoints) {
+                self.pace.run_until(self.robot, due + CONTROL_PERIOD * tick / PHYSICS_STEPS as u32);
+                self.tracking.asked.push(*waypoint);
+                self.tracking.measured.push(self.robot.joints());
+            }
         }
+        self.pace.run_until(self.robot, due + CONTROL_PERIOD);
         if self.robot.phase() != Phase::Following {
             return Ok(Err(fault(self.robot)));
         }

@@ -1,0 +1,103 @@
+//! A correction that was learned on a robot, in its file: with the song, the policy and the robot that it is for.
+
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context as _, anyhow, bail};
+use etude_music::Song;
+use etude_perform::stand::RigChoice;
+use etude_perform::{Correction, write_file};
+use serde::de::DeserializeOwned;
+use serde::{Deserialize, Serialize};
+
+use crate::errors::unusable;
+use crate::pianist::{Pianist, load_pianist};
+
+/// A correction that was learned, with all that it is for.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct CorrectionFile {
+    /// Title of the song.
+    pub(crate) song: String,
+    /// What the correction is only right for.
+    pub(crate) only_for: OnlyFor,
+    /// The policy that plays it.
+    pub(crate) policy: PathBuf,
+    /// The lead of the plan, s.
+    pub(crate) lead_secs: f64,
+    /// The correction.
+    pub correction: Correction,
+}
+
+/// With another one of these the motion is another, or the robot misses it otherwise.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub(crate) struct OnlyFor {
+    /// Name of the rig, and of a twin's truth.
+    robot: String,
+    /// Checksum of the song's notes.
+    notes: u32,
+    /// Checksum of the policy's file.
+    policy: u32,
+}
+
+impl OnlyFor {
+    pub(crate) fn new(song: &Song, rig: &RigChoice, pianist: &Pianist) -> anyhow::Result<Self> {
+        let robot = match rig {
+            RigChoice::Twin(truth) => format!("{}, {}", rig.name(), truth.name()),
+            RigChoice::File { .. } => rig.name().to_string(),
+        };
+        let file = pianist.file().map(std::fs::read).transpose()?.unwrap_or_default();
+        Ok(Self { robot, notes: crc32c::crc32c(&song.to_midi()), policy: crc32c::crc32c(&file) })
+    }
+}
+
+impl CorrectionFile {
+    /// Loads it.
+    ///
+    /// # Errors
+    /// If there is none, or it is damaged.
+    pub fn load(path: &Path) -> anyhow::Result<Self> {
+        load(path)?
+            .with_context(|| format!("there is no {}; `etude rehearse --adapt` makes it", path.display()))
+    }
+
+    /// The pianist that it was learned with, by whose plan `song` is played on `rig`.
+    ///
+    /// # Errors
+    /// If the correction is for something else, or the policy cannot be loaded.
+    pub fn pianist(&self, song: &Song, rig: &RigChoice) -> anyhow::Result<Pianist> {
+        if self.song != song.title() {
+            bail!("the correction is for {}, not for {}", self.song, song.title());
+        }
+        let mut pianist = load_pianist(&self.policy)?;
+        let now = OnlyFor::new(song, rig, &pianist)?;
+        if now.robot != self.only_for.robot {
+            bail!("the correction is for the robot `{}`, not for `{}`", self.only_for.robot, now.robot);
+        }
+        if now != self.only_for {
+            bail!(
+                "the notes or the policy {} have changed since the correction was learned: learn it again with `etude rehearse \
+                 --adapt`, in another folder",
+                self.policy.display()
+            );
+        }
+        pianist.config.task.plan.lead_secs = self.lead_secs;
+        Ok(pianist)
+    }
+}
+
+/// The content of a file; none if there is no file.
+pub(crate) fn load<T: DeserializeOwned>(file: &Path) -> anyhow::Result<Option<T>> {
+    let bytes = match std::fs::read(file) {
+        Ok(bytes) => bytes,
+        Err(error) if error.kind() == std::io::ErrorKind::NotFound => return Ok(None),
+        Err(error) => return Err(unusable(file, error)),
+    };
+    let damaged = |error| {
+        anyhow!("{} is damaged ({error}): remove its folder, and this part is made again", file.display())
+    };
+    serde_json::from_slice(&bytes).map(Some).map_err(damaged)
+}
+
+/// Writes it.
+pub(crate) fn save(file: &Path, content: &impl Serialize) -> anyhow::Result<()> {
+    Ok(write_file(file, &(serde_json::to_string(content)? + "\n"))?)
+}
