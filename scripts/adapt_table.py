@@ -13,6 +13,8 @@ import tempfile
 
 ROOT = pathlib.Path(__file__).resolve().parent.parent
 ETUDE = ROOT / "target" / "release" / "etude"
+# 50 MB a minute.
+RECORDINGS = shutil.ignore_patterns("*.mcap")
 PAPER = "are-you-sleeping,happy-birthday,ode-to-joy,twinkle,c-major-scale"
 
 
@@ -37,7 +39,7 @@ def main():
     parser.add_argument("--minutes", type=float, default=10)
     parser.add_argument("--runs", type=int, default=4)
     parser.add_argument("--etude", default=ETUDE)
-    parser.add_argument("--keep", type=pathlib.Path, help="where the folders of the rehearsals go; they are removed if not given")
+    parser.add_argument("--keep", type=pathlib.Path, help="where the folders of the rehearsals go, without recordings; they are removed if not given")
     options = parser.parse_args()
     print("| truth | song | real execution | joint mirroring, before | adapted | runs, best | fingers off their path, rail | clamped |")
     print("|---|---|---|---|---|---|---|---|")
@@ -52,7 +54,7 @@ def main():
                     print(f"| `{truth}` | {song} | {error} |", flush=True)
                     continue
                 if options.keep:
-                    shutil.copytree(folder, options.keep / f"{truth}-{song}", dirs_exist_ok=True)
+                    shutil.copytree(folder, options.keep / f"{truth}-{song}", dirs_exist_ok=True, ignore=RECORDINGS)
             real, adapted = report["rounds"][0], report["adapted"]
             before, best = adapted["adapting"][1], adapted["adapting"][adapted["best"]]
             set_points_a_step = 13 * 10

@@ -1,5 +1,6 @@
-//! Learning from the robot itself: a song is played again and again in joint mirroring, and what the joints missed in one run corrects their
-//! set-points in the next. No simulator is fitted and no policy is trained.
+//! Learning from the robot itself: a song is played again and again in joint mirroring. What the joints missed in one run corrects their
+//! set-points in the next, and keys that sounded too short, or not, or beside the right one, change where the fingers aim. No simulator is
+//! fitted and no policy is trained.
 //!
 //! ```text
 //! DIR/adaptation.json    the configuration
@@ -16,9 +17,9 @@ use std::path::{Path, PathBuf};
 use anyhow::bail;
 use etude_music::Song;
 use etude_perform::stand::RigChoice;
-use etude_perform::stats::{mean, sorted};
-use etude_perform::{Correction, Delays, Job, Mode, NoteCounts};
-use etude_stage::{JOINTS, RAIL};
+use etude_perform::stats::mean;
+use etude_perform::{Aims, Correction, Delays, Heard, Job, Mode, NoteCounts};
+use etude_stage::{RAIL, Side};
 use serde::{Deserialize, Serialize};
 
 use crate::correction::{CorrectionFile, OnlyFor, load, save};
@@ -36,10 +37,6 @@ const RESULT: &str = "result.json";
 const PATIENCE: usize = 8;
 /// The two runs before anything is corrected: the first measures how late the notes are, the second how late the joints.
 const MEASURING: usize = 2;
-/// Share of the notes' lateness by which the joints' delay is corrected after a run.
-const LATENESS_GAIN: f64 = 0.5;
-/// The delay that all joints have together is at most this, s.
-const LATEST_SECS: f64 = 0.3;
 
 /// What to adapt, and for how long.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -58,12 +55,15 @@ pub struct AdaptConfig {
 /// What a run plays.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 struct Played {
-    /// The lead of the plan, s; that of the policy's training if none.
+    /// The lead of the plan, s; that of the policy's training if none. It changes when the notes are due, and not the motion.
     lead_secs: Option<f64>,
     /// How late the joints should be and are, once it is measured.
     delays: Option<Delays>,
-    /// The correction.
+    /// The correction that brings the joints to their path.
     correction: Correction,
+    /// Where the fingers aim, and what that adds to the path.
+    aims: Aims,
+    aimed: Correction,
 }
 
 /// The result of one run.
@@ -231,15 +231,16 @@ impl Adaptation<'_> {
             let _ = std::fs::remove_file(folder.join(sound));
         }
         let run = &report.runs[0];
-        let next = played.after(&report, index, self.pianist.config.task.plan.lead_secs);
+        let next = played.after(&report, index, self.pianist.config.task.stage.side);
         let late_secs = played.delays.or(next.delays).map_or(0.0, |delays| delays.late_secs);
-        let squares: f64 = (0..RAIL).map(|joint| run.tracking.error(joint, late_secs).powi(2)).sum();
+        let tracking = run.tracking.clone().asked_for(&played.aimed);
+        let squares: f64 = (0..RAIL).map(|joint| tracking.error(joint, late_secs).powi(2)).sum();
         let run = AdaptRun {
             notes: report.notes,
             f1: report.robot_f1,
             lag_secs: report.lag_secs,
             fingers_missed_rad: (squares / RAIL as f64).sqrt(),
-            rail_missed_m: run.tracking.error(RAIL, late_secs),
+            rail_missed_m: tracking.error(RAIL, late_secs),
             clamped: run.clamped,
         };
         let stored = Stored { run, next };
@@ -285,7 +286,7 @@ impl Adaptation<'_> {
             only_for: self.only_for.clone(),
             policy: self.config.policy.clone(),
             lead_secs: self.lead_secs(played),
-            correction: played.correction.clone(),
+            correction: played.added(),
         };
         save(&file, &content)?;
         Ok(file)
@@ -307,7 +308,7 @@ impl Adaptation<'_> {
             runs,
             home: true,
             seed: self.config.seed.wrapping_add(seed),
-            correction: Some(played.correction.clone()),
+            correction: Some(played.added()),
         };
         let interrupt = job.interrupt();
         let mut tell = |ended: &RunEnded| {
@@ -331,30 +332,27 @@ fn best(runs: &[(Played, AdaptRun)]) -> usize {
 }
 
 impl Played {
+    /// What is added to the set-points.
+    fn added(&self) -> Correction {
+        self.correction.plus(&self.aimed)
+    }
+
     /// What the next run plays, after run `index` has played this.
-    fn after(&self, report: &RobotReport, index: usize, trained_lead_secs: f64) -> Self {
+    fn after(&self, report: &RobotReport, index: usize, side: Side) -> Self {
+        let lead_secs = report.lead_on_time().or(self.lead_secs);
         if index + 1 < MEASURING {
-            return Self { lead_secs: report.lead_on_time(), ..self.clone() };
+            return Self { lead_secs, ..self.clone() };
         }
-        let tracking = &report.runs[0].tracking;
-        let delays = match self.delays {
-            None => {
-                let lags: [Option<f64>; JOINTS] = std::array::from_fn(|joint| tracking.lag_secs(joint));
-                let fingers = sorted(lags[..RAIL].iter().flatten().copied());
-                let usual = fingers.get(fingers.len() / 2).copied().unwrap_or(0.0);
-                let lag_secs = lags.map(|lag| lag.unwrap_or(usual));
-                // The notes are later than the joints, and come earlier once the strokes are as steep as in the simulation.
-                let notes_late_secs = report.lead_secs - trained_lead_secs;
-                let late_secs = (usual + notes_late_secs).max(0.0) / 2.0;
-                Delays { late_secs, lag_secs }
-            }
-            // The plan's lead stays: with another one the motion would be another.
-            Some(delays) => {
-                let late_secs = delays.late_secs - LATENESS_GAIN * report.lag_secs.unwrap_or(0.0);
-                Delays { late_secs: late_secs.clamp(0.0, LATEST_SECS), ..delays }
-            }
+        let run = &report.runs[0];
+        let delays = self.delays.unwrap_or_else(|| run.tracking.delays());
+        let correction = self.correction.after(&run.tracking.clone().asked_for(&self.aimed), &delays);
+        let [planned, played] = &run.planned_and_played;
+        let aims = match self.delays {
+            // The joints are not on their path yet.
+            None => Aims::default(),
+            Some(_) => self.aims.after(&Heard { planned, played, late_secs: report.lead_secs }),
         };
-        let correction = self.correction.after(tracking, &delays);
-        Self { lead_secs: self.lead_secs, delays: Some(delays), correction }
+        let aimed = aims.offsets(&run.tracking.asked, planned, side);
+        Self { lead_secs, delays: Some(delays), correction, aims, aimed }
     }
 }

@@ -4,10 +4,9 @@ use std::path::Path;
 use std::sync::atomic::AtomicBool;
 
 use anyhow::bail;
-use etude_music::LONGEST_LEAD_SECS;
-use etude_music::Song;
 use etude_music::metrics::NoteScores;
 use etude_music::sound::SoundFont;
+use etude_music::{LONGEST_LEAD_SECS, Note, Song};
 use etude_perform::stand::{RigChoice, Stand};
 use etude_perform::stats::{deviation, mean};
 use etude_perform::{
@@ -162,6 +161,9 @@ pub struct RobotRun {
     /// How the joints were asked to move and how they moved; empty without a correction, even an empty one.
     #[serde(skip)]
     pub tracking: Tracking,
+    /// The notes that were planned, at times of the control steps, and those that were played.
+    #[serde(skip)]
+    pub planned_and_played: [Vec<Note>; 2],
     /// The files that were written.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub files: Option<Files>,
@@ -356,6 +358,7 @@ impl RobotRun {
     fn new(performance: Performance, files: Option<Files>) -> Self {
         let scores = performance.scores();
         let (alongside_f1, steps) = (performance.alongside_f1(), performance.piece.steps());
+        let planned_and_played = [performance.planned_notes(), performance.notes()];
         let robot = performance.robot.unwrap_or_default();
         Self {
             scores,
@@ -365,6 +368,7 @@ impl RobotRun {
             lost_records: robot.lost_records,
             timing: robot.timing.report(),
             tracking: robot.tracking,
+            planned_and_played,
             ending: performance.ending,
             files,
         }

@@ -9,7 +9,7 @@ use etude_stage::{FINGERS, JOINTS, PHYSICS_STEPS, RAIL, joint_range};
 use serde::{Deserialize, Serialize};
 
 use crate::robot_rig::Waypoints;
-use crate::stats::deviation;
+use crate::stats::{deviation, sorted};
 
 /// How the joints were asked to move in a performance and how they moved, at the end of each physics step: rad, the rail in m.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -39,11 +39,11 @@ pub struct Delays {
 /// The share of what a joint missed that is added after each run. With all of it, the noise of one run would be played in the next.
 const GAIN: f64 = 0.5;
 /// The share of the offsets that is kept after each run. A finger that is stopped by a key or a fence does not push harder for ever.
-const KEPT: f64 = 0.98;
+const KEPT: f64 = 0.9;
 /// The largest offset of a joint that bends a finger, of one that turns it aside, rad, and of the rail, m. A finger that turns aside has
 /// the least range, and where it is that far from its set-point the monitor of the robot stops it (a quarter of the range).
 const MOST_BENT: f64 = 0.4;
-const MOST_ASIDE: f64 = 0.2;
+const MOST_ASIDE: f64 = 0.1;
 const MOST_RAIL: f64 = 0.02;
 /// Corner of the low-pass over what is added for a finger joint and for the rail, Hz. A stroke of a finger has higher frequencies than a
 /// motion of the rail; an arm that rings at 4 to 6 Hz swings more in each run if the rail's is 8 Hz (docs/results/adaptation.md).
@@ -77,6 +77,14 @@ impl Tracking {
         best.map(|late| late as f64 / SETPOINT_HZ)
     }
 
+    /// How late the joints follow their set-points. They should all be as late as the finger joints in the median.
+    pub fn delays(&self) -> Delays {
+        let lags: [Option<f64>; JOINTS] = std::array::from_fn(|joint| self.lag_secs(joint));
+        let fingers = sorted(lags[..RAIL].iter().flatten().copied());
+        let late_secs = fingers.get(fingers.len() / 2).copied().unwrap_or(0.0);
+        Delays { late_secs, lag_secs: lags.map(|lag| lag.unwrap_or(late_secs)) }
+    }
+
     /// Mean and variance of what a joint missed if it should be `late` physics steps late.
     fn missed(&self, joint: usize, late: usize) -> (f64, f64) {
         let pairs = || self.asked.iter().zip(self.measured.iter().skip(late));
@@ -88,6 +96,28 @@ impl Tracking {
 }
 
 impl Correction {
+    pub(crate) fn of(offsets: Vec<[f64; JOINTS]>) -> Self {
+        Self { offsets }
+    }
+
+    /// The sum of both, as long as the longer one.
+    #[must_use]
+    pub fn plus(&self, other: &Self) -> Self {
+        let [mut sum, shorter] = if self.len() >= other.len() {
+            [self.clone(), other.clone()]
+        } else {
+            [other.clone(), self.clone()]
+        };
+        for (sum, added) in sum.offsets.iter_mut().zip(&shorter.offsets) {
+            sum.iter_mut().zip(added).for_each(|(sum, added)| *sum += added);
+        }
+        sum
+    }
+
+    pub(crate) fn offsets(&self) -> &[[f64; JOINTS]] {
+        &self.offsets
+    }
+
     /// Number of physics steps that it corrects.
     pub fn len(&self) -> usize {
         self.offsets.len()
@@ -216,14 +246,14 @@ mod tests {
             assert!((0.07..0.09).contains(&lag_secs), "{joint}: {lag_secs}");
         }
         assert_eq!(first.lag_secs(0), None, "it does not move");
-        let lag_secs = std::array::from_fn(|joint| first.lag_secs(joint).unwrap_or(0.0));
-        let delays = Delays { late_secs: 0.05, lag_secs };
+        let delays = first.delays();
+        assert_eq!(delays.lag_secs[0], delays.late_secs, "that of the fingers");
         for _ in 0..8 {
             correction = correction.after(&play(&asked, &correction), &delays);
         }
         let last = play(&asked, &correction);
         for joint in 0..JOINTS {
-            let errors = [&first, &last].map(|run| run.error(joint, 0.05));
+            let errors = [&first, &last].map(|run| run.error(joint, delays.late_secs));
             assert!(errors[1] < 0.4 * errors[0], "{joint}: {errors:?}");
         }
     }

@@ -4,6 +4,7 @@
 //! devices; an execution [`Mode`] puts them together. A [`Recording`] is an MCAP file with JSON messages, so Foxglove, the Python
 //! `mcap` package and Étude itself read it.
 
+mod aims;
 mod correction;
 mod ended;
 mod error;
@@ -30,6 +31,7 @@ pub mod stats;
 mod timing;
 mod writer;
 
+pub use aims::{Aims, Heard};
 pub use correction::{Correction, Delays, Tracking};
 pub use error::PerformError;
 pub use evaluate::{NoteCounts, SCORES, SongEvaluator};

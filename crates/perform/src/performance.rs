@@ -127,6 +127,23 @@ impl Performance {
         notes_from_key_events(&self.events, self.secs())
     }
 
+    /// The notes that the player should play, at times of the control steps: those that are due, less what the fingering leaves out.
+    pub fn planned_notes(&self) -> Vec<Note> {
+        let planned = match self.piece.fingering() {
+            Some(_) => self.piece.planned(),
+            None => self.piece.frames().to_vec(),
+        };
+        let mut before = KeySet::EMPTY;
+        let mut events = Vec::new();
+        for (step, now) in planned.into_iter().enumerate() {
+            let secs = step as f64 / CONTROL_HZ;
+            events.extend(before.difference(now).iter().map(|key| KeyEvent { secs, key, velocity: 0 }));
+            events.extend(now.difference(before).iter().map(|key| KeyEvent { secs, key, velocity: 1 }));
+            before = now;
+        }
+        notes_from_key_events(&events, self.secs())
+    }
+
     /// Keys that should be heard in each control step: see [`Piece::heard_frames`].
     pub fn due(&self) -> Vec<KeySet> {
         self.piece.heard_frames(self.robot.is_some())

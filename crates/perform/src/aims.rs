@@ -1,0 +1,305 @@
+//! Where a robot's fingers aim at their keys, learned from the keys themselves. Where the keyboard stands otherwise than in the simulation,
+//! a finger that follows its path exactly strikes late and lets go early, strikes the key beside it, or stands on a fence.
+//! [`Correction`] brings the joints to their path, and this moves the path.
+
+use etude_music::{LOWEST_PITCH, Note};
+use etude_robot::rig::SETPOINT_HZ;
+use etude_stage::geometry::{WHITE_PITCH, key_lateral};
+use etude_stage::hand::FINGER_JOINTS;
+use etude_stage::kinematics::fingertip;
+use etude_stage::{FINGERS, JOINTS, RAIL, Side};
+use serde::{Deserialize, Serialize};
+
+use crate::correction::{Correction, Tracking};
+
+/// Where the finger of each planned note aims, in the order of the notes.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(transparent)]
+pub struct Aims(Vec<Aim>);
+
+/// Where a finger aims for a note, relative to its path in the simulation, m.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+struct Aim {
+    /// To the side of the higher keys; negative is to that of the lower keys.
+    aside: f64,
+    /// Downward; negative is upward.
+    deeper: f64,
+}
+
+/// The notes of a run in joint mirroring.
+#[derive(Clone, Copy, Debug)]
+pub struct Heard<'a> {
+    /// The notes that were planned, at times of the control steps.
+    pub planned: &'a [Note],
+    /// Those that the robot played.
+    pub played: &'a [Note],
+    /// How much later the robot should play them, s.
+    pub late_secs: f64,
+}
+
+/// How much deeper a finger aims for each second by which its note was shorter than planned, m/s: a quarter of the speed of a
+/// stroke, since a finger that is not deep enough begins the note late and ends it early.
+const DEEPER_PER_SECOND: f64 = 0.05;
+/// The most by which a finger aims deeper or less deep after a run, and the amount for a note that was not played, m.
+const DEEPER: f64 = 0.002;
+/// The most by which it aims further aside after a run, and the amount after a stroke of a key beside its own, m.
+const ASIDE: f64 = 0.001;
+/// The largest aim, aside and deeper, m.
+const MOST: [f64; 2] = [0.004, 0.005];
+/// A stroke this long before or after its time is not a stroke of the note, s.
+const SAME_NOTE_SECS: f64 = 0.15;
+/// Time in which a finger moves to its aim before a note, and returns after it, s.
+const RAMP_SECS: f64 = 0.1;
+/// The least that a tip may go for each radian by which its finger turns, m: a finger that hangs straight down turns no further.
+const LEAST_SLOPE: f64 = 0.02;
+/// Angle by which a joint is turned to find how far that moves the fingertip, rad.
+const TURN: f64 = 1e-4;
+
+impl Aims {
+    /// The aims for the next run, after one that was `heard` with these.
+    #[must_use]
+    pub fn after(&self, heard: &Heard<'_>) -> Self {
+        let next = heard.planned.iter().enumerate().map(|(index, note)| {
+            let before = self.0.get(index).copied().unwrap_or_default();
+            let stroke = heard.stroke_of(note);
+            let shorter_secs = note.duration_secs() - stroke.map_or(0.0, Note::duration_secs);
+            let deeper = if stroke.is_some() { DEEPER_PER_SECOND * shorter_secs } else { DEEPER };
+            let wrong = heard.neighbour(note);
+            let aside =
+                wrong.map_or(0.0, |wrong| ASIDE * (f64::from(note.pitch) - f64::from(wrong.pitch)).signum());
+            Aim {
+                aside: (before.aside + aside).clamp(-MOST[0], MOST[0]),
+                deeper: (before.deeper + deeper.clamp(-DEEPER, DEEPER)).clamp(-MOST[1], MOST[1]),
+            }
+        });
+        Self(next.collect())
+    }
+
+    /// What the aims add to the set-points `asked` of the planned notes (at the end of each physics step: rad, the rail in m). For a note
+    /// over whose key there is no finger, nothing.
+    pub fn offsets(&self, asked: &[[f64; JOINTS]], planned: &[Note], side: Side) -> Correction {
+        // For each physics step and finger: the sum of the weights, and of the weighted aims.
+        let mut sums = vec![[(0.0, Aim::default()); FINGERS]; asked.len()];
+        for (note, aim) in planned.iter().zip(&self.0) {
+            let Some(finger) = pressing(asked, note, side) else { continue };
+            let [first, last, ramp] = [note.start_secs, note.end_secs, RAMP_SECS].map(tick);
+            let around = first.saturating_sub(ramp)..(last + ramp).min(asked.len());
+            for (tick, sums) in sums.iter_mut().enumerate().take(around.end).skip(around.start) {
+                let outside = first.saturating_sub(tick).max(tick.saturating_sub(last));
+                let weight = 1.0 - outside as f64 / ramp as f64;
+                let (weights, sum) = &mut sums[finger];
+                *weights += weight;
+                sum.aside += weight * aim.aside;
+                sum.deeper += weight * aim.deeper;
+            }
+        }
+        let offsets = asked.iter().zip(sums).map(|(pose, sums)| {
+            let mut offsets = [0.0; JOINTS];
+            for (finger, (weights, sum)) in
+                sums.into_iter().enumerate().filter(|(_, (weights, _))| *weights > 0.0)
+            {
+                let weights = f64::max(weights, 1.0);
+                let aim = Aim { aside: sum.aside / weights, deeper: sum.deeper / weights };
+                offsets[finger * FINGER_JOINTS..][..FINGER_JOINTS]
+                    .copy_from_slice(&turned(pose, finger, side, aim));
+            }
+            offsets
+        });
+        Correction::of(offsets.collect())
+    }
+}
+
+impl Tracking {
+    /// The same run, if it was asked for this in addition.
+    #[must_use]
+    pub fn asked_for(mut self, addition: &Correction) -> Self {
+        for (asked, offsets) in self.asked.iter_mut().zip(addition.offsets()) {
+            asked.iter_mut().zip(offsets).for_each(|(asked, offset)| *asked += offset);
+        }
+        self
+    }
+}
+
+impl Heard<'_> {
+    /// How far a stroke of the robot is from the time of a note, s.
+    fn distance(&self, note: &Note, stroke: &Note) -> f64 {
+        (note.start_secs + self.late_secs - stroke.start_secs).abs()
+    }
+
+    /// The stroke that plays this note: of those of its key the nearest, if it is near and no other note is nearer to it.
+    fn stroke_of(&self, note: &Note) -> Option<&Note> {
+        let stroke = self
+            .played
+            .iter()
+            .filter(|stroke| stroke.pitch == note.pitch && self.distance(note, stroke) <= SAME_NOTE_SECS)
+            .min_by(|a, b| self.distance(note, a).total_cmp(&self.distance(note, b)))?;
+        let mut others = self.planned.iter().filter(|other| other.pitch == note.pitch);
+        others.all(|other| self.distance(other, stroke) >= self.distance(note, stroke)).then_some(stroke)
+    }
+
+    /// A stroke of a key beside that of this note, near its time, that plays no planned note.
+    fn neighbour(&self, note: &Note) -> Option<&Note> {
+        self.played.iter().find(|stroke| {
+            (1..=2).contains(&stroke.pitch.abs_diff(note.pitch))
+                && self.distance(note, stroke) <= SAME_NOTE_SECS
+                && !self.planned.iter().any(|other| {
+                    other.pitch == stroke.pitch && self.distance(other, stroke) <= SAME_NOTE_SECS
+                })
+        })
+    }
+}
+
+/// The finger that presses the key of `note` in the middle of it: of those over the key the lowest.
+fn pressing(asked: &[[f64; JOINTS]], note: &Note, side: Side) -> Option<usize> {
+    let pose = asked.get(tick((note.start_secs + note.end_secs) / 2.0))?;
+    let key = usize::from(note.pitch.checked_sub(LOWEST_PITCH)?);
+    (0..FINGERS)
+        .map(|finger| (finger, fingertip(side, finger, &angles(pose, finger), pose[RAIL])))
+        .filter(|(_, tip)| (tip[1] - key_lateral(key)).abs() < WHITE_PITCH / 2.0)
+        .min_by(|(_, a), (_, b)| a[2].total_cmp(&b[2]))
+        .map(|(finger, _)| finger)
+}
+
+/// How far the joints of a finger turn to move its tip to this aim: the first aside, the others down with the least motion.
+fn turned(pose: &[f64; JOINTS], finger: usize, side: Side, aim: Aim) -> [f64; FINGER_JOINTS] {
+    let tip = |angles: &[f64; FINGER_JOINTS]| fingertip(side, finger, angles, pose[RAIL]);
+    let here = angles(pose, finger);
+    // How far the tip goes for each radian by which a joint turns, along `axis`.
+    let slope = |joint: usize, axis: usize| {
+        let mut turned = here;
+        turned[joint] += TURN;
+        (tip(&turned)[axis] - tip(&here)[axis]) / TURN
+    };
+    let lowers: [f64; FINGER_JOINTS] =
+        std::array::from_fn(|joint| if joint == 0 { 0.0 } else { -slope(joint, 2) });
+    let squares: f64 = lowers.iter().map(|lowers| lowers * lowers).sum();
+    let mut turns = lowers.map(|lowers| aim.deeper * lowers / squares.max(LEAST_SLOPE.powi(2)));
+    // A finger that turns toward the palm's +y goes to the lower keys.
+    turns[0] = aim.aside / slope(0, 1).min(-LEAST_SLOPE);
+    turns
+}
+
+fn angles(pose: &[f64; JOINTS], finger: usize) -> [f64; FINGER_JOINTS] {
+    std::array::from_fn(|joint| pose[finger * FINGER_JOINTS + joint])
+}
+
+fn tick(secs: f64) -> usize {
+    (secs * SETPOINT_HZ).round().max(0.0) as usize
+}
+
+#[cfg(test)]
+mod tests {
+    use etude_music::{KeyEvent, notes_from_key_events};
+    use etude_stage::geometry::key_target;
+    use etude_stage::kinematics::reach;
+
+    use super::*;
+
+    const SIDE: Side = Side::Left;
+    const FINGER: usize = 1;
+    const KEY: usize = 24;
+    /// Height over its key from which a finger comes down, and where the key sounds, m.
+    const LIFTED: f64 = 0.012;
+    const SOUNDS: f64 = -0.004;
+
+    fn note(pitch: u8, start_secs: f64, end_secs: f64) -> Note {
+        Note { pitch, velocity: 64, start_secs, end_secs }
+    }
+
+    /// A note that begins when its key goes down halfway, in a path of 1.5 s.
+    fn planned() -> [Note; 1] {
+        [note(LOWEST_PITCH + KEY as u8, 0.5, 1.0)]
+    }
+
+    /// The path of a finger that strikes the key in 80 ms and holds it.
+    fn path() -> Vec<[f64; JOINTS]> {
+        let [x, y, z] = key_target(KEY);
+        let rail = y - fingertip(SIDE, FINGER, &[0.0, 0.5, 0.8, 0.3], 0.0)[1];
+        (0..300)
+            .map(|tick| {
+                let secs = f64::from(tick) / SETPOINT_HZ;
+                let down = ((secs - 0.42) / 0.1).min((1.08 - secs) / 0.1).clamp(0.0, 1.0);
+                let mut pose = [0.1; JOINTS];
+                let target = [x, y, z + LIFTED - 0.02 * down];
+                let angles = reach(SIDE, FINGER, target, rail).expect("within reach");
+                pose[FINGER * FINGER_JOINTS..][..FINGER_JOINTS].copy_from_slice(&angles);
+                pose[RAIL] = rail;
+                pose
+            })
+            .collect()
+    }
+
+    fn tips(asked: &[[f64; JOINTS]], added: &Correction) -> Vec<[f64; 3]> {
+        let sent = Tracking { asked: asked.to_vec(), measured: Vec::new() }.asked_for(added).asked;
+        sent.iter().map(|pose| fingertip(SIDE, FINGER, &angles(pose, FINGER), pose[RAIL])).collect()
+    }
+
+    /// What a robot plays that follows its set-points exactly, on a keyboard that is `lower`, m.
+    fn play(asked: &[[f64; JOINTS]], added: &Correction, lower: f64) -> Vec<Note> {
+        let mut sounds = false;
+        let mut events = Vec::new();
+        for (tick, tip) in tips(asked, added).iter().enumerate() {
+            let now = tip[2] < key_target(KEY)[2] + SOUNDS - lower;
+            if now != sounds {
+                let velocity = if now { 64 } else { 0 };
+                events.push(KeyEvent { secs: tick as f64 / SETPOINT_HZ, key: KEY, velocity });
+            }
+            sounds = now;
+        }
+        notes_from_key_events(&events, asked.len() as f64 / SETPOINT_HZ)
+    }
+
+    #[test]
+    fn a_keyboard_that_is_lower_or_higher_is_played_as_long_as_planned() {
+        let (asked, planned) = (path(), planned());
+        for (lower, silent) in [(0.003, false), (0.006, true), (-0.003, false)] {
+            let mut aims = Aims::default();
+            let first = play(&asked, &Correction::default(), lower);
+            assert_eq!(first.is_empty(), silent, "{lower}");
+            for _ in 0..15 {
+                let played = play(&asked, &aims.offsets(&asked, &planned, SIDE), lower);
+                aims = aims.after(&Heard { planned: &planned, played: &played, late_secs: 0.0 });
+            }
+            let last = play(&asked, &aims.offsets(&asked, &planned, SIDE), lower);
+            assert_eq!(last.len(), 1);
+            assert!((last[0].duration_secs() - 0.5).abs() < 0.02, "{lower}: {:?} after {aims:?}", last[0]);
+        }
+    }
+
+    #[test]
+    fn a_stroke_beside_the_key_moves_the_finger_to_the_other_side_and_no_joint_of_another() {
+        let (asked, planned) = (path(), planned());
+        let before = tips(&asked, &Correction::default());
+        for (wrong, toward) in [(1, -1.0), (2, -1.0), (-1, 1.0), (-2, 1.0)] {
+            let pitch = planned[0].pitch.checked_add_signed(wrong).unwrap();
+            // The right key sounds as planned, too: nothing but the side is to be learned.
+            let played = [note(pitch, 0.57, 0.6), note(planned[0].pitch, 0.6, 1.1)];
+            let heard = Heard { planned: &planned, played: &played, late_secs: 0.1 };
+            let offsets = Aims::default().after(&heard).offsets(&asked, &planned, SIDE);
+            let moved = tips(&asked, &offsets)[150][1] - before[150][1];
+            assert!((moved - toward * ASIDE).abs() < 0.2 * ASIDE, "{wrong}: {moved}");
+            let others = |joint: &usize| joint / FINGER_JOINTS != FINGER;
+            for offsets in offsets.offsets() {
+                assert!((0..JOINTS).filter(others).all(|joint| offsets[joint] == 0.0));
+            }
+            assert_eq!(offsets.offsets()[60], [0.0; JOINTS], "long before the note");
+        }
+        // A stroke that is another planned note, and one at another time, are not wrong.
+        let two = [planned[0], note(planned[0].pitch + 2, 0.5, 1.0)];
+        for played in [two, [planned[0], note(planned[0].pitch + 1, 0.9, 1.0)]] {
+            let aims = Aims::default().after(&Heard { planned: &two, played: &played, late_secs: 0.0 });
+            assert!(aims.0.iter().all(|aim| aim.aside == 0.0), "{aims:?}");
+        }
+    }
+
+    #[test]
+    fn aims_are_bounded() {
+        let planned = planned();
+        let mut aims = Aims::default();
+        for _ in 0..50 {
+            let played = [note(planned[0].pitch + 1, 0.5, 0.6)];
+            aims = aims.after(&Heard { planned: &planned, played: &played, late_secs: 0.0 });
+        }
+        assert_eq!(aims.0, [Aim { aside: -MOST[0], deeper: MOST[1] }]);
+    }
+}
