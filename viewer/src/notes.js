@@ -38,7 +38,7 @@ export function noteTable(shown, seek) {
     element('h2', { text: 'Mistakes' }),
     ...shown.map(({ take, letter }) => mistakeList(take, letter, seek)),
     element('h2', { text: 'Note by note' }),
-    element('p', { class: 'note', text: 'Onset and length: played minus due, in ms; late and long are positive. A note more than 50 ms early or late counts as missed, and its stroke as wrong. Velocity: MIDI; a stroke more than 40 above or below the written velocity is too loud or too soft.' }),
+    element('p', { class: 'note', text: 'Onset and length: played minus due, in ms; late and long are positive. In the scores a note more than 50 ms early or late counts as missed, and its stroke as wrong. Velocity: MIDI; a stroke more than 40 above or below the written velocity is too loud or too soft.' }),
     element(
       'div', { class: 'scroll', tabindex: '0', role: 'region', 'aria-label': 'Notes' },
       element(

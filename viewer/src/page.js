@@ -1,6 +1,7 @@
 /** The page: its parts, their layout, and the work of each frame. */
 
 import { Cameras } from './cameras.js';
+import { SAYS } from './classify.js';
 import { Player, Timebase, barAround } from './clock.js';
 import { Controls } from './controls.js';
 import { element } from './dom.js';
@@ -83,13 +84,14 @@ export class Page {
     this.player.duration = Math.max(...shown.map(({ take }) => take.duration));
     shown.forEach(({ take }, index) => this.panes[index].show(take, this.#caption(take, index)));
     const fences = shown.some(({ take }) => take.scene.geoms.some((geom) => geom.name?.startsWith('fence')));
-    this.keyColours.replaceChildren(legend({ due: 'due', hit: 'right', wrong: 'wrong', missed: 'missed', ...(fences && { fence: 'fence between keys' }) }));
+    const { played: _, ...judged } = SAYS;
+    this.keyColours.replaceChildren(legend({ due: 'due', ...judged, ...(fences && { fence: 'fence between keys' }) }));
     this.#listen();
     const firstTwo = shown.length > 1 && [...this.chosen].sort().join() === '0,1';
     this.timeline.show(shown, firstTwo ? this.partings : []);
     this.rollViews = shown.map(({ take }) => new Roll(take, seek));
     this.rolls.replaceChildren(
-      element('h2', { text: 'Piano roll' }, legend({ hit: 'right', missed: 'missed', wrong: 'wrong' })),
+      element('h2', { text: 'Piano roll' }, legend(judged)),
       ...this.rollViews.flatMap((roll, index) => [
         shown.length > 1 ? element('p', { class: `whose take-${'ab'[index]}`, text: `${shown[index].letter} · ${shown[index].take.caption()}` }) : null,
         roll.root,
@@ -114,7 +116,7 @@ export class Page {
     const says = (value) => (Number.isFinite(value) ? value.toFixed(3) : '–');
     if (final) {
       const more = `precision ${says(final.precision)}, recall ${says(final.recall)}, pooled F1 ${says(final.pooled_f1)}`;
-      parts.push(element('span', { class: 'score', title: more }, 'F1 ', element('b', { text: says(final.f1) })));
+      parts.push(element('span', { class: 'score', title: more }, 'F1 by control step ', element('b', { text: says(final.f1) })));
     }
     return parts;
   }

@@ -59,7 +59,7 @@ export class Pane {
   /** Moves the caption's number to a place. */
   mark(secs) {
     const f1 = this.take.running.f1?.[this.take.stepBefore(secs)];
-    setText(this.live, Number.isFinite(f1) ? `F1 so far ${f1.toFixed(3)}` : '');
+    setText(this.live, Number.isFinite(f1) ? `so far ${f1.toFixed(3)}` : '');
   }
 }
 

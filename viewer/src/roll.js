@@ -1,9 +1,9 @@
 /** The piano roll: due and played notes of the whole song; it scrolls if the song is too long. */
 
 import { drawingOn, hatching, moveCursor } from './canvas.js';
-import { stripes } from './classify.js';
+import { SAYS } from './classify.js';
 import { clockText, element, isBlack, pitchName } from './dom.js';
-import { HIT, MISSED, WRONG, theme } from './theme.js';
+import { MISSED, OFF, RIGHT, WRONG, theme } from './theme.js';
 
 /** Least width of a second, in pixels; wider if the whole song fits. */
 const LEAST_PIXELS_PER_SEC = 30;
@@ -13,14 +13,11 @@ const ROW = { least: 5, most: 12 };
 /** At least an octave is shown. */
 const LEAST_ROWS = 13;
 
-const SAYS = { hit: 'right', missed: 'missed', wrong: 'wrong: not due' };
-
 export class Roll {
   /** @param {(secs: number) => void} seek */
   constructor(take, seek) {
     this.take = take;
-    this.stripes = stripes(take.due, take.pressed, take.unstruck);
-    this.rows = rowsOf(this.stripes);
+    this.rows = rowsOf([...take.dueNotes, ...take.notes].map((note) => note.pitch));
     this.rowHeight = Math.min(ROW.most, Math.max(ROW.least, HEIGHT / (this.rows.high - this.rows.low + 1)));
     this.height = Math.round(this.rowHeight * (this.rows.high - this.rows.low + 1));
     this.canvas = element('canvas', {});
@@ -61,10 +58,12 @@ export class Roll {
     this.visible = { from: this.root.scrollLeft / this.scale, to: (this.root.scrollLeft + this.width) / this.scale };
     this.#keyboard(pen, colours);
     this.#lines(pen, this.take.bars, colours.line);
+    const shown = (notes) => notes.filter((note) => this.#shows(note.start, note.end));
+    for (const note of shown(this.take.notes)) this.#stroke(pen, note, colours);
     const hatch = hatching(pen, MISSED);
-    for (const stripe of this.stripes) this.#stripe(pen, stripe, hatch);
+    for (const note of shown(this.take.dueNotes)) this.#due(pen, note, hatch);
     pen.fillStyle = colours.paper;
-    for (const note of this.take.notes) {
+    for (const note of shown(this.take.notes)) {
       pen.fillRect(note.start * this.scale, this.#top(note.pitch) + 1, 1.5, this.rowHeight - 2);
     }
     this.#names(pen, colours);
@@ -87,25 +86,37 @@ export class Roll {
     }
   }
 
-  #stripe(pen, { pitch, from, to, kind }, hatch) {
-    const { hz } = this.take;
-    if (!this.#shows(from / hz, to / hz)) return;
-    const [x, y] = [(from / hz) * this.scale, this.#top(pitch)];
-    const [width, height] = [((to - from) / hz) * this.scale, this.rowHeight];
-    if (kind === 'hit') {
-      pen.fillStyle = HIT;
-      pen.fillRect(x, y + 0.5, width, height - 1);
-    } else if (kind === 'wrong') {
-      // Thinner than due notes, so that they differ in shape and not only in colour.
+  /** The place of a note: left, top, width and height. */
+  #place({ pitch, start, end }) {
+    return [start * this.scale, this.#top(pitch), (end - start) * this.scale, this.rowHeight];
+  }
+
+  /** A key that sounded, from its stroke to its release. The kinds differ in shape and not only in colour. */
+  #stroke(pen, note, colours) {
+    const [x, y, width, height] = this.#place(note);
+    if (note.kind === 'wrong') {
       pen.fillStyle = WRONG;
       pen.fillRect(x, y + height * 0.28, width, height * 0.44);
+    } else if (note.kind === 'off') {
+      pen.strokeStyle = OFF;
+      pen.lineWidth = 2;
+      pen.strokeRect(x + 1, y + 1.5, Math.max(width - 2, 0.5), height - 3);
     } else {
+      pen.fillStyle = note.kind === 'right' ? RIGHT : colours.quiet;
+      pen.fillRect(x, y + 0.5, width, height - 1);
+    }
+  }
+
+  /** From when until when a note was due: a frame, hatched if it was missed. */
+  #due(pen, note, hatch) {
+    const [x, y, width, height] = this.#place(note);
+    if (note.kind === 'missed') {
       pen.fillStyle = hatch;
       pen.fillRect(x, y + 0.5, width, height - 1);
-      pen.strokeStyle = MISSED;
-      pen.lineWidth = 1;
-      if (width > 1) pen.strokeRect(x + 0.5, y + 1, width - 1, height - 2);
     }
+    pen.strokeStyle = { right: RIGHT, off: OFF, missed: MISSED }[note.kind];
+    pen.lineWidth = 1;
+    if (width > 1) pen.strokeRect(x + 0.5, y + 1, width - 1, height - 2);
   }
 
   #names(pen, colours) {
@@ -132,26 +143,26 @@ export class Roll {
 
   /** Shows the note under the pointer as a tooltip. */
   #hint(event) {
-    const step = Math.floor(this.#secsAt(event) * this.take.hz);
-    const row = Math.floor((event.clientY - this.root.getBoundingClientRect().top) / this.rowHeight);
-    const pitch = this.rows.high - row;
-    const found = this.stripes.find((s) => s.pitch === pitch && s.from <= step && step < s.to);
-    const secs = (steps) => clockText(steps / this.take.hz);
-    const says = found ? `${pitchName(pitch)} ${SAYS[found.kind]}, ${secs(found.from)} to ${secs(found.to)}` : '';
+    const secs = this.#secsAt(event);
+    const pitch = this.rows.high - Math.floor((event.clientY - this.root.getBoundingClientRect().top) / this.rowHeight);
+    const [due, stroke] = [this.take.dueAt(pitch, secs), this.take.strokeAt(pitch, secs)];
+    const about = (note, how) => note && `${SAYS[note.kind]}, ${how} from ${clockText(note.start)} to ${clockText(note.end)}`;
+    const found = [about(due, 'due'), about(stroke, 'held')].filter(Boolean);
+    const says = found.length > 0 ? `${pitchName(pitch)}: ${found.join('; ')}` : '';
     if (this.root.title !== says) this.root.title = says;
   }
 
   #summary() {
-    const count = (kind) => this.stripes.filter((stripe) => stripe.kind === kind).length;
-    return `Piano roll: ${count('hit')} stretches right, ${count('missed')} missed, ${count('wrong')} wrong`;
+    const { notes, dueNotes, isJudged } = this.take;
+    if (!isJudged) return `Piano roll. Strokes: ${notes.length}.`;
+    const count = (all, kind) => all.filter((note) => note.kind === kind).length;
+    const due = ['right', 'off', 'missed'].map((kind) => `${count(dueNotes, kind)} ${SAYS[kind]}`);
+    return `Piano roll. Notes: ${due.join(', ')}. Wrong strokes: ${count(notes, 'wrong')}.`;
   }
 }
 
-function rowsOf(stripes) {
-  const pitches = stripes.map((stripe) => stripe.pitch);
-  let low = Math.min(60, ...pitches) - (pitches.length ? 1 : 0);
-  let high = Math.max(...(pitches.length ? pitches : [72])) + 1;
-  if (pitches.length) low = Math.min(...pitches) - 1;
+function rowsOf(pitches) {
+  let [low, high] = pitches.length > 0 ? [Math.min(...pitches) - 1, Math.max(...pitches) + 1] : [60, 73];
   while (high - low + 1 < LEAST_ROWS) {
     high += 1;
     if (high - low + 1 < LEAST_ROWS) low -= 1;

@@ -194,16 +194,17 @@ test('each due note is listed with how it was played, and a click goes there', a
 
 test('a note that was not struck is missed in the roll and on the keyboard, also if its key was held', async () => {
   await withPage(await browser.write({ version: 1, takes: [heldThrough()], partings: [] }), {}, async (page) => {
-    assert.equal(await page.locator('.roll').getAttribute('aria-label'), 'Piano roll: 1 stretches right, 1 missed, 0 wrong');
+    assert.equal(await page.locator('.roll').getAttribute('aria-label'), 'Piano roll. Notes: 1 right, 0 too early or too late, 1 missed. Wrong strokes: 0.');
     const shown = (secs) => page.evaluate((at) => {
       window.etude.seek(at);
       return window.etude.keysShown(0);
     }, secs);
     assert.deepEqual(await shown(0.5), {});
-    assert.deepEqual(await shown(1.5), { 60: 'hit' });
+    assert.deepEqual(await shown(1.5), { 60: 'right' });
     assert.deepEqual(await shown(2.5), { 60: 'missed' });
-    const legend = ['due', 'right', 'wrong', 'missed', 'fence between keys'];
-    assert.deepEqual(await page.locator('.key-colours .item').allTextContents(), legend);
+    const kinds = ['right', 'too early or too late', 'missed', 'wrong stroke'];
+    assert.deepEqual(await page.locator('.rolls .item').allTextContents(), kinds);
+    assert.deepEqual(await page.locator('.key-colours .item').allTextContents(), ['due', ...kinds, 'fence between keys']);
   });
 });
 
@@ -220,8 +221,15 @@ test('the mistakes are listed by kind, each once, and a click goes there', async
       'missed: 10:05.0 G4', 'too early: 10:03.0 E4, 70 ms', 'too late: 10:02.0 D4, 80 ms', 'wrong stroke: 10:04.5 A♯4, 250 ms',
       'too loud: 10:03.0 E4, 101, not 60', 'too soft: 10:04.0 F4, 19, not 60',
     ]);
+    const roll = await page.locator('.roll').first().getAttribute('aria-label');
+    assert.equal(roll, 'Piano roll. Notes: 2 right, 2 too early or too late, 1 missed. Wrong strokes: 1.');
     await list.getByRole('button', { name: 'A♯4' }).click();
     assert.equal(await page.evaluate(() => window.etude.time()), 4.5);
+    const shown = (secs) => page.evaluate((at) => {
+      window.etude.seek(at);
+      return window.etude.keysShown(0);
+    }, secs);
+    assert.deepEqual([await shown(2.1), await shown(2.95), await shown(4.6), await shown(5.1)], [{ 62: 'off' }, { 64: 'off' }, { 65: 'due', 70: 'wrong' }, { 67: 'missed' }]);
     assert.equal(await page.getByRole('group', { name: 'Mistakes of take B' }).locator('p').textContent(), 'No mistakes.');
   });
   // A song that is written equally loud throughout: none is too loud or too soft.
@@ -323,7 +331,7 @@ test('hostile names stay text', async () => {
 const BROKEN = {
   'no step': { take: sampleTake({ steps: 0 }), says: 'no control step' },
   'one step': { take: sampleTake({ steps: 1 }), says: 'Nothing was due' },
-  'nothing due': { take: { ...sampleTake({ steps: 100 }), due: Array.from({ length: 100 }, () => []) }, says: 'Nothing was due' },
+  'nothing due': { take: { ...sampleTake({ steps: 100 }), due: Array.from({ length: 100 }, () => []), due_notes: [], heard: [] }, says: 'Nothing was due' },
   'half a recording': { take: { ...sampleTake({ steps: 100 }), incomplete: 'The file ends in the middle of a record.' }, says: 'ends in the middle' },
   'an empty object': { take: {}, says: 'no control step' },
   'keys and no hand': { take: { ...sampleTake({ steps: 100 }), positions: [], start: null, rewards: [], final: null, bar_secs: [] }, says: 'hand stands still' },
