@@ -7,9 +7,12 @@ import { MISSED, OFF, RIGHT, WRONG, theme } from './theme.js';
 
 /** Least width of a second, in pixels; wider if the whole song fits. */
 const LEAST_PIXELS_PER_SEC = 30;
-/** Height of the roll, spread over the pitches in use within these limits, in pixels. */
+/** Height of the roll, spread over the pitches in use within these limits, in pixels. A name fits into the lowest row. */
 const HEIGHT = 168;
-const ROW = { least: 5, most: 12 };
+const ROW = { least: 8, most: 12 };
+/** Width of the margin with the names, and the least distance of two numbers of bars. */
+const MARGIN = 28;
+const BARS_APART = 22;
 /** At least an octave is shown. */
 const LEAST_ROWS = 13;
 
@@ -17,7 +20,8 @@ export class Roll {
   /** @param {(secs: number) => void} seek */
   constructor(take, seek) {
     this.take = take;
-    this.rows = rowsOf([...take.dueNotes, ...take.notes].map((note) => note.pitch));
+    this.pitches = [...new Set([...take.dueNotes, ...take.notes].map((note) => note.pitch))];
+    this.rows = rowsOf(this.pitches);
     this.rowHeight = Math.min(ROW.most, Math.max(ROW.least, HEIGHT / (this.rows.high - this.rows.low + 1)));
     this.height = Math.round(this.rowHeight * (this.rows.high - this.rows.low + 1));
     this.canvas = element('canvas', {});
@@ -57,7 +61,7 @@ export class Roll {
     pen.translate(-this.root.scrollLeft, 0);
     this.visible = { from: this.root.scrollLeft / this.scale, to: (this.root.scrollLeft + this.width) / this.scale };
     this.#keyboard(pen, colours);
-    this.#lines(pen, this.take.bars, colours.line);
+    this.#bars(pen, colours);
     const shown = (notes) => notes.filter((note) => this.#shows(note.start, note.end));
     for (const note of shown(this.take.notes)) this.#stroke(pen, note, colours);
     const hatch = hatching(pen, MISSED);
@@ -79,11 +83,20 @@ export class Roll {
     }
   }
 
-  #lines(pen, times, colour) {
-    pen.fillStyle = colour;
-    for (const secs of times) {
-      if (this.#shows(secs, secs)) pen.fillRect(Math.round(secs * this.scale), 0, 1, this.height);
-    }
+  /** Bar lines with the numbers of the bars, in the free row above the notes. */
+  #bars(pen, colours) {
+    setFont(pen);
+    let free = -Infinity;
+    this.take.bars.forEach((secs, index) => {
+      if (!this.#shows(secs, secs)) return;
+      const x = Math.round(secs * this.scale);
+      pen.fillStyle = colours.line;
+      pen.fillRect(x, 0, 1, this.height);
+      if (x < free) return;
+      pen.fillStyle = colours.quiet;
+      pen.fillText(String(index + 1), x + 4, this.rowHeight / 2 + 0.5);
+      free = x + BARS_APART;
+    });
   }
 
   /** The place of a note: left, top, width and height. */
@@ -98,6 +111,10 @@ export class Roll {
       pen.fillStyle = WRONG;
       pen.fillRect(x, y + height * 0.28, width, height * 0.44);
     } else if (note.kind === 'off') {
+      pen.globalAlpha = 0.35;
+      pen.fillStyle = OFF;
+      pen.fillRect(x, y + 1, width, height - 2);
+      pen.globalAlpha = 1;
       pen.strokeStyle = OFF;
       pen.lineWidth = 2;
       pen.strokeRect(x + 1, y + 1.5, Math.max(width - 2, 0.5), height - 3);
@@ -119,14 +136,16 @@ export class Roll {
     if (width > 1) pen.strokeRect(x + 0.5, y + 1, width - 1, height - 2);
   }
 
+  /** The names of the keys that occur, in a margin at the left edge of what is seen. */
   #names(pen, colours) {
-    pen.font = '10px system-ui, sans-serif';
-    pen.textBaseline = 'middle';
+    const left = this.visible.from * this.scale;
+    pen.globalAlpha = 0.85;
+    pen.fillStyle = colours.paper;
+    pen.fillRect(left, 0, MARGIN, this.height);
+    pen.globalAlpha = 1;
+    setFont(pen);
     pen.fillStyle = colours.ink;
-    const left = this.visible.from * this.scale + 4;
-    for (let pitch = this.rows.low; pitch <= this.rows.high; pitch += 1) {
-      if (pitch % 12 === 0) pen.fillText(pitchName(pitch), left, this.#top(pitch) + this.rowHeight / 2 + 0.5);
-    }
+    for (const pitch of this.pitches) pen.fillText(pitchName(pitch), left + 4, this.#top(pitch) + this.rowHeight / 2 + 0.5);
   }
 
   #top(pitch) {
@@ -159,6 +178,11 @@ export class Roll {
     const due = ['right', 'off', 'missed'].map((kind) => `${count(dueNotes, kind)} ${SAYS[kind]}`);
     return `Piano roll. Notes: ${due.join(', ')}. Wrong strokes: ${count(notes, 'wrong')}.`;
   }
+}
+
+function setFont(pen) {
+  pen.font = '10px system-ui, sans-serif';
+  pen.textBaseline = 'middle';
 }
 
 function rowsOf(pitches) {

@@ -240,6 +240,24 @@ test('the mistakes are listed by kind, each once, and a click goes there', async
   });
 });
 
+test('the roll names the keys that occur, and numbers the bars', async () => {
+  await withPage(await browser.write({ version: 1, takes: [heldThrough()], partings: [] }), {}, async (page) => {
+    const written = await page.evaluate(() => {
+      const found = [];
+      const { prototype } = CanvasRenderingContext2D;
+      const { fillText } = prototype;
+      prototype.fillText = function note(text, ...place) {
+        found.push(text);
+        fillText.call(this, text, ...place);
+      };
+      document.querySelector('.roll').dispatchEvent(new Event('scroll'));
+      prototype.fillText = fillText;
+      return found;
+    });
+    assert.deepEqual(written, ['1', '2', 'C4']);
+  });
+});
+
 test('a reward term that is constant in all takes is named and not drawn', async () => {
   const [one, other] = [7, 29].map((seed) => sampleTake({ seed, steps: 200 }));
   const varied = (name) => ({ name, values: one.rewards[0].values });
