@@ -3,7 +3,7 @@
 import { Cameras } from './cameras.js';
 import { SAYS } from './classify.js';
 import { Player, Timebase, barAround } from './clock.js';
-import { Controls } from './controls.js';
+import { Controls, icon } from './controls.js';
 import { element } from './dom.js';
 import { noteTable, summary } from './notes.js';
 import { Pane } from './pane.js';
@@ -48,6 +48,7 @@ export class Page {
     this.written = false;
     this.timeline = new Timeline(this.player);
     this.controls = new Controls(this.#actions(), this.player, count > 1 ? this.letters : []);
+    this.begin = element('button', { type: 'button', class: 'begin', on: { click: () => this.play() } }, icon('play'), 'Play with sound');
     this.keyColours = element('p', { class: 'key-colours' });
     this.rolls = element('section', { class: 'rolls' });
     this.notes = null;
@@ -56,7 +57,7 @@ export class Page {
     root.append(
       element('header', {}, element('h1', { text: takes[0].song || takes[0].name || 'Replay' }), element('span', { class: 'brand', text: 'Étude replay' })),
       element('main', {},
-        element('div', { class: count > 1 ? 'panes two' : 'panes' }, ...this.panes.map((pane) => pane.root)),
+        element('div', { class: count > 1 ? 'panes two' : 'panes' }, ...this.panes.map((pane) => pane.root), this.begin),
         this.keyColours,
         element('div', { class: 'desk' }, this.controls.root, this.timeline.root),
         this.timeline.details,
@@ -64,6 +65,7 @@ export class Page {
     );
     this.main = root.querySelector('main');
     this.#fill();
+    this.player.seek(this.#firstNote());
     this.player.changed = () => this.#moved();
     new ResizeObserver(() => this.#layOut()).observe(root);
     onThemeChange(() => {
@@ -103,6 +105,12 @@ export class Page {
     this.plots = new Plots(shown, seek);
     this.main.append(...[this.notes, this.plots.root].filter((part) => part !== null));
     this.#layOut();
+  }
+
+  /** When the first note is due in every pane, so that the page opens with its key lit; without due notes the first stroke. */
+  #firstNote() {
+    const starts = this.panes.map(({ take }) => (take.dueNotes[0] ?? take.notes[0])?.start ?? 0);
+    return Math.max(...starts);
   }
 
   #caption(take, index) {
@@ -177,6 +185,7 @@ export class Page {
   }
 
   play() {
+    this.begin.remove();
     this.sound.begin();
     this.quality.begin();
     this.player.play();

@@ -98,6 +98,20 @@ test('opens, plays, scrubs, turns and closes without a complaint', async () => {
   });
 });
 
+test('opens at the first note, whose key is lit, and plays from there at a click', async () => {
+  await withPage(given, {}, async (page) => {
+    const starts = data.takes.slice(0, 2).map((take) => take.due_notes[0].start);
+    const first = Math.max(...starts);
+    assert.equal(await page.evaluate(() => window.etude.time()), first);
+    const lit = await page.evaluate(() => window.etude.keysShown(0));
+    assert.ok(data.takes[0].due_notes[0].pitch in lit, JSON.stringify(lit));
+    await page.getByRole('button', { name: 'Play with sound' }).click();
+    await page.waitForFunction((secs) => window.etude.time() > secs, first);
+    assert.equal(await page.evaluate(() => window.etude.playing()), true);
+    assert.equal(await page.getByRole('button', { name: 'Play with sound' }).count(), 0);
+  });
+});
+
 test('keys drawn down are the keys that were pressed', async () => {
   await withPage(given, {}, async (page) => {
     for (const [pane, take] of data.takes.slice(0, 2).entries()) {
