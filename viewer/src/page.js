@@ -101,7 +101,10 @@ export class Page {
     );
     this.notes?.remove();
     this.plots?.root.remove();
-    this.notes = noteTable(shown, seek);
+    this.notes = noteTable(shown, (secs, index = 0) => {
+      this.seek(secs);
+      this.panes[index].reveal();
+    });
     this.plots = new Plots(shown, seek);
     this.main.append(...[this.notes, this.plots.root].filter((part) => part !== null));
     this.#layOut();

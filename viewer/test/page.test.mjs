@@ -254,6 +254,26 @@ test('the mistakes are listed by kind, each once, and a click goes there', async
   });
 });
 
+test('on a phone a mistake that is tapped brings its scene into view, and a wide table says that it is one', async () => {
+  await withPage(await browser.write(twoTakes()), PHONE, async (page) => {
+    const seen = (pane) => page.evaluate((index) => {
+      const { top, bottom } = document.querySelectorAll('.frame')[index].getBoundingClientRect();
+      return top > -1 && bottom < window.innerHeight + 1;
+    }, pane);
+    for (const [pane, letter] of ['A', 'B'].entries()) {
+      const mistake = page.getByRole('group', { name: `Mistakes of take ${letter}` }).getByRole('button').last();
+      await mistake.scrollIntoViewIfNeeded();
+      assert.equal(await seen(pane), false);
+      await mistake.tap();
+      assert.equal(await seen(pane), true, letter);
+    }
+    await page.getByText('8 columns: scroll the table sideways.').waitFor({ timeout: 5000 });
+  });
+  await withPage(given, {}, async (page) => {
+    assert.equal(await page.locator('.sideways').isVisible(), false);
+  });
+});
+
 test('the roll names the keys that occur, and numbers the bars', async () => {
   await withPage(await browser.write({ version: 1, takes: [heldThrough()], partings: [] }), {}, async (page) => {
     const written = await page.evaluate(() => {

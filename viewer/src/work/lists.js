@@ -50,21 +50,22 @@ export function performancesList(performances, { listen, start, chosen }) {
     });
     return box;
   };
+  // On a phone the first columns are seen without scrolling.
   const rows = performances.map((performance) => [
     mark(performance),
     performance.song,
-    playerText(performance.player),
-    performance.mode === null ? 'simulation' : `twin, ${performance.mode}`,
     notesText(performance),
-    scoreText(performance.f1),
     button('Listen', `listen ${performance.recording}`, () => listen(performance), { 'aria-label': `Listen to ${performance.recording}` }),
     performance.page === null
       ? button('Make the replay', `replay ${performance.recording}`, () => start({ verb: 'replay', recording: performance.recording }))
       : replayLink(performance.page, performance.recording),
+    scoreText(performance.f1),
+    performance.mode === null ? 'simulation' : `twin, ${performance.mode}`,
+    playerText(performance.player),
   ]);
   enable();
   return [
-    table('Performances', ['compare', 'song', 'player', 'where', 'notes', 'F1', 'sound', 'picture'], rows),
+    table('Performances', ['compare', 'song', 'notes', 'sound', 'picture', 'F1', 'where', 'player'], rows),
     element('p', { class: 'row' }, compare),
   ];
 }
