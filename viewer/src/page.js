@@ -55,7 +55,7 @@ export class Page {
     this.plots = null;
     this.chosen = this.panes.map((_, index) => index);
     root.append(
-      element('header', {}, element('h1', { text: takes[0].song || takes[0].name || 'Replay' }), element('span', { class: 'brand', text: 'Étude replay' })),
+      element('header', {}, element('h1', { text: titleOf(takes) }), element('span', { class: 'brand', text: 'Étude replay' })),
       element('main', {},
         element('div', { class: count > 1 ? 'panes two' : 'panes' }, ...this.panes.map((pane) => pane.root), this.begin),
         this.keyColours,
@@ -118,9 +118,10 @@ export class Page {
 
   #caption(take, index) {
     const parts = [];
+    const song = this.takes.some((other) => other.song !== take.song) ? take.song : '';
     if (this.letters[index]) parts.push(element('span', { class: `letter take-${'ab'[index]}`, text: this.letters[index] }));
     if (this.takes.length > MOST_PANES) parts.push(this.#chooser(index));
-    parts.push(element('span', { class: 'what', text: take.caption() || take.name, title: take.name }));
+    parts.push(element('span', { class: 'what', text: [song, take.caption() || take.name].filter(Boolean).join(' · '), title: take.name }));
     const heard = summary(take);
     if (heard) parts.push(element('span', { class: 'score', text: heard }));
     const { final } = take;
@@ -265,6 +266,12 @@ export class Page {
     for (const roll of this.rollViews) roll.moveTo(secs, this.player.playing);
     this.plots.moveTo(secs);
   }
+}
+
+/** The song; with takes of two songs both, with more their number. */
+function titleOf(takes) {
+  const songs = [...new Set(takes.map((take) => take.song || take.name))];
+  return (songs.length > 2 ? `${songs.length} songs` : songs.join(' and ')) || 'Replay';
 }
 
 /** @param {Object<string, string>} kinds what each kind is called */

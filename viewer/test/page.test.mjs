@@ -354,6 +354,14 @@ test('two takes stand side by side, with the places where they part', async () =
   }
 });
 
+test('takes of two songs are named by both', async () => {
+  const takes = ['One', 'Two'].map((song, seed) => ({ ...sampleTake({ seed, steps: 60 }), song }));
+  await withPage(await browser.write({ version: 1, takes, partings: [] }), {}, async (page) => {
+    assert.equal(await page.locator('h1').textContent(), 'One and Two');
+    assert.match(await page.locator('figcaption .what').nth(1).textContent(), /^Two · simulation/);
+  });
+});
+
 test('more than two takes are chosen from', async () => {
   const takes = [1, 2, 3].map((seed) => ({ ...sampleTake({ seed, steps: 60 }), name: `take ${seed}` }));
   await withPage(await browser.write({ version: 1, takes, partings: [] }), {}, async (page) => {

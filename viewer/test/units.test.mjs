@@ -12,6 +12,7 @@ import { barAround } from '../src/clock.js';
 import { SAMPLE_RATE_HZ, pitchHz, tone } from '../src/piano.js';
 import { firstUnfinished, strikeOf } from '../src/schedule.js';
 import { Take } from '../src/take.js';
+import { comparedRows } from '../src/work/lists.js';
 import { LINKS, fingertip, heldThrough, sampleTake, scene } from './sample.mjs';
 
 const near = (actual, expected, within = 1e-9) => assert.ok(Math.abs(actual - expected) <= within, `${actual} is not ${expected}`);
@@ -82,6 +83,18 @@ test('a recording without the notes that were due is not judged', () => {
   assert.match(take.remarks.join(), /its strokes are not judged/);
   const free = new Take({ control_hz: 20, due: [[]], notes: [{ pitch: 60, start: 0, end: 1, velocity: 80 }] });
   assert.equal(free.notes[0].kind, 'wrong');
+});
+
+test('a comparison lists due notes and wrong strokes in order of time', () => {
+  const stroke = (error, right) => ({ onset_error_secs: error, length_error_secs: 0, velocity: 80, right });
+  const notes = [{ due_secs: 1, name: 'C4', played: [stroke(0.01, true), null] }, { due_secs: 2, name: 'D4', played: [stroke(0.09, false), stroke(-0.09, false)] }];
+  const strays = [[{ pitch: 61, start: 1.5, end: 1.6, velocity: 40 }], [{ pitch: 70, start: 0.5, end: 0.75, velocity: 90 }]];
+  assert.deepEqual(comparedRows({ notes, strays }), [
+    ['0.50 s', 'A♯4', '', 'wrong stroke, 250 ms, 90'],
+    ['1.00 s', 'C4', '+10 ms, 0 ms, 80', 'missed'],
+    ['1.50 s', 'C♯4', 'wrong stroke, 100 ms, 40', ''],
+    ['2.00 s', 'D4', '+90 ms, 0 ms, 80, too late', '−90 ms, 0 ms, 80, too early'],
+  ]);
 });
 
 test('notes are struck at their time, whatever the speed', () => {
