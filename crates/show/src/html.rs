@@ -34,8 +34,8 @@ pub(crate) fn document(title: &str, policy: Option<&str>, style: &str, body: &Ma
     markup.into_string()
 }
 
-/// From how many columns on a table is wider than a phone, as in `viewer/src/dom.js`.
-const WIDE: usize = 6;
+/// From how many columns on a table is wider than a phone.
+const WIDE: usize = 5;
 
 /// A table with the heading `caption`; nothing without rows. A wide one scrolls by itself, also by keys.
 pub fn table(caption: &str, columns: &[impl Render], rows: impl IntoIterator<Item = Vec<String>>) -> Markup {
