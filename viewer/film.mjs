@@ -27,7 +27,7 @@ for (let frame = 0; frame < secs * FPS; frame += 1) {
     window.etude.seek(at);
     return new Promise((drawn) => { requestAnimationFrame(() => requestAnimationFrame(drawn)); });
   }, frame / FPS);
-  await page.screenshot({ path: path.join(folder, `${String(frame).padStart(5, '0')}.png`) });
+  await page.screenshot({ fullPage: true, path: path.join(folder, `${String(frame).padStart(5, '0')}.png`) });
 }
 await browser.close();
 
