@@ -17,7 +17,8 @@ await ready(page);
 await page.evaluate(() => document.querySelector('.begin').remove());
 const crop = async (part) => {
   const { x, y, width, height } = await page.locator(part).boundingBox();
-  return `crop=${[width, height, x, y].map(Math.round).join(':')}`;
+  // The video's size must be even.
+  return `crop=${[width, height, x, y].map((value) => 2 * Math.round(value / 2)).join(':')}`;
 };
 // The scene above the piano roll, without the buttons between them.
 const parts = `[0]split[a][b];[a]${await crop('.pane')}[scene];[b]${await crop('.roll')}[roll];[scene][roll]vstack`;
@@ -32,7 +33,7 @@ for (let frame = 0; frame < secs * FPS; frame += 1) {
 await browser.close();
 
 const frames = ['-v', 'error', '-y', '-framerate', String(FPS), '-i', path.join(folder, '%05d.png')];
-execFileSync('ffmpeg', [...frames, '-filter_complex', `${parts},fps=10,scale=640:-1`,
+execFileSync('ffmpeg', [...frames, '-filter_complex', `${parts},fps=10,scale=640:-2`,
   '-c:v', 'libwebp_anim', '-quality', '55', '-loop', '0', `${out}.webp`]);
 execFileSync('ffmpeg', [...frames, '-i', sound, '-filter_complex', `${parts},format=yuv420p[film]`, '-map', '[film]', '-map', '1:a',
   '-c:v', 'libx264', '-crf', '26', '-preset', 'slow', '-c:a', 'aac', '-b:a', '96k', '-movflags', '+faststart', `${out}.mp4`]);
