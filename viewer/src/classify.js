@@ -1,43 +1,33 @@
-/** Due keys compared with played keys, step by step, as F1 counts them; but a note that was not struck is missed also if its key was held. */
+/** What the roll and the keys show: strokes and due notes by the same rule as the list of mistakes, so that a word means one thing on the page. */
 
-/** @typedef {{pitch: number, from: number, to: number, kind: 'hit'|'missed'|'wrong'}} Stripe steps `from` up to `to` */
+/** What each kind is called. */
+export const SAYS = { right: 'right', off: 'too early or too late', missed: 'missed', wrong: 'wrong stroke', played: 'played' };
 
-/**
- * Runs of steps in which a pitch was hit, missed or wrong.
- * @param {number[][]} due pitches due in each step
- * @param {number[][]} pressed pitches sounding at the end of each step
- * @param {number[][]} unstruck those of the due pitches whose note was not struck
- * @returns {Stripe[]} sorted by their first step, then pitch
- */
-export function stripes(due, pressed, unstruck = []) {
-  const steps = Math.max(due.length, pressed.length);
-  /** @type {Map<number, Stripe>} the stripes that include the previous step, by pitch */
-  let open = new Map();
-  const all = [];
-  for (let step = 0; step < steps; step += 1) {
-    const still = new Map();
-    for (const [pitch, kind] of kinds(due[step] ?? [], pressed[step] ?? [], unstruck[step])) {
-      let stripe = open.get(pitch);
-      if (stripe?.kind === kind) {
-        stripe.to = step + 1;
-      } else {
-        stripe = { pitch, from: step, to: step + 1, kind };
-        all.push(stripe);
-      }
-      still.set(pitch, stripe);
-    }
-    open = still;
-  }
-  return all.sort((a, b) => a.from - b.from || a.pitch - b.pitch);
+/** The kind of a due note by the stroke that played it. */
+export function noteKind(heard) {
+  if (!heard) return 'missed';
+  return heard.right ? 'right' : 'off';
 }
 
 /**
- * The kind of every pitch that is due or pressed in one step.
- * @returns {Map<number, Stripe['kind']>}
+ * The kind of each stroke: that of the note which it plays, or `wrong` if it plays none.
+ * @param {number} count of strokes
+ * @param {({note: number, right: boolean} | null)[]} heard by which stroke each due note was played
  */
-export function kinds(due, pressed, unstruck = []) {
-  const kinds = new Map();
-  for (const pitch of due) kinds.set(pitch, pressed.includes(pitch) && !unstruck.includes(pitch) ? 'hit' : 'missed');
-  for (const pitch of pressed) if (!due.includes(pitch)) kinds.set(pitch, 'wrong');
+export function strokeKinds(count, heard) {
+  const kinds = new Array(count).fill('wrong');
+  for (const one of heard) if (one && one.note in kinds) kinds[one.note] = noteKind(one);
   return kinds;
+}
+
+/**
+ * What a key shows.
+ * @param {{start: number, kind: string} | undefined} due the note of the key that is due now
+ * @param {{start: number, kind: string} | undefined} stroke the stroke that sounds now
+ * @returns {string | null} `due` while the stroke of a due note is still to come or is over
+ */
+export function keyKind(due, stroke) {
+  // A key that is held from the note before does not play the next one.
+  if (due?.kind === 'missed' && !(stroke?.start > due.start)) return 'missed';
+  return stroke?.kind ?? (due ? 'due' : null);
 }

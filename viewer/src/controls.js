@@ -24,7 +24,7 @@ const SHORTCUTS = [
 ];
 
 /** An icon; `currentColor` lets the style sheet colour it. */
-function icon(name) {
+export function icon(name) {
   const svg = document.createElementNS('http://www.w3.org/2000/svg', 'svg');
   svg.setAttribute('viewBox', '0 0 24 24');
   svg.setAttribute('aria-hidden', 'true');
@@ -95,8 +95,9 @@ export class Controls {
   /** Shows the current state. */
   update({ muted, camera, heard, written, writable }) {
     const { playing, speed, loop } = this.player;
-    this.play.replaceChildren(icon(playing ? 'pause' : 'play'));
-    this.play.setAttribute('aria-label', playing ? 'Pause' : 'Play');
+    const does = playing ? 'Pause' : 'Play';
+    this.play.replaceChildren(icon(does.toLowerCase()), does);
+    this.play.setAttribute('aria-label', does);
     press(this.half, speed !== 1);
     press(this.loop, loop !== null);
     press(this.mute, muted);

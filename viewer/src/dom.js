@@ -18,6 +18,14 @@ export function element(tag, attributes = {}, ...children) {
   return made;
 }
 
+/** From how many columns on a table is wider than a phone. */
+const WIDE = 6;
+
+/** A line for a phone that a table of so many columns goes on beyond its edge; null for a narrow one. */
+export function sidewaysHint(columns) {
+  return columns < WIDE ? null : element('p', { class: 'sideways', text: `${columns} columns: scroll the table sideways.` });
+}
+
 /** Sets the text only if it differs, because every change costs a layout. */
 export function setText(target, text) {
   if (target.textContent !== text) target.textContent = text;

@@ -26,10 +26,9 @@ export function mistakes(take) {
     const louder = note.velocity - due.velocity;
     if (dynamic && Math.abs(louder) > VELOCITY_TOLERANCE) add(louder > 0 ? 'too loud' : 'too soft', `${note.velocity}, not ${due.velocity}`);
   });
-  const played = new Set(take.heard.map((heard) => heard?.note));
-  take.notes.forEach((note, index) => {
-    if (!played.has(index)) found.push({ kind: 'wrong stroke', secs: note.start, pitch: note.pitch, more: ms(note.end - note.start) });
-  });
+  for (const note of take.notes.filter(({ kind }) => kind === 'wrong')) {
+    found.push({ kind: 'wrong stroke', secs: note.start, pitch: note.pitch, more: ms(note.end - note.start) });
+  }
   return found;
 }
 

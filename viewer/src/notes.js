@@ -1,6 +1,6 @@
 /** Note by note: the mistakes of each take, and every due note with how each take played it. A click goes to its place. */
 
-import { clockText, element, pitchName } from './dom.js';
+import { clockText, element, pitchName, sidewaysHint } from './dom.js';
 import { mistakeList } from './mistakes.js';
 
 const signed = (secs) => `${secs < -0.0005 ? '−' : '+'}${Math.abs(secs * 1000).toFixed(0)}`;
@@ -14,6 +14,7 @@ export function summary(take) {
 
 /**
  * @param {{take: any, letter: string}[]} shown one or two takes of the same notes
+ * @param {(secs: number, index?: number) => void} seek `index`: of which take
  * @returns {HTMLElement | null} null if no take has notes that were due, or if two are of different notes
  */
 export function noteTable(shown, seek) {
@@ -36,9 +37,10 @@ export function noteTable(shown, seek) {
   return element(
     'section', { class: 'notes' },
     element('h2', { text: 'Mistakes' }),
-    ...shown.map(({ take, letter }) => mistakeList(take, letter, seek)),
+    ...shown.map(({ take, letter }, index) => mistakeList(take, letter, (secs) => seek(secs, index))),
     element('h2', { text: 'Note by note' }),
-    element('p', { class: 'note', text: 'Onset and length: played minus due, in ms; late and long are positive. A note more than 50 ms early or late counts as missed, and its stroke as wrong. Velocity: MIDI; a stroke more than 40 above or below the written velocity is too loud or too soft.' }),
+    element('p', { class: 'note', text: 'Onset and length: played minus due, in ms; late and long are positive. In the scores a note more than 50 ms early or late counts as missed, and its stroke as wrong. Velocity: MIDI; a stroke more than 40 above or below the written velocity is too loud or too soft.' }),
+    sidewaysHint(2 + 3 * shown.length),
     element(
       'div', { class: 'scroll', tabindex: '0', role: 'region', 'aria-label': 'Notes' },
       element(

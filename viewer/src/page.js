@@ -1,8 +1,9 @@
 /** The page: its parts, their layout, and the work of each frame. */
 
 import { Cameras } from './cameras.js';
+import { SAYS } from './classify.js';
 import { Player, Timebase, barAround } from './clock.js';
-import { Controls } from './controls.js';
+import { Controls, icon } from './controls.js';
 import { element } from './dom.js';
 import { noteTable, summary } from './notes.js';
 import { Pane } from './pane.js';
@@ -47,15 +48,16 @@ export class Page {
     this.written = false;
     this.timeline = new Timeline(this.player);
     this.controls = new Controls(this.#actions(), this.player, count > 1 ? this.letters : []);
+    this.begin = element('button', { type: 'button', class: 'begin', on: { click: () => this.play() } }, icon('play'), 'Play with sound');
     this.keyColours = element('p', { class: 'key-colours' });
     this.rolls = element('section', { class: 'rolls' });
     this.notes = null;
     this.plots = null;
     this.chosen = this.panes.map((_, index) => index);
     root.append(
-      element('header', {}, element('h1', { text: takes[0].song || takes[0].name || 'Replay' }), element('span', { class: 'brand', text: 'Étude replay' })),
+      element('header', {}, element('h1', { text: titleOf(takes) }), element('span', { class: 'brand', text: 'Étude replay' })),
       element('main', {},
-        element('div', { class: count > 1 ? 'panes two' : 'panes' }, ...this.panes.map((pane) => pane.root)),
+        element('div', { class: count > 1 ? 'panes two' : 'panes' }, ...this.panes.map((pane) => pane.root), this.begin),
         this.keyColours,
         element('div', { class: 'desk' }, this.controls.root, this.timeline.root),
         this.timeline.details,
@@ -63,6 +65,7 @@ export class Page {
     );
     this.main = root.querySelector('main');
     this.#fill();
+    this.player.seek(this.#firstNote());
     this.player.changed = () => this.#moved();
     new ResizeObserver(() => this.#layOut()).observe(root);
     onThemeChange(() => {
@@ -83,13 +86,14 @@ export class Page {
     this.player.duration = Math.max(...shown.map(({ take }) => take.duration));
     shown.forEach(({ take }, index) => this.panes[index].show(take, this.#caption(take, index)));
     const fences = shown.some(({ take }) => take.scene.geoms.some((geom) => geom.name?.startsWith('fence')));
-    this.keyColours.replaceChildren(legend({ due: 'due', hit: 'right', wrong: 'wrong', missed: 'missed', ...(fences && { fence: 'fence between keys' }) }));
+    const { played: _, ...judged } = SAYS;
+    this.keyColours.replaceChildren(legend({ due: 'due', ...judged, ...(fences && { fence: 'fence between keys' }) }));
     this.#listen();
     const firstTwo = shown.length > 1 && [...this.chosen].sort().join() === '0,1';
     this.timeline.show(shown, firstTwo ? this.partings : []);
     this.rollViews = shown.map(({ take }) => new Roll(take, seek));
     this.rolls.replaceChildren(
-      element('h2', { text: 'Piano roll' }, legend({ hit: 'right', missed: 'missed', wrong: 'wrong' })),
+      element('h2', { text: 'Piano roll' }, legend(judged)),
       ...this.rollViews.flatMap((roll, index) => [
         shown.length > 1 ? element('p', { class: `whose take-${'ab'[index]}`, text: `${shown[index].letter} · ${shown[index].take.caption()}` }) : null,
         roll.root,
@@ -97,24 +101,34 @@ export class Page {
     );
     this.notes?.remove();
     this.plots?.root.remove();
-    this.notes = noteTable(shown, seek);
+    this.notes = noteTable(shown, (secs, index = 0) => {
+      this.seek(secs);
+      this.panes[index].reveal();
+    });
     this.plots = new Plots(shown, seek);
     this.main.append(...[this.notes, this.plots.root].filter((part) => part !== null));
     this.#layOut();
   }
 
+  /** When the first note is due in every pane, so that the page opens with its key lit; without due notes the first stroke. */
+  #firstNote() {
+    const starts = this.panes.map(({ take }) => (take.dueNotes[0] ?? take.notes[0])?.start ?? 0);
+    return Math.max(...starts);
+  }
+
   #caption(take, index) {
     const parts = [];
+    const song = this.takes.some((other) => other.song !== take.song) ? take.song : '';
     if (this.letters[index]) parts.push(element('span', { class: `letter take-${'ab'[index]}`, text: this.letters[index] }));
     if (this.takes.length > MOST_PANES) parts.push(this.#chooser(index));
-    parts.push(element('span', { class: 'what', text: take.caption() || take.name, title: take.name }));
+    parts.push(element('span', { class: 'what', text: [song, take.caption() || take.name].filter(Boolean).join(' · '), title: take.name }));
     const heard = summary(take);
     if (heard) parts.push(element('span', { class: 'score', text: heard }));
     const { final } = take;
     const says = (value) => (Number.isFinite(value) ? value.toFixed(3) : '–');
     if (final) {
       const more = `precision ${says(final.precision)}, recall ${says(final.recall)}, pooled F1 ${says(final.pooled_f1)}`;
-      parts.push(element('span', { class: 'score', title: more }, 'F1 ', element('b', { text: says(final.f1) })));
+      parts.push(element('span', { class: 'score', title: more }, 'F1 by control step ', element('b', { text: says(final.f1) })));
     }
     return parts;
   }
@@ -175,6 +189,7 @@ export class Page {
   }
 
   play() {
+    this.begin.remove();
     this.sound.begin();
     this.quality.begin();
     this.player.play();
@@ -251,6 +266,12 @@ export class Page {
     for (const roll of this.rollViews) roll.moveTo(secs, this.player.playing);
     this.plots.moveTo(secs);
   }
+}
+
+/** The song; with takes of two songs both, with more their number. */
+function titleOf(takes) {
+  const songs = [...new Set(takes.map((take) => take.song || take.name))];
+  return (songs.length > 2 ? `${songs.length} songs` : songs.join(' and ')) || 'Replay';
 }
 
 /** @param {Object<string, string>} kinds what each kind is called */

@@ -56,10 +56,17 @@ export class Pane {
     this.renderer?.render(this.stage.scene, this.cameras.seenFrom(this.stage.lateral, this.camera));
   }
 
+  /** Scrolls the scene into view if a part of it is out of sight, as on a phone. */
+  reveal() {
+    const { top, bottom } = this.frame.getBoundingClientRect();
+    const behavior = matchMedia('(prefers-reduced-motion: reduce)').matches ? 'auto' : 'smooth';
+    if (top < 0 || bottom > innerHeight) this.frame.scrollIntoView({ block: 'nearest', behavior });
+  }
+
   /** Moves the caption's number to a place. */
   mark(secs) {
     const f1 = this.take.running.f1?.[this.take.stepBefore(secs)];
-    setText(this.live, Number.isFinite(f1) ? `F1 so far ${f1.toFixed(3)}` : '');
+    setText(this.live, Number.isFinite(f1) ? `so far ${f1.toFixed(3)}` : '');
   }
 }
 

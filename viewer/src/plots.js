@@ -106,7 +106,8 @@ export class Plots {
     const named = constant.map((reward) => `${reward.title} ${constantText(reward.lines)}`).join(', ');
     this.root = element(
       'section', { class: 'numbers' },
-      element('h2', { text: 'Scores so far, and the reward terms of each step' }),
+      element('h2', { text: 'Scores by control step so far, and the reward terms of each step' }),
+      element('p', { class: 'note', text: 'F1, precision and recall compare the keys that sound with those that are due, control step by control step, as the paper does; the roll and the lists above judge strokes.' }),
       element('div', { class: 'plots' }, ...this.plots.map((plot) => plot.root)),
       named && element('p', { class: 'note', text: `Constant: ${named}.` }),
       ...[...notes].map((text) => element('p', { class: 'note', text })),

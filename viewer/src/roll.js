@@ -1,26 +1,27 @@
 /** The piano roll: due and played notes of the whole song; it scrolls if the song is too long. */
 
 import { drawingOn, hatching, moveCursor } from './canvas.js';
-import { stripes } from './classify.js';
+import { SAYS } from './classify.js';
 import { clockText, element, isBlack, pitchName } from './dom.js';
-import { HIT, MISSED, WRONG, theme } from './theme.js';
+import { MISSED, OFF, RIGHT, WRONG, theme } from './theme.js';
 
 /** Least width of a second, in pixels; wider if the whole song fits. */
 const LEAST_PIXELS_PER_SEC = 30;
-/** Height of the roll, spread over the pitches in use within these limits, in pixels. */
+/** Height of the roll, spread over the pitches in use within these limits, in pixels. A name fits into the lowest row. */
 const HEIGHT = 168;
-const ROW = { least: 5, most: 12 };
+const ROW = { least: 8, most: 12 };
+/** Width of the margin with the names, and the least distance of two numbers of bars. */
+const MARGIN = 28;
+const BARS_APART = 22;
 /** At least an octave is shown. */
 const LEAST_ROWS = 13;
-
-const SAYS = { hit: 'right', missed: 'missed', wrong: 'wrong: not due' };
 
 export class Roll {
   /** @param {(secs: number) => void} seek */
   constructor(take, seek) {
     this.take = take;
-    this.stripes = stripes(take.due, take.pressed, take.unstruck);
-    this.rows = rowsOf(this.stripes);
+    this.pitches = [...new Set([...take.dueNotes, ...take.notes].map((note) => note.pitch))];
+    this.rows = rowsOf(this.pitches);
     this.rowHeight = Math.min(ROW.most, Math.max(ROW.least, HEIGHT / (this.rows.high - this.rows.low + 1)));
     this.height = Math.round(this.rowHeight * (this.rows.high - this.rows.low + 1));
     this.canvas = element('canvas', {});
@@ -60,11 +61,13 @@ export class Roll {
     pen.translate(-this.root.scrollLeft, 0);
     this.visible = { from: this.root.scrollLeft / this.scale, to: (this.root.scrollLeft + this.width) / this.scale };
     this.#keyboard(pen, colours);
-    this.#lines(pen, this.take.bars, colours.line);
+    this.#bars(pen, colours);
+    const shown = (notes) => notes.filter((note) => this.#shows(note.start, note.end));
+    for (const note of shown(this.take.notes)) this.#stroke(pen, note, colours);
     const hatch = hatching(pen, MISSED);
-    for (const stripe of this.stripes) this.#stripe(pen, stripe, hatch);
+    for (const note of shown(this.take.dueNotes)) this.#due(pen, note, hatch);
     pen.fillStyle = colours.paper;
-    for (const note of this.take.notes) {
+    for (const note of shown(this.take.notes)) {
       pen.fillRect(note.start * this.scale, this.#top(note.pitch) + 1, 1.5, this.rowHeight - 2);
     }
     this.#names(pen, colours);
@@ -80,42 +83,69 @@ export class Roll {
     }
   }
 
-  #lines(pen, times, colour) {
-    pen.fillStyle = colour;
-    for (const secs of times) {
-      if (this.#shows(secs, secs)) pen.fillRect(Math.round(secs * this.scale), 0, 1, this.height);
-    }
+  /** Bar lines with the numbers of the bars, in the free row above the notes. */
+  #bars(pen, colours) {
+    setFont(pen);
+    let free = -Infinity;
+    this.take.bars.forEach((secs, index) => {
+      if (!this.#shows(secs, secs)) return;
+      const x = Math.round(secs * this.scale);
+      pen.fillStyle = colours.line;
+      pen.fillRect(x, 0, 1, this.height);
+      if (x < free) return;
+      pen.fillStyle = colours.quiet;
+      pen.fillText(String(index + 1), x + 4, this.rowHeight / 2 + 0.5);
+      free = x + BARS_APART;
+    });
   }
 
-  #stripe(pen, { pitch, from, to, kind }, hatch) {
-    const { hz } = this.take;
-    if (!this.#shows(from / hz, to / hz)) return;
-    const [x, y] = [(from / hz) * this.scale, this.#top(pitch)];
-    const [width, height] = [((to - from) / hz) * this.scale, this.rowHeight];
-    if (kind === 'hit') {
-      pen.fillStyle = HIT;
-      pen.fillRect(x, y + 0.5, width, height - 1);
-    } else if (kind === 'wrong') {
-      // Thinner than due notes, so that they differ in shape and not only in colour.
+  /** The place of a note: left, top, width and height. */
+  #place({ pitch, start, end }) {
+    return [start * this.scale, this.#top(pitch), (end - start) * this.scale, this.rowHeight];
+  }
+
+  /** A key that sounded, from its stroke to its release. The kinds differ in shape and not only in colour. */
+  #stroke(pen, note, colours) {
+    const [x, y, width, height] = this.#place(note);
+    if (note.kind === 'wrong') {
       pen.fillStyle = WRONG;
       pen.fillRect(x, y + height * 0.28, width, height * 0.44);
+    } else if (note.kind === 'off') {
+      pen.globalAlpha = 0.35;
+      pen.fillStyle = OFF;
+      pen.fillRect(x, y + 1, width, height - 2);
+      pen.globalAlpha = 1;
+      pen.strokeStyle = OFF;
+      pen.lineWidth = 2;
+      pen.strokeRect(x + 1, y + 1.5, Math.max(width - 2, 0.5), height - 3);
     } else {
-      pen.fillStyle = hatch;
+      pen.fillStyle = note.kind === 'right' ? RIGHT : colours.quiet;
       pen.fillRect(x, y + 0.5, width, height - 1);
-      pen.strokeStyle = MISSED;
-      pen.lineWidth = 1;
-      if (width > 1) pen.strokeRect(x + 0.5, y + 1, width - 1, height - 2);
     }
   }
 
-  #names(pen, colours) {
-    pen.font = '10px system-ui, sans-serif';
-    pen.textBaseline = 'middle';
-    pen.fillStyle = colours.ink;
-    const left = this.visible.from * this.scale + 4;
-    for (let pitch = this.rows.low; pitch <= this.rows.high; pitch += 1) {
-      if (pitch % 12 === 0) pen.fillText(pitchName(pitch), left, this.#top(pitch) + this.rowHeight / 2 + 0.5);
+  /** From when until when a note was due: a frame, hatched if it was missed. */
+  #due(pen, note, hatch) {
+    const [x, y, width, height] = this.#place(note);
+    if (note.kind === 'missed') {
+      pen.fillStyle = hatch;
+      pen.fillRect(x, y + 0.5, width, height - 1);
     }
+    pen.strokeStyle = { right: RIGHT, off: OFF, missed: MISSED }[note.kind];
+    pen.lineWidth = 1;
+    if (width > 1) pen.strokeRect(x + 0.5, y + 1, width - 1, height - 2);
+  }
+
+  /** The names of the keys that occur, in a margin at the left edge of what is seen. */
+  #names(pen, colours) {
+    const left = this.visible.from * this.scale;
+    pen.globalAlpha = 0.85;
+    pen.fillStyle = colours.paper;
+    pen.fillRect(left, 0, MARGIN, this.height);
+    pen.globalAlpha = 1;
+    setFont(pen);
+    pen.fillStyle = colours.ink;
+    for (const pitch of this.pitches) pen.fillText(pitchName(pitch), left + 4, this.#top(pitch) + this.rowHeight / 2 + 0.5);
   }
 
   #top(pitch) {
@@ -132,26 +162,31 @@ export class Roll {
 
   /** Shows the note under the pointer as a tooltip. */
   #hint(event) {
-    const step = Math.floor(this.#secsAt(event) * this.take.hz);
-    const row = Math.floor((event.clientY - this.root.getBoundingClientRect().top) / this.rowHeight);
-    const pitch = this.rows.high - row;
-    const found = this.stripes.find((s) => s.pitch === pitch && s.from <= step && step < s.to);
-    const secs = (steps) => clockText(steps / this.take.hz);
-    const says = found ? `${pitchName(pitch)} ${SAYS[found.kind]}, ${secs(found.from)} to ${secs(found.to)}` : '';
+    const secs = this.#secsAt(event);
+    const pitch = this.rows.high - Math.floor((event.clientY - this.root.getBoundingClientRect().top) / this.rowHeight);
+    const [due, stroke] = [this.take.dueAt(pitch, secs), this.take.strokeAt(pitch, secs)];
+    const about = (note, how) => note && `${SAYS[note.kind]}, ${how} from ${clockText(note.start)} to ${clockText(note.end)}`;
+    const found = [about(due, 'due'), about(stroke, 'held')].filter(Boolean);
+    const says = found.length > 0 ? `${pitchName(pitch)}: ${found.join('; ')}` : '';
     if (this.root.title !== says) this.root.title = says;
   }
 
   #summary() {
-    const count = (kind) => this.stripes.filter((stripe) => stripe.kind === kind).length;
-    return `Piano roll: ${count('hit')} stretches right, ${count('missed')} missed, ${count('wrong')} wrong`;
+    const { notes, dueNotes, isJudged } = this.take;
+    if (!isJudged) return `Piano roll. Strokes: ${notes.length}.`;
+    const count = (all, kind) => all.filter((note) => note.kind === kind).length;
+    const due = ['right', 'off', 'missed'].map((kind) => `${count(dueNotes, kind)} ${SAYS[kind]}`);
+    return `Piano roll. Notes: ${due.join(', ')}. Wrong strokes: ${count(notes, 'wrong')}.`;
   }
 }
 
-function rowsOf(stripes) {
-  const pitches = stripes.map((stripe) => stripe.pitch);
-  let low = Math.min(60, ...pitches) - (pitches.length ? 1 : 0);
-  let high = Math.max(...(pitches.length ? pitches : [72])) + 1;
-  if (pitches.length) low = Math.min(...pitches) - 1;
+function setFont(pen) {
+  pen.font = '10px system-ui, sans-serif';
+  pen.textBaseline = 'middle';
+}
+
+function rowsOf(pitches) {
+  let [low, high] = pitches.length > 0 ? [Math.min(...pitches) - 1, Math.max(...pitches) + 1] : [60, 73];
   while (high - low + 1 < LEAST_ROWS) {
     high += 1;
     if (high - low + 1 < LEAST_ROWS) low -= 1;

@@ -4,13 +4,13 @@ import { Color, DirectionalLight, Group, HemisphereLight, Scene } from 'three';
 
 import { Arm } from './arm.js';
 import { bodyTree } from './bodies.js';
-import { kinds } from './classify.js';
+import { keyKind } from './classify.js';
 import { Shadows } from './shadows.js';
 import { Shape, Solids } from './shapes.js';
-import { DUE, HIT, MISSED, WRONG } from './theme.js';
+import { DUE, MISSED, OFF, RIGHT, WRONG } from './theme.js';
 
 const LOWEST_PITCH = 36;
-const PAINT = { hit: new Color(HIT), missed: new Color(MISSED), wrong: new Color(WRONG) };
+const PAINT = { right: new Color(RIGHT), off: new Color(OFF), missed: new Color(MISSED), wrong: new Color(WRONG) };
 
 export class Stage {
   constructor(take) {
@@ -50,14 +50,9 @@ export class Stage {
     const { take, positions } = this;
     take.positionsAt(secs, positions);
     for (const body of this.driven) body.move(positions[body.joint.drive] ?? 0);
-    const step = take.stepAt(secs);
-    const due = take.due[step] ?? [];
-    const unstruck = take.unstruck[step] ?? [];
     for (const key of this.keys) {
-      const depth = take.keyDepth(key.pitch, secs);
-      key.body.move(depth * key.down);
-      let shows = due.includes(key.pitch) ? 'due' : null;
-      if (depth > 0.5 || unstruck.includes(key.pitch)) shows = kinds(due, [key.pitch], unstruck).get(key.pitch);
+      key.body.move(take.keyDepth(key.pitch, secs) * key.down);
+      const shows = keyKind(take.dueAt(key.pitch, secs), take.strokeAt(key.pitch, secs));
       if (key.shows === shows) continue;
       key.shows = shows;
       // A strip of size zero is invisible.
@@ -76,7 +71,7 @@ export class Stage {
     return down.map((key) => key.pitch).sort((a, b) => a - b);
   }
 
-  /** Whether each coloured key is due, hit, missed or wrong, by pitch. */
+  /** What each coloured key shows, by pitch. */
   keysShown() {
     return Object.fromEntries(this.keys.filter((key) => key.shows).map((key) => [key.pitch, key.shows]));
   }

@@ -1,5 +1,7 @@
 /** One recording as the page uses it: looked up by time, and without gaps where a recording is incomplete. */
 
+import { noteKind, strokeKinds } from './classify.js';
+
 /** Duration of a drawn key movement, s. The key event is in its middle, when the contact closes. */
 const KEY_RAMP_SECS = 0.03;
 
@@ -31,23 +33,18 @@ export class Take {
     this.steps = Math.max(this.positions.length, this.due.length, this.pressed.length);
     const notes = list(take.notes);
     this.duration = Math.max(this.steps / this.hz, ...notes.map((note) => note.end ?? note.start));
-    this.notes = notes.map((note) => ({ ...note, end: note.end ?? this.duration }));
-    this.dueNotes = list(take.due_notes);
+    const dueNotes = list(take.due_notes);
     /** By which of `notes` each due note was played: `{note, right}` or null. */
-    this.heard = this.dueNotes.map((_, index) => list(take.heard)[index] ?? null);
-    /** Those of the pitches due in each step whose note was not struck. */
-    this.unstruck = this.due.map((pitches, step) => pitches.filter((pitch) => this.#missed(pitch, (step + 0.5) / this.hz)));
+    this.heard = dueNotes.map((_, index) => list(take.heard)[index] ?? null);
+    /** Whether it is known which notes were due; an older Étude wrote only which keys were, step by step. */
+    this.isJudged = dueNotes.length > 0 || this.due.every((pitches) => pitches.length === 0);
+    const kinds = strokeKinds(notes.length, this.heard);
+    this.notes = notes.map((note, index) => ({ ...note, end: note.end ?? this.duration, kind: this.isJudged ? kinds[index] : 'played' }));
+    this.dueNotes = dueNotes.map((note, index) => ({ ...note, kind: noteKind(this.heard[index]) }));
     this.noteScores = take.note_scores ?? null;
-    /** @type {Map<number, any[]>} */
-    this.notesOf = new Map();
-    for (const note of this.notes) this.notesOf.set(note.pitch, [...(this.notesOf.get(note.pitch) ?? []), note]);
+    /** Strokes and due notes by pitch. */
+    [this.notesOf, this.dueOf] = [byPitch(this.notes), byPitch(this.dueNotes)];
     this.remarks = remarks(take, this);
-  }
-
-  /** The control step at a time; −1 if there is none. */
-  stepAt(secs) {
-    // The small number makes up for rounding: the start of a step belongs to the step.
-    return Math.min(Math.floor(secs * this.hz + 1e-6), this.steps - 1);
   }
 
   /** The last control step that has ended at a time; −1 before the first. */
@@ -80,9 +77,14 @@ export class Take {
     return from.map((value, index) => value + (place % 1) * (to[index] - value));
   }
 
-  /** Whether the latest due note of a pitch that has begun at a time was not struck. */
-  #missed(pitch, secs) {
-    return this.heard[this.dueNotes.findLastIndex((note) => note.pitch === pitch && note.start <= secs + 1e-6)] === null;
+  /** The due note of a key at a time. */
+  dueAt(pitch, secs) {
+    return this.dueOf.get(pitch)?.findLast((note) => note.start <= secs + 1e-6 && secs < note.end);
+  }
+
+  /** The stroke of a key that sounds at a time. */
+  strokeAt(pitch, secs) {
+    return this.notesOf.get(pitch)?.findLast((note) => note.start < secs && secs < note.end);
   }
 
   /** How far down a key is drawn at a time, from 0 to 1. */
@@ -99,6 +101,13 @@ export class Take {
   caption() {
     return [this.rig, this.mode, this.player].filter((part) => part !== '').join(' · ');
   }
+}
+
+/** @returns {Map<number, any[]>} */
+function byPitch(notes) {
+  const found = new Map();
+  for (const note of notes) found.set(note.pitch, [...(found.get(note.pitch) ?? []), note]);
+  return found;
 }
 
 /** Rows without gaps: missing values (JSON has no NaN) keep the value before. */
@@ -118,7 +127,9 @@ function remarks(raw, take) {
   else if (take.positions.length === 0) found.push('This recording holds no joint positions: the hand stands still.');
   if (take.steps > 0 && take.due.length === 0) found.push('This recording has no song: nothing was due, and there are no scores.');
   else if (take.steps > 0 && take.due.every((pitches) => pitches.length === 0)) {
-    found.push('Nothing was due in this recording: every key that sounds counts as wrong.');
+    found.push('Nothing was due in this recording: every stroke is a wrong one.');
+  } else if (!take.isJudged) {
+    found.push('An older Étude wrote this recording, without the notes that were due: its strokes are not judged.');
   }
   return found;
 }

@@ -7,7 +7,8 @@ import { CanvasTexture, ColorManagement, LinearFilter } from 'three';
 ColorManagement.enabled = false;
 
 /** Okabe and Ito's colours, told apart by every kind of colour vision; the same in light and dark. */
-export const HIT = '#0072B2';
+export const RIGHT = '#0072B2';
+export const OFF = '#CC79A7';
 export const MISSED = '#E69F00';
 export const WRONG = '#D55E00';
 export const DUE = '#56B4E9';
@@ -24,6 +25,7 @@ export function theme() {
     line: colour('line'),
     faint: colour('faint'),
     ink: colour('ink'),
+    quiet: colour('quiet'),
     takes: [colour('take-a'), colour('take-b')],
   };
 }

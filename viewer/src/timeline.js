@@ -8,9 +8,9 @@ import { MISSED, WRONG, theme } from './theme.js';
 const KINDS = {
   fault: { colour: WRONG, shape: 'triangle', one: 'fault', many: 'faults' },
   warning: { colour: MISSED, shape: 'diamond', one: 'warning', many: 'warnings' },
-  clamp: { colour: '#CC79A7', shape: 'tick', one: 'clamp', many: 'clamps' },
+  clamp: { colour: '#808080', shape: 'tick', one: 'clamp', many: 'clamps' },
   phase: { colour: '#009E73', shape: 'flag', one: 'phase', many: 'phases' },
-  parting: { colour: '#CC79A7', shape: 'band', one: 'parting', many: 'partings' },
+  parting: { colour: '#808080', shape: 'band', one: 'parting', many: 'partings' },
 };
 const LANE = 14;
 /** Longest list; a recording that clamps at every step has thousands of marks. */

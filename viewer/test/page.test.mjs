@@ -98,6 +98,20 @@ test('opens, plays, scrubs, turns and closes without a complaint', async () => {
   });
 });
 
+test('opens at the first note, whose key is lit, and plays from there at a click', async () => {
+  await withPage(given, {}, async (page) => {
+    const starts = data.takes.slice(0, 2).map((take) => take.due_notes[0].start);
+    const first = Math.max(...starts);
+    assert.equal(await page.evaluate(() => window.etude.time()), first);
+    const lit = await page.evaluate(() => window.etude.keysShown(0));
+    assert.ok(data.takes[0].due_notes[0].pitch in lit, JSON.stringify(lit));
+    await page.getByRole('button', { name: 'Play with sound' }).click();
+    await page.waitForFunction((secs) => window.etude.time() > secs, first);
+    assert.equal(await page.evaluate(() => window.etude.playing()), true);
+    assert.equal(await page.getByRole('button', { name: 'Play with sound' }).count(), 0);
+  });
+});
+
 test('keys drawn down are the keys that were pressed', async () => {
   await withPage(given, {}, async (page) => {
     for (const [pane, take] of data.takes.slice(0, 2).entries()) {
@@ -194,16 +208,17 @@ test('each due note is listed with how it was played, and a click goes there', a
 
 test('a note that was not struck is missed in the roll and on the keyboard, also if its key was held', async () => {
   await withPage(await browser.write({ version: 1, takes: [heldThrough()], partings: [] }), {}, async (page) => {
-    assert.equal(await page.locator('.roll').getAttribute('aria-label'), 'Piano roll: 1 stretches right, 1 missed, 0 wrong');
+    assert.equal(await page.locator('.roll').getAttribute('aria-label'), 'Piano roll. Notes: 1 right, 0 too early or too late, 1 missed. Wrong strokes: 0.');
     const shown = (secs) => page.evaluate((at) => {
       window.etude.seek(at);
       return window.etude.keysShown(0);
     }, secs);
     assert.deepEqual(await shown(0.5), {});
-    assert.deepEqual(await shown(1.5), { 60: 'hit' });
+    assert.deepEqual(await shown(1.5), { 60: 'right' });
     assert.deepEqual(await shown(2.5), { 60: 'missed' });
-    const legend = ['due', 'right', 'wrong', 'missed', 'fence between keys'];
-    assert.deepEqual(await page.locator('.key-colours .item').allTextContents(), legend);
+    const kinds = ['right', 'too early or too late', 'missed', 'wrong stroke'];
+    assert.deepEqual(await page.locator('.rolls .item').allTextContents(), kinds);
+    assert.deepEqual(await page.locator('.key-colours .item').allTextContents(), ['due', ...kinds, 'fence between keys']);
   });
 });
 
@@ -220,8 +235,15 @@ test('the mistakes are listed by kind, each once, and a click goes there', async
       'missed: 10:05.0 G4', 'too early: 10:03.0 E4, 70 ms', 'too late: 10:02.0 D4, 80 ms', 'wrong stroke: 10:04.5 A♯4, 250 ms',
       'too loud: 10:03.0 E4, 101, not 60', 'too soft: 10:04.0 F4, 19, not 60',
     ]);
+    const roll = await page.locator('.roll').first().getAttribute('aria-label');
+    assert.equal(roll, 'Piano roll. Notes: 2 right, 2 too early or too late, 1 missed. Wrong strokes: 1.');
     await list.getByRole('button', { name: 'A♯4' }).click();
     assert.equal(await page.evaluate(() => window.etude.time()), 4.5);
+    const shown = (secs) => page.evaluate((at) => {
+      window.etude.seek(at);
+      return window.etude.keysShown(0);
+    }, secs);
+    assert.deepEqual([await shown(2.1), await shown(2.95), await shown(4.6), await shown(5.1)], [{ 62: 'off' }, { 64: 'off' }, { 65: 'due', 70: 'wrong' }, { 67: 'missed' }]);
     assert.equal(await page.getByRole('group', { name: 'Mistakes of take B' }).locator('p').textContent(), 'No mistakes.');
   });
   // A song that is written equally loud throughout: none is too loud or too soft.
@@ -229,6 +251,44 @@ test('the mistakes are listed by kind, each once, and a click goes there', async
   await withPage(await browser.write({ version: 1, takes: [even], partings: [] }), {}, async (page) => {
     const kinds = await page.getByRole('group', { name: 'Mistakes' }).locator('.kind > span').allTextContents();
     assert.deepEqual(kinds, ['missed: 1', 'too early: 1', 'too late: 1', 'wrong stroke: 1']);
+  });
+});
+
+test('on a phone a mistake that is tapped brings its scene into view, and a wide table says that it is one', async () => {
+  await withPage(await browser.write(twoTakes()), PHONE, async (page) => {
+    const seen = (pane) => page.evaluate((index) => {
+      const { top, bottom } = document.querySelectorAll('.frame')[index].getBoundingClientRect();
+      return top > -1 && bottom < window.innerHeight + 1;
+    }, pane);
+    for (const [pane, letter] of ['A', 'B'].entries()) {
+      const mistake = page.getByRole('group', { name: `Mistakes of take ${letter}` }).getByRole('button').last();
+      await mistake.scrollIntoViewIfNeeded();
+      assert.equal(await seen(pane), false);
+      await mistake.tap();
+      assert.equal(await seen(pane), true, letter);
+    }
+    await page.getByText('8 columns: scroll the table sideways.').waitFor({ timeout: 5000 });
+  });
+  await withPage(given, {}, async (page) => {
+    assert.equal(await page.locator('.sideways').isVisible(), false);
+  });
+});
+
+test('the roll names the keys that occur, and numbers the bars', async () => {
+  await withPage(await browser.write({ version: 1, takes: [heldThrough()], partings: [] }), {}, async (page) => {
+    const written = await page.evaluate(() => {
+      const found = [];
+      const { prototype } = CanvasRenderingContext2D;
+      const { fillText } = prototype;
+      prototype.fillText = function note(text, ...place) {
+        found.push(text);
+        fillText.call(this, text, ...place);
+      };
+      document.querySelector('.roll').dispatchEvent(new Event('scroll'));
+      prototype.fillText = fillText;
+      return found;
+    });
+    assert.deepEqual(written, ['1', '2', 'C4']);
   });
 });
 
@@ -294,6 +354,14 @@ test('two takes stand side by side, with the places where they part', async () =
   }
 });
 
+test('takes of two songs are named by both', async () => {
+  const takes = ['One', 'Two'].map((song, seed) => ({ ...sampleTake({ seed, steps: 60 }), song }));
+  await withPage(await browser.write({ version: 1, takes, partings: [] }), {}, async (page) => {
+    assert.equal(await page.locator('h1').textContent(), 'One and Two');
+    assert.match(await page.locator('figcaption .what').nth(1).textContent(), /^Two · simulation/);
+  });
+});
+
 test('more than two takes are chosen from', async () => {
   const takes = [1, 2, 3].map((seed) => ({ ...sampleTake({ seed, steps: 60 }), name: `take ${seed}` }));
   await withPage(await browser.write({ version: 1, takes, partings: [] }), {}, async (page) => {
@@ -323,7 +391,7 @@ test('hostile names stay text', async () => {
 const BROKEN = {
   'no step': { take: sampleTake({ steps: 0 }), says: 'no control step' },
   'one step': { take: sampleTake({ steps: 1 }), says: 'Nothing was due' },
-  'nothing due': { take: { ...sampleTake({ steps: 100 }), due: Array.from({ length: 100 }, () => []) }, says: 'Nothing was due' },
+  'nothing due': { take: { ...sampleTake({ steps: 100 }), due: Array.from({ length: 100 }, () => []), due_notes: [], heard: [] }, says: 'Nothing was due' },
   'half a recording': { take: { ...sampleTake({ steps: 100 }), incomplete: 'The file ends in the middle of a record.' }, says: 'ends in the middle' },
   'an empty object': { take: {}, says: 'no control step' },
   'keys and no hand': { take: { ...sampleTake({ steps: 100 }), positions: [], start: null, rewards: [], final: null, bar_secs: [] }, says: 'hand stands still' },

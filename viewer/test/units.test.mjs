@@ -1,4 +1,4 @@
-/** What needs no browser: kinematics, hit or missed or wrong, interpolation, loops, and when notes are struck. */
+/** What needs no browser: kinematics, right or missed or wrong, interpolation, loops, and when notes are struck. */
 
 import assert from 'node:assert/strict';
 import { test } from 'node:test';
@@ -7,11 +7,12 @@ import { Group, Vector3 } from 'three';
 
 import { Arm } from '../src/arm.js';
 import { bodyTree } from '../src/bodies.js';
-import { kinds, stripes } from '../src/classify.js';
+import { keyKind, strokeKinds } from '../src/classify.js';
 import { barAround } from '../src/clock.js';
 import { SAMPLE_RATE_HZ, pitchHz, tone } from '../src/piano.js';
 import { firstUnfinished, strikeOf } from '../src/schedule.js';
 import { Take } from '../src/take.js';
+import { comparedRows } from '../src/work/lists.js';
 import { LINKS, fingertip, heldThrough, sampleTake, scene } from './sample.mjs';
 
 const near = (actual, expected, within = 1e-9) => assert.ok(Math.abs(actual - expected) <= within, `${actual} is not ${expected}`);
@@ -58,17 +59,42 @@ test('a slide moves along its axis in a turned body', () => {
   [1, 2.5, 3].forEach((value, axis) => near(body.position.getComponent(axis), value));
 });
 
-test('what was due and what was played make hit, missed and wrong', () => {
-  assert.deepEqual([...kinds([60, 64], [64, 66])], [[60, 'missed'], [64, 'hit'], [66, 'wrong']]);
-  assert.deepEqual(stripes([[60], [60], [60], []], [[], [60], [60, 61], [61]]), [
-    { pitch: 60, from: 0, to: 1, kind: 'missed' },
-    { pitch: 60, from: 1, to: 3, kind: 'hit' },
-    { pitch: 61, from: 2, to: 4, kind: 'wrong' },
-  ]);
-  assert.deepEqual(stripes([[60], [], [60]], []).map(({ from, to }) => [from, to]), [[0, 1], [2, 3]], 'a rest ends a stripe');
-  assert.deepEqual(stripes([], []), []);
+test('a stroke and a due note are judged by each other, not by control steps', () => {
+  const heard = [{ note: 0, right: true }, { note: 2, right: false }, null];
+  assert.deepEqual(strokeKinds(4, heard), ['right', 'wrong', 'off', 'wrong']);
+  // Struck 30 ms late and released early: right all the same, and its key is due before and after the stroke.
+  const due = [{ pitch: 60, start: 1, end: 2, velocity: 80 }];
+  const take = new Take({ control_hz: 20, due: [[60]], due_notes: due, notes: [{ pitch: 60, start: 1.03, end: 1.6, velocity: 80 }], heard: [{ note: 0, right: true }] });
+  assert.deepEqual([take.dueNotes[0].kind, take.notes[0].kind], ['right', 'right']);
+  const shown = (secs) => keyKind(take.dueAt(60, secs), take.strokeAt(60, secs));
+  assert.deepEqual([0.9, 1.01, 1.04, 1.59, 1.7, 2.1].map(shown), [null, 'due', 'right', 'right', 'due', null]);
+});
+
+test('a key that is held from the note before is missed, until it is struck again', () => {
   const held = new Take(heldThrough());
-  assert.deepEqual(stripes(held.due, held.pressed, held.unstruck).map(({ from, to, kind }) => [from, to, kind]), [[20, 40, 'hit'], [40, 60, 'missed']]);
+  const shown = (secs) => keyKind(held.dueAt(60, secs), held.strokeAt(60, secs));
+  assert.deepEqual([0.5, 1.5, 2.5, 3.5].map(shown), [null, 'right', 'missed', null]);
+  assert.deepEqual([{ start: 1.5 }, { start: 2.1 }].map(({ start }) => keyKind({ start: 2, kind: 'missed' }, { start, kind: 'wrong' })), ['missed', 'wrong']);
+});
+
+test('a recording without the notes that were due is not judged', () => {
+  const take = new Take({ control_hz: 20, due: [[60]], notes: [{ pitch: 60, start: 0, end: 1, velocity: 80 }] });
+  assert.equal(take.notes[0].kind, 'played');
+  assert.match(take.remarks.join(), /its strokes are not judged/);
+  const free = new Take({ control_hz: 20, due: [[]], notes: [{ pitch: 60, start: 0, end: 1, velocity: 80 }] });
+  assert.equal(free.notes[0].kind, 'wrong');
+});
+
+test('a comparison lists due notes and wrong strokes in order of time', () => {
+  const stroke = (error, right) => ({ onset_error_secs: error, length_error_secs: 0, velocity: 80, right });
+  const notes = [{ due_secs: 1, name: 'C4', played: [stroke(0.01, true), null] }, { due_secs: 2, name: 'D4', played: [stroke(0.09, false), stroke(-0.09, false)] }];
+  const strays = [[{ pitch: 61, start: 1.5, end: 1.6, velocity: 40 }], [{ pitch: 70, start: 0.5, end: 0.75, velocity: 90 }]];
+  assert.deepEqual(comparedRows({ notes, strays }), [
+    ['0.50 s', 'A♯4', '', 'wrong stroke, 250 ms, 90'],
+    ['1.00 s', 'C4', '+10 ms, 0 ms, 80', 'missed'],
+    ['1.50 s', 'C♯4', 'wrong stroke, 100 ms, 40', ''],
+    ['2.00 s', 'D4', '+90 ms, 0 ms, 80, too late', '−90 ms, 0 ms, 80, too early'],
+  ]);
 });
 
 test('notes are struck at their time, whatever the speed', () => {

@@ -75,6 +75,15 @@ impl Comparison {
     }
 }
 
+/// Title of the song; both titles if the same notes have two.
+pub fn title(a: &Take, b: &Take) -> String {
+    if a.song == b.song {
+        a.song.clone()
+    } else {
+        format!("{} (A) and {} (B), which have the same notes", a.song, b.song)
+    }
+}
+
 fn stroke(take: &Take, index: usize) -> Option<Stroke> {
     let heard = take.heard[index]?;
     let (due, played) = (take.due_notes[index], take.notes[heard.note]);
@@ -89,4 +98,51 @@ fn stroke(take: &Take, index: usize) -> Option<Stroke> {
 fn strays(take: &Take) -> Vec<PlayedNote> {
     let plays_none = |index: usize| take.heard.iter().flatten().all(|heard| heard.note != index);
     take.notes.iter().enumerate().filter(|(index, _)| plays_none(*index)).map(|(_, note)| *note).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use etude_perform::{Activity, DueNote, Header, Recording};
+
+    use super::*;
+
+    /// A recording that nobody played, of notes that are due.
+    fn take(song: &str, notes: &[(u8, f64)]) -> Take {
+        let due = |(pitch, start_secs): &(u8, f64)| DueNote {
+            pitch: *pitch,
+            start_secs: *start_secs,
+            end_secs: start_secs + 0.2,
+            velocity: 80,
+        };
+        let due_notes: Vec<DueNote> = notes.iter().map(due).collect();
+        let header = Header {
+            control_hz: 20.0,
+            activity: Activity::Rest,
+            song: song.to_string(),
+            due: vec![Vec::new(); 40],
+            due_notes,
+            ..Header::default()
+        };
+        Take::new(&Recording { header, complete: true, ..Recording::default() }, format!("{song}.mcap"))
+            .unwrap()
+    }
+
+    #[test]
+    fn two_songs_are_refused_also_if_their_pitches_are_the_same() {
+        let one = take("One", &[(60, 1.0), (62, 1.5)]);
+        let later = take("One", &[(60, 1.045), (62, 1.545)]);
+        assert!(Comparison::new(&one, &later).is_ok(), "another lead");
+        for other in [&[(60, 1.0), (62, 2.0)][..], &[(60, 1.0), (64, 1.5)], &[(60, 1.0)]] {
+            let refused = Comparison::new(&one, &take("Two", other)).unwrap_err().to_string();
+            assert_eq!(
+                refused,
+                "One.mcap (One) and Two.mcap (Two) are not of the same notes; compare performances of one piece"
+            );
+        }
+        // The same notes under two titles: both are named.
+        assert_eq!(title(&one, &later), "One");
+        let copy = take("Copy", &[(60, 1.0), (62, 1.5)]);
+        assert!(Comparison::new(&one, &copy).is_ok());
+        assert_eq!(title(&one, &copy), "One (A) and Copy (B), which have the same notes");
+    }
 }

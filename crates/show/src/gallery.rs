@@ -162,7 +162,7 @@ fn index(exhibits: &[Exhibit]) -> String {
     let body = html! {
         p {
             "A picture leads to its replay: the hand in motion, what was due and what was played, and the sound. In the piano roll below a \
-             picture, right is filled, missed is an outline, and wrong is hatched."
+             picture, a right note is filled, one too early or too late is a purple outline, a missed one a blue outline, and a wrong stroke is hatched."
         }
         div.cards {
             @for exhibit in exhibits {

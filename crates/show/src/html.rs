@@ -34,13 +34,19 @@ pub(crate) fn document(title: &str, policy: Option<&str>, style: &str, body: &Ma
     markup.into_string()
 }
 
+/// From how many columns on a table is wider than a phone.
+const WIDE: usize = 5;
+
 /// A table with the heading `caption`; nothing without rows. A wide one scrolls by itself, also by keys.
 pub fn table(caption: &str, columns: &[impl Render], rows: impl IntoIterator<Item = Vec<String>>) -> Markup {
     let mut rows = rows.into_iter().peekable();
     html! {
         @if rows.peek().is_some() {
             figure.table {
-                figcaption { (caption) }
+                figcaption {
+                    (caption)
+                    @if columns.len() >= WIDE { span.sideways { (columns.len()) " columns: scroll the table sideways." } }
+                }
                 div.scroll role="group" aria-label=(caption) tabindex="0" {
                     table {
                         thead { tr { @for name in columns { th scope="col" { (name) } } } }

@@ -13,7 +13,7 @@ use etude_perform::{Job, shell_word, write_file};
 use etude_stage::{FINGERS, JOINTS, Painter, SceneGeom, View, World, picture_size};
 use nalgebra::{UnitQuaternion, Vector3};
 
-use crate::replay::{Arm, Take};
+use crate::replay::{Arm, Shown, Take};
 use crate::strip::{self, Strip};
 
 /// Pictures a second of a video.
@@ -90,7 +90,7 @@ impl<'a> Studio<'a> {
         let sounding = self.take.notes.iter().filter(|note| (note.start..note.end).contains(&secs));
         let down = KeySet::from_pitches(sounding.map(|note| note.pitch));
         self.world.pose(&joints_at(self.take, secs), down);
-        self.world.colour_keys(&key_colours(self.take, secs, down));
+        self.world.colour_keys(&key_colours(self.take, secs));
         let mut shapes = self.ornaments.clone();
         shapes.extend((0..FINGERS).flat_map(|finger| shadow(self.world.fingertip(finger))));
         shapes.extend(self.take.arm.iter().flat_map(|arm| links(arm, secs * self.take.control_hz - 1.0)));
@@ -246,20 +246,25 @@ fn joints_at(take: &Take, secs: f64) -> [f64; JOINTS] {
 }
 
 /// The colours of keys that are due or sound, as on the replay page.
-fn key_colours(take: &Take, secs: f64, down: KeySet) -> [Option<[f32; 3]>; KEYS] {
-    let step = (secs * take.control_hz + 1e-6) as usize;
-    let due = take.due.get(step).map_or(&[][..], Vec::as_slice);
-    std::array::from_fn(|key| {
-        let pitch = LOWEST_PITCH + key as u8;
-        let colour = match (due.contains(&pitch), down.contains(key)) {
-            (true, _) if take.is_unstruck(pitch, step) => strip::MISSED,
-            (true, true) => strip::RIGHT,
-            (true, false) => strip::DUE,
-            (false, true) => strip::WRONG,
-            (false, false) => return None,
-        };
-        Some(colour.map(|value| f32::from(value) / 255.0))
-    })
+fn key_colours(take: &Take, secs: f64) -> [Option<[f32; 3]>; KEYS] {
+    let mut colours = [None; KEYS];
+    let mut light = |pitch: u8, colour: [u8; 3]| {
+        let key = pitch.checked_sub(LOWEST_PITCH).and_then(|key| colours.get_mut(usize::from(key)));
+        if let Some(key) = key {
+            *key = Some(colour.map(|value| f32::from(value) / 255.0));
+        }
+    };
+    for note in take.due_notes.iter().filter(|note| (note.start..note.end).contains(&secs)) {
+        light(note.pitch, strip::DUE);
+    }
+    let mut now = take.stretches();
+    now.retain(|stretch| (stretch.note.start..stretch.note.end).contains(&secs));
+    // What began last is shown: a key that is held from the note before does not play the next one.
+    now.sort_by(|one, other| one.note.start.total_cmp(&other.note.start));
+    for stretch in now.iter().filter(|stretch| stretch.shown != Shown::Played) {
+        light(stretch.note.pitch, strip::colour(stretch.shown));
+    }
+    colours
 }
 
 /// The soft shadow of a fingertip at `tip` on the white keys: smaller and fainter, the higher it is.
@@ -324,6 +329,7 @@ mod tests {
     use etude_perform::{Activity, DueNote, Header, KeyMessage, Recording, StepMessage};
 
     use super::*;
+    use crate::replay::PlayedNote;
 
     /// Rest in simulation, with the keys that are due, pressed and struck.
     fn take(steps: Vec<StepMessage>, due: Vec<Vec<u8>>, keys: Vec<KeyMessage>) -> Take {
@@ -348,9 +354,8 @@ mod tests {
         }
     }
 
-    /// A note that is due in the second half of a second, and played if `is_played`, else another one.
-    fn second(is_played: bool) -> Take {
-        let pitch = if is_played { 60 } else { 62 };
+    /// A note that is due in the second half of a second, and a stroke of `pitch` at `start`.
+    fn second(pitch: u8, start: f64) -> Take {
         let step = |index: usize| StepMessage {
             positions: vec![0.0; JOINTS],
             pressed: if index < 10 { Vec::new() } else { vec![pitch] },
@@ -358,22 +363,29 @@ mod tests {
         };
         let due = (0..20).map(|index| if index < 10 { Vec::new() } else { vec![60] }).collect();
         let key = |secs, velocity| KeyMessage { secs, pitch, velocity };
-        take((0..20).map(step).collect(), due, vec![key(0.5, 80), key(1.0, 0)])
+        take((0..20).map(step).collect(), due, vec![key(start, 80), key(1.0, 0)])
     }
 
     #[test]
     fn keys_are_lit_as_they_are_played() {
-        let colour = |take: &Take, secs: f64, pitch: u8, down: &[u8]| {
-            let down = KeySet::from_pitches(down.iter().copied());
-            key_colours(take, secs, down)[usize::from(pitch - LOWEST_PITCH)]
+        let colour = |take: &Take, secs: f64, pitch: u8| {
+            key_colours(take, secs)[usize::from(pitch - LOWEST_PITCH)]
                 .map(|colour| colour.map(|value| (255.0 * value).round() as u8))
         };
-        let (right, wrong) = (second(true), second(false));
-        assert_eq!(colour(&right, 0.2, 60, &[]), None);
-        assert_eq!(colour(&right, 0.6, 60, &[]), Some(strip::DUE));
-        assert_eq!(colour(&right, 0.6, 60, &[60]), Some(strip::RIGHT));
-        assert_eq!(colour(&wrong, 0.6, 60, &[62]), Some(strip::MISSED));
-        assert_eq!(colour(&wrong, 0.6, 62, &[62]), Some(strip::WRONG));
+        // A few milliseconds late are right, and until then the key is due.
+        let right = second(60, 0.53);
+        assert_eq!(colour(&right, 0.2, 60), None);
+        assert_eq!(colour(&right, 0.52, 60), Some(strip::DUE));
+        assert_eq!(colour(&right, 0.6, 60), Some(strip::RIGHT));
+        assert_eq!(colour(&second(60, 0.6), 0.7, 60), Some(strip::OFF));
+        let wrong = second(62, 0.5);
+        assert_eq!(colour(&wrong, 0.6, 60), Some(strip::MISSED));
+        assert_eq!(colour(&wrong, 0.6, 62), Some(strip::WRONG));
+        // Down since long before, it plays nothing.
+        let mut held = take(Vec::new(), vec![vec![60]], Vec::new());
+        held.notes = vec![PlayedNote { start: 0.0, ..held.due_notes[0] }];
+        assert_eq!(colour(&held, 0.4, 60), Some(strip::WRONG));
+        assert_eq!(colour(&held, 0.6, 60), Some(strip::MISSED));
     }
 
     #[test]
@@ -409,7 +421,7 @@ mod tests {
 
     #[test]
     fn a_key_that_is_played_is_seen() {
-        let take = second(true);
+        let take = second(60, 0.5);
         // From above the palm hides it, from the side the keys before it.
         for view in [View::Player, View::Fingers] {
             let mut studio = match Studio::new(&take, [320, 180], view) {

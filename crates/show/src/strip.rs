@@ -2,7 +2,7 @@
 
 use etude_music::key_is_black;
 
-use crate::replay::{Shown, Take};
+use crate::replay::{PlayedNote, Shown, Take};
 
 /// Share of a picture's height.
 const SHARE: f64 = 0.22;
@@ -14,6 +14,7 @@ const LEAST_ROWS: u8 = 13;
 
 /// Okabe and Ito's colours, told apart by every kind of colour vision, as on the replay page (`viewer/src/theme.js`).
 pub(crate) const RIGHT: [u8; 3] = [0x00, 0x72, 0xb2];
+pub(crate) const OFF: [u8; 3] = [0xcc, 0x79, 0xa7];
 pub(crate) const MISSED: [u8; 3] = [0xe6, 0x9f, 0x00];
 pub(crate) const WRONG: [u8; 3] = [0xd5, 0x5e, 0x00];
 pub(crate) const DUE: [u8; 3] = [0x56, 0xb4, 0xe9];
@@ -24,6 +25,17 @@ const PAPER: [u8; 3] = [0xff, 0xff, 0xff];
 const SHADE: [u8; 3] = [0xec, 0xea, 0xe6];
 const LINE: [u8; 3] = [0xbd, 0xb8, 0xb0];
 const INK: [u8; 3] = [0x24, 0x26, 0x2a];
+
+/// The colour of a stroke or of a missed note.
+pub(crate) fn colour(shown: Shown) -> [u8; 3] {
+    match shown {
+        Shown::Right => RIGHT,
+        Shown::Off => OFF,
+        Shown::Missed => MISSED,
+        Shown::Wrong => WRONG,
+        Shown::Played => LINE,
+    }
+}
 
 /// A note that is due, or what was played of it.
 struct Bar {
@@ -60,17 +72,9 @@ impl Strip {
             high += 1;
             low -= u8::from(high - low + 1 < LEAST_ROWS);
         }
-        let secs = |step: usize| step as f64 / take.control_hz;
-        let played = take.stretches().into_iter().map(|stretch| Bar {
-            pitch: stretch.pitch,
-            secs: [secs(stretch.from), secs(stretch.to)],
-            shown: Some(stretch.shown),
-        });
-        let due = take.due_notes.iter().map(|note| Bar {
-            pitch: note.pitch,
-            secs: [note.start, note.end],
-            shown: None,
-        });
+        let bar = |note: PlayedNote, shown| Bar { pitch: note.pitch, secs: [note.start, note.end], shown };
+        let due = take.due_notes.iter().map(|note| bar(*note, None));
+        let played = take.stretches().into_iter().map(|stretch| bar(stretch.note, Some(stretch.shown)));
         let (width, height) = (width as usize, height as usize);
         let mut strip = Self {
             width,
@@ -110,17 +114,13 @@ impl Strip {
         for bar in &self.bars {
             let [from, to] = bar.secs;
             // They differ in shape and not only in colour.
-            let (colour, inset) = match bar.shown {
-                None => (COMING, 0.08),
-                Some(Shown::Right) => (RIGHT, 0.08),
-                Some(Shown::Missed) => (MISSED, 0.08),
-                Some(Shown::Wrong) => (WRONG, 0.28),
-            };
+            let inset = if bar.shown == Some(Shown::Wrong) { 0.28 } else { 0.08 };
+            let colour = bar.shown.map_or(COMING, colour);
             // Only the past has been played.
             let to = if bar.shown.is_some() { to.min(secs) } else { to };
             if from < to {
                 canvas.fill([x(from), x(to)], self.rows(bar.pitch, inset), colour);
-                if bar.shown == Some(Shown::Missed) {
+                if matches!(bar.shown, Some(Shown::Missed | Shown::Off)) {
                     canvas.fill([x(from) + 1.5, x(to) - 1.5], self.rows(bar.pitch, 0.22), PAPER);
                 }
             }

@@ -1,6 +1,6 @@
 /** Lists of what runs and of what there is: jobs, performances, comparisons, trainings. */
 
-import { element } from '../dom.js';
+import { element, pitchName } from '../dom.js';
 import * as ask from './ask.js';
 import { curve, stepsText } from './curve.js';
 import { button, choice, field, notesText, playerText, scoreText, table, timeText } from './parts.js';
@@ -50,21 +50,22 @@ export function performancesList(performances, { listen, start, chosen }) {
     });
     return box;
   };
+  // On a phone the first columns are seen without scrolling.
   const rows = performances.map((performance) => [
     mark(performance),
     performance.song,
-    playerText(performance.player),
-    performance.mode === null ? 'simulation' : `twin, ${performance.mode}`,
     notesText(performance),
-    scoreText(performance.f1),
     button('Listen', `listen ${performance.recording}`, () => listen(performance), { 'aria-label': `Listen to ${performance.recording}` }),
     performance.page === null
       ? button('Make the replay', `replay ${performance.recording}`, () => start({ verb: 'replay', recording: performance.recording }))
       : replayLink(performance.page, performance.recording),
+    scoreText(performance.f1),
+    performance.mode === null ? 'simulation' : `twin, ${performance.mode}`,
+    playerText(performance.player),
   ]);
   enable();
   return [
-    table('Performances', ['compare', 'song', 'player', 'where', 'notes', 'F1', 'sound', 'picture'], rows),
+    table('Performances', ['compare', 'song', 'notes', 'sound', 'picture', 'F1', 'where', 'player'], rows),
     element('p', { class: 'row' }, compare),
   ];
 }
@@ -85,24 +86,35 @@ export function comparisonsList(paths, choose) {
 
 const millis = (secs) => `${secs > 0 ? '+' : secs < 0 ? '−' : ''}${Math.abs(Math.round(secs * 1e3))} ms`;
 
-/** What `etude compare` found. */
-export function comparison(path, compared) {
-  const sides = ['a', 'b'].map((side) => compared[side]);
+/** The rows of a comparison in order of time: the notes that were due, and the strokes that play none. */
+export function comparedRows({ notes, strays }) {
   const heard = (stroke) => {
     if (stroke === null) return 'missed';
     const text = `${millis(stroke.onset_error_secs)}, ${millis(stroke.length_error_secs)}, ${stroke.velocity}`;
-    return stroke.right ? text : `${text} !`;
+    return stroke.right ? text : `${text}, too ${stroke.onset_error_secs > 0 ? 'late' : 'early'}`;
   };
-  const rows = compared.notes.map((note) => [`${note.due_secs.toFixed(2)} s`, note.name, ...note.played.map(heard)]);
+  const due = notes.map((note) => ({ secs: note.due_secs, cells: [note.name, ...note.played.map(heard)] }));
+  const wrong = strays.flatMap((strokes, side) => strokes.map(({ pitch, start, end, velocity }) => {
+    const text = `wrong stroke, ${Math.round((end - start) * 1e3)} ms, ${velocity}`;
+    return { secs: start, cells: [pitchName(pitch), side === 0 ? text : '', side === 1 ? text : ''] };
+  }));
+  const all = [...due, ...wrong].sort((one, other) => one.secs - other.secs);
+  return all.map(({ secs, cells }) => [`${secs.toFixed(2)} s`, ...cells]);
+}
+
+/** What `etude compare` found. */
+export function comparison(path, compared) {
+  const sides = ['a', 'b'].map((side) => compared[side]);
+  const songs = sides[0].song === sides[1].song ? sides[0].song : `${sides[0].song} (A) and ${sides[1].song} (B), which have the same notes`;
   return [
-    element('p', {}, `${sides[0].song}. `, replayLink(path.replace(/\.json$/, '.html'), 'both performances')),
+    element('p', {}, `${songs}. `, replayLink(path.replace(/\.json$/, '.html'), 'both performances')),
     element('ul', {}, ...sides.map(({ name, player, notes, frames }, index) => {
       const due = notes && { notes_right: notes.matched, notes_due: notes.matched + notes.missed, notes_wrong: notes.wrong };
       const figures = [due && notesText(due), scoreText(frames?.f1)].filter(Boolean).join(', ');
       return element('li', { text: `${'AB'[index]}: ${name}, by ${playerText(player)}: ${figures}` });
     })),
-    element('p', { class: 'note', text: 'Of each note: onset and length, played minus due, and velocity. A note marked ! is more than 50 ms early or late: it counts as missed.' }),
-    table('Note by note', ['due', 'note', 'A', 'B'], rows),
+    element('p', { class: 'note', text: 'Of each note: onset and length, played minus due, and velocity. In the scores a note more than 50 ms early or late counts as missed, and its stroke as wrong. Of a wrong stroke: how long its key was held, and velocity.' }),
+    table('Note by note', ['at', 'note', 'A', 'B'], comparedRows(compared)),
   ];
 }
 

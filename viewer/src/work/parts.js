@@ -1,6 +1,6 @@
 /** Parts of the page that several sections have. */
 
-import { element } from '../dom.js';
+import { element, sidewaysHint } from '../dom.js';
 
 /** A button; `key` names it, so that it keeps the focus when its section is made anew. */
 export function button(text, key, press, attributes = {}) {
@@ -19,7 +19,7 @@ export function choice(options, attributes = {}) {
 
 /** A table that scrolls by itself. Cells are texts or elements. */
 export function table(caption, columns, rows) {
-  return element(
+  const scrolling = element(
     'div', { class: 'scroll', role: 'group', 'aria-label': caption, tabindex: '0' },
     element(
       'table', {},
@@ -27,6 +27,7 @@ export function table(caption, columns, rows) {
       element('tbody', {}, ...rows.map((cells) => element('tr', {}, ...cells.map((cell) => element('td', {}, cell))))),
     ),
   );
+  return element('div', {}, sidewaysHint(columns.length), scrolling);
 }
 
 /** A section with a heading, whose content is made anew only when what it shows has changed. */

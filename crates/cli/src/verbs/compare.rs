@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::bail;
 use etude_music::pitch_name;
-use etude_show::compare::{Comparison, Stroke};
+use etude_show::compare::{Comparison, Stroke, title};
 use etude_show::replay::{PlayedNote, Take, read_take, recordings, replay_page};
 use serde_json::json as object;
 
@@ -73,7 +73,7 @@ fn summary(take: &Take) -> serde_json::Value {
 }
 
 fn print(takes: &[Take; 2], comparison: &Comparison) -> anyhow::Result<()> {
-    line(&takes[0].song)?;
+    line(title(&takes[0], &takes[1]))?;
     for (letter, take) in ["A", "B"].into_iter().zip(takes) {
         let what = [&take.rig, &take.mode, &take.player].map(String::as_str);
         let what: Vec<&str> = what.into_iter().filter(|text| !text.is_empty()).collect();

@@ -134,7 +134,6 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
         }
     };
     let rounds = rehearse_on_robot(&song, &rig, &config, &folder, &mut Job::new(&mut tell, &stop))?;
-    page.finish()?;
     let best = best_round(&rounds);
     let adapted = match (args.adapt, best) {
         (Some(minutes), Some(best)) => {
@@ -142,10 +141,13 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
                 AdaptConfig { policy: best.policy.clone(), minutes, runs: config.runs, seed: config.seed };
             let mut tell = |step: &AdaptStep| show_adapting(&mut status, step, config.runs);
             let folder = folder.join("adaptation");
-            Some(adapt_on_robot(&song, &rig, &adaptation, &folder, &mut Job::new(&mut tell, &stop))?)
+            let adapted = adapt_on_robot(&song, &rig, &adaptation, &folder, &mut Job::new(&mut tell, &stop))?;
+            page.add_adapted(&adapted);
+            Some(adapted)
         }
         _ => None,
     };
+    page.finish()?;
     drop(status);
     if args.json {
         match &adapted {

@@ -155,6 +155,16 @@ fn playing_is_adapted_on_the_robot_itself_and_a_kill_changes_nothing() {
     let best = &adapted["adapting"][adapted["best"].as_u64().unwrap() as usize];
     assert!(missed(best) < 0.5 * missed(before), "{adapted}");
 
+    let page = String::from_utf8(desk.bytes("a/there/rehearsal.html")).unwrap();
+    for part in [
+        "Learned on the robot itself",
+        "href=\"adaptation/run-02/run-1.html\"",
+        "href=\"adaptation/performance/run-2.html\"",
+        "src=\"adaptation/performance/run-2.wav\"",
+    ] {
+        assert!(page.contains(part), "{part} is not in {page}");
+    }
+
     for place in ["run-01/run-1.mcap", "run-02/adapted.json", "run-07/adapted.json", "performance/run-2.mcap"]
     {
         interrupt_at(adapt("b"), &desk.path("b/there/adaptation").join(place), "-KILL");

@@ -1,91 +1,74 @@
-//! The piano roll of a take: what was due and what was played, as stretches of time, and as a drawing.
+//! The piano roll of a take: the strokes, and the notes that were missed, as stretches of time, and as a drawing.
 
 use maud::{Markup, html};
 
-use super::take::Take;
+use super::take::{PlayedNote, Take};
 
-/// Width of a control step and height of a key, in the drawing's units.
-const STEP: usize = 4;
+/// Width of a second and height of a key, in the drawing's units.
+const SECOND: f64 = 80.0;
 const KEY: usize = 8;
 
-/// What is shown of a key.
+/// What is shown of a stroke or of a due note, judged as on the replay page (`viewer/src/classify.js`).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Shown {
-    /// Due and struck.
+    /// A stroke that plays a due note in its time.
     Right,
-    /// Due and silent, or held from a note before it and not struck.
+    /// A stroke that plays a due note too early or too late.
+    Off,
+    /// A due note that no stroke plays.
     Missed,
-    /// It sounds and is not due.
+    /// A stroke that plays no due note.
     Wrong,
+    /// A stroke of a recording that does not say which notes were due.
+    Played,
 }
 
-/// A stretch of control steps in which one key shows the same.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+/// A stroke, as long as its key is held, or a missed note, as long as it is due.
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Stretch {
-    pub pitch: u8,
-    /// The first step.
-    pub from: usize,
-    /// The step after the last one.
-    pub to: usize,
+    pub note: PlayedNote,
     pub shown: Shown,
 }
 
 impl Take {
-    /// Whether a note of `pitch` that is due in a control step is one that was not struck.
-    pub(crate) fn is_unstruck(&self, pitch: u8, step: usize) -> bool {
-        let middle = (step as f64 + 0.5) / self.control_hz;
-        let latest = self.due_notes.iter().rposition(|note| note.pitch == pitch && note.start <= middle);
-        latest.is_some_and(|index| self.heard[index].is_none())
-    }
-
-    /// The stretches, pitch by pitch.
+    /// The strokes, and after them the notes that were missed.
     pub(crate) fn stretches(&self) -> Vec<Stretch> {
-        let steps = self.due.len().max(self.pressed.len());
-        let mut found: Vec<Stretch> = Vec::new();
-        let Some((low, high)) = self.compass() else { return found };
-        for pitch in low..=high {
-            let mut open: Option<Stretch> = None;
-            for step in 0..=steps {
-                let shown = self.shown(pitch, step);
-                if open.map(|stretch| stretch.shown) == shown {
-                    continue;
-                }
-                found.extend(open.map(|stretch| Stretch { to: step, ..stretch }));
-                open = shown.map(|shown| Stretch { pitch, from: step, to: step, shown });
+        let is_judged = !self.due_notes.is_empty() || self.due.iter().all(Vec::is_empty);
+        let unheard = if is_judged { Shown::Wrong } else { Shown::Played };
+        let mut found: Vec<Stretch> =
+            self.notes.iter().map(|note| Stretch { note: *note, shown: unheard }).collect();
+        for (due, heard) in self.due_notes.iter().zip(&self.heard) {
+            match heard {
+                Some(heard) => found[heard.note].shown = if heard.right { Shown::Right } else { Shown::Off },
+                None => found.push(Stretch { note: *due, shown: Shown::Missed }),
             }
         }
         found
     }
 
-    fn shown(&self, pitch: u8, step: usize) -> Option<Shown> {
-        let has = |rows: &[Vec<u8>]| rows.get(step).is_some_and(|row| row.contains(&pitch));
-        match (has(&self.due), has(&self.pressed)) {
-            (true, true) if !self.is_unstruck(pitch, step) => Some(Shown::Right),
-            (true, _) => Some(Shown::Missed),
-            (false, true) => Some(Shown::Wrong),
-            (false, false) => None,
-        }
-    }
-
     /// The lowest and the highest pitch that is due or played.
     pub(crate) fn compass(&self) -> Option<(u8, u8)> {
-        let all = || self.due.iter().chain(&self.pressed).flatten().copied();
+        let all = || self.due_notes.iter().chain(&self.notes).map(|note| note.pitch);
         Some((all().min()?, all().max()?))
     }
 }
 
-/// Right is filled, missed an outline, wrong hatched, so that the three differ without colours too.
+/// Right is filled, too early or late an outline, missed a thin outline, wrong hatched, so that they differ without colours too.
 pub(crate) fn roll_svg(take: &Take) -> String {
-    let steps = take.due.len().max(take.pressed.len()).max(1);
     let (low, high) = take.compass().unwrap_or((60, 60));
-    let (width, height) = (STEP * steps, KEY * (usize::from(high - low) + 3));
-    let bar = |Stretch { pitch, from, to, shown }: Stretch| {
+    let ends = take.due_notes.iter().chain(&take.notes).map(|note| note.end);
+    let width = SECOND * ends.fold(take.secs().max(1.0), f64::max);
+    let height = KEY * (usize::from(high - low) + 3);
+    let bar = |Stretch { note, shown }: Stretch| {
         let [fill, stroke, line] = match shown {
             Shown::Right => ["#0072b2", "none", "1"],
+            Shown::Off => ["none", "#cc79a7", "2"],
             Shown::Missed => ["none", "#0072b2", "1"],
             Shown::Wrong => ["url(#wrong)", "#d55e00", "0.5"],
+            Shown::Played => ["#62656b", "none", "1"],
         };
-        let (x, y, length) = (STEP * from, KEY * (usize::from(high - pitch) + 1), STEP * (to - from));
+        let [x, length] = [note.start, note.end - note.start].map(|secs| format!("{:.1}", SECOND * secs));
+        let y = KEY * (usize::from(high - note.pitch) + 1);
         html! {
             rect x=(x) y=(y) width=(length) height=(KEY - 1) fill=(fill) stroke=(stroke) stroke-width=(line) vector-effect="non-scaling-stroke" {}
         }

@@ -17,6 +17,8 @@ use super::rewards::{RewardCurve, rewards, rounded};
 
 /// Clamps of one joint by one limit that are no further apart than this are one mark, s.
 const CLAMPS_APART_SECS: f64 = 0.25;
+/// Notes of one piece are due at the same times from its first note on, but for this, s.
+const SAME_RHYTHM_SECS: f64 = 0.05;
 /// Longest text of a mark, characters.
 const LONGEST_TEXT: usize = 400;
 
@@ -128,10 +130,17 @@ pub struct Mark {
 }
 
 impl Take {
-    /// Whether the same notes were due here as in `other`, whatever the lead of each.
+    /// Whether the same notes were due here as in `other`, in the same rhythm, whatever the lead of each.
     pub fn has_the_notes_of(&self, other: &Self) -> bool {
-        let pitches = |take: &Self| take.due_notes.iter().map(|note| note.pitch).collect::<Vec<_>>();
-        pitches(self) == pitches(other) && (!self.due_notes.is_empty() || self.due == other.due)
+        let ([first, ..], [theirs, ..]) = (self.due_notes.as_slice(), other.due_notes.as_slice()) else {
+            return self.due_notes.len() == other.due_notes.len() && self.due == other.due;
+        };
+        let later = theirs.start - first.start;
+        let is_same = |(ours, theirs): (&PlayedNote, &PlayedNote)| {
+            ours.pitch == theirs.pitch && (theirs.start - ours.start - later).abs() <= SAME_RHYTHM_SECS
+        };
+        self.due_notes.len() == other.due_notes.len()
+            && self.due_notes.iter().zip(&other.due_notes).all(is_same)
     }
 
     /// The page's data of `recording`, with this `name`.

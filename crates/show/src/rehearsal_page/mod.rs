@@ -1,12 +1,18 @@
-//! The page of a rehearsal: notes right and the gap by round, the performances to see and to hear, and the simulator's numbers.
+//! The page of a rehearsal: notes right and the gap by round, the performances to see and to hear, what was learned on the robot itself,
+//! and the simulator's numbers.
+
+mod adaptation;
+mod numbers;
 
 use std::path::{Path, PathBuf};
 
 use anyhow::Context as _;
-use etude_lab::{RehearsalConfig, Round, best_round};
+use etude_lab::{Adapted, RehearsalConfig, Round, best_round};
 use etude_perform::{NoteCounts, write_file};
-use etude_stage::PhysicalParams;
 use maud::{Markup, PreEscaped, html};
+
+use adaptation::Adaptation;
+use numbers::numbers;
 
 use crate::figure::{Drawing, Mark, Point, Series};
 use crate::html::{page, table};
@@ -20,6 +26,7 @@ pub struct RehearsalPage<'a> {
     config: &'a RehearsalConfig,
     folder: &'a Path,
     rounds: Vec<Shown>,
+    adaptation: Option<Adaptation>,
     written: anyhow::Result<()>,
 }
 
@@ -31,7 +38,8 @@ struct Shown {
 
 /// One performance. Paths begin in the folder of the rehearsal, so that the page can be moved with it.
 struct Performance {
-    sound: PathBuf,
+    /// None if it was not kept.
+    sound: Option<PathBuf>,
     /// The replay page, or why there is none.
     replay: Result<PathBuf, String>,
     /// What was heard.
@@ -41,25 +49,38 @@ struct Performance {
 impl<'a> RehearsalPage<'a> {
     /// The page of a rehearsal in `folder`, not yet written.
     pub fn new(config: &'a RehearsalConfig, folder: &'a Path) -> Self {
-        Self { config, folder, rounds: Vec::new(), written: Ok(()) }
+        Self { config, folder, rounds: Vec::new(), adaptation: None, written: Ok(()) }
     }
 
     /// Adds a round, writes its replay pages, and writes the page.
     pub fn add(&mut self, round: &Round) {
+        self.then(|page| {
+            let shown = round.recordings.iter().map(|path| performance(path, page.folder));
+            let performances = shown.collect::<anyhow::Result<Vec<_>>>()?;
+            page.rounds.push(Shown { round: round.clone(), performances });
+            Ok(())
+        });
+    }
+
+    /// Adds what was learned on the robot itself after the rounds, writes its replay pages, and writes the page.
+    pub fn add_adapted(&mut self, adapted: &Adapted) {
+        self.then(|page| {
+            page.adaptation = Some(Adaptation::new(adapted, page.folder)?);
+            Ok(())
+        });
+    }
+
+    /// Does something and writes the page, unless that has failed before.
+    fn then(&mut self, act: impl FnOnce(&mut Self) -> anyhow::Result<()>) {
         if self.written.is_ok() {
-            self.written = self.write(round);
+            self.written = act(self).and_then(|()| {
+                let page = rehearsal_page(self.config, &self.rounds, self.adaptation.as_ref())?;
+                Ok(write_file(&self.folder.join(REHEARSAL_PAGE), &page)?)
+            });
         }
     }
 
-    fn write(&mut self, round: &Round) -> anyhow::Result<()> {
-        let shown = round.recordings.iter().map(|path| performance(path, self.folder));
-        let performances = shown.collect::<anyhow::Result<Vec<_>>>()?;
-        self.rounds.push(Shown { round: round.clone(), performances });
-        let page = rehearsal_page(self.config, &self.rounds)?;
-        Ok(write_file(&self.folder.join(REHEARSAL_PAGE), &page)?)
-    }
-
-    /// Whether the page has been written after every round.
+    /// Whether the page has been written each time.
     ///
     /// # Errors
     /// If a page could not be written.
@@ -70,8 +91,8 @@ impl<'a> RehearsalPage<'a> {
 
 /// Writes the replay page of a recording beside it.
 fn performance(recording: &Path, folder: &Path) -> anyhow::Result<Performance> {
-    let inside = |path: &Path| path.strip_prefix(folder).unwrap_or(path).to_path_buf();
-    let sound = inside(&recording.with_extension("wav"));
+    let sound = recording.with_extension("wav");
+    let sound = sound.is_file().then(|| inside(&sound, folder));
     // A damaged recording must not hinder the page.
     let take = match read_take(recording) {
         Ok(take) => take,
@@ -80,22 +101,36 @@ fn performance(recording: &Path, folder: &Path) -> anyhow::Result<Performance> {
     let replay = recording.with_extension("html");
     replay_page(std::slice::from_ref(&take), &replay)?;
     let notes = take.note_scores.as_ref().map(NoteCounts::from);
-    Ok(Performance { sound, replay: Ok(inside(&replay)), notes })
+    Ok(Performance { sound, replay: Ok(inside(&replay, folder)), notes })
+}
+
+/// A path from `folder` on.
+fn inside(path: &Path, folder: &Path) -> PathBuf {
+    path.strip_prefix(folder).unwrap_or(path).to_path_buf()
 }
 
 /// The page of the rounds so far.
-fn rehearsal_page(config: &RehearsalConfig, rounds: &[Shown]) -> anyhow::Result<String> {
+fn rehearsal_page(
+    config: &RehearsalConfig,
+    rounds: &[Shown],
+    adaptation: Option<&Adaptation>,
+) -> anyhow::Result<String> {
     let results: Vec<&Round> = rounds.iter().map(|shown| &shown.round).collect();
-    let best = best_round(results.iter().copied()).map(|best| best.round);
+    let best = best_round(results.iter().copied());
     let drawings = [notes_by_round(&results), gap_by_round(&results)];
     let drawings = drawings.iter().map(Drawing::inline).collect::<anyhow::Result<Vec<_>>>()?;
+    let adaptation = match (adaptation, best) {
+        (Some(adaptation), Some(best)) => Some(adaptation.section(best, &config.mode.to_string())?),
+        _ => None,
+    };
     let body = html! {
         p {
             "Mode " (config.mode) ", robot " (config.rig)
             @if let Some(truth) = &config.truth { " (truth " (truth) ")" }
             ", preset " (config.preset) ", " (config.runs) " runs a round, seed " (config.seed) ". Round 0 plays what was learned in the \
              default simulator."
-            @if let Some(best) = best { " Round " (best) " has played best, by the mean of F1 and onset F1: its policy is the one to use." }
+            @if let Some(best) = best { " Round " (best.round) " has played best, by the mean of F1 and onset F1"
+                @if adaptation.is_none() { ": its policy is the one to use" } "." }
         }
         div.drawings { @for drawing in drawings { figure { (PreEscaped(drawing)) } } }
         (scores(&results))
@@ -105,25 +140,27 @@ fn rehearsal_page(config: &RehearsalConfig, rounds: &[Shown]) -> anyhow::Result<
                 h3 { "Round " (shown.round.round) }
                 ul.performances {
                     @for (index, performance) in shown.performances.iter().enumerate() {
-                        li { (see_and_hear(shown.round.round, index + 1, performance)) }
+                        li { (see_and_hear(&format!("round {}, run {}", shown.round.round, index + 1), performance)) }
                     }
                 }
             }
         }
+        @if let Some(section) = adaptation { (section) }
         (numbers(&results))
     };
     Ok(page(&format!("Rehearsal of {}", config.song), &body))
 }
 
-fn see_and_hear(round: usize, run: usize, performance: &Performance) -> Markup {
-    let name = format!("round {round}, run {run}");
+fn see_and_hear(name: &str, performance: &Performance) -> Markup {
     html! {
         @match &performance.replay {
             Ok(page) => a href=(page.display()) { "Replay of " (name) },
             Err(why) => { "No replay of " (name) ": " (why) }
         }
         @if let Some(notes) = &performance.notes { " · " (notes) }
-        audio controls preload="none" src=(performance.sound.display()) aria-label={ "Sound of " (name) } {}
+        @if let Some(sound) = &performance.sound {
+            audio controls preload="none" src=(sound.display()) aria-label={ "Sound of " (name) } {}
+        }
     }
 }
 
@@ -198,36 +235,12 @@ fn scores(rounds: &[&Round]) -> Markup {
     )
 }
 
-/// Every number that a round has changed.
-fn numbers(rounds: &[&Round]) -> Markup {
-    let fitted: Vec<&&Round> = rounds.iter().filter(|round| !round.physics.is_empty()).collect();
-    let mut columns = ["number", "unit", "default"].map(String::from).to_vec();
-    columns.extend(fitted.iter().map(|round| format!("round {}", round.round)));
-    let changed = PhysicalParams::rows()
-        .filter(|(path, _, _)| fitted.iter().any(|round| round.physics.contains_key(path)));
-    let rows = changed.map(|(path, row, default)| {
-        let values = fitted.iter().map(|round| round.physics.get(&path).copied().unwrap_or(default));
-        let values: Vec<String> = values.map(number).collect();
-        [vec![path, row.unit.to_string(), number(default)], values].concat()
-    });
-    table("The simulator's numbers", &columns, rows)
-}
-
-/// Four significant digits.
-fn number(value: f64) -> String {
-    if value == 0.0 {
-        return "0".to_string();
-    }
-    let digits = 3 - value.abs().log10().floor() as i32;
-    format!("{value:.*}", digits.clamp(0, 9) as usize)
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
     use etude_lab::{IdentifyMethod, MeanNotes};
 
-    fn round(round: usize) -> Round {
+    pub(super) fn round(round: usize) -> Round {
         Round {
             round,
             notes: MeanNotes { notes_right: 13.5, notes_due: 14, notes_wrong: 2.0, ..Default::default() },
@@ -269,7 +282,7 @@ mod tests {
         let shown = |number: usize| Shown {
             round: round(number),
             performances: vec![Performance {
-                sound: format!("round-{number}/performance/run-1.wav").into(),
+                sound: Some(format!("round-{number}/performance/run-1.wav").into()),
                 replay: if number == 0 {
                     Err("it is <damaged>".to_string())
                 } else {
@@ -278,11 +291,13 @@ mod tests {
                 notes: Some(NoteCounts { right: 13, due: 14, wrong: 2 }),
             }],
         };
-        let page = rehearsal_page(&config, &[shown(0), shown(1)]).unwrap();
+        let page = rehearsal_page(&config, &[shown(0), shown(1)], None).unwrap();
         for part in [
             "&lt;b&gt;&amp;.mid",
             "truth worn",
-            "Round 0 has played best",
+            "Round 0 has played best, by the mean of F1 and onset F1: its policy is the one to use.",
+            "11 columns: scroll the table sideways.",
+            "<summary>Every number that a round has changed: 1</summary>",
             "Notes right on the robot",
             "notes due",
             "gap (%)",
@@ -317,6 +332,10 @@ mod tests {
         let recording = folder.path().join("round-0/performance/run-1.mcap");
         let shown = performance(&recording, folder.path()).unwrap();
         assert!(shown.replay.is_err());
-        assert_eq!(shown.sound, Path::new("round-0/performance/run-1.wav"));
+        assert_eq!(shown.sound, None);
+        std::fs::create_dir_all(recording.parent().unwrap()).unwrap();
+        std::fs::write(recording.with_extension("wav"), "").unwrap();
+        let shown = performance(&recording, folder.path()).unwrap();
+        assert_eq!(shown.sound, Some("round-0/performance/run-1.wav".into()));
     }
 }

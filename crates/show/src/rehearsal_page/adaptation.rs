@@ -1,0 +1,220 @@
+//! What was learned on the robot itself, on the page of a rehearsal: the runs, and how the song is played before and after.
+
+use std::path::{Path, PathBuf};
+
+use etude_lab::{AdaptRun, Adapted, MeanNotes, Round, run_file};
+use maud::{Markup, PreEscaped, html};
+
+use super::{Performance, performance, see_and_hear};
+use crate::figure::{Drawing, Mark, Point, Series};
+use crate::html::table;
+use crate::replay::recordings;
+
+/// The run that plays with the measured lead and without a correction, from 0; the first one only measures the lead.
+const BEFORE: usize = 1;
+
+/// An adaptation, and its performances to see and to hear.
+pub(super) struct Adaptation {
+    adapted: Adapted,
+    correction: PathBuf,
+    before: Performance,
+    performances: Vec<Performance>,
+}
+
+impl Adaptation {
+    /// Writes the replay pages. The files of an adaptation lie beside its correction, below the `folder` of the rehearsal.
+    pub fn new(adapted: &Adapted, folder: &Path) -> anyhow::Result<Self> {
+        let there = adapted.correction.parent().unwrap_or(folder);
+        let before = there.join(format!("run-{:02}", BEFORE + 1)).join(run_file(0, "mcap"));
+        let performances = recordings(&there.join("performance"))?;
+        Ok(Self {
+            adapted: adapted.clone(),
+            correction: super::inside(&adapted.correction, folder),
+            before: performance(&before, folder)?,
+            performances: performances
+                .iter()
+                .map(|path| performance(path, folder))
+                .collect::<anyhow::Result<_>>()?,
+        })
+    }
+
+    /// The section of the page, with the best round to compare with.
+    pub fn section(&self, best: &Round, mode: &str) -> anyhow::Result<Markup> {
+        let Self { adapted, .. } = self;
+        let drawings = drawings(adapted);
+        let drawings = drawings.iter().map(Drawing::inline).collect::<anyhow::Result<Vec<_>>>()?;
+        let kept = adapted.best + 1;
+        Ok(html! {
+            section {
+                h2 { "Learned on the robot itself" }
+                p {
+                    "The policy of round " (best.round) " was played " (adapted.adapting.len()) " times in joint mirroring. After each run, what the \
+                     joints missed corrected their set-points for the next one. What run " (kept) " played was kept: it was the best \
+                     together with the runs beside it. "
+                    @if adapted.is_better_than(best) {
+                        "With it the robot plays better than in round " (best.round) ", by the mean of F1 and onset F1. Play it with "
+                        code { "--correction " (self.correction.display()) } "."
+                    } @else {
+                        "It does not play better than round " (best.round) ", by the mean of F1 and onset F1: the policy of that round is the one to use."
+                    }
+                }
+                div.drawings.three { @for drawing in drawings { figure { (PreEscaped(drawing)) } } }
+                (comparison(adapted, best, mode))
+                ul.performances {
+                    li { (see_and_hear(&format!("run {}, before any correction", BEFORE + 1), &self.before)) }
+                    @for (index, performance) in self.performances.iter().enumerate() {
+                        li { (see_and_hear(&format!("the adapted playing, run {}", index + 1), performance)) }
+                    }
+                }
+            }
+        })
+    }
+}
+
+/// Curves over the runs, with a mark at the one that was kept: notes, and how far the joints were off their path.
+fn drawings(adapted: &Adapted) -> [Drawing; 3] {
+    let series = |name: &str, value: &dyn Fn(&AdaptRun) -> f64| {
+        let point =
+            |(index, run): (usize, &AdaptRun)| Point { x: (index + 1) as f64, y: value(run), interval: None };
+        let points: Vec<Point> = adapted.adapting.iter().enumerate().map(point).collect();
+        Series { name: name.to_string(), points, marks: Vec::new() }
+    };
+    let drawing = |title: &str, unit: &str, mut series: Vec<Series>| {
+        let kept = series[0].points.get(adapted.best).map(|point| Mark { x: Some(point.x), y: point.y });
+        series[0].marks.extend(kept);
+        Drawing {
+            title: title.to_string(),
+            x_label: "run".to_string(),
+            y_label: unit.to_string(),
+            markers: true,
+            series,
+            marks: "the run that was kept".to_string(),
+            ..Drawing::default()
+        }
+    };
+    let due = adapted.notes.notes_due as f64;
+    let notes = vec![series("notes right", &|run| run.notes.notes_right), series("notes due", &|_| due)];
+    let fingers = vec![series("fingers", &|run| 1e3 * run.fingers_missed_rad)];
+    let rail = vec![series("rail", &|run| 1e3 * run.rail_missed_m)];
+    [
+        drawing("Notes right while learning", "notes", notes),
+        drawing("Fingers off their path, root mean square", "mrad", fingers),
+        drawing("Rail off its path, root mean square", "mm", rail),
+    ]
+}
+
+/// The best round, joint mirroring before any correction, and the adapted playing.
+fn comparison(adapted: &Adapted, best: &Round, mode: &str) -> Markup {
+    let row = |how: String, notes: &MeanNotes, f1: String| {
+        vec![
+            how,
+            format!("{:.1}\u{a0}of\u{a0}{}", notes.notes_right, notes.notes_due),
+            format!("{:.1}", notes.notes_wrong),
+            format!("{:.3}", notes.onset_f1),
+            f1,
+        ]
+    };
+    let several = |f1: f64, std: f64| format!("{f1:.3} ± {std:.3}");
+    let before = adapted.adapting.get(BEFORE).map(|run| {
+        let how = format!("joint-mirroring before any correction, run {} alone", BEFORE + 1);
+        row(how, &run.notes, format!("{:.3}", run.f1))
+    });
+    let first =
+        row(format!("{mode}, round {}", best.round), &best.notes, several(best.robot_f1, best.robot_f1_std));
+    let last = row(
+        "joint-mirroring with the correction".to_string(),
+        &adapted.notes,
+        several(adapted.robot_f1, adapted.robot_f1_std),
+    );
+    let columns = ["how it was played", "notes right", "wrong", "onset F1", "F1 by control step"];
+    table(
+        "On the robot: means of the runs",
+        &columns,
+        [Some(first), before, Some(last)].into_iter().flatten(),
+    )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::tests::round;
+    use super::*;
+
+    fn adapted() -> Adapted {
+        let run = |right: f64, f1: f64| AdaptRun {
+            notes: MeanNotes {
+                notes_right: right,
+                notes_due: 14,
+                notes_wrong: 14.0 - right,
+                ..Default::default()
+            },
+            f1,
+            lag_secs: None,
+            fingers_missed_rad: 0.05,
+            rail_missed_m: 0.004,
+            clamped: 0,
+        };
+        Adapted {
+            adapting: vec![run(1.0, 0.82), run(13.0, 0.9), run(14.0, 0.95)],
+            best: 2,
+            notes: MeanNotes { notes_right: 13.8, notes_due: 14, onset_f1: 0.99, ..Default::default() },
+            robot_f1: 0.957,
+            robot_f1_std: 0.003,
+            lag_secs: None,
+            lead_secs: 0.1,
+            correction: "there/adaptation/correction.json".into(),
+        }
+    }
+
+    fn shown(sound: Option<&str>) -> Performance {
+        Performance { sound: sound.map(PathBuf::from), replay: Ok("p.html".into()), notes: None }
+    }
+
+    #[test]
+    fn the_section_has_the_runs_the_kept_one_and_the_comparison() {
+        let adaptation = Adaptation {
+            adapted: adapted(),
+            correction: "adaptation/correction.json".into(),
+            before: shown(None),
+            performances: vec![shown(Some("run-1.wav"))],
+        };
+        let page = adaptation.section(&round(0), "real").unwrap().into_string();
+        for part in [
+            "was played 3 times",
+            "What run 3 played was kept",
+            "plays better than in round 0",
+            "--correction adaptation/correction.json",
+            "Notes right while learning",
+            "Fingers off their path",
+            "Rail off its path",
+            "<td>real, round 0</td><td>13.5\u{a0}of\u{a0}14</td><td>2.0</td><td>0.000</td><td>0.900 ± 0.010</td>",
+            "run 2 alone</td><td>13.0\u{a0}of\u{a0}14</td><td>1.0</td><td>0.000</td><td>0.900</td>",
+            "with the correction</td><td>13.8\u{a0}of\u{a0}14</td><td>0.0</td><td>0.990</td><td>0.957 ± 0.003</td>",
+            "Replay of run 2, before any correction",
+            "Replay of the adapted playing, run 1",
+        ] {
+            assert!(page.contains(part), "{part} is not in {page}");
+        }
+        // The sound of a run while learning is not kept.
+        assert_eq!(page.matches("<audio").count(), 1);
+        let better =
+            Round { robot_f1: 1.0, notes: MeanNotes { onset_f1: 1.0, ..round(0).notes }, ..round(0) };
+        assert!(
+            adaptation
+                .section(&better, "real")
+                .unwrap()
+                .into_string()
+                .contains("It does not play better than round 0")
+        );
+    }
+
+    #[test]
+    fn the_charts_show_each_run_and_the_kept_one() {
+        let [notes, fingers, rail] = drawings(&adapted());
+        let right: Vec<f64> = notes.series[0].points.iter().map(|point| point.y).collect();
+        let due: Vec<f64> = notes.series[1].points.iter().map(|point| point.y).collect();
+        assert_eq!((right, due), (vec![1.0, 13.0, 14.0], vec![14.0; 3]));
+        let kept = [&notes, &fingers, &rail].map(|drawing| drawing.series[0].marks.clone());
+        assert_eq!(kept, [14.0, 50.0, 4.0].map(|y| vec![Mark { x: Some(3.0), y }]));
+        assert!(fingers.svg().unwrap().contains("the run that was kept"));
+    }
+}
