@@ -30,7 +30,7 @@ class Recording:
     Attributes:
         header: `song`, `player`, `rig`, `activity` (`kind`: simulation, mode, excitation or rest; `name`: of the execution mode or the
             excitation), `joints`, `due` (the keys due at each control step), `bar_secs`, `run` (the configuration of the player's run),
-            `rig_config` (the rig's file), `schema` (version of the messages, 2).
+            `corrected` (whether a correction was added to the robot's set-points), `rig_config` (the rig's file), `schema` (version of the messages, 2).
         topics: The messages of each topic, a column a field. Numbers come as arrays, `[messages, …]`; values whose length differs
             from message to message come as an array of objects. `log_secs` is the time of each message, s. Units are those of the
             recording: rad, N·m and s, the rail in m and N.

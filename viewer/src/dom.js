@@ -19,7 +19,7 @@ export function element(tag, attributes = {}, ...children) {
 }
 
 /** From how many columns on a table is wider than a phone. */
-const WIDE = 6;
+const WIDE = 5;
 
 /** A line for a phone that a table of so many columns goes on beyond its edge; null for a narrow one. */
 export function sidewaysHint(columns) {

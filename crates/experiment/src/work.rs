@@ -311,7 +311,7 @@ impl Doing<'_, '_> {
             _ => {}
         };
         let rounds = rehearse_on_robot(&song, &rig, &config, &folder, &mut Job::new(&mut tell, interrupt))?;
-        page.finish()?;
+        page.checked()?;
         let rows = rounds.iter().map(|round| {
             let mut values = vec![
                 ("sim_f1", round.sim_f1),

@@ -18,7 +18,7 @@ use anyhow::bail;
 use etude_music::Song;
 use etude_perform::stand::RigChoice;
 use etude_perform::stats::mean;
-use etude_perform::{Aims, Correction, Delays, Heard, Job, Mode, NoteCounts};
+use etude_perform::{Aims, Correction, Delays, Job, Mode, NoteCounts};
 use etude_stage::{RAIL, Side};
 use serde::{Deserialize, Serialize};
 
@@ -33,6 +33,8 @@ use crate::robot::{
 
 /// Name of the file with the result of an adaptation.
 const RESULT: &str = "result.json";
+/// Version of the files, and of what is learned from a run. An adaptation is not continued by another one.
+const VERSION: u32 = 2;
 /// An adaptation ends earlier if this many runs in a row were not better than the best before.
 const PATIENCE: usize = 8;
 /// The two runs before anything is corrected: the first measures how late the notes are, the second how late the joints.
@@ -50,6 +52,14 @@ pub struct AdaptConfig {
     pub runs: usize,
     /// Seed of the twin's noise.
     pub seed: u64,
+}
+
+/// What a folder holds.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+struct Opened {
+    version: u32,
+    config: AdaptConfig,
+    only_for: OnlyFor,
 }
 
 /// What a run plays.
@@ -76,9 +86,9 @@ pub struct AdaptRun {
     pub f1: f64,
     /// How late the notes were, s.
     pub lag_secs: Option<f64>,
-    /// What the finger joints missed, root mean square, rad.
+    /// What the finger joints missed of their path, moved by the aims, root mean square, rad.
     pub fingers_missed_rad: f64,
-    /// What the rail missed, m.
+    /// What the rail missed of its path, m.
     pub rail_missed_m: f64,
     /// Set-points that the limiter clamped, counted by joint.
     pub clamped: u64,
@@ -172,11 +182,18 @@ impl Adaptation<'_> {
     /// Makes the folder, or checks that it holds the same adaptation.
     fn open(&self) -> anyhow::Result<()> {
         let file = self.folder.join("adaptation.json");
-        let now = (self.config.clone(), self.only_for.clone());
-        if let Some((stored, only_for)) = load::<(AdaptConfig, OnlyFor)>(&file)? {
+        let now = Opened { version: VERSION, config: self.config.clone(), only_for: self.only_for.clone() };
+        if let Some(before) = load::<Opened>(&file)? {
+            if before.version != VERSION {
+                bail!(
+                    "{} was made by another version of Étude: remove it, and learning begins anew",
+                    self.folder.display()
+                );
+            }
             // The minutes may change, and then the result is another.
-            let has_other_minutes = stored.minutes != self.config.minutes;
-            if (AdaptConfig { minutes: self.config.minutes, ..stored }, only_for) != now {
+            let has_other_minutes = before.config.minutes != self.config.minutes;
+            let config = AdaptConfig { minutes: self.config.minutes, ..before.config.clone() };
+            if (Opened { config, ..before }) != now {
                 bail!(
                     "{} holds the adaptation of another policy, song or robot, or another number of runs or seed: remove it, \
                      and learning begins anew",
@@ -346,13 +363,12 @@ impl Played {
         let run = &report.runs[0];
         let delays = self.delays.unwrap_or_else(|| run.tracking.delays());
         let correction = self.correction.after(&run.tracking.clone().asked_for(&self.aimed), &delays);
-        let [planned, played] = &run.planned_and_played;
         let aims = match self.delays {
             // The joints are not on their path yet.
             None => Aims::default(),
-            Some(_) => self.aims.after(&Heard { planned, played, late_secs: report.lead_secs }),
+            Some(_) => self.aims.after(&run.strokes, report.lead_secs),
         };
-        let aimed = aims.offsets(&run.tracking.asked, planned, side);
+        let aimed = aims.offsets(&run.tracking.asked, &run.strokes.planned, side);
         Self { lead_secs, delays: Some(delays), correction, aims, aimed }
     }
 }

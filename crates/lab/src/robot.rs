@@ -6,11 +6,11 @@ use std::sync::atomic::AtomicBool;
 use anyhow::bail;
 use etude_music::metrics::NoteScores;
 use etude_music::sound::SoundFont;
-use etude_music::{LONGEST_LEAD_SECS, Note, Song};
+use etude_music::{LONGEST_LEAD_SECS, Song};
 use etude_perform::stand::{RigChoice, Stand};
 use etude_perform::stats::{deviation, mean};
 use etude_perform::{
-    Activity, Correction, Ending, Header, Job, Mode, Performance, RecordingWriter, RobotRig, Scores,
+    Activity, Correction, Ending, Header, Job, Mode, Performance, RecordingWriter, RobotRig, Scores, Strokes,
     TimingReport, Tracking, gap, perform, prepare, record_release,
 };
 use etude_stage::{JOINTS, PHYSICS_STEPS, World};
@@ -161,9 +161,9 @@ pub struct RobotRun {
     /// How the joints were asked to move and how they moved; empty without a correction, even an empty one.
     #[serde(skip)]
     pub tracking: Tracking,
-    /// The notes that were planned, at times of the control steps, and those that were played.
+    /// Its notes.
     #[serde(skip)]
-    pub planned_and_played: [Vec<Note>; 2],
+    pub strokes: Strokes,
     /// The files that were written.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub files: Option<Files>,
@@ -246,6 +246,7 @@ pub fn play_on_robot(
         .start_pose();
     let header = Header {
         activity: Activity::Mode(play.mode),
+        corrected: play.correction.as_ref().is_some_and(|correction| !correction.is_empty()),
         ..header(&piece, pianist, rig.name(), Some(rig.config()))
     };
     let mut runs = Vec::new();
@@ -357,8 +358,8 @@ fn one_run(
 impl RobotRun {
     fn new(performance: Performance, files: Option<Files>) -> Self {
         let scores = performance.scores();
+        let strokes = performance.strokes();
         let (alongside_f1, steps) = (performance.alongside_f1(), performance.piece.steps());
-        let planned_and_played = [performance.planned_notes(), performance.notes()];
         let robot = performance.robot.unwrap_or_default();
         Self {
             scores,
@@ -368,7 +369,7 @@ impl RobotRun {
             lost_records: robot.lost_records,
             timing: robot.timing.report(),
             tracking: robot.tracking,
-            planned_and_played,
+            strokes,
             ending: performance.ending,
             files,
         }

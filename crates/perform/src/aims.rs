@@ -7,17 +7,17 @@ use etude_robot::rig::SETPOINT_HZ;
 use etude_stage::geometry::{WHITE_PITCH, key_lateral};
 use etude_stage::hand::FINGER_JOINTS;
 use etude_stage::kinematics::fingertip;
-use etude_stage::{FINGERS, JOINTS, RAIL, Side};
+use etude_stage::{FINGERS, JOINTS, RAIL, Side, joint_range};
 use serde::{Deserialize, Serialize};
 
-use crate::correction::{Correction, Tracking};
+use crate::correction::{Correction, Tracking, grown};
 
 /// Where the finger of each planned note aims, in the order of the notes.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(transparent)]
 pub struct Aims(Vec<Aim>);
 
-/// Where a finger aims for a note, relative to its path in the simulation, m.
+/// Where a finger aims for a note: the distance from its path in the simulation, m.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 struct Aim {
     /// To the side of the higher keys; negative is to that of the lower keys.
@@ -26,20 +26,22 @@ struct Aim {
     deeper: f64,
 }
 
-/// The notes of a run in joint mirroring.
-#[derive(Clone, Copy, Debug)]
-pub struct Heard<'a> {
-    /// The notes that were planned, at times of the control steps.
-    pub planned: &'a [Note],
-    /// Those that the robot played.
-    pub played: &'a [Note],
-    /// How much later the robot should play them, s.
-    pub late_secs: f64,
+/// The notes of a performance.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Strokes {
+    /// Those that were planned, at times of the control steps.
+    pub planned: Vec<Note>,
+    /// Those that were played.
+    pub played: Vec<Note>,
+    /// When the performance ended, s. A key that was down then was not let go.
+    pub end_secs: f64,
 }
 
 /// How much deeper a finger aims for each second by which its note was shorter than planned, m/s: a quarter of the speed of a
 /// stroke, since a finger that is not deep enough begins the note late and ends it early.
 const DEEPER_PER_SECOND: f64 = 0.05;
+/// A note that is longer or shorter by this is as long as planned, s: half a control step.
+const AS_PLANNED_SECS: f64 = 0.025;
 /// The most by which a finger aims deeper or less deep after a run, and the amount for a note that was not played, m.
 const DEEPER: f64 = 0.002;
 /// The most by which it aims further aside after a run, and the amount after a stroke of a key beside its own, m.
@@ -50,29 +52,53 @@ const MOST: [f64; 2] = [0.004, 0.005];
 const SAME_NOTE_SECS: f64 = 0.15;
 /// Time in which a finger moves to its aim before a note, and returns after it, s.
 const RAMP_SECS: f64 = 0.1;
-/// The least that a tip may go for each radian by which its finger turns, m: a finger that hangs straight down turns no further.
+/// A tip that moves less than this for each radian by which its finger turns, m, is moved by less than the aim: the angle would be too large.
 const LEAST_SLOPE: f64 = 0.02;
 /// Angle by which a joint is turned to find how far that moves the fingertip, rad.
 const TURN: f64 = 1e-4;
 
 impl Aims {
-    /// The aims for the next run, after one that was `heard` with these.
+    /// The aims for the next run, after one with these. It should have played its notes `late_secs` later than planned. If fewer than half of
+    /// them sounded, the aims stay: then something else is wrong than where the fingers aim.
     #[must_use]
-    pub fn after(&self, heard: &Heard<'_>) -> Self {
-        let next = heard.planned.iter().enumerate().map(|(index, note)| {
-            let before = self.0.get(index).copied().unwrap_or_default();
-            let stroke = heard.stroke_of(note);
-            let shorter_secs = note.duration_secs() - stroke.map_or(0.0, Note::duration_secs);
-            let deeper = if stroke.is_some() { DEEPER_PER_SECOND * shorter_secs } else { DEEPER };
-            let wrong = heard.neighbour(note);
-            let aside =
-                wrong.map_or(0.0, |wrong| ASIDE * (f64::from(note.pitch) - f64::from(wrong.pitch)).signum());
-            Aim {
-                aside: (before.aside + aside).clamp(-MOST[0], MOST[0]),
-                deeper: (before.deeper + deeper.clamp(-DEEPER, DEEPER)).clamp(-MOST[1], MOST[1]),
+    pub fn after(&self, strokes: &Strokes, late_secs: f64) -> Self {
+        let heard = Heard { strokes, late_secs };
+        let matched: Vec<Option<&Note>> = strokes.planned.iter().map(|note| heard.stroke_of(note)).collect();
+        if 2 * matched.iter().flatten().count() < strokes.planned.len() {
+            return self.clone();
+        }
+        let mut next: Vec<Aim> = (strokes.planned.iter().zip(&matched).enumerate())
+            .map(|(index, (note, stroke))| {
+                let before = self.0.get(index).copied().unwrap_or_default();
+                let deeper = match stroke {
+                    Some(stroke) => DEEPER_PER_SECOND * heard.shorter_secs(note, stroke),
+                    // Its key did not come up before.
+                    None if heard.is_held_before(note) => -DEEPER,
+                    None => DEEPER,
+                };
+                let deeper = (before.deeper + deeper.clamp(-DEEPER, DEEPER)).clamp(-MOST[1], MOST[1]);
+                Aim { deeper, ..before }
+            })
+            .collect();
+        for wrong in &strokes.played {
+            // Of the notes beside which it may be, one that did not sound, and then the nearest.
+            let beside = (strokes.planned.iter().zip(&matched).enumerate())
+                .filter(|(_, (note, _))| heard.is_beside(note, wrong))
+                .min_by(|(_, (a, played_a)), (_, (b, played_b))| {
+                    let distances = heard.distance(a, wrong).total_cmp(&heard.distance(b, wrong));
+                    played_a.is_some().cmp(&played_b.is_some()).then(distances)
+                });
+            if let Some((index, (note, _))) = beside
+                && !strokes
+                    .planned
+                    .iter()
+                    .any(|other| heard.is_near(other, wrong) && other.pitch == wrong.pitch)
+            {
+                let away = (f64::from(note.pitch) - f64::from(wrong.pitch)).signum();
+                next[index].aside = (next[index].aside + ASIDE * away).clamp(-MOST[0], MOST[0]);
             }
-        });
-        Self(next.collect())
+        }
+        Self(next)
     }
 
     /// What the aims add to the set-points `asked` of the planned notes (at the end of each physics step: rad, the rail in m). For a note
@@ -93,15 +119,17 @@ impl Aims {
                 sum.deeper += weight * aim.deeper;
             }
         }
-        let offsets = asked.iter().zip(sums).map(|(pose, sums)| {
+        let offsets = asked.iter().zip(sums).enumerate().map(|(tick, (pose, sums))| {
             let mut offsets = [0.0; JOINTS];
             for (finger, (weights, sum)) in
                 sums.into_iter().enumerate().filter(|(_, (weights, _))| *weights > 0.0)
             {
                 let weights = f64::max(weights, 1.0);
                 let aim = Aim { aside: sum.aside / weights, deeper: sum.deeper / weights };
-                offsets[finger * FINGER_JOINTS..][..FINGER_JOINTS]
-                    .copy_from_slice(&turned(pose, finger, side, aim));
+                for (joint, turn) in (finger * FINGER_JOINTS..).zip(turned(pose, finger, side, aim)) {
+                    let [low, high] = joint_range(joint);
+                    offsets[joint] = (pose[joint] + grown(tick) * turn).clamp(low, high) - pose[joint];
+                }
             }
             offsets
         });
@@ -120,31 +148,48 @@ impl Tracking {
     }
 }
 
-impl Heard<'_> {
-    /// How far a stroke of the robot is from the time of a note, s.
+/// The notes of a run, and how much later than planned they should be.
+struct Heard<'a> {
+    strokes: &'a Strokes,
+    late_secs: f64,
+}
+
+impl<'a> Heard<'a> {
+    /// How far a stroke is from the time of a note, s.
     fn distance(&self, note: &Note, stroke: &Note) -> f64 {
         (note.start_secs + self.late_secs - stroke.start_secs).abs()
     }
 
+    fn is_near(&self, note: &Note, stroke: &Note) -> bool {
+        self.distance(note, stroke) <= SAME_NOTE_SECS
+    }
+
+    fn is_beside(&self, note: &Note, stroke: &Note) -> bool {
+        self.is_near(note, stroke) && (1..=2).contains(&stroke.pitch.abs_diff(note.pitch))
+    }
+
     /// The stroke that plays this note: of those of its key the nearest, if it is near and no other note is nearer to it.
-    fn stroke_of(&self, note: &Note) -> Option<&Note> {
-        let stroke = self
-            .played
-            .iter()
-            .filter(|stroke| stroke.pitch == note.pitch && self.distance(note, stroke) <= SAME_NOTE_SECS)
+    fn stroke_of(&self, note: &Note) -> Option<&'a Note> {
+        let of_its_key = self.strokes.played.iter().filter(|stroke| stroke.pitch == note.pitch);
+        let stroke = of_its_key
+            .filter(|stroke| self.is_near(note, stroke))
             .min_by(|a, b| self.distance(note, a).total_cmp(&self.distance(note, b)))?;
-        let mut others = self.planned.iter().filter(|other| other.pitch == note.pitch);
+        let mut others = self.strokes.planned.iter().filter(|other| other.pitch == note.pitch);
         others.all(|other| self.distance(other, stroke) >= self.distance(note, stroke)).then_some(stroke)
     }
 
-    /// A stroke of a key beside that of this note, near its time, that plays no planned note.
-    fn neighbour(&self, note: &Note) -> Option<&Note> {
-        self.played.iter().find(|stroke| {
-            (1..=2).contains(&stroke.pitch.abs_diff(note.pitch))
-                && self.distance(note, stroke) <= SAME_NOTE_SECS
-                && !self.planned.iter().any(|other| {
-                    other.pitch == stroke.pitch && self.distance(other, stroke) <= SAME_NOTE_SECS
-                })
+    /// By how much a stroke was shorter than its note, s, beyond what a plan of whole control steps cannot tell. What is planned after the end of the performance does not count.
+    fn shorter_secs(&self, note: &Note, stroke: &Note) -> f64 {
+        let end_secs = (note.end_secs + self.late_secs).min(self.strokes.end_secs);
+        let shorter_secs = end_secs - self.late_secs - note.start_secs - stroke.duration_secs();
+        shorter_secs.signum() * (shorter_secs.abs() - AS_PLANNED_SECS).max(0.0)
+    }
+
+    /// Whether the key of this note was down already when it should have been struck.
+    fn is_held_before(&self, note: &Note) -> bool {
+        let due_secs = note.start_secs + self.late_secs;
+        self.strokes.played.iter().any(|stroke| {
+            stroke.pitch == note.pitch && stroke.start_secs < due_secs && stroke.end_secs > due_secs
         })
     }
 }
@@ -202,6 +247,14 @@ mod tests {
     const LIFTED: f64 = 0.012;
     const SOUNDS: f64 = -0.004;
 
+    fn deeper(aims: &Aims) -> Vec<f64> {
+        aims.0.iter().map(|aim| aim.deeper).collect()
+    }
+
+    fn strokes(planned: &[Note], played: &[Note]) -> Strokes {
+        Strokes { planned: planned.to_vec(), played: played.to_vec(), end_secs: 10.0 }
+    }
+
     fn note(pitch: u8, start_secs: f64, end_secs: f64) -> Note {
         Note { pitch, velocity: 64, start_secs, end_secs }
     }
@@ -257,12 +310,15 @@ mod tests {
             let first = play(&asked, &Correction::default(), lower);
             assert_eq!(first.is_empty(), silent, "{lower}");
             for _ in 0..15 {
-                let played = play(&asked, &aims.offsets(&asked, &planned, SIDE), lower);
-                aims = aims.after(&Heard { planned: &planned, played: &played, late_secs: 0.0 });
+                let mut played = play(&asked, &aims.offsets(&asked, &planned, SIDE), lower);
+                // Another finger plays another note.
+                let other = note(planned[0].pitch + 10, 0.5, 1.0);
+                played.push(other);
+                aims = aims.after(&strokes(&[planned[0], other], &played), 0.0);
             }
             let last = play(&asked, &aims.offsets(&asked, &planned, SIDE), lower);
             assert_eq!(last.len(), 1);
-            assert!((last[0].duration_secs() - 0.5).abs() < 0.02, "{lower}: {:?} after {aims:?}", last[0]);
+            assert!((last[0].duration_secs() - 0.5).abs() < 0.03, "{lower}: {:?} after {aims:?}", last[0]);
         }
     }
 
@@ -274,8 +330,8 @@ mod tests {
             let pitch = planned[0].pitch.checked_add_signed(wrong).unwrap();
             // The right key sounds as planned, too: nothing but the side is to be learned.
             let played = [note(pitch, 0.57, 0.6), note(planned[0].pitch, 0.6, 1.1)];
-            let heard = Heard { planned: &planned, played: &played, late_secs: 0.1 };
-            let offsets = Aims::default().after(&heard).offsets(&asked, &planned, SIDE);
+            let offsets =
+                Aims::default().after(&strokes(&planned, &played), 0.1).offsets(&asked, &planned, SIDE);
             let moved = tips(&asked, &offsets)[150][1] - before[150][1];
             assert!((moved - toward * ASIDE).abs() < 0.2 * ASIDE, "{wrong}: {moved}");
             let others = |joint: &usize| joint / FINGER_JOINTS != FINGER;
@@ -287,19 +343,55 @@ mod tests {
         // A stroke that is another planned note, and one at another time, are not wrong.
         let two = [planned[0], note(planned[0].pitch + 2, 0.5, 1.0)];
         for played in [two, [planned[0], note(planned[0].pitch + 1, 0.9, 1.0)]] {
-            let aims = Aims::default().after(&Heard { planned: &two, played: &played, late_secs: 0.0 });
+            let aims = Aims::default().after(&strokes(&two, &played), 0.0);
             assert!(aims.0.iter().all(|aim| aim.aside == 0.0), "{aims:?}");
         }
     }
 
     #[test]
-    fn aims_are_bounded() {
-        let planned = planned();
+    fn aims_are_bounded_and_a_song_begins_at_rest() {
+        let asked = path();
+        let planned = [note(LOWEST_PITCH + KEY as u8, 0.0, 1.0)];
+        let played = [note(planned[0].pitch, 0.0, 0.5), note(planned[0].pitch + 1, 0.0, 0.6)];
         let mut aims = Aims::default();
         for _ in 0..50 {
-            let played = [note(planned[0].pitch + 1, 0.5, 0.6)];
-            aims = aims.after(&Heard { planned: &planned, played: &played, late_secs: 0.0 });
+            aims = aims.after(&strokes(&planned, &played), 0.0);
         }
         assert_eq!(aims.0, [Aim { aside: -MOST[0], deeper: MOST[1] }]);
+        let offsets = aims.offsets(&asked, &planned, SIDE);
+        assert_eq!(offsets.offsets()[0], [0.0; JOINTS]);
+        assert!(offsets.offsets()[100] != [0.0; JOINTS]);
+    }
+
+    #[test]
+    fn what_is_no_fault_of_the_aim_changes_nothing() {
+        let pitch = LOWEST_PITCH + KEY as u8;
+        // The keyboard is silent; the performance ends before the last key could be let go.
+        let planned = [note(pitch, 0.5, 1.0), note(pitch + 4, 1.0, 1.5)];
+        assert_eq!(Aims::default().after(&strokes(&planned, &[]), 0.1), Aims::default());
+        let played = [note(pitch, 0.6, 1.1), note(pitch + 4, 1.1, 1.5)];
+        let aims = Aims::default().after(&Strokes { end_secs: 1.5, ..strokes(&planned, &played) }, 0.1);
+        assert!(aims.0.iter().all(|aim| aim.deeper.abs() < 1e-9 && aim.aside == 0.0), "{aims:?}");
+    }
+
+    #[test]
+    fn a_key_that_stays_down_is_pressed_less_deep_the_next_time_and_a_silent_one_deeper() {
+        let pitch = LOWEST_PITCH + KEY as u8;
+        let planned = [note(pitch, 0.5, 0.9), note(pitch, 1.0, 1.4), note(pitch + 5, 1.0, 1.4)];
+        let played = [note(pitch, 0.5, 1.4), note(pitch + 5, 1.0, 1.4)];
+        let aims = Aims::default().after(&strokes(&planned, &played), 0.0);
+        assert_eq!(deeper(&aims), [-DEEPER, -DEEPER, 0.0]);
+        let aims = Aims::default().after(&strokes(&planned, &[planned[0], planned[2]]), 0.0);
+        assert_eq!(deeper(&aims), [0.0, DEEPER, 0.0]);
+    }
+
+    /// Of two notes beside which a wrong key sounded, the one that is missing was aimed wrongly.
+    #[test]
+    fn a_stray_stroke_in_a_chord_moves_one_finger() {
+        let pitch = LOWEST_PITCH + KEY as u8;
+        let planned = [note(pitch, 0.5, 1.0), note(pitch + 4, 0.5, 1.0)];
+        let played = [note(pitch, 0.5, 1.0), note(pitch + 2, 0.52, 1.0)];
+        let aims = Aims::default().after(&strokes(&planned, &played), 0.0);
+        assert_eq!(aims.0.iter().map(|aim| aim.aside).collect::<Vec<_>>(), [0.0, ASIDE]);
     }
 }

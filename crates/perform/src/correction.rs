@@ -156,10 +156,9 @@ impl Correction {
             let (most, [low, high]) = (most(joint), joint_range(joint));
             for (tick, added) in added.into_iter().enumerate() {
                 let before = self.offsets.get(tick).map_or(0.0, |offsets| offsets[joint]);
-                let grown = (tick as f64 / SETPOINT_HZ / RAMP_SECS).min(1.0);
                 let asked = run.asked[tick][joint];
                 // Nothing is learned beyond the range of the joint: it would have to be unlearned.
-                let within = (asked + KEPT * before + grown * added).clamp(low, high) - asked;
+                let within = (asked + KEPT * before + grown(tick) * added).clamp(low, high) - asked;
                 let offset = within.clamp(-most, most);
                 offsets[tick][joint] = (offset / RESOLUTION).round() * RESOLUTION;
             }
@@ -175,6 +174,11 @@ fn most(joint: usize) -> f64 {
         finger if finger % JOINTS_OF_A_FINGER == 0 => MOST_ASIDE,
         _ => MOST_BENT,
     }
+}
+
+/// The share of its full size that what is added has at a physics step.
+pub(crate) fn grown(tick: usize) -> f64 {
+    (tick as f64 / SETPOINT_HZ / RAMP_SECS).min(1.0)
 }
 
 /// Number of physics steps in this time.

@@ -31,7 +31,7 @@ pub mod stats;
 mod timing;
 mod writer;
 
-pub use aims::{Aims, Heard};
+pub use aims::{Aims, Strokes};
 pub use correction::{Correction, Delays, Tracking};
 pub use error::PerformError;
 pub use evaluate::{NoteCounts, SCORES, SongEvaluator};

@@ -100,6 +100,8 @@ pub struct Header {
     /// The resolved configuration of the run that the player comes from, as in the run's `config.toml`; without one for an excitation and
     /// at rest.
     pub run: Option<serde_json::Value>,
+    /// Whether a correction that was learned on the robot was added to the set-points of the robot. The targets are without it.
+    pub corrected: bool,
     /// The rig's file, resolved; none in simulation.
     #[schemars(with = "Option<serde_json::Value>")]
     pub rig_config: Option<RigConfig>,

@@ -6,6 +6,7 @@ use etude_task::Piece;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use crate::aims::Strokes;
 use crate::correction::Tracking;
 use crate::timing::Timing;
 
@@ -127,8 +128,13 @@ impl Performance {
         notes_from_key_events(&self.events, self.secs())
     }
 
+    /// Its notes, and those that were planned.
+    pub fn strokes(&self) -> Strokes {
+        Strokes { planned: self.planned_notes(), played: self.notes(), end_secs: self.secs() }
+    }
+
     /// The notes that the player should play, at times of the control steps: those that are due, less what the fingering leaves out.
-    pub fn planned_notes(&self) -> Vec<Note> {
+    fn planned_notes(&self) -> Vec<Note> {
         let planned = match self.piece.fingering() {
             Some(_) => self.piece.planned(),
             None => self.piece.frames().to_vec(),
@@ -196,6 +202,33 @@ mod tests {
         assert!(played.scores().frame.f1 < 0.9);
         played.robot = Some(Executed::default());
         assert_eq!(played.scores().frame.f1, 1.0);
+    }
+
+    /// The hand cannot strike a key again at once, so the fingering leaves it earlier than the song. Without a fingering all is planned.
+    #[test]
+    fn the_notes_of_the_fingering_are_planned_or_those_of_the_song() {
+        let song = repertoire::get("twinkle").expect("built in");
+        for fingering in [false, true] {
+            let task = TaskConfig { fingering, ..TaskConfig::default() };
+            let piece = Piece::for_task(&song, &task).unwrap();
+            let mut played = Performance::new(&piece);
+            let frames = if fingering { piece.planned() } else { piece.frames().to_vec() };
+            for pressed in &frames {
+                played.push(Stepped { pressed: *pressed, alongside: None });
+            }
+            let strokes = played.strokes();
+            assert_eq!(strokes.planned.len(), 14);
+            assert!(strokes.played.is_empty() && strokes.end_secs == played.secs());
+            for (note, due) in strokes.planned.iter().zip(piece.notes()) {
+                assert_eq!(note.pitch, due.pitch);
+                // By RoboPianist's rule a repeated note begins one control step late.
+                assert!((note.start_secs - due.start_secs).abs() < 0.051, "{note:?} {due:?}");
+                let middle = ((note.start_secs + note.end_secs) / 2.0 * CONTROL_HZ) as usize;
+                assert!(frames[middle].pitches().any(|pitch| pitch == note.pitch));
+                let end = (note.end_secs * CONTROL_HZ).round() as usize;
+                assert!(frames.get(end).is_none_or(|keys| keys.pitches().all(|pitch| pitch != note.pitch)));
+            }
+        }
     }
 
     #[test]

@@ -134,6 +134,7 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
         }
     };
     let rounds = rehearse_on_robot(&song, &rig, &config, &folder, &mut Job::new(&mut tell, &stop))?;
+    let mut page = page.checked()?;
     let best = best_round(&rounds);
     let adapted = match (args.adapt, best) {
         (Some(minutes), Some(best)) => {
@@ -147,19 +148,20 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
         }
         _ => None,
     };
-    page.finish()?;
     drop(status);
     if args.json {
         match &adapted {
             Some(adapted) => json(&serde_json::json!({ "rounds": rounds, "adapted": adapted }))?,
             None => json(&rounds)?,
         }
+        page.checked()?;
         return Ok(Ending::Done);
     }
     print(&rounds, config.mode)?;
     if let Some(adapted) = &adapted {
         print_adapted(adapted)?;
     }
+    page.checked()?;
     line(format!("Read and listen: {}", folder.join(REHEARSAL_PAGE).display()))?;
     if let Some(best) = best {
         let adapted = adapted.filter(|adapted| adapted.is_better_than(best));

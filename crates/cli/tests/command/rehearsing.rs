@@ -127,7 +127,7 @@ fn a_rehearsal_that_was_killed_goes_on_to_the_same_end() {
     assert!(errors(&changed).contains("another rehearsal"), "{}", errors(&changed));
 }
 
-/// On the worn twin joint mirroring has half of Twinkle's notes; what the joints missed is learned in two minutes of playing.
+/// On the worn twin joint mirroring has half of Twinkle's notes; what the joints and the fingers missed is learned in two minutes of playing.
 #[test]
 fn playing_is_adapted_on_the_robot_itself_and_a_kill_changes_nothing() {
     let desk = Desk::new();
@@ -150,10 +150,12 @@ fn playing_is_adapted_on_the_robot_itself_and_a_kill_changes_nothing() {
     let before = &adapted["adapting"][1];
     assert!(before["notes_right"].as_f64().unwrap() < 10.0, "{before}");
     assert!(adapted["notes_right"].as_f64().unwrap() >= 13.0, "{adapted}");
-    assert!(adapted["robot_f1"].as_f64().unwrap() > before["f1"].as_f64().unwrap() + 0.1, "{adapted}");
+    // 0.69 before; 0.90 if the joints alone come to their path, and the fingers do not aim deeper.
+    assert!(before["f1"].as_f64().unwrap() < 0.75, "{before}");
+    assert!(adapted["robot_f1"].as_f64().unwrap() > 0.93, "{adapted}");
     let missed = |run: &Value| run["rail_missed_m"].as_f64().unwrap();
     let best = &adapted["adapting"][adapted["best"].as_u64().unwrap() as usize];
-    assert!(missed(best) < 0.5 * missed(before), "{adapted}");
+    assert!(missed(best) < 0.7 * missed(before), "{adapted}");
 
     let page = String::from_utf8(desk.bytes("a/there/rehearsal.html")).unwrap();
     for part in [

@@ -1,6 +1,6 @@
 //! What was learned on the robot itself, on the page of a rehearsal: the runs, and how the song is played before and after.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use etude_lab::{AdaptRun, Adapted, MeanNotes, Round, run_file};
 use maud::{Markup, PreEscaped, html};
@@ -8,7 +8,6 @@ use maud::{Markup, PreEscaped, html};
 use super::{Performance, performance, see_and_hear};
 use crate::figure::{Drawing, Mark, Point, Series};
 use crate::html::table;
-use crate::replay::recordings;
 
 /// The run that plays with the measured lead and without a correction, from 0; the first one only measures the lead.
 const BEFORE: usize = 1;
@@ -16,24 +15,21 @@ const BEFORE: usize = 1;
 /// An adaptation, and its performances to see and to hear.
 pub(super) struct Adaptation {
     adapted: Adapted,
-    correction: PathBuf,
     before: Performance,
     performances: Vec<Performance>,
 }
 
 impl Adaptation {
-    /// Writes the replay pages. The files of an adaptation lie beside its correction, below the `folder` of the rehearsal.
-    pub fn new(adapted: &Adapted, folder: &Path) -> anyhow::Result<Self> {
-        let there = adapted.correction.parent().unwrap_or(folder);
-        let before = there.join(format!("run-{:02}", BEFORE + 1)).join(run_file(0, "mcap"));
-        let performances = recordings(&there.join("performance"))?;
+    /// Writes the replay pages of the adaptation below the `folder` of the rehearsal, of so many `runs` with the correction.
+    pub fn new(adapted: &Adapted, folder: &Path, runs: usize) -> anyhow::Result<Self> {
+        let there = folder.join("adaptation");
+        let of_run =
+            |part: &str, index: usize| performance(&there.join(part).join(run_file(index, "mcap")), folder);
         Ok(Self {
             adapted: adapted.clone(),
-            correction: super::inside(&adapted.correction, folder),
-            before: performance(&before, folder)?,
-            performances: performances
-                .iter()
-                .map(|path| performance(path, folder))
+            before: of_run(&format!("run-{:02}", BEFORE + 1), 0)?,
+            performances: (0..runs)
+                .map(|index| of_run("performance", index))
                 .collect::<anyhow::Result<_>>()?,
         })
     }
@@ -49,11 +45,12 @@ impl Adaptation {
                 h2 { "Learned on the robot itself" }
                 p {
                     "The policy of round " (best.round) " was played " (adapted.adapting.len()) " times in joint mirroring. After each run, what the \
-                     joints missed corrected their set-points for the next one. What run " (kept) " played was kept: it was the best \
+                     joints missed corrected their set-points for the next one, and keys that sounded too short, not at all, or beside the right one \
+                     changed where the fingers aim. What run " (kept) " played was kept: it was the best \
                      together with the runs beside it. "
                     @if adapted.is_better_than(best) {
                         "With it the robot plays better than in round " (best.round) ", by the mean of F1 and onset F1. Play it with "
-                        code { "--correction " (self.correction.display()) } "."
+                        code { "--correction " (adapted.correction.display()) } "."
                     } @else {
                         "It does not play better than round " (best.round) ", by the mean of F1 and onset F1: the policy of that round is the one to use."
                     }
@@ -136,6 +133,8 @@ fn comparison(adapted: &Adapted, best: &Round, mode: &str) -> Markup {
 
 #[cfg(test)]
 mod tests {
+    use std::path::PathBuf;
+
     use super::super::tests::round;
     use super::*;
 
@@ -173,7 +172,6 @@ mod tests {
     fn the_section_has_the_runs_the_kept_one_and_the_comparison() {
         let adaptation = Adaptation {
             adapted: adapted(),
-            correction: "adaptation/correction.json".into(),
             before: shown(None),
             performances: vec![shown(Some("run-1.wav"))],
         };
@@ -182,7 +180,7 @@ mod tests {
             "was played 3 times",
             "What run 3 played was kept",
             "plays better than in round 0",
-            "--correction adaptation/correction.json",
+            "--correction there/adaptation/correction.json",
             "Notes right while learning",
             "Fingers off their path",
             "Rail off its path",
@@ -205,6 +203,17 @@ mod tests {
                 .into_string()
                 .contains("It does not play better than round 0")
         );
+    }
+
+    /// Recordings are large, and may have been removed: the page still says how it went, and the run that is asked for is the one shown.
+    #[test]
+    fn recordings_that_are_missing_do_not_hinder_the_page() {
+        let folder = tempfile::tempdir().unwrap();
+        let adaptation = Adaptation::new(&adapted(), folder.path(), 12).unwrap();
+        assert_eq!(adaptation.performances.len(), 12);
+        assert!(adaptation.performances.iter().all(|performance| performance.replay.is_err()));
+        assert!(adaptation.performances[1].replay.as_ref().unwrap_err().contains("run-2.mcap"));
+        assert!(adaptation.section(&round(0), "real").unwrap().into_string().contains("13.8"));
     }
 
     #[test]

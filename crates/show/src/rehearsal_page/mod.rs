@@ -65,7 +65,7 @@ impl<'a> RehearsalPage<'a> {
     /// Adds what was learned on the robot itself after the rounds, writes its replay pages, and writes the page.
     pub fn add_adapted(&mut self, adapted: &Adapted) {
         self.then(|page| {
-            page.adaptation = Some(Adaptation::new(adapted, page.folder)?);
+            page.adaptation = Some(Adaptation::new(adapted, page.folder, page.config.runs)?);
             Ok(())
         });
     }
@@ -80,12 +80,13 @@ impl<'a> RehearsalPage<'a> {
         }
     }
 
-    /// Whether the page has been written each time.
+    /// The page, if it has been written each time.
     ///
     /// # Errors
-    /// If a page could not be written.
-    pub fn finish(self) -> anyhow::Result<()> {
-        self.written.context("the page of the rehearsal is not complete")
+    /// If it could not be written.
+    pub fn checked(mut self) -> anyhow::Result<Self> {
+        std::mem::replace(&mut self.written, Ok(())).context("the page of the rehearsal is not complete")?;
+        Ok(self)
     }
 }
 

@@ -1,5 +1,6 @@
 //! The simulator's numbers on the page of a rehearsal: what changed most in words, and all of them behind a fold.
 
+use std::cmp::Ordering;
 use std::collections::BTreeMap;
 
 use etude_lab::Round;
@@ -39,9 +40,10 @@ impl Changed {
         if self.unit == "1" { number(value) } else { format!("{} {}", number(value), self.unit) }
     }
 
-    /// By how many times it is another, up or down, as a logarithm.
-    fn times(&self) -> f64 {
-        (self.value / self.default).max(1e-9).ln().abs()
+    /// By how many times it is another, up or down, as a logarithm. None of one that is zero, or whose sign has changed.
+    fn times(&self) -> Option<f64> {
+        let times = (self.value / self.default).ln().abs();
+        times.is_finite().then_some(times)
     }
 }
 
@@ -87,12 +89,15 @@ fn in_words(round: &Round) -> String {
         by_quantity.into_iter().partition(|(_, all)| all.iter().all(|number| number.default == 0.0));
     other.sort_by(|(_, one), (_, two)| most(two).total_cmp(&most(one)));
     other.truncate(NAMED);
-    let new: Vec<String> = new.iter().map(|(name, all)| format!("{name} ({})", largest(all))).collect();
+    let new: Vec<String> =
+        new.iter().take(NAMED).map(|(name, all)| format!("{name} ({})", largest(all))).collect();
     let other: Vec<String> = other
         .iter()
         .filter(|(_, all)| most(all) > 0.0)
         .filter_map(|(name, all)| {
-            let most = all.iter().max_by(|one, two| one.times().total_cmp(&two.times()))?;
+            let most = all.iter().filter(|number| number.times().is_some());
+            let most =
+                most.max_by(|one, two| one.times().partial_cmp(&two.times()).unwrap_or(Ordering::Equal))?;
             let of = most.joint().map_or_else(String::new, |joint| format!(" of {}", name_of(joint)));
             Some(format!("{name}{of}, from {} to {}", number(most.default), most.with_unit(most.value)))
         })
@@ -109,7 +114,7 @@ fn in_words(round: &Round) -> String {
 }
 
 fn most(all: &[Changed]) -> f64 {
-    all.iter().map(Changed::times).filter(|times| times.is_finite()).fold(0.0, f64::max)
+    all.iter().filter_map(Changed::times).fold(0.0, f64::max)
 }
 
 /// The largest value, and whose it is.
@@ -163,5 +168,15 @@ mod tests {
              m/s³; key threshold, from 0.5000 to 0.5500 fraction of travel. Zero by default, and now not: delay (2 joints, largest for index_1: \
              0.01230 s); keyboard height (-0.002000 m)."
         );
+    }
+
+    /// Nobody can say how many times a number is another that was zero or has another sign.
+    #[test]
+    fn a_number_without_a_ratio_is_not_the_one_that_changed_most() {
+        let number =
+            |default, value| Changed { path: "joint.index_1.delay".to_string(), unit: "s", default, value };
+        assert!([(0.0, 0.1), (0.1, -0.1), (0.1, 0.0)].map(|(a, b)| number(a, b).times()) == [None; 3]);
+        assert!((number(2.0, 1.0).times().unwrap() - 2.0_f64.ln()).abs() < 1e-12);
+        assert!(most(&[number(0.0, 0.1), number(0.1, 0.2)]) < 1.0);
     }
 }
