@@ -40,8 +40,6 @@ pub struct Strokes {
 /// How much deeper a finger aims for each second by which its note was shorter than planned, m/s: a quarter of the speed of a
 /// stroke, since a finger that is not deep enough begins the note late and ends it early.
 const DEEPER_PER_SECOND: f64 = 0.05;
-/// A note that is longer or shorter by this is as long as planned, s: half a control step.
-const AS_PLANNED_SECS: f64 = 0.025;
 /// The most by which a finger aims deeper or less deep after a run, and the amount for a note that was not played, m.
 const DEEPER: f64 = 0.002;
 /// The most by which it aims further aside after a run, and the amount after a stroke of a key beside its own, m.
@@ -178,11 +176,10 @@ impl<'a> Heard<'a> {
         others.all(|other| self.distance(other, stroke) >= self.distance(note, stroke)).then_some(stroke)
     }
 
-    /// By how much a stroke was shorter than its note, s, beyond what a plan of whole control steps cannot tell. What is planned after the end of the performance does not count.
+    /// By how much a stroke was shorter than its note, s. What is planned after the end of the performance does not count.
     fn shorter_secs(&self, note: &Note, stroke: &Note) -> f64 {
         let end_secs = (note.end_secs + self.late_secs).min(self.strokes.end_secs);
-        let shorter_secs = end_secs - self.late_secs - note.start_secs - stroke.duration_secs();
-        shorter_secs.signum() * (shorter_secs.abs() - AS_PLANNED_SECS).max(0.0)
+        end_secs - self.late_secs - note.start_secs - stroke.duration_secs()
     }
 
     /// Whether the key of this note was down already when it should have been struck.
@@ -318,7 +315,7 @@ mod tests {
             }
             let last = play(&asked, &aims.offsets(&asked, &planned, SIDE), lower);
             assert_eq!(last.len(), 1);
-            assert!((last[0].duration_secs() - 0.5).abs() < 0.03, "{lower}: {:?} after {aims:?}", last[0]);
+            assert!((last[0].duration_secs() - 0.5).abs() < 0.02, "{lower}: {:?} after {aims:?}", last[0]);
         }
     }
 
