@@ -128,6 +128,11 @@ impl Correction {
         self.offsets.is_empty()
     }
 
+    /// Whether it adds nothing to any set-point.
+    pub fn is_still(&self) -> bool {
+        self.offsets.iter().all(|offsets| *offsets == [0.0; JOINTS])
+    }
+
     /// Adds the offsets of control step `step` to its set-points, within the ranges of the joints. The limiter of the robot follows.
     pub(crate) fn add(&self, step: usize, waypoints: &mut Waypoints) {
         let offsets = self.offsets.get(step * PHYSICS_STEPS..).unwrap_or_default();

@@ -12,14 +12,16 @@
 //!
 //! A complete part is not made again, so the same command resumes an adaptation that was stopped at any point.
 
+mod played;
+
 use std::path::{Path, PathBuf};
 
 use anyhow::bail;
 use etude_music::Song;
 use etude_perform::stand::RigChoice;
 use etude_perform::stats::mean;
-use etude_perform::{Aims, Correction, Delays, Job, Mode, NoteCounts};
-use etude_stage::{RAIL, Side};
+use etude_perform::{Job, Mode, NoteCounts};
+use etude_stage::RAIL;
 use serde::{Deserialize, Serialize};
 
 use crate::correction::{CorrectionFile, OnlyFor, load, save};
@@ -30,6 +32,7 @@ use crate::rehearse::Round;
 use crate::robot::{
     MeanNotes, RobotPlay, RobotReport, RunEnded, all_complete, play_on_robot, robot_score, run_file,
 };
+use played::{MEASURING, Notes, Played};
 
 /// Name of the file with the result of an adaptation.
 const RESULT: &str = "result.json";
@@ -37,8 +40,6 @@ const RESULT: &str = "result.json";
 const VERSION: u32 = 2;
 /// An adaptation ends earlier if this many runs in a row were not better than the best before.
 const PATIENCE: usize = 8;
-/// The two runs before anything is corrected: the first measures how late the notes are, the second how late the joints.
-const MEASURING: usize = 2;
 
 /// What to adapt, and for how long.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -60,20 +61,6 @@ struct Opened {
     version: u32,
     config: AdaptConfig,
     only_for: OnlyFor,
-}
-
-/// What a run plays.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-struct Played {
-    /// The lead of the plan, s; that of the policy's training if none. It changes when the notes are due, and not the motion.
-    lead_secs: Option<f64>,
-    /// How late the joints should be and are, once it is measured.
-    delays: Option<Delays>,
-    /// The correction that brings the joints to their path.
-    correction: Correction,
-    /// Where the fingers aim, and what that adds to the path.
-    aims: Aims,
-    aimed: Correction,
 }
 
 /// The result of one run.
@@ -248,7 +235,9 @@ impl Adaptation<'_> {
             let _ = std::fs::remove_file(folder.join(sound));
         }
         let run = &report.runs[0];
-        let next = played.after(&report, index, self.pianist.config.task.stage.side);
+        let notes =
+            Notes { strokes: &run.strokes, lead_secs: report.lead_secs, on_time_secs: report.lead_on_time() };
+        let next = played.after(index, &run.tracking, &notes, self.pianist.config.task.stage.side);
         let late_secs = played.delays.or(next.delays).map_or(0.0, |delays| delays.late_secs);
         let tracking = run.tracking.clone().asked_for(&played.aimed);
         let squares: f64 = (0..RAIL).map(|joint| tracking.error(joint, late_secs).powi(2)).sum();
@@ -346,29 +335,4 @@ fn best(runs: &[(Played, AdaptRun)]) -> usize {
         .map(|index| mean(&scores[index.saturating_sub(1)..scores.len().min(index + 2)]))
         .collect();
     (0..rated.len()).reduce(|best, index| if rated[index] > rated[best] { index } else { best }).unwrap_or(0)
-}
-
-impl Played {
-    /// What is added to the set-points.
-    fn added(&self) -> Correction {
-        self.correction.plus(&self.aimed)
-    }
-
-    /// What the next run plays, after run `index` has played this.
-    fn after(&self, report: &RobotReport, index: usize, side: Side) -> Self {
-        let lead_secs = report.lead_on_time().or(self.lead_secs);
-        if index + 1 < MEASURING {
-            return Self { lead_secs, ..self.clone() };
-        }
-        let run = &report.runs[0];
-        let delays = self.delays.unwrap_or_else(|| run.tracking.delays());
-        let correction = self.correction.after(&run.tracking.clone().asked_for(&self.aimed), &delays);
-        let aims = match self.delays {
-            // The joints are not on their path yet.
-            None => Aims::default(),
-            Some(_) => self.aims.after(&run.strokes, report.lead_secs),
-        };
-        let aimed = aims.offsets(&run.tracking.asked, &run.strokes.planned, side);
-        Self { lead_secs, delays: Some(delays), correction, aims, aimed }
-    }
 }

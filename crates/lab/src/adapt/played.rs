@@ -1,0 +1,123 @@
+//! What a run of an adaptation plays, and what is learned from it for the next one.
+
+use etude_perform::{Aims, Correction, Delays, Strokes, Tracking};
+use etude_stage::Side;
+use serde::{Deserialize, Serialize};
+
+/// The two runs before anything is corrected: the first measures how late the notes are, the second how late the joints.
+pub(super) const MEASURING: usize = 2;
+
+/// What a run plays.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub(super) struct Played {
+    /// The lead of the plan, s; that of the policy's training if none. It changes when the notes are due, and not the motion.
+    pub lead_secs: Option<f64>,
+    /// How late the joints should be and are, once it is measured.
+    pub delays: Option<Delays>,
+    /// The correction that brings the joints to their path.
+    correction: Correction,
+    /// Where the fingers aim, and what that adds to the path.
+    aims: Aims,
+    pub aimed: Correction,
+}
+
+/// The notes of a run.
+pub(super) struct Notes<'a> {
+    pub strokes: &'a Strokes,
+    /// The lead of the plan that was played, s.
+    pub lead_secs: f64,
+    /// The lead with which the notes would have been on time, s, if it is known.
+    pub on_time_secs: Option<f64>,
+}
+
+impl Played {
+    /// What is added to the set-points.
+    pub fn added(&self) -> Correction {
+        self.correction.plus(&self.aimed)
+    }
+
+    /// What the next run plays, after run `index` has played this.
+    pub fn after(&self, index: usize, tracking: &Tracking, notes: &Notes<'_>, side: Side) -> Self {
+        let lead_secs = notes.on_time_secs.or(self.lead_secs);
+        if index + 1 < MEASURING {
+            return Self { lead_secs, ..self.clone() };
+        }
+        let delays = self.delays.unwrap_or_else(|| tracking.delays());
+        let correction = self.correction.after(&tracking.clone().asked_for(&self.aimed), &delays);
+        let aims = match self.delays {
+            // The joints are not on their path yet.
+            None => Aims::default(),
+            Some(_) => self.aims.after(notes.strokes, notes.lead_secs),
+        };
+        let aimed = aims.offsets(&tracking.asked, &notes.strokes.planned, side);
+        Self { lead_secs, delays: Some(delays), correction, aims, aimed }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use etude_music::{LOWEST_PITCH, Note};
+    use etude_stage::geometry::key_target;
+    use etude_stage::kinematics::{fingertip, reach};
+    use etude_stage::{JOINTS, RAIL};
+
+    use super::*;
+
+    const KEY: usize = 24;
+
+    /// A path of 1.5 s that presses a key, with one of the fingers, and lets go twice.
+    fn path() -> Vec<[f64; JOINTS]> {
+        let [x, y, z] = key_target(KEY);
+        let rail = y - fingertip(Side::Left, 0, &[0.0, 0.5, 0.8, 0.3], 0.0)[1];
+        (0..300)
+            .map(|tick| {
+                let height = 0.012 * (f64::from(tick) / 200.0 * 9.0).cos();
+                let mut pose = [0.1; JOINTS];
+                pose[..4]
+                    .copy_from_slice(&reach(Side::Left, 0, [x, y, z + height], rail).expect("within reach"));
+                pose[RAIL] = rail;
+                pose
+            })
+            .collect()
+    }
+
+    #[test]
+    fn the_first_run_measures_the_lead_the_second_the_joints_and_the_third_the_aims() {
+        let asked = path();
+        let late = |secs: f64| {
+            let ticks = (secs * 200.0) as usize;
+            let measured = (0..asked.len()).map(|tick| asked[tick.saturating_sub(ticks)]).collect();
+            Tracking { asked: asked.clone(), measured }
+        };
+        let note = |start_secs, end_secs| Note {
+            pitch: LOWEST_PITCH + KEY as u8,
+            velocity: 64,
+            start_secs,
+            end_secs,
+        };
+        // It sounds 0.1 s later than planned, which is the lead, and 40 ms shorter.
+        let strokes =
+            Strokes { planned: vec![note(0.3, 0.5)], played: vec![note(0.42, 0.58)], end_secs: 1.5 };
+        let after = |played: &Played, index, tracking: &Tracking| {
+            let notes = Notes { strokes: &strokes, lead_secs: 0.1, on_time_secs: Some(0.12) };
+            played.after(index, tracking, &notes, Side::Left)
+        };
+        let second = after(&Played::default(), 0, &late(0.06));
+        assert_eq!(second, Played { lead_secs: Some(0.12), ..Played::default() });
+        let third = after(&second, 1, &late(0.06));
+        assert_eq!(third.delays.unwrap().late_secs, 0.06);
+        assert!(third.aims == Aims::default() && third.aimed.is_still());
+        assert!(third.correction.is_still(), "the joints are on their path, later by their lag");
+        let fourth = after(&third, 2, &late(0.06));
+        assert!(!fourth.aimed.is_still());
+        assert!(fourth.correction.is_still());
+        // The path moves with the aims: joints that follow it are right, and those that do not are corrected.
+        let moved = |played: &Played| {
+            let sent = late(0.0).asked_for(&played.added()).asked;
+            let measured = (0..asked.len()).map(|tick| sent[tick.saturating_sub(12)]).collect();
+            Tracking { asked: asked.clone(), measured }
+        };
+        assert!(after(&fourth, 3, &moved(&fourth)).correction.is_still());
+        assert!(!after(&fourth, 3, &late(0.06)).correction.is_still());
+    }
+}
