@@ -21,7 +21,7 @@ export function element(tag, attributes = {}, ...children) {
 /** From how many columns on a table is wider than a phone. */
 const WIDE = 5;
 
-/** A line for a phone that a table of so many columns goes on beyond its edge; null for a narrow one. */
+/** A line for a phone: a table of so many columns is wider than the screen; null for a narrow table. */
 export function sidewaysHint(columns) {
   return columns < WIDE ? null : element('p', { class: 'sideways', text: `${columns} columns: scroll the table sideways.` });
 }

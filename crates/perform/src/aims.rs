@@ -3,14 +3,13 @@
 //! [`Correction`] brings the joints to their path, and this moves the path.
 
 use etude_music::{LOWEST_PITCH, Note};
-use etude_robot::rig::SETPOINT_HZ;
 use etude_stage::geometry::{WHITE_PITCH, key_lateral};
 use etude_stage::hand::FINGER_JOINTS;
 use etude_stage::kinematics::fingertip;
 use etude_stage::{FINGERS, JOINTS, RAIL, Side, joint_range};
 use serde::{Deserialize, Serialize};
 
-use crate::correction::{Correction, Tracking, grown};
+use crate::correction::{Correction, grown, ticks};
 
 /// Where the finger of each planned note aims, in the order of the notes.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -106,7 +105,7 @@ impl Aims {
         let mut sums = vec![[(0.0, Aim::default()); FINGERS]; asked.len()];
         for (note, aim) in planned.iter().zip(&self.0) {
             let Some(finger) = pressing(asked, note, side) else { continue };
-            let [first, last, ramp] = [note.start_secs, note.end_secs, RAMP_SECS].map(tick);
+            let [first, last, ramp] = [note.start_secs, note.end_secs, RAMP_SECS].map(ticks);
             let around = first.saturating_sub(ramp)..(last + ramp).min(asked.len());
             for (tick, sums) in sums.iter_mut().enumerate().take(around.end).skip(around.start) {
                 let outside = first.saturating_sub(tick).max(tick.saturating_sub(last));
@@ -132,17 +131,6 @@ impl Aims {
             offsets
         });
         Correction::of(offsets.collect())
-    }
-}
-
-impl Tracking {
-    /// The same run, if it was asked for this in addition.
-    #[must_use]
-    pub fn asked_for(mut self, addition: &Correction) -> Self {
-        for (asked, offsets) in self.asked.iter_mut().zip(addition.offsets()) {
-            asked.iter_mut().zip(offsets).for_each(|(asked, offset)| *asked += offset);
-        }
-        self
     }
 }
 
@@ -193,7 +181,7 @@ impl<'a> Heard<'a> {
 
 /// The finger that presses the key of `note` in the middle of it: of those over the key the lowest.
 fn pressing(asked: &[[f64; JOINTS]], note: &Note, side: Side) -> Option<usize> {
-    let pose = asked.get(tick((note.start_secs + note.end_secs) / 2.0))?;
+    let pose = asked.get(ticks((note.start_secs + note.end_secs) / 2.0))?;
     let key = usize::from(note.pitch.checked_sub(LOWEST_PITCH)?);
     (0..FINGERS)
         .map(|finger| (finger, fingertip(side, finger, &angles(pose, finger), pose[RAIL])))
@@ -225,17 +213,15 @@ fn angles(pose: &[f64; JOINTS], finger: usize) -> [f64; FINGER_JOINTS] {
     std::array::from_fn(|joint| pose[finger * FINGER_JOINTS + joint])
 }
 
-fn tick(secs: f64) -> usize {
-    (secs * SETPOINT_HZ).round().max(0.0) as usize
-}
-
 #[cfg(test)]
 mod tests {
     use etude_music::{KeyEvent, notes_from_key_events};
+    use etude_robot::rig::SETPOINT_HZ;
     use etude_stage::geometry::key_target;
     use etude_stage::kinematics::reach;
 
     use super::*;
+    use crate::correction::Tracking;
 
     const SIDE: Side = Side::Left;
     const FINGER: usize = 1;

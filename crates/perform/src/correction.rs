@@ -5,7 +5,8 @@
 //! without phase: D. A. Bristow, M. Tharayil, A. G. Alleyne, "A survey of iterative learning control", IEEE Control Systems 26(3), 2006.
 
 use etude_robot::rig::SETPOINT_HZ;
-use etude_stage::{FINGERS, JOINTS, PHYSICS_STEPS, RAIL, joint_range};
+use etude_stage::hand::FINGER_JOINTS;
+use etude_stage::{JOINTS, PHYSICS_STEPS, RAIL, joint_range};
 use serde::{Deserialize, Serialize};
 
 use crate::robot_rig::Waypoints;
@@ -50,8 +51,6 @@ const MOST_RAIL: f64 = 0.02;
 const CORNER_HZ: [f64; 2] = [8.0, 4.0];
 /// Time in which the correction grows to its full size, s: a robot begins in the pose in which the song begins.
 const RAMP_SECS: f64 = 0.5;
-/// Joints of a finger; the first turns it aside.
-const JOINTS_OF_A_FINGER: usize = RAIL / FINGERS;
 /// A joint whose set-points vary less than this, rad and m (standard deviation), has no lag that could be measured.
 const STILL: [f64; 2] = [0.005, 0.001];
 /// The longest lag that is looked for, s.
@@ -60,6 +59,13 @@ const LONGEST_LAG_SECS: f64 = 0.3;
 const RESOLUTION: f64 = 1e-6;
 
 impl Tracking {
+    /// The same run, if it was asked for this in addition.
+    #[must_use]
+    pub fn asked_for(mut self, addition: &Correction) -> Self {
+        addition.add_to(&mut self.asked);
+        self
+    }
+
     /// What a joint missed if it should be late by `late_secs`: root mean square, rad, the rail in m.
     pub fn error(&self, joint: usize, late_secs: f64) -> f64 {
         let (mean, variance) = self.missed(joint, ticks(late_secs));
@@ -108,12 +114,18 @@ impl Correction {
         } else {
             [other.clone(), self.clone()]
         };
-        for (sum, added) in sum.offsets.iter_mut().zip(&shorter.offsets) {
-            sum.iter_mut().zip(added).for_each(|(sum, added)| *sum += added);
-        }
+        shorter.add_to(&mut sum.offsets);
         sum
     }
 
+    /// Adds the offsets to what is given for each physics step.
+    fn add_to(&self, steps: &mut [[f64; JOINTS]]) {
+        for (step, offsets) in steps.iter_mut().zip(&self.offsets) {
+            step.iter_mut().zip(offsets).for_each(|(joint, offset)| *joint += offset);
+        }
+    }
+
+    #[cfg(test)]
     pub(crate) fn offsets(&self) -> &[[f64; JOINTS]] {
         &self.offsets
     }
@@ -176,7 +188,7 @@ impl Correction {
 fn most(joint: usize) -> f64 {
     match joint {
         RAIL => MOST_RAIL,
-        finger if finger % JOINTS_OF_A_FINGER == 0 => MOST_ASIDE,
+        finger if finger % FINGER_JOINTS == 0 => MOST_ASIDE,
         _ => MOST_BENT,
     }
 }
@@ -186,8 +198,8 @@ pub(crate) fn grown(tick: usize) -> f64 {
     (tick as f64 / SETPOINT_HZ / RAMP_SECS).min(1.0)
 }
 
-/// Number of physics steps in this time.
-fn ticks(secs: f64) -> usize {
+/// Number of physics steps in this time; none in a negative one.
+pub(crate) fn ticks(secs: f64) -> usize {
     (secs * SETPOINT_HZ).round() as usize
 }
 

@@ -73,7 +73,7 @@ pub struct Args {
     #[arg(long, value_parser = clap::value_parser!(u64).range(1..))]
     evaluations: Option<u64>,
     /// After the rounds, learn on the robot itself for so many minutes of playing: the best round's policy plays in joint-mirroring, and what
-    /// the joints missed corrects their set-points in the next run. At least three runs; homing and the performances at the end are not
+    /// the joints missed, and keys that sounded wrongly, correct the next run. At least three runs; homing and the performances at the end are not
     /// counted. With --rounds 0 nothing is fitted
     #[arg(long, value_name = "MINUTES", value_parser = minutes)]
     adapt: Option<f64>,
