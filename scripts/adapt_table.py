@@ -1,7 +1,7 @@
 """Adapts the playing of songs to twins and prints tables of docs/results/adaptation.md: notes right of those due and wrong ones, onset F1, the
-paper's F1; before (real execution with the measured lead, no identification), and in joint mirroring before and after the adaptation.
+paper's F1; before (in real execution with the measured lead, no identification), and in joint mirroring, or in hybrid, before and after the adaptation.
 
-    make build && python3 scripts/adapt_table.py [--songs twinkle,c-major-scale] [--truths standard,worn] [--minutes 10] [--keep DIR]
+    make build && python3 scripts/adapt_table.py [--songs twinkle,c-major-scale] [--truths standard,worn] [--mode hybrid] [--minutes 10] [--keep DIR]
 """
 
 import argparse
@@ -18,10 +18,10 @@ RECORDINGS = shutil.ignore_patterns("*.mcap")
 PAPER = "are-you-sleeping,happy-birthday,ode-to-joy,twinkle,c-major-scale"
 
 
-def rehearse(etude, song, truth, minutes, runs, folder):
+def rehearse(etude, song, truth, mode, minutes, runs, seed, folder):
     """The JSON of a rehearsal without rounds that adapts."""
-    arguments = ["rehearse", song, "--robot", "twin", "--truth", truth, "--policy", f"policies/{song}.safetensors", "--rounds", "0"]
-    arguments += ["--runs", str(runs), "--adapt", str(minutes), "--json", "-o", folder]
+    arguments = ["rehearse", song, "--robot", "twin", "--truth", truth, "--policy", f"policies/{song}.safetensors", "--rounds", "0", "--mode", mode]
+    arguments += ["--runs", str(runs), "--adapt", str(minutes), "--seed", str(seed), "--json", "-o", folder]
     done = subprocess.run([etude, *arguments], cwd=ROOT, capture_output=True, text=True)
     if done.returncode:
         raise RuntimeError((done.stderr.strip().splitlines() or ["stopped"])[-1])
@@ -36,12 +36,15 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--songs", default=PAPER)
     parser.add_argument("--truths", default="standard,worn")
+    parser.add_argument("--mode", default="real", choices=["real", "joint-mirroring", "hybrid"], help="of the round before; after one in real the adaptation is in joint mirroring")
     parser.add_argument("--minutes", type=float, default=10)
     parser.add_argument("--runs", type=int, default=4)
+    parser.add_argument("--seed", type=int, default=0, help="of the twin's noise")
     parser.add_argument("--etude", default=ETUDE)
     parser.add_argument("--keep", type=pathlib.Path, help="where the folders of the rehearsals go, without recordings; they are removed if not given")
     options = parser.parse_args()
-    print("| truth | song | real execution | joint mirroring, before | adapted | runs, best | fingers off their path, rail | clamped |")
+    ways = "real execution | joint mirroring, before" if options.mode == "real" else f"{options.mode} | {options.mode}, run 2"
+    print(f"| truth | song | {ways} | adapted | runs, best | fingers off their path, rail | clamped |")
     print("|---|---|---|---|---|---|---|---|")
     means = {}
     for truth in options.truths.split(","):
@@ -49,7 +52,7 @@ def main():
             with tempfile.TemporaryDirectory() as temporary:
                 folder = pathlib.Path(temporary) / "rehearsal"
                 try:
-                    report = rehearse(options.etude, song, truth, options.minutes, options.runs, folder)
+                    report = rehearse(options.etude, song, truth, options.mode, options.minutes, options.runs, options.seed, folder)
                 except RuntimeError as error:
                     print(f"| `{truth}` | {song} | {error} |", flush=True)
                     continue
@@ -70,7 +73,7 @@ def main():
             # What `rehearse` names at the end: the round, unless the adaptation is better by the mean of F1 and onset F1.
             better = max(three[0], three[2], key=lambda played: played[0]["onset_f1"] + played[1])
             means.setdefault(truth, []).append([*three, better])
-    print("\n| truth | real execution: notes, wrong; onset F1; F1 | joint mirroring, before | adapted | the better of real and adapted |")
+    print(f"\n| truth | {ways} | adapted | the better of the first and adapted |")
     print("|---|---|---|---|---|")
     for truth, rows in means.items():
         cells = []

@@ -18,12 +18,13 @@ export function element(tag, attributes = {}, ...children) {
   return made;
 }
 
-/** From how many columns on a table is wider than a phone. */
-const WIDE = 5;
-
-/** A line for a phone: a table of so many columns is wider than the screen; null for a narrow table. */
-export function sidewaysHint(columns) {
-  return columns < WIDE ? null : element('p', { class: 'sideways', text: `${columns} columns: scroll the table sideways.` });
+/** A line for a phone above a table of so many columns, seen while the table is wider than the element in which it scrolls. */
+export function sidewaysHint(columns, scrolling) {
+  const hint = element('p', { class: 'sideways', text: `${columns} columns: scroll the table sideways.`, hidden: true });
+  new ResizeObserver(() => {
+    hint.hidden = scrolling.scrollWidth <= scrolling.clientWidth;
+  }).observe(scrolling);
+  return hint;
 }
 
 /** Sets the text only if it differs, because every change costs a layout. */

@@ -38,6 +38,7 @@ function expose(page) {
     camera: () => page.cameras.view.name,
     loop: () => player.loop,
     keysDown: (pane) => page.panes[pane].stage.keysDown(),
+    keyNames: (pane) => page.panes[pane].stage.labels.map(({ name }) => name),
     keysShown: (pane) => page.panes[pane].stage.keysShown(),
     scheduled: () => page.sound.scheduled,
     fps: () => page.quality.fps(),

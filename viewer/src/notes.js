@@ -34,21 +34,22 @@ export function noteTable(shown, seek) {
     element('td', { colspan: 2 }),
     ...shown.map(({ letter }, index) => element('th', { scope: 'colgroup', colspan: 3, class: `take-${'ab'[index]}`, text: letter })),
   );
+  const scrolling = element(
+    'div', { class: 'scroll', tabindex: '0', role: 'region', 'aria-label': 'Notes' },
+    element(
+      'table', {},
+      element('thead', {}, letters || null, element('tr', {}, ...heads(['due', 'note']), ...shown.flatMap(() => heads(['onset', 'length', 'velocity'])))),
+      element('tbody', {}, ...rows),
+    ),
+  );
   return element(
     'section', { class: 'notes' },
     element('h2', { text: 'Mistakes' }),
     ...shown.map(({ take, letter }, index) => mistakeList(take, letter, (secs) => seek(secs, index))),
     element('h2', { text: 'Note by note' }),
     element('p', { class: 'note', text: 'Onset and length: played minus due, in ms; late and long are positive. In the scores a note more than 50 ms early or late counts as missed, and its stroke as wrong. Velocity: MIDI; a stroke more than 40 above or below the written velocity is too loud or too soft.' }),
-    sidewaysHint(2 + 3 * shown.length),
-    element(
-      'div', { class: 'scroll', tabindex: '0', role: 'region', 'aria-label': 'Notes' },
-      element(
-        'table', {},
-        element('thead', {}, letters || null, element('tr', {}, ...heads(['due', 'note']), ...shown.flatMap(() => heads(['onset', 'length', 'velocity'])))),
-        element('tbody', {}, ...rows),
-      ),
-    ),
+    sidewaysHint(2 + 3 * shown.length, scrolling),
+    scrolling,
   );
 }
 

@@ -5,6 +5,7 @@ import { Color, DirectionalLight, Group, HemisphereLight, Scene } from 'three';
 import { Arm } from './arm.js';
 import { bodyTree } from './bodies.js';
 import { keyKind } from './classify.js';
+import { disposeLabel, keyLabel } from './labels.js';
 import { Shadows } from './shadows.js';
 import { Shape, Solids } from './shapes.js';
 import { DUE, MISSED, OFF, RIGHT, WRONG } from './theme.js';
@@ -26,6 +27,7 @@ export class Stage {
     });
     this.driven = this.bodies.filter((body) => body.joint?.drive !== undefined);
     this.keys = this.bodies.filter((body) => body.joint?.key !== undefined).map(keyOf);
+    this.labels = this.keys.map(labelled).filter((label) => label !== null);
     shapes.push(...this.keys.map((key) => key.strip).filter((strip) => strip !== null));
     this.arm = take.arm ? new Arm(take) : null;
     if (this.arm) {
@@ -77,6 +79,7 @@ export class Stage {
   }
 
   dispose() {
+    this.labels.forEach(disposeLabel);
     this.solids?.dispose();
     this.shadows.dispose();
   }
@@ -97,6 +100,13 @@ function keyOf(body) {
   made.strip.position.z += z;
   body.add(made.strip);
   return made;
+}
+
+/** The name of a key, on it; null if it has none. */
+function labelled(key) {
+  const label = keyLabel(key);
+  if (label) key.body.add(label);
+  return label;
 }
 
 /** A light from the player's left, and ambient light from above and below. */

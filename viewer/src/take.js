@@ -12,7 +12,7 @@ export class Take {
     const take = raw ?? {};
     this.name = String(take.name ?? '');
     this.song = String(take.song ?? '');
-    this.player = String(take.player ?? '');
+    this.who = String(take.who ?? '');
     this.rig = String(take.rig ?? '');
     this.mode = String(take.mode ?? '');
     this.hz = take.control_hz > 0 ? take.control_hz : 20;
@@ -97,9 +97,9 @@ export class Take {
     return depth;
   }
 
-  /** A short description: rig, mode and player. */
+  /** A short description: rig, mode and who played. */
   caption() {
-    return [this.rig, this.mode, this.player].filter((part) => part !== '').join(' · ');
+    return [this.rig, this.mode, this.who].filter((part) => part !== '').join(' · ');
   }
 }
 

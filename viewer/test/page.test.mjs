@@ -112,6 +112,12 @@ test('opens at the first note, whose key is lit, and plays from there at a click
   });
 });
 
+test('each octave of the keyboard is named', async () => {
+  await withPage(given, {}, async (page) => {
+    assert.deepEqual(await page.evaluate(() => window.etude.keyNames(0)), ['C2', 'C3', 'C4', 'C5', 'C6']);
+  });
+});
+
 test('keys drawn down are the keys that were pressed', async () => {
   await withPage(given, {}, async (page) => {
     for (const [pane, take] of data.takes.slice(0, 2).entries()) {

@@ -33,7 +33,7 @@ Exit codes:
   1  it failed; the message on standard error says why
   2  the command line is wrong
   3  stopped on request (Ctrl-C, SIGTERM, a closed terminal); a training has saved itself and `--resume` continues it
-  130  ended at once by a second Ctrl-C; `--resume` continues from the last checkpoint";
+  130  ended at once, by Ctrl-C in a short command or by a second Ctrl-C; a training continues with `--resume` from its last checkpoint";
 
 #[derive(Subcommand)]
 enum Verb {

@@ -16,6 +16,8 @@ use crate::verbs::note;
 
 /// Exit code of the shell for a program that Ctrl-C ended.
 const INTERRUPTED: i32 = 130;
+/// What a training says after the first request to stop.
+pub const STOPPING: &str = "stopping and saving; once more ends at once";
 
 /// Variable of the environment that is set for a process which has to stop when its standard input ends.
 pub const ATTENDED: &str = "ETUDE_ATTENDED";
@@ -175,7 +177,7 @@ impl TrainingObserver for Progress {
         if self.stop.load(Ordering::Relaxed) {
             if !self.quiet && !std::mem::replace(&mut self.told, true) {
                 self.finish();
-                note("stopping and saving; once more ends at once");
+                note(STOPPING);
             }
             return Some(StopReason::Requested);
         }

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context as _, anyhow, bail};
 use etude_music::Song;
 use etude_perform::stand::RigChoice;
-use etude_perform::{Correction, write_file};
+use etude_perform::{Correction, Mode, write_file};
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 
@@ -21,6 +21,8 @@ pub struct CorrectionFile {
     pub(crate) only_for: OnlyFor,
     /// The policy that plays it.
     pub(crate) policy: PathBuf,
+    /// The mode in which it was learned.
+    pub mode: Mode,
     /// The lead of the plan, s.
     pub(crate) lead_secs: f64,
     /// The correction.
@@ -40,12 +42,8 @@ pub(crate) struct OnlyFor {
 
 impl OnlyFor {
     pub(crate) fn new(song: &Song, rig: &RigChoice, pianist: &Pianist) -> anyhow::Result<Self> {
-        let robot = match rig {
-            RigChoice::Twin(truth) => format!("{}, {}", rig.name(), truth.name()),
-            RigChoice::File { .. } => rig.name().to_string(),
-        };
         let file = pianist.file().map(std::fs::read).transpose()?.unwrap_or_default();
-        Ok(Self { robot, notes: crc32c::crc32c(&song.to_midi()), policy: crc32c::crc32c(&file) })
+        Ok(Self { robot: rig.label(), notes: crc32c::crc32c(&song.to_midi()), policy: crc32c::crc32c(&file) })
     }
 }
 

@@ -17,7 +17,7 @@ use serde::Serialize;
 
 use crate::folder::make_folder;
 use crate::pianist::Pianist;
-use crate::planning::plan;
+use crate::planning::{plan, tell_planning};
 
 /// Which grid.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
@@ -125,7 +125,7 @@ pub fn evaluate_grid(
     let randomisation = Randomisation::new(nominal.clone(), &task.randomisation, task.stage.actuation)?;
     let mut worlds = vec![nominal];
     worlds.extend(randomisation.grid(grid.worlds, grid.seed));
-    let ready = pianist.ready(&task, &piece, &mut |_| {})?;
+    let ready = pianist.ready(&task, &piece, &mut tell_planning())?;
     let never = AtomicBool::new(false);
 
     let (done, stopped) = (AtomicUsize::new(0), AtomicBool::new(false));

@@ -11,6 +11,7 @@ pub mod bench;
 mod config;
 mod correction;
 mod doctor;
+mod earlier;
 mod errors;
 mod excitations;
 mod folder;
@@ -26,7 +27,7 @@ mod robot;
 mod run;
 mod warm;
 
-pub use adapt::{AdaptConfig, AdaptRun, AdaptStep, Adapted, adapt_on_robot};
+pub use adapt::{AdaptConfig, AdaptRun, AdaptStep, Adapted, adapt_on_robot, adapted_before};
 pub use at_sight::{AtSight, predicted_at_sight};
 pub use config::{DEFAULT_PRESET, RunConfig, presets, resolve};
 pub use correction::CorrectionFile;

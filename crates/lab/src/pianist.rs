@@ -117,7 +117,7 @@ pub fn load_pianist(path: &Path) -> anyhow::Result<Pianist> {
     })?)
 }
 
-/// The best usable policy that there is for the song `slug`, if there is one: that with the highest F1, one by an articulated plan before
+/// The best usable policy that there is for the song `slug`, of those that were evaluated, if there is one: that with the highest F1, one by an articulated plan before
 /// all others, because F1 does not compare between plans. Among equally good policies, one of a run is preferred to the shipped one.
 ///
 /// # Errors
@@ -132,7 +132,8 @@ fn best_of(slug: &str, fit: impl Fn(&Pianist) -> bool) -> anyhow::Result<Option<
     let (mut pianists, mut errors) = (Vec::new(), Vec::new());
     for path in policies(slug) {
         match open(&path) {
-            Ok(pianist) if !fit(&pianist) => {}
+            // A training that was stopped before its first evaluation has a policy that has learned nothing.
+            Ok(pianist) if pianist.claimed_f1.is_none() || !fit(&pianist) => {}
             Ok(pianist) => pianists.push(pianist),
             Err(error) => errors.push(error),
         }

@@ -29,14 +29,19 @@ pub fn planning_told<T>(listener: impl FnMut(f64) + 'static, work: impl FnOnce()
     work()
 }
 
-/// [`Piece::for_task`], heard by the listener if there is one.
-pub(crate) fn plan(song: &Song, task: &TaskConfig) -> Result<Piece, TaskError> {
+/// Tells the listener of this thread, if there is one, the share that is planned.
+pub(crate) fn tell_planning() -> impl FnMut(f64) {
     let listener = LISTENERS.with_borrow(|listeners| listeners.last().cloned());
-    Piece::for_task_telling(song, task, &mut |share| {
+    move |share| {
         if let Some(listener) = &listener {
             listener.borrow_mut()(share);
         }
-    })
+    }
+}
+
+/// [`Piece::for_task`], heard by the listener if there is one.
+pub(crate) fn plan(song: &Song, task: &TaskConfig) -> Result<Piece, TaskError> {
+    Piece::for_task_telling(song, task, &mut tell_planning())
 }
 
 #[cfg(test)]

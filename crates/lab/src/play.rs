@@ -18,6 +18,7 @@ use serde::Serialize;
 use crate::errors::{Interrupted, unusable};
 use crate::folder::make_folder;
 use crate::pianist::Pianist;
+use crate::planning::tell_planning;
 
 /// The figures of a performance and its files. Its keys are those of `etude play --json`.
 #[derive(Clone, Debug, Serialize)]
@@ -159,7 +160,7 @@ pub(crate) const REFERENCE: &str = "reference.wav";
 pub fn scores_in_simulation(pianist: &Pianist, piece: &Piece) -> anyhow::Result<Scores> {
     let task = &pianist.config.task;
     let mut rig = SimRig::nominal(task, piece)?;
-    let mut ready = pianist.ready(task, piece, &mut |_| {})?;
+    let mut ready = pianist.ready(task, piece, &mut tell_planning())?;
     Ok(perform(&mut rig, &mut ready, task, piece, None, &AtomicBool::new(false))?.scores())
 }
 

@@ -17,10 +17,10 @@ use etude_stage::{JOINTS, PHYSICS_STEPS, World};
 use etude_task::{Piece, TaskError};
 use serde::{Deserialize, Serialize};
 
+use crate::earlier::replacing;
 use crate::errors::{Interrupted, released, stopped_itself};
-use crate::folder::make_folder;
 use crate::pianist::Pianist;
-use crate::planning::plan;
+use crate::planning::{plan, tell_planning};
 use crate::play::{Files, REFERENCE, header, keep, keep_reference, scores_in_simulation, write_report};
 
 /// How to play.
@@ -34,7 +34,7 @@ pub struct RobotPlay {
     pub home: bool,
     /// Added to the seed of the twin's truth; each run adds one more.
     pub seed: u64,
-    /// A correction of the robot's motion that was learned on it, in joint mirroring.
+    /// A correction of the robot's motion that was learned on it, for a mode in which it follows simulated joints.
     pub correction: Option<Correction>,
 }
 
@@ -199,13 +199,29 @@ pub fn run_file(index: usize, kind: &str) -> String {
     format!("run-{}.{kind}", index + 1)
 }
 
-/// Plays the song on the robot and, if a `folder` is given, writes the files into it. `job` receives each run when it
-/// ends. A run that ends early is the last one.
+/// Plays the song on the robot and, if a `folder` is given, writes the files into it; they replace those of an earlier performance. `job`
+/// receives each run when it ends. A run that ends early is the last one.
 ///
 /// # Errors
-/// If the robot does not get ready, a file cannot be written, or it was interrupted before the first run ended. A fault during a run is
-/// in the report.
+/// If the robot does not get ready, a file cannot be written, or it was interrupted before the first run ended: the folder then has the
+/// earlier performance, if there was one. A fault during a run is in the report.
 pub fn play_on_robot(
+    song: &Song,
+    pianist: &Pianist,
+    rig: &RigChoice,
+    play: &RobotPlay,
+    folder: Option<&Path>,
+    font: Option<&SoundFont>,
+    job: &mut Job<'_, RunEnded>,
+) -> anyhow::Result<RobotReport> {
+    let mut play_runs = || play_runs(song, pianist, rig, play, folder, font, job);
+    match folder {
+        Some(folder) => replacing(folder, play_runs),
+        None => play_runs(),
+    }
+}
+
+fn play_runs(
     song: &Song,
     pianist: &Pianist,
     rig: &RigChoice,
@@ -222,9 +238,9 @@ pub fn play_on_robot(
     let task = &pianist.config.task;
     let piece = plan(song, task)?;
     if let Some(correction) = play.correction.as_ref().filter(|correction| !correction.is_empty()) {
-        if play.mode != Mode::JointMirroring {
+        if !play.mode.has_simulation() {
             bail!(
-                "a correction is for joint-mirroring, not for {}: there every run is the same motion",
+                "a correction is for a robot that follows simulated joints, not for the mode {}",
                 play.mode
             );
         }
@@ -237,7 +253,6 @@ pub fn play_on_robot(
         }
     }
     if let Some(folder) = folder {
-        make_folder(folder)?;
         keep_reference(&folder.join(REFERENCE), &piece, font)?;
     }
     let sim_f1 = scores_in_simulation(pianist, &piece)?.frame.f1;
@@ -247,7 +262,7 @@ pub fn play_on_robot(
     let header = Header {
         activity: Activity::Mode(play.mode),
         corrected: play.correction.as_ref().is_some_and(|correction| !correction.is_empty()),
-        ..header(&piece, pianist, rig.name(), Some(rig.config()))
+        ..header(&piece, pianist, &rig.label(), Some(rig.config()))
     };
     let mut runs = Vec::new();
     for index in 0..play.runs {
@@ -293,9 +308,7 @@ pub fn play_on_robot(
     }
     let counted: Vec<&RobotRun> = runs.iter().filter(|run| run.ending != Ending::Interrupted).collect();
     if counted.is_empty() {
-        let kept = runs.iter().flat_map(|run| &run.files).map(|files| files.recording.display()).next();
-        let kept = kept.map_or_else(String::new, |file| format!("; {file} holds what was played"));
-        return Err(Interrupted(format!("interrupted before a run was complete{kept}")).into());
+        return Err(Interrupted("interrupted before a run was complete".to_string()).into());
     }
     let lags: Vec<f64> = counted.iter().filter_map(|run| run.scores.note.lag_secs).collect();
     let f1: Vec<f64> = counted.iter().map(|run| run.scores.frame.f1).collect();
@@ -347,7 +360,7 @@ fn one_run(
     let task = &pianist.config.task;
     // What takes long comes before the robot has power.
     let simulation = play.mode.simulation(task, &stand.robot.config().limits)?;
-    let mut ready = pianist.ready(task, piece, &mut |_| {})?;
+    let mut ready = pianist.ready(task, piece, &mut tell_planning())?;
     let Stand { robot, pace } = stand;
     prepare(robot, pace, play.home.then_some(start), writer.as_deref_mut(), interrupt)?;
     let mut rig =

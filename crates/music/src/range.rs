@@ -71,11 +71,15 @@ impl OutOfRange {
         } else {
             format!("Transpose it by any of {} to {} semitones to make it fit", by(lowest), by(highest))
         };
-        let octaves: Vec<String> = self.transpositions.iter().filter(|s| *s % OCTAVE == 0).map(by).collect();
-        if !octaves.is_empty() {
-            let _ = write!(text, "; {} keeps its key", octaves.join(" or "));
+        let octaves = || self.transpositions.iter().filter(|s| *s % OCTAVE == 0);
+        if octaves().next().is_some() {
+            let names: Vec<String> = octaves().map(by).collect();
+            let _ = write!(text, "; {} keeps its key", names.join(" or "));
         }
-        text + ": `etude songs arrange`."
+        let nearest =
+            octaves().min_by_key(|s| s.abs()).or(self.transpositions.iter().min_by_key(|s| s.abs()));
+        let nearest = nearest.unwrap_or(lowest);
+        format!("{text}: `etude songs arrange FILE.mid --transpose {nearest} -o NEW.mid`.")
     }
 }
 
@@ -108,7 +112,7 @@ mod tests {
         let error = song(&[60, 96]).check_range().unwrap_err().to_string();
         assert!(
             error.ends_with(
-                "Transpose it by any of -24 to -12 semitones to make it fit; -24 or -12 keeps its key: `etude songs arrange`."
+                "Transpose it by any of -24 to -12 semitones to make it fit; -24 or -12 keeps its key: `etude songs arrange FILE.mid --transpose -12 -o NEW.mid`."
             ),
             "{error}"
         );

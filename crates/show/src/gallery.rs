@@ -43,6 +43,9 @@ pub struct Exhibit {
     pub song: String,
     /// Who played.
     pub player: String,
+    /// The same in short, for people.
+    #[serde(skip)]
+    pub who: String,
     /// On what.
     pub rig: String,
     /// The execution mode; empty in simulation.
@@ -117,6 +120,7 @@ pub fn gallery(recordings: &[PathBuf], folder: &Path, job: &mut Job<'_, usize>) 
             secs: take.secs(),
             recording: take.name,
             song: take.song,
+            who: take.who,
             player: take.player,
             rig: take.rig,
             mode: take.mode,
@@ -162,7 +166,7 @@ fn index(exhibits: &[Exhibit]) -> String {
     let body = html! {
         p {
             "A picture leads to its replay: the hand in motion, what was due and what was played, and the sound. In the piano roll below a \
-             picture, a right note is filled, one too early or too late is a purple outline, a missed one a blue outline, and a wrong stroke is hatched."
+             picture, a right note is filled, one too early or too late is a purple outline, a missed one an orange outline, and a wrong stroke is hatched."
         }
         div.cards {
             @for exhibit in exhibits {
@@ -180,7 +184,7 @@ fn index(exhibits: &[Exhibit]) -> String {
                     }
                     p.quiet {
                         @if let Some(f1) = exhibit.f1 { "F1 " (format!("{f1:.3}")) " · " }
-                        (exhibit.player) ", " (played_on(exhibit)) "."
+                        (exhibit.who) ", " (played_on(exhibit)) "."
                         @if let Some(text) = &exhibit.incomplete { " " (text) }
                         br;
                         code { (exhibit.recording) }

@@ -17,6 +17,8 @@ pub(crate) const RIGHT: [u8; 3] = [0x00, 0x72, 0xb2];
 pub(crate) const OFF: [u8; 3] = [0xcc, 0x79, 0xa7];
 pub(crate) const MISSED: [u8; 3] = [0xe6, 0x9f, 0x00];
 pub(crate) const WRONG: [u8; 3] = [0xd5, 0x5e, 0x00];
+/// A stroke that is not judged.
+const PLAYED: [u8; 3] = [0x62, 0x65, 0x6b];
 pub(crate) const DUE: [u8; 3] = [0x56, 0xb4, 0xe9];
 /// What is still to come.
 const COMING: [u8; 3] = [0x9d, 0xc9, 0xe6];
@@ -33,7 +35,7 @@ pub(crate) fn colour(shown: Shown) -> [u8; 3] {
         Shown::Off => OFF,
         Shown::Missed => MISSED,
         Shown::Wrong => WRONG,
-        Shown::Played => LINE,
+        Shown::Played => PLAYED,
     }
 }
 

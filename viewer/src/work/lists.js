@@ -130,7 +130,7 @@ export function trainingsList(trainings, jobs, { start, stop, songs }) {
     const figures = [
       `${stepsText(run.step)} of ${stepsText(run.total_steps ?? run.step)} control steps`,
       `${timeText(run.secs)} trained`,
-      job && run.secs_left !== null ? `${timeText(run.secs_left)} left` : '',
+      job && run.secs_left !== null ? `${timeText(Math.min(run.secs_left, job.secs_left ?? Infinity))} left` : '',
       notesText(run),
       run.best_f1 === null ? '' : `best ${scoreText(run.best_f1)}`,
     ].filter(Boolean);

@@ -27,7 +27,7 @@ export function table(caption, columns, rows) {
       element('tbody', {}, ...rows.map((cells) => element('tr', {}, ...cells.map((cell) => element('td', {}, cell))))),
     ),
   );
-  return element('div', {}, sidewaysHint(columns.length), scrolling);
+  return element('div', {}, sidewaysHint(columns.length, scrolling), scrolling);
 }
 
 /** A section with a heading, whose content is made anew only when what it shows has changed. */

@@ -120,7 +120,7 @@ export class SongSection {
       const player = choice(players, { 'data-key': 'player' });
       const mode = choice(MODES, { 'data-key': 'mode' });
       const minutes = element('input', { type: 'number', min: '0.1', step: 'any', placeholder: 'no limit', 'data-key': 'minutes' });
-      const set = element('input', { type: 'text', placeholder: 'droq.batch=256', autocomplete: 'off', spellcheck: 'false', 'data-key': 'set' });
+      const set = element('input', { type: 'text', placeholder: 'trainer.total_steps=60000', autocomplete: 'off', spellcheck: 'false', 'data-key': 'set' });
       return [
         policy === null
           ? element('p', { text: 'There is no policy that can play this song. The scripted player plays it: by inverse kinematics and timing, without learning.' })
@@ -140,6 +140,7 @@ export class SongSection {
             return this.start({ verb: 'train', song, minutes: limit, set: set.value.split(/\s+/).filter(Boolean) });
           }),
         ),
+        element('p', { class: 'quiet', text: 'A training makes 120,000 control steps. That takes one to five minutes, by the processor.' }),
       ];
     });
   }

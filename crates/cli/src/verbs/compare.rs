@@ -75,7 +75,7 @@ fn summary(take: &Take) -> serde_json::Value {
 fn print(takes: &[Take; 2], comparison: &Comparison) -> anyhow::Result<()> {
     line(title(&takes[0], &takes[1]))?;
     for (letter, take) in ["A", "B"].into_iter().zip(takes) {
-        let what = [&take.rig, &take.mode, &take.player].map(String::as_str);
+        let what = [&take.rig, &take.mode, &take.who].map(String::as_str);
         let what: Vec<&str> = what.into_iter().filter(|text| !text.is_empty()).collect();
         line(format!("{letter}  {} ({})", take.name, what.join(" · ")))?;
         let f1 = take.last.map_or_else(String::new, |frame| format!("; F1 {:.3}", frame.f1));

@@ -3,7 +3,6 @@
 use std::path::{Path, PathBuf};
 
 use clap::ValueHint;
-use clap::builder::ArgPredicate;
 use etude_lab::{CorrectionFile, MeanNotes, RobotPlay, RobotReport, RunEnded, find_song, play_on_robot};
 use etude_music::sound::SoundFont;
 use etude_perform::stand::{RigChoice, rig_choice};
@@ -29,7 +28,8 @@ from the simulator (--truth) moves them. It runs as fast as it can be computed, 
 For a twin by the wall clock start `etude twin` in another terminal and give its rig.
 
 Files, per run: run-N.mcap (what was asked, sent and measured), .mid, .wav, .csv; and report.json, \
-reference.wav (what should have been played).
+reference.wav (what should have been played). They replace those of an earlier performance; one that is cut short is in \
+DIR-cut-short, and the earlier one stays.
 
 Examples:
   etude perform twinkle --robot twin
@@ -40,14 +40,10 @@ pub struct Args {
     /// A built-in id (see `etude songs`) or a MIDI file
     #[arg(value_parser = super::song(), value_hint = ValueHint::FilePath, hide_possible_values = true)]
     song: String,
-    /// joint-mirroring, hybrid or real
-    #[arg(
-        long,
-        default_value = "real",
-        default_value_if("correction", ArgPredicate::IsPresent, "joint-mirroring")
-    )]
-    mode: Mode,
-    /// What `etude rehearse --adapt` has learned for this song on this robot (correction.json): its policy plays, in joint-mirroring
+    /// joint-mirroring, hybrid or real; `real` if not given, or with --correction the mode in which it was learned
+    #[arg(long)]
+    mode: Option<Mode>,
+    /// What `etude rehearse --adapt` has learned for this song on this robot (correction.json): its policy plays
     #[arg(long, value_name = "FILE", value_hint = ValueHint::FilePath, conflicts_with_all = ["policy", "scripted", "overrides"])]
     correction: Option<PathBuf>,
     /// `twin`, or the file of a rig
@@ -93,10 +89,11 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
         Some(learned) => learned.pianist(&song, &rig)?,
         None => args.pianist.load(&args.song, &song)?,
     };
+    let mode = mode(args.mode, learned.as_ref())?;
     let font = args.soundfont.as_deref().map(SoundFont::load).transpose()?;
-    let folder = args.out.clone().unwrap_or_else(|| Path::new("out").join(folder_name(&args, &rig)));
+    let folder = args.out.clone().unwrap_or_else(|| Path::new("out").join(folder_name(&args, mode, &rig)));
     let play = RobotPlay {
-        mode: args.mode,
+        mode,
         runs: args.runs.into(),
         home: args.home || rig.is_twin(),
         seed: args.seed,
@@ -130,7 +127,7 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
 
 /// Name of the folder of a performance, if none is given: song and mode, and what differs from the default player and robot. So no
 /// performance replaces one on another robot.
-fn folder_name(args: &Args, rig: &RigChoice) -> String {
+fn folder_name(args: &Args, mode: Mode, rig: &RigChoice) -> String {
     let robot = match rig {
         RigChoice::File { .. } => rig.name().to_string(),
         RigChoice::Twin(_) if args.truth == DEFAULT_TRUTH => String::new(),
@@ -140,7 +137,7 @@ fn folder_name(args: &Args, rig: &RigChoice) -> String {
     };
     let corrected = args.correction.iter().map(|_| "corrected".to_string());
     let others = [robot].into_iter().chain(corrected).chain(args.faults.iter().map(ToString::to_string));
-    performance_name(&args.pianist, &args.song, args.mode, others.filter(|part| !part.is_empty()))
+    performance_name(&args.pianist, &args.song, mode, others.filter(|part| !part.is_empty()))
 }
 
 /// The same from player, song, mode and the `others`.
@@ -153,6 +150,16 @@ pub(super) fn performance_name(
     let parts = [pianist.folder_name(song), mode.to_string()];
     let others = others.into_iter().map(|part| etude_show::slug(&part));
     parts.into_iter().chain(others).collect::<Vec<_>>().join("-")
+}
+
+/// The mode that was asked for, or that of the correction.
+fn mode(asked: Option<Mode>, learned: Option<&CorrectionFile>) -> anyhow::Result<Mode> {
+    match (asked, learned.map(|learned| learned.mode)) {
+        (Some(asked), Some(learned)) if asked != learned => {
+            anyhow::bail!("the correction is for {learned}, in which it was learned, not for {asked}")
+        }
+        (asked, learned) => Ok(asked.or(learned).unwrap_or(Mode::Real)),
+    }
 }
 
 /// The same robot with these faults, which only a twin of this process can be ordered to have.

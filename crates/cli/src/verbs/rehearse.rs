@@ -6,7 +6,7 @@ use clap::ValueHint;
 use clap::builder::PossibleValuesParser;
 use etude_lab::{
     AdaptConfig, AdaptStep, Adapted, IdentifyMethod, RehearsalConfig, RehearsalStep, Round, SIGHT_READER,
-    adapt_on_robot, best_round, find_song, rehearse_on_robot, shipped_policy,
+    adapt_on_robot, adapted_before, best_round, find_song, rehearse_on_robot, shipped_policy,
 };
 use etude_perform::stand::{RigChoice, rig_choice};
 use etude_perform::{Excitation, Job, Mode, shell_word};
@@ -72,8 +72,8 @@ pub struct Args {
     /// End each fit of the identification after this many evaluations
     #[arg(long, value_parser = clap::value_parser!(u64).range(1..))]
     evaluations: Option<u64>,
-    /// After the rounds, learn on the robot itself for so many minutes of playing: the best round's policy plays in joint-mirroring, and what
-    /// the joints missed, and keys that sounded wrongly, correct the next run. At least three runs; homing and the performances at the end are not
+    /// After the rounds, learn on the robot itself for so many minutes of playing: the best round's policy plays in joint-mirroring, or in hybrid
+    /// with --mode hybrid, and what the joints missed, and keys that sounded wrongly, correct the next run. At least three runs; homing and the performances at the end are not
     /// counted. With --rounds 0 nothing is fitted
     #[arg(long, value_name = "MINUTES", value_parser = minutes)]
     adapt: Option<f64>,
@@ -136,18 +136,25 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
     let rounds = rehearse_on_robot(&song, &rig, &config, &folder, &mut Job::new(&mut tell, &stop))?;
     let mut page = page.checked()?;
     let best = best_round(&rounds);
+    let there = folder.join("adaptation");
     let adapted = match (args.adapt, best) {
         (Some(minutes), Some(best)) => {
-            let adaptation =
-                AdaptConfig { policy: best.policy.clone(), minutes, runs: config.runs, seed: config.seed };
+            let adaptation = AdaptConfig {
+                policy: best.policy.clone(),
+                mode: mirrored(config.mode),
+                minutes,
+                runs: config.runs,
+                seed: config.seed,
+            };
             let mut tell = |step: &AdaptStep| show_adapting(&mut status, step, config.runs);
-            let folder = folder.join("adaptation");
-            let adapted = adapt_on_robot(&song, &rig, &adaptation, &folder, &mut Job::new(&mut tell, &stop))?;
-            page.add_adapted(&adapted);
-            Some(adapted)
+            Some(adapt_on_robot(&song, &rig, &adaptation, &there, &mut Job::new(&mut tell, &stop))?)
         }
+        (None, Some(best)) => adapted_before(&there, &best.policy)?,
         _ => None,
     };
+    if let Some(adapted) = &adapted {
+        page.add_adapted(adapted);
+    }
     drop(status);
     if args.json {
         match &adapted {
@@ -247,6 +254,11 @@ fn minutes(text: &str) -> Result<f64, String> {
     }
 }
 
+/// The mode of an adaptation, in which the robot follows simulated joints, after rounds in this one.
+fn mirrored(rounds: Mode) -> Mode {
+    if rounds.has_simulation() { rounds } else { Mode::JointMirroring }
+}
+
 fn show_adapting(status: &mut Status, step: &AdaptStep, runs: usize) {
     match step {
         AdaptStep::Adapting(index, most, run) => status.part(
@@ -275,8 +287,8 @@ fn print_adapted(adapted: &Adapted) -> anyhow::Result<()> {
         runs => format!("with the correction after {runs} runs, the best of {}", adapted.adapting.len()),
     };
     line(format!(
-        "adapted: {}, F1 {:.3} ± {:.3} in joint-mirroring, {by}",
-        adapted.notes, adapted.robot_f1, adapted.robot_f1_std
+        "adapted: {}, F1 {:.3} ± {:.3} in {}, {by}",
+        adapted.notes, adapted.robot_f1, adapted.robot_f1_std, adapted.mode
     ))
 }
 

@@ -197,9 +197,7 @@ fn show(
         for (bar, _, chords) in bars {
             line(format!("  bar {bar:3}  {}", chords.join("  ")))?;
         }
-        for warning in &warnings {
-            line(format!("warning: {warning}"))?;
-        }
+        beginning(warnings.iter().map(|warning| format!("warning: {warning}")))?;
         if let Some(limits) = limits {
             line(format!("With three fingers: {limits}"))?;
             if let Some(AtSight { notes_right, f1 }) = at_sight {
@@ -216,10 +214,10 @@ fn show(
                     "Leaps too far for the time: {leaps} of these, the first at {place} ({secs:.2} s)"
                 ))?;
             }
-            for limit in &limits.notes {
+            beginning(limits.notes.iter().map(|limit| {
                 let (place, secs) = place_of(limit);
-                line(format!("  {place} ({secs:.2} s): {} {}", limit.note(), limit.what()))?;
-            }
+                format!("  {place} ({secs:.2} s): {} {}", limit.note(), limit.what())
+            }))?;
         }
     }
     fits?;
@@ -230,6 +228,19 @@ fn show(
     if let (Some(path), Some(piece)) = (reference, &piece) {
         sound::write_wav(&path, &sound::render(piece.notes(), None)?)?;
         note(format!("Listen: {}", path.display()));
+    }
+    Ok(())
+}
+
+/// Most lines that are printed of a list.
+const MOST_LINES: usize = 12;
+
+/// Prints a list; of a long one the beginning, and how many more there are.
+fn beginning(mut lines: impl ExactSizeIterator<Item = String>) -> anyhow::Result<()> {
+    let more = lines.len().saturating_sub(MOST_LINES);
+    lines.by_ref().take(MOST_LINES).try_for_each(line)?;
+    if more > 0 {
+        line(format!("  … and {more} more: --json has all"))?;
     }
     Ok(())
 }

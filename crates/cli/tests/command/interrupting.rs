@@ -91,6 +91,24 @@ fn a_performance_that_is_interrupted_before_it_plays_leaves_no_recording() {
 }
 
 #[test]
+fn a_performance_on_a_robot_replaces_all_of_an_earlier_one_or_nothing() {
+    let desk = Desk::new();
+    desk.ok("perform short.mid --scripted --runs 2 -o there");
+    desk.ok("replay there");
+    let whole = desk.bytes("there/run-1.mcap");
+    // The recording of before is moved aside when the new one begins.
+    let perform = desk.command("perform ode-to-joy --scripted -o there");
+    let said = interrupted_at(perform, |child| desk.path(format!("there/earlier-{}", child.id())));
+    assert!(said.contains("interrupted before a run was complete"), "{said}");
+    assert_eq!(desk.bytes("there/run-1.mcap"), whole);
+    assert!(desk.path("there/run-2.wav").is_file() && desk.path("there/replay.html").is_file());
+
+    desk.ok("perform short.mid --scripted -o there");
+    assert!(!desk.path("there/run-2.mcap").exists() && !desk.path("there/replay.html").exists());
+    desk.ok("compare there there");
+}
+
+#[test]
 fn an_interrupted_play_leaves_the_folder_as_it_was() {
     let desk = Desk::new();
     desk.ok("play short.mid --scripted -o mine");

@@ -77,6 +77,17 @@ fn a_run_is_found_by_its_song_and_a_damaged_one_does_not_hide_it() {
     let report = desk.json("play short.mid --json");
     assert!(report["player"].as_str().unwrap().contains("short__fast__0"), "{report}");
     assert!(desk.path("out/short/performance.wav").is_file());
+    // Stopped before its first evaluation it has learned nothing: the sight-reader plays better.
+    let never = "runs/short__fast__1";
+    succeed(desk.tiny(&format!(
+        "short.mid --set trainer.evaluate_every_steps=1000 --minutes 0.0001 --out {never} --json"
+    )));
+    assert!(desk.path(never).join("policy-last.safetensors").is_file());
+    for gone in ["runs/short__fast__0", "runs/short__fast__9"] {
+        std::fs::remove_dir_all(desk.path(gone)).unwrap();
+    }
+    let report = desk.json("play short.mid --json");
+    assert!(report["player"].as_str().unwrap().contains("sight-reader"), "{report}");
 }
 
 /// A script of `scripts` on `files`, by the Python that has the readers we did not write.

@@ -131,17 +131,23 @@ fn a_rehearsal_that_was_killed_goes_on_to_the_same_end() {
 #[test]
 fn playing_is_adapted_on_the_robot_itself_and_a_kill_changes_nothing() {
     let desk = Desk::new();
-    let adapt = |out: &str| {
-        let rest = "--truth worn --rounds 0 --runs 2 --adapt 2 --set task.plan.lead_secs=0.08";
+    let rehearse = |out: &str| {
+        let rest = "--truth worn --rounds 0 --runs 2 --set task.plan.lead_secs=0.08";
         let mut command = desk.command(&format!("rehearse twinkle --robot twin {rest} --json"));
         command.current_dir(desk.path(out)).args(["-o", "there"]);
         command
     };
-    let finish = |out: &str| -> Value {
-        let output = adapt(out).output().unwrap();
+    let adapt = |out: &str| {
+        let mut command = rehearse(out);
+        command.args(["--adapt", "2"]);
+        command
+    };
+    let report_of = |mut command: Command| -> Value {
+        let output = command.output().unwrap();
         assert!(output.status.success(), "{}", errors(&output));
         serde_json::from_slice(&output.stdout).unwrap()
     };
+    let finish = |out: &str| report_of(adapt(out));
     for out in ["a", "b"] {
         std::fs::create_dir(desk.path(out)).unwrap();
     }
@@ -157,6 +163,8 @@ fn playing_is_adapted_on_the_robot_itself_and_a_kill_changes_nothing() {
     let best = &adapted["adapting"][adapted["best"].as_u64().unwrap() as usize];
     assert!(missed(best) < 0.7 * missed(before), "{adapted}");
 
+    // The rehearsal alone keeps on its page what was learned.
+    assert_eq!(report_of(rehearse("a")), report);
     let page = String::from_utf8(desk.bytes("a/there/rehearsal.html")).unwrap();
     for part in [
         "Learned on the robot itself",
@@ -191,9 +199,13 @@ fn playing_is_adapted_on_the_robot_itself_and_a_kill_changes_nothing() {
         (
             "twinkle",
             "--truth standard",
-            "the correction is for the robot `twin, worn`, not for `twin, standard`",
+            "the correction is for the robot `twin (worn)`, not for `twin (standard)`",
         ),
-        ("twinkle", "--mode real", "a correction is for joint-mirroring"),
+        (
+            "twinkle",
+            "--mode real",
+            "the correction is for joint-mirroring, in which it was learned, not for real",
+        ),
         ("twinkle", "--scripted", "cannot be used with"),
     ];
     for (song, rest, why) in refused {
@@ -203,6 +215,17 @@ fn playing_is_adapted_on_the_robot_itself_and_a_kill_changes_nothing() {
     std::fs::write(desk.path("a").join(correction), "{").unwrap();
     let (_, said) = perform("twinkle", "");
     assert!(said.contains("correction.json is damaged"), "{said}");
+}
+
+#[test]
+fn an_adaptation_after_rounds_in_hybrid_execution_plays_in_it() {
+    let desk = Desk::new();
+    let output = desk
+        .ok("rehearse twinkle --robot twin --mode hybrid --rounds 0 --runs 1 --adapt 0.1 --json -o there");
+    let report: Value = serde_json::from_str(&output).unwrap();
+    assert_eq!(report["adapted"]["mode"], "hybrid");
+    let again = desk.ok("perform twinkle --robot twin --correction there/adaptation/correction.json --json");
+    assert_eq!(serde_json::from_str::<Value>(&again).unwrap()["mode"], "hybrid");
 }
 
 /// With a corpus the rounds continue the sight-reader for all songs; the song is what the robot plays.

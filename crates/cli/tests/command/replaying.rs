@@ -109,7 +109,7 @@ fn simulation_and_twin_stand_side_by_side_with_the_moments_where_they_part() {
     let [simulation, twin] = [&data["takes"][0], &data["takes"][1]];
     assert_eq!(
         (&simulation["rig"], &twin["rig"], &twin["mode"]),
-        (&"simulation".into(), &"twin".into(), &"real".into())
+        (&"simulation".into(), &"twin (standard)".into(), &"real".into())
     );
     let apart: Vec<[f64; 2]> = serde_json::from_value(data["partings"].clone()).unwrap();
     let pressed = |take: &Value, step: usize| take["pressed"][step].clone();
@@ -225,7 +225,9 @@ fn what_cannot_be_shown_is_named() {
     let desk = played();
     std::fs::create_dir(desk.path("empty")).unwrap();
     std::fs::write(desk.path("text.mcap"), "no recording").unwrap();
+    std::fs::create_dir(desk.path("out/short")).unwrap();
     for (args, part) in [
+        ("replay short", "there is no recording short; did you mean out/short?"),
         ("replay nothing.mcap", "cannot open the recording nothing.mcap"),
         ("replay empty", "no recording in empty"),
         ("replay text.mcap", "text.mcap is not a recording of Étude"),

@@ -144,6 +144,12 @@ fn the_counts_of_a_song_agree() {
         text.contains("With three fingers: 40 notes, ")
             && text.contains(" too soon after one of the same key")
     );
+    let warnings = desk.json("songs show quick.mid --json")["warnings"].as_array().unwrap().len();
+    let printed = text.lines().filter(|line| line.starts_with("warning: ")).count();
+    assert!(
+        printed == 12 && text.contains(&format!("  … and {} more: --json has all", warnings - 12)),
+        "{text}"
+    );
 }
 
 /// Writes a song whose fingering takes seconds to plan.
@@ -163,6 +169,7 @@ fn planning_that_takes_long_says_how_far_it_is() {
         &format!("train chords.mid{train}"),
         "train --resume runs/chords__fast__0 --set trainer.total_steps=500",
         "evaluate chords.mid --worlds 1",
+        "evaluate chords.mid --scripted --worlds 1",
         // What is learned in so short a time may push until the twin is stopped.
         "perform chords.mid",
     ] {
@@ -184,7 +191,10 @@ fn a_song_that_does_not_fit_is_arranged() {
         errors(&output)
     };
     let advice = refused("songs show high.mid");
-    assert!(advice.contains("-12 keeps its key: `etude songs arrange`"), "{advice}");
+    assert!(
+        advice.contains("-12 keeps its key: `etude songs arrange FILE.mid --transpose -12 -o NEW.mid`"),
+        "{advice}"
+    );
     let shown = desk.command("songs show high.mid").output().unwrap();
     let shown = String::from_utf8(shown.stdout).unwrap();
     assert!(shown.contains("3 notes from C6 to G6") && !shown.contains("frames"), "{shown}");

@@ -1,5 +1,5 @@
-//! Learning from the robot itself: a song is played again and again in joint mirroring. What the joints missed in one run corrects their
-//! set-points in the next, and keys that sounded too short, or not, or beside the right one, change where the fingers aim. No simulator is
+//! Learning from the robot itself: a song is played again and again in joint mirroring or in hybrid execution. What the joints missed
+//! in one run corrects their set-points in the next, and keys that sounded too short, or not, or beside the right one, change where the fingers aim. No simulator is
 //! fitted and no policy is trained.
 //!
 //! ```text
@@ -36,8 +36,10 @@ use played::{MEASURING, Notes, Played};
 
 /// Name of the file with the result of an adaptation.
 const RESULT: &str = "result.json";
+/// Name of the file with its configuration.
+const OPENED: &str = "adaptation.json";
 /// Version of the files, and of what is learned from a run. An adaptation is not continued by another one.
-const VERSION: u32 = 2;
+const VERSION: u32 = 3;
 /// An adaptation ends earlier if this many runs in a row were not better than the best before.
 const PATIENCE: usize = 8;
 
@@ -46,6 +48,8 @@ const PATIENCE: usize = 8;
 pub struct AdaptConfig {
     /// The policy.
     pub policy: PathBuf,
+    /// Joint mirroring or hybrid: the robot follows simulated joints.
+    pub mode: Mode,
     /// How long is played to learn, min, but at least three runs. Homing and the performances at the end are not counted. More may be
     /// given later.
     pub minutes: f64,
@@ -107,6 +111,8 @@ pub struct Adapted {
     pub lag_secs: Option<f64>,
     /// The lead of the plan, s.
     pub lead_secs: f64,
+    /// The mode.
+    pub mode: Mode,
     /// The correction, for `etude perform --correction`.
     pub correction: PathBuf,
 }
@@ -156,6 +162,18 @@ pub fn adapt_on_robot(
     adaptation.finish(&runs, job)
 }
 
+/// What an adaptation of this policy in `folder` has learned, if one is complete there.
+///
+/// # Errors
+/// If its files cannot be read.
+pub fn adapted_before(folder: &Path, policy: &Path) -> anyhow::Result<Option<Adapted>> {
+    let opened = load::<Opened>(&folder.join(OPENED))?;
+    if opened.is_none_or(|opened| opened.version != VERSION || opened.config.policy != policy) {
+        return Ok(None);
+    }
+    load(&folder.join(RESULT))
+}
+
 struct Adaptation<'a> {
     song: &'a Song,
     rig: &'a RigChoice,
@@ -168,7 +186,7 @@ struct Adaptation<'a> {
 impl Adaptation<'_> {
     /// Makes the folder, or checks that it holds the same adaptation.
     fn open(&self) -> anyhow::Result<()> {
-        let file = self.folder.join("adaptation.json");
+        let file = self.folder.join(OPENED);
         let now = Opened { version: VERSION, config: self.config.clone(), only_for: self.only_for.clone() };
         if let Some(before) = load::<Opened>(&file)? {
             if before.version != VERSION {
@@ -182,8 +200,8 @@ impl Adaptation<'_> {
             let config = AdaptConfig { minutes: self.config.minutes, ..before.config.clone() };
             if (Opened { config, ..before }) != now {
                 bail!(
-                    "{} holds the adaptation of another policy, song or robot, or another number of runs or seed: remove it, \
-                     and learning begins anew",
+                    "{} holds the adaptation of another policy, song, robot or mode, or another number of runs or seed: remove \
+                     it, and learning begins anew",
                     self.folder.display()
                 );
             }
@@ -273,6 +291,7 @@ impl Adaptation<'_> {
             robot_f1_std: report.robot_f1_std,
             lag_secs: report.lag_secs,
             lead_secs: report.lead_secs,
+            mode: report.mode,
             correction,
         };
         save(&self.folder.join(RESULT), &done)?;
@@ -291,6 +310,7 @@ impl Adaptation<'_> {
             song: self.song.title().to_string(),
             only_for: self.only_for.clone(),
             policy: self.config.policy.clone(),
+            mode: self.config.mode,
             lead_secs: self.lead_secs(played),
             correction: played.added(),
         };
@@ -310,7 +330,7 @@ impl Adaptation<'_> {
         let mut pianist = self.pianist.clone();
         pianist.config.task.plan.lead_secs = self.lead_secs(played);
         let play = RobotPlay {
-            mode: Mode::JointMirroring,
+            mode: self.config.mode,
             runs,
             home: true,
             seed: self.config.seed.wrapping_add(seed),

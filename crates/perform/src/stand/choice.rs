@@ -101,6 +101,14 @@ impl RigChoice {
         }
     }
 
+    /// Its name; of a twin with its truth.
+    pub fn label(&self) -> String {
+        match self {
+            Self::Twin(truth) => format!("{TWIN} ({})", truth.name()),
+            Self::File { rig, .. } => rig.name.clone(),
+        }
+    }
+
     /// Its configuration; the default one for a twin.
     pub fn config(&self) -> RigConfig {
         match self {
@@ -239,6 +247,10 @@ pub fn rig_choice(robot: &str, truth: &str) -> Result<RigChoice, StandError> {
         return Ok(RigChoice::Twin(Box::new(Truth::load(truth).map_err(TwinError::from)?)));
     }
     let path = Path::new(robot).to_path_buf();
+    if !path.exists() {
+        let message = format!("there is no such file; `--robot {TWIN}` is a robot in software");
+        return Err(RigError::Read { path, message }.into());
+    }
     let rig = Box::new(RigConfig::load(&path)?);
     Ok(RigChoice::File { claim: Arc::new(claim(&rig)?), rig, path })
 }

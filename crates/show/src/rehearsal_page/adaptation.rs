@@ -44,7 +44,7 @@ impl Adaptation {
             section {
                 h2 { "Learned on the robot itself" }
                 p {
-                    "The policy of round " (best.round) " was played " (adapted.adapting.len()) " times in joint mirroring. After each run, what the \
+                    "The policy of round " (best.round) " was played " (adapted.adapting.len()) " times in " (adapted.mode) ". After each run, what the \
                      joints missed corrected their set-points for the next one, and keys that sounded too short, not at all, or beside the right one \
                      changed where the fingers aim. What run " (kept) " played was kept: it was the best \
                      together with the runs beside it. "
@@ -100,7 +100,7 @@ fn drawings(adapted: &Adapted) -> [Drawing; 3] {
     ]
 }
 
-/// The best round, joint mirroring before any correction, and the adapted playing.
+/// The best round, the mode of the adaptation before any correction, and the adapted playing.
 fn comparison(adapted: &Adapted, best: &Round, mode: &str) -> Markup {
     let row = |how: String, notes: &MeanNotes, f1: String| {
         vec![
@@ -113,13 +113,13 @@ fn comparison(adapted: &Adapted, best: &Round, mode: &str) -> Markup {
     };
     let several = |f1: f64, std: f64| format!("{f1:.3} ± {std:.3}");
     let before = adapted.adapting.get(BEFORE).map(|run| {
-        let how = format!("joint-mirroring before any correction, run {} alone", BEFORE + 1);
+        let how = format!("{} before any correction, run {} alone", adapted.mode, BEFORE + 1);
         row(how, &run.notes, format!("{:.3}", run.f1))
     });
     let first =
         row(format!("{mode}, round {}", best.round), &best.notes, several(best.robot_f1, best.robot_f1_std));
     let last = row(
-        "joint-mirroring with the correction".to_string(),
+        format!("{} with the correction", adapted.mode),
         &adapted.notes,
         several(adapted.robot_f1, adapted.robot_f1_std),
     );
@@ -134,6 +134,8 @@ fn comparison(adapted: &Adapted, best: &Round, mode: &str) -> Markup {
 #[cfg(test)]
 mod tests {
     use std::path::PathBuf;
+
+    use etude_perform::Mode;
 
     use super::super::tests::round;
     use super::*;
@@ -160,6 +162,7 @@ mod tests {
             robot_f1_std: 0.003,
             lag_secs: None,
             lead_secs: 0.1,
+            mode: Mode::JointMirroring,
             correction: "there/adaptation/correction.json".into(),
         }
     }
@@ -177,7 +180,7 @@ mod tests {
         };
         let page = adaptation.section(&round(0), "real").unwrap().into_string();
         for part in [
-            "was played 3 times",
+            "was played 3 times in joint-mirroring. After",
             "What run 3 played was kept",
             "plays better than in round 0",
             "--correction there/adaptation/correction.json",
@@ -185,8 +188,8 @@ mod tests {
             "Fingers off their path",
             "Rail off its path",
             "<td>real, round 0</td><td>13.5\u{a0}of\u{a0}14</td><td>2.0</td><td>0.000</td><td>0.900 ± 0.010</td>",
-            "run 2 alone</td><td>13.0\u{a0}of\u{a0}14</td><td>1.0</td><td>0.000</td><td>0.900</td>",
-            "with the correction</td><td>13.8\u{a0}of\u{a0}14</td><td>0.0</td><td>0.990</td><td>0.957 ± 0.003</td>",
+            "joint-mirroring before any correction, run 2 alone</td><td>13.0\u{a0}of\u{a0}14</td><td>1.0</td><td>0.000</td><td>0.900</td>",
+            "joint-mirroring with the correction</td><td>13.8\u{a0}of\u{a0}14</td><td>0.0</td><td>0.990</td><td>0.957 ± 0.003</td>",
             "Replay of run 2, before any correction",
             "Replay of the adapted playing, run 1",
         ] {

@@ -27,6 +27,10 @@ pub use take::{Mark, MarkKind, PlayedNote, Take};
 /// If a folder cannot be read, or none is there.
 pub fn recordings(path: &Path) -> anyhow::Result<Vec<PathBuf>> {
     if !path.is_dir() {
+        let played = Path::new("out").join(path);
+        if !path.exists() && played.is_dir() {
+            bail!("there is no recording {}; did you mean {}?", path.display(), played.display());
+        }
         return Ok(vec![path.to_path_buf()]);
     }
     let mut found = Vec::new();

@@ -3,6 +3,7 @@
 use maud::{Markup, html};
 
 use super::take::{PlayedNote, Take};
+use crate::strip::colour;
 
 /// Width of a second and height of a key, in the drawing's units.
 const SECOND: f64 = 80.0;
@@ -53,6 +54,11 @@ impl Take {
     }
 }
 
+/// A colour as SVG has it.
+fn hex([red, green, blue]: [u8; 3]) -> String {
+    format!("#{red:02x}{green:02x}{blue:02x}")
+}
+
 /// Right is filled, too early or late an outline, missed a thin outline, wrong hatched, so that they differ without colours too.
 pub(crate) fn roll_svg(take: &Take) -> String {
     let (low, high) = take.compass().unwrap_or((60, 60));
@@ -60,12 +66,12 @@ pub(crate) fn roll_svg(take: &Take) -> String {
     let width = SECOND * ends.fold(take.secs().max(1.0), f64::max);
     let height = KEY * (usize::from(high - low) + 3);
     let bar = |Stretch { note, shown }: Stretch| {
+        let colour = hex(colour(shown));
         let [fill, stroke, line] = match shown {
-            Shown::Right => ["#0072b2", "none", "1"],
-            Shown::Off => ["none", "#cc79a7", "2"],
-            Shown::Missed => ["none", "#0072b2", "1"],
-            Shown::Wrong => ["url(#wrong)", "#d55e00", "0.5"],
-            Shown::Played => ["#62656b", "none", "1"],
+            Shown::Right | Shown::Played => [&colour, "none", "1"],
+            Shown::Off => ["none", &colour, "2"],
+            Shown::Missed => ["none", &colour, "1.5"],
+            Shown::Wrong => ["url(#wrong)", &colour, "0.5"],
         };
         let [x, length] = [note.start, note.end - note.start].map(|secs| format!("{:.1}", SECOND * secs));
         let y = KEY * (usize::from(high - note.pitch) + 1);
@@ -78,10 +84,11 @@ pub(crate) fn roll_svg(take: &Take) -> String {
         svg xmlns="http://www.w3.org/2000/svg" width=(width) height=(height) viewBox={ "0 0 " (width) " " (height) } preserveAspectRatio="none" {
             defs {
                 pattern id="wrong" width="3" height="3" patternUnits="userSpaceOnUse" patternTransform="rotate(45)" {
-                    rect width="1.4" height="3" fill="#d55e00" {}
+                    rect width="1.4" height="3" fill=(hex(colour(Shown::Wrong))) {}
                 }
             }
-            rect width=(width) height=(height) fill="#fff" {}
+            style { "#paper{fill:#fff}@media(prefers-color-scheme:dark){#paper{fill:#1b1d21}}" }
+            rect id="paper" width=(width) height=(height) {}
             @for bar in &bars { (bar) }
         }
     };

@@ -1,7 +1,10 @@
 //! The page's data of one recording.
 
 use std::collections::BTreeMap;
+use std::ffi::OsStr;
+use std::path::Path;
 
+use etude_lab::SIGHT_READER;
 use etude_music::metrics::{FrameScores, FrameTally, NoteScores, frame_scores, note_scores};
 use etude_music::sound::{self, SoundError};
 use etude_music::{CONTROL_HZ, HIGHEST_PITCH, KeyEvent, KeySet, LOWEST_PITCH, Note, notes_from_key_events};
@@ -30,8 +33,10 @@ pub struct Take {
     pub name: String,
     /// Title of the song.
     pub song: String,
-    /// Who played.
+    /// Who played: a policy file, or `scripted`.
     pub player: String,
+    /// The same in short, for people.
+    pub who: String,
     /// On what.
     pub rig: String,
     /// The execution mode; empty in simulation.
@@ -187,6 +192,7 @@ impl Take {
             name,
             song: header.song.clone(),
             player: header.player.clone(),
+            who: who(&header.player),
             rig: header.rig.clone(),
             mode: if in_simulation { String::new() } else { header.activity.to_string() },
             control_hz: hz,
@@ -340,4 +346,33 @@ fn clamps(recording: &Recording) -> Vec<Mark> {
     }
     marks.extend(open.into_iter().map(|(which, row)| mark(which, row)));
     marks
+}
+/// Who played, in short: a policy that comes with Étude, or that of a run, by its name and without its path.
+fn who(player: &str) -> String {
+    let path = Path::new(player);
+    let names = [path.parent().and_then(Path::file_name), path.file_stem()];
+    match names.map(|name| name.and_then(OsStr::to_str)) {
+        [Some("policies"), Some(SIGHT_READER)] => SIGHT_READER.to_string(),
+        [Some("policies"), Some(_)] => "shipped policy".to_string(),
+        [Some(run), Some(file)] if file.starts_with("policy-") => run.to_string(),
+        _ => player.to_string(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn who_played_is_said_in_short() {
+        for (player, short) in [
+            ("/home/a/etude/policies/sight-reader.safetensors", "sight-reader"),
+            ("policies/twinkle.safetensors", "shipped policy"),
+            ("runs/my-song__fast__0/policy-best.safetensors", "my-song__fast__0"),
+            ("elsewhere/mine.safetensors", "elsewhere/mine.safetensors"),
+            ("scripted", "scripted"),
+        ] {
+            assert_eq!(who(player), short);
+        }
+    }
 }

@@ -15,7 +15,7 @@ use hyper::StatusCode;
 use serde::Serialize;
 
 use super::http::Refusal;
-use crate::progress::ATTENDED;
+use crate::progress::{ATTENDED, STOPPING};
 
 /// Most jobs that run at once.
 const MOST_RUNNING: usize = 4;
@@ -50,6 +50,8 @@ pub struct Order {
     pub steps: Vec<Step>,
     /// Whether it is a training; one runs at a time, on all cores.
     pub is_training: bool,
+    /// Minutes after which a training stops.
+    pub minutes: Option<f64>,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
@@ -85,6 +87,8 @@ pub struct Seen {
     /// Steps that are done.
     done: usize,
     secs: f64,
+    /// Until it stops at the latest.
+    secs_left: Option<f64>,
     /// The command line of the step that runs or was the last.
     command: String,
     said: Vec<String>,
@@ -208,6 +212,7 @@ impl Job {
     }
 
     fn seen(&self) -> Seen {
+        let secs = self.secs.unwrap_or_else(|| self.begun.elapsed().as_secs_f64());
         let step = &self.order.steps[self.done.min(self.order.steps.len() - 1)];
         Seen {
             id: self.id,
@@ -216,7 +221,8 @@ impl Job {
             makes: self.order.makes.clone(),
             state: self.state,
             done: self.done,
-            secs: self.secs.unwrap_or_else(|| self.begun.elapsed().as_secs_f64()),
+            secs,
+            secs_left: self.order.minutes.map(|minutes| (60.0 * minutes - secs).max(0.0)),
             command: shell_line(std::iter::once("etude".to_string()).chain(step.args.iter().cloned())),
             said: self.said.clone(),
         }
@@ -280,6 +286,10 @@ fn is_stopping(list: &Mutex<List>, id: u64) -> bool {
 /// Keeps a line of what the job says.
 fn say(list: &Mutex<List>, id: u64, line: &str) {
     let line = line.strip_prefix("etude: ").unwrap_or(line).trim_end();
+    // The page shows the state, and has no Ctrl-C.
+    if line == STOPPING {
+        return;
+    }
     change(list, id, |job| {
         job.said.push(line.chars().take(LONGEST_LINE).collect());
         let surplus = job.said.len().saturating_sub(LINES);

@@ -93,7 +93,7 @@ impl Wanted {
                 train.extend(set.iter().map(|change| format!("--set={change}")));
                 train.extend(minutes.map(|minutes| format!("--minutes={minutes}")));
                 let order = order(format!("Train {}", listed.title), song, run, vec![gentle(train)]);
-                Ok(Order { is_training: true, ..order })
+                Ok(Order { is_training: true, minutes, ..order })
             }
             Self::Resume { run, minutes } => {
                 let known = desk.runs().into_iter().find(|known| known.figures.run == run);
@@ -106,7 +106,11 @@ impl Wanted {
                 }
                 train.extend(minutes.map(|minutes| format!("--minutes={minutes}")));
                 let title = format!("Train {} on", figures.song.as_deref().unwrap_or(&figures.name));
-                Ok(Order { is_training: true, ..order(title, String::new(), run, vec![gentle(train)]) })
+                Ok(Order {
+                    is_training: true,
+                    minutes,
+                    ..order(title, String::new(), run, vec![gentle(train)])
+                })
             }
             Self::Replay { recording } => {
                 let recording = performance(desk, &recording)?;
@@ -132,7 +136,7 @@ impl Wanted {
 }
 
 fn order(title: String, song: String, makes: String, steps: Vec<Step>) -> Order {
-    Order { title, song, makes, steps, is_training: false }
+    Order { title, song, makes, steps, is_training: false, minutes: None }
 }
 
 /// A verb that stops on request and keeps what it has.

@@ -1,5 +1,7 @@
 //! Stills and videos of a recording, drawn off-screen.
 
+mod moment;
+
 use std::io::{BufWriter, Write};
 use std::os::unix::process::CommandExt as _;
 use std::path::{Path, PathBuf};
@@ -7,14 +9,14 @@ use std::process::{Command, Stdio};
 
 use anyhow::{anyhow, bail};
 use etude_lab::Interrupted;
+use etude_music::KeySet;
 use etude_music::sound::{self, write_hint};
-use etude_music::{KEYS, KeySet, LOWEST_PITCH};
 use etude_perform::{Job, shell_word, write_file};
-use etude_stage::{FINGERS, JOINTS, Painter, SceneGeom, View, World, picture_size};
-use nalgebra::{UnitQuaternion, Vector3};
+use etude_stage::{FINGERS, Painter, SceneGeom, View, World, picture_size};
 
-use crate::replay::{Arm, Shown, Take};
-use crate::strip::{self, Strip};
+use self::moment::{joints_at, key_colours, links, shadow};
+use crate::replay::Take;
+use crate::strip::Strip;
 
 /// Pictures a second of a video.
 pub const FRAMES_PER_SEC: u32 = 30;
@@ -34,15 +36,6 @@ pub enum Video {
         command: String,
     },
 }
-
-/// Height of the fingertips' shadows, just above the white keys, m.
-const FLOOR: f64 = 0.0229;
-/// Radius of a fingertip's shadow when it touches, m, and height at which it is gone, m.
-const SHADOW: [f64; 2] = [0.016, 0.06];
-/// Shadows of one fingertip, one in another, which make its edge soft.
-const SHADOWS: u32 = 4;
-/// Colour of the arm's links, as on the replay page.
-const ARM: [f32; 4] = [0.86, 0.87, 0.88, 1.0];
 
 /// Draws pictures of a recording.
 pub struct Studio<'a> {
@@ -231,87 +224,6 @@ pub fn has_ffmpeg() -> bool {
     quiet.is_ok_and(|status| status.success())
 }
 
-/// Joint positions at `secs`, between the control steps on a straight line.
-fn joints_at(take: &Take, secs: f64) -> [f64; JOINTS] {
-    let last = take.positions.len() - 1;
-    // Row `i` is the end of step `i`; before the first there is the start, if it is known.
-    let place = (secs * take.control_hz - 1.0).clamp(-1.0, last as f64);
-    let row = |place: f64| match &take.start {
-        Some(start) if place < 0.0 => start,
-        _ => &take.positions[place.max(0.0) as usize],
-    };
-    let (from, to) = (row(place.floor()), row(place.ceil()));
-    let share = place - place.floor();
-    std::array::from_fn(|joint| from[joint] + share * (to[joint] - from[joint]))
-}
-
-/// The colours of keys that are due or sound, as on the replay page.
-fn key_colours(take: &Take, secs: f64) -> [Option<[f32; 3]>; KEYS] {
-    let mut colours = [None; KEYS];
-    let mut light = |pitch: u8, colour: [u8; 3]| {
-        let key = pitch.checked_sub(LOWEST_PITCH).and_then(|key| colours.get_mut(usize::from(key)));
-        if let Some(key) = key {
-            *key = Some(colour.map(|value| f32::from(value) / 255.0));
-        }
-    };
-    for note in take.due_notes.iter().filter(|note| (note.start..note.end).contains(&secs)) {
-        light(note.pitch, strip::DUE);
-    }
-    let mut now = take.stretches();
-    now.retain(|stretch| (stretch.note.start..stretch.note.end).contains(&secs));
-    // What began last is shown: a key that is held from the note before does not play the next one.
-    now.sort_by(|one, other| one.note.start.total_cmp(&other.note.start));
-    for stretch in now.iter().filter(|stretch| stretch.shown != Shown::Played) {
-        light(stretch.note.pitch, strip::colour(stretch.shown));
-    }
-    colours
-}
-
-/// The soft shadow of a fingertip at `tip` on the white keys: smaller and fainter, the higher it is.
-fn shadow([x, y, z]: [f64; 3]) -> impl Iterator<Item = SceneGeom> {
-    let [radius, gone] = SHADOW;
-    let near = 1.0 - ((z - FLOOR) / gone).clamp(0.0, 1.0);
-    let layers = if near > 0.0 { SHADOWS } else { 0 };
-    (1..=layers).map(move |layer| {
-        let radius = radius * f64::from(layer) / f64::from(SHADOWS) * (1.6 - 0.6 * near);
-        SceneGeom {
-            name: String::new(),
-            body: -1,
-            kind: "ellipsoid".to_string(),
-            size: [radius, radius, 0.0002],
-            pos: [x, y, FLOOR + 0.00005 * f64::from(layer)],
-            quat: [1.0, 0.0, 0.0, 0.0],
-            rgba: [0.0, 0.0, 0.0, 0.12 * near as f32],
-        }
-    })
-}
-
-/// The links of the arm at the end of control step `step`, between two on straight lines, as tubes.
-fn links(arm: &Arm, step: f64) -> Vec<SceneGeom> {
-    let last = arm.points.len().saturating_sub(1) as f64;
-    let step = step.clamp(0.0, last);
-    let row = |step: f64| arm.points.get(step as usize).map_or(&[][..], Vec::as_slice);
-    let (from, to) = (row(step.floor()), row(step.ceil()));
-    let share = step - step.floor();
-    let row: Vec<f64> = from.iter().zip(to).map(|(from, to)| from + share * (to - from)).collect();
-    let points: Vec<Vector3<f64>> = row.chunks_exact(3).map(Vector3::from_column_slice).collect();
-    let tube = |(ends, radius): (&[Vector3<f64>], &f64)| {
-        let way = ends[1] - ends[0];
-        let turn = UnitQuaternion::rotation_between(&Vector3::z(), &way)
-            .unwrap_or_else(|| UnitQuaternion::from_axis_angle(&Vector3::x_axis(), std::f64::consts::PI));
-        SceneGeom {
-            name: String::new(),
-            body: -1,
-            kind: "capsule".to_string(),
-            size: [*radius, way.norm() / 2.0, 0.0],
-            pos: ((ends[0] + ends[1]) / 2.0).into(),
-            quat: [turn.w, turn.i, turn.j, turn.k],
-            rgba: ARM,
-        }
-    };
-    points.windows(2).zip(&arm.radii).map(tube).collect()
-}
-
 /// Writes rows of red, green, blue as a PNG file.
 fn write_png(path: &Path, [width, height]: [u32; 2], pixels: &[u8]) -> anyhow::Result<()> {
     let mut bytes = Vec::new();
@@ -326,87 +238,8 @@ fn write_png(path: &Path, [width, height]: [u32; 2], pixels: &[u8]) -> anyhow::R
 
 #[cfg(test)]
 mod tests {
-    use etude_perform::{Activity, DueNote, Header, KeyMessage, Recording, StepMessage};
-
+    use super::moment::tests::second;
     use super::*;
-    use crate::replay::PlayedNote;
-
-    /// Rest in simulation, with the keys that are due, pressed and struck.
-    fn take(steps: Vec<StepMessage>, due: Vec<Vec<u8>>, keys: Vec<KeyMessage>) -> Take {
-        let due_notes = if due.is_empty() {
-            Vec::new()
-        } else {
-            vec![DueNote { pitch: 60, velocity: 80, start_secs: 0.5, end_secs: 1.0 }]
-        };
-        let header =
-            Header { control_hz: 20.0, activity: Activity::Rest, due, due_notes, ..Header::default() };
-        let recording = Recording { header, steps, keys, complete: true, ..Recording::default() };
-        Take::new(&recording, "r".to_string()).unwrap()
-    }
-
-    #[test]
-    fn joints_move_on_straight_lines_between_the_ends_of_steps() {
-        // The start pose is known of a simulation only.
-        let step = |value: f64| StepMessage { positions: vec![value; JOINTS], ..StepMessage::default() };
-        let take = take(vec![step(0.1), step(0.3)], Vec::new(), Vec::new());
-        for (secs, value) in [(0.0, 0.1), (0.05, 0.1), (0.075, 0.2), (0.1, 0.3), (9.0, 0.3)] {
-            assert!((joints_at(&take, secs)[0] - value).abs() < 1e-9, "{secs}");
-        }
-    }
-
-    /// A note that is due in the second half of a second, and a stroke of `pitch` at `start`.
-    fn second(pitch: u8, start: f64) -> Take {
-        let step = |index: usize| StepMessage {
-            positions: vec![0.0; JOINTS],
-            pressed: if index < 10 { Vec::new() } else { vec![pitch] },
-            ..StepMessage::default()
-        };
-        let due = (0..20).map(|index| if index < 10 { Vec::new() } else { vec![60] }).collect();
-        let key = |secs, velocity| KeyMessage { secs, pitch, velocity };
-        take((0..20).map(step).collect(), due, vec![key(start, 80), key(1.0, 0)])
-    }
-
-    #[test]
-    fn keys_are_lit_as_they_are_played() {
-        let colour = |take: &Take, secs: f64, pitch: u8| {
-            key_colours(take, secs)[usize::from(pitch - LOWEST_PITCH)]
-                .map(|colour| colour.map(|value| (255.0 * value).round() as u8))
-        };
-        // A few milliseconds late are right, and until then the key is due.
-        let right = second(60, 0.53);
-        assert_eq!(colour(&right, 0.2, 60), None);
-        assert_eq!(colour(&right, 0.52, 60), Some(strip::DUE));
-        assert_eq!(colour(&right, 0.6, 60), Some(strip::RIGHT));
-        assert_eq!(colour(&second(60, 0.6), 0.7, 60), Some(strip::OFF));
-        let wrong = second(62, 0.5);
-        assert_eq!(colour(&wrong, 0.6, 60), Some(strip::MISSED));
-        assert_eq!(colour(&wrong, 0.6, 62), Some(strip::WRONG));
-        // Down since long before, it plays nothing.
-        let mut held = take(Vec::new(), vec![vec![60]], Vec::new());
-        held.notes = vec![PlayedNote { start: 0.0, ..held.due_notes[0] }];
-        assert_eq!(colour(&held, 0.4, 60), Some(strip::WRONG));
-        assert_eq!(colour(&held, 0.6, 60), Some(strip::MISSED));
-    }
-
-    #[test]
-    fn the_links_of_an_arm_are_tubes_between_its_points() {
-        let row = |x: f64| vec![x, 0.0, 0.0, x, 0.0, 0.4, x, 0.3, 0.4];
-        let arm = Arm { radii: vec![0.05, 0.04], points: vec![row(0.0), row(0.2)] };
-        assert!(links(&Arm { points: Vec::new(), ..arm.clone() }, 0.0).is_empty());
-        let tubes = links(&arm, 0.5);
-        assert_eq!(tubes.len(), 2);
-        for (tube, (pos, half, axis)) in
-            tubes.iter().zip([([0.1, 0.0, 0.2], 0.2, Vector3::z()), ([0.1, 0.15, 0.4], 0.15, Vector3::y())])
-        {
-            assert!((Vector3::from(tube.pos) - Vector3::from(pos)).norm() < 1e-12, "{tube:?}");
-            assert!((tube.size[1] - half).abs() < 1e-12, "{tube:?}");
-            let [w, i, j, k] = tube.quat;
-            let turned =
-                UnitQuaternion::from_quaternion(nalgebra::Quaternion::new(w, i, j, k)) * Vector3::z();
-            assert!((turned - axis).norm() < 1e-9, "{tube:?}");
-        }
-        assert_eq!(links(&arm, 7.0)[0].pos[0], 0.2);
-    }
 
     /// The share of a picture's upper part that is blue, as a key that is right.
     fn blue(studio: &mut Studio<'_>, secs: f64) -> f64 {

@@ -13,111 +13,25 @@
 //! A part gets its final name only when it is complete, and a complete part is not made again. So the same command resumes a
 //! rehearsal that was stopped at any point, also by kill -9.
 
+mod round;
+
 use std::path::{Path, PathBuf};
 
 use etude_identify::{Motion, MotionError, Progress};
 use etude_music::Song;
 use etude_perform::stand::RigChoice;
-use etude_perform::{Excitation, Job, Mode, NoteCounts, write_file};
-use serde::{Deserialize, Serialize};
+use etude_perform::{Excitation, Job, NoteCounts, write_file};
 
 use crate::config::resolve;
 use crate::errors::{Interrupted, unusable};
 use crate::excitations::{excitation_file, record_excitations};
 use crate::folder::make_folder;
-use crate::identify::{Identification, IdentifyMethod, IdentifyReport, identify_robot};
+use crate::identify::{Identification, IdentifyReport, identify_robot};
 use crate::pianist::{Pianist, load_pianist};
-use crate::robot::{MeanNotes, RobotPlay, RobotReport, RunEnded, all_complete, play_on_robot, robot_score};
+use crate::robot::{RobotPlay, RobotReport, RunEnded, all_complete, play_on_robot};
 use crate::run::{Run, TrainingProgress};
 
-/// Whether these overrides, `path=value`, name the lead of the plan. Else it is measured on the robot.
-pub fn name_the_lead(overrides: &[String]) -> bool {
-    overrides.iter().any(|set| set.trim_start().starts_with("task.plan.lead_secs"))
-}
-
-/// What to rehearse, and how.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct RehearsalConfig {
-    /// The song, as it is named on the command line.
-    pub song: String,
-    /// The rig.
-    pub rig: String,
-    /// Name of the twin's truth.
-    pub truth: Option<String>,
-    /// Rounds after the first performance.
-    pub rounds: usize,
-    /// Performances a round.
-    pub runs: usize,
-    /// How they are played.
-    pub mode: Mode,
-    /// Preset of the trainings. If it has a corpus they learn that, for all songs, and the song is what the robot plays.
-    pub preset: String,
-    /// Overrides of its values, `path=value`.
-    pub overrides: Vec<String>,
-    /// The policy of round 0; without one it is learned first.
-    pub policy: Option<PathBuf>,
-    /// A simulator whose drives are fitted to this robot already, as `etude identify` and rehearsals write it: only its keyboard is fitted
-    /// then, to what was played.
-    #[serde(default)]
-    pub simulator: Option<PathBuf>,
-    /// Method of identification.
-    pub method: IdentifyMethod,
-    /// Evaluations of each fit at most.
-    pub evaluations: Option<u64>,
-    /// Seed of identification and performances.
-    pub seed: u64,
-    /// Threads of the trainings, instead of `trainer.threads`. They do not change the result, so a rehearsal may be resumed with another
-    /// number.
-    #[serde(skip)]
-    pub threads: Option<usize>,
-    /// Whether the replay buffers of the trainings are kept, so that a training can be resumed with more steps.
-    #[serde(skip)]
-    pub keep_replay: bool,
-}
-
-/// The result of one round.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Round {
-    /// Its number; 0 is before any identification.
-    pub round: usize,
-    /// Notes on the robot.
-    #[serde(flatten)]
-    pub notes: MeanNotes,
-    /// The lead of the plan, s. Each round first plays once to measure how late its notes are, and leads by that.
-    #[serde(default)]
-    pub lead_secs: f64,
-    /// How late the notes were on the robot, s.
-    pub lag_secs: Option<f64>,
-    /// F1 of the policy in the simulator that it was trained in.
-    pub sim_f1: f64,
-    /// Mean F1 on the robot.
-    pub robot_f1: f64,
-    /// Its standard deviation.
-    pub robot_f1_std: f64,
-    /// The share of `sim_f1` that is lost on the robot.
-    pub gap: f64,
-    /// Errors of the simulator in the held-out excitation, finger joints, rad: before the fit and after.
-    pub held_out_rad: Option<[f64; 2]>,
-    /// The policy.
-    pub policy: PathBuf,
-    /// Recordings to listen to.
-    pub recordings: Vec<PathBuf>,
-    /// The identified numbers, by path.
-    pub physics: std::collections::BTreeMap<String, f64>,
-}
-
-impl Round {
-    /// By what rounds are compared: the mean of F1 and the onset F1 on the robot.
-    pub(crate) fn score(&self) -> f64 {
-        robot_score(self.robot_f1, &self.notes)
-    }
-}
-
-/// The round that has played best on the robot, by the mean of F1 and onset F1; the earlier one of equals. The next round begins with its
-/// policy: a training that made the playing worse is not continued.
-pub fn best_round<'a>(rounds: impl IntoIterator<Item = &'a Round>) -> Option<&'a Round> {
-    rounds.into_iter().reduce(|best, round| if round.score() > best.score() { round } else { best })
-}
+pub use round::{RehearsalConfig, Round, best_round, name_the_lead};
 
 /// What a rehearsal reports.
 #[derive(Clone, Debug)]
@@ -380,39 +294,5 @@ impl Rehearsal<'_> {
         let played =
             job.part(performed, |job| play_on_robot(self.song, pianist, self.rig, &play, folder, None, job));
         all_complete(played, job.is_interrupted(), &format!("round {round}"))
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn the_best_round_is_by_the_steps_and_by_the_notes_and_the_earlier_of_equals() {
-        let round = |round: usize, robot_f1: f64, onset_f1: f64| Round {
-            round,
-            notes: MeanNotes { onset_f1, ..MeanNotes::default() },
-            lead_secs: 0.025,
-            lag_secs: None,
-            sim_f1: 0.99,
-            robot_f1,
-            robot_f1_std: 0.0,
-            gap: 0.0,
-            held_out_rad: None,
-            policy: PathBuf::new(),
-            recordings: Vec::new(),
-            physics: Default::default(),
-        };
-        let best = |rounds: &[Round]| best_round(rounds).map(|best| best.round);
-        assert_eq!(best(&[]), None);
-        let first = round(0, 0.94, 0.98);
-        assert_eq!(
-            best(&[first.clone(), round(1, 0.96, 0.90)]),
-            Some(0),
-            "more of the time, but fewer notes"
-        );
-        assert_eq!(best(&[first.clone(), round(1, 0.94, 0.98)]), Some(0));
-        assert_eq!(best(&[first.clone(), round(1, 0.91, 0.98), round(2, 0.95, 0.99)]), Some(2));
-        assert_eq!(best(&[first, round(1, 0.96, 1.0), round(2, 0.95, 0.99)]), Some(1));
     }
 }
