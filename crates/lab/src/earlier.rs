@@ -24,9 +24,13 @@ pub(crate) fn replacing<T>(folder: &Path, play: impl FnOnce() -> anyhow::Result<
         }
         Err(error) if has_earlier => {
             let beside = beside(folder);
-            // What was recorded in vain before is replaced.
+            // One that was cut short before is replaced, also by one of which there is nothing to hear.
             let _ = std::fs::remove_dir_all(&beside);
+            let is_recorded = folder.join(run_file(0, "mcap")).is_file();
             move_performance(folder, &beside)?;
+            if !is_recorded {
+                let _ = std::fs::remove_dir_all(&beside);
+            }
             move_performance(&aside, folder)?;
             std::fs::remove_dir(&aside).map_err(|error| unusable(&aside, error))?;
             Err(with_recording(error, &beside))
@@ -146,6 +150,12 @@ mod tests {
             assert_eq!(names(&beside), ["reference.wav", "run-1.mcap"]);
             assert_eq!(std::fs::read_to_string(beside.join("run-1.mcap")).unwrap(), reason);
         }
+        let error = replacing(&folder, || -> anyhow::Result<()> {
+            write(&folder, &["reference.wav"], "new");
+            Err(Interrupted("interrupted".to_string()).into())
+        });
+        assert_eq!(error.unwrap_err().to_string(), "interrupted");
+        assert_eq!((names(&folder), names(folder.parent().unwrap())), (before, vec!["song".into()]));
     }
 
     #[test]
