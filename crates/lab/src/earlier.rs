@@ -1,52 +1,72 @@
 //! The files of an earlier performance in the folder of a new one: a performance replaces all of them, or none.
+//!
+//! ```text
+//! DIR/run-1.mcap …         the performance
+//! DIR/earlier/             the one before, while a new one is played
+//! DIR/cut-short/           what was recorded of one that failed or was interrupted before a run ended, where an earlier one is kept
+//! ```
 
 use std::ffi::OsString;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use crate::errors::{Interrupted, unusable};
 use crate::folder::make_folder;
 use crate::play::{PAGE, REFERENCE, REPORT};
 use crate::robot::run_file;
 
+/// Name of the folder in which the earlier performance is while a new one is played.
+const EARLIER: &str = "earlier";
+/// Name of the folder with what was recorded of a performance that does not replace the earlier one.
+const CUT_SHORT: &str = "cut-short";
+
+/// Whether a folder in that of a performance holds files of another one.
+pub fn is_of_another_performance(folder: &Path) -> bool {
+    folder.file_name().is_some_and(|name| name == EARLIER || name == CUT_SHORT)
+}
+
 /// Calls `play`, which writes the files of a performance on a robot into `folder`. Those of an earlier one are moved aside before. If `play`
-/// fails or is interrupted they are moved back, and what it has recorded is moved into a folder beside `folder`.
+/// fails or is interrupted before a run has ended they are moved back.
 pub(crate) fn replacing<T>(folder: &Path, play: impl FnOnce() -> anyhow::Result<T>) -> anyhow::Result<T> {
     make_folder(folder)?;
-    // It is seen: if the process is killed, the earlier performance is found there.
-    let aside = folder.join(format!("earlier-{}", std::process::id()));
+    let aside = folder.join(EARLIER);
+    if aside.is_dir() {
+        // The process of the last performance was killed.
+        restore(folder)?;
+    }
     let has_earlier = move_performance(folder, &aside)?;
     match play() {
         Ok(played) => {
-            if has_earlier {
-                std::fs::remove_dir_all(&aside).map_err(|error| unusable(&aside, error))?;
-            }
+            // If they cannot be removed, they only take up space.
+            let _ = remove_performance(&aside);
             Ok(played)
         }
-        Err(error) if has_earlier => {
-            let beside = beside(folder);
-            // One that was cut short before is replaced, also by one of which there is nothing to hear.
-            let _ = std::fs::remove_dir_all(&beside);
-            let is_recorded = folder.join(run_file(0, "mcap")).is_file();
-            move_performance(folder, &beside)?;
-            if !is_recorded {
-                let _ = std::fs::remove_dir_all(&beside);
+        Err(error) if has_earlier => match restore(folder) {
+            Ok(()) => Err(with_recording(error, &folder.join(CUT_SHORT))),
+            Err(why) => {
+                Err(error.context(format!("the performance of before is in {}: {why}", aside.display())))
             }
-            move_performance(&aside, folder)?;
-            std::fs::remove_dir(&aside).map_err(|error| unusable(&aside, error))?;
-            Err(with_recording(error, &beside))
-        }
+        },
         Err(error) => Err(with_recording(error, folder)),
     }
 }
 
-/// The folder beside `folder` for a performance that was cut short.
-fn beside(folder: &Path) -> PathBuf {
-    let mut name = folder.file_name().map_or_else(|| OsString::from("performance"), OsString::from);
-    name.push("-cut-short");
-    folder.with_file_name(name)
+/// Moves the earlier performance back, and what has been recorded since then into the folder for that.
+fn restore(folder: &Path) -> anyhow::Result<()> {
+    let cut_short = folder.join(CUT_SHORT);
+    if folder.join(run_file(0, "mcap")).is_file() {
+        remove_performance(&cut_short)?;
+        move_performance(folder, &cut_short)?;
+    } else {
+        remove_files(folder)?;
+    }
+    let aside = folder.join(EARLIER);
+    move_performance(&aside, folder)?;
+    // What else is in it stays.
+    let _ = std::fs::remove_dir(&aside);
+    Ok(())
 }
 
-/// The error of a performance, with the recording in `folder`, if there is one.
+/// The error of a performance that was interrupted, with the recording in `folder`, if there is one.
 fn with_recording(error: anyhow::Error, folder: &Path) -> anyhow::Error {
     let recording = folder.join(run_file(0, "mcap"));
     match error.downcast::<Interrupted>() {
@@ -58,15 +78,23 @@ fn with_recording(error: anyhow::Error, folder: &Path) -> anyhow::Error {
     }
 }
 
-/// Moves the files of a performance, and says whether there were some.
-fn move_performance(from: &Path, to: &Path) -> anyhow::Result<bool> {
-    let entries = std::fs::read_dir(from).map_err(|error| unusable(from, error))?;
-    let names: Vec<OsString> = entries
+/// Names of the files of a performance in a folder; none if there is no folder.
+fn files(folder: &Path) -> anyhow::Result<Vec<OsString>> {
+    if !folder.is_dir() {
+        return Ok(Vec::new());
+    }
+    let entries = std::fs::read_dir(folder).map_err(|error| unusable(folder, error))?;
+    Ok(entries
         .flatten()
         .filter(|entry| entry.path().is_file())
         .map(|entry| entry.file_name())
         .filter(|name| is_of_a_performance(&name.to_string_lossy()))
-        .collect();
+        .collect())
+}
+
+/// Moves the files of a performance, and says whether there were some.
+fn move_performance(from: &Path, to: &Path) -> anyhow::Result<bool> {
+    let names = files(from)?;
     if names.is_empty() {
         return Ok(false);
     }
@@ -75,6 +103,21 @@ fn move_performance(from: &Path, to: &Path) -> anyhow::Result<bool> {
         std::fs::rename(from.join(name), to.join(name)).map_err(|error| unusable(from, error))?;
     }
     Ok(true)
+}
+
+/// Removes the files of a performance.
+fn remove_files(folder: &Path) -> anyhow::Result<()> {
+    for name in files(folder)? {
+        std::fs::remove_file(folder.join(name)).map_err(|error| unusable(folder, error))?;
+    }
+    Ok(())
+}
+
+/// The same, and the folder if it holds nothing else.
+fn remove_performance(folder: &Path) -> anyhow::Result<()> {
+    remove_files(folder)?;
+    let _ = std::fs::remove_dir(folder);
+    Ok(())
 }
 
 /// Whether a file has the name of one that a performance, or the page made of it, is written to.
@@ -88,6 +131,8 @@ fn is_of_a_performance(name: &str) -> bool {
 
 #[cfg(test)]
 mod tests {
+    use std::path::PathBuf;
+
     use anyhow::anyhow;
 
     use super::*;
@@ -105,16 +150,23 @@ mod tests {
         }
     }
 
+    fn text(file: PathBuf) -> String {
+        std::fs::read_to_string(file).unwrap()
+    }
+
+    const OLD: [&str; 6] =
+        ["mine.txt", "replay.html", "report.json", "run-1.mcap", "run-2.mcap", "run-2.wav"];
+
     fn folder_with_a_performance() -> (tempfile::TempDir, PathBuf) {
         let there = tempfile::tempdir().unwrap();
         let folder = there.path().join("song");
         std::fs::create_dir(&folder).unwrap();
-        write(
-            &folder,
-            &["run-1.mcap", "run-2.mcap", "run-2.wav", "report.json", "replay.html", "mine.txt"],
-            "old",
-        );
+        write(&folder, &OLD, "old");
         (there, folder)
+    }
+
+    fn interrupted<T>() -> anyhow::Result<T> {
+        Err(Interrupted("interrupted".to_string()).into())
     }
 
     #[test]
@@ -126,36 +178,66 @@ mod tests {
         })
         .unwrap();
         assert_eq!(names(&folder), ["mine.txt", "report.json", "run-1.mcap"]);
-        assert_eq!(std::fs::read_to_string(folder.join("run-1.mcap")).unwrap(), "new");
+        assert_eq!(text(folder.join("run-1.mcap")), "new");
     }
 
     #[test]
-    fn one_that_is_cut_short_leaves_the_earlier_one_and_is_found_beside_it() {
+    fn one_that_is_cut_short_leaves_the_earlier_one_and_is_found_in_a_folder_of_its_own() {
         let (_there, folder) = folder_with_a_performance();
-        let before = names(&folder);
+        let cut_short = folder.join("cut-short");
+        std::fs::create_dir(&cut_short).unwrap();
+        write(&cut_short, &["mine.txt"], "mine");
         for reason in ["first", "second"] {
             let error = replacing(&folder, || -> anyhow::Result<()> {
                 write(&folder, &["run-1.mcap", "reference.wav"], reason);
-                Err(Interrupted("interrupted".to_string()).into())
+                interrupted()
             })
             .unwrap_err();
             assert!(Interrupted::is_cause_of(&error));
-            assert!(
-                error.to_string().ends_with("song-cut-short/run-1.mcap holds what was played"),
-                "{error}"
-            );
-            assert_eq!(names(&folder), before);
-            assert_eq!(std::fs::read_to_string(folder.join("run-1.mcap")).unwrap(), "old");
-            let beside = folder.with_file_name("song-cut-short");
-            assert_eq!(names(&beside), ["reference.wav", "run-1.mcap"]);
-            assert_eq!(std::fs::read_to_string(beside.join("run-1.mcap")).unwrap(), reason);
+            assert!(error.to_string().ends_with("cut-short/run-1.mcap holds what was played"), "{error}");
+            assert_eq!(names(&cut_short), ["mine.txt", "reference.wav", "run-1.mcap"]);
+            assert_eq!(text(cut_short.join("run-1.mcap")), reason);
+            assert_eq!(text(folder.join("run-1.mcap")), "old");
         }
+        // Without a recording there is nothing to keep.
         let error = replacing(&folder, || -> anyhow::Result<()> {
-            write(&folder, &["reference.wav"], "new");
-            Err(Interrupted("interrupted".to_string()).into())
+            write(&folder, &["reference.wav"], "third");
+            interrupted()
         });
-        assert_eq!(error.unwrap_err().to_string(), "interrupted");
-        assert_eq!((names(&folder), names(folder.parent().unwrap())), (before, vec!["song".into()]));
+        assert!(error.is_err());
+        assert_eq!(text(cut_short.join("reference.wav")), "second");
+        assert_eq!(names(&folder), [&["cut-short"][..], &OLD].concat());
+    }
+
+    #[test]
+    fn after_a_kill_the_earlier_one_is_restored_and_not_mixed_with_another() {
+        let (_there, folder) = folder_with_a_performance();
+        move_performance(&folder, &folder.join(EARLIER)).unwrap();
+        write(&folder, &["run-1.mcap"], "killed");
+        let error = replacing(&folder, || -> anyhow::Result<()> {
+            assert_eq!(text(folder.join("earlier/run-1.mcap")), "old");
+            assert_eq!(text(folder.join("cut-short/run-1.mcap")), "killed");
+            interrupted()
+        });
+        assert!(error.is_err());
+        assert_eq!(text(folder.join("run-1.mcap")), "old");
+        assert_eq!(names(&folder), [&["cut-short"][..], &OLD].concat());
+    }
+
+    /// What the robot says comes first, whatever happens to files.
+    #[test]
+    fn an_error_is_not_hidden_by_one_of_the_files() {
+        let (_there, folder) = folder_with_a_performance();
+        write(&folder, &["cut-short"], "a file");
+        let error = replacing(&folder, || -> anyhow::Result<()> {
+            write(&folder, &["run-1.mcap"], "new");
+            Err(Interrupted("use the hardware stop".to_string()).into())
+        })
+        .unwrap_err();
+        assert!(Interrupted::is_cause_of(&error));
+        assert!(format!("{error:#}").ends_with("use the hardware stop"), "{error:#}");
+        assert!(error.to_string().contains("the performance of before is in "), "{error:#}");
+        assert_eq!(text(folder.join("earlier/run-1.mcap")), "old");
     }
 
     #[test]

@@ -53,7 +53,7 @@ pub fn record_robot(
     };
     let header = Header {
         player: "nobody".to_string(),
-        rig: rig.name().to_string(),
+        rig: rig.label(),
         activity,
         control_hz: CONTROL_HZ,
         joints: JOINT_NAMES.map(str::to_string).to_vec(),

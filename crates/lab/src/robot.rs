@@ -214,29 +214,12 @@ pub fn play_on_robot(
     font: Option<&SoundFont>,
     job: &mut Job<'_, RunEnded>,
 ) -> anyhow::Result<RobotReport> {
-    let mut play_runs = || play_runs(song, pianist, rig, play, folder, font, job);
-    match folder {
-        Some(folder) => replacing(folder, play_runs),
-        None => play_runs(),
-    }
-}
-
-fn play_runs(
-    song: &Song,
-    pianist: &Pianist,
-    rig: &RigChoice,
-    play: &RobotPlay,
-    folder: Option<&Path>,
-    font: Option<&SoundFont>,
-    job: &mut Job<'_, RunEnded>,
-) -> anyhow::Result<RobotReport> {
     if play.runs > 1 && !play.home {
         bail!(
             "several runs need --home: each begins where the song begins, and the one before ends elsewhere"
         );
     }
-    let task = &pianist.config.task;
-    let piece = plan(song, task)?;
+    let piece = plan(song, &pianist.config.task)?;
     if let Some(correction) = play.correction.as_ref().filter(|correction| !correction.is_empty()) {
         if !play.mode.has_simulation() {
             bail!(
@@ -252,17 +235,35 @@ fn play_runs(
             );
         }
     }
-    if let Some(folder) = folder {
-        keep_reference(&folder.join(REFERENCE), &piece, font)?;
+    let mut play_runs = || play_runs(&piece, pianist, rig, play, folder, font, job);
+    match folder {
+        Some(folder) => replacing(folder, play_runs),
+        None => play_runs(),
     }
-    let sim_f1 = scores_in_simulation(pianist, &piece)?.frame.f1;
+}
+
+/// Plays this piece, and writes the files into an empty `folder`.
+fn play_runs(
+    piece: &Piece,
+    pianist: &Pianist,
+    rig: &RigChoice,
+    play: &RobotPlay,
+    folder: Option<&Path>,
+    font: Option<&SoundFont>,
+    job: &mut Job<'_, RunEnded>,
+) -> anyhow::Result<RobotReport> {
+    let task = &pianist.config.task;
+    if let Some(folder) = folder {
+        keep_reference(&folder.join(REFERENCE), piece, font)?;
+    }
+    let sim_f1 = scores_in_simulation(pianist, piece)?.frame.f1;
     let start = World::new(&task.stage, &task.params().map_err(TaskError::from)?)
         .map_err(TaskError::from)?
         .start_pose();
     let header = Header {
         activity: Activity::Mode(play.mode),
         corrected: play.correction.as_ref().is_some_and(|correction| !correction.is_empty()),
-        ..header(&piece, pianist, &rig.label(), Some(rig.config()))
+        ..header(piece, pianist, &rig.label(), Some(rig.config()))
     };
     let mut runs = Vec::new();
     for index in 0..play.runs {
@@ -275,7 +276,7 @@ fn play_runs(
         let mut writer =
             files.as_ref().map(|files| RecordingWriter::create(&files.recording, &header)).transpose()?;
         let mut stand = rig.open(task.stage.side, play.seed.wrapping_add(index as u64))?;
-        let played = one_run(&mut stand, pianist, &piece, play, &start, writer.as_mut(), job.interrupt());
+        let played = one_run(&mut stand, pianist, piece, play, &start, writer.as_mut(), job.interrupt());
         let performance = match played {
             // What was played is kept even if the robot does not confirm that it was released.
             Ok(performance) => Ok(Some(after_release(performance, stand.let_go()))),
@@ -314,7 +315,7 @@ fn play_runs(
     let f1: Vec<f64> = counted.iter().map(|run| run.scores.frame.f1).collect();
     let (robot_f1, robot_f1_std) = (mean(&f1), deviation(&f1));
     let report = RobotReport {
-        song: song.title().to_string(),
+        song: piece.title().to_string(),
         player: pianist.name(),
         mode: play.mode,
         robot: rig.name().to_string(),

@@ -1,5 +1,5 @@
-//! A correction of a robot's motion, learned on the robot itself by iterative learning control. In joint mirroring a song is the same motion
-//! in every run, so what a joint missed in one run is added to its set-points in the next, earlier by the joint's lag.
+//! A correction of a robot's motion, learned on the robot itself by iterative learning control. A robot that follows simulated
+//! joints makes nearly the same motion in every run of a song, so what a joint missed in one run is added to its set-points in the next, earlier by the joint's lag.
 //!
 //! Method: S. Arimoto, S. Kawamura, F. Miyazaki, "Bettering operation of robots by learning", Journal of Robotic Systems 1(2), 1984. Low-pass
 //! without phase: D. A. Bristow, M. Tharayil, A. G. Alleyne, "A survey of iterative learning control", IEEE Control Systems 26(3), 2006.

@@ -127,10 +127,11 @@ export function trainingsList(trainings, jobs, { start, stop, songs }) {
     const rest = run.state !== 'running' ? STATES[run.state] : jobs.some(({ makes }) => makes === run.run) ? 'stopped' : 'stopped, or running elsewhere';
     const state = job ? STATES[job.state] : rest;
     const song = songs.find(({ title }) => title === run.song)?.song;
+    const left = Math.min(run.secs_left ?? Infinity, job?.secs_left ?? Infinity);
     const figures = [
       `${stepsText(run.step)} of ${stepsText(run.total_steps ?? run.step)} control steps`,
       `${timeText(run.secs)} trained`,
-      job && run.secs_left !== null ? `${timeText(Math.min(run.secs_left, job.secs_left ?? Infinity))} left` : '',
+      job && Number.isFinite(left) ? `${timeText(left)} left` : '',
       notesText(run),
       run.best_f1 === null ? '' : `best ${scoreText(run.best_f1)}`,
     ].filter(Boolean);

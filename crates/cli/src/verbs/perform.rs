@@ -28,8 +28,8 @@ from the simulator (--truth) moves them. It runs as fast as it can be computed, 
 For a twin by the wall clock start `etude twin` in another terminal and give its rig.
 
 Files, per run: run-N.mcap (what was asked, sent and measured), .mid, .wav, .csv; and report.json, \
-reference.wav (what should have been played). They replace those of an earlier performance; one that is cut short is in \
-DIR-cut-short, and the earlier one stays.
+reference.wav (what should have been played). Once a run has ended they replace those of an earlier performance; if none \
+does, the earlier one stays, and what was recorded is in DIR/cut-short.
 
 Examples:
   etude perform twinkle --robot twin

@@ -86,8 +86,8 @@ pub struct Args {
     /// Keep the replay buffers of the trainings (some 100 MB a round), so that `etude train --resume` can continue one
     #[arg(long)]
     keep_replay: bool,
-    /// Print nothing but one JSON array at the end: the rounds. The best one has the highest mean of robot_f1 and onset_f1. With --adapt an
-    /// object: rounds and adapted
+    /// Print nothing but one JSON array at the end: the rounds. The best one has the highest mean of robot_f1 and onset_f1. With
+    /// --adapt, now or before, an object: rounds and adapted
     #[arg(long)]
     json: bool,
 }

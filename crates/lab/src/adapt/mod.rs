@@ -24,7 +24,7 @@ use etude_perform::{Job, Mode, NoteCounts};
 use etude_stage::RAIL;
 use serde::{Deserialize, Serialize};
 
-use crate::correction::{CorrectionFile, OnlyFor, load, save};
+use crate::correction::{CorrectionFile, OnlyFor, joint_mirroring, load, save};
 use crate::folder::make_folder;
 use crate::pianist::{Pianist, load_pianist};
 use crate::play::REFERENCE;
@@ -49,6 +49,7 @@ pub struct AdaptConfig {
     /// The policy.
     pub policy: PathBuf,
     /// Joint mirroring or hybrid: the robot follows simulated joints.
+    #[serde(default = "joint_mirroring")]
     pub mode: Mode,
     /// How long is played to learn, min, but at least three runs. Homing and the performances at the end are not counted. More may be
     /// given later.

@@ -12,8 +12,9 @@ mod take;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context as _, bail};
+use etude_lab::is_of_another_performance;
 use etude_perform::Recording;
-use walkdir::WalkDir;
+use walkdir::{DirEntry, WalkDir};
 
 pub use arm::Arm;
 pub use heard::Heard;
@@ -21,7 +22,8 @@ pub use page::replay_page;
 pub(crate) use roll::{Shown, roll_svg};
 pub use take::{Mark, MarkKind, PlayedNote, Take};
 
-/// The recordings that a path means: itself, or those below it if it is a folder, sorted.
+/// The recordings that a path means: itself, or those below it if it is a folder, sorted. Those that a performance on a robot has moved aside
+/// are left out.
 ///
 /// # Errors
 /// If a folder cannot be read, or none is there.
@@ -35,7 +37,10 @@ pub fn recordings(path: &Path) -> anyhow::Result<Vec<PathBuf>> {
     }
     let mut found = Vec::new();
     // Links are not followed: they may form a circle.
-    for entry in WalkDir::new(path) {
+    let is_shown = |entry: &DirEntry| {
+        entry.depth() == 0 || !is_of_another_performance(entry.path()) || !entry.path().is_dir()
+    };
+    for entry in WalkDir::new(path).into_iter().filter_entry(is_shown) {
         let entry = entry.with_context(|| format!("cannot look into {}", path.display()))?;
         if !entry.file_type().is_dir() && entry.path().extension().is_some_and(|ending| ending == "mcap") {
             found.push(entry.into_path());

@@ -350,7 +350,11 @@ fn clamps(recording: &Recording) -> Vec<Mark> {
 /// Who played, in short: a policy that comes with Étude, or that of a run, by its name and without its path.
 fn who(player: &str) -> String {
     let path = Path::new(player);
-    let names = [path.parent().and_then(Path::file_name), path.file_stem()];
+    // The training of a rehearsal's round is named by the round.
+    let folder = path
+        .parent()
+        .map(|folder| if folder.ends_with("training") { folder.parent().unwrap_or(folder) } else { folder });
+    let names = [folder.and_then(Path::file_name), path.file_stem()];
     match names.map(|name| name.and_then(OsStr::to_str)) {
         [Some("policies"), Some(SIGHT_READER)] => SIGHT_READER.to_string(),
         [Some("policies"), Some(_)] => "shipped policy".to_string(),
@@ -369,6 +373,7 @@ mod tests {
             ("/home/a/etude/policies/sight-reader.safetensors", "sight-reader"),
             ("policies/twinkle.safetensors", "shipped policy"),
             ("runs/my-song__fast__0/policy-best.safetensors", "my-song__fast__0"),
+            ("out/rehearse-twinkle/round-1/training/policy-best.safetensors", "round-1"),
             ("elsewhere/mine.safetensors", "elsewhere/mine.safetensors"),
             ("scripted", "scripted"),
         ] {
