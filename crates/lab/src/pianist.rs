@@ -117,8 +117,9 @@ pub fn load_pianist(path: &Path) -> anyhow::Result<Pianist> {
     })?)
 }
 
-/// The best usable policy that there is for the song `slug`, of those that were evaluated, if there is one: that with the highest F1, one by an articulated plan before
-/// all others, because F1 does not compare between plans. Among equally good policies, one of a run is preferred to the shipped one.
+/// The best usable policy that there is for the song `slug`, of those that were evaluated, if there is one: that with the highest
+/// F1, one by an articulated plan before all others, because F1 does not compare between plans. Among equally good policies, one of a run
+/// is preferred to the shipped one.
 ///
 /// # Errors
 /// If there are some, and none can be used.

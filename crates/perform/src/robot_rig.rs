@@ -58,7 +58,8 @@ impl<'a> RobotRig<'a> {
         }
     }
 
-    /// The same rig, which adds `correction` to its set-points and measures the tracking. It is for a robot that follows simulated joints.
+    /// The same rig, which adds `correction` to its set-points and measures the tracking. It is for a robot that follows simulated
+    /// joints.
     pub fn corrected(self, correction: Option<&'a Correction>) -> Self {
         Self { correction, ..self }
     }

@@ -140,7 +140,7 @@ export class SongSection {
             return this.start({ verb: 'train', song, minutes: limit, set: set.value.split(/\s+/).filter(Boolean) });
           }),
         ),
-        element('p', { class: 'quiet', text: 'A training makes 120,000 control steps. That takes one to five minutes, depending on the processor.' }),
+        element('p', { class: 'quiet', text: 'A training takes one to five minutes, depending on the processor.' }),
       ];
     });
   }

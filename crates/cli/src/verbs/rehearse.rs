@@ -72,9 +72,9 @@ pub struct Args {
     /// End each fit of the identification after this many evaluations
     #[arg(long, value_parser = clap::value_parser!(u64).range(1..))]
     evaluations: Option<u64>,
-    /// After the rounds, learn on the robot itself for so many minutes of playing: the best round's policy plays in joint-mirroring, or in hybrid
-    /// with --mode hybrid, and what the joints missed, and keys that sounded wrongly, correct the next run. At least three runs; homing and the performances at the end are not
-    /// counted. With --rounds 0 nothing is fitted
+    /// After the rounds, learn on the robot itself for so many minutes of playing: the best round's policy plays in joint-mirroring, or in
+    /// hybrid with --mode hybrid, and what the joints missed, and keys that sounded wrongly, correct the next run. At least three runs; homing
+    /// and the performances at the end are not counted. With --rounds 0 nothing is fitted
     #[arg(long, value_name = "MINUTES", value_parser = minutes)]
     adapt: Option<f64>,
     /// Seed of identification, of the twin's noise, and of the training unless --set says otherwise

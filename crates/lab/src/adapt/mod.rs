@@ -1,6 +1,6 @@
 //! Learning from the robot itself: a song is played again and again in joint mirroring or in hybrid execution. What the joints missed
-//! in one run corrects their set-points in the next, and keys that sounded too short, or not, or beside the right one, change where the fingers aim. No simulator is
-//! fitted and no policy is trained.
+//! in one run corrects their set-points in the next, and keys that sounded too short, or not, or beside the right one, change where the
+//! fingers aim. No simulator is fitted and no policy is trained.
 //!
 //! ```text
 //! DIR/adaptation.json    the configuration

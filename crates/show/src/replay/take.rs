@@ -347,13 +347,12 @@ fn clamps(recording: &Recording) -> Vec<Mark> {
     marks.extend(open.into_iter().map(|(which, row)| mark(which, row)));
     marks
 }
+
 /// Who played, in short: a policy that comes with Étude, or that of a run, by its name and without its path.
 fn who(player: &str) -> String {
     let path = Path::new(player);
     // The training of a rehearsal's round is named by the round.
-    let folder = path
-        .parent()
-        .map(|folder| if folder.ends_with("training") { folder.parent().unwrap_or(folder) } else { folder });
+    let folder = path.ancestors().skip(1).find(|folder| !folder.ends_with("training"));
     let names = [folder.and_then(Path::file_name), path.file_stem()];
     match names.map(|name| name.and_then(OsStr::to_str)) {
         [Some("policies"), Some(SIGHT_READER)] => SIGHT_READER.to_string(),
