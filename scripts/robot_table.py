@@ -1,5 +1,5 @@
 """Plays every built-in song on the twin in every mode and prints the table of docs/results/robot.md, as means over the runs: notes right of
-those due and wrong ones; onset F1; the lead of the plan, which one run before has measured; and the paper's F1.
+those due and wrong ones; onset F1; the lead of the plan, which `etude perform` measures in a run before; and the paper's F1.
 
     make build && python3 scripts/robot_table.py [--runs 3] [--truth standard]
 """
@@ -12,7 +12,6 @@ import subprocess
 ROOT = pathlib.Path(__file__).resolve().parent.parent
 ETUDE = ROOT / "target" / "release" / "etude"
 MODES = ["joint-mirroring", "hybrid", "real"]
-LONGEST_LEAD_SECS = 0.25
 
 
 def etude(*arguments):
@@ -20,21 +19,12 @@ def etude(*arguments):
     return json.loads(done.stdout)
 
 
-def perform(song, mode, truth, runs, lead):
+def perform(song, mode, truth, runs):
     """The report of performances on the twin."""
     return etude(
         "perform", song, "--mode", mode, "--robot", "twin", "--truth", truth, "--policy", f"policies/{song}.safetensors", "--runs", runs,
-        *lead, "--out", f"out/robot-table/{truth}/{song}-{mode}", "--json",
+        "--out", f"out/robot-table/{truth}/{song}-{mode}", "--json",
     )
-
-
-def on_time(song, mode, truth, runs):
-    """The same with the lead with which the notes are on time in the median, measured from one run before."""
-    # Another noise of the twin than in the runs that are scored.
-    before = perform(song, mode, truth, "1", ["--seed", "100"])
-    late = before.get("lag_secs") or 0.0
-    secs = min(max(before["lead_secs"] + late, 0.0), LONGEST_LEAD_SECS)
-    return perform(song, mode, truth, runs, ["--set", f"task.plan.lead_secs={secs:.3f}"])
 
 
 def main():
@@ -53,7 +43,7 @@ def main():
         cells = []
         for mode in MODES:
             try:
-                report = on_time(song, mode, options.truth, options.runs)
+                report = perform(song, mode, options.truth, options.runs)
             except subprocess.CalledProcessError as ended:
                 # A fault, for instance: the robot has stopped itself. It counts in no mean.
                 cells.append(ended.stderr.strip().splitlines()[-1].removeprefix("etude: ").split(":")[0])

@@ -66,36 +66,43 @@ impl Status {
     }
 }
 
-/// The planning of a fingering, which takes long for a long song with many chords alone.
-pub struct Planning {
+/// Work that takes long for a long song alone: nothing is said in the first second.
+pub struct LongWork {
     status: Status,
     begun: Instant,
     is_said: bool,
 }
 
-impl Planning {
+impl LongWork {
     /// Says nothing if `quiet`.
     pub fn new(quiet: bool) -> Self {
         Self { status: Status::new(quiet), begun: Instant::now(), is_said: false }
     }
 
-    /// Says what share is planned, once it has taken a second.
-    pub fn tell(&mut self, share: f64) {
-        if share < 1.0 && self.begun.elapsed() >= Duration::from_secs(1) {
-            self.is_said = true;
-            self.status.part("planning the fingering", &format!(", {:.0} %", 100.0 * share), share);
-        } else if share >= 1.0 && self.is_said {
+    /// Says what share of the fingering is planned.
+    pub fn planned(&mut self, share: f64) {
+        if share < 1.0 {
+            self.part("planning the fingering", share);
+        } else if self.is_said {
             self.status.now("the fingering is planned", "");
+        }
+    }
+
+    /// Says what share of a phase is done.
+    pub fn part(&mut self, phase: &str, share: f64) {
+        if self.begun.elapsed() >= Duration::from_secs(1) {
+            self.is_said = true;
+            self.status.part(phase, &format!(", {:.0} %", 100.0 * share), share);
         }
     }
 }
 
 /// Does `work`, and says how far its planning is if that takes long. Says nothing if `quiet`.
 pub fn while_planning<T>(quiet: bool, work: impl FnOnce() -> T) -> T {
-    let mut planning = Some(Planning::new(quiet));
+    let mut planning = Some(LongWork::new(quiet));
     let listener = move |share: f64| {
         if let Some(now) = &mut planning {
-            now.tell(share);
+            now.planned(share);
         }
         // What the work says next has the line to itself.
         planning.take_if(|_| share >= 1.0);

@@ -19,12 +19,12 @@ use anyhow::bail;
 use etude_identify::Progress;
 use etude_lab::machine::processor;
 use etude_lab::{
-    Identification, IdentifyMethod, Pianist, RehearsalConfig, RehearsalStep, RobotPlay, RobotReport, Run,
+    Identification, IdentifyMethod, Pianist, RehearsalConfig, RehearsalStep, RobotPlay, Run,
     TrainingProgress, find_song, identify_robot, load_pianist, play_on_robot, record_excitations,
     rehearse_on_robot, scores_in_simulation,
 };
 use etude_music::Song;
-use etude_perform::stand::{RigChoice, TWIN, rig_choice, unix_secs};
+use etude_perform::stand::{TWIN, rig_choice, unix_secs};
 use etude_perform::{Job, Mode, Scores, gap, write_file};
 use etude_show::RehearsalPage;
 use etude_task::Piece;
@@ -211,7 +211,23 @@ impl Doing<'_, '_> {
                     self.tell(&format!("playing, {mode}, {truth}"), at, Some(sim.f1));
                     let rig = rig_choice(TWIN, truth)?;
                     let seed = SEEDS_OF_RUNS.wrapping_mul(seed);
-                    let report = self.on_time(song, pianist, &rig, (**mode, perform.runs, seed))?;
+                    let play = RobotPlay {
+                        song,
+                        pianist,
+                        rig: &rig,
+                        mode: **mode,
+                        runs: perform.runs,
+                        home: true,
+                        seed,
+                        measures_lag: !self.trial.sets_the_lead(),
+                        correction: None,
+                        font: None,
+                    };
+                    let report =
+                        play_on_robot(&play, None, &mut Job::new(&mut |_| {}, self.job.interrupt()))?;
+                    if self.job.is_interrupted() {
+                        bail!(STOPPED);
+                    }
                     for (run, played) in report.runs.iter().enumerate() {
                         let frame = &played.scores.frame;
                         let whole = if played.steps[0] == played.steps[1] { 1.0 } else { 0.0 };
@@ -237,35 +253,6 @@ impl Doing<'_, '_> {
             }
         }
         Ok(rows)
-    }
-
-    /// Plays one run with other noise to measure how late the notes are, and then the runs that count, earlier by that. If the
-    /// experiment sets the lead of the plan, it stays.
-    fn on_time(
-        &mut self,
-        song: &Song,
-        pianist: &Pianist,
-        rig: &RigChoice,
-        (mode, runs, seed): (Mode, usize, u64),
-    ) -> anyhow::Result<RobotReport> {
-        let interrupt = self.job.interrupt();
-        let play_runs = |pianist: &Pianist, runs: usize, seed: u64| {
-            let play = RobotPlay { mode, runs, home: true, seed, correction: None };
-            play_on_robot(song, pianist, rig, &play, None, None, &mut Job::new(&mut |_| {}, interrupt))
-        };
-        let mut pianist = pianist.clone();
-        if !self.trial.sets_the_lead() {
-            let measured = play_runs(&pianist, 1, seed.wrapping_add(runs as u64))?;
-            let is_whole = measured.runs.iter().all(|run| run.steps[0] == run.steps[1]);
-            if let Some(lead_secs) = measured.lead_on_time().filter(|_| is_whole) {
-                pianist.config.task.plan.lead_secs = lead_secs;
-            }
-        }
-        let report = play_runs(&pianist, runs, seed)?;
-        if self.job.is_interrupted() {
-            bail!(STOPPED);
-        }
-        Ok(report)
     }
 
     fn rehearse(

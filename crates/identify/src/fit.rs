@@ -167,6 +167,11 @@ impl Fit {
         self.evaluations
     }
 
+    /// Evaluations that it may still make; 0 after its end.
+    pub fn most_left(&self) -> u64 {
+        if self.finished.is_some() { 0 } else { self.max_evaluations.saturating_sub(self.evaluations) }
+    }
+
     /// Why the fit has ended; `None` before its end.
     pub fn finished(&self) -> Option<Reason> {
         self.finished

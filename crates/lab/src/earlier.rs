@@ -106,7 +106,7 @@ fn move_performance(from: &Path, to: &Path) -> anyhow::Result<bool> {
 }
 
 /// Removes the files of a performance.
-fn remove_files(folder: &Path) -> anyhow::Result<()> {
+pub(crate) fn remove_files(folder: &Path) -> anyhow::Result<()> {
     for name in files(folder)? {
         std::fs::remove_file(folder.join(name)).map_err(|error| unusable(folder, error))?;
     }

@@ -12,7 +12,7 @@ use etude_perform::{
 };
 use etude_robot::rig::RigConfig;
 use etude_stage::JOINT_NAMES;
-use etude_task::Piece;
+use etude_task::{ACTION_LEN, Piece, Player as _};
 use serde::Serialize;
 
 use crate::errors::{Interrupted, unusable};
@@ -61,8 +61,17 @@ pub struct Files {
     pub report: Option<PathBuf>,
 }
 
+/// What is done of a performance in simulation: a share, 0 to 1.
+#[derive(Clone, Copy, Debug)]
+pub enum PlayStep {
+    /// Of planning the fingering, which takes long for a long song with many chords.
+    Planning(f64),
+    /// Of playing.
+    Playing(f64),
+}
+
 /// Plays the whole song and writes the files into `folder`. Those of an earlier performance there are replaced when all is done, and the
-/// page made of them is removed. Reports what share of the fingering is planned, 0 to 1, which takes long for a long song with many chords.
+/// page made of them is removed.
 ///
 /// # Errors
 /// If the song does not fit the keyboard, a file cannot be written, or the job is interrupted: the folder is then as it was.
@@ -71,7 +80,7 @@ pub fn play(
     pianist: &Pianist,
     folder: &Path,
     font: Option<&SoundFont>,
-    job: &mut Job<'_, f64>,
+    job: &mut Job<'_, PlayStep>,
 ) -> anyhow::Result<PlayReport> {
     make_folder(folder)?;
     let unfinished = folder.join(format!(".unfinished-{}", std::process::id()));
@@ -89,16 +98,21 @@ fn play_into(
     song: &Song,
     pianist: &Pianist,
     font: Option<&SoundFont>,
-    job: &mut Job<'_, f64>,
+    job: &mut Job<'_, PlayStep>,
 ) -> anyhow::Result<PlayReport> {
     let task = &pianist.config.task;
-    let piece = Piece::for_task_telling(song, task, &mut |share| job.tell(&share))?;
+    let piece = Piece::for_task_telling(song, task, &mut |share| job.tell(&PlayStep::Planning(share)))?;
     let files = Files::of_play(unfinished);
     let header = header(&piece, pianist, "simulation", None);
     let mut writer = RecordingWriter::create(&files.recording, &header)?;
-    let mut ready = pianist.ready(task, &piece, &mut |share| job.tell(&share))?;
+    let mut ready = pianist.ready(task, &piece, &mut |share| job.tell(&PlayStep::Planning(share)))?;
     let mut rig = SimRig::new(task, &piece, pianist.config.trainer.seed)?;
-    let performance = perform(&mut rig, &mut ready, task, &piece, Some(&mut writer), job.interrupt())?;
+    let interrupt = job.interrupt();
+    let mut player = |step: usize, observation: &[f32], action: &mut [f32; ACTION_LEN]| {
+        job.tell(&PlayStep::Playing(step as f64 / piece.steps() as f64));
+        ready.act(step, observation, action);
+    };
+    let performance = perform(&mut rig, &mut player, task, &piece, Some(&mut writer), interrupt)?;
     writer.finish()?;
     match &performance.ending {
         Ending::Complete => {}

@@ -17,15 +17,21 @@ use etude_stage::{JOINTS, PHYSICS_STEPS, World};
 use etude_task::{Piece, TaskError};
 use serde::{Deserialize, Serialize};
 
-use crate::earlier::replacing;
+use crate::earlier::{remove_files, replacing};
 use crate::errors::{Interrupted, released, stopped_itself};
 use crate::pianist::Pianist;
 use crate::planning::{plan, tell_planning};
 use crate::play::{Files, REFERENCE, header, keep, keep_reference, scores_in_simulation, write_report};
 
-/// How to play.
-#[derive(Clone, Debug)]
-pub struct RobotPlay {
+/// What to play on a robot, and how.
+#[derive(Clone)]
+pub struct RobotPlay<'a> {
+    /// The song.
+    pub song: &'a Song,
+    /// Who plays it.
+    pub pianist: &'a Pianist,
+    /// The robot.
+    pub rig: &'a RigChoice,
     /// The execution mode.
     pub mode: Mode,
     /// How many times.
@@ -34,8 +40,13 @@ pub struct RobotPlay {
     pub home: bool,
     /// Added to the seed of the twin's truth; each run adds one more.
     pub seed: u64,
+    /// Whether one run before the others, with other noise of the twin, measures how late the robot's notes are. The plan of the others leads
+    /// by that, and it counts in no score.
+    pub measures_lag: bool,
     /// A correction of the robot's motion that was learned on it, for a mode in which it follows simulated joints.
     pub correction: Option<Correction>,
+    /// The sound of what is written; a built-in piano tone if there is none.
+    pub font: Option<&'a SoundFont>,
 }
 
 /// The results. Its keys are those of `etude perform --json`. A run that was interrupted is listed, and counts in no mean.
@@ -185,13 +196,23 @@ impl RobotReport {
     }
 }
 
-/// A run that has ended, of a performance on a robot.
+/// Progress of a performance on a robot.
 #[derive(Clone, Debug)]
-pub struct RunEnded {
-    /// Which one, from 0.
-    pub index: usize,
-    /// Its result.
-    pub run: RobotRun,
+pub enum RobotStep {
+    /// A run before the others has measured how late the notes are.
+    LagMeasured {
+        /// Its result.
+        run: RobotRun,
+        /// The lead of the plan from now on, s; none if no right note was near its time, and the lead stays.
+        lead_secs: Option<f64>,
+    },
+    /// A run has ended.
+    RunEnded {
+        /// Which one, from 0.
+        index: usize,
+        /// Its result.
+        run: RobotRun,
+    },
 }
 
 /// Name of a file of run `index` of a performance.
@@ -199,27 +220,23 @@ pub fn run_file(index: usize, kind: &str) -> String {
     format!("run-{}.{kind}", index + 1)
 }
 
-/// Plays the song on the robot and, if a `folder` is given, writes the files into it; they replace those of an earlier performance. `job`
-/// receives each run when it ends. A run that ends early is the last one.
+/// Plays on the robot and, if a `folder` is given, writes the files into it; they replace those of an earlier performance. `job` receives
+/// each run when it ends. A run that ends early is the last one, even if it is the one that should measure the lag.
 ///
 /// # Errors
 /// If the robot does not get ready, a file cannot be written, or it was interrupted before the first run ended: the folder then has the
 /// earlier performance, if there was one. A fault during a run is in the report.
 pub fn play_on_robot(
-    song: &Song,
-    pianist: &Pianist,
-    rig: &RigChoice,
-    play: &RobotPlay,
+    play: &RobotPlay<'_>,
     folder: Option<&Path>,
-    font: Option<&SoundFont>,
-    job: &mut Job<'_, RunEnded>,
+    job: &mut Job<'_, RobotStep>,
 ) -> anyhow::Result<RobotReport> {
-    if play.runs > 1 && !play.home {
+    if (play.runs > 1 || play.measures_lag) && !play.home {
         bail!(
             "several runs need --home: each begins where the song begins, and the one before ends elsewhere"
         );
     }
-    let piece = plan(song, &pianist.config.task)?;
+    let piece = plan(play.song, &play.pianist.config.task)?;
     if let Some(correction) = play.correction.as_ref().filter(|correction| !correction.is_empty()) {
         if !play.mode.has_simulation() {
             bail!(
@@ -235,23 +252,52 @@ pub fn play_on_robot(
             );
         }
     }
-    let mut play_runs = || play_runs(&piece, pianist, rig, play, folder, font, job);
+    let mut play_runs = || {
+        if play.measures_lag {
+            play_on_time(play, &piece, folder, job)
+        } else {
+            play_runs(play, &piece, folder, job)
+        }
+    };
     match folder {
         Some(folder) => replacing(folder, play_runs),
         None => play_runs(),
     }
 }
 
-/// Plays this piece, and writes the files into an empty `folder`.
-fn play_runs(
+/// Plays `piece` once to measure how late the notes are, and then the runs that count, with a plan that leads by that.
+fn play_on_time(
+    play: &RobotPlay<'_>,
     piece: &Piece,
-    pianist: &Pianist,
-    rig: &RigChoice,
-    play: &RobotPlay,
     folder: Option<&Path>,
-    font: Option<&SoundFont>,
-    job: &mut Job<'_, RunEnded>,
+    job: &mut Job<'_, RobotStep>,
 ) -> anyhow::Result<RobotReport> {
+    let once = RobotPlay { runs: 1, seed: play.seed.wrapping_add(play.runs as u64), ..play.clone() };
+    let measured = play_runs(&once, piece, folder, &mut Job::new(&mut |_| {}, job.interrupt()))?;
+    let run = &measured.runs[0];
+    if run.ending != Ending::Complete {
+        job.tell(&RobotStep::RunEnded { index: 0, run: run.clone() });
+        return Ok(measured);
+    }
+    if let Some(folder) = folder {
+        remove_files(folder)?;
+    }
+    let lead_secs = measured.lead_on_time();
+    job.tell(&RobotStep::LagMeasured { run: run.clone(), lead_secs });
+    let mut pianist = play.pianist.clone();
+    pianist.config.task.plan.lead_secs = lead_secs.unwrap_or(measured.lead_secs);
+    let piece = plan(play.song, &pianist.config.task)?;
+    play_runs(&RobotPlay { pianist: &pianist, ..play.clone() }, &piece, folder, job)
+}
+
+/// Plays the runs, and writes the files into `folder`.
+fn play_runs(
+    play: &RobotPlay<'_>,
+    piece: &Piece,
+    folder: Option<&Path>,
+    job: &mut Job<'_, RobotStep>,
+) -> anyhow::Result<RobotReport> {
+    let RobotPlay { pianist, rig, font, .. } = *play;
     let task = &pianist.config.task;
     if let Some(folder) = folder {
         keep_reference(&folder.join(REFERENCE), piece, font)?;
@@ -276,7 +322,7 @@ fn play_runs(
         let mut writer =
             files.as_ref().map(|files| RecordingWriter::create(&files.recording, &header)).transpose()?;
         let mut stand = rig.open(task.stage.side, play.seed.wrapping_add(index as u64))?;
-        let played = one_run(&mut stand, pianist, piece, play, &start, writer.as_mut(), job.interrupt());
+        let played = one_run(&mut stand, play, piece, &start, writer.as_mut(), job.interrupt());
         let performance = match played {
             // What was played is kept even if the robot does not confirm that it was released.
             Ok(performance) => Ok(Some(after_release(performance, stand.let_go()))),
@@ -301,7 +347,7 @@ fn play_runs(
             keep(files, &performance, font)?;
         }
         let run = RobotRun::new(performance, files);
-        job.tell(&RunEnded { index, run: run.clone() });
+        job.tell(&RobotStep::RunEnded { index, run: run.clone() });
         runs.push(run);
         if runs.last().is_some_and(|run| run.ending != Ending::Complete) {
             break;
@@ -351,13 +397,13 @@ fn after_release(performance: Performance, release: Result<(), String>) -> Perfo
 /// Brings the robot to the keyboard and plays once.
 fn one_run(
     stand: &mut Stand,
-    pianist: &Pianist,
+    play: &RobotPlay<'_>,
     piece: &Piece,
-    play: &RobotPlay,
     start: &[f64; JOINTS],
     mut writer: Option<&mut RecordingWriter>,
     interrupt: &AtomicBool,
 ) -> anyhow::Result<Performance> {
+    let pianist = play.pianist;
     let task = &pianist.config.task;
     // What takes long comes before the robot has power.
     let simulation = play.mode.simulation(task, &stand.robot.config().limits)?;

@@ -4,7 +4,7 @@
 
 use std::sync::atomic::AtomicBool;
 
-use etude_lab::{RobotPlay, RunEnded, find_song, load_pianist, play_on_robot, run_file, shipped_policy};
+use etude_lab::{RobotPlay, RobotStep, find_song, load_pianist, play_on_robot, run_file, shipped_policy};
 use etude_music::CONTROL_HZ;
 use etude_perform::stand::rig_choice;
 use etude_perform::{Correction, Ending, Job, Mode, Recording};
@@ -38,11 +38,22 @@ proptest! {
         let folder = tempfile::tempdir().unwrap();
         let rig = rig_choice("twin", "standard").unwrap();
         let pianist = load_pianist(&shipped_policy("twinkle").unwrap()).unwrap();
-        let play = RobotPlay { mode: Mode::JointMirroring, runs: 1, home: true, seed: 0, correction: Some(correction) };
-        let (never, mut silent) = (AtomicBool::new(false), |_: &RunEnded| {});
-        let mut job = Job::new(&mut silent, &never);
         let song = find_song("twinkle").unwrap();
-        let report = play_on_robot(&song, &pianist, &rig, &play, Some(folder.path()), None, &mut job).unwrap();
+        let play = RobotPlay {
+            song: &song,
+            pianist: &pianist,
+            rig: &rig,
+            mode: Mode::JointMirroring,
+            runs: 1,
+            home: true,
+            seed: 0,
+            measures_lag: false,
+            correction: Some(correction),
+            font: None,
+        };
+        let (never, mut silent) = (AtomicBool::new(false), |_: &RobotStep| {});
+        let mut job = Job::new(&mut silent, &never);
+        let report = play_on_robot(&play, Some(folder.path()), &mut job).unwrap();
         // The twin may stop itself, which is a bound too.
         let whole = report.runs[0].ending == Ending::Complete;
         prop_assert!(!whole || report.runs[0].clamped > 0, "nothing tested the limiter");

@@ -19,7 +19,7 @@ const ONES: usize = 15;
 
 /// Full updates (both critics, actor, temperature, targets) a second, on random transitions of the paper's sizes.
 ///
-/// Measures for about `seconds` after a warm-up of a tenth of that, on `threads` threads; more than two do not help.
+/// Measures for about `seconds` after a warm-up of a tenth of that, on `threads` threads; a batch of 256 can use four.
 ///
 /// # Errors
 /// If the configuration is not sound or the threads cannot be started.

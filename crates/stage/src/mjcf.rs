@@ -240,8 +240,8 @@ fn hand(config: &StageConfig, params: &PhysicalParams, options: &ModelOptions) -
     format!(
         r#"    <body name="palm" pos="{back} 0 {up}" xyaxes="{x_axis} {y_axis}">
       <joint name="rail" type="slide" axis="{along}" range="{low} {HALF_WIDTH}" {rail}/>
-      <geom class="visual" type="box" pos="{cx} {cy} {cz}" size="{sx} {sy} {sz}" mass="{PALM_MASS}" rgba="0.42 0.44 0.48 1"/>
-      <geom class="visual" name="thumb" type="capsule" fromto="-0.018 {} -0.046 -0.018 {} 0.02" size="0.012" mass="{THUMB_MASS}" rgba="0.55 0.57 0.6 1"/>
+      <geom class="visual" type="box" pos="{cx} {cy} {cz}" size="{sx} {sy} {sz}" mass="{PALM_MASS}" rgba="0.68 0.7 0.73 1"/>
+      <geom class="visual" name="thumb" type="capsule" fromto="-0.018 {} -0.046 -0.018 {} 0.02" size="0.012" mass="{THUMB_MASS}" rgba="0.68 0.7 0.73 1"/>
 {fingers}    </body>
 "#,
         thumb * 0.07,
@@ -274,7 +274,7 @@ fn finger(config: &StageConfig, params: &PhysicalParams, finger: usize) -> Strin
     let link = |part: &str, length: f64, mass: f64, contact: &str| {
         let half = length / 2.0;
         format!(
-            r#"<geom name="{name}_{part}" type="box" pos="0 0 {half}" size="{sx} {sy} {half}" mass="{mass}" rgba="0.55 0.57 0.6 1" {contact}/>"#
+            r#"<geom name="{name}_{part}" type="box" pos="0 0 {half}" size="{sx} {sy} {half}" mass="{mass}" rgba="0.68 0.7 0.73 1" {contact}/>"#
         )
     };
     let joints = [joint(0, "0 0 1"), joint(1, "0 1 0"), joint(2, "0 1 0"), joint(3, "0 1 0")];

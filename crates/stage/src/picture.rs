@@ -100,13 +100,23 @@ pub fn picture_size(width: i64, height: i64) -> Result<[u32; 2], PictureError> {
 }
 
 impl Painter {
-    /// A painter of pictures with `width` × `height` pixels.
+    /// A painter of pictures with `width` × `height` pixels. Smooth edges take twice as long where the processor draws.
     ///
     /// # Errors
     /// If the size is out of range or there is no OpenGL.
-    pub fn new(world: &World, width: u32, height: u32, view: View) -> Result<Self, PictureError> {
+    pub fn new(
+        world: &mut World,
+        [width, height]: [u32; 2],
+        view: View,
+        smooth: bool,
+    ) -> Result<Self, PictureError> {
         picture_size(width.into(), height.into())?;
-        let model = world.data().model();
+        // MuJoCo clears and resolves the whole buffer for each picture.
+        // SAFETY: only values change; no size, address or id table is touched.
+        let visual = unsafe { world.data.model_mut() }.vis_mut();
+        (visual.global.offwidth, visual.global.offheight) = (width as i32, height as i32);
+        visual.quality.offsamples = if smooth { 4 } else { 0 };
+        let model = world.data.model();
         let camera = MjvCamera::new_free(model);
         let renderer = MjRenderer::builder()
             .width(width)

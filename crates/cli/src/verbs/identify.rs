@@ -108,11 +108,12 @@ fn show(status: &mut Status, at: &Progress) {
     status.now(&phase, &state);
 }
 
-/// The pass of a fit, and how far it is. It ends when all is settled; nobody knows how long that takes.
+/// The pass of a fit, and how far it is. It ends when all is settled, so the time left is an upper bound.
 pub(super) fn fit(at: &Progress) -> [String; 2] {
     let [ended, all] = at.ended;
+    let left = at.most_secs_left().map_or_else(String::new, |secs| format!(", at most {} left", clock(secs)));
     let state = format!(
-        ", {}, residuals {:.2} times the noise, {ended} of {all} settled, {} so far",
+        ", {}, residuals {:.2} times the noise, {ended} of {all} settled, {} so far{left}",
         replays(at.replays),
         at.rms,
         clock(at.secs)

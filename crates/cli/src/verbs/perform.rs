@@ -3,7 +3,9 @@
 use std::path::{Path, PathBuf};
 
 use clap::ValueHint;
-use etude_lab::{CorrectionFile, MeanNotes, RobotPlay, RobotReport, RunEnded, find_song, play_on_robot};
+use etude_lab::{
+    CorrectionFile, MeanNotes, RobotPlay, RobotReport, RobotStep, find_song, name_the_lead, play_on_robot,
+};
 use etude_music::sound::SoundFont;
 use etude_perform::stand::{RigChoice, rig_choice};
 use etude_perform::{Ending as Played, Job, Mode, NoteCounts};
@@ -26,6 +28,9 @@ joints; hybrid is the same, but the policy observes the robot's keys; in real it
 The twin is an emulated robot: its devices use the same bytes as the real ones, and a second simulated world that differs \
 from the simulator (--truth) moves them. It runs as fast as it can be computed, and the same seed gives the same recording. \
 For a twin by the wall clock start `etude twin` in another terminal and give its rig.
+
+How late the robot's notes are is measured in a run before the others, and the plan of the others leads by that. It is not with \
+--set task.plan.lead_secs=SECS, with --correction, or if the robot does not go to the keyboard (--home).
 
 Files, per run: run-N.mcap (what was asked, sent and measured), .mid, .wav, .csv; and report.json, \
 reference.wav (what should have been played). Once a run has ended they replace those of an earlier performance; if none \
@@ -92,23 +97,37 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
     let mode = mode(args.mode, learned.as_ref())?;
     let font = args.soundfont.as_deref().map(SoundFont::load).transpose()?;
     let folder = args.out.clone().unwrap_or_else(|| Path::new("out").join(folder_name(&args, mode, &rig)));
+    let home = args.home || rig.is_twin();
     let play = RobotPlay {
+        song: &song,
+        pianist: &pianist,
+        rig: &rig,
         mode,
         runs: args.runs.into(),
-        home: args.home || rig.is_twin(),
+        home,
         seed: args.seed,
+        measures_lag: home && learned.is_none() && !name_the_lead(&args.pianist.overrides),
         correction: learned.map(|learned| learned.correction),
+        font: font.as_ref(),
     };
     let stop = stop_flag()?;
     let quiet = args.json;
-    let mut tell = |RunEnded { index, run }: &RunEnded| {
-        if !quiet {
-            let notes = NoteCounts::from(&run.scores.note);
-            note(format!("run {}: {notes}, F1 {:.3}, {}", index + 1, run.scores.frame.f1, run.ending));
+    let mut tell = |step: &RobotStep| {
+        if quiet {
+            return;
+        }
+        match step {
+            RobotStep::LagMeasured { run, lead_secs } => {
+                note(lag_measured(&NoteCounts::from(&run.scores.note), *lead_secs));
+            }
+            RobotStep::RunEnded { index, run } => {
+                let notes = NoteCounts::from(&run.scores.note);
+                note(format!("run {}: {notes}, F1 {:.3}, {}", index + 1, run.scores.frame.f1, run.ending));
+            }
         }
     };
     let mut job = Job::new(&mut tell, &stop);
-    let perform = || play_on_robot(&song, &pianist, &rig, &play, Some(&folder), font.as_ref(), &mut job);
+    let perform = || play_on_robot(&play, Some(&folder), &mut job);
     let report = while_planning(args.json, perform)?;
     if args.json {
         json(&report)?;
@@ -175,6 +194,15 @@ fn with_faults(rig: RigChoice, faults: &[OrderedFault]) -> anyhow::Result<RigCho
     }
 }
 
+/// The result of the run that measures how late a robot's notes are.
+pub(super) fn lag_measured(notes: &NoteCounts, lead_secs: Option<f64>) -> String {
+    let found = lead_secs
+        .map_or("no right note was near its time, so the plan's lead stays".to_string(), |lead| {
+            format!("the plan leads by {:.0} ms from now on", lead * 1e3)
+        });
+    format!("to measure how late the notes are: {notes}; {found}")
+}
+
 fn print(report: &RobotReport) -> anyhow::Result<()> {
     line(format!(
         "{} played by {} on {}{}, {}",
@@ -194,8 +222,9 @@ fn print(report: &RobotReport) -> anyhow::Result<()> {
         let advice = advice
             .map_or_else(String::new, |lead| format!("; on time with --set task.plan.lead_secs={lead:.3}"));
         line(format!(
-            "Onset F1 {onset_f1:.3}, aligned by the median lag {aligned:.3}; lag {:+.0} ms{advice}",
+            "Onset F1 {onset_f1:.3}, aligned by the median lag {aligned:.3}; lag {:+.0} ms with a lead of {:.0} ms{advice}",
             lag * 1e3,
+            report.lead_secs * 1e3,
         ))?;
     }
     line(format!("{:22} {:>9} {:>9} {:>9}", "by control step", "precision", "recall", "F1"))?;

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::Context as _;
 use clap::ValueHint;
-use etude_lab::{PlayReport, find_song, play};
+use etude_lab::{PlayReport, PlayStep, find_song, play};
 use etude_music::metrics::NoteScores;
 use etude_music::sound::SoundFont;
 use etude_perform::{Job, NoteCounts, Scores};
@@ -12,7 +12,7 @@ use etude_perform::{Job, NoteCounts, Scores};
 use super::{PianistArgs, json, line};
 use crate::Ending;
 use crate::progress::stop_flag;
-use crate::status::Planning;
+use crate::status::LongWork;
 
 /// What to play, with what, and where to keep it.
 #[derive(clap::Args)]
@@ -51,10 +51,13 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
     let pianist = args.pianist.load(&args.song, &song)?;
     let font = args.soundfont.as_deref().map(SoundFont::load).transpose().context("no sound")?;
     let folder = args.out.unwrap_or_else(|| Path::new("out").join(args.pianist.folder_name(&args.song)));
-    let mut planning = Planning::new(args.json);
-    let mut tell = |share: &f64| planning.tell(*share);
+    let mut work = LongWork::new(args.json);
+    let mut tell = |step: &PlayStep| match *step {
+        PlayStep::Planning(share) => work.planned(share),
+        PlayStep::Playing(share) => work.part("playing", share),
+    };
     let report = play(&song, &pianist, &folder, font.as_ref(), &mut Job::new(&mut tell, &stop))?;
-    drop(planning);
+    drop(work);
     if args.json {
         json(&report)?
     } else {

@@ -13,6 +13,7 @@ use etude_perform::{Excitation, Job, Mode, shell_word};
 use etude_show::{REHEARSAL_PAGE, RehearsalPage};
 
 use super::identify::fit;
+use super::perform::lag_measured;
 use super::{json, line, slug};
 use crate::Ending;
 use crate::progress::stop_flag;
@@ -221,19 +222,12 @@ fn show(status: &mut Status, step: &RehearsalStep, config: &RehearsalConfig) {
             );
         }
         RehearsalStep::Performed { round, run, notes, f1 } => {
-            let played = run.map_or(0, |run| run + 1);
-            let what = match run {
-                Some(_) => format!("{played} of {} runs played", config.runs),
-                None => "once to measure how late the notes are".to_string(),
-            };
-            let state = format!(", {what}, {notes}, F1 {f1:.3}");
+            let played = run + 1;
+            let state = format!(", {played} of {} runs played, {notes}, F1 {f1:.3}", config.runs);
             status.part(&part(*round, "playing"), &state, played as f64 / config.runs as f64);
         }
-        RehearsalStep::LagMeasured { round, lead_secs: Some(lead_secs) } => {
-            status.done(&format!("round {round}: the plan leads by {:.0} ms", lead_secs * 1e3));
-        }
-        RehearsalStep::LagMeasured { round, lead_secs: None } => {
-            status.done(&format!("round {round}: no right note was near its time, so the plan's lead stays"));
+        RehearsalStep::LagMeasured { round, notes, lead_secs } => {
+            status.done(&format!("round {round}: {}", lag_measured(notes, *lead_secs)));
         }
         RehearsalStep::Round(round) => status.done(&format!(
             "round {}: {} on the robot; F1 {:.3} in simulation, {:.3} on the robot: a gap of {:.1} %",

@@ -74,7 +74,7 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
     if let Some(text) = &take.incomplete {
         note(format!("{}: {text}", take.name));
     }
-    let mut studio = Studio::new(&take, args.size, args.view)?;
+    let mut studio = Studio::new(&take, args.size, args.view, is_still)?;
     if let Some(secs) = args.at {
         studio.still(secs, &out)?;
         return told(args.json, "picture", &out, None);

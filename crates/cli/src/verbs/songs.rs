@@ -13,7 +13,7 @@ use serde_json::json as object;
 
 use super::{ConfigArgs, json, line, note};
 use crate::Ending;
-use crate::status::{Planning, while_planning};
+use crate::status::{LongWork, while_planning};
 
 /// What to show.
 #[derive(clap::Args)]
@@ -140,8 +140,8 @@ fn show(
     let song = find_song(name)?;
     let fits = song.check_range();
     let silence = task.initial_silence_secs;
-    let mut planning = Planning::new(as_json);
-    let mut tell = |share| planning.tell(share);
+    let mut planning = LongWork::new(as_json);
+    let mut tell = |share| planning.planned(share);
     let piece = fits.is_ok().then(|| Piece::for_task_telling(&song, task, &mut tell)).transpose()?;
     drop(planning);
     let predict = |piece| while_planning(as_json, || predicted_at_sight(&song, task, piece));

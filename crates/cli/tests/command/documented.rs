@@ -11,6 +11,8 @@ const SCORE: f64 = 0.03;
 /// Tolerances of notes right and wrong.
 const RIGHT: f64 = 1.0;
 const WRONG: f64 = 2.0;
+/// Leads of the plan, ms.
+const LEAD_MS: f64 = 10.0;
 
 fn document(name: &str) -> String {
     std::fs::read_to_string(root().join(name)).unwrap()
@@ -150,12 +152,11 @@ fn the_shipped_policies_play_on_the_twin_what_the_documents_say() {
     for song in etude_music::repertoire::ids() {
         let desk = Desk::new();
         let parts: Vec<_> = table.text(song, "real").split("; ").collect();
-        let set = format!("--set task.plan.lead_secs={}", leading_number(parts[2]) * 1e-3);
-        let report = desk.json(&format!(
-            "perform {song} --policy {} --robot twin {set} -o out --json",
-            shipped(song).display()
-        ));
+        let report = desk
+            .json(&format!("perform {song} --policy {} --robot twin -o out --json", shipped(song).display()));
         let number = |key: &str| report[key].as_f64().unwrap();
+        let (said, lead) = (leading_number(parts[2]), 1e3 * number("lead_secs"));
+        assert!((said - lead).abs() <= LEAD_MS, "{song}: a lead of {said} ms, but it is {lead}");
         let said = [parts[1], parts[3]].map(leading_number);
         let played = [number("onset_f1"), number("robot_f1")];
         let within = |at: usize, most: f64| (said[at] - played[at]).abs() <= most;

@@ -2,6 +2,7 @@
 
 use std::process::Stdio;
 
+use etude_music::{Note, Song};
 use etude_stage::{PhysicalParams, Side, StageConfig, World, mjcf};
 
 use crate::{Desk, succeed};
@@ -119,6 +120,14 @@ fn without_a_terminal_progress_is_plain_lines() {
     );
     let quiet = desk.tiny("short.mid -o quiet --json").output().unwrap();
     assert_eq!(crate::errors(&quiet), "");
+    // Some minutes of music take some seconds.
+    let notes = (0..1600).map(|at| {
+        let start_secs = 0.25 * f64::from(at);
+        Note { pitch: 60 + (at % 5) as u8, start_secs, end_secs: start_secs + 0.2, velocity: 80 }
+    });
+    Song::new("Long", notes.collect(), 400.0).unwrap().save(desk.path("long.mid")).unwrap();
+    let said = crate::errors(&desk.command("play long.mid --scripted -o long").output().unwrap());
+    assert!(said.contains("playing, ") && said.contains(" %"), "{said}");
     // A pipe that closes after the first line ends nothing but the printing.
     assert!(succeed(desk.command("songs")).lines().count() > 7);
 }

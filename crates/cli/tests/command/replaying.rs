@@ -92,7 +92,8 @@ fn a_page_holds_what_was_recorded() {
 #[test]
 fn simulation_and_twin_stand_side_by_side_with_the_moments_where_they_part() {
     let desk = played();
-    desk.ok("perform short.mid --scripted --robot twin --mode real -o twin");
+    // The same lead in both, so that they can be compared step by step.
+    desk.ok("perform short.mid --scripted --robot twin --mode real --set task.plan.lead_secs=0.025 -o twin");
     let notes = |args: &str| errors(&desk.command(args).output().unwrap());
     assert_eq!(notes("replay out twin -o both.html"), "");
     // A lead makes keys due later on the robot, and the piece is still the same.

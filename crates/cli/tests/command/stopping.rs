@@ -405,7 +405,9 @@ fn kill_recordings(robot: &[f64], lockstep: &[f64]) {
     let desk = Desk::new();
     let twin = Served::start(&desk);
     let live = format!("record --robot {} --home --excitation open-close", twin.rig.display());
-    let in_lockstep = "perform ode-to-joy --scripted --mode joint-mirroring --robot twin";
+    // A run that measures the lag would be removed before the one that counts begins.
+    let lead = "--set task.plan.lead_secs=0.1";
+    let in_lockstep = format!("perform ode-to-joy --scripted --mode joint-mirroring --robot twin {lead}");
     let mut files = Vec::new();
     for (index, moment) in robot.iter().chain(lockstep).enumerate() {
         let is_live = index < robot.len();

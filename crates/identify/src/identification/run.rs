@@ -32,6 +32,16 @@ pub struct Progress {
     pub rms: f64,
     /// Groups that have ended, and all groups.
     pub ended: [usize; 2],
+    /// Evaluations that a group may still make in this pass, of the one with most. Groups share replays, and most end before.
+    pub most_left: u64,
+}
+
+impl Progress {
+    /// The longest time that the rest of the pass takes at the present speed, s; none before the first replay, and at the end.
+    pub fn most_secs_left(&self) -> Option<f64> {
+        let secs = self.secs / self.replays as f64 * self.most_left as f64;
+        (self.replays > 0 && self.most_left > 0).then_some(secs)
+    }
 }
 
 /// Runs or resumes a pass to its end.
@@ -83,7 +93,8 @@ pub(super) fn run(
         let (replays, ended) = (state.replays, [ended, state.fits.len()]);
         // Before the state is saved: after a kill in between the same progress is reported again, and none is lost.
         let (number, secs) = (state.ended.len() + 1, state.secs);
-        job.tell(&Progress { pass, number, secs, replays, rms, ended });
+        let most_left = state.fits.iter().map(|(_, fit)| fit.most_left()).max().unwrap_or(0);
+        job.tell(&Progress { pass, number, secs, replays, rms, ended, most_left });
         state.save(file)?;
     }
     end(scene, state, pass);

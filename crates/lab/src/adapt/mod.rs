@@ -30,7 +30,7 @@ use crate::pianist::{Pianist, load_pianist};
 use crate::play::REFERENCE;
 use crate::rehearse::Round;
 use crate::robot::{
-    MeanNotes, RobotPlay, RobotReport, RunEnded, all_complete, play_on_robot, robot_score, run_file,
+    MeanNotes, RobotPlay, RobotReport, RobotStep, all_complete, play_on_robot, robot_score, run_file,
 };
 use played::{MEASURING, Notes, Played};
 
@@ -246,7 +246,7 @@ impl Adaptation<'_> {
         folder: &Path,
         job: &mut Job<'_, AdaptStep>,
     ) -> anyhow::Result<Stored> {
-        let told = |_: &RunEnded| None;
+        let told = |_: &RobotStep| None;
         let report = self.play(played, (1, 1000 + index as u64), folder, told, job)?;
         // There are many runs. `etude replay` makes the sound again from a recording.
         for sound in [run_file(0, "wav"), REFERENCE.to_string()] {
@@ -278,9 +278,12 @@ impl Adaptation<'_> {
         let best = best(runs);
         let (played, _) = &runs[best];
         let correction = self.keep(played)?;
-        let performed = |ended: &RunEnded| {
-            let notes = NoteCounts::from(&ended.run.scores.note);
-            Some(AdaptStep::Performed { run: ended.index, notes, f1: ended.run.scores.frame.f1 })
+        let performed = |step: &RobotStep| match step {
+            RobotStep::LagMeasured { .. } => None,
+            RobotStep::RunEnded { index, run } => {
+                let notes = NoteCounts::from(&run.scores.note);
+                Some(AdaptStep::Performed { run: *index, notes, f1: run.scores.frame.f1 })
+            }
         };
         let folder = self.folder.join("performance");
         let report = self.play(played, (self.config.runs, 0), &folder, performed, job)?;
@@ -325,26 +328,31 @@ impl Adaptation<'_> {
         played: &Played,
         (runs, seed): (usize, u64),
         folder: &Path,
-        told: fn(&RunEnded) -> Option<AdaptStep>,
+        told: fn(&RobotStep) -> Option<AdaptStep>,
         job: &mut Job<'_, AdaptStep>,
     ) -> anyhow::Result<RobotReport> {
         let mut pianist = self.pianist.clone();
         pianist.config.task.plan.lead_secs = self.lead_secs(played);
         let play = RobotPlay {
+            song: self.song,
+            pianist: &pianist,
+            rig: self.rig,
             mode: self.config.mode,
             runs,
             home: true,
             seed: self.config.seed.wrapping_add(seed),
+            measures_lag: false,
             correction: Some(played.added()),
+            font: None,
         };
         let interrupt = job.interrupt();
-        let mut tell = |ended: &RunEnded| {
-            if let Some(step) = told(ended) {
+        let mut tell = |step: &RobotStep| {
+            if let Some(step) = told(step) {
                 job.tell(&step);
             }
         };
         let mut playing = Job::new(&mut tell, interrupt);
-        let report = play_on_robot(self.song, &pianist, self.rig, &play, Some(folder), None, &mut playing);
+        let report = play_on_robot(&play, Some(folder), &mut playing);
         all_complete(report, job.is_interrupted(), "adapting")
     }
 }

@@ -27,8 +27,8 @@ use crate::errors::{Interrupted, unusable};
 use crate::excitations::{excitation_file, record_excitations};
 use crate::folder::make_folder;
 use crate::identify::{Identification, IdentifyReport, identify_robot};
-use crate::pianist::{Pianist, load_pianist};
-use crate::robot::{RobotPlay, RobotReport, RunEnded, all_complete, play_on_robot};
+use crate::pianist::load_pianist;
+use crate::robot::{RobotPlay, RobotReport, RobotStep, all_complete, play_on_robot};
 use crate::run::{Run, TrainingProgress};
 
 pub use round::{RehearsalConfig, Round, best_round, name_the_lead};
@@ -49,10 +49,12 @@ pub enum RehearsalStep {
     Identifying(usize, Progress),
     /// The training of a round has advanced.
     Training(usize, TrainingProgress),
-    /// The lag of a round was measured.
+    /// A run before those of a round has measured how late the notes are.
     LagMeasured {
         /// The round.
         round: usize,
+        /// Its notes.
+        notes: NoteCounts,
         /// The lead of the plan against it, s; none if no right note was near its time, and the lead stays.
         lead_secs: Option<f64>,
     },
@@ -60,8 +62,8 @@ pub enum RehearsalStep {
     Performed {
         /// The round.
         round: usize,
-        /// The run, from 0; none of the one that measures how late the notes are.
-        run: Option<usize>,
+        /// The run, from 0.
+        run: usize,
         /// Its notes.
         notes: NoteCounts,
         /// Its F1 by control step.
@@ -261,38 +263,29 @@ impl Rehearsal<'_> {
         folder: &Path,
         job: &mut Job<'_, RehearsalStep>,
     ) -> anyhow::Result<RobotReport> {
-        let mut pianist = load_pianist(policy)?;
-        let runs = self.config.runs;
-        if !name_the_lead(&self.config.overrides) {
-            let measured = self.play_runs(round, 1, &pianist, None, job)?;
-            let lead_secs = measured.lead_on_time();
-            pianist.config.task.plan.lead_secs = lead_secs.unwrap_or(measured.lead_secs);
-            job.tell(&RehearsalStep::LagMeasured { round, lead_secs });
-        }
-        self.play_runs(round, runs, &pianist, Some(folder), job)
-    }
-
-    /// Plays the song a number of times, and keeps the runs if there is a `folder` for them.
-    fn play_runs(
-        &self,
-        round: usize,
-        runs: usize,
-        pianist: &Pianist,
-        folder: Option<&Path>,
-        job: &mut Job<'_, RehearsalStep>,
-    ) -> anyhow::Result<RobotReport> {
-        // The run that measures the lag is none of those that are scored: the twin's noise is another.
-        let first = if folder.is_some() { 0 } else { self.config.runs as u64 };
-        let seed = self.config.seed.wrapping_add(1000 * round as u64 + first);
-        let play = RobotPlay { mode: self.config.mode, runs, home: true, seed, correction: None };
-        let performed = |ended: &RunEnded| RehearsalStep::Performed {
-            round,
-            run: folder.map(|_| ended.index),
-            notes: NoteCounts::from(&ended.run.scores.note),
-            f1: ended.run.scores.frame.f1,
+        let play = RobotPlay {
+            song: self.song,
+            pianist: &load_pianist(policy)?,
+            rig: self.rig,
+            mode: self.config.mode,
+            runs: self.config.runs,
+            home: true,
+            seed: self.config.seed.wrapping_add(1000 * round as u64),
+            measures_lag: !name_the_lead(&self.config.overrides),
+            correction: None,
+            font: None,
         };
-        let played =
-            job.part(performed, |job| play_on_robot(self.song, pianist, self.rig, &play, folder, None, job));
+        let told = |step: &RobotStep| match step {
+            RobotStep::LagMeasured { run, lead_secs } => {
+                let notes = NoteCounts::from(&run.scores.note);
+                RehearsalStep::LagMeasured { round, notes, lead_secs: *lead_secs }
+            }
+            RobotStep::RunEnded { index, run } => {
+                let notes = NoteCounts::from(&run.scores.note);
+                RehearsalStep::Performed { round, run: *index, notes, f1: run.scores.frame.f1 }
+            }
+        };
+        let played = job.part(told, |job| play_on_robot(&play, Some(folder), job));
         all_complete(played, job.is_interrupted(), &format!("round {round}"))
     }
 }

@@ -34,7 +34,7 @@ impl Critic {
     }
 }
 
-/// Passes of a shard's rows through one critic after the other.
+/// Passes of a shard's rows through one of the critics.
 #[derive(Clone)]
 pub(crate) struct CriticPasses {
     network: Network,
@@ -44,6 +44,8 @@ pub(crate) struct CriticPasses {
     workspace: Workspace,
     /// `[rows]`: gradient of the loss with respect to the values.
     value_error: Buffer,
+    /// Gradient of the critic's loss.
+    pub gradient: Buffer,
     /// `[rows, action]`: gradient of the actor's loss with respect to the action.
     pub action_error: Buffer,
 }
@@ -56,6 +58,7 @@ impl CriticPasses {
             batch: config.batch,
             workspace: network.workspace(rows, true, config.arithmetic),
             value_error: Buffer::new(rows),
+            gradient: network.parameters(),
             action_error: Buffer::new(rows * network.shape.extra),
         }
     }
@@ -66,7 +69,7 @@ impl CriticPasses {
         network.forward(&critic.target, inputs, &drops.target, *dropout, false, workspace)
     }
 
-    /// Writes the gradient of the critic loss, the mean over the batch and both critics of `(Q - wanted)²`. Returns this
+    /// Leaves the gradient of the critic loss in `gradient`, the mean over the batch and both critics of `(Q - wanted)²`. Returns this
     /// critic's sums over rows of the squared difference and of Q.
     pub(crate) fn regress(
         &mut self,
@@ -74,9 +77,8 @@ impl CriticPasses {
         inputs: &Inputs,
         wanted: &[f32],
         drops: &CriticDrops,
-        gradient: &mut [f32],
     ) -> (f64, f64) {
-        let Self { network, dropout, batch, workspace, value_error, .. } = self;
+        let Self { network, dropout, batch, workspace, value_error, gradient, .. } = self;
         let parameters = &critic.learned.parameters;
         let values = network.forward(parameters, inputs, &drops.online, *dropout, true, workspace);
         // The derivative of a mean of squares over rows and critics.
@@ -96,7 +98,7 @@ impl CriticPasses {
     /// Leaves the gradient of `-mean over the batch and critics of Q` with respect to the policy's actions in
     /// `action_error`. Returns the sum of Q over rows.
     pub(crate) fn judge(&mut self, critic: &Critic, inputs: &Inputs, drops: &CriticDrops) -> f64 {
-        let Self { network, dropout, batch, workspace, value_error, action_error } = self;
+        let Self { network, dropout, batch, workspace, value_error, action_error, .. } = self;
         let parameters = &critic.learned.parameters;
         let values = network.forward(parameters, inputs, &drops.actor, *dropout, true, workspace);
         let sum = values.iter().map(|&value| f64::from(value)).sum();

@@ -1,4 +1,4 @@
-//! A part of the batch, which one thread processes.
+//! A part of the batch, which one thread processes, or two: one a critic.
 //!
 //! The parameters do not change while shards are processed. Each shard computes its part of each gradient; the parts are added up in
 //! the order of the shards, so the bytes do not depend on the threads.
@@ -16,8 +16,7 @@ use crate::{
     replay::{Batch, Horizon, Replay},
 };
 
-/// Rows of a shard: two threads share a batch of 256. With shards of 64 an update is 10 % slower, since every product packs its weights
-/// twice as often.
+/// Rows of a shard. With 64 an update is 10 % slower, since every product packs its weights twice as often.
 pub(super) const ROWS: usize = 128;
 /// The most shards of a batch; each has buffers for all gradients.
 pub(super) const MOST: usize = 16;
@@ -30,6 +29,23 @@ pub(super) struct View<'a> {
     pub actor: &'a [f32],
     pub critics: &'a [Critic; CRITICS],
     pub temperature: f32,
+    /// Whether the critics' passes may run on two threads of the current rayon pool.
+    pub parallel: bool,
+}
+
+impl View<'_> {
+    /// Calls `pass` for both critics. A batch of one shard thus keeps two threads busy.
+    fn both<'a, T: Send>(
+        &self,
+        [first, second]: &'a mut [CriticPasses; CRITICS],
+        pass: impl Fn(usize, &'a mut CriticPasses) -> T + Sync,
+    ) -> [T; CRITICS] {
+        if self.parallel {
+            rayon::join(|| pass(0, first), || pass(1, second)).into()
+        } else {
+            [pass(0, first), pass(1, second)]
+        }
+    }
 }
 
 /// Sums over a shard's rows.
@@ -49,9 +65,8 @@ pub(super) struct Shard {
     pub draws: Draws,
     pub sums: Sums,
     pub actor_gradient: Buffer,
-    pub critic_gradients: [Buffer; CRITICS],
+    pub passes: [CriticPasses; CRITICS],
     actor: Workspace,
-    critic: CriticPasses,
     policy: Gaussian,
     /// `[rows, action]`: the policy's actions in the next observations, without exploration.
     next_action: Vec<f32>,
@@ -78,9 +93,8 @@ impl Shard {
             draws: Draws::new(config, rows, action_len),
             sums: Sums::default(),
             actor_gradient: actor_network.parameters(),
-            critic_gradients: [critic_network.parameters(), critic_network.parameters()],
+            passes: [(); CRITICS].map(|()| CriticPasses::new(critic_network, config, rows)),
             actor: actor_network.workspace(rows, true, config.arithmetic),
-            critic: CriticPasses::new(critic_network, config, rows),
             policy: Gaussian::new(action_len, rows),
             next_action: vec![0.0; rows * action_len],
             wanted: vec![0.0; rows],
@@ -99,17 +113,19 @@ impl Shard {
 
     /// Computes the gradients of the critics.
     pub(super) fn fit_critics(&mut self, view: &View<'_>) {
-        let Self { batch, draws, actor, critic: passes, policy, next_action, wanted, .. } = self;
+        let Self { batch, draws, actor, passes, policy, next_action, wanted, .. } = self;
         let output = view.actor_network.forward(view.actor, &batch.next_observation, &[], 0.0, false, actor);
         policy.sample(output, &draws.next_noise, view.config.log_std_bounds);
         if view.config.smoothness > 0.0 {
             policy.actions_without_noise(output, next_action);
         }
         batch.next_observation.set_extra(policy.actions(wanted.len()));
-        wanted.fill(f32::INFINITY);
-        for (critic, drops) in view.critics.iter().zip(&draws.drops) {
-            let values = passes.target_values(critic, &batch.next_observation, drops);
-            wanted.iter_mut().zip(values).for_each(|(least, &value)| *least = least.min(value));
+        let inputs = &batch.next_observation;
+        let [first, second] = view.both(passes, |index, passes| {
+            passes.target_values(&view.critics[index], inputs, &draws.drops[index])
+        });
+        for ((wanted, &first), &second) in wanted.iter_mut().zip(first).zip(second) {
+            *wanted = first.min(second);
         }
         for (row, wanted) in wanted.iter_mut().enumerate() {
             let value = *wanted - view.temperature * policy.log_prob[row];
@@ -117,31 +133,26 @@ impl Shard {
         }
 
         batch.observation.set_extra(&batch.action);
-        (self.sums.squares, self.sums.q) = (0.0, 0.0);
-        for ((critic, drops), gradient) in
-            view.critics.iter().zip(&draws.drops).zip(&mut self.critic_gradients)
-        {
-            let (squares, sum) = passes.regress(critic, &batch.observation, wanted, drops, gradient);
-            self.sums.squares += squares;
-            self.sums.q += sum;
-        }
+        let inputs = &batch.observation;
+        let [first, second] = view.both(passes, |index, passes| {
+            passes.regress(&view.critics[index], inputs, wanted, &draws.drops[index])
+        });
+        (self.sums.squares, self.sums.q) = (first.0 + second.0, first.1 + second.1);
     }
 
     /// Computes the gradient of the actor, and its entropy.
     pub(super) fn fit_actor(&mut self, view: &View<'_>) {
-        let Self {
-            batch, draws, actor, critic: passes, policy, next_action, output_error, action_error, ..
-        } = self;
+        let Self { batch, draws, actor, passes, policy, next_action, output_error, action_error, .. } = self;
         let output = view.actor_network.forward(view.actor, &batch.observation, &[], 0.0, true, actor);
         policy.sample(output, &draws.noise, view.config.log_std_bounds);
         batch.observation.set_extra(policy.actions(batch.reward.len()));
 
+        let inputs = &batch.observation;
+        let [first, second] = view
+            .both(passes, |index, passes| passes.judge(&view.critics[index], inputs, &draws.drops[index]));
+        let q = first + second;
         action_error.fill(0.0);
-        let mut q = 0.0;
-        for (critic, drops) in view.critics.iter().zip(&draws.drops) {
-            q += passes.judge(critic, &batch.observation, drops);
-            add_row(action_error, &passes.action_error);
-        }
+        passes.iter().for_each(|passes| add_row(action_error, &passes.action_error));
         let log_prob: f64 = policy.log_prob.iter().map(|&log_prob| f64::from(log_prob)).sum();
         self.sums.entropy = -log_prob;
         self.sums.actor = f64::from(view.temperature) * log_prob - q / CRITICS as f64;

@@ -98,17 +98,11 @@ fn critic_gradients_match_finite_differences() {
         let inputs = random_inputs(rows);
         let wanted: Vec<f32> = (0..rows).map(|row| (row as f32).sin()).collect();
         let critic = &droq.critics[0];
-        let mut gradient = network.parameters();
-        CriticPasses::new(&network, &droq.config, rows).regress(
-            critic,
-            &inputs,
-            &wanted,
-            &drops,
-            &mut gradient,
-        );
+        let mut passes = CriticPasses::new(&network, &droq.config, rows);
+        passes.regress(critic, &inputs, &wanted, &drops);
         let mut parameters = critic.learned.parameters.to_vec();
         let mut workspace = network.workspace(rows, false, Arithmetic::F32);
-        check_directions(&mut parameters, &gradient, &used(&network), |parameters| {
+        check_directions(&mut parameters, &passes.gradient, &used(&network), |parameters| {
             let values = network.forward(parameters, &inputs, &drops.online, dropout, false, &mut workspace);
             let squares = values.iter().zip(&wanted).map(|(&q, &y)| f64::from(q - y).powi(2));
             squares.sum::<f64>() / (2 * rows) as f64

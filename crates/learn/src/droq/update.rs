@@ -41,6 +41,7 @@ impl Droq {
             actor: &self.actor.parameters,
             critics: &self.critics,
             temperature: self.log_temperature[0].exp(),
+            parallel,
         };
         if parallel {
             self.shards.par_iter_mut().with_max_len(1).for_each(|shard| work(shard, &view));
@@ -51,7 +52,7 @@ impl Droq {
 
     fn step_critics(&mut self, parallel: bool) {
         let Self { critics: [first, second], shards, config, updates, .. } = self;
-        let gradients = |index: usize| shards.iter().map(move |shard| &shard.critic_gradients[index][..]);
+        let gradients = |index: usize| shards.iter().map(move |shard| &shard.passes[index].gradient[..]);
         let mut first = || first.step(config, *updates, gradients(0));
         let mut second = || second.step(config, *updates, gradients(1));
         if parallel {
