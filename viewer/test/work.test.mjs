@@ -170,6 +170,8 @@ for (const [look, options] of [
     const violations = found.violations.flatMap(({ id, nodes }) => nodes.map((node) => `${id}: ${node.target} ${node.failureSummary}`));
     assert.deepEqual(violations, []);
     assert.ok((await shown.evaluate(() => document.scrollingElement.scrollWidth - window.innerWidth)) <= 0, 'no sideways scrolling');
+    const tall = await shown.evaluate(() => [...document.querySelectorAll('td, .performances p, .result')].filter((part) => part.clientHeight > 70).map((part) => part.innerText));
+    assert.deepEqual(tall, [], 'no cell has more than three lines');
     await shown.screenshot({ path: path.join(screenshots, `work-${look}.png`), fullPage: true });
     await shown.context().close();
   });

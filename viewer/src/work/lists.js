@@ -50,22 +50,25 @@ export function performancesList(performances, { listen, start, chosen }) {
     });
     return box;
   };
-  // On a phone the first columns are seen without scrolling.
-  const rows = performances.map((performance) => [
-    mark(performance),
-    performance.song,
-    notesText(performance),
-    button('Listen', `listen ${performance.recording}`, () => listen(performance), { 'aria-label': `Listen to ${performance.recording}` }),
-    performance.page === null
-      ? button('Make the replay', `replay ${performance.recording}`, () => start({ verb: 'replay', recording: performance.recording }))
-      : replayLink(performance.page, performance.recording),
-    scoreText(performance.f1),
-    performance.mode === null ? 'simulation' : `twin, ${performance.mode}`,
-    playerText(performance.player),
-  ]);
+  const item = (performance) => element(
+    'li', {},
+    element(
+      'div', { class: 'what' }, element('strong', { text: performance.song }),
+      element('p', { class: 'quiet', text: `${performance.mode === null ? 'simulation' : `twin, ${performance.mode}`}, by ${playerText(performance.player)}` }),
+    ),
+    element('span', { class: 'result', text: [notesText(performance), scoreText(performance.f1)].filter(Boolean).join(', ') }),
+    element(
+      'div', { class: 'acts' },
+      element('label', {}, mark(performance), 'compare'),
+      button('Listen', `listen ${performance.recording}`, () => listen(performance), { 'aria-label': `Listen to ${performance.recording}` }),
+      performance.page === null
+        ? button('Make the replay', `replay ${performance.recording}`, () => start({ verb: 'replay', recording: performance.recording }))
+        : replayLink(performance.page, performance.recording),
+    ),
+  );
   enable();
   return [
-    table('Performances', ['compare', 'song', 'notes', 'sound', 'picture', 'F1', 'where', 'player'], rows),
+    element('ul', { class: 'performances' }, ...performances.map(item)),
     element('p', { class: 'row' }, compare),
   ];
 }
@@ -84,7 +87,11 @@ export function comparisonsList(paths, choose) {
   return [field('Comparison', choices)];
 }
 
-const millis = (secs) => `${secs > 0 ? '+' : secs < 0 ? '−' : ''}${Math.abs(Math.round(secs * 1e3))} ms`;
+/** A difference in ms with its sign. */
+function millis(secs) {
+  const whole = Math.round(secs * 1e3);
+  return `${whole > 0 ? '+' : whole < 0 ? '−' : ''}${Math.abs(whole)}`;
+}
 
 /** The rows of a comparison in order of time: the notes that were due, and the strokes that play none. */
 export function comparedRows({ notes, strays }) {
@@ -95,7 +102,7 @@ export function comparedRows({ notes, strays }) {
   };
   const due = notes.map((note) => ({ secs: note.due_secs, cells: [note.name, ...note.played.map(heard)] }));
   const wrong = strays.flatMap((strokes, side) => strokes.map(({ pitch, start, end, velocity }) => {
-    const text = `wrong stroke, ${Math.round((end - start) * 1e3)} ms, ${velocity}`;
+    const text = `wrong stroke, ${Math.round((end - start) * 1e3)}, ${velocity}`;
     return { secs: start, cells: [pitchName(pitch), side === 0 ? text : '', side === 1 ? text : ''] };
   }));
   const all = [...due, ...wrong].sort((one, other) => one.secs - other.secs);
@@ -113,7 +120,7 @@ export function comparison(path, compared) {
       const figures = [due && notesText(due), scoreText(frames?.f1)].filter(Boolean).join(', ');
       return element('li', { text: `${'AB'[index]}: ${name}, by ${playerText(player)}: ${figures}` });
     })),
-    element('p', { class: 'note', text: 'Of each note: onset and length, played minus due, and velocity. In the scores a note more than 50 ms early or late counts as missed, and its stroke as wrong. Of a wrong stroke: how long its key was held, and velocity.' }),
+    element('p', { class: 'note', text: 'Of each note: onset and length, played minus due, in ms, and velocity. In the scores a note more than 50 ms early or late counts as missed, and its stroke as wrong. Of a wrong stroke: how long its key was held, in ms, and velocity.' }),
     table('Note by note', ['at', 'note', 'A', 'B'], comparedRows(compared)),
   ];
 }

@@ -101,7 +101,9 @@ export class SongSection {
   }
 
   bars(bars) {
-    const rows = bars.map(({ bar, secs, chords }) => [String(bar), `${secs.toFixed(1)} s`, element('span', { class: 'wide', text: chords.join('   ') })]);
+    // A line breaks between chords, and not between a note and its beats.
+    const written = (chords) => element('span', { class: 'wide' }, ...chords.flatMap((text) => [element('span', { text }), '   ']).slice(0, -1));
+    const rows = bars.map(({ bar, secs, chords }) => [String(bar), `${secs.toFixed(1)} s`, written(chords)]);
     return [
       element(
         'details', {}, element('summary', { text: `Its ${bars.length} bars: notes, and the beats that they last` }),
