@@ -6,22 +6,21 @@ import { theme } from './theme.js';
 
 const HEIGHT = 64;
 const PAD = 4;
+/** Width of the margin with the range, pixels. */
+const MARGIN = 48;
 const DASHES = [[], [5, 3]];
 
 class Plot {
   /**
-   * @param {string} title
-   * @param {{take: any, letter: string, values: number[]}[]} lines
-   * @param {[number, number] | null} range null: what the values span, with zero
+   * @param {{title: string, lines: {take: any, letter: string, values: number[]}[], range: [number, number]}} curve
    */
-  constructor(title, lines, range, seek) {
-    this.lines = lines;
-    this.range = range ?? spanOf(lines);
+  constructor({ title, lines, range }, seek) {
+    Object.assign(this, { lines, range });
     this.canvas = element('canvas', {});
     this.cursor = element('div', { class: 'cursor' });
     this.values = lines.map((_, index) => element('output', { class: `take-${'ab'[index]}` }));
     this.area = element('div', { class: 'area' }, this.canvas, this.cursor);
-    this.area.addEventListener('click', (event) => seek(event.offsetX / this.scale));
+    this.area.addEventListener('click', (event) => seek(Math.max(0, event.offsetX - MARGIN) / this.scale));
     this.root = element(
       'figure', { class: 'plot' },
       element('figcaption', {}, element('span', { text: title }), ...this.values),
@@ -32,27 +31,32 @@ class Plot {
   resize(duration) {
     const width = this.area.clientWidth;
     if (!width) return;
-    this.scale = width / Math.max(duration, 1e-3);
+    this.scale = (width - MARGIN) / Math.max(duration, 1e-3);
     const pen = drawingOn(this.canvas, width, HEIGHT);
     const colours = theme();
     const [low, high] = this.range;
     const y = (value) => PAD + (HEIGHT - 2 * PAD) * (1 - (value - low) / (high - low));
     pen.fillStyle = colours.line;
-    for (const value of new Set([low, Math.min(Math.max(0, low), high), high])) pen.fillRect(0, Math.round(y(value)), width, 1);
+    for (const value of new Set([low, Math.min(Math.max(0, low), high), high])) pen.fillRect(MARGIN, Math.round(y(value)), width, 1);
     this.lines.forEach(({ take, values }, index) => {
       pen.strokeStyle = colours.takes[index];
       pen.lineWidth = 1.5;
       pen.setLineDash(DASHES[index]);
       pen.beginPath();
       values.forEach((value, step) => {
-        if (Number.isFinite(value)) pen.lineTo(((step + 1) / take.hz) * this.scale, y(value));
+        if (Number.isFinite(value)) pen.lineTo(MARGIN + ((step + 1) / take.hz) * this.scale, y(value));
       });
       pen.stroke();
     });
+    pen.fillStyle = colours.quiet;
+    pen.font = '10px system-ui, sans-serif';
+    pen.textAlign = 'right';
+    pen.textBaseline = 'middle';
+    for (const [value, inwards] of [[high, 5], [low, -5]]) pen.fillText(shortText(value, 2), MARGIN - 4, y(value) + inwards);
   }
 
   moveTo(secs) {
-    moveCursor(this.cursor, secs * this.scale);
+    moveCursor(this.cursor, MARGIN + secs * this.scale);
     this.lines.forEach(({ take, letter, values }, index) => {
       const value = values[take.stepBefore(secs)];
       setText(this.values[index], `${letter} ${Number.isFinite(value) ? value.toFixed(3) : '–'}`.trim());
@@ -60,16 +64,19 @@ class Plot {
   }
 }
 
-/** The range of the values with zero in it, never empty. */
+const finite = (lines) => lines.flatMap(({ values }) => values.filter(Number.isFinite));
+const least = (values) => values.reduce((low, value) => Math.min(low, value), Infinity);
+const most = (values) => values.reduce((high, value) => Math.max(high, value), -Infinity);
+
+/** The range of the values with zero in it. */
 function spanOf(lines) {
-  let [low, high] = [0, 0];
-  for (const { values } of lines) {
-    for (const value of values) {
-      if (value < low) low = value;
-      if (value > high) high = value;
-    }
-  }
-  return high > low ? [low, high] : [low, low + 1];
+  const values = [0, ...finite(lines)];
+  return [least(values), most(values)];
+}
+
+/** From a hundredth below the lowest score to 1, so that a score that is nearly perfect is no flat line. */
+function scoreSpanOf(lines) {
+  return [Math.floor(100 * least(finite(lines))) / 100, 1];
 }
 
 /** Whether each of the lines keeps one value. */
@@ -81,11 +88,14 @@ function areConstant(lines) {
 function constantText(lines) {
   const says = lines.map(({ letter, values }) => {
     const value = values.find(Number.isFinite);
-    return { letter, value: value === undefined ? '–' : String(Number(value.toPrecision(3))) };
+    return { letter, value: value === undefined ? '–' : shortText(value) };
   });
   if (says.every(({ value }) => value === says[0].value)) return says[0].value;
   return says.map(({ letter, value }) => `${letter} ${value}`).join(' ');
 }
+
+/** A number with at most so many significant digits. */
+const shortText = (value, digits = 3) => String(Number(value.toPrecision(digits))).replace('-', '−');
 
 const SCORES = [['f1', 'F1'], ['precision', 'precision'], ['recall', 'recall']];
 
@@ -93,23 +103,24 @@ export class Plots {
   /** @param {{take: any, letter: string}[]} shown one or two takes */
   constructor(shown, seek) {
     const lines = (pick) => shown.map(({ take, letter }) => ({ take, letter, values: pick(take) ?? [] }));
-    const scores = SCORES.map(([name, title]) => new Plot(title, lines((take) => take.running[name]), [0, 1], seek));
+    const scores = SCORES.map(([name, title]) => ({ title, lines: lines((take) => take.running[name]), spanOf: scoreSpanOf }));
     const terms = [...new Set(shown.flatMap(({ take }) => take.rewards.map((reward) => reward.name)))];
     const rewards = terms.map((name) => ({
-      title: name.replaceAll('_', ' '), lines: lines((take) => take.rewards.find((reward) => reward.name === name)?.values),
+      title: name.replaceAll('_', ' '), lines: lines((take) => take.rewards.find((reward) => reward.name === name)?.values), spanOf,
     }));
-    const constant = rewards.filter((reward) => areConstant(reward.lines));
-    const drawn = rewards.filter((reward) => !constant.includes(reward));
-    this.plots = [...scores, ...drawn.map((reward) => new Plot(reward.title, reward.lines, null, seek))];
+    const curves = [...scores, ...rewards].filter((curve) => finite(curve.lines).length > 0);
+    const constant = curves.filter((curve) => areConstant(curve.lines));
+    const drawn = curves.filter((curve) => !constant.includes(curve));
+    this.plots = drawn.map((curve) => new Plot({ ...curve, range: curve.spanOf(curve.lines) }, seek));
     const notes = new Set(shown.map(({ take }) => take.rewardsNote).filter((note) => note !== null));
     if (rewards.length === 0) notes.add('The reward terms were not recorded.');
-    const named = constant.map((reward) => `${reward.title} ${constantText(reward.lines)}`).join(', ');
+    const named = constant.map((curve) => `${curve.title} ${constantText(curve.lines)}`).join(', ');
     this.root = element(
       'section', { class: 'numbers' },
       element('h2', { text: 'Scores by control step so far, and the reward terms of each step' }),
       element('p', { class: 'note', text: 'F1, precision and recall compare the keys that sound with those that are due, control step by control step, as the paper does; the roll and the lists above judge strokes.' }),
       element('div', { class: 'plots' }, ...this.plots.map((plot) => plot.root)),
-      named && element('p', { class: 'note', text: `Constant: ${named}.` }),
+      named ? element('p', { class: 'note', text: `Not drawn, because constant: ${named}.` }) : null,
       ...[...notes].map((text) => element('p', { class: 'note', text })),
     );
   }

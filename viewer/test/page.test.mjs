@@ -306,7 +306,29 @@ test('a reward term that is constant in all takes is named and not drawn', async
   other.rewards = [constant('key_press', 1), constant('energy', 0), constant('collision', 0.25), varied('wrong_travel')];
   await withPage(await browser.write({ version: 1, takes: [one, other], partings: [] }), {}, async (page) => {
     assert.deepEqual(await page.locator('.plot figcaption > span').allTextContents(), ['F1', 'precision', 'recall', 'key press', 'wrong travel']);
-    await page.getByText('Constant: energy 0, collision A 0.5 B 0.25.', { exact: true }).waitFor({ timeout: 5000 });
+    await page.getByText('Not drawn, because constant: energy 0, collision A 0.5 B 0.25.', { exact: true }).waitFor({ timeout: 5000 });
+  });
+});
+
+test('of a nearly perfect song a score is drawn from its lowest value on, and one that stays perfect is named', async () => {
+  const take = sampleTake({ steps: 200 });
+  take.running = { f1: take.due.map((_, step) => (step < 90 ? 1 : 0.978)), precision: take.due.map(() => 1), recall: take.due.map(() => 1) };
+  take.rewards = [];
+  await withPage(await browser.write({ version: 1, takes: [take], partings: [] }), {}, async (page) => {
+    assert.deepEqual(await page.locator('.plot figcaption > span').allTextContents(), ['F1']);
+    await page.getByText('Not drawn, because constant: precision 1, recall 1.', { exact: true }).waitFor({ timeout: 5000 });
+    await page.evaluate(() => {
+      window.written = [];
+      const { prototype } = CanvasRenderingContext2D;
+      const { fillText } = prototype;
+      prototype.fillText = function note(text, ...place) {
+        if (this.canvas.closest('.plot')) window.written.push(text);
+        fillText.call(this, text, ...place);
+      };
+    });
+    await page.setViewportSize({ width: 1000, height: 720 });
+    await page.waitForFunction(() => window.written.length > 0);
+    assert.deepEqual(await page.evaluate(() => window.written.slice(0, 2)), ['1', '0.97']);
   });
 });
 
