@@ -93,7 +93,7 @@ export class Page {
     this.timeline.show(shown, firstTwo ? this.partings : []);
     this.rollViews = shown.map(({ take }) => new Roll(take, seek));
     this.rolls.replaceChildren(
-      element('h2', { text: 'Piano roll' }, legend(judged)),
+      element('h2', { text: 'Piano roll' }, legend({ due: 'due', ...judged })),
       ...this.rollViews.flatMap((roll, index) => [
         shown.length > 1 ? element('p', { class: `whose take-${'ab'[index]}`, text: `${shown[index].letter} · ${shown[index].take.caption()}` }) : null,
         roll.root,

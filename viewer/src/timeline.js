@@ -10,9 +10,11 @@ const KINDS = {
   warning: { colour: MISSED, shape: 'diamond', one: 'warning', many: 'warnings' },
   clamp: { colour: '#808080', shape: 'tick', one: 'clamp', many: 'clamps' },
   phase: { colour: '#009E73', shape: 'flag', one: 'phase', many: 'phases' },
-  parting: { colour: '#808080', shape: 'band', one: 'parting', many: 'partings' },
+  parting: { colour: '#808080', shape: 'band', one: 'parting (different keys sound)', many: 'partings (different keys sound)' },
 };
 const LANE = 14;
+/** Width of a mark in the legend. */
+const SWATCH = 16;
 /** Longest list; a recording that clamps at every step has thousands of marks. */
 const MOST_LISTED = 200;
 /** Distance from the pointer within which a mark shows its tooltip, pixels. */
@@ -53,11 +55,13 @@ export class Timeline {
   }
 
   #listMarks() {
-    const counts = Object.entries(KINDS).map(([kind, { one, many }]) => {
+    const found = Object.entries(KINDS).flatMap(([kind, { one, many }]) => {
       const count = this.marks.filter((mark) => mark.kind === kind).length;
-      return count === 0 ? null : `${count} ${count === 1 ? one : many}`;
+      return count === 0 ? [] : [[kind, `${count} ${count === 1 ? one : many}`]];
     });
-    this.summary.textContent = `On the time line: ${counts.filter(Boolean).join(', ')}`;
+    this.swatches = found.map(([kind]) => ({ kind, canvas: element('canvas', { 'aria-hidden': 'true' }) }));
+    const legend = found.map(([, text], index) => element('span', { class: 'item' }, this.swatches[index].canvas, text));
+    this.summary.replaceChildren('On the time line: ', element('span', { class: 'legend' }, ...legend));
     this.details.hidden = this.marks.length === 0;
     const rows = this.marks.slice(0, MOST_LISTED).map((mark) => {
       const go = element('button', { type: 'button', on: { click: () => this.player.seek(mark.secs) } },
@@ -87,19 +91,15 @@ export class Timeline {
       pen.fillStyle = colours.ink;
       for (const secs of [loop.from, loop.to]) pen.fillRect(Math.round(secs * this.scale) - 1, 0, 2, height);
     }
-    const { colour } = KINDS.parting;
-    const hatch = hatching(pen, colour, 4);
-    for (const [from, to] of this.partings) {
-      const [x, span] = [from * this.scale, Math.max((to - from) * this.scale, 2)];
-      pen.fillStyle = hatch;
-      pen.fillRect(x, 0, span, height);
-      pen.fillStyle = colour;
-      pen.fillRect(x, 0, 1, height);
-      pen.fillRect(x + span - 1, 0, 1, height);
-    }
+    for (const [from, to] of this.partings) drawBand(pen, from * this.scale, Math.max((to - from) * this.scale, 2), height);
     this.lanes.forEach((marks, lane) => {
       for (const mark of marks) drawMark(pen, KINDS[mark.kind] ?? KINDS.warning, mark.secs * this.scale, lane * LANE, colours.paper);
     });
+    for (const { kind, canvas } of this.swatches) {
+      const swatch = drawingOn(canvas, SWATCH, LANE);
+      if (kind === 'parting') drawBand(swatch, 0, SWATCH, LANE);
+      else drawMark(swatch, KINDS[kind], SWATCH / 2, 0, colours.paper);
+    }
   }
 
   moveTo(secs) {
@@ -119,6 +119,16 @@ export class Timeline {
 
 function partingText(from, to) {
   return `parting: different keys sound for ${(to - from).toFixed(2)} s`;
+}
+
+/** A hatched stretch: where two takes sound different keys. */
+function drawBand(pen, x, width, height) {
+  const { colour } = KINDS.parting;
+  pen.fillStyle = hatching(pen, colour, 4);
+  pen.fillRect(x, 0, width, height);
+  pen.fillStyle = colour;
+  pen.fillRect(x, 0, 1, height);
+  pen.fillRect(x + width - 1, 0, 1, height);
 }
 
 function drawMark(pen, { colour, shape }, x, top, paper) {

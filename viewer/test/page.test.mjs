@@ -223,7 +223,7 @@ test('a note that was not struck is missed in the roll and on the keyboard, also
     assert.deepEqual(await shown(1.5), { 60: 'right' });
     assert.deepEqual(await shown(2.5), { 60: 'missed' });
     const kinds = ['right', 'too early or too late', 'missed', 'wrong stroke'];
-    assert.deepEqual(await page.locator('.rolls .item').allTextContents(), kinds);
+    assert.deepEqual(await page.locator('.rolls .item').allTextContents(), ['due', ...kinds]);
     assert.deepEqual(await page.locator('.key-colours .item').allTextContents(), ['due', ...kinds, 'fence between keys']);
   });
 });
@@ -367,6 +367,12 @@ test('two takes stand side by side, with the places where they part', async () =
     await withPage(file, options, async (page) => {
       assert.equal(await page.locator('canvas.scene').count(), 2);
       const [from] = two.partings[0];
+      assert.match(await page.locator('.marks .item').last().textContent(), /^\d+ partings \(different keys sound\)$/);
+      const hatched = await page.locator('.marks .item canvas').last().evaluate((canvas) => {
+        const { data } = canvas.getContext('2d').getImageData(0, 0, canvas.width, canvas.height);
+        return new Set(data.filter((_, byte) => byte % 4 === 3)).size > 1;
+      });
+      assert.ok(hatched, 'the legend shows the hatch');
       await page.getByText('On the time line').click();
       await page.getByRole('button', { name: 'parting' }).first().click();
       assert.ok(Math.abs((await page.evaluate(() => window.etude.time())) - from) < 1e-6);
@@ -380,6 +386,14 @@ test('two takes stand side by side, with the places where they part', async () =
       await page.screenshot({ path: path.join(screenshots, `replay-two-${name}.png`), fullPage: true });
     });
   }
+});
+
+test('two scenes stand at one height, also if one caption is longer', async () => {
+  const takes = ['simulation', 'a robot with a name that is so long that it needs a line of its own in the caption of its scene'].map((rig) => sampleTake({ steps: 60, rig }));
+  await withPage(await browser.write({ version: 1, takes, partings: [] }), {}, async (page) => {
+    const [one, other] = await page.locator('.frame').all();
+    assert.deepEqual((({ y, height }) => [y, height])(await one.boundingBox()), (({ y, height }) => [y, height])(await other.boundingBox()));
+  });
 });
 
 test('takes of two songs are named by both', async () => {
