@@ -31,3 +31,19 @@ export function keyKind(due, stroke) {
   if (due?.kind === 'missed' && !(stroke?.start > due.start)) return 'missed';
   return stroke?.kind ?? (due ? 'due' : null);
 }
+
+/** A difference in ms with its sign. */
+function signedMs(secs) {
+  const whole = Math.round(secs * 1e3);
+  return `${whole > 0 ? '+' : whole < 0 ? '−' : ''}${Math.abs(whole)}`;
+}
+
+/**
+ * How a due note was played: onset and length, played minus due, in ms, and velocity.
+ * @param {{onset: number, length: number, velocity: number, right: boolean} | null} stroke times in s
+ */
+export function strokeText(stroke) {
+  if (stroke === null) return 'missed';
+  const { onset, length, velocity, right } = stroke;
+  return `${signedMs(onset)}, ${signedMs(length)}, ${velocity}${right ? '' : `, too ${onset > 0 ? 'late' : 'early'}`}`;
+}

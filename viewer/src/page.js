@@ -5,7 +5,7 @@ import { SAYS } from './classify.js';
 import { Player, Timebase, barAround } from './clock.js';
 import { Controls, icon } from './controls.js';
 import { element } from './dom.js';
-import { noteTable, summary } from './notes.js';
+import { noteList, summary } from './notes.js';
 import { Pane } from './pane.js';
 import { Plots } from './plots.js';
 import { Quality } from './quality.js';
@@ -101,7 +101,7 @@ export class Page {
     );
     this.notes?.remove();
     this.plots?.root.remove();
-    this.notes = noteTable(shown, (secs, index = 0) => {
+    this.notes = noteList(shown, (secs, index = 0) => {
       this.seek(secs);
       this.panes[index].reveal();
     });

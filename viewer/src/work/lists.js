@@ -1,5 +1,6 @@
 /** Lists of what runs and of what there is: jobs, performances, comparisons, trainings. */
 
+import { strokeText } from '../classify.js';
 import { element, pitchName } from '../dom.js';
 import * as ask from './ask.js';
 import { curve, stepsText } from './curve.js';
@@ -87,19 +88,11 @@ export function comparisonsList(paths, choose) {
   return [field('Comparison', choices)];
 }
 
-/** A difference in ms with its sign. */
-function millis(secs) {
-  const whole = Math.round(secs * 1e3);
-  return `${whole > 0 ? '+' : whole < 0 ? '−' : ''}${Math.abs(whole)}`;
-}
-
 /** The rows of a comparison in order of time: the notes that were due, and the strokes that play none. */
 export function comparedRows({ notes, strays }) {
-  const heard = (stroke) => {
-    if (stroke === null) return 'missed';
-    const text = `${millis(stroke.onset_error_secs)}, ${millis(stroke.length_error_secs)}, ${stroke.velocity}`;
-    return stroke.right ? text : `${text}, too ${stroke.onset_error_secs > 0 ? 'late' : 'early'}`;
-  };
+  const heard = (stroke) => strokeText(stroke && {
+    onset: stroke.onset_error_secs, length: stroke.length_error_secs, velocity: stroke.velocity, right: stroke.right,
+  });
   const due = notes.map((note) => ({ secs: note.due_secs, cells: [note.name, ...note.played.map(heard)] }));
   const wrong = strays.flatMap((strokes, side) => strokes.map(({ pitch, start, end, velocity }) => {
     const text = `wrong stroke, ${Math.round((end - start) * 1e3)}, ${velocity}`;
