@@ -2,12 +2,12 @@
 //!
 //! ```text
 //! DIR/run-1.mcap …         the performance
-//! DIR/earlier/             the one before, while a new one is played
+//! DIR/earlier/             the one before, while a new one is played, or after a fault in the new one's first run
 //! DIR/cut-short/           what was recorded of one that failed or was interrupted before a run ended, where an earlier one is kept
 //! ```
 
 use std::ffi::OsString;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use crate::errors::{Interrupted, unusable};
 use crate::folder::make_folder;
@@ -24,17 +24,27 @@ pub fn is_of_another_performance(folder: &Path) -> bool {
     folder.file_name().is_some_and(|name| name == EARLIER || name == CUT_SHORT)
 }
 
+/// Where the earlier performance is if the one in `folder` has ended by a fault before a run was complete.
+pub fn earlier_of(folder: &Path) -> Option<PathBuf> {
+    Some(folder.join(EARLIER)).filter(|earlier| earlier.is_dir())
+}
+
 /// Calls `play`, which writes the files of a performance on a robot into `folder`. Those of an earlier one are moved aside before. If `play`
-/// fails or is interrupted before a run has ended they are moved back.
-pub(crate) fn replacing<T>(folder: &Path, play: impl FnOnce() -> anyhow::Result<T>) -> anyhow::Result<T> {
+/// fails or is interrupted before a run has ended they are moved back; if what was played does not count, they stay aside.
+pub(crate) fn replacing<T>(
+    folder: &Path,
+    counts: impl FnOnce(&T) -> bool,
+    play: impl FnOnce() -> anyhow::Result<T>,
+) -> anyhow::Result<T> {
     make_folder(folder)?;
     let aside = folder.join(EARLIER);
     if aside.is_dir() {
-        // The process of the last performance was killed.
+        // The last performance has ended by a fault, or its process was killed.
         restore(folder)?;
     }
     let has_earlier = move_performance(folder, &aside)?;
     match play() {
+        Ok(played) if !counts(&played) => Ok(played),
         Ok(played) => {
             // If they cannot be removed, they only take up space.
             let _ = remove_performance(&aside);
@@ -137,6 +147,10 @@ mod tests {
 
     use super::*;
 
+    fn replaced<T>(folder: &Path, play: impl FnOnce() -> anyhow::Result<T>) -> anyhow::Result<T> {
+        replacing(folder, |_| true, play)
+    }
+
     fn names(folder: &Path) -> Vec<String> {
         let entries = std::fs::read_dir(folder).into_iter().flatten().flatten();
         let mut names: Vec<String> = entries.map(|entry| entry.file_name().into_string().unwrap()).collect();
@@ -172,7 +186,7 @@ mod tests {
     #[test]
     fn a_performance_that_ends_replaces_all_of_an_earlier_one_and_nothing_else() {
         let (_there, folder) = folder_with_a_performance();
-        replacing(&folder, || {
+        replaced(&folder, || {
             write(&folder, &["run-1.mcap", "report.json"], "new");
             Ok(())
         })
@@ -188,7 +202,7 @@ mod tests {
         std::fs::create_dir(&cut_short).unwrap();
         write(&cut_short, &["mine.txt"], "mine");
         for reason in ["first", "second"] {
-            let error = replacing(&folder, || -> anyhow::Result<()> {
+            let error = replaced(&folder, || -> anyhow::Result<()> {
                 write(&folder, &["run-1.mcap", "reference.wav"], reason);
                 interrupted()
             })
@@ -200,7 +214,7 @@ mod tests {
             assert_eq!(text(folder.join("run-1.mcap")), "old");
         }
         // Without a recording there is nothing to keep.
-        let error = replacing(&folder, || -> anyhow::Result<()> {
+        let error = replaced(&folder, || -> anyhow::Result<()> {
             write(&folder, &["reference.wav"], "third");
             interrupted()
         });
@@ -214,7 +228,7 @@ mod tests {
         let (_there, folder) = folder_with_a_performance();
         move_performance(&folder, &folder.join(EARLIER)).unwrap();
         write(&folder, &["run-1.mcap"], "killed");
-        let error = replacing(&folder, || -> anyhow::Result<()> {
+        let error = replaced(&folder, || -> anyhow::Result<()> {
             assert_eq!(text(folder.join("earlier/run-1.mcap")), "old");
             assert_eq!(text(folder.join("cut-short/run-1.mcap")), "killed");
             interrupted()
@@ -229,7 +243,7 @@ mod tests {
     fn an_error_is_not_hidden_by_one_of_the_files() {
         let (_there, folder) = folder_with_a_performance();
         write(&folder, &["cut-short"], "a file");
-        let error = replacing(&folder, || -> anyhow::Result<()> {
+        let error = replaced(&folder, || -> anyhow::Result<()> {
             write(&folder, &["run-1.mcap"], "new");
             Err(Interrupted("use the hardware stop".to_string()).into())
         })
@@ -244,7 +258,7 @@ mod tests {
     fn without_an_earlier_one_everything_stays_where_it_was_written() {
         let there = tempfile::tempdir().unwrap();
         let folder = there.path().join("song");
-        let error = replacing(&folder, || -> anyhow::Result<()> {
+        let error = replaced(&folder, || -> anyhow::Result<()> {
             write(&folder, &["run-1.mcap"], "new");
             Err(anyhow!("the hand does not answer"))
         })

@@ -32,7 +32,7 @@ pub use at_sight::{AtSight, predicted_at_sight};
 pub use config::{DEFAULT_PRESET, RunConfig, presets, resolve};
 pub use correction::CorrectionFile;
 pub use doctor::{Finding, examine};
-pub use earlier::is_of_another_performance;
+pub use earlier::{earlier_of, is_of_another_performance};
 pub use errors::{Interrupted, released};
 pub use excitations::record_excitations;
 pub use folder::{CONFIG, META, SONG, make_folder};

@@ -260,7 +260,10 @@ pub fn play_on_robot(
         }
     };
     match folder {
-        Some(folder) => replacing(folder, play_runs),
+        Some(folder) => {
+            let has_music = |report: &RobotReport| report.runs[0].ending == Ending::Complete;
+            replacing(folder, has_music, play_runs)
+        }
         None => play_runs(),
     }
 }

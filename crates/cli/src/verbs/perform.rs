@@ -4,7 +4,8 @@ use std::path::{Path, PathBuf};
 
 use clap::ValueHint;
 use etude_lab::{
-    CorrectionFile, MeanNotes, RobotPlay, RobotReport, RobotStep, find_song, name_the_lead, play_on_robot,
+    CorrectionFile, MeanNotes, RobotPlay, RobotReport, RobotStep, earlier_of, find_song, name_the_lead,
+    play_on_robot,
 };
 use etude_music::sound::SoundFont;
 use etude_perform::stand::{RigChoice, rig_choice};
@@ -33,8 +34,8 @@ How late the robot's notes are is measured in a run before the others, and the p
 --set task.plan.lead_secs=SECS, with --correction, or if the robot does not go to the keyboard (--home).
 
 Files, per run: run-N.mcap (what was asked, sent and measured), .mid, .wav, .csv; and report.json, \
-reference.wav (what should have been played). Once a run has ended they replace those of an earlier performance; if none \
-does, the earlier one stays, and what was recorded is in DIR/cut-short.
+reference.wav (what should have been played). Once a run is complete they replace those of an earlier performance. \
+If the first run ends by a fault, the earlier one is in DIR/earlier; if none ends, it stays, and what was recorded is in DIR/cut-short.
 
 Examples:
   etude perform twinkle --robot twin
@@ -135,7 +136,12 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
         print(&report)?;
     }
     match report.runs.last().map(|run| &run.ending) {
-        Some(Played::Fault(fault)) => anyhow::bail!("the performance ended with a fault: {fault}"),
+        Some(Played::Fault(fault)) => {
+            let earlier = earlier_of(&folder).map_or_else(String::new, |path| {
+                format!("; the earlier performance is in {}", path.display())
+            });
+            anyhow::bail!("the performance ended with a fault: {fault}{earlier}")
+        }
         Some(Played::Complete) if report.runs.len() == play.runs => Ok(Ending::Done),
         _ => {
             note(format!("stopped; the means are of the runs before, of {} that were asked for", play.runs));

@@ -104,8 +104,16 @@ fn a_performance_on_a_robot_replaces_all_of_an_earlier_one_or_nothing() {
     assert!(desk.path("there/run-2.wav").is_file() && desk.path("there/replay.html").is_file());
     assert!(!desk.path("there/earlier").exists());
 
+    // A fault is kept to be looked at, and the performance before it too.
+    let failed =
+        desk.command("perform short.mid --scripted --fault can-bus-off@10.5 -o there").output().unwrap();
+    assert!(errors(&failed).contains("the earlier performance is in there/earlier"), "{}", errors(&failed));
+    assert_eq!(desk.bytes("there/earlier/run-1.mcap"), whole);
+    assert_ne!(desk.bytes("there/run-1.mcap"), whole);
+
     desk.ok("perform short.mid --scripted -o there");
     assert!(!desk.path("there/run-2.mcap").exists() && !desk.path("there/replay.html").exists());
+    assert!(!desk.path("there/earlier").exists());
     desk.ok("compare there there");
 }
 
