@@ -26,8 +26,8 @@ thread_local! {
 
 impl Studio {
     fn new(like: &World, size: [u32; 2], view: View) -> PyResult<Self> {
-        let world = World::new(like.config(), like.params()).map_err(error)?;
-        let painter = Painter::new(&world, size[0], size[1], view).map_err(error)?;
+        let mut world = World::new(like.config(), like.params()).map_err(error)?;
+        let painter = Painter::new(&mut world, size, view, true).map_err(error)?;
         let shapes = world.ornaments();
         Ok(Self { stage: like.config().clone(), size, view, world, shapes, painter })
     }

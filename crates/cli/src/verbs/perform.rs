@@ -203,7 +203,7 @@ fn with_faults(rig: RigChoice, faults: &[OrderedFault]) -> anyhow::Result<RigCho
 /// The result of the run that measures how late a robot's notes are.
 pub(super) fn lag_measured(notes: &NoteCounts, lead_secs: Option<f64>) -> String {
     let found = lead_secs
-        .map_or("no right note was near its time, so the plan's lead stays".to_string(), |lead| {
+        .map_or("no other lead makes a note right, so the plan's lead stays".to_string(), |lead| {
             format!("the plan leads by {:.0} ms from now on", lead * 1e3)
         });
     format!("to measure how late the notes are: {notes}; {found}")

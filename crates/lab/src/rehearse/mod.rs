@@ -55,7 +55,7 @@ pub enum RehearsalStep {
         round: usize,
         /// Its notes.
         notes: NoteCounts,
-        /// The lead of the plan against it, s; none if no right note was near its time, and the lead stays.
+        /// The lead of the plan against it, s; none if no note can be right with another one, and the lead stays.
         lead_secs: Option<f64>,
     },
     /// A run was played.

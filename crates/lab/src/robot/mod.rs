@@ -1,27 +1,30 @@
 //! Playing a song on a robot: the scores there and in simulation, and the gap between them.
 
+mod report;
+
 use std::path::Path;
 use std::sync::atomic::AtomicBool;
 
 use anyhow::bail;
-use etude_music::metrics::NoteScores;
+use etude_music::Song;
 use etude_music::sound::SoundFont;
-use etude_music::{LONGEST_LEAD_SECS, Song};
 use etude_perform::stand::{RigChoice, Stand};
 use etude_perform::stats::{deviation, mean};
 use etude_perform::{
-    Activity, Correction, Ending, Header, Job, Mode, Performance, RecordingWriter, RobotRig, Scores, Strokes,
-    TimingReport, Tracking, gap, perform, prepare, record_release,
+    Activity, Correction, Ending, Header, Job, Mode, Performance, RecordingWriter, RobotRig, gap, perform,
+    prepare, record_release,
 };
 use etude_stage::{JOINTS, PHYSICS_STEPS, World};
 use etude_task::{Piece, TaskError};
-use serde::{Deserialize, Serialize};
 
 use crate::earlier::{remove_files, replacing};
-use crate::errors::{Interrupted, released, stopped_itself};
+use crate::errors::{Interrupted, released};
 use crate::pianist::Pianist;
 use crate::planning::{plan, tell_planning};
 use crate::play::{Files, REFERENCE, header, keep, keep_reference, scores_in_simulation, write_report};
+
+pub use report::{MeanNotes, RobotReport, RobotRun};
+pub(crate) use report::{all_complete, robot_score};
 
 /// What to play on a robot, and how.
 #[derive(Clone)]
@@ -49,153 +52,6 @@ pub struct RobotPlay<'a> {
     pub font: Option<&'a SoundFont>,
 }
 
-/// The results. Its keys are those of `etude perform --json`. A run that was interrupted is listed, and counts in no mean.
-#[derive(Clone, Debug, Serialize)]
-pub struct RobotReport {
-    /// Title of the song.
-    pub song: String,
-    /// The policy file, or `scripted`.
-    pub player: String,
-    /// The execution mode.
-    pub mode: Mode,
-    /// The rig: `twin`, or the name in its file.
-    pub robot: String,
-    /// Name of the twin's truth; absent for a robot with a rig file.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub truth: Option<String>,
-    /// F1 by control step of the same pianist in simulation.
-    pub sim_f1: f64,
-    /// Mean of the runs' F1 by control step.
-    pub robot_f1: f64,
-    /// Their standard deviation; 0 for one run.
-    pub robot_f1_std: f64,
-    /// The share of `sim_f1` that is lost on the robot.
-    pub gap: f64,
-    /// The lead of the plan that was played, s (`task.plan.lead_secs`).
-    pub lead_secs: f64,
-    /// Mean over the runs of how late the whole performance was, s; absent if no run has a right key near its time.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub lag_secs: Option<f64>,
-    /// Notes, as means over the runs.
-    #[serde(flatten)]
-    pub notes: MeanNotes,
-    /// The runs.
-    pub runs: Vec<RobotRun>,
-}
-
-/// Notes of several runs, as means over them.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
-#[serde(default)]
-pub struct MeanNotes {
-    /// Notes of the song that were played in time.
-    pub notes_right: f64,
-    /// Notes of the song.
-    pub notes_due: usize,
-    /// Strokes that play no note of the song.
-    pub notes_wrong: f64,
-    /// F1 of notes, by their onsets.
-    pub onset_f1: f64,
-    /// The same if each run had been played earlier by its lag.
-    pub onset_f1_without_lag: f64,
-}
-
-impl MeanNotes {
-    fn of(due: usize, runs: &[&RobotRun]) -> Self {
-        let of = |score: fn(&NoteScores) -> f64| {
-            mean(&runs.iter().map(|run| score(&run.scores.note)).collect::<Vec<_>>())
-        };
-        Self {
-            notes_right: of(|note| note.matched as f64),
-            notes_due: due,
-            notes_wrong: of(|note| note.wrong as f64),
-            onset_f1: of(|note| note.onset_f1),
-            onset_f1_without_lag: of(|note| note.onset_f1_without_lag),
-        }
-    }
-}
-
-impl std::fmt::Display for MeanNotes {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        let count = |mean: f64| match mean.fract() {
-            0.0 => format!("{mean:.0}"),
-            _ => format!("{mean:.1}"),
-        };
-        let [right, wrong] = [self.notes_right, self.notes_wrong].map(count);
-        write!(f, "{right} of {} notes right, {wrong} wrong", self.notes_due)
-    }
-}
-
-/// The report of runs that were all complete, for work that plays on without an operator: a robot that has stopped itself, or was not
-/// released, is not powered again.
-///
-/// # Errors
-/// That of `played`; [`Interrupted`] if it was interrupted, or the fault of `part`.
-pub(crate) fn all_complete(
-    played: anyhow::Result<RobotReport>,
-    interrupted: bool,
-    part: &str,
-) -> anyhow::Result<RobotReport> {
-    if interrupted && played.as_ref().err().is_none_or(Interrupted::is_cause_of) {
-        return Err(Interrupted::resumable().into());
-    }
-    let report = played?;
-    match report.runs.iter().find(|run| run.ending != Ending::Complete) {
-        Some(run) => Err(stopped_itself(part, &run.ending.to_string())),
-        None => Ok(report),
-    }
-}
-
-/// By what playing on a robot is compared: the mean of F1 and the onset F1.
-pub(crate) fn robot_score(f1: f64, notes: &MeanNotes) -> f64 {
-    (f1 + notes.onset_f1) / 2.0
-}
-
-/// One run.
-#[derive(Clone, Debug, Serialize)]
-pub struct RobotRun {
-    /// Scores by control step and by note; control steps after an early end count as silent.
-    #[serde(flatten)]
-    pub scores: Scores,
-    /// F1 of the simulation beside the robot; absent in a mode without one.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub alongside_f1: Option<f64>,
-    /// Control steps played, of those in the song.
-    pub steps: [usize; 2],
-    /// How it ended.
-    pub ending: Ending,
-    /// Set-points that the limiter clamped, counted by joint.
-    pub clamped: u64,
-    /// Records that are missing in the recording.
-    pub lost_records: u64,
-    /// Deadlines and periods.
-    pub timing: TimingReport,
-    /// How the joints were asked to move and how they moved; empty without a correction, even an empty one.
-    #[serde(skip)]
-    pub tracking: Tracking,
-    /// Its notes.
-    #[serde(skip)]
-    pub strokes: Strokes,
-    /// The files that were written.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub files: Option<Files>,
-}
-
-/// Mean lag from which on another lead is worth having, s.
-const NOTICEABLE_SECS: f64 = 0.005;
-
-impl RobotReport {
-    /// The lead of the plan with which the notes would have been on time in the median, if they were not.
-    pub fn better_lead_secs(&self) -> Option<f64> {
-        self.lag_secs.filter(|late| late.abs() > NOTICEABLE_SECS)?;
-        self.lead_on_time().filter(|lead_secs| *lead_secs != self.lead_secs)
-    }
-
-    /// The lead of the plan with which the notes would have been on time in the median, s; none if no right note was near its time.
-    pub fn lead_on_time(&self) -> Option<f64> {
-        self.lag_secs.map(|late| (self.lead_secs + late).clamp(0.0, LONGEST_LEAD_SECS))
-    }
-}
-
 /// Progress of a performance on a robot.
 #[derive(Clone, Debug)]
 pub enum RobotStep {
@@ -203,7 +59,7 @@ pub enum RobotStep {
     LagMeasured {
         /// Its result.
         run: RobotRun,
-        /// The lead of the plan from now on, s; none if no right note was near its time, and the lead stays.
+        /// The lead of the plan from now on, s; none if no note can be right with another one, and the lead stays.
         lead_secs: Option<f64>,
     },
     /// A run has ended.
@@ -416,25 +272,4 @@ fn one_run(
     let mut rig =
         play.mode.rig(simulation, RobotRig::new(robot, pace, start).corrected(play.correction.as_ref()));
     Ok(perform(&mut *rig, &mut ready, task, piece, writer, interrupt)?)
-}
-
-impl RobotRun {
-    fn new(performance: Performance, files: Option<Files>) -> Self {
-        let scores = performance.scores();
-        let strokes = performance.strokes();
-        let (alongside_f1, steps) = (performance.alongside_f1(), performance.piece.steps());
-        let robot = performance.robot.unwrap_or_default();
-        Self {
-            scores,
-            alongside_f1,
-            steps: [performance.pressed.len(), steps],
-            clamped: robot.clamped,
-            lost_records: robot.lost_records,
-            timing: robot.timing.report(),
-            tracking: robot.tracking,
-            strokes,
-            ending: performance.ending,
-            files,
-        }
-    }
 }
