@@ -8,6 +8,8 @@
 //! GitHub (`robopianist/suite/tasks/piano_with_hands.py`). `wrong_travel` and the terms of a fingering are ours (RoboPianist rewards
 //! a fingering that people have written down). Other weights are our choice.
 
+mod appendix;
+
 use std::collections::BTreeMap;
 use std::ops::Range;
 
@@ -15,6 +17,7 @@ use etude_music::{KEYS, KeySet};
 use etude_stage::hand::FINGER_JOINTS;
 use etude_stage::{FINGERS, JOINTS, RAIL, StepOutcome, World};
 
+use self::appendix::{graded_key_press, hand_position, sliding};
 use crate::fingering::comb::beyond_target;
 use crate::fingering::{Goal, Goals};
 use crate::{ACTION_LEN, TaskError, assign};
@@ -237,47 +240,6 @@ fn strikes(moment: &Moment, margin: f64, counts: impl Fn(&Goal) -> bool) -> f64 
 /// 0.5 if there was no contact other than fingertips on the keyboard during the step, else 0.
 fn collision(moment: &Moment) -> f64 {
     if moment.outcome.collided { 0.0 } else { 0.5 }
-}
-
-/// Closeness of the palm to the middle of the due keys along the keyboard.
-fn hand_position(moment: &Moment) -> f64 {
-    if moment.due.is_empty() {
-        return 1.0;
-    }
-    let sum: f64 = moment.due.iter().map(|key| moment.world.key_target(key)[1]).sum();
-    let middle = sum / moment.due.len() as f64;
-    tolerance((moment.world.joints_true()[RAIL] - middle).abs(), 0.03, 0.3)
-}
-
-/// 0 if nothing sounds, from 0.5 if something wrong sounds, from 1 if all that sounds is due; more for deeper keys.
-fn graded_key_press(moment: &Moment) -> f64 {
-    let (due, pressed) = (moment.due, moment.world.pressed());
-    let travel = |key| moment.world.key_travel(key).clamp(0.0, 1.0);
-    if due.is_empty() {
-        let deepest = (0..KEYS).map(travel).fold(0.0, f64::max);
-        return if pressed.is_empty() { 1.5 } else { 2.0 * (1.0 - deepest) };
-    }
-    let mean = due.iter().map(travel).sum::<f64>() / due.len() as f64;
-    match (pressed.is_empty(), pressed.difference(due).is_empty()) {
-        (true, _) => 0.0,
-        (false, false) => 0.5 + 0.5 * mean,
-        (false, true) => 1.0 + 0.5 * mean,
-    }
-}
-
-/// One minus a penalty for moving the rail while keys are down.
-fn sliding(moment: &Moment) -> f64 {
-    let velocity = moment.world.joint_velocities()[RAIL];
-    let down = moment.world.pressed();
-    let neighbours = down.0 & (down.0 >> 1) != 0;
-    let factor = if down.is_empty() {
-        0.0
-    } else if neighbours {
-        2.0
-    } else {
-        1.0
-    };
-    1.0 - 3.0 * factor * velocity * velocity
 }
 
 /// Gaussian tolerance as in dm_control's `rewards.tolerance`: 1 up to `bound`, falling to 0.1 at `bound + margin`.

@@ -1,0 +1,47 @@
+//! The terms that the paper's appendix adds or puts in the place of others.
+
+use etude_music::KEYS;
+use etude_stage::RAIL;
+
+use super::{Moment, tolerance};
+
+/// Closeness of the palm to the middle of the due keys along the keyboard.
+pub(super) fn hand_position(moment: &Moment) -> f64 {
+    if moment.due.is_empty() {
+        return 1.0;
+    }
+    let sum: f64 = moment.due.iter().map(|key| moment.world.key_target(key)[1]).sum();
+    let middle = sum / moment.due.len() as f64;
+    tolerance((moment.world.joints_true()[RAIL] - middle).abs(), 0.03, 0.3)
+}
+
+/// 0 if nothing sounds, from 0.5 if something wrong sounds, from 1 if all that sounds is due; more for deeper keys.
+pub(super) fn graded_key_press(moment: &Moment) -> f64 {
+    let (due, pressed) = (moment.due, moment.world.pressed());
+    let travel = |key| moment.world.key_travel(key).clamp(0.0, 1.0);
+    if due.is_empty() {
+        let deepest = (0..KEYS).map(travel).fold(0.0, f64::max);
+        return if pressed.is_empty() { 1.5 } else { 2.0 * (1.0 - deepest) };
+    }
+    let mean = due.iter().map(travel).sum::<f64>() / due.len() as f64;
+    match (pressed.is_empty(), pressed.difference(due).is_empty()) {
+        (true, _) => 0.0,
+        (false, false) => 0.5 + 0.5 * mean,
+        (false, true) => 1.0 + 0.5 * mean,
+    }
+}
+
+/// One minus a penalty for moving the rail while keys are down.
+pub(super) fn sliding(moment: &Moment) -> f64 {
+    let velocity = moment.world.joint_velocities()[RAIL];
+    let down = moment.world.pressed();
+    let neighbours = down.0 & (down.0 >> 1) != 0;
+    let factor = if down.is_empty() {
+        0.0
+    } else if neighbours {
+        2.0
+    } else {
+        1.0
+    };
+    1.0 - 3.0 * factor * velocity * velocity
+}
