@@ -27,6 +27,12 @@ export function sidewaysHint(columns, scrolling) {
   return hint;
 }
 
+/** Scrolls an element into view as little as it takes; at once if reduced motion is asked for. */
+export function reveal(target) {
+  const behavior = matchMedia('(prefers-reduced-motion: reduce)').matches ? 'auto' : 'smooth';
+  target.scrollIntoView({ block: 'nearest', behavior });
+}
+
 /** Sets the text only if it differs, because every change costs a layout. */
 export function setText(target, text) {
   if (target.textContent !== text) target.textContent = text;

@@ -22,12 +22,12 @@ export function mistakes(take) {
     const add = (kind, more) => found.push({ kind, secs: due.start, pitch: due.pitch, more });
     if (!note) return add('missed', '');
     const error = note.start - due.start;
-    if (!heard.right) add(error > 0 ? 'too late' : 'too early', ms(error));
+    if (!heard.right) add(error > 0 ? 'too late' : 'too early', `${ms(error)} ${error > 0 ? 'late' : 'early'}`);
     const louder = note.velocity - due.velocity;
     if (dynamic && Math.abs(louder) > VELOCITY_TOLERANCE) add(louder > 0 ? 'too loud' : 'too soft', `${note.velocity}, not ${due.velocity}`);
   });
   for (const note of take.notes.filter(({ kind }) => kind === 'wrong')) {
-    found.push({ kind: 'wrong stroke', secs: note.start, pitch: note.pitch, more: ms(note.end - note.start) });
+    found.push({ kind: 'wrong stroke', secs: note.start, pitch: note.pitch, more: `held ${ms(note.end - note.start)}` });
   }
   return found;
 }

@@ -2,7 +2,7 @@
 
 import { LinearSRGBColorSpace, PerspectiveCamera, WebGLRenderer } from 'three';
 
-import { element, setText } from './dom.js';
+import { element, reveal, setText } from './dom.js';
 import { DRAWN_BY_PROCESSOR } from './quality.js';
 import { Stage } from './stage.js';
 import { backdrop } from './theme.js';
@@ -59,8 +59,7 @@ export class Pane {
   /** Scrolls the scene into view if a part of it is out of sight, as on a phone. */
   reveal() {
     const { top, bottom } = this.frame.getBoundingClientRect();
-    const behavior = matchMedia('(prefers-reduced-motion: reduce)').matches ? 'auto' : 'smooth';
-    if (top < 0 || bottom > innerHeight) this.frame.scrollIntoView({ block: 'nearest', behavior });
+    if (top < 0 || bottom > innerHeight) reveal(this.frame);
   }
 
   /** Moves the caption's number to a place. */

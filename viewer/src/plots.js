@@ -59,7 +59,7 @@ class Plot {
     moveCursor(this.cursor, MARGIN + secs * this.scale);
     this.lines.forEach(({ take, letter, values }, index) => {
       const value = values[take.stepBefore(secs)];
-      setText(this.values[index], `${letter} ${Number.isFinite(value) ? value.toFixed(3) : '–'}`.trim());
+      setText(this.values[index], `${letter} ${Number.isFinite(value) ? fixedText(value) : '–'}`.trim());
     });
   }
 }
@@ -97,6 +97,9 @@ function constantText(lines) {
 /** A number with at most so many significant digits. */
 const shortText = (value, digits = 3) => String(Number(value.toPrecision(digits))).replace('-', '−');
 
+/** A number with three digits after the point; one that rounds to zero has no sign. */
+const fixedText = (value) => value.toFixed(3).replace(/^-(?=0\.000$)/, '').replace('-', '−');
+
 const SCORES = [['f1', 'F1'], ['precision', 'precision'], ['recall', 'recall']];
 
 export class Plots {
@@ -112,8 +115,12 @@ export class Plots {
     const constant = curves.filter((curve) => areConstant(curve.lines));
     const drawn = curves.filter((curve) => !constant.includes(curve));
     this.plots = drawn.map((curve) => new Plot({ ...curve, range: curve.spanOf(curve.lines) }, seek));
-    const notes = new Set(shown.map(({ take }) => take.rewardsNote).filter((note) => note !== null));
-    if (rewards.length === 0) notes.add('The reward terms were not recorded.');
+    const said = new Set(shown.map(({ take }) => take.rewardsNote).filter((note) => note !== null));
+    const notes = [...said].map((note) => {
+      const letters = shown.filter(({ take }) => take.rewardsNote === note).map(({ letter }) => letter).join(' and ');
+      return letters ? `${letters}: ${note}` : note;
+    });
+    if (rewards.length === 0) notes.push('The reward terms were not recorded.');
     const named = constant.map((curve) => `${curve.title} ${constantText(curve.lines)}`).join(', ');
     this.root = element(
       'section', { class: 'numbers' },
@@ -121,7 +128,7 @@ export class Plots {
       element('p', { class: 'note', text: 'F1, precision and recall compare the keys that sound with those that are due, control step by control step, as the paper does; the roll and the lists above judge strokes.' }),
       element('div', { class: 'plots' }, ...this.plots.map((plot) => plot.root)),
       named ? element('p', { class: 'note', text: `Not drawn, because constant: ${named}.` }) : null,
-      ...[...notes].map((text) => element('p', { class: 'note', text })),
+      ...notes.map((text) => element('p', { class: 'note', text })),
     );
   }
 

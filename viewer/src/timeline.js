@@ -8,9 +8,9 @@ import { MISSED, WRONG, theme } from './theme.js';
 const KINDS = {
   fault: { colour: WRONG, shape: 'triangle', one: 'fault', many: 'faults' },
   warning: { colour: MISSED, shape: 'diamond', one: 'warning', many: 'warnings' },
-  clamp: { colour: '#808080', shape: 'tick', one: 'clamp', many: 'clamps' },
+  clamp: { colour: '#808080', shape: 'tick', one: 'set-point limited', many: 'set-points limited' },
   phase: { colour: '#009E73', shape: 'flag', one: 'phase', many: 'phases' },
-  parting: { colour: '#808080', shape: 'band', one: 'parting (different keys sound)', many: 'partings (different keys sound)' },
+  parting: { colour: '#808080', shape: 'band', one: 'place where A and B sound different keys', many: 'places where A and B sound different keys' },
 };
 const LANE = 14;
 /** Width of a mark in the legend. */
@@ -118,7 +118,7 @@ export class Timeline {
 }
 
 function partingText(from, to) {
-  return `parting: different keys sound for ${(to - from).toFixed(2)} s`;
+  return `A and B sound different keys for ${(to - from).toFixed(2)} s`;
 }
 
 /** A hatched stretch: where two takes sound different keys. */

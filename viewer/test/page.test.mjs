@@ -240,7 +240,7 @@ test('the mistakes are listed by kind, each once, and a click goes there', async
   await withPage(await browser.write({ version: 1, takes: [wrong, right], partings: [] }), {}, async (page) => {
     const list = page.getByRole('group', { name: 'Mistakes of take A' });
     assert.deepEqual(await list.locator('.kind').allTextContents(), [
-      'missed: 10:05.0 G4', 'too early: 10:03.0 E4, 70 ms', 'too late: 10:02.0 D4, 80 ms', 'wrong stroke: 10:04.5 A♯4, 250 ms',
+      'missed: 10:05.0 G4', 'too early: 10:03.0 E4, 70 ms early', 'too late: 10:02.0 D4, 80 ms late', 'wrong stroke: 10:04.5 A♯4, held 250 ms',
       'too loud: 10:03.0 E4, 101, not 60', 'too soft: 10:04.0 F4, 19, not 60',
     ]);
     const roll = await page.locator('.roll').first().getAttribute('aria-label');
@@ -309,6 +309,31 @@ test('a reward term that is constant in all takes is named and not drawn', async
   });
 });
 
+test('of two takes it is said which one a remark is true of, what is counted is named, and minus is a sign of its own', async () => {
+  const [one, other] = [7, 29].map((seed) => sampleTake({ seed, steps: 60 }));
+  one.rewards = [{ name: 'energy', values: one.due.map((_, step) => (step === 0 ? -0.0001 : -0.25)) }];
+  other.rewards = [];
+  other.rewards_note = 'Energy was left out.';
+  other.marks = [1, 2].map((secs) => ({ secs, kind: 'clamp', text: 'rail' }));
+  await withPage(await browser.write({ version: 1, takes: [one, other], partings: [[1, 1.1]] }), {}, async (page) => {
+    assert.equal(await page.locator('.numbers > .note').last().textContent(), 'B: Energy was left out.');
+    assert.deepEqual(await page.locator('.marks .item').allTextContents(), ['2 set-points limited', '1 place where A and B sound different keys']);
+    const energy = page.locator('.plot').last().locator('output').first();
+    for (const [secs, says] of [[1 / HZ, 'A 0.000'], [1, 'A −0.250']]) {
+      await page.evaluate((at) => window.etude.seek(at), secs);
+      assert.equal(await energy.textContent(), says);
+    }
+  });
+  const both = [one, other].map((take) => ({ ...take, marks: [other.marks[0]], rewards_note: 'Energy was left out.' }));
+  await withPage(await browser.write({ version: 1, takes: both, partings: [] }), {}, async (page) => {
+    assert.equal(await page.locator('.numbers > .note').last().textContent(), 'A and B: Energy was left out.');
+  });
+  await withPage(await browser.write({ version: 1, takes: [both[0]], partings: [] }), {}, async (page) => {
+    assert.equal(await page.locator('.numbers > .note').last().textContent(), 'Energy was left out.');
+    assert.deepEqual(await page.locator('.marks .item').allTextContents(), ['1 set-point limited']);
+  });
+});
+
 test('of a nearly perfect song a score is drawn from its lowest value on, and one that stays perfect is named', async () => {
   const take = sampleTake({ steps: 200 });
   take.running = { f1: take.due.map((_, step) => (step < 90 ? 1 : 0.978)), precision: take.due.map(() => 1), recall: take.due.map(() => 1) };
@@ -366,14 +391,14 @@ test('two takes stand side by side, with the places where they part', async () =
     await withPage(file, options, async (page) => {
       assert.equal(await page.locator('canvas.scene').count(), 2);
       const [from] = two.partings[0];
-      assert.match(await page.locator('.marks .item').last().textContent(), /^\d+ partings \(different keys sound\)$/);
+      assert.match(await page.locator('.marks .item').last().textContent(), /^\d+ places where A and B sound different keys$/);
       const hatched = await page.locator('.marks .item canvas').last().evaluate((canvas) => {
         const { data } = canvas.getContext('2d').getImageData(0, 0, canvas.width, canvas.height);
         return new Set(data.filter((_, byte) => byte % 4 === 3)).size > 1;
       });
       assert.ok(hatched, 'the legend shows the hatch');
       await page.getByText('On the time line').click();
-      await page.getByRole('button', { name: 'parting' }).first().click();
+      await page.getByRole('button', { name: 'A and B sound different keys' }).first().click();
       assert.ok(Math.abs((await page.evaluate(() => window.etude.time())) - from) < 1e-6);
       assert.ok((await overflow(page)) <= 0);
       const notes = page.locator('.notes ol > li');

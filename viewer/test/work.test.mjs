@@ -109,8 +109,11 @@ test('it performs on the twin, compares, and opens the replay', { skip }, async 
   await page.getByRole('button', { name: 'Perform it on the twin' }).focus();
   await page.keyboard.press('Enter');
   await isDone('twin, real');
+  const [hint, compare] = [page.getByText('mark two performances of one song'), page.getByRole('button', { name: 'Compare the two' })];
+  assert.deepEqual([await hint.isVisible(), await compare.isEnabled()], [true, false]);
   for (const box of await page.getByRole('checkbox').all()) await box.check();
-  await page.getByRole('button', { name: 'Compare the two' }).click();
+  assert.deepEqual([await hint.isVisible(), await compare.isEnabled()], [false, true]);
+  await compare.click();
   await page.getByText('Of each note: onset and length').waitFor(LONG);
   const [replay] = await Promise.all([page.waitForEvent('popup'), page.getByRole('link', { name: 'Replay of both' }).click()]);
   const replayTroubles = [];
@@ -139,6 +142,48 @@ test('a file can be chosen instead of dropped', { skip }, async () => {
   await page.locator('input[type="file"]').setInputFiles({ name: 'By Button.mid', mimeType: 'audio/midi', buffer: await readFile(songFile) });
   await page.locator('.heard').getByText('By Button, played by the policy policies/sight-reader.safetensors').waitFor(LONG);
   assert.equal(await page.locator('.song h2').first().innerText(), 'By Button');
+});
+
+test('two performances of different songs are not compared', { skip }, async () => {
+  for (const box of await page.getByRole('checkbox').all()) await box.uncheck();
+  for (const song of ['by-button', 'au-clair']) await page.getByRole('checkbox', { name: `Compare out/${song}` }).first().check();
+  await page.getByText('mark two performances of one song').waitFor();
+  assert.equal(await page.getByRole('button', { name: 'Compare the two' }).isEnabled(), false);
+});
+
+test('on a phone a tap brings what answers it into view, and nothing else moves the page', { skip }, async () => {
+  const phone = await open({ viewport: { width: 390, height: 844 }, isMobile: true, hasTouch: true });
+  await phone.getByText('With three fingers').waitFor(LONG);
+  const seen = (selector) => phone.waitForFunction((which) => {
+    const part = document.querySelector(which);
+    const { top, bottom, height } = part.getBoundingClientRect();
+    return part.textContent && height > 0 && top > -1 && bottom < window.innerHeight + 1;
+  }, selector, LONG);
+  const tap = async (name) => {
+    const button = phone.getByRole('button', { name }).first();
+    await button.evaluate((target) => target.scrollIntoView({ block: 'start' }));
+    assert.ok(await phone.evaluate(() => document.querySelector('.trouble').getBoundingClientRect().bottom < 0));
+    await button.tap();
+  };
+  const refuse = (route) => route.fulfill({ status: 409, contentType: 'application/json', body: '{"error":"This runs already."}' });
+  await phone.route('**/jobs', refuse);
+  for (const name of ['Play it', 'Perform it', 'Train a policy']) {
+    await tap(name);
+    await seen('.trouble');
+  }
+  await phone.unroute('**/jobs', refuse);
+  await tap('Play it');
+  await seen('.heard');
+  // The server is asked again and again, and a refusal of that is not the answer to a tap.
+  await phone.evaluate(() => window.scrollTo(0, document.body.scrollHeight));
+  const place = await phone.evaluate(() => window.scrollY);
+  await phone.route('**/state', (route) => route.abort());
+  await phone.getByRole('alert').getByText('The server does not answer').waitFor({ state: 'attached', ...LONG });
+  assert.ok(await phone.evaluate(() => window.scrollY) >= place);
+  await phone.context().close();
+  // Chromium itself tells of requests that fail.
+  assert.ok(troubles.every((text) => /409|ERR_FAILED/.test(text)), troubles.join('\n'));
+  troubles.length = 0;
 });
 
 test('a server that has ended is told of, until it answers again', { skip }, async () => {

@@ -7,11 +7,14 @@
 //! ```
 
 use std::ffi::OsString;
+use std::fs::{File, TryLockError};
 use std::path::{Path, PathBuf};
+
+use anyhow::bail;
 
 use crate::errors::{Interrupted, unusable};
 use crate::folder::make_folder;
-use crate::play::{PAGE, REFERENCE, REPORT};
+use crate::play::{PAGE, RECORDING, REFERENCE, REPORT};
 use crate::robot::run_file;
 
 /// Name of the folder in which the earlier performance is while a new one is played.
@@ -26,7 +29,7 @@ pub fn is_of_another_performance(folder: &Path) -> bool {
 
 /// Where the earlier performance is if the one in `folder` has ended by a fault before a run was complete.
 pub fn earlier_of(folder: &Path) -> Option<PathBuf> {
-    Some(folder.join(EARLIER)).filter(|earlier| earlier.is_dir())
+    Some(folder.join(EARLIER)).filter(|earlier| files(earlier).is_ok_and(|names| !names.is_empty()))
 }
 
 /// Calls `play`, which writes the files of a performance on a robot into `folder`. Those of an earlier one are moved aside before. If `play`
@@ -37,8 +40,12 @@ pub(crate) fn replacing<T>(
     play: impl FnOnce() -> anyhow::Result<T>,
 ) -> anyhow::Result<T> {
     make_folder(folder)?;
+    let _lock = lock(folder)?;
+    if folder.join(RECORDING).is_file() {
+        bail!("{} holds what `etude play` has written: choose another folder with -o", folder.display());
+    }
     let aside = folder.join(EARLIER);
-    if aside.is_dir() {
+    if !files(&aside)?.is_empty() {
         // The last performance has ended by a fault, or its process was killed.
         restore(folder)?;
     }
@@ -58,6 +65,18 @@ pub(crate) fn replacing<T>(
         },
         Err(error) => Err(with_recording(error, folder)),
     }
+}
+
+/// Takes the folder for one performance. Where the file system has no locks, every process gets it.
+fn lock(folder: &Path) -> anyhow::Result<File> {
+    let open = File::open(folder).map_err(|error| unusable(folder, error))?;
+    if matches!(open.try_lock(), Err(TryLockError::WouldBlock)) {
+        bail!(
+            "another `etude perform` is at work in {}: wait for it, stop it, or choose another folder with -o",
+            folder.display()
+        );
+    }
+    Ok(open)
 }
 
 /// Moves the earlier performance back, and what has been recorded since then into the folder for that.
@@ -221,6 +240,31 @@ mod tests {
         assert!(error.is_err());
         assert_eq!(text(cut_short.join("reference.wav")), "second");
         assert_eq!(names(&folder), [&["cut-short"][..], &OLD].concat());
+    }
+
+    #[test]
+    fn a_file_of_another_kind_beside_the_earlier_one_changes_nothing() {
+        let (_there, folder) = folder_with_a_performance();
+        std::fs::create_dir(folder.join(EARLIER)).unwrap();
+        write(&folder.join(EARLIER), &["mine.html"], "mine");
+        for _ in 0..2 {
+            assert!(replaced(&folder, || -> anyhow::Result<()> { interrupted() }).is_err());
+            assert_eq!(text(folder.join("run-1.mcap")), "old");
+        }
+        assert_eq!(text(folder.join("earlier/mine.html")), "mine");
+    }
+
+    #[test]
+    fn two_performances_do_not_write_into_one_folder() {
+        let (_there, folder) = folder_with_a_performance();
+        replaced(&folder, || {
+            let error = replaced(&folder, || Ok(())).unwrap_err();
+            assert!(error.to_string().contains("another `etude perform` is at work"), "{error}");
+            Ok(())
+        })
+        .unwrap();
+        write(&folder, &["recording.mcap"], "of `etude play`");
+        assert!(replaced(&folder, || Ok(())).unwrap_err().to_string().contains("etude play"));
     }
 
     #[test]

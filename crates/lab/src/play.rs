@@ -19,6 +19,7 @@ use crate::errors::{Interrupted, unusable};
 use crate::folder::make_folder;
 use crate::pianist::Pianist;
 use crate::planning::tell_planning;
+use crate::robot::run_file;
 
 /// The figures of a performance and its files. Its keys are those of `etude play --json`.
 #[derive(Clone, Debug, Serialize)]
@@ -83,6 +84,9 @@ pub fn play(
     job: &mut Job<'_, PlayStep>,
 ) -> anyhow::Result<PlayReport> {
     make_folder(folder)?;
+    if folder.join(run_file(0, "mcap")).is_file() {
+        bail!("{} holds what `etude perform` has written: choose another folder with -o", folder.display());
+    }
     let unfinished = folder.join(format!(".unfinished-{}", std::process::id()));
     make_folder(&unfinished)?;
     let played = play_into(&unfinished, folder, song, pianist, font, job);

@@ -40,7 +40,12 @@ export function jobsList(jobs, { stop }) {
 export function performancesList(performances, { listen, start, chosen }) {
   if (performances.length === 0) return null;
   const compare = button('Compare the two that are marked', 'compare', () => start({ verb: 'compare', one: chosen[0], other: chosen[1] }));
-  const enable = () => { compare.disabled = chosen.length !== 2; };
+  const hint = element('span', { class: 'quiet', text: 'mark two performances of one song' });
+  const enable = () => {
+    const songs = chosen.map((marked) => performances.find(({ recording }) => recording === marked)?.song);
+    hint.hidden = songs.length === 2 && songs[0] === songs[1];
+    compare.disabled = !hint.hidden;
+  };
   const mark = (performance) => {
     const box = element('input', { type: 'checkbox', 'data-key': `mark ${performance.recording}`, 'aria-label': `Compare ${performance.recording}` });
     box.checked = chosen.includes(performance.recording);
@@ -70,7 +75,7 @@ export function performancesList(performances, { listen, start, chosen }) {
   enable();
   return [
     element('ul', { class: 'performances' }, ...performances.map(item)),
-    element('p', { class: 'row' }, compare),
+    element('p', { class: 'row' }, compare, hint),
   ];
 }
 

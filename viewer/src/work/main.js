@@ -1,6 +1,6 @@
 /** The page of `etude serve`. All that it does is done by verbs of `etude`, and all that it shows lies in files; so a reload loses nothing. */
 
-import { element, setText } from '../dom.js';
+import { element, reveal, setText } from '../dom.js';
 import * as ask from './ask.js';
 import { comparison, comparisonsList, jobsList, performancesList, runs, trainingsList } from './lists.js';
 import { Section, choice, field, notesText, playerText, scoreText } from './parts.js';
@@ -31,7 +31,7 @@ const comparisons = new Section('Comparisons');
 const compared = new Section('Note by note');
 const trainings = new Section('Trainings');
 
-/** What to do when a job has come so far, by its number. */
+/** What to do when a job has come so far, and whether a person has asked for the job, by its number. */
 const waiting = new Map();
 /** Recordings that are marked for a comparison. */
 const chosen = [];
@@ -53,21 +53,29 @@ function fail(error) {
   trouble.dataset.gone = String(error.isGone === true);
 }
 
-/** Does something that a person has asked for; what goes wrong is said. */
+/** Does something that a person has asked for; what goes wrong is said, and brought into view. */
 async function attempt(act) {
   try {
     trouble.textContent = '';
     await act();
   } catch (error) {
     fail(error);
+    reveal(trouble);
   }
 }
 
-/** Starts a verb. */
-const start = (wanted) => attempt(async () => {
+/** Starts a verb; gives the number of its job. */
+async function begun(wanted, isAskedFor) {
   const id = await ask.start(wanted);
-  waiting.set(id, (job) => AFTER[wanted.verb]?.(job, wanted));
+  waiting.set(id, { then: (job) => AFTER[wanted.verb]?.(job, wanted), isAskedFor });
   await look();
+  return id;
+}
+
+/** Starts a verb that a person has asked for, and brings its job into view if that goes on. */
+const start = (wanted) => attempt(async () => {
+  const id = await begun(wanted, true);
+  if (known.jobs.some((job) => job.id === id && runs(job))) reveal(jobs.content.querySelector('li'));
 });
 
 const stop = (id) => attempt(async () => {
@@ -83,13 +91,17 @@ const AFTER = {
   play: hear,
   perform: hear,
   compare: (job) => showComparison(job.makes),
+  replay: (_, { recording }) => {
+    const { page } = known.performances.find((performance) => performance.recording === recording) ?? {};
+    if (page) reveal(performances.content.querySelector(`[data-key="${CSS.escape(`page ${page}`)}"]`));
+  },
 };
 
 /** Lets `etude songs show` read a song, or waits for it if it does so already. */
 async function read({ song: name, about }) {
   const job = known.jobs.find((job) => job.makes === about && runs(job));
-  if (job) waiting.set(job.id, () => AFTER.show(job, { song: name }));
-  else await start({ verb: 'show', song: name });
+  if (job) waiting.set(job.id, { then: () => AFTER.show(job, { song: name }), isAskedFor: false });
+  else await begun({ verb: 'show', song: name }, false);
 }
 
 function hear(job) {
@@ -103,6 +115,7 @@ async function listen(performance) {
   const figures = [notesText(performance), scoreText(performance.f1)].filter(Boolean).join(', ');
   heading.textContent = `${performance.song}, played by ${playerText(performance.player)}: ${figures}`;
   heard.hidden = false;
+  reveal(heard);
   // The file of this name may be a new one.
   player.src = `${ask.address(performance.wav)}?at=${Date.now()}`;
   try {
@@ -124,6 +137,7 @@ async function showComparison(path) {
   const found = await ask.json(path);
   comparisons.content.querySelector('select').value = path;
   compared.show([path, found], () => comparison(path, found));
+  reveal(compared.root);
 }
 
 /** Takes a MIDI file: shows it, and lets it be played if the keyboard has its notes. */
@@ -160,11 +174,14 @@ async function look() {
 /** Does what follows the jobs that have come so far. */
 async function follow() {
   for (const job of known.jobs.filter(({ id }) => waiting.has(id))) {
-    const then = waiting.get(job.id);
+    const { then, isAskedFor } = waiting.get(job.id);
     if (job.done > 0 || !runs(job)) waiting.delete(job.id);
     if (job.done > 0) await then(job);
     else if (job.state === 'stopped') status.textContent = `Stopped: ${job.title}`;
-    else if (job.state === 'failed') throw new Error(`${job.title}: ${job.said.join('\n') || 'failed'}`);
+    else if (job.state === 'failed') {
+      fail(new Error(`${job.title}: ${job.said.join('\n') || 'failed'}`));
+      if (isAskedFor) reveal(trouble);
+    }
   }
 }
 
@@ -226,11 +243,13 @@ async function begin() {
   jobs.show([], () => null);
   compared.show(null, () => null);
   await look();
-  await attempt(async () => {
+  try {
     const wanted = decodeURIComponent(location.hash.slice(1));
     const [first] = known.songs;
     if (first) await choose(known.songs.some(({ song: name }) => name === wanted) ? wanted : first.song);
-  });
+  } catch (error) {
+    fail(error);
+  }
 }
 
 begin();

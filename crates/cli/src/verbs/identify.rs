@@ -111,7 +111,9 @@ fn show(status: &mut Status, at: &Progress) {
 /// The pass of a fit, and how far it is. It ends when all is settled, so the time left is an upper bound.
 pub(super) fn fit(at: &Progress) -> [String; 2] {
     let [ended, all] = at.ended;
-    let left = at.most_secs_left().map_or_else(String::new, |secs| format!(", at most {} left", clock(secs)));
+    let left = at
+        .most_secs_left()
+        .map_or_else(String::new, |secs| format!(", at most about {} left in this pass", clock(secs)));
     let state = format!(
         ", {}, residuals {:.2} times the noise, {ended} of {all} settled, {} so far{left}",
         replays(at.replays),

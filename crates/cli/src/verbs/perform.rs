@@ -30,7 +30,7 @@ The twin is an emulated robot: its devices use the same bytes as the real ones, 
 from the simulator (--truth) moves them. It runs as fast as it can be computed, and the same seed gives the same recording. \
 For a twin by the wall clock start `etude twin` in another terminal and give its rig.
 
-How late the robot's notes are is measured in a run before the others, and the plan of the others leads by that. It is not with \
+How late the robot's notes are is measured in a run before the others, and the plan of the others leads by that. It is not measured with \
 --set task.plan.lead_secs=SECS, with --correction, or if the robot does not go to the keyboard (--home).
 
 Files, per run: run-N.mcap (what was asked, sent and measured), .mid, .wav, .csv; and report.json, \
@@ -204,9 +204,9 @@ fn with_faults(rig: RigChoice, faults: &[OrderedFault]) -> anyhow::Result<RigCho
 pub(super) fn lag_measured(notes: &NoteCounts, lead_secs: Option<f64>) -> String {
     let found = lead_secs
         .map_or("no other lead makes a note right, so the plan's lead stays".to_string(), |lead| {
-            format!("the plan leads by {:.0} ms from now on", lead * 1e3)
+            format!("from now on the plan leads by {:.0} ms", lead * 1e3)
         });
-    format!("to measure how late the notes are: {notes}; {found}")
+    format!("run to measure how late the notes are (not counted): {notes}; {found}")
 }
 
 fn print(report: &RobotReport) -> anyhow::Result<()> {
@@ -218,6 +218,9 @@ fn print(report: &RobotReport) -> anyhow::Result<()> {
         report.truth.as_ref().map_or_else(String::new, |truth| format!(" (truth `{truth}`)")),
         report.mode
     ))?;
+    if report.only_measuring {
+        line("The run that measures how late the notes are has ended early; none that counts was played")?;
+    }
     for (index, run) in report.runs.iter().enumerate() {
         line(format!("run {}: {}", index + 1, heard(&run.scores.note)))?;
     }
@@ -228,7 +231,7 @@ fn print(report: &RobotReport) -> anyhow::Result<()> {
         let advice = advice
             .map_or_else(String::new, |lead| format!("; on time with --set task.plan.lead_secs={lead:.3}"));
         line(format!(
-            "Onset F1 {onset_f1:.3}, aligned by the median lag {aligned:.3}; lag {:+.0} ms with a lead of {:.0} ms{advice}",
+            "Onset F1 {onset_f1:.3}, aligned by the median lag {aligned:.3}; lag {:+.0} ms; the plan leads by {:.0} ms{advice}",
             lag * 1e3,
             report.lead_secs * 1e3,
         ))?;

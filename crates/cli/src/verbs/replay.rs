@@ -22,7 +22,7 @@ pub struct Args {
     /// Recordings (*.mcap), or folders that hold some
     #[arg(required = true, value_name = "RECORDING")]
     recordings: Vec<PathBuf>,
-    /// The page; replay.html beside the first recording if not given
+    /// The page; if not given replay.html beside the first recording, or compared.html if they are in several folders
     #[arg(short = 'o', long = "out", value_name = "FILE")]
     out: Option<PathBuf>,
     /// Print JSON: page, bytes, and of each recording name, song, rig, mode, steps, f1, notes, marks, incomplete
@@ -54,6 +54,10 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
     let page = match args.out {
         Some(folder) if folder.is_dir() => folder.join(PAGE),
         Some(page) => page,
+        // The folder of the first may have a page of its own.
+        None if paths.iter().any(|path| path.parent() != paths[0].parent()) => {
+            paths[0].with_file_name("compared.html")
+        }
         None => paths[0].with_file_name(PAGE),
     };
     let page = file_to_write(page, "html", "a replay is written as .html")?;

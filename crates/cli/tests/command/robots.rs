@@ -59,8 +59,8 @@ fn notes_are_on_time_by_a_run_before_or_by_the_proposed_lead() {
         lead
     };
     let output = desk.command(args).output().unwrap();
-    assert!(errors(&output).contains("to measure how late the notes are"), "{}", errors(&output));
-    assert!(errors(&output).contains("the plan leads by"), "{}", errors(&output));
+    assert!(errors(&output).contains("run to measure how late the notes are"), "{}", errors(&output));
+    assert!(errors(&output).contains("from now on the plan leads by"), "{}", errors(&output));
     // The run that measures is none of those that are kept.
     assert!(desk.path("played/run-1.mcap").is_file() && !desk.path("played/run-2.mcap").exists());
     let report = std::fs::read(desk.path("played/report.json")).unwrap();

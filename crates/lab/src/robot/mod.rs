@@ -136,7 +136,11 @@ fn play_on_time(
     let run = &measured.runs[0];
     if run.ending != Ending::Complete {
         job.tell(&RobotStep::RunEnded { index: 0, run: run.clone() });
-        return Ok(measured);
+        let report = RobotReport { only_measuring: true, ..measured };
+        if let Some(folder) = folder {
+            write_report(folder, &report)?;
+        }
+        return Ok(report);
     }
     if let Some(folder) = folder {
         remove_files(folder)?;
@@ -235,6 +239,7 @@ fn play_runs(
         lead_secs: task.plan.lead_secs,
         lag_secs: (!lags.is_empty()).then(|| mean(&lags)),
         notes: MeanNotes::of(piece.notes().len(), &counted),
+        only_measuring: false,
         runs,
     };
     if let Some(folder) = folder {

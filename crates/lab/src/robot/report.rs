@@ -39,6 +39,9 @@ pub struct RobotReport {
     /// Notes, as means over the runs.
     #[serde(flatten)]
     pub notes: MeanNotes,
+    /// Whether the only run is the one that should have measured the lag: it ended early, and no run that counts was played.
+    #[serde(skip_serializing_if = "std::ops::Not::not")]
+    pub only_measuring: bool,
     /// The runs.
     pub runs: Vec<RobotRun>,
 }

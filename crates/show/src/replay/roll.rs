@@ -59,7 +59,8 @@ fn hex([red, green, blue]: [u8; 3]) -> String {
     format!("#{red:02x}{green:02x}{blue:02x}")
 }
 
-/// Right is filled, too early or late an outline, missed a thin outline, wrong hatched, so that they differ without colours too.
+/// As on the replay page: right is filled, too early or late an outline, missed hatched, wrong a narrow bar, so that they differ without
+/// colours too.
 pub(crate) fn roll_svg(take: &Take) -> String {
     let (low, high) = take.compass().unwrap_or((60, 60));
     let ends = take.due_notes.iter().chain(&take.notes).map(|note| note.end);
@@ -70,21 +71,22 @@ pub(crate) fn roll_svg(take: &Take) -> String {
         let [fill, stroke, line] = match shown {
             Shown::Right | Shown::Played => [&colour, "none", "1"],
             Shown::Off => ["none", &colour, "2"],
-            Shown::Missed => ["none", &colour, "1.5"],
-            Shown::Wrong => ["url(#wrong)", &colour, "0.5"],
+            Shown::Missed => ["url(#missed)", &colour, "1.5"],
+            Shown::Wrong => [&colour, "none", "1"],
         };
+        let inset = if shown == Shown::Wrong { 2 } else { 0 };
         let [x, length] = [note.start, note.end - note.start].map(|secs| format!("{:.1}", SECOND * secs));
-        let y = KEY * (usize::from(high - note.pitch) + 1);
+        let y = KEY * (usize::from(high - note.pitch) + 1) + inset;
         html! {
-            rect x=(x) y=(y) width=(length) height=(KEY - 1) fill=(fill) stroke=(stroke) stroke-width=(line) vector-effect="non-scaling-stroke" {}
+            rect x=(x) y=(y) width=(length) height=(KEY - 1 - 2 * inset) fill=(fill) stroke=(stroke) stroke-width=(line) vector-effect="non-scaling-stroke" {}
         }
     };
     let bars: Vec<Markup> = take.stretches().into_iter().map(bar).collect();
     let svg = html! {
         svg xmlns="http://www.w3.org/2000/svg" width=(width) height=(height) viewBox={ "0 0 " (width) " " (height) } preserveAspectRatio="none" {
             defs {
-                pattern id="wrong" width="3" height="3" patternUnits="userSpaceOnUse" patternTransform="rotate(45)" {
-                    rect width="1.4" height="3" fill=(hex(colour(Shown::Wrong))) {}
+                pattern id="missed" width="3" height="3" patternUnits="userSpaceOnUse" patternTransform="rotate(45)" {
+                    rect width="1.4" height="3" fill=(hex(colour(Shown::Missed))) {}
                 }
             }
             style { "#paper{fill:#fff}@media(prefers-color-scheme:dark){#paper{fill:#1b1d21}}" }

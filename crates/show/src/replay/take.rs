@@ -7,7 +7,9 @@ use std::path::Path;
 use etude_lab::SIGHT_READER;
 use etude_music::metrics::{FrameScores, FrameTally, NoteScores, frame_scores, note_scores};
 use etude_music::sound::{self, SoundError};
-use etude_music::{CONTROL_HZ, HIGHEST_PITCH, KeyEvent, KeySet, LOWEST_PITCH, Note, notes_from_key_events};
+use etude_music::{
+    CONTROL_HZ, HIGHEST_PITCH, KeyEvent, KeySet, LOWEST_PITCH, Note, notes_from_key_events, repertoire,
+};
 use etude_perform::stand::stage_side;
 use etude_perform::{Header, Recording};
 use etude_stage::{JOINTS, RAIL_BEAM, Scene, StageConfig, World};
@@ -17,6 +19,7 @@ use serde::Serialize;
 use super::arm::{Arm, arm};
 use super::heard::{Heard, heard};
 use super::rewards::{RewardCurve, rewards, rounded};
+use crate::slug;
 
 /// Clamps of one joint by one limit that are no further apart than this are one mark, s.
 const CLAMPS_APART_SECS: f64 = 0.25;
@@ -192,7 +195,7 @@ impl Take {
             name,
             song: header.song.clone(),
             player: header.player.clone(),
-            who: who(&header.player),
+            who: who(&header.player, &header.song),
             rig: header.rig.clone(),
             mode: if in_simulation { String::new() } else { header.activity.to_string() },
             control_hz: hz,
@@ -349,17 +352,23 @@ fn clamps(recording: &Recording) -> Vec<Mark> {
 }
 
 /// Who played, in short: a policy that comes with Étude, or that of a run, by its name and without its path.
-fn who(player: &str) -> String {
+fn who(player: &str, song: &str) -> String {
     let path = Path::new(player);
     // The training of a rehearsal's round is named by the round.
     let folder = path.ancestors().skip(1).find(|folder| !folder.ends_with("training"));
     let names = [folder.and_then(Path::file_name), path.file_stem()];
     match names.map(|name| name.and_then(OsStr::to_str)) {
         [Some("policies"), Some(SIGHT_READER)] => SIGHT_READER.to_string(),
-        [Some("policies"), Some(_)] => "shipped policy".to_string(),
+        [Some("policies"), Some(id)] if is_of(id, song) => "shipped policy".to_string(),
+        [Some("policies"), Some(id)] => format!("shipped policy of {id}"),
         [Some(run), Some(file)] if file.starts_with("policy-") => run.to_string(),
         _ => player.to_string(),
     }
+}
+
+/// Whether the shipped policy of this name has learned the song of this title.
+fn is_of(id: &str, song: &str) -> bool {
+    repertoire::get(id).map_or_else(|| slug(song) == id, |learned| learned.title() == song)
 }
 
 #[cfg(test)]
@@ -371,12 +380,13 @@ mod tests {
         for (player, short) in [
             ("/home/a/etude/policies/sight-reader.safetensors", "sight-reader"),
             ("policies/twinkle.safetensors", "shipped policy"),
+            ("policies/ode-to-joy.safetensors", "shipped policy of ode-to-joy"),
             ("runs/my-song__fast__0/policy-best.safetensors", "my-song__fast__0"),
             ("out/rehearse-twinkle/round-1/training/policy-best.safetensors", "round-1"),
             ("elsewhere/mine.safetensors", "elsewhere/mine.safetensors"),
             ("scripted", "scripted"),
         ] {
-            assert_eq!(who(player), short);
+            assert_eq!(who(player, "Twinkle Twinkle Little Star"), short);
         }
     }
 }
