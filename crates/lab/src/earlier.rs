@@ -7,13 +7,13 @@
 //! ```
 
 use std::ffi::OsString;
-use std::fs::{File, TryLockError};
+use std::fs::File;
 use std::path::{Path, PathBuf};
 
 use anyhow::bail;
 
 use crate::errors::{Interrupted, unusable};
-use crate::folder::make_folder;
+use crate::folder::{lock, make_folder};
 use crate::play::{PAGE, RECORDING, REFERENCE, REPORT};
 use crate::robot::run_file;
 
@@ -40,7 +40,8 @@ pub(crate) fn replacing<T>(
     play: impl FnOnce() -> anyhow::Result<T>,
 ) -> anyhow::Result<T> {
     make_folder(folder)?;
-    let _lock = lock(folder)?;
+    let open = File::open(folder).map_err(|error| unusable(folder, error))?;
+    let _lock = lock(open, "perform", folder)?;
     if folder.join(RECORDING).is_file() {
         bail!("{} holds what `etude play` has written: choose another folder with -o", folder.display());
     }
@@ -65,18 +66,6 @@ pub(crate) fn replacing<T>(
         },
         Err(error) => Err(with_recording(error, folder)),
     }
-}
-
-/// Takes the folder for one performance. Where the file system has no locks, every process gets it.
-fn lock(folder: &Path) -> anyhow::Result<File> {
-    let open = File::open(folder).map_err(|error| unusable(folder, error))?;
-    if matches!(open.try_lock(), Err(TryLockError::WouldBlock)) {
-        bail!(
-            "another `etude perform` is at work in {}: wait for it, stop it, or choose another folder with -o",
-            folder.display()
-        );
-    }
-    Ok(open)
 }
 
 /// Moves the earlier performance back, and what has been recorded since then into the folder for that.

@@ -1,8 +1,9 @@
 //! Folders: those that a user chooses, and the files in a run's folder.
 
+use std::fs::{File, TryLockError};
 use std::path::{Path, PathBuf};
 
-use anyhow::Context as _;
+use anyhow::{Context as _, bail};
 use etude_music::Song;
 
 /// Name of the resolved configuration in a run's folder.
@@ -40,4 +41,15 @@ pub(crate) fn policy_in(folder: &Path) -> Option<PathBuf> {
 pub fn make_folder(folder: &Path) -> anyhow::Result<()> {
     std::fs::create_dir_all(folder)
         .with_context(|| format!("cannot make the folder {}; choose another with -o", folder.display()))
+}
+
+/// Takes the lock of `file` for the work of a verb in `folder`. Where the file system has no locks, every process gets it.
+pub(crate) fn lock(file: File, verb: &str, folder: &Path) -> anyhow::Result<File> {
+    if matches!(file.try_lock(), Err(TryLockError::WouldBlock)) {
+        bail!(
+            "another `etude {verb}` is at work in {}: wait for it, stop it, or choose another folder with -o",
+            folder.display()
+        );
+    }
+    Ok(file)
 }

@@ -1,6 +1,6 @@
 //! Training a song or a corpus: the run folder, its description, and the trainer in it.
 
-use std::fs::{File, TryLockError};
+use std::fs::File;
 use std::path::Path;
 use std::sync::Arc;
 
@@ -16,7 +16,7 @@ use serde_json::{Value, json};
 
 use crate::config::{RunConfig, change_free, resolve as resolve_config};
 use crate::errors::unusable;
-use crate::folder::{CONFIG, META, SONG, make_folder, other_notes, policy_in};
+use crate::folder::{CONFIG, META, SONG, lock, make_folder, other_notes, policy_in};
 use crate::pianist::open;
 use crate::warm::warm_start;
 
@@ -104,7 +104,7 @@ impl Run {
         let parts = parts(song.as_ref(), &config)?;
         let warm = source.map(|source| warm_start(source, title, &config, &parts)).transpose()?;
         make_folder(folder)?;
-        let lock = lock(folder)?;
+        let lock = lock_run(folder)?;
         write_config(folder, &config)?;
         let checksum = match &song {
             None => None,
@@ -150,7 +150,7 @@ impl Run {
             Some(_) => None,
             None => Some(titled(Song::load(folder.join(SONG))?, folder)?),
         };
-        let lock = lock(folder)?;
+        let lock = lock_run(folder)?;
         if learned_task(folder).is_some_and(|task| task != config.task) {
             let [config, from] =
                 [folder.join(CONFIG), folder.to_path_buf()].map(|path| shell_word(path.display()));
@@ -359,17 +359,11 @@ fn write_config(folder: &Path, config: &RunConfig) -> anyhow::Result<()> {
     Ok(write_file(&folder.join(CONFIG), &toml::to_string(config)?)?)
 }
 
-/// Takes the lock of `folder`. Where the file system has no locks, every process gets it.
-fn lock(folder: &Path) -> anyhow::Result<File> {
+/// Takes the lock of a run's `folder`.
+fn lock_run(folder: &Path) -> anyhow::Result<File> {
     let path = folder.join(LOCK);
     let file = File::create(&path).map_err(|error| unusable(&path, error))?;
-    if matches!(file.try_lock(), Err(TryLockError::WouldBlock)) {
-        bail!(
-            "another `etude train` is at work in {}: wait for it, stop it, or choose another folder with -o",
-            folder.display()
-        );
-    }
-    Ok(file)
+    lock(file, "train", folder)
 }
 
 /// What a training of `song` or, without one, of the corpus needs.

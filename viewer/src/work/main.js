@@ -72,7 +72,7 @@ async function begun(wanted, isAskedFor) {
   return id;
 }
 
-/** Starts a verb that a person has asked for, and brings its job into view if that goes on. */
+/** Starts a verb that a person has asked for, and brings its job into view while it runs. */
 const start = (wanted) => attempt(async () => {
   const id = await begun(wanted, true);
   if (known.jobs.some((job) => job.id === id && runs(job))) reveal(jobs.content.querySelector('li'));
