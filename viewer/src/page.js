@@ -86,14 +86,15 @@ export class Page {
     this.player.duration = Math.max(...shown.map(({ take }) => take.duration));
     shown.forEach(({ take }, index) => this.panes[index].show(take, this.#caption(take, index)));
     const fences = shown.some(({ take }) => take.scene.geoms.some((geom) => geom.name?.startsWith('fence')));
-    const { played: _, ...judged } = SAYS;
-    this.keyColours.replaceChildren(legend({ due: 'due', ...judged, ...(fences && { fence: 'fence between keys' }) }));
+    const { played, ...judged } = SAYS;
+    const kinds = shown.some(({ take }) => take.isJudged) && { due: 'due', ...judged };
+    this.keyColours.replaceChildren(legend({ ...kinds, ...(fences && { fence: 'fence between keys' }) }));
     this.#listen();
     const firstTwo = shown.length > 1 && [...this.chosen].sort().join() === '0,1';
     this.timeline.show(shown, firstTwo ? this.partings : []);
     this.rollViews = shown.map(({ take }) => new Roll(take, seek));
     this.rolls.replaceChildren(
-      element('h2', { text: 'Piano roll' }, legend({ due: 'due', ...judged })),
+      element('h2', { text: 'Piano roll' }, legend({ ...kinds, ...(shown.some(({ take }) => !take.isJudged) && { played }) })),
       ...this.rollViews.flatMap((roll, index) => [
         shown.length > 1 ? element('p', { class: `whose take-${'ab'[index]}`, text: `${shown[index].letter} · ${shown[index].take.caption()}` }) : null,
         roll.root,

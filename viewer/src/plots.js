@@ -1,6 +1,7 @@
 /** Numbers over time as small multiples: precision, recall and F1 so far, and each reward term. */
 
 import { drawingOn, moveCursor } from './canvas.js';
+import { columnsOf } from './columns.js';
 import { element, setText } from './dom.js';
 import { theme } from './theme.js';
 
@@ -9,6 +10,9 @@ const PAD = 4;
 /** Width of the margin with the range, pixels. */
 const MARGIN = 48;
 const DASHES = [[], [5, 3]];
+/** With more control steps in a pixel than this, a line through all of them would fill the chart. */
+const CROWDED = 6;
+const BAND_ALPHA = 0.25;
 
 class Plot {
   /**
@@ -39,13 +43,22 @@ class Plot {
     pen.fillStyle = colours.line;
     for (const value of new Set([low, Math.min(Math.max(0, low), high), high])) pen.fillRect(MARGIN, Math.round(y(value)), width, 1);
     this.lines.forEach(({ take, values }, index) => {
-      pen.strokeStyle = colours.takes[index];
+      const x = (step) => MARGIN + ((step + 1) / take.hz) * this.scale;
+      pen.strokeStyle = pen.fillStyle = colours.takes[index];
       pen.lineWidth = 1.5;
       pen.setLineDash(DASHES[index]);
       pen.beginPath();
-      values.forEach((value, step) => {
-        if (Number.isFinite(value)) pen.lineTo(MARGIN + ((step + 1) / take.hz) * this.scale, y(value));
-      });
+      if (this.isCrowded(take)) {
+        const columns = columnsOf(values, (step) => Math.floor(x(step - 1)));
+        pen.globalAlpha = BAND_ALPHA;
+        for (const { column, low, high } of columns) pen.fillRect(column, y(high), 1, y(low) - y(high));
+        pen.globalAlpha = 1;
+        for (const { column, mean } of columns) pen.lineTo(column + 0.5, y(mean));
+      } else {
+        values.forEach((value, step) => {
+          if (Number.isFinite(value)) pen.lineTo(x(step), y(value));
+        });
+      }
       pen.stroke();
     });
     pen.fillStyle = colours.quiet;
@@ -53,6 +66,11 @@ class Plot {
     pen.textAlign = 'right';
     pen.textBaseline = 'middle';
     for (const [value, inwards] of [[high, 5], [low, -5]]) pen.fillText(shortText(value, 2), MARGIN - 4, y(value) + inwards);
+  }
+
+  /** Whether the line of a take is the mean of each pixel column, on a band from the lowest to the highest value. */
+  isCrowded(take) {
+    return take.hz > CROWDED * this.scale;
   }
 
   moveTo(secs) {
@@ -122,10 +140,12 @@ export class Plots {
     });
     if (rewards.length === 0) notes.push('The reward terms were not recorded.');
     const named = constant.map((curve) => `${curve.title} ${constantText(curve.lines)}`).join(', ');
+    this.crowded = element('p', { class: 'note', text: 'One pixel of a chart stands for several control steps: the line is their mean, and the pale band reaches from the lowest to the highest.', hidden: true });
     this.root = element(
       'section', { class: 'numbers' },
       element('h2', { text: 'Scores by control step so far, and the reward terms of each step' }),
       element('p', { class: 'note', text: 'F1, precision and recall compare the keys that sound with those that are due, control step by control step, as the paper does; the roll and the lists above judge strokes.' }),
+      this.crowded,
       element('div', { class: 'plots' }, ...this.plots.map((plot) => plot.root)),
       named ? element('p', { class: 'note', text: `Not drawn, because constant: ${named}.` }) : null,
       ...notes.map((text) => element('p', { class: 'note', text })),
@@ -134,6 +154,7 @@ export class Plots {
 
   resize(duration) {
     for (const plot of this.plots) plot.resize(duration);
+    this.crowded.hidden = !this.plots.some((plot) => plot.lines.some(({ take }) => plot.isCrowded(take)));
   }
 
   moveTo(secs) {

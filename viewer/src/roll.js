@@ -3,7 +3,7 @@
 import { drawingOn, hatching, moveCursor } from './canvas.js';
 import { SAYS } from './classify.js';
 import { clockText, element, isBlack, pitchName } from './dom.js';
-import { MISSED, OFF, RIGHT, WRONG, theme } from './theme.js';
+import { DUE, MISSED, OFF, RIGHT, WRONG, theme } from './theme.js';
 
 /** Least width of a second, in pixels; wider if the whole song fits. */
 const LEAST_PIXELS_PER_SEC = 30;
@@ -63,13 +63,14 @@ export class Roll {
     this.#keyboard(pen, colours);
     this.#bars(pen, colours);
     const shown = (notes) => notes.filter((note) => this.#shows(note.start, note.end));
-    for (const note of shown(this.take.notes)) this.#stroke(pen, note, colours);
+    const [due, strokes] = [shown(this.take.dueNotes), shown(this.take.notes)];
+    for (const note of due) if (note.kind !== 'missed') this.#frame(pen, note, DUE);
+    for (const note of strokes) this.#stroke(pen, note, colours);
+    // Over the strokes, because a note is missed too if its key is held from the note before.
     const hatch = hatching(pen, MISSED);
-    for (const note of shown(this.take.dueNotes)) this.#due(pen, note, hatch);
+    for (const note of due) if (note.kind === 'missed') this.#frame(pen, note, MISSED, hatch);
     pen.fillStyle = colours.paper;
-    for (const note of shown(this.take.notes)) {
-      pen.fillRect(note.start * this.scale, this.#top(note.pitch) + 1, 1.5, this.rowHeight - 2);
-    }
+    for (const note of strokes) pen.fillRect(note.start * this.scale, this.#top(note.pitch) + 1, 1.5, this.rowHeight - 2);
     this.#names(pen, colours);
   }
 
@@ -124,14 +125,12 @@ export class Roll {
     }
   }
 
-  /** From when until when a note was due: a frame, hatched if it was missed. */
-  #due(pen, note, hatch) {
+  /** From when until when a note was due: a frame, filled if it was missed. */
+  #frame(pen, note, colour, fill = 'transparent') {
     const [x, y, width, height] = this.#place(note);
-    if (note.kind === 'missed') {
-      pen.fillStyle = hatch;
-      pen.fillRect(x, y + 0.5, width, height - 1);
-    }
-    pen.strokeStyle = { right: RIGHT, off: OFF, missed: MISSED }[note.kind];
+    pen.fillStyle = fill;
+    pen.fillRect(x, y + 1, width, height - 2);
+    pen.strokeStyle = colour;
     pen.lineWidth = 1;
     if (width > 1) pen.strokeRect(x + 0.5, y + 1, width - 1, height - 2);
   }

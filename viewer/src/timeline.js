@@ -8,11 +8,13 @@ import { MISSED, WRONG, theme } from './theme.js';
 const KINDS = {
   fault: { colour: WRONG, shape: 'triangle', one: 'fault', many: 'faults' },
   warning: { colour: MISSED, shape: 'diamond', one: 'warning', many: 'warnings' },
-  clamp: { colour: '#808080', shape: 'tick', one: 'set-point limited', many: 'set-points limited' },
+  clamp: { colour: '#808080', shape: 'tick', one: 'stretch of limited set-points', many: 'stretches of limited set-points' },
   phase: { colour: '#009E73', shape: 'flag', one: 'phase', many: 'phases' },
   parting: { colour: '#808080', shape: 'band', one: 'place where A and B sound different keys', many: 'places where A and B sound different keys' },
 };
 const LANE = 14;
+/** Least distance of two bar lines, pixels. */
+const BARS_APART = 6;
 /** Width of a mark in the legend. */
 const SWATCH = 16;
 /** Longest list; a recording that clamps at every step has thousands of marks. */
@@ -83,7 +85,12 @@ export class Timeline {
     pen.fillStyle = colours.shade;
     pen.fillRect(0, 0, width, height);
     pen.fillStyle = colours.line;
-    for (const secs of this.bars) pen.fillRect(Math.round(secs * this.scale), 0, 1, height);
+    let free = -Infinity;
+    for (const x of this.bars.map((secs) => Math.round(secs * this.scale))) {
+      if (x < free) continue;
+      pen.fillRect(x, 0, 1, height);
+      free = x + BARS_APART;
+    }
     const { loop } = this.player;
     if (loop) {
       pen.fillStyle = colours.faint;

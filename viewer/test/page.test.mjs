@@ -230,6 +230,53 @@ test('a note that was not struck is missed in the roll and on the keyboard, also
   });
 });
 
+test('the roll and its legend have one mark for each kind', async () => {
+  const due = [60, 62, 64].map((pitch, index) => ({ pitch, start: 1 + index, end: 1.8 + index, velocity: 60 }));
+  const notes = [60, 62, 70].map((pitch, index) => ({ pitch, start: 1.08 * (1 + index), end: 1.9 + index, velocity: 60 }));
+  const take = { ...sampleTake({ steps: 120 }), due_notes: due, notes, heard: [{ note: 0, right: true }, { note: 1, right: false }, null] };
+  await withPage(await browser.write({ version: 1, takes: [take], partings: [] }), {}, async (page) => {
+    const [drawn, legend] = await page.evaluate(() => {
+      const found = { frames: [], fills: [] };
+      const { prototype } = CanvasRenderingContext2D;
+      const { strokeRect, fillRect } = prototype;
+      prototype.strokeRect = function note(...place) {
+        found.frames.push(`${this.lineWidth}px ${this.strokeStyle}`);
+        strokeRect.call(this, ...place);
+      };
+      prototype.fillRect = function note(...place) {
+        found.fills.push(`${this.fillStyle} ${this.globalAlpha.toFixed(2)}`);
+        fillRect.call(this, ...place);
+      };
+      document.querySelector('.roll').dispatchEvent(new Event('scroll'));
+      Object.assign(prototype, { strokeRect, fillRect });
+      const pen = document.createElement('canvas').getContext('2d');
+      const marks = [...document.querySelectorAll('.rolls .swatch')].map((swatch) => {
+        const { borderTopWidth, borderTopColor, backgroundColor } = getComputedStyle(swatch);
+        pen.fillStyle = borderTopColor;
+        const frame = `${borderTopWidth} ${pen.fillStyle}`;
+        const [red, green, blue, alpha = 1] = backgroundColor.match(/[\d.]+/g);
+        pen.fillStyle = `rgb(${red} ${green} ${blue})`;
+        return [swatch.classList[1], { frame, fill: `${pen.fillStyle} ${Number(alpha).toFixed(2)}` }];
+      });
+      return [found, Object.fromEntries(marks)];
+    });
+    const { due: asked, right, off, missed, wrong } = legend;
+    assert.deepEqual(drawn.frames, [asked, asked, off, missed].map(({ frame }) => frame));
+    assert.ok(drawn.fills.includes('[object CanvasPattern] 1.00'), 'missed is hatched');
+    for (const { fill } of [right, off, wrong]) assert.ok(drawn.fills.includes(fill), `${fill} among ${drawn.fills}`);
+    const onKeys = await page.locator('.key-colours .due').evaluate((swatch) => getComputedStyle(swatch).backgroundColor);
+    assert.equal(await page.locator('.rolls .swatch.due').evaluate((swatch) => getComputedStyle(swatch).borderTopColor), onKeys);
+  });
+});
+
+test('the legends of a recording that is not judged have no kind that it does not show', async () => {
+  const old = { ...sampleTake({ steps: 60 }), due_notes: [], heard: [] };
+  await withPage(await browser.write({ version: 1, takes: [old], partings: [] }), {}, async (page) => {
+    assert.deepEqual(await page.locator('.rolls .item').allTextContents(), ['played']);
+    assert.deepEqual(await page.locator('.key-colours .item').allTextContents(), ['fence between keys']);
+  });
+});
+
 test('the mistakes are listed by kind, each once, and a click goes there', async () => {
   const due = [60, 62, 64, 65, 67].map((pitch, index) => ({ pitch, start: 1 + index, end: 1.8 + index, velocity: index === 4 ? 61 : 60 }));
   const stroke = (pitch, start, velocity) => ({ pitch, start, end: start + 0.25, velocity });
@@ -317,7 +364,7 @@ test('of two takes it is said which one a remark is true of, what is counted is 
   other.marks = [1, 2].map((secs) => ({ secs, kind: 'clamp', text: 'rail' }));
   await withPage(await browser.write({ version: 1, takes: [one, other], partings: [[1, 1.1]] }), {}, async (page) => {
     assert.equal(await page.locator('.numbers > .note').last().textContent(), 'B: Energy was left out.');
-    assert.deepEqual(await page.locator('.marks .item').allTextContents(), ['2 set-points limited', '1 place where A and B sound different keys']);
+    assert.deepEqual(await page.locator('.marks .item').allTextContents(), ['2 stretches of limited set-points', '1 place where A and B sound different keys']);
     const energy = page.locator('.plot').last().locator('output').first();
     for (const [secs, says] of [[1 / HZ, 'A 0.000'], [1, 'A −0.250']]) {
       await page.evaluate((at) => window.etude.seek(at), secs);
@@ -330,7 +377,7 @@ test('of two takes it is said which one a remark is true of, what is counted is 
   });
   await withPage(await browser.write({ version: 1, takes: [both[0]], partings: [] }), {}, async (page) => {
     assert.equal(await page.locator('.numbers > .note').last().textContent(), 'Energy was left out.');
-    assert.deepEqual(await page.locator('.marks .item').allTextContents(), ['1 set-point limited']);
+    assert.deepEqual(await page.locator('.marks .item').allTextContents(), ['1 stretch of limited set-points']);
   });
 });
 
@@ -355,6 +402,69 @@ test('of a nearly perfect song a score is drawn from its lowest value on, and on
     assert.deepEqual(await page.evaluate(() => window.written.slice(0, 2)), ['1', '0.97']);
   });
 });
+
+test('of a piece of twenty minutes the charts and the bars on the time line stay apart, and a short one is drawn step by step', async () => {
+  const each = (make) => Array.from({ length: 24_000 }, (_, step) => make(step));
+  const take = { ...sampleTake({ steps: 60 }), due: each(() => []), pressed: each(() => []), running: {}, bar_secs: each((step) => step / HZ).filter((_, step) => step % 40 === 0) };
+  take.rewards = [{ name: 'key_press', values: each((step) => step % 2) }];
+  const told = (page) => page.getByText('One pixel of a chart stands for several control steps').isVisible();
+  for (const options of [{}, PHONE]) {
+    await withPage(await browser.write({ version: 1, takes: [take], partings: [] }), options, async (page) => {
+      const [solid, pale] = await page.locator('.plot canvas').evaluate((canvas) => {
+        const { data } = canvas.getContext('2d').getImageData(0, 0, canvas.width, canvas.height);
+        const alphas = data.filter((_, byte) => byte % 4 === 3);
+        const share = (is) => alphas.filter(is).length / alphas.length;
+        return [share((alpha) => alpha > 200), share((alpha) => alpha > 0 && alpha < 100)];
+      });
+      assert.ok(solid < 0.2 && pale > 0.4, `${solid} of the chart is solid, ${pale} pale`);
+      const lines = await page.locator('.strip').evaluate((strip) => {
+        const { data } = strip.getContext('2d').getImageData(0, 0, strip.width, 1);
+        const reds = data.filter((_, byte) => byte % 4 === 0);
+        return reds.filter((red) => red === Math.min(...reds)).length / reds.length;
+      });
+      assert.ok(lines > 0 && lines < 0.2, `${lines} of the time line is bar lines`);
+      assert.equal(await told(page), true);
+    });
+    await withPage(await browser.write(oneTake()), options, async (page) => assert.equal(await told(page), false));
+  }
+});
+
+test('on a phone a list that scrolls has a shadow at an edge behind which there is more, and a scrollbar', async () => {
+  const marks = Array.from({ length: 20 }, (_, index) => ({ secs: index, kind: 'warning', text: 'late' }));
+  const take = { ...sampleTake({ marks }), notes: [] };
+  take.heard = take.due_notes.map(() => null);
+  for (const dark of [false, true]) {
+    await withPage(await browser.write({ version: 1, takes: [take], partings: [] }), { ...PHONE, dark }, async (page) => {
+      await page.getByText('On the time line').click();
+      for (const name of ['.marks ol', '.mistakes', '.notes ol']) {
+        const list = page.locator(name);
+        await list.evaluate((target) => target.scrollIntoView({ block: 'center' }));
+        assert.equal(await list.evaluate((target) => getComputedStyle(target, '::-webkit-scrollbar').width), '8px', name);
+        /** Which edges have a shadow, when the list is scrolled so far. */
+        const shaded = async (share) => {
+          await list.evaluate((target, part) => target.scrollTo(0, part * target.scrollHeight), share);
+          const { x, y, height } = await list.boundingBox();
+          const [middle, ...edges] = await Promise.all([height / 2, 4, height - 5].map((down) => greenAt(page, x + 3, y + down)));
+          return edges.map((edge) => Math.abs(edge - middle) > 8);
+        };
+        assert.deepEqual([await shaded(0), await shaded(0.3), await shaded(1)], [[false, true], [true, true], [true, false]], name);
+      }
+    });
+  }
+});
+
+/** The green of a pixel of the page, from 0 to 255. */
+async function greenAt(page, x, y) {
+  const picture = await page.screenshot({ clip: { x: Math.round(x), y: Math.round(y), width: 1, height: 1 } });
+  return page.evaluate(async (address) => {
+    const image = new Image();
+    image.src = address;
+    await image.decode();
+    const pen = document.createElement('canvas').getContext('2d');
+    pen.drawImage(image, 0, 0);
+    return pen.getImageData(0, 0, 1, 1).data[1];
+  }, `data:image/png;base64,${picture.toString('base64')}`);
+}
 
 test('half speed takes twice as long', async () => {
   await withPage(given, {}, async (page) => {

@@ -9,6 +9,7 @@ import { Arm } from '../src/arm.js';
 import { bodyTree } from '../src/bodies.js';
 import { keyKind, strokeKinds } from '../src/classify.js';
 import { barAround } from '../src/clock.js';
+import { columnsOf } from '../src/columns.js';
 import { SAMPLE_RATE_HZ, pitchHz, tone } from '../src/piano.js';
 import { firstUnfinished, strikeOf } from '../src/schedule.js';
 import { Take } from '../src/take.js';
@@ -95,6 +96,15 @@ test('a comparison lists due notes and wrong strokes in order of time', () => {
     ['1.50 s', 'C♯4', 'wrong stroke, 100, 40', ''],
     ['2.00 s', 'D4', '+90, 0, 80, too late', '−90, 0, 80, too early'],
   ]);
+});
+
+test('a column of a chart has the lowest, the mean and the highest of its values, and none without a value', () => {
+  const values = [1, 2, 6, null, NaN, null, -1, null, -1];
+  assert.deepEqual(columnsOf(values, (step) => 40 + Math.floor(step / 3)), [
+    { column: 40, low: 1, mean: 3, high: 6 },
+    { column: 42, low: -1, mean: -1, high: -1 },
+  ]);
+  assert.deepEqual(columnsOf([], () => 0), []);
 });
 
 test('notes are struck at their time, whatever the speed', () => {

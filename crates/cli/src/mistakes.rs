@@ -1,5 +1,8 @@
 //! A word that the command line does not know here, and the verb that has it. All of it comes from clap's own tree of commands.
 
+use std::ffi::OsStr;
+use std::path::Path;
+
 use clap::builder::StyledStr;
 use clap::error::{ContextKind, ContextValue, ErrorKind};
 use clap::{Arg, Command};
@@ -46,22 +49,34 @@ fn commands(root: &Command, words: &[String], word: &str) -> Vec<String> {
         let line: Vec<String> = line.collect();
         root.clone().try_get_matches_from(&line).is_ok().then(|| shell_line(line))
     };
-    let takes = |command: &Command| {
-        let mut positionals = command.get_positionals();
-        positionals.any(|arg| arg.get_possible_values().iter().any(|value| value.get_name() == word))
+    let values = |command: &Command| {
+        let of = |arg: &Arg| arg.get_possible_values().into_iter().map(|value| value.get_name().to_string());
+        command.get_positionals().flat_map(of).collect::<Vec<String>>()
     };
-    let with_the_word: Vec<String> = all
-        .iter()
-        .filter(|(path, command)| path[..path.len() - 1] == *before && takes(command))
-        .filter_map(|(path, _)| whole(path, words.get(at..).unwrap_or_default()))
-        .collect();
     let names = || all.iter().filter_map(|(path, _)| path.last().copied());
-    let meant = if names().any(|name| name == word) { vec![word] } else { near(word, names()) };
+    let is_name = names().any(|name| name == word);
+    // The word as an argument of a subcommand here, or the value of one that has nearly this name.
+    let as_argument = |(path, command): &(Vec<&str>, &Command)| {
+        let values = values(command);
+        let is_value = values.iter().any(|value| value == word) || is_midi(word) && !values.is_empty();
+        let near = || near(word, values.iter().map(String::as_str)).first().map(ToString::to_string);
+        let value = if is_value { word.to_string() } else { near().filter(|_| !is_name)? };
+        let line: Vec<String> = std::iter::once(value).chain(after.iter().cloned()).collect();
+        whole(path, &line)
+    };
+    let below = all.iter().filter(|(path, _)| path[..path.len() - 1] == *before);
+    let with_the_word: Vec<String> = below.filter_map(as_argument).collect();
+    let meant = if is_name { vec![word] } else { near(word, names()) };
     let named = meant.iter().flat_map(|name| all.iter().filter(|(path, _)| path.last() == Some(name)));
     let elsewhere =
         named.map(|(path, _)| whole(path, after).unwrap_or_else(|| format!("etude {}", path.join(" "))));
     let lines = if with_the_word.is_empty() { elsewhere.collect() } else { with_the_word };
     lines.into_iter().take(MOST).map(|line| format!("did you mean `{line}`?")).collect()
+}
+
+fn is_midi(word: &str) -> bool {
+    let extension = Path::new(word).extension().map(OsStr::to_ascii_lowercase);
+    extension.is_some_and(|extension| extension == "mid" || extension == "midi")
 }
 
 /// Which commands have `option`; if none has and `known` is false, which have one with nearly this name.

@@ -71,7 +71,8 @@ pub fn write_report(
     if sections.is_empty() {
         let names: Vec<String> = plans.iter().map(|(experiment, _)| shell_word(&experiment.asked)).collect();
         bail!(
-            "none of the trials is done; `etude experiment run {}{}` does them",
+            "none of the trials is done; `etude experiment run {}{}` does them. If they were run with --seeds, --budget or --set, give \
+             the same here",
             names.join(" "),
             config.flags()
         );

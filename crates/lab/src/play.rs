@@ -83,6 +83,7 @@ pub fn play(
     font: Option<&SoundFont>,
     job: &mut Job<'_, PlayStep>,
 ) -> anyhow::Result<PlayReport> {
+    let is_new = !folder.exists();
     make_folder(folder)?;
     if folder.join(run_file(0, "mcap")).is_file() {
         bail!("{} holds what `etude perform` has written: choose another folder with -o", folder.display());
@@ -92,6 +93,10 @@ pub fn play(
     let played = play_into(&unfinished, folder, song, pianist, font, job);
     // Empty after a success.
     let _ = std::fs::remove_dir_all(&unfinished);
+    if is_new && played.is_err() {
+        // Fails, and changes nothing, if something is in it.
+        let _ = std::fs::remove_dir(folder);
+    }
     played
 }
 

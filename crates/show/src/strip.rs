@@ -23,6 +23,11 @@ pub(crate) const DUE: [u8; 3] = [0x56, 0xb4, 0xe9];
 /// What is still to come.
 const COMING: [u8; 3] = [0x9d, 0xc9, 0xe6];
 
+/// How opaque the inside of a stroke is that comes too early or too late.
+pub(crate) const FILL_OF_OFF: f64 = 0.35;
+/// From one line of the hatch of a missed note to the next, pixels.
+const HATCH: f64 = 5.0;
+
 const PAPER: [u8; 3] = [0xff, 0xff, 0xff];
 const SHADE: [u8; 3] = [0xec, 0xea, 0xe6];
 const LINE: [u8; 3] = [0xbd, 0xb8, 0xb0];
@@ -122,8 +127,11 @@ impl Strip {
             let to = if bar.shown.is_some() { to.min(secs) } else { to };
             if from < to {
                 canvas.fill([x(from), x(to)], self.rows(bar.pitch, inset), colour);
-                if matches!(bar.shown, Some(Shown::Missed | Shown::Off)) {
-                    canvas.fill([x(from) + 1.5, x(to) - 1.5], self.rows(bar.pitch, 0.22), PAPER);
+                let within = ([x(from) + 1.5, x(to) - 1.5], self.rows(bar.pitch, 0.22));
+                match bar.shown {
+                    Some(Shown::Off) => canvas.fill(within.0, within.1, pale(colour)),
+                    Some(Shown::Missed) => canvas.hatch(within.0, within.1, colour),
+                    _ => {}
                 }
             }
         }
@@ -134,6 +142,15 @@ impl Strip {
     }
 }
 
+/// The colour at [`FILL_OF_OFF`] on the paper.
+fn pale(colour: [u8; 3]) -> [u8; 3] {
+    let mixed = |channel: usize| {
+        let [from, to] = [PAPER[channel], colour[channel]].map(f64::from);
+        (from + FILL_OF_OFF * (to - from)).round() as u8
+    };
+    std::array::from_fn(mixed)
+}
+
 struct Canvas<'a> {
     pixels: &'a mut [u8],
     width: usize,
@@ -141,6 +158,19 @@ struct Canvas<'a> {
 }
 
 impl Canvas<'_> {
+    /// Fills a rectangle with the paper's colour and diagonal lines, which move with it.
+    fn hatch(&mut self, xs: [f64; 2], ys: [f64; 2], colour: [u8; 3]) {
+        self.fill(xs, ys, PAPER);
+        for row in ys[0].ceil() as usize..ys[1] as usize {
+            let mut from = xs[0] + (row as f64 - ys[0]).rem_euclid(HATCH) - HATCH;
+            while from < xs[1] {
+                let line = [from.max(xs[0]), (from + HATCH / 2.0).min(xs[1])];
+                self.fill(line, [row as f64, row as f64 + 1.0], colour);
+                from += HATCH;
+            }
+        }
+    }
+
     /// Fills a rectangle. Edges within a pixel are mixed with what is there, so that the roll runs smoothly.
     fn fill(&mut self, xs: [f64; 2], ys: [f64; 2], colour: [u8; 3]) {
         let clipped = |[from, to]: [f64; 2], most: usize| {
@@ -224,10 +254,14 @@ mod tests {
         assert_eq!(at(&mut strip, 0.5, 180 - 25, 60), RIGHT);
         assert_eq!(at(&mut strip, 0.5, 180 + 25, 60), COMING);
         assert_eq!(at(&mut strip, 0.5, 180, 60), INK);
-        // At the end the second was missed: an outline; and another key sounded.
+        // At the end the second was missed: an outline, hatched; and another key sounded.
         let edge = strip.rows(64, 0.15)[0] as usize;
         assert_eq!(at(&mut strip, 2.0, 180 - 50, 67), WRONG);
         let pixels = strip.paint(2.0);
         assert_eq!(pixels[3 * (edge * 600 + 130)..][..3], MISSED);
+        let middle = strip.rows(64, 0.5)[0] as usize;
+        let row: Vec<[u8; 3]> =
+            (100..160).map(|x| strip.pixels[3 * (middle * 600 + x)..][..3].try_into().unwrap()).collect();
+        assert!(row.contains(&PAPER) && row.contains(&MISSED));
     }
 }

@@ -5,9 +5,10 @@ use std::path::PathBuf;
 use etude_identify::Progress;
 use etude_lab::{Identification, IdentifyMethod, identify_robot};
 use etude_perform::Job;
-use etude_task::TaskConfig;
+use etude_task::{Lags, TaskConfig};
 
 use super::line;
+use super::model::restrike;
 use crate::Ending;
 use crate::progress::{clock, stop_flag};
 use crate::status::Status;
@@ -99,6 +100,9 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
     if let Some(weight) = &report.weight {
         line(format!("{:<18} {}", "weight", weight.advice(report.gravity_pwm_per_nm)))?;
     }
+    let task = etude_lab::resolve("fast", Some(&report.file), &[])?.task;
+    let lags = Lags::measure(&task.stage, &task.params()?)?;
+    line(format!("{:<18} {}", "struck again", restrike(&lags, &task.plan)))?;
     line(format!("The simulator as identified is {}", report.file.display()))?;
     Ok(Ending::Done)
 }

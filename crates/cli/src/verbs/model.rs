@@ -2,7 +2,9 @@
 
 use std::path::PathBuf;
 
+use etude_music::{CONTROL_HZ, PlanConfig, PlanRule};
 use etude_stage::{PhysicalParams, mjcf};
+use etude_task::{Lags, TaskConfig};
 use serde_json::json;
 
 use super::{ConfigArgs, line};
@@ -13,6 +15,7 @@ use crate::Ending;
 #[command(after_help = "\
 Examples:
   etude model params
+  etude model lags --config out/identified/identified.toml
   etude model export -o world.xml
   etude model export --set task.stage.side=right --set task.stage.fences=false -o right.xml")]
 pub struct Args {
@@ -38,6 +41,14 @@ enum What {
         #[arg(long)]
         json: bool,
     },
+    /// Measure how late the hand is behind its targets, and how long a key must be up before it can be struck again
+    Lags {
+        #[command(flatten)]
+        config: ConfigArgs,
+        /// Print JSON: sound_secs, silence_secs, restrike_secs (white and black key), follow_secs
+        #[arg(long)]
+        json: bool,
+    },
 }
 
 /// Runs the verb.
@@ -55,8 +66,46 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
             }
         }
         What::Params { config, json } => params(&config.resolve()?.task.params()?, json)?,
+        What::Lags { config, json } => lags(&config.resolve()?.task, json)?,
     }
     Ok(Ending::Done)
+}
+
+fn lags(task: &TaskConfig, as_json: bool) -> anyhow::Result<()> {
+    let lags = Lags::measure(&task.stage, &task.params()?)?;
+    if as_json {
+        return super::json(&lags);
+    }
+    let cell =
+        |secs: Option<f64>| secs.map_or_else(|| "not in 1 s".into(), |secs| format!("{:.0} ms", 1e3 * secs));
+    line(format!("{:52} {:>10} {:>10}", "", "white key", "black key"))?;
+    for (what, [white, black]) in [
+        ("from the target that strikes until the key sounds", lags.sound_secs),
+        ("from the target that lifts until it is silent", lags.silence_secs),
+        ("shortest rest before the key is struck again", lags.restrike_secs),
+    ] {
+        line(format!("{what:52} {:>10} {:>10}", cell(white), cell(black)))?;
+    }
+    line(format!("{:52} {:>10}", "a turning finger behind its target", cell(Some(lags.follow_secs))))?;
+    line(restrike(&lags, &task.plan))
+}
+
+/// Whether a plan leaves the hand the time that it needs to strike a key again.
+pub(super) fn restrike(lags: &Lags, plan: &PlanConfig) -> String {
+    let planned_secs = match plan.rule {
+        PlanRule::Robopianist => 1.0 / CONTROL_HZ,
+        PlanRule::Articulated => plan.restrike_secs,
+    };
+    let planned = format!("The plan has a key up for {:.0} ms before it is struck again", 1e3 * planned_secs);
+    match lags.longest_restrike_secs() {
+        None => "In this world the hand cannot strike a key again within a second".into(),
+        Some(needed) if needed > planned_secs => {
+            format!(
+                "{planned}: too short. Take --set task.plan.rule=articulated --set task.plan.restrike_secs={needed:.2}"
+            )
+        }
+        Some(_) => format!("{planned}: long enough"),
+    }
 }
 
 fn params(values: &PhysicalParams, as_json: bool) -> anyhow::Result<()> {

@@ -31,6 +31,12 @@ fn figures_come_as_json_with_the_documented_keys() {
     let all = |value: &serde_json::Value, keys: &[&str]| {
         assert!(keys.iter().all(|key| value.get(key).is_some()), "{keys:?} in {value}");
     };
+    let lags = desk.json("model lags --json");
+    assert_eq!(lags["restrike_secs"], serde_json::json!([0.05, 0.05]), "{lags}");
+    assert!(desk.ok("model lags").contains("up for 100 ms before it is struck again: long enough"));
+    let slow = desk
+        .ok("model lags --set task.physics.joint.fingers.low_pass=0.3 --set task.physics.key.hysteresis=0.9");
+    assert!(slow.contains("too short. Take --set task.plan.rule=articulated"), "{slow}");
     let params = desk.json("model params --json --set task.physics.key.threshold=0.6");
     assert_eq!(params.as_array().unwrap().len(), PhysicalParams::rows().count());
     for row in params.as_array().unwrap() {

@@ -3,7 +3,7 @@
 use maud::{Markup, html};
 
 use super::take::{PlayedNote, Take};
-use crate::strip::colour;
+use crate::strip::{FILL_OF_OFF, colour};
 
 /// Width of a second and height of a key, in the drawing's units.
 const SECOND: f64 = 80.0;
@@ -59,7 +59,7 @@ fn hex([red, green, blue]: [u8; 3]) -> String {
     format!("#{red:02x}{green:02x}{blue:02x}")
 }
 
-/// As on the replay page: right is filled, too early or late an outline, missed hatched, wrong a narrow bar, so that they differ without
+/// As on the replay page: right is filled, too early or late a pale fill in an outline, missed hatched, wrong a narrow bar, so that they differ without
 /// colours too.
 pub(crate) fn roll_svg(take: &Take) -> String {
     let (low, high) = take.compass().unwrap_or((60, 60));
@@ -69,16 +69,16 @@ pub(crate) fn roll_svg(take: &Take) -> String {
     let bar = |Stretch { note, shown }: Stretch| {
         let colour = hex(colour(shown));
         let [fill, stroke, line] = match shown {
-            Shown::Right | Shown::Played => [&colour, "none", "1"],
-            Shown::Off => ["none", &colour, "2"],
+            Shown::Right | Shown::Played | Shown::Wrong => [&colour, "none", "1"],
+            Shown::Off => [&colour, &colour, "2"],
             Shown::Missed => ["url(#missed)", &colour, "1.5"],
-            Shown::Wrong => [&colour, "none", "1"],
         };
+        let opacity = if shown == Shown::Off { FILL_OF_OFF } else { 1.0 };
         let inset = if shown == Shown::Wrong { 2 } else { 0 };
         let [x, length] = [note.start, note.end - note.start].map(|secs| format!("{:.1}", SECOND * secs));
         let y = KEY * (usize::from(high - note.pitch) + 1) + inset;
         html! {
-            rect x=(x) y=(y) width=(length) height=(KEY - 1 - 2 * inset) fill=(fill) stroke=(stroke) stroke-width=(line) vector-effect="non-scaling-stroke" {}
+            rect x=(x) y=(y) width=(length) height=(KEY - 1 - 2 * inset) fill=(fill) fill-opacity=(opacity) stroke=(stroke) stroke-width=(line) vector-effect="non-scaling-stroke" {}
         }
     };
     let bars: Vec<Markup> = take.stretches().into_iter().map(bar).collect();

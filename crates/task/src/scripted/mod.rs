@@ -11,6 +11,7 @@ mod tests;
 use std::sync::Arc;
 
 use etude_stage::JOINTS;
+pub use lags::Lags;
 
 use crate::fingering::comb::Comb;
 use crate::fingering::rail::Rail;
@@ -48,7 +49,7 @@ impl ScriptedPlayer {
         let fingering = piece.fingering().cloned().unwrap_or_else(planned);
         let comb = Comb::new(stage.side, params);
         let rail = Rail::new(stage, params);
-        let lags = lags::Lags::measure(stage, params, &comb)?;
+        let lags = Lags::measure(stage, params)?;
         let targets = motion::targets((&comb, &rail, &lags, params), &fingering);
         Ok(Self { targets, range: TargetRange::new(piece), limits: fingering.limits().clone() })
     }

@@ -34,13 +34,13 @@ impl Part<'_> {
     /// Control step whose target begins the strike of note `index`.
     fn strike(&self, index: usize) -> usize {
         let note = self.notes[index];
-        note.start.saturating_sub(self.lags.strike[usize::from(key_is_black(note.key))])
+        note.start.saturating_sub(self.lags.strike_steps(key_is_black(note.key)))
     }
 
     /// Control step whose target lifts the finger after note `index`, which is always before the next strike.
     fn release(&self, index: usize) -> usize {
         let note = self.notes[index];
-        let release = note.end.saturating_sub(self.lags.release[usize::from(key_is_black(note.key))]);
+        let release = note.end.saturating_sub(self.lags.release_steps(key_is_black(note.key)));
         let next = (index + 1 < self.notes.len()).then(|| self.strike(index + 1));
         release.min(next.map_or(release, |strike| strike.saturating_sub(1)))
     }
