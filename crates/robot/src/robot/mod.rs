@@ -24,6 +24,7 @@ mod io;
 mod motion;
 mod phase;
 mod plan;
+mod readings;
 mod record;
 mod turning;
 mod warmth;
@@ -43,9 +44,9 @@ pub use warmth::Warmth;
 pub use wiggle::{WIGGLED, Wiggled, wiggle};
 
 use crate::allegro::{Hand, HandFault, JointLoop};
-use crate::calibration::{RailPath, RailPlace};
+use crate::calibration::RailPath;
 use crate::can::CanFrame;
-use crate::joints::{DRIVEN, FINGER_JOINTS, RAIL, from_wire, to_wire};
+use crate::joints::{DRIVEN, FINGER_JOINTS, RAIL, to_wire};
 use crate::keyboard::{KeyChange, Keyboard};
 use crate::limiter::Axis;
 use crate::rig::{RigConfig, RigError, SETPOINT_HZ};
@@ -96,7 +97,7 @@ pub struct Robot {
     arm_seen: Option<Duration>,
     /// Cosine of the angle between the palm's normal and straight down.
     palm_down: f64,
-    /// Whether the drivers know of their connections, and whether the arm was started.
+    /// Whether the drivers are connected, and whether the arm was started.
     arm_connected: bool,
     keyboard_connected: bool,
     arm_told: bool,
@@ -328,85 +329,5 @@ impl Robot {
 
     fn setpoints(&self) -> [f64; AXES] {
         self.axes.each_ref().map(Axis::position)
-    }
-
-    /// What it is doing.
-    pub fn phase(&self) -> Phase {
-        self.phase
-    }
-
-    /// Why it was stopped.
-    pub fn fault(&self) -> Option<&Fault> {
-        self.fault.as_ref()
-    }
-
-    /// Measured positions of the driven joints: rad, the rail in m.
-    pub fn joints(&self) -> [f64; DRIVEN] {
-        from_wire(&self.hand.positions(), self.place().rail_m)
-    }
-
-    /// The last set-points of the driven joints: rad, the rail in m.
-    pub fn sent(&self) -> [f64; DRIVEN] {
-        driven(&self.setpoints())
-    }
-
-    /// Where the hand is, seen from the rail; in the middle before the arm has reported.
-    pub fn place(&self) -> RailPlace {
-        self.path.place(&self.arm.joints().unwrap_or(*self.path.middle()))
-    }
-
-    /// Keys that are down: bit 0 is the lowest.
-    pub fn pressed(&self) -> u64 {
-        self.keyboard.pressed()
-    }
-
-    /// Set-points that were clamped so far, counted by joint.
-    pub fn clamped(&self) -> u64 {
-        self.clamped
-    }
-
-    /// The hand.
-    pub fn hand(&self) -> &Hand {
-        &self.hand
-    }
-
-    /// The arm.
-    pub fn arm(&self) -> &Arm {
-        &self.arm
-    }
-
-    /// The keyboard.
-    pub fn keyboard(&self) -> &Keyboard {
-        &self.keyboard
-    }
-
-    /// The rig that it controls.
-    pub fn config(&self) -> &RigConfig {
-        &self.config
-    }
-
-    /// How warm the motors of the hand are. It counts from one start to the next.
-    pub fn warmth(&self) -> Warmth {
-        self.doubts.warmth
-    }
-
-    /// Tells how warm the motors of the hand are already.
-    pub fn set_warmth(&mut self, warmth: Warmth) {
-        self.doubts.warmth = warmth;
-    }
-
-    /// When the hand was released first since the start.
-    pub fn let_go_at(&self) -> Option<Duration> {
-        self.let_go_at
-    }
-
-    /// Takes the records since the last call.
-    pub fn records(&mut self) -> impl Iterator<Item = Record> + '_ {
-        self.journal.take()
-    }
-
-    /// Records that were dropped because they were not taken.
-    pub fn lost_records(&self) -> u64 {
-        self.journal.lost()
     }
 }
