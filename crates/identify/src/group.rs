@@ -28,14 +28,14 @@ pub struct Group {
     pub name: String,
     /// Joints whose readings are its residuals.
     pub joints: Vec<usize>,
-    /// Whether the sounding keys, and the times at which they change, are its residuals too.
+    /// Whether the sounding keys are its residuals too.
     pub keys: bool,
     /// Whether the prior of its parameters counts too.
     pub believes: bool,
 }
 
 impl Group {
-    /// The residuals of this group: a block for each joint in each motion in which it moves, and two for the keys.
+    /// The residuals of this group: a block for each joint in each motion in which it moves, and one for the keys.
     ///
     /// # Errors
     /// If there are no parameters or no residuals.
@@ -48,7 +48,6 @@ impl Group {
             }
             if self.keys && !motion.keys.is_empty() {
                 blocks.push(Block::new(&format!("{index}.keys"), 2 * motion.commands.steps()));
-                blocks.push(Block::new(&format!("{index}.events"), motion.keys.len()));
             }
         }
         if self.believes {
@@ -102,7 +101,6 @@ impl Group {
             }
             if self.keys && !motion.keys.is_empty() {
                 key_residuals(params, motion, trace, &mut residuals);
-                residuals.extend(event_residuals(params, motion, trace));
             }
         }
         if self.believes {
@@ -115,7 +113,8 @@ impl Group {
 /// Two residuals a control step: by how much the keys that sounded at its end are short of where they are silent again, and by how
 /// much the others are beyond their threshold.
 fn key_residuals(params: &PhysicalParams, motion: &Motion, trace: &Trace, residuals: &mut Vec<f64>) {
-    let [threshold, release] = contacts(params);
+    let threshold = params.world(WorldRow::KeyThreshold);
+    let release = threshold * (1.0 - params.world(WorldRow::KeyHysteresis));
     let mut sounding = [false; KEYS];
     let mut events = motion.keys.iter().peekable();
     for step in 0..motion.commands.steps() {
@@ -130,22 +129,6 @@ fn key_residuals(params: &PhysicalParams, motion: &Motion, trace: &Trace, residu
         }
         residuals.extend([missing / KEY_NOISE, extra / KEY_NOISE]);
     }
-}
-
-/// A residual for each event: how far the key is beyond where it begins to sound, or is silent again. The two places together show how
-/// far apart they are, which the residuals of the steps do not.
-fn event_residuals(params: &PhysicalParams, motion: &Motion, trace: &Trace) -> impl Iterator<Item = f64> {
-    let [threshold, release] = contacts(params);
-    motion.keys.iter().map(move |event| {
-        let place = if event.velocity > 0 { threshold } else { release };
-        (trace.key_travel(event.key, event.secs) - place) / KEY_NOISE
-    })
-}
-
-/// Travel at which a key begins to sound, and at which it is silent again.
-fn contacts(params: &PhysicalParams) -> [f64; 2] {
-    let threshold = params.world(WorldRow::KeyThreshold);
-    [threshold, threshold * (1.0 - params.world(WorldRow::KeyHysteresis))]
 }
 
 /// Joints whose readings are fitted, without keys.

@@ -94,13 +94,10 @@ impl Trace {
             + (cube - square) * slope_to
     }
 
-    /// Travel of a key at `secs`, as [`World::key_travel`], on straight lines between physics steps; 0 if keys were not recorded.
+    /// Travel of a key at `secs`, as [`World::key_travel`]; 0 if keys were not recorded.
     pub fn key_travel(&self, key: usize, secs: f64) -> f64 {
-        let Some(last) = self.travel.len().checked_sub(1) else { return 0.0 };
-        let place = (secs / self.step_secs).clamp(0.0, last as f64);
-        let index = (place as usize).min(last.saturating_sub(1));
-        let [from, to] = [index, (index + 1).min(last)].map(|index| f64::from(self.travel[index][key]));
-        from + (place - index as f64) * (to - from)
+        let index = (secs / self.step_secs).round() as usize;
+        self.travel.get(index).map_or(0.0, |travel| f64::from(travel[key]))
     }
 
     /// Simulated minus measured positions of a joint, in the order of its readings, rad or m.

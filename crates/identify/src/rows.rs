@@ -65,8 +65,6 @@ const CONTACT: &[(WorldRow, Bounds)] = &[
     (WorldRow::KeyboardHeight, Around(0.006)),
     (WorldRow::KeyboardLateral, Around(0.005)),
     (WorldRow::KeyThreshold, Around(0.3)),
-    // A judgement: the first contact at 70 % of the way to the second.
-    (WorldRow::KeyHysteresis, UpTo(0.9, 0.3)),
     (WorldRow::KeyStiffness, Factor(3.0)),
     (WorldRow::KeyDamping, Factor(4.0)),
 ];

@@ -93,7 +93,7 @@ const ADVICE: &[Advice] = &[
         motion: "pieces with every finger, on white and black keys, over the whole keyboard",
     },
     Advice {
-        rows: &["key.threshold", "key.hysteresis", "key.stiffness", "key.damping"],
+        rows: &["key.threshold", "key.stiffness", "key.damping"],
         least: 1,
         why: "too few keys were struck, or all with the same speed",
         motion: "soft and loud notes, repeated and held",

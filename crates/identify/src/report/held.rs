@@ -64,6 +64,9 @@ fn why(path: &str, estimated: &BTreeSet<&str>) -> &'static str {
                 "it hardly changes which keys sound, and when"
             }
             "rail.key_down_velocity" => LIMITED,
+            "key.hysteresis" => {
+                "no residual depends on it alone; set it if the places of the contacts are known"
+            }
             "key.preload" => "it changes when keys sound as their threshold does; weigh a key and set it",
             _ if touches => "no fit estimates it",
             _ => "no recording that was fitted touches a key",

@@ -1,14 +1,9 @@
 //! Known parameters are recovered: see [`crate::synthetic`].
 
-use std::sync::atomic::AtomicBool;
+use etude_stage::params::JointRow;
+use etude_stage::{RAIL, StageConfig, World};
 
-use etude_identify::{IdentifyConfig, LmConfig, MethodConfig, Progress, identify};
-use etude_perform::{Job, shaping_params};
-use etude_robot::rig::RigConfig;
-use etude_stage::params::{JointRow, WorldRow};
-use etude_stage::{JOINT_NAMES, RAIL, StageConfig, World};
-
-use crate::synthetic::{Error, Recovery, recover, recover_as, strikes, truth};
+use crate::synthetic::{Error, Recovery, recover, recover_as, truth};
 
 #[test]
 fn the_known_numbers_of_a_finger_come_back_to_the_noise() {
@@ -89,32 +84,4 @@ fn lag_and_ringing_of_an_arm_come_back() {
     let recovery = recover_arm(5.5, 0.55, 0.03, 3).unwrap();
     let paths = ["joint.rail.stiffness", "joint.rail.damping", "joint.rail.delay"];
     estimates(&recovery, paths).into_iter().for_each(is_within_5_per_cent);
-}
-
-/// A key with two contacts, as real ones have. How far apart they are shows in when keys fall silent; where the upper one is, only
-/// together with the height of the keyboard and of the fingertips.
-#[test]
-fn the_two_contacts_of_keys_come_back() {
-    let mut truth = shaping_params(&RigConfig::default().limits);
-    let [threshold, hysteresis] = [0.6, 0.45];
-    truth.set_world(WorldRow::KeyThreshold, threshold);
-    truth.set_world(WorldRow::KeyHysteresis, hysteresis);
-    let motion = strikes(&truth).unwrap();
-    assert!(motion.keys.len() >= 60, "{}", motion.keys.len());
-    let folder = tempfile::tempdir().unwrap();
-    // The drives are known: only the keyboard is fitted to strikes.
-    let viscosity = |joint: &&str| (format!("joint.{joint}.viscosity"), 0.0);
-    let config = IdentifyConfig {
-        method: MethodConfig::Lm(LmConfig::for_replays()),
-        seed: 0,
-        start: JOINT_NAMES[..RAIL].iter().map(viscosity).collect(),
-    };
-    let (never, mut tell) = (AtomicBool::new(false), |_: &Progress| {});
-    let job = &mut Job::new(&mut tell, &never);
-    let identified = identify(&[motion], &config, &folder.path().join("state.json"), job).unwrap();
-    let found = |row: WorldRow| identified.physics[row.row().name];
-    let apart = found(WorldRow::KeyThreshold) * found(WorldRow::KeyHysteresis);
-    println!("{:?}", identified.physics);
-    is_within_5_per_cent([apart, threshold * hysteresis]);
-    assert!((found(WorldRow::KeyThreshold) - threshold).abs() < 0.05);
 }

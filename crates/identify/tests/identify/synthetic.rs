@@ -9,14 +9,10 @@ use etude_identify::{
     Assessment, Commands, IdentifyConfig, LmConfig, MethodConfig, Motion, ParameterEstimate, PassEnd,
     Replayer, identify,
 };
-use etude_music::KeyEvent;
 use etude_perform::{Excitation, Job, shaping_params};
 use etude_robot::rig::RigConfig;
-use etude_stage::geometry::{KeyShape, key_target};
-use etude_stage::hand::{FINGER_JOINTS, TIP_RADIUS};
-use etude_stage::kinematics::{fingertip, reach};
 use etude_stage::params::JointRow;
-use etude_stage::{JOINTS, PhysicalParams, RAIL, StageConfig, World};
+use etude_stage::{JOINTS, PhysicalParams, RAIL, StageConfig};
 use rand::{RngExt as _, SeedableRng as _};
 use rand_pcg::Pcg64;
 
@@ -58,10 +54,6 @@ fn gauss(random: &mut Pcg64) -> f64 {
     (-2.0 * (1.0 - a).ln()).sqrt() * (std::f64::consts::TAU * b).cos()
 }
 
-fn noise() -> [f64; JOINTS] {
-    std::array::from_fn(|joint| NOISE[usize::from(joint == RAIL)])
-}
-
 /// Readings of a robot with these parameters whose joints follow a third of an excitation.
 fn recorded(
     params: &PhysicalParams,
@@ -77,7 +69,7 @@ fn recorded(
     for row in &mut targets {
         *row = std::array::from_fn(|joint| if joints.contains(&joint) { row[joint] } else { still[joint] });
     }
-    let noise = noise();
+    let noise: [f64; JOINTS] = std::array::from_fn(|joint| NOISE[usize::from(joint == RAIL)]);
     let mut motion = Motion {
         path: PathBuf::from(format!("synthetic-{seed}")),
         rig: RigConfig { name: "synthetic".to_string(), ..RigConfig::default() },
@@ -105,49 +97,6 @@ fn recorded(
         }
     }
     Ok(motion)
-}
-
-/// A robot with these parameters strikes three keys, each with its own finger, at several depths and for several times.
-pub fn strikes(params: &PhysicalParams) -> Result<Motion, Error> {
-    let stage = StageConfig::default();
-    let mut world = World::new(&stage, params)?;
-    let start = world.start_pose();
-    let mut targets = vec![start; 10];
-    for (finger, key) in [24, 26, 28].into_iter().enumerate() {
-        let ([x, y, _], shape) = (key_target(key), KeyShape::of(key));
-        let travel = shape.max_angle() * (x - shape.x + shape.size[0] / 2.0);
-        let over = shape.top() + TIP_RADIUS;
-        for strike in 0..12 {
-            let (depth, height) = (0.7 + 0.1 * f64::from(strike % 5), 2e-3 * f64::from(1 + strike % 4));
-            for (z, steps) in [(over - depth * travel, 4 + strike % 3), (over + height, 3 + strike % 2)] {
-                let mut pose = start;
-                pose[RAIL] = y - fingertip(stage.side, finger, &[0.0; FINGER_JOINTS], 0.0)[1];
-                let angles = reach(stage.side, finger, [x, y, z], pose[RAIL]).ok_or("out of reach")?;
-                pose[finger * FINGER_JOINTS..][..FINGER_JOINTS].copy_from_slice(&angles);
-                targets.extend(std::iter::repeat_n(pose, steps as usize));
-            }
-        }
-    }
-    world.reset_to(&start);
-    let begin = world.time_secs();
-    let mut keys = Vec::new();
-    for target in &targets {
-        world.step(target);
-        keys.extend(world.events().iter().map(|event| KeyEvent { secs: event.secs - begin, ..*event }));
-    }
-    Ok(Motion {
-        path: PathBuf::from("strikes"),
-        rig: RigConfig { name: "synthetic".to_string(), ..RigConfig::default() },
-        mode: "synthetic".to_string(),
-        start,
-        commands: Commands::Targets(targets),
-        fingers: Vec::new(),
-        pwm: Vec::new(),
-        rail: Vec::new(),
-        noise: noise(),
-        moves: [false; JOINTS],
-        keys,
-    })
 }
 
 /// Jerk limit of the synthetic robot's fingers, rad/s³, before its draw.
