@@ -1,5 +1,6 @@
 """What each change of the twin alone costs: three songs in three modes on the truth `mild` with one thing changed at a time, and the table of
-docs/results/robot.md: onset F1 aligned by the median lag, the lag, and the paper's F1, as means over the songs (and runs). With --drawn the same of so many truths that are drawn, random:1 and so on.
+docs/results/robot.md: onset F1 aligned by the median lag, the measured lead (how late the robot is), and the paper's F1, as means over the songs
+(and runs). With --drawn the same of so many truths that are drawn, random:1 and so on.
 
     make build && python3 scripts/truth_costs.py [--runs 1] [--songs twinkle,ode-to-joy,c-major-scale] [--drawn 20] [--modes real]
 """
@@ -109,7 +110,7 @@ def main():
         for mode in modes:
             reports = [perform(song, mode, truth, options.runs) for song in songs]
             mean = lambda key: sum(report.get(key, float("nan")) for report in reports) / len(reports)
-            cells.append(f"{mean('onset_f1_without_lag'):.3f}; {1e3 * mean('lag_secs'):+.0f} ms; {mean('robot_f1'):.3f}")
+            cells.append(f"{mean('onset_f1_without_lag'):.3f}; {1e3 * mean('lead_secs'):.0f} ms; {mean('robot_f1'):.3f}")
         print(f"| {name} | " + " | ".join(cells) + " |", flush=True)
 
 
