@@ -6,7 +6,7 @@ use std::path::Path;
 use clap::builder::StyledStr;
 use clap::error::{ContextKind, ContextValue, ErrorKind};
 use clap::{Arg, Command};
-use etude_music::near;
+use etude_music::{near, repertoire};
 use etude_perform::shell_line;
 
 /// Most commands that are suggested.
@@ -55,17 +55,21 @@ fn commands(root: &Command, words: &[String], word: &str) -> Vec<String> {
     };
     let names = || all.iter().filter_map(|(path, _)| path.last().copied());
     let is_name = names().any(|name| name == word);
+    let here = || all.iter().filter(|(path, _)| path[..path.len() - 1] == *before);
+    let is_near_name = !near(word, here().filter_map(|(path, _)| path.last().copied())).is_empty();
     // The word as an argument of a subcommand here, or the value of one that has nearly this name.
     let as_argument = |(path, command): &(Vec<&str>, &Command)| {
         let values = values(command);
-        let is_value = values.iter().any(|value| value == word) || is_midi(word) && !values.is_empty();
+        let is_song = is_midi(word) && repertoire::ids().all(|id| values.iter().any(|value| value == id));
         let near = || near(word, values.iter().map(String::as_str)).first().map(ToString::to_string);
-        let value = if is_value { word.to_string() } else { near().filter(|_| !is_name)? };
+        let value = match is_song || values.iter().any(|value| value == word) {
+            true => word.to_string(),
+            false => near().filter(|_| !is_name && !is_near_name && !word.contains(['/', '.']))?,
+        };
         let line: Vec<String> = std::iter::once(value).chain(after.iter().cloned()).collect();
         whole(path, &line)
     };
-    let below = all.iter().filter(|(path, _)| path[..path.len() - 1] == *before);
-    let with_the_word: Vec<String> = below.filter_map(as_argument).collect();
+    let with_the_word: Vec<String> = here().filter_map(as_argument).collect();
     let meant = if is_name { vec![word] } else { near(word, names()) };
     let named = meant.iter().flat_map(|name| all.iter().filter(|(path, _)| path.last() == Some(name)));
     let elsewhere =

@@ -148,8 +148,11 @@ impl PlanConfig {
     }
 
     /// Frames in which a key is up before it is struck again; without one, it would not be struck.
-    fn rest_frames(&self) -> usize {
-        ceil_frame(self.restrike_secs * CONTROL_HZ).max(1)
+    pub fn rest_frames(&self) -> usize {
+        match self.rule {
+            PlanRule::Robopianist => 1,
+            PlanRule::Articulated => ceil_frame(self.restrike_secs * CONTROL_HZ).max(1),
+        }
     }
 }
 

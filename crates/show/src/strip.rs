@@ -125,7 +125,7 @@ impl Strip {
             let colour = bar.shown.map_or(COMING, colour);
             // Only the past has been played.
             let to = if bar.shown.is_some() { to.min(secs) } else { to };
-            if from < to {
+            if from < to && x(to) > 0.0 && x(from) < width {
                 canvas.fill([x(from), x(to)], self.rows(bar.pitch, inset), colour);
                 let within = ([x(from) + 1.5, x(to) - 1.5], self.rows(bar.pitch, 0.22));
                 match bar.shown {

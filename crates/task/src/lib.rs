@@ -31,7 +31,7 @@ pub use piece::Piece;
 pub use player::Player;
 pub use randomise::{Full, RANDOMISED, Randomisation, RandomisationConfig, Widths};
 pub use range::TargetRange;
-pub use scripted::{Lags, ScriptedPlayer};
+pub use scripted::{Lags, ScriptedPlayer, shortest_silences};
 pub use vector::VectorPiano;
 
 /// Length of an action: one target per driven joint.

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use etude_identify::Progress;
 use etude_lab::{Identification, IdentifyMethod, identify_robot};
 use etude_perform::Job;
-use etude_task::{Lags, TaskConfig};
+use etude_task::{TaskConfig, shortest_silences};
 
 use super::line;
 use super::model::restrike;
@@ -101,8 +101,8 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
         line(format!("{:<18} {}", "weight", weight.advice(report.gravity_pwm_per_nm)))?;
     }
     let task = etude_lab::resolve("fast", Some(&report.file), &[])?.task;
-    let lags = Lags::measure(&task.stage, &task.params()?)?;
-    line(format!("{:<18} {}", "struck again", restrike(&lags, &task.plan)))?;
+    let silences = shortest_silences(&task.stage, &task.params()?)?;
+    line(format!("{:<18} {}", "struck again", restrike(silences, &task.plan)))?;
     line(format!("The simulator as identified is {}", report.file.display()))?;
     Ok(Ending::Done)
 }

@@ -1,10 +1,10 @@
-//! `etude model`: the simulated world as MJCF, and its physical parameters.
+//! `etude model`: the simulated world as MJCF, its physical parameters, and how late its hand is.
 
 use std::path::PathBuf;
 
-use etude_music::{CONTROL_HZ, PlanConfig, PlanRule};
+use etude_music::{CONTROL_HZ, PlanConfig};
 use etude_stage::{PhysicalParams, mjcf};
-use etude_task::{Lags, TaskConfig};
+use etude_task::{Lags, TaskConfig, shortest_silences};
 use serde_json::json;
 
 use super::{ConfigArgs, line};
@@ -41,11 +41,11 @@ enum What {
         #[arg(long)]
         json: bool,
     },
-    /// Measure how late the hand is behind its targets, and how long a key must be up before it can be struck again
+    /// Measure how late the hand is behind its targets, and how long a key is silent at least between two strikes
     Lags {
         #[command(flatten)]
         config: ConfigArgs,
-        /// Print JSON: sound_secs, silence_secs, restrike_secs (white and black key), follow_secs
+        /// Print JSON: sound_secs, silence_secs, shortest_silence_secs (white and black key), follow_secs
         #[arg(long)]
         json: bool,
     },
@@ -72,9 +72,14 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
 }
 
 fn lags(task: &TaskConfig, as_json: bool) -> anyhow::Result<()> {
-    let lags = Lags::measure(&task.stage, &task.params()?)?;
+    let params = task.params()?;
+    let lags = Lags::measure(&task.stage, &params)?;
+    let silences = shortest_silences(&task.stage, &params)?;
     if as_json {
-        return super::json(&lags);
+        let Lags { sound_secs, silence_secs, follow_secs } = lags;
+        return super::json(&json!({
+            "sound_secs": sound_secs, "silence_secs": silence_secs, "shortest_silence_secs": silences, "follow_secs": follow_secs,
+        }));
     }
     let cell =
         |secs: Option<f64>| secs.map_or_else(|| "not in 1 s".into(), |secs| format!("{:.0} ms", 1e3 * secs));
@@ -82,30 +87,32 @@ fn lags(task: &TaskConfig, as_json: bool) -> anyhow::Result<()> {
     for (what, [white, black]) in [
         ("from the target that strikes until the key sounds", lags.sound_secs),
         ("from the target that lifts until it is silent", lags.silence_secs),
-        ("shortest rest before the key is struck again", lags.restrike_secs),
+        ("shortest silence between two strikes of it", silences),
     ] {
         line(format!("{what:52} {:>10} {:>10}", cell(white), cell(black)))?;
     }
     line(format!("{:52} {:>10}", "a turning finger behind its target", cell(Some(lags.follow_secs))))?;
-    line(restrike(&lags, &task.plan))
+    line(restrike(silences, &task.plan))
 }
 
-/// Whether a plan leaves the hand the time that it needs to strike a key again.
-pub(super) fn restrike(lags: &Lags, plan: &PlanConfig) -> String {
-    let planned_secs = match plan.rule {
-        PlanRule::Robopianist => 1.0 / CONTROL_HZ,
-        PlanRule::Articulated => plan.restrike_secs,
+/// Whether a plan leaves the hand the silence that it needs to strike a key again.
+pub(super) fn restrike(silences: [Option<f64>; 2], plan: &PlanConfig) -> String {
+    let [Some(white), Some(black)] = silences else {
+        return "In this world the hand cannot strike every key again within a second".into();
     };
-    let planned = format!("The plan has a key up for {:.0} ms before it is struck again", 1e3 * planned_secs);
-    match lags.longest_restrike_secs() {
-        None => "In this world the hand cannot strike a key again within a second".into(),
-        Some(needed) if needed > planned_secs => {
-            format!(
-                "{planned}: too short. Take --set task.plan.rule=articulated --set task.plan.restrike_secs={needed:.2}"
-            )
-        }
-        Some(_) => format!("{planned}: long enough"),
+    let secs = |frames: usize| frames as f64 / CONTROL_HZ;
+    let planned = plan.rest_frames();
+    // Silences are whole physics steps; less than one is rounding.
+    let needed = (white.max(black) * CONTROL_HZ - 0.01).ceil() as usize;
+    let says =
+        format!("The plan has a key silent for {:.0} ms before it is struck again", 1e3 * secs(planned));
+    if needed <= planned {
+        return format!("{says}: long enough");
     }
+    format!(
+        "{says}: too short. Take --set task.plan.rule=articulated --set task.plan.restrike_secs={:.2}",
+        secs(needed)
+    )
 }
 
 fn params(values: &PhysicalParams, as_json: bool) -> anyhow::Result<()> {

@@ -136,6 +136,10 @@ fn an_interrupted_play_leaves_the_folder_as_it_was() {
     });
     assert!(said.contains("nothing was written"), "{said}");
     assert!(seen() == before && !unfinished.exists());
+    let _ = interrupted_at(desk.command("play ode-to-joy --scripted -o new"), |child| {
+        desk.path(format!("new/.unfinished-{}", child.id())).join("recording.mcap")
+    });
+    assert!(!desk.path("new").exists());
 
     // When it is done, the page of the performance before is gone with it.
     desk.ok("play short.mid --scripted --set task.physics.key.threshold=0.6 -o mine");

@@ -251,6 +251,7 @@ fn a_wrong_word_gets_the_near_one_wherever_it_belongs() {
         ("stop", &["did you mean `etude robot stop`?"]),
         ("show twinkle", &["did you mean `etude songs show twinkle`?"]),
         ("songs twinkel", &["did you mean `etude songs show twinkle`?"]),
+        ("experiment lis", &["did you mean `etude experiment list`?"]),
         ("songs my-song.mid", &["did you mean `etude songs show my-song.mid`?"]),
         ("params --json", &["did you mean `etude model params --json`?"]),
         ("robot train", &["did you mean `etude train`?"]),

@@ -330,4 +330,14 @@ impl Robot {
     fn setpoints(&self) -> [f64; AXES] {
         self.axes.each_ref().map(Axis::position)
     }
+
+    /// Sets how warm the motors of the hand are already.
+    pub fn set_warmth(&mut self, warmth: Warmth) {
+        self.doubts.warmth = warmth;
+    }
+
+    /// Takes the records since the last call.
+    pub fn records(&mut self) -> impl Iterator<Item = Record> + '_ {
+        self.journal.take()
+    }
 }

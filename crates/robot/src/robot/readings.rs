@@ -3,7 +3,7 @@
 use std::time::Duration;
 
 use super::axes::driven;
-use super::{Fault, Phase, Record, Robot, Warmth};
+use super::{Fault, Phase, Robot, Warmth};
 use crate::allegro::Hand;
 use crate::calibration::RailPlace;
 use crate::joints::{DRIVEN, from_wire};
@@ -72,19 +72,9 @@ impl Robot {
         self.doubts.warmth
     }
 
-    /// Tells how warm the motors of the hand are already.
-    pub fn set_warmth(&mut self, warmth: Warmth) {
-        self.doubts.warmth = warmth;
-    }
-
     /// When the hand was released first since the start.
     pub fn let_go_at(&self) -> Option<Duration> {
         self.let_go_at
-    }
-
-    /// Takes the records since the last call.
-    pub fn records(&mut self) -> impl Iterator<Item = Record> + '_ {
-        self.journal.take()
     }
 
     /// Records that were dropped because they were not taken.

@@ -11,7 +11,7 @@ mod tests;
 use std::sync::Arc;
 
 use etude_stage::JOINTS;
-pub use lags::Lags;
+pub use lags::{Lags, shortest_silences};
 
 use crate::fingering::comb::Comb;
 use crate::fingering::rail::Rail;
