@@ -482,8 +482,7 @@ fn planning_that_takes_long_is_stopped_and_says_how_far_it_is() {
         assert_eq!(server.ended(id)["state"], "stopped");
     }
     assert!(!desk.path("out/songs/chords.json").exists(), "half of it is nothing");
-    let left: Vec<_> = std::fs::read_dir(desk.path("out/chords")).unwrap().collect();
-    assert!(left.is_empty(), "{left:?}");
+    assert!(!desk.path("out/chords").exists());
 }
 
 #[test]
