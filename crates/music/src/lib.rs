@@ -42,7 +42,7 @@ mod song;
 pub mod sound;
 
 pub use error::{MidiError, SongError};
-pub use frames::{KeyEvent, notes_from_key_events};
+pub use frames::{KeyEvent, ceil_frame, notes_from_key_events};
 pub use keys::{HIGHEST_PITCH, KEYS, KeySet, LOWEST_PITCH, key_is_black, pitch_name};
 pub use limits::{MAX_DURATION_SECS, MAX_NOTES};
 pub use melody::melody;

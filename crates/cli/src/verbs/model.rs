@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use etude_music::{CONTROL_HZ, PlanConfig};
+use etude_music::{CONTROL_HZ, PlanConfig, ceil_frame};
 use etude_stage::{PhysicalParams, mjcf};
 use etude_task::{Lags, TaskConfig, shortest_silences};
 use serde_json::json;
@@ -102,8 +102,7 @@ pub(super) fn restrike(silences: [Option<f64>; 2], plan: &PlanConfig) -> String 
     };
     let secs = |frames: usize| frames as f64 / CONTROL_HZ;
     let planned = plan.rest_frames();
-    // Silences are whole physics steps; less than one is rounding.
-    let needed = (white.max(black) * CONTROL_HZ - 0.01).ceil() as usize;
+    let needed = ceil_frame(white.max(black) * CONTROL_HZ);
     let says =
         format!("The plan has a key silent for {:.0} ms before it is struck again", 1e3 * secs(planned));
     if needed <= planned {

@@ -8,7 +8,6 @@ use etude_music::KeyEvent;
 use etude_stage::hand::FINGER_JOINTS;
 use etude_stage::params::JointRow;
 use etude_stage::{JOINTS, PhysicalParams, RAIL, StageConfig, World};
-use serde::Serialize;
 
 use crate::TaskError;
 use crate::fingering::comb::Comb;
@@ -30,7 +29,7 @@ const TURN_RAD: f64 = 0.1;
 const MARGIN_SECS: f64 = 0.005;
 
 /// How late the hand is behind its targets, on a white and on a black key. A time is absent if it is longer than a second.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Lags {
     /// From the target that strikes until the key sounds, s: `[white, black]`.
     pub sound_secs: [Option<f64>; 2],
