@@ -18,7 +18,7 @@ use etude_robot::rig::RigConfig;
 use etude_stage::controller::{Controller, Gains};
 use etude_stage::hand::FINGER_JOINTS;
 use etude_stage::params::JointRow;
-use etude_stage::{Actuation, JOINT_NAMES, JOINTS, PHYSICS_STEPS, PhysicalParams, StageConfig, joint_range};
+use etude_stage::{Actuation, JOINT_NAMES, JOINTS, PHYSICS_STEPS, PhysicalParams, Side, StageConfig, joint_range};
 use rand::{RngExt as _, SeedableRng as _};
 use rand_pcg::Pcg64;
 use rayon::prelude::*;
@@ -97,7 +97,7 @@ fn parameters(start: &PhysicalParams) -> Vec<Parameter> {
 
 /// Motion of a robot with these parameters in a third of an excitation, without noise.
 fn recorded(params: &PhysicalParams, excitation: Excitation, third: usize) -> Fallible<Motion> {
-    let targets = excitation.targets();
+    let targets = excitation.targets(Side::Left);
     let count = targets.len() / 3;
     let targets = targets[third * count..(third + 1) * count].to_vec();
     let mut motion = Motion {

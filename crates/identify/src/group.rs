@@ -11,7 +11,7 @@ use crate::error::FitError;
 use crate::motion::Motion;
 use crate::problem::{Block, Evaluation, Loss, Problem};
 use crate::replay::Trace;
-use crate::rows::contact_prior;
+use crate::rows::{contact_parameters, contact_prior};
 use crate::space::{Parameter, Space};
 
 /// Every third reading is compared: the hand sends readings three times as often as its motion changes.
@@ -51,7 +51,7 @@ impl Group {
             }
         }
         if self.believes {
-            blocks.push(Block::new("belief", parameters.len()));
+            blocks.push(Block::new("belief", contact_parameters(&PhysicalParams::default()).len()));
         }
         let loss = if self.keys { Loss::Huber(SLIPS) } else { Loss::Squared };
         Problem::new(Space::new(parameters)?, blocks, loss)

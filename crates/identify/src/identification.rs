@@ -1,4 +1,5 @@
-//! From recordings to physical parameters: joint by joint, then finger by finger, then the keyboard.
+//! From recordings to physical parameters: joint by joint, then finger by finger, then the keyboard. What slow presses of keys show of it
+//! is measured, the rest is fitted to what was played.
 //!
 //! A pass runs one [`Fit`](crate::Fit) a group, and all groups share the same replays. The state is written to a file after
 //! each batch; an interrupted identification resumes from it and ends with the same result.
@@ -36,11 +37,16 @@ pub fn identify(
 ) -> Result<Identified, IdentifyError> {
     let scene = scene::Scene::new(motions, config)?;
     let mut saved = state::State::open(motions, &scene.before, config, state)?;
-    let has = |keys: bool| motions.iter().any(|motion| motion.keys.is_empty() != keys);
-    while let Some(pass) = pass::next(&saved.ended, &config.method, has(false), has(true)) {
+    let air = motions.iter().any(|motion| motion.keys.is_empty());
+    let keys = motions.iter().any(Motion::plays_keys);
+    while let Some(pass) = pass::next(&saved.ended, &config.method, air, keys) {
+        if pass == Pass::Contact {
+            scene.measure(&mut saved.params);
+        }
         run::run(&scene, &mut saved, pass, state, job)?;
     }
+    let measured = scene.measure(&mut saved.params);
     saved.done = true;
     saved.save(state)?;
-    judge::judge(&scene, saved)
+    judge::judge(&scene, saved, measured)
 }

@@ -41,6 +41,7 @@ mod lm;
 mod method;
 mod motion;
 mod problem;
+mod presses;
 mod process;
 mod random;
 mod replay;
@@ -60,6 +61,7 @@ pub use identification::{Identified, IdentifyConfig, IdentifyError, Pass, PassEn
 pub use jacobian::{Jacobian, JacobianPlan, Linearisation};
 pub use method::{Candidate, Reason};
 pub use motion::{Commands, Motion, MotionError};
+pub use presses::{Measured, in_words as keyboard_in_words};
 pub use problem::{Block, Evaluation, Loss, Problem};
 pub use replay::{Replayer, Trace};
 pub use report::{Curve, Figure, Report, ReportInput};

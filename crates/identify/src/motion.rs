@@ -7,7 +7,7 @@
 use std::path::{Path, PathBuf};
 
 use etude_music::{CONTROL_HZ, KEYS, KeyEvent, LOWEST_PITCH};
-use etude_perform::{Activity, HandMessage, Recording, RecordingError};
+use etude_perform::{Activity, Excitation, HandMessage, Recording, RecordingError};
 use etude_robot::allegro::RAD_PER_COUNT;
 use etude_robot::joints::FINGER_JOINTS;
 use etude_robot::rig::{RigConfig, SETPOINT_HZ};
@@ -155,6 +155,11 @@ impl Motion {
                 (key < KEYS).then_some(KeyEvent { secs: event.secs, key, velocity: event.velocity })
             })
             .collect();
+        if header.activity == Activity::Excitation(Excitation::Keys) && keys.is_empty() {
+            return Err("no key sounded in it: see that the keyboard is on, in its place, and the one that the rig's file names, \
+                        then record it again"
+                .to_string());
+        }
         let most = if keys.is_empty() { MOST_SATURATED } else { 1.0 };
         check_limits(recording, secs, most)?;
         let (start, noise) = at_rest(&before, &rail_before)?;
@@ -183,6 +188,16 @@ impl Motion {
             moves,
             keys,
         })
+    }
+
+    /// Whether it presses keys slowly ([`Excitation::Keys`]).
+    pub fn presses_keys(&self) -> bool {
+        self.mode == Excitation::Keys.name()
+    }
+
+    /// Whether it plays keys as music is played.
+    pub fn plays_keys(&self) -> bool {
+        !self.keys.is_empty() && !self.presses_keys()
     }
 
     /// Name of its file.

@@ -59,7 +59,7 @@ const RAIL_ROWS: &[(JointRow, Bounds)] = &[
     (JointRow::JerkLimit, Factor(8.0)),
 ];
 
-/// Parameters that only motions with key contact identify. The bounds of the keyboard's place are errors of its calibration.
+/// Parameters that only motions with key contact identify, of which slow presses measure most. The bounds of the keyboard's place are errors of its calibration.
 /// A finger's encoder biases show only in the height of its tip, so only that of its first bending joint is estimated.
 const CONTACT: &[(WorldRow, Bounds)] = &[
     (WorldRow::KeyboardHeight, Around(0.006)),
@@ -72,7 +72,7 @@ const CONTACT: &[(WorldRow, Bounds)] = &[
 /// Largest encoder bias, rad.
 const MOST_BIAS: f64 = 0.05;
 /// Joint of a finger that bends first.
-const FIRST_BEND: usize = 1;
+pub const FIRST_BEND: usize = 1;
 /// Standard deviation of the prior about a parameter's start, as a share of its range. It decides only what the keys do not
 /// identify: height and biases together are one height of a fingertip.
 const PRIOR: f64 = 0.15;

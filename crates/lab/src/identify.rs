@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use anyhow::bail;
 use etude_identify::{
     Assessment, BoConfig, Identified, IdentifyConfig, LmConfig, MethodConfig, Motion, Progress, Report,
-    ReportInput, Weight, identify, weigh,
+    ReportInput, Weight, identify, keyboard_in_words, weigh,
 };
 use etude_perform::{Excitation, Job, write_file};
 use etude_stage::PhysicalParams;
@@ -104,6 +104,8 @@ pub struct IdentifyReport {
     pub weight: Option<Weight>,
     /// The rig's own number for it, `joint_loop.gravity_pwm_per_nm`.
     pub gravity_pwm_per_nm: f64,
+    /// What slow presses of keys showed, in words; none without a recording of them.
+    pub keyboard: Option<String>,
     /// File of the identified simulator.
     pub file: PathBuf,
 }
@@ -146,6 +148,7 @@ pub fn identify_robot(
         fit_errors: Assessment::new(&air, &before, &after)?,
         held_out_errors: Assessment::new(&held_out, &before, &after)?,
         weight: weigh(&fitted),
+        keyboard: keyboard_in_words(&fitted, &identified.measured),
         gravity_pwm_per_nm: first.rig.joint_loop.gravity_pwm_per_nm,
         file: folder.join(IDENTIFIED),
         identified,

@@ -10,7 +10,7 @@ use etude_perform::{
     Activity, Ending, Excitation, ExcitationPlayer, Header, PerformError, Recorder, RecordingWriter,
     RobotRig, perform, prepare, record_release,
 };
-use etude_stage::{JOINT_NAMES, JOINTS};
+use etude_stage::{JOINT_NAMES, Side};
 use etude_task::{TaskConfig, TaskError};
 
 use crate::errors::released;
@@ -20,7 +20,7 @@ use crate::errors::released;
 pub enum Motion {
     /// It holds still for this time, or until it is interrupted.
     Rest(Option<Duration>),
-    /// It moves clear of the keyboard.
+    /// It moves through a sequence.
     Excitation(Excitation),
 }
 
@@ -47,9 +47,9 @@ pub fn record_robot(
     interrupt: &AtomicBool,
 ) -> anyhow::Result<Recorded> {
     let side = rig.side();
-    let (activity, pose) = match motion {
-        Motion::Rest(_) => (Activity::Rest, start_pose(side).map_err(TaskError::from)?),
-        Motion::Excitation(excitation) => (Activity::Excitation(excitation), excitation.start()),
+    let activity = match motion {
+        Motion::Rest(_) => Activity::Rest,
+        Motion::Excitation(excitation) => Activity::Excitation(excitation),
     };
     let header = Header {
         player: "nobody".to_string(),
@@ -62,7 +62,7 @@ pub fn record_robot(
     };
     let mut writer = RecordingWriter::create(path, &header)?;
     let mut stand = rig.open(side, seed)?;
-    let ending = act(&mut stand, motion, &pose, home, &mut writer, interrupt).map_err(Into::into);
+    let ending = act(&mut stand, motion, side, home, &mut writer, interrupt).map_err(Into::into);
     let ending = released(&mut stand, ending);
     let recorded = record_release(&mut stand.robot, &mut stand.pace, &mut writer);
     let ending = ending?;
@@ -77,18 +77,22 @@ pub fn record_robot(
 fn act(
     stand: &mut Stand,
     motion: Motion,
-    pose: &[f64; JOINTS],
+    side: Side,
     home: bool,
     writer: &mut RecordingWriter,
     interrupt: &AtomicBool,
 ) -> Result<Ending, PerformError> {
     let Stand { robot, pace } = stand;
-    prepare(robot, pace, home.then_some(pose), Some(writer), interrupt)?;
-    let mut rig = RobotRig::new(robot, pace, pose);
+    let pose = match motion {
+        Motion::Rest(_) => start_pose(side).map_err(TaskError::from)?,
+        Motion::Excitation(excitation) => excitation.start(),
+    };
+    prepare(robot, pace, home.then_some(&pose), Some(writer), interrupt)?;
+    let mut rig = RobotRig::new(robot, pace, &pose);
     match motion {
         Motion::Rest(longest) => rig.hold(longest, &mut Recorder::new(Some(writer)), interrupt),
         Motion::Excitation(excitation) => {
-            let (mut player, piece) = ExcitationPlayer::new(excitation);
+            let (mut player, piece) = ExcitationPlayer::new(excitation, side);
             let task = TaskConfig::default();
             Ok(perform(&mut rig, &mut player, &task, &piece, Some(writer), interrupt)?.ending)
         }

@@ -1,13 +1,14 @@
 //! Motions that show what a robot's joints do: the sequences that a simulator is fitted to (paper, "Sim2Real2Sim").
 //!
-//! All of them stay clear of the keys. A sequence has one joint target a control step; the robot's rig shapes them as it shapes a
-//! policy's targets.
+//! All of them but [`Keys`](Excitation::Keys) stay clear of the keys. A sequence has one joint target a control step; the robot's rig
+//! shapes them as it shapes a policy's targets.
 
 use std::f64::consts::TAU;
 
 use etude_music::CONTROL_HZ;
-use etude_stage::hand::{FINGER_JOINTS, FINGERS};
-use etude_stage::{JOINTS, RAIL};
+use etude_stage::geometry::{BLACK, WHITE, WHITE_PITCH};
+use etude_stage::hand::{FINGER_JOINTS, FINGERS, TIP_RADIUS};
+use etude_stage::{JOINTS, RAIL, Side, kinematics};
 use etude_task::{ACTION_LEN, Piece, Player, TargetRange};
 use rand::{RngExt as _, SeedableRng as _};
 use rand_pcg::Pcg64;
@@ -24,6 +25,9 @@ pub enum Excitation {
     Chirp,
     /// The hand moves along the rail: steps of one key to an octave, then swings with rising frequency.
     Rail,
+    /// One finger after the other presses white keys, slowly and to the bottom, and lets them rise as slowly: a key is then where the
+    /// encoders say when it begins to sound and when it is silent again.
+    Keys,
     /// All joints and the rail at the same time: sums of sines with random phases, and random steps in between. It differs from
     /// the other sequences, so that a fit can be tested on it.
     #[serde(rename = "held-out")]
@@ -46,12 +50,23 @@ const RAIL_SWEEP_HZ: [f64; 2] = [0.2, 2.5];
 const RAIL_SWING: f64 = 5.0;
 /// Farthest that the rail swings, m.
 const RAIL_REACH: f64 = 0.12;
+/// Heights of a fingertip over the top of a white key between which a slow press moves the target, m. It ends below the key's travel of
+/// 10 mm, since a finger yields.
+const PRESS_M: [f64; 2] = [0.006, -0.012];
+/// Height of a fingertip over a white key that is clear of black keys, m.
+const CLEAR_M: f64 = BLACK.top() - WHITE.top() + 0.008;
+/// Where white keys are pressed, m toward the player from their middle.
+const PRESS_X_M: f64 = 0.028;
+/// Time in which a finger presses a key, and in which it lets it rise, s.
+const PRESS_SECS: f64 = 1.5;
+/// White keys between the places of the hand.
+const KEYS_APART: f64 = 4.0;
 /// Time in which a sequence grows from rest and dies away, s.
 const FADE_SECS: f64 = 1.0;
 
 impl Excitation {
     /// All of them.
-    pub const ALL: [Self; 4] = [Self::OpenClose, Self::Chirp, Self::Rail, Self::Held];
+    pub const ALL: [Self; 5] = [Self::OpenClose, Self::Chirp, Self::Rail, Self::Keys, Self::Held];
 
     /// Its name on the command line and in recordings.
     pub fn name(self) -> &'static str {
@@ -59,6 +74,7 @@ impl Excitation {
             Self::OpenClose => "open-close",
             Self::Chirp => "chirp",
             Self::Rail => "rail",
+            Self::Keys => "keys",
             Self::Held => "held-out",
         }
     }
@@ -68,12 +84,13 @@ impl Excitation {
         pose(&[REST; FINGERS], 0.0)
     }
 
-    /// The targets of its control steps.
-    pub fn targets(self) -> Vec<[f64; JOINTS]> {
+    /// The targets of its control steps, for a hand of this side.
+    pub fn targets(self, side: Side) -> Vec<[f64; JOINTS]> {
         match self {
             Self::OpenClose => open_close(),
             Self::Chirp => chirp(),
             Self::Rail => rail(),
+            Self::Keys => keys(side),
             Self::Held => held_out(),
         }
     }
@@ -86,9 +103,9 @@ pub struct ExcitationPlayer {
 }
 
 impl ExcitationPlayer {
-    /// A player of `excitation`, and the silent piece that is as long.
-    pub fn new(excitation: Excitation) -> (Self, Piece) {
-        let targets = excitation.targets();
+    /// A player of `excitation` with a hand of this side, and the silent piece that is as long.
+    pub fn new(excitation: Excitation, side: Side) -> (Self, Piece) {
+        let targets = excitation.targets(side);
         let piece = Piece::silent(targets.len());
         (Self { targets, range: TargetRange::new(&piece) }, piece)
     }
@@ -204,12 +221,11 @@ fn chirp() -> Vec<[f64; JOINTS]> {
 /// Steps of one, three, five and eight white keys, then a sweep.
 fn rail() -> Vec<[f64; JOINTS]> {
     const SECS: f64 = 16.0;
-    let pitch = etude_stage::geometry::WHITE_PITCH;
     let fingers = [REST; FINGERS];
     let mut targets = vec![pose(&fingers, 0.0); steps(0.5)];
     for (keys, secs) in [(1.0, 0.5), (3.0, 0.7), (5.0, 0.9), (2.0, 0.4)] {
         for place in [keys, 0.0, -keys, 0.0] {
-            targets.extend(std::iter::repeat_n(pose(&fingers, place * pitch), steps(secs)));
+            targets.extend(std::iter::repeat_n(pose(&fingers, place * WHITE_PITCH), steps(secs)));
         }
     }
     let count = steps(SECS);
@@ -220,6 +236,42 @@ fn rail() -> Vec<[f64; JOINTS]> {
         pose(&fingers, fade(step, count) * reach * sweep(at, RAIL_SWEEP_HZ, SECS).sin())
     }));
     targets.extend(std::iter::repeat_n(pose(&fingers, 0.0), steps(0.5)));
+    targets
+}
+
+/// Presses one white key after the other, three with each finger.
+fn keys(side: Side) -> Vec<[f64; JOINTS]> {
+    let mut targets = vec![pose(&[REST; FINGERS], 0.0); steps(0.5)];
+    let mut hold = |finger: usize, angles: [f64; FINGER_JOINTS], rail: f64, secs: f64| {
+        let mut fingers = [REST; FINGERS];
+        fingers[finger] = angles;
+        targets.extend(std::iter::repeat_n(pose(&fingers, rail), steps(secs)));
+    };
+    for keys in [0.0, KEYS_APART, -KEYS_APART] {
+        let rail = keys * WHITE_PITCH;
+        hold(0, REST, rail, 1.0);
+        for finger in 0..FINGERS {
+            let [_, y, _] = kinematics::fingertip(side, finger, &REST, rail);
+            // Middle C is in the middle of the keyboard, and the white keys are equally wide.
+            let over = (y / WHITE_PITCH).round() * WHITE_PITCH;
+            let at = |above: f64| {
+                let place = [PRESS_X_M, over, WHITE.top() + TIP_RADIUS + above];
+                kinematics::reach(side, finger, place, rail).unwrap_or(REST)
+            };
+            // Straight down and up, so that the finger does not touch a black key.
+            hold(finger, at(CLEAR_M), rail, 0.3);
+            hold(finger, at(PRESS_M[0]), rail, 0.3);
+            let count = steps(PRESS_SECS);
+            let press = (0..=count).map(|step| step as f64 / count as f64);
+            for share in press.clone().chain(press.rev()) {
+                let [begin, end] = PRESS_M;
+                hold(finger, at(begin + share * (end - begin)), rail, 1.0 / CONTROL_HZ);
+            }
+            hold(finger, at(CLEAR_M), rail, 0.3);
+            hold(finger, REST, rail, 0.3);
+        }
+    }
+    hold(0, REST, 0.0, 1.0);
     targets
 }
 
@@ -266,9 +318,7 @@ fn held_out() -> Vec<[f64; JOINTS]> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use etude_stage::geometry::BLACK;
-    use etude_stage::hand::TIP_RADIUS;
-    use etude_stage::{Side, joint_range, kinematics};
+    use etude_stage::joint_range;
 
     /// How high above the black keys the ends of the fingers stay, as far as targets go, m.
     const CLEARANCE: f64 = 0.012;
@@ -285,7 +335,7 @@ mod tests {
     #[test]
     fn sequences_keep_clear_of_the_keys_and_within_the_joints_ranges() {
         for excitation in Excitation::ALL {
-            let targets = excitation.targets();
+            let targets = excitation.targets(Side::Left);
             assert!(targets.len() > 200, "{excitation}");
             for (step, targets) in targets.iter().enumerate() {
                 assert!(clearance(targets) > CLEARANCE, "{excitation} {step}: {}", clearance(targets));
@@ -305,7 +355,7 @@ mod tests {
     #[test]
     fn every_joint_is_moved_by_the_sequences_to_fit_and_by_the_one_to_try_it_on() {
         let spread = |excitations: &[Excitation], joint: usize| {
-            let values = excitations.iter().flat_map(|excitation| excitation.targets());
+            let values = excitations.iter().flat_map(|excitation| excitation.targets(Side::Left));
             let (low, high) = values.fold((f64::MAX, f64::MIN), |(low, high), targets| {
                 (low.min(targets[joint]), high.max(targets[joint]))
             });

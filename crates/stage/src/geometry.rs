@@ -50,7 +50,7 @@ impl KeyShape {
     }
 
     /// Height of the top surface at rest, m.
-    pub fn top(&self) -> f64 {
+    pub const fn top(&self) -> f64 {
         self.z + self.size[2] / 2.0
     }
 

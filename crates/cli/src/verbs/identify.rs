@@ -16,7 +16,8 @@ use crate::status::Status;
 /// Arguments of the verb.
 #[derive(clap::Args)]
 #[command(after_help = "\
-Fits joint by joint, then finger by finger, to recordings that touch no key; then the keyboard to those that do. \
+Fits joint by joint, then finger by finger, to recordings that touch no key; then the keyboard to those that do, with what slow presses of keys \
+measure (the excitation `keys`). \
 Recordings of the excitation `held-out` are not fitted: they test the fit. The folder receives identified.toml (a layer for \
 `etude train --config`), report.md with its figures, and a state from which the same command resumes after Ctrl-C or a kill.
 
@@ -24,8 +25,9 @@ Examples:
   etude record --robot twin --excitation open-close -o open-close.mcap
   etude record --robot twin --excitation chirp -o chirp.mcap
   etude record --robot twin --excitation rail -o rail.mcap
+  etude record --robot twin --excitation keys -o keys.mcap
   etude record --robot twin --excitation held-out -o held-out.mcap
-  etude identify open-close.mcap chirp.mcap rail.mcap held-out.mcap -o out/identified
+  etude identify open-close.mcap chirp.mcap rail.mcap keys.mcap held-out.mcap -o out/identified
   etude train twinkle --config out/identified/identified.toml")]
 pub struct Args {
     /// Recordings of one robot (`etude record --excitation`, `etude perform`)
@@ -99,6 +101,9 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
     }
     if let Some(weight) = &report.weight {
         line(format!("{:<18} {}", "weight", weight.advice(report.gravity_pwm_per_nm)))?;
+    }
+    if let Some(keyboard) = &report.keyboard {
+        line(format!("{:<18} {keyboard}", "keyboard"))?;
     }
     let task = etude_lab::resolve("fast", Some(&report.file), &[])?.task;
     let silences = shortest_silences(&task.stage, &task.params()?)?;

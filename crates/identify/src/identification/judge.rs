@@ -14,6 +14,7 @@ use crate::estimate::Estimate;
 use crate::group::Group;
 use crate::jacobian::JacobianPlan;
 use crate::method::Candidate;
+use crate::presses::Measured;
 use crate::problem::Evaluation;
 
 /// The result of an identification.
@@ -25,12 +26,18 @@ pub struct Identified {
     pub before: BTreeMap<String, f64>,
     /// The passes.
     pub passes: Vec<PassEnd>,
+    /// Parameters of the keyboard that slow presses measured.
+    pub measured: Vec<Measured>,
     /// Name of each group and the estimates of its last pass.
     pub estimates: Vec<(String, Estimate)>,
 }
 
 /// Estimates the parameters' uncertainty at the end of the fits.
-pub(super) fn judge(scene: &Scene<'_>, state: State) -> Result<Identified, IdentifyError> {
+pub(super) fn judge(
+    scene: &Scene<'_>,
+    state: State,
+    measured: Vec<Measured>,
+) -> Result<Identified, IdentifyError> {
     let done = |pass: Pass| state.ended.iter().any(|end| end.pass == pass);
     // A finger's estimate is that of its joints with their correlations.
     let air = if done(Pass::Fingers) { Pass::Fingers } else { Pass::Joints };
@@ -42,6 +49,7 @@ pub(super) fn judge(scene: &Scene<'_>, state: State) -> Result<Identified, Ident
         physics: changed(&state.params),
         before: changed(&scene.before),
         passes: state.ended,
+        measured,
         estimates,
     })
 }

@@ -10,6 +10,7 @@ use super::state::IdentifyConfig;
 use crate::error::FitError;
 use crate::group::Group;
 use crate::motion::Motion;
+use crate::presses::{self, Measured};
 use crate::problem::Problem;
 use crate::replay::{Replayer, Trace};
 use crate::rows::{contact_parameters, follow_stiffness, joint_parameters, start};
@@ -21,6 +22,8 @@ pub(super) struct Scene<'a> {
     pub world: StageConfig,
     /// The parameters at the start.
     pub before: PhysicalParams,
+    /// Paths of the parameters that slow presses measure, and no fit estimates.
+    measured: Vec<String>,
 }
 
 /// Traces of one simulation, one a motion; `None` where it diverged.
@@ -31,18 +34,29 @@ impl<'a> Scene<'a> {
         let first = motions.first().ok_or(IdentifyError::Nothing)?;
         let world = StageConfig { side: first.side(), ..StageConfig::default() };
         let before = start(&first.rig).with(&config.start)?;
-        Ok(Self { motions, world, before })
+        let measured = presses::measure(motions, &before).into_iter().map(|one| one.path).collect();
+        Ok(Self { motions, world, before, measured })
     }
 
-    /// Motions that touch keys (`keys`), which the keyboard is fitted to, or the others, which the drives are fitted to.
+    /// Motions that play keys (`keys`), which the keyboard is fitted to, or those that touch none, which the drives are fitted to.
     pub fn motions(&self, keys: bool) -> Vec<Motion> {
-        self.motions.iter().filter(|motion| motion.keys.is_empty() != keys).cloned().collect()
+        let is_one = |motion: &&Motion| if keys { motion.plays_keys() } else { motion.keys.is_empty() };
+        self.motions.iter().filter(is_one).cloned().collect()
+    }
+
+    /// Measures the keyboard by slow presses, and sets it.
+    pub fn measure(&self, params: &mut PhysicalParams) -> Vec<Measured> {
+        let measured = presses::measure(self.motions, params);
+        presses::apply(&measured, params);
+        measured
     }
 
     /// The parameters that a group estimates, with bounds around their values before the first pass.
     pub fn parameters(&self, group: &Group, motions: &[Motion]) -> Vec<Parameter> {
         if group.keys {
-            return contact_parameters(&self.before);
+            let mut parameters = contact_parameters(&self.before);
+            parameters.retain(|parameter| !self.measured.contains(&parameter.path));
+            return parameters;
         }
         let of_joint = |&joint: &usize| {
             let influenced: Vec<String> = group.influenced(joint, motions).collect();

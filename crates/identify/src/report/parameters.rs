@@ -9,6 +9,7 @@ use super::held::{COLUMNS, held};
 use super::input::ReportInput;
 use super::number::number;
 use crate::estimate::{Bound, Estimate, ParameterEstimate};
+use crate::presses::Measured;
 
 /// Tables of the estimates, one a group, and of the parameters that were held.
 pub(super) fn elements(input: &ReportInput<'_>) -> Vec<String> {
@@ -21,16 +22,40 @@ pub(super) fn elements(input: &ReportInput<'_>) -> Vec<String> {
     )];
     let estimates = &input.identified.estimates;
     elements.extend(estimates.iter().map(|(group, estimate)| estimated_rows(group, estimate, input.before)));
+    let measured = &input.identified.measured;
+    if !measured.is_empty() {
+        elements.push(measured_rows(measured, input.before));
+    }
     let paths = estimates.iter().flat_map(|(_, estimate)| &estimate.parameters);
-    let estimated: BTreeSet<&str> = paths.map(|parameter| parameter.path.as_str()).collect();
+    let paths = paths.map(|parameter| &parameter.path).chain(measured.iter().map(|one| &one.path));
+    let estimated: BTreeSet<&str> = paths.map(String::as_str).collect();
     elements.push(table("Held at these values", &COLUMNS, held(&estimated, input.after)));
     elements
+}
+
+/// What slow presses of keys have measured.
+fn measured_rows(measured: &[Measured], before: &PhysicalParams) -> String {
+    let row = |Measured { path, value, interval }: &Measured| {
+        let [from, to] = interval.map(number);
+        vec![path.clone(), unit(path), value_of(before, path), number(*value), from, to]
+    };
+    let columns = ["parameter", "unit", "before", "measured", "95 % from", "to"];
+    table("keyboard, from slow presses", &columns, measured.iter().map(row))
+}
+
+fn unit(path: &str) -> String {
+    PhysicalParams::rows()
+        .find(|(known, ..)| known == path)
+        .map_or_else(String::new, |(_, row, _)| row.unit.to_string())
+}
+
+fn value_of(params: &PhysicalParams, path: &str) -> String {
+    params.get(path).map_or_else(|_| "–".to_string(), number)
 }
 
 fn estimated_rows(group: &str, estimate: &Estimate, before: &PhysicalParams) -> String {
     let row = |parameter: &ParameterEstimate| {
         let path = &parameter.path;
-        let known = PhysicalParams::rows().find(|(known, ..)| known == path);
         let bound = match parameter.at_bound {
             None => "",
             Some(Bound::Low) => "lower",
@@ -38,8 +63,8 @@ fn estimated_rows(group: &str, estimate: &Estimate, before: &PhysicalParams) -> 
         };
         vec![
             path.clone(),
-            known.map_or_else(String::new, |(_, row, _)| row.unit.to_string()),
-            before.get(path).map_or_else(|_| "–".to_string(), number),
+            unit(path),
+            value_of(before, path),
             number(parameter.value),
             number(parameter.interval[0]),
             number(parameter.interval[1]),

@@ -8,6 +8,7 @@ use super::number::{about, milli, number};
 use super::remaining::{self, Part};
 use crate::config::MethodConfig;
 use crate::motion::Motion;
+use crate::presses;
 use crate::weight::weigh;
 
 /// The result in a few sentences.
@@ -47,6 +48,9 @@ pub(super) fn in_short(input: &ReportInput<'_>, parts: &[Part]) -> Vec<String> {
     if let Some((weight, motion)) = weigh(input.fitted).zip(input.fitted.first()) {
         let advice = weight.advice(motion.rig.joint_loop.gravity_pwm_per_nm);
         items.push(format!("From the duties of the motors {advice}."));
+    }
+    if let Some(keyboard) = presses::in_words(input.fitted, &input.identified.measured) {
+        items.push(format!("Of the keyboard: {keyboard}."));
     }
     if input.held_out.is_empty() {
         items.push(

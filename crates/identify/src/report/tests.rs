@@ -124,6 +124,7 @@ fn case() -> Case {
             start: BTreeMap::new(),
         },
         identified: Identified {
+            measured: Vec::new(),
             physics: BTreeMap::new(),
             before: BTreeMap::new(),
             passes,

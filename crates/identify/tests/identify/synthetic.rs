@@ -12,7 +12,7 @@ use etude_identify::{
 use etude_perform::{Excitation, Job, shaping_params};
 use etude_robot::rig::RigConfig;
 use etude_stage::params::JointRow;
-use etude_stage::{JOINTS, PhysicalParams, RAIL, StageConfig};
+use etude_stage::{JOINTS, PhysicalParams, RAIL, Side, StageConfig};
 use rand::{RngExt as _, SeedableRng as _};
 use rand_pcg::Pcg64;
 
@@ -62,7 +62,7 @@ fn recorded(
     seed: u64,
 ) -> Result<Motion, Error> {
     let mut random = Pcg64::seed_from_u64(seed);
-    let all = excitation.targets();
+    let all = excitation.targets(Side::Left);
     let count = all.len() / 3;
     let mut targets = all[part * count..(part + 1) * count].to_vec();
     let still = targets[0];

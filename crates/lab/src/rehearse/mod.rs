@@ -210,9 +210,12 @@ impl Rehearsal<'_> {
                 Ok(_) => performances.push(path.clone()),
             }
         }
-        // The excitations are the same in each round and identify the drives. Once they are fitted, only the performances are new.
+        // The excitations are the same in each round. Once the drives are fitted to them, the keyboard is left: slow presses measure most
+        // of it, and only the performances are new.
         let fitted_before = (round > 1 || self.config.simulator.is_some()) && !performances.is_empty();
-        let is_new = |path: &PathBuf| !fitted_before || path.ends_with(excitation_file(Excitation::Held));
+        let of_keyboard = [Excitation::Keys, Excitation::Held].map(excitation_file);
+        let is_new =
+            |path: &PathBuf| !fitted_before || of_keyboard.iter().any(|file| path.ends_with(file));
         let start = match &self.config.simulator {
             Some(file) if round == 1 => {
                 resolve(&self.config.preset, Some(file), &self.config.overrides)?.task.physics

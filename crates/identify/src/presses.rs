@@ -1,0 +1,330 @@
+//! What slow presses of keys (excitation `keys`) show of the keyboard: from the encoders and the duties of the motors, without a replay.
+//!
+//! A finger that rests on a key is where the key is. The motion is so slow that times do not matter: 5 ms are a hundredth of a key's
+//! travel. So the joints say where the key begins to sound, where it is silent again and where its bottom is; and the duties say how
+//! hard it pushes back, once those of the same finger in the air are taken off. Play in the gears does not matter either: while the key
+//! pushes, it lies at the same side.
+
+use etude_robot::allegro::{self, holding_torques};
+use etude_stage::geometry::{KeyShape, WHITE_PITCH, key_lateral};
+use etude_stage::hand::{FINGER_JOINTS, FINGERS, TIP_RADIUS};
+use etude_stage::params::{JointRow, WorldRow};
+use etude_stage::{JOINT_NAMES, PhysicalParams, RAIL, Side, kinematics};
+use nalgebra::{DMatrix, DVector, Matrix3x2, Vector3};
+use serde::{Deserialize, Serialize};
+
+use crate::motion::Motion;
+use crate::rows::FIRST_BEND;
+
+/// Fewest presses of each finger that are enough.
+const FEWEST: usize = 2;
+/// A finger that passes a contact faster has slipped, travels a second.
+const FASTEST: f64 = 5.0;
+/// A key is at its bottom if it stays within this share of its travel of the deepest place, for at least this time, s.
+const BOTTOM: (f64, f64) = (0.04, 0.1);
+/// Time before a key sounds, and after it is silent, in which its finger comes and goes, s.
+const AROUND_SECS: f64 = 1.2;
+/// Readings to each side from which a speed is taken.
+const SIDE: usize = 4;
+/// A joint that is slower may be held by its friction, travels a second.
+const MOVING: f64 = 0.5;
+/// Shares of travel in which a finger is clear of the key, and in which it presses it.
+const CLEAR: [f64; 2] = [-0.5, -0.12];
+const PRESSES: [f64; 2] = [0.15, 0.9];
+/// Unknowns of the force on a press: its zero, the finger's friction, what the key adds to that, the force at rest, and the spring.
+const UNKNOWNS: usize = 5;
+/// Step of the differences for a Jacobian, rad.
+const STEP_RAD: f64 = 1e-6;
+
+/// A parameter that was measured.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Measured {
+    /// Its path as in `etude_stage::PhysicalParams::rows`.
+    pub path: String,
+    /// Its value, in its SI unit.
+    pub value: f64,
+    /// The 95 % interval of the mean over the keys that were pressed.
+    pub interval: [f64; 2],
+}
+
+/// A press: shares of the simulated key's travel, of a keyboard at its nominal place.
+struct Press {
+    finger: usize,
+    /// Where the key sounds, where it is silent again, and its bottom.
+    places: [f64; 3],
+    /// Travel under the fingertip, m.
+    travel_m: f64,
+    /// How far ahead of the joint that bends first the tip is, m.
+    ahead_m: f64,
+    /// Torque at the hinge of the key at rest, N·m, and its growth, N·m/rad.
+    spring: Option<[f64; 2]>,
+}
+
+/// Measures the keyboard by the slow presses among `motions`. `params` has the scale of torque of the drives. Empty if there are too few
+/// presses.
+pub fn measure(motions: &[Motion], params: &PhysicalParams) -> Vec<Measured> {
+    let presses: Vec<Press> = motions
+        .iter()
+        .filter(|motion| motion.presses_keys())
+        .flat_map(|motion| Hand { motion, params, side: motion.side() }.presses())
+        .collect();
+    let of = |finger: usize| presses.iter().filter(move |press| press.finger == finger);
+    if (0..FINGERS).any(|finger| of(finger).count() < FEWEST) {
+        return Vec::new();
+    }
+    let all = |value: &dyn Fn(&Press) -> Option<f64>| -> Vec<f64> { presses.iter().filter_map(value).collect() };
+    let threshold = |press: &Press| 1.0 - (press.places[2] - press.places[0]);
+    let thresholds = all(&|press| Some(threshold(press)));
+    let hysteresis = all(&|press| Some((press.places[0] - press.places[1]) / threshold(press)));
+    let mut measured = vec![
+        world(WorldRow::KeyThreshold, mean(&thresholds)),
+        world(WorldRow::KeyHysteresis, mean(&hysteresis)),
+    ];
+    // A lower keyboard and encoders that read too far look the same. The height is what all fingers have in common.
+    let below = |press: &Press| (press.places[2] - 1.0) * press.travel_m;
+    let heights: [Sample; FINGERS] =
+        std::array::from_fn(|finger| mean(&of(finger).map(|press| -below(press)).collect::<Vec<_>>()));
+    let height = heights.iter().map(|of| of.value).sum::<f64>() / FINGERS as f64;
+    let half = heights.iter().map(|of| of.half * of.half).sum::<f64>().sqrt() / FINGERS as f64;
+    measured.push(world(WorldRow::KeyboardHeight, Sample { value: height, half }));
+    for (finger, of_finger) in heights.iter().enumerate() {
+        let ahead = mean(&of(finger).map(|press| press.ahead_m).collect::<Vec<_>>()).value;
+        let row = JointRow::EncoderBias.row();
+        let path = format!("joint.{}.{}", JOINT_NAMES[finger * FINGER_JOINTS + FIRST_BEND], row.name);
+        let bias = Sample { value: (height - of_finger.value) / ahead, half: of_finger.half / ahead };
+        measured.push(bias.within(path, row.range));
+    }
+    let spring = |part: usize| all(&|press| press.spring.map(|spring| spring[part]));
+    let [torque, stiffness] = [spring(0), spring(1)];
+    if torque.len() >= FEWEST * FINGERS {
+        let [length, ..] = etude_stage::geometry::WHITE.size;
+        let force: Vec<f64> = torque.iter().map(|torque| torque / length).collect();
+        measured.push(world(WorldRow::KeyPreload, mean(&force)));
+        measured.push(world(WorldRow::KeyStiffness, mean(&stiffness)));
+    }
+    measured
+}
+
+/// What slow presses showed, in a sentence; none if no motion presses keys slowly.
+pub fn in_words(motions: &[Motion], measured: &[Measured]) -> Option<String> {
+    motions.iter().any(Motion::presses_keys).then(|| {
+        let value = |quantity: WorldRow| {
+            let one = measured.iter().find(|one| one.path == quantity.row().name)?;
+            Some(one.value)
+        };
+        let places = value(WorldRow::KeyThreshold)
+            .zip(value(WorldRow::KeyHysteresis))
+            .zip(value(WorldRow::KeyboardHeight));
+        let Some(((threshold, hysteresis), height)) = places else {
+            return format!(
+                "slow presses show nothing: each finger must press {FEWEST} keys to their bottom; see that the keyboard is in its place, \
+                 and record the excitation `keys` again"
+            );
+        };
+        let silent = threshold * (1.0 - hysteresis);
+        let force = value(WorldRow::KeyPreload)
+            .map_or_else(String::new, |force| format!(", and {force:.2} N move it from rest"));
+        format!(
+            "a key sounds at {threshold:.2} of its travel and is silent again at {silent:.2}{force}; the keyboard is {:+.1} mm high",
+            1e3 * height
+        )
+    })
+}
+
+/// Sets what was measured.
+pub fn apply(measured: &[Measured], params: &mut PhysicalParams) {
+    for Measured { path, value, .. } in measured {
+        // The path is one of the rows and the value within its range.
+        let _ = params.set(path, *value);
+    }
+}
+
+/// A mean and half its 95 % interval.
+#[derive(Clone, Copy)]
+struct Sample {
+    value: f64,
+    half: f64,
+}
+
+impl Sample {
+    fn within(self, path: String, [low, high]: [f64; 2]) -> Measured {
+        let [value, from, to] =
+            [self.value, self.value - self.half, self.value + self.half].map(|value| value.clamp(low, high));
+        Measured { path, value, interval: [from, to] }
+    }
+}
+
+fn world(quantity: WorldRow, sample: Sample) -> Measured {
+    let row = quantity.row();
+    sample.within(row.name.to_string(), row.range)
+}
+
+/// Mean of at least two values.
+fn mean(values: &[f64]) -> Sample {
+    let count = values.len() as f64;
+    let value = values.iter().sum::<f64>() / count;
+    let variance = values.iter().map(|other| (other - value).powi(2)).sum::<f64>() / (count - 1.0);
+    Sample { value, half: student(count - 1.0) * (variance / count).sqrt() }
+}
+
+/// Student's t for 95 % (Abramowitz and Stegun 26.7.5, three terms): 4 % too small with two degrees of freedom, 0.5 % with eight.
+fn student(freedom: f64) -> f64 {
+    1.96 + 2.372 / freedom + 2.823 / (freedom * freedom) + 2.556 / freedom.powi(3)
+}
+
+/// A motion of a hand.
+struct Hand<'a> {
+    motion: &'a Motion,
+    params: &'a PhysicalParams,
+    side: Side,
+}
+
+impl Hand<'_> {
+    /// The presses from which a key sounds until it is silent, with the finger over it.
+    fn presses(&self) -> Vec<Press> {
+        let events = &self.motion.keys;
+        let pair = |(index, event): (usize, &etude_music::KeyEvent)| {
+            let end = events[index + 1..].iter().find(|other| other.key == event.key)?;
+            (event.velocity > 0 && end.velocity == 0).then(|| self.press(event.key, [event.secs, end.secs]))?
+        };
+        events.iter().enumerate().filter_map(pair).collect()
+    }
+
+    fn press(&self, key: usize, [sounds, silent]: [f64; 2]) -> Option<Press> {
+        let finger = self.finger_over(key, sounds)?;
+        let travel = |secs: f64| self.travel(key, finger, secs);
+        let speed = |secs: f64| (travel(secs + 0.01) - travel(secs - 0.01)) / 0.02;
+        if [sounds, silent].into_iter().any(|secs| speed(secs).abs() > FASTEST) {
+            return None;
+        }
+        let inside = self.indices([sounds, silent]);
+        let mut down: Vec<f64> = inside.clone().map(|index| self.travel_at(key, finger, index)).collect();
+        down.sort_by(f64::total_cmp);
+        // Not the very deepest reading, which has the most noise.
+        let deepest = *down.get((down.len() * 9 / 10).min(down.len().checked_sub(1)?))?;
+        let (near, least_secs) = BOTTOM;
+        let at_bottom = down.iter().filter(|travel| **travel > deepest - near).count();
+        let period = (silent - sounds) / down.len() as f64;
+        if at_bottom as f64 * period < least_secs {
+            return None;
+        }
+        let middle = inside.start.midpoint(inside.end);
+        let (shape, angles) = (KeyShape::of(key), self.angles(finger, middle));
+        let tip = kinematics::fingertip(self.side, finger, &angles, 0.0);
+        Some(Press {
+            finger,
+            places: [travel(sounds), travel(silent), deepest],
+            travel_m: from_hinge(shape, tip[0]) * shape.max_angle(),
+            ahead_m: -self.jacobian(finger, &angles)[(0, 1)],
+            spring: self.spring(key, finger, [sounds - AROUND_SECS, silent + AROUND_SECS], deepest - 1.0),
+        })
+    }
+
+    /// The finger whose tip is over a key.
+    fn finger_over(&self, key: usize, secs: f64) -> Option<usize> {
+        let index = self.indices([secs, f64::INFINITY]).start;
+        let (_, rail) = *self.motion.rail.iter().find(|(at, _)| *at >= secs).or(self.motion.rail.last())?;
+        let aside = |finger: &usize| {
+            let tip = kinematics::fingertip(self.side, *finger, &self.angles(*finger, index), rail);
+            (tip[1] - key_lateral(key)).abs()
+        };
+        let nearest = (0..FINGERS).min_by(|a, b| aside(a).total_cmp(&aside(b)))?;
+        (aside(&nearest) < WHITE_PITCH / 2.0).then_some(nearest)
+    }
+
+    /// The readings between two times.
+    fn indices(&self, [from, to]: [f64; 2]) -> std::ops::Range<usize> {
+        let fingers = &self.motion.fingers;
+        let last = fingers.len().saturating_sub(1);
+        let index = |secs: f64| fingers.partition_point(|(at, _)| *at < secs).min(last);
+        index(from)..index(to)
+    }
+
+    fn angles(&self, finger: usize, index: usize) -> [f64; FINGER_JOINTS] {
+        let (_, angles) = &self.motion.fingers[index];
+        std::array::from_fn(|joint| angles[finger * FINGER_JOINTS + joint])
+    }
+
+    /// How far down a fingertip holds a key: 0 at rest, 1 at the bottom.
+    fn travel_at(&self, key: usize, finger: usize, index: usize) -> f64 {
+        let tip = kinematics::fingertip(self.side, finger, &self.angles(finger, index), 0.0);
+        let shape = KeyShape::of(key);
+        (shape.top() + TIP_RADIUS - tip[2]) / (from_hinge(shape, tip[0]) * shape.max_angle())
+    }
+
+    /// The same between readings.
+    fn travel(&self, key: usize, finger: usize, secs: f64) -> f64 {
+        let next = self.indices([secs, f64::INFINITY]).start.max(1);
+        let [(before, _), (after, _)] = [self.motion.fingers[next - 1], self.motion.fingers[next]];
+        let share = ((secs - before) / (after - before)).clamp(0.0, 1.0);
+        let [from, to] = [next - 1, next].map(|index| self.travel_at(key, finger, index));
+        from + share * (to - from)
+    }
+
+    /// Change of a fingertip's place along `x` and `z` with each of the joints that bend, m/rad.
+    fn jacobian(&self, finger: usize, angles: &[f64; FINGER_JOINTS]) -> Matrix3x2<f64> {
+        let place = |angles: &[f64; FINGER_JOINTS]| kinematics::fingertip(self.side, finger, angles, 0.0);
+        let from = place(angles);
+        Matrix3x2::from_fn(|bend, axis| {
+            let mut turned = *angles;
+            turned[FIRST_BEND + bend] += STEP_RAD;
+            (place(&turned)[2 * axis] - from[2 * axis]) / STEP_RAD
+        })
+    }
+
+    /// Torque at the hinge of `key` with which the finger presses, N·m: that of the force which explains the duties best.
+    fn hinge_torque(&self, key: usize, finger: usize, index: usize) -> Option<f64> {
+        let angles = self.angles(finger, index);
+        let mut positions = [0.0; allegro::JOINTS];
+        positions[..RAIL].copy_from_slice(&self.motion.fingers[index].1);
+        let holding = holding_torques(&positions);
+        let duties = self.motion.pwm.get(index)?;
+        let torques = Vector3::from_fn(|bend, _| {
+            let joint = finger * FINGER_JOINTS + FIRST_BEND + bend;
+            duties[joint] * self.torque_of_duty(joint) - holding[joint]
+        });
+        let jacobian = self.jacobian(finger, &angles);
+        let force = (jacobian.transpose() * jacobian).try_inverse()? * jacobian.transpose() * torques;
+        let tip = kinematics::fingertip(self.side, finger, &angles, 0.0);
+        Some(-force[1] * from_hinge(KeyShape::of(key), tip[0]))
+    }
+
+    /// Torque of a joint for each unit of its duty, N·m, as the simulator has it.
+    fn torque_of_duty(&self, joint: usize) -> f64 {
+        let gain = self.motion.rig.joint_loop.kp[joint % FINGER_JOINTS];
+        self.params.joint(JointRow::Stiffness, joint) / gain
+    }
+
+    /// Torque of a key at rest, N·m, and its growth, N·m/rad: by least squares over a press, of which `lower` is how much lower the key
+    /// is than the nominal one.
+    fn spring(&self, key: usize, finger: usize, secs: [f64; 2], lower: f64) -> Option<[f64; 2]> {
+        let (mut rows, mut torques) = (Vec::new(), Vec::new());
+        let readings = self.indices(secs);
+        let last = self.motion.fingers.len().saturating_sub(SIDE);
+        for index in readings.start.max(SIDE)..readings.end.min(last) {
+            let travel = |index: usize| self.travel_at(key, finger, index) - lower;
+            let [before, after] = [index - SIDE, index + SIDE];
+            let secs = self.motion.fingers[after].0 - self.motion.fingers[before].0;
+            let (place, speed) = (travel(index), (travel(after) - travel(before)) / secs);
+            let within = |[low, high]: [f64; 2]| (low..=high).contains(&place);
+            let touches = if within(PRESSES) { 1.0 } else { 0.0 };
+            if speed.abs() < MOVING || speed.abs() > FASTEST || !(within(PRESSES) || within(CLEAR)) {
+                continue;
+            }
+            let way = speed.signum();
+            let angle = place * KeyShape::of(key).max_angle();
+            rows.push([1.0, way, way * touches, touches, angle * touches]);
+            torques.push(self.hinge_torque(key, finger, index)?);
+        }
+        let matrix = DMatrix::from_fn(rows.len(), UNKNOWNS, |row, column| rows[row][column]);
+        let normal = matrix.transpose() * &matrix;
+        let solved = normal.try_inverse()? * matrix.transpose() * DVector::from_vec(torques);
+        // Not of a rig without gains.
+        (solved[3].is_finite() && solved[4].is_finite()).then_some([solved[3], solved[4]])
+    }
+}
+
+/// How far from the hinge of a key a place along `x` is, m.
+fn from_hinge(shape: &KeyShape, x: f64) -> f64 {
+    x - shape.x + shape.size[0] / 2.0
+}
