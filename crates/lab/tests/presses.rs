@@ -1,0 +1,99 @@
+//! The keyboard is measured by slow presses, on twins whose keyboards are known.
+
+#![allow(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
+
+use std::collections::BTreeMap;
+use std::path::Path;
+use std::sync::atomic::AtomicBool;
+
+use etude_identify::{
+    IdentifyConfig, LmConfig, Measured, MethodConfig, Motion, MotionError, identify, keyboard_in_words,
+};
+use etude_lab::{Motion as Recorded, record_robot};
+use etude_perform::stand::RigChoice;
+use etude_perform::{Excitation, Job};
+use etude_twin::Truth;
+
+fn recorded(truth: Truth, folder: &Path) -> Result<Motion, MotionError> {
+    let rig = RigChoice::Twin(Box::new(truth));
+    let (path, motion) = (folder.join("keys.mcap"), Recorded::Excitation(Excitation::Keys));
+    record_robot(&rig, motion, true, 0, &path, &AtomicBool::new(false)).unwrap();
+    Motion::load(&path)
+}
+
+/// What is measured of the keyboard of a twin, by path.
+fn measured(truth: Truth) -> BTreeMap<String, Measured> {
+    let folder = tempfile::tempdir().unwrap();
+    let motions = [recorded(truth, folder.path()).unwrap()];
+    let found = measured_of(&motions, folder.path());
+    println!("{}", keyboard_in_words(&motions, &found).unwrap());
+    found.into_iter().map(|one| (one.path.clone(), one)).collect()
+}
+
+fn measured_of(motions: &[Motion], folder: &Path) -> Vec<Measured> {
+    let method = MethodConfig::Lm(LmConfig::for_replays());
+    let config = IdentifyConfig { method, seed: 0, start: BTreeMap::new() };
+    let (stop, mut tell) = (AtomicBool::new(false), |_: &_| {});
+    let state = folder.join("state.json");
+    identify(motions, &config, &state, &mut Job::new(&mut tell, &stop)).unwrap().measured
+}
+
+#[test]
+fn a_known_keyboard_is_found() {
+    let change = "[physics]\n\"key.threshold\" = 0.6\n\"key.preload\" = 0.5\n\"key.stiffness\" = 0.8\n\
+                  \"keyboard.height\" = -0.0015\n\"joint.index_1.encoder_bias\" = 0.01\n\"joint.ring_1.encoder_bias\" = -0.01\n\
+                  [keys]\nfirst_contact = 0.35";
+    let found = measured(Truth::load("ideal").unwrap().with(change).unwrap());
+    for (path, value, most) in [
+        ("key.threshold", 0.6, 0.03),
+        ("key.hysteresis", 1.0 - 0.35 / 0.6, 0.02),
+        ("key.preload", 0.5, 0.025),
+        ("key.stiffness", 0.8, 0.04),
+        ("keyboard.height", -0.0015, 1e-4),
+        ("joint.index_1.encoder_bias", 0.01, 1.5e-3),
+        ("joint.middle_1.encoder_bias", 0.0, 1.5e-3),
+        ("joint.ring_1.encoder_bias", -0.01, 1.5e-3),
+    ] {
+        let one = &found[path];
+        println!("{one:?}, true {value}");
+
+        assert!((one.value - value).abs() < most, "{one:?}, true {value}");
+        assert!((one.interval[0]..=one.interval[1]).contains(&value), "{one:?}, true {value}");
+    }
+}
+
+/// Keys that are no two alike, play, dead bands and late messages. Places count from the bottom, since a simulated key's travel is
+/// the nominal one.
+#[test]
+fn the_keyboards_of_the_truths_are_found() {
+    for (truth, threshold, travel) in [("standard", 0.45 * 1.05, 1.05), ("worn", 0.55 * 0.93, 0.93)] {
+        let found = measured(Truth::load(truth).unwrap());
+        let sounds = found["key.threshold"].value;
+        let silent = sounds * (1.0 - found["key.hysteresis"].value);
+        for (place, expected) in [(sounds, threshold), (silent, 0.3 * travel)] {
+            assert!((place - (expected + 1.0 - travel)).abs() < 0.05, "{truth}: {place}, {expected}");
+        }
+        let biases = ["index", "middle"].map(|finger| found[&format!("joint.{finger}_1.encoder_bias")].value);
+        let expected = if truth == "standard" { [0.01, -0.008] } else { [-0.015, 0.012] };
+        for (bias, expected) in biases.into_iter().zip(expected) {
+            assert!((bias - expected).abs() < 0.005, "{truth}: {bias}, {expected}");
+        }
+    }
+}
+
+#[test]
+fn a_keyboard_that_is_out_of_reach_is_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let low = Truth::load("ideal").unwrap().with("[physics]\n\"keyboard.height\" = -0.012").unwrap();
+    let why = recorded(low, folder.path()).unwrap_err().to_string();
+    assert!(why.contains("no key sounded"), "{why}");
+}
+
+#[test]
+fn keys_that_are_not_pressed_to_their_bottom_are_not_measured() {
+    let low = Truth::load("ideal").unwrap().with("[physics]\n\"keyboard.height\" = -0.006").unwrap();
+    let folder = tempfile::tempdir().unwrap();
+    let motions = [recorded(low, folder.path()).unwrap()];
+    assert!(keyboard_in_words(&motions, &[]).unwrap().contains("record the excitation `keys` again"));
+    assert!(measured_of(&motions, folder.path()).is_empty());
+}
