@@ -55,7 +55,7 @@ pub enum Activity {
     Simulation,
     /// A robot played a piece in this execution mode.
     Mode(Mode),
-    /// A robot moved through this sequence, clear of the keyboard.
+    /// A robot moved through this sequence.
     Excitation(Excitation),
     /// A robot held still.
     Rest,

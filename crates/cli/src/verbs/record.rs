@@ -15,11 +15,11 @@ use crate::progress::stop_flag;
 /// What to record, and where to.
 #[derive(clap::Args)]
 #[command(after_help = "\
-The robot is brought up and holds still, or moves through an excitation clear of the keyboard; everything that it measures \
-and sends, and every key that is played, is recorded. `etude identify` fits the simulator to recordings of excitations.
+The robot is brought up and holds still, or moves through an excitation: clear of the keyboard, or, as `keys`, slowly down on \
+nine white keys and up again. Everything that it measures and sends, and every key that is played, is recorded. `etude identify` fits the simulator to recordings of excitations.
 
 Examples:
-  etude record --robot lab.toml --secs 60 -o keys.mcap
+  etude record --robot lab.toml --secs 60 -o still.mcap
   etude record --robot lab.toml --home --excitation open-close -o open-close.mcap
   etude record --robot twin --truth worn --excitation chirp -o chirp.mcap")]
 pub struct Args {
@@ -29,8 +29,8 @@ pub struct Args {
     /// What is true of the twin: `standard`, `worn`, `mild`, `ideal`, `random:SEED`, or a file
     #[arg(long, default_value = "standard", value_name = "NAME|random:SEED|FILE", value_parser = super::truth(), value_hint = ValueHint::FilePath, hide_possible_values = true)]
     truth: String,
-    /// Move the joints so that a simulator can be fitted to them: `open-close`, `chirp`, `rail`, or `held-out` to try a
-    /// fit on
+    /// Move the joints so that a simulator can be fitted to them: `open-close`, `chirp`, `rail`, `keys`, or `held-out`
+    /// to try a fit on
     #[arg(long, value_name = "NAME", conflicts_with = "secs")]
     excitation: Option<Excitation>,
     /// Added to the seed of the twin's truth

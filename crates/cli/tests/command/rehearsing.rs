@@ -114,7 +114,7 @@ fn a_rehearsal_that_was_killed_goes_on_to_the_same_end() {
     let said = told.args(TINY.iter().flat_map(|set| ["--set", set])).output().unwrap();
     for part in [
         "round 0 of 1: training, step ",
-        "recorded chirp (2 of 4)",
+        "recorded chirp (2 of 5)",
         "round 1: run to measure how late the notes are",
     ] {
         assert!(errors(&said).contains(part), "{part}: {}", errors(&said));

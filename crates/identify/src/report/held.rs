@@ -65,9 +65,11 @@ fn why(path: &str, estimated: &BTreeSet<&str>) -> &'static str {
             }
             "rail.key_down_velocity" => LIMITED,
             "key.hysteresis" => {
-                "no residual depends on it alone; set it if the places of the contacts are known"
+                "what is played shows one contact only: slow presses show both (`etude record --excitation keys`)"
             }
-            "key.preload" => "it changes when keys sound as their threshold does; weigh a key and set it",
+            "key.preload" => {
+                "what is played shows it only with the threshold: slow presses show it (`etude record --excitation keys`)"
+            }
             _ if touches => "no fit estimates it",
             _ => "no recording that was fitted touches a key",
         };

@@ -2,7 +2,7 @@
 //!
 //! ```text
 //! DIR/rehearsal.json          the configuration
-//! DIR/excitation/*.mcap       the robot moving clear of the keyboard
+//! DIR/excitation/*.mcap       the robot in each excitation
 //! DIR/round-0/                performance of the policy from the default simulator
 //! DIR/round-N/identified/     the simulator fitted to the excitation (once) and to the performances of the round before
 //! DIR/round-N/training/       the best policy so far, trained further in that simulator: on the song, or on the preset's corpus
