@@ -3,6 +3,7 @@
 import { drawingOn, hatching, moveCursor } from './canvas.js';
 import { SAYS } from './classify.js';
 import { clockText, element, isBlack, pitchName } from './dom.js';
+import { readable } from './names.js';
 import { DUE, MISSED, OFF, RIGHT, WRONG, theme } from './theme.js';
 
 /** Least width of a second, in pixels; wider if the whole song fits. */
@@ -144,7 +145,7 @@ export class Roll {
     pen.globalAlpha = 1;
     setFont(pen);
     pen.fillStyle = colours.ink;
-    for (const pitch of this.pitches) pen.fillText(pitchName(pitch), left + 4, this.#top(pitch) + this.rowHeight / 2 + 0.5);
+    for (const pitch of readable(this.pitches, this.rowHeight)) pen.fillText(pitchName(pitch), left + 4, this.#top(pitch) + this.rowHeight / 2 + 0.5);
   }
 
   #top(pitch) {

@@ -10,6 +10,7 @@ import { bodyTree } from '../src/bodies.js';
 import { keyKind, strokeKinds } from '../src/classify.js';
 import { barAround } from '../src/clock.js';
 import { columnsOf } from '../src/columns.js';
+import { readable } from '../src/names.js';
 import { SAMPLE_RATE_HZ, pitchHz, tone } from '../src/piano.js';
 import { firstUnfinished, strikeOf } from '../src/schedule.js';
 import { Take } from '../src/take.js';
@@ -184,4 +185,10 @@ test('the arm\'s tubes reach from point to point, and move with them', () => {
   }
   near(take.armAt(0.075)[3], 0.15);
   assert.equal(new Take(sampleTake({ steps: 2 })).arm, null);
+});
+
+test('names of keys do not touch in low rows, and every C keeps its name', () => {
+  const pitches = [59, 60, 61, 62, 64, 65, 72];
+  assert.deepEqual(readable(pitches, 12), [60, 72, 59, 61, 62, 64, 65]);
+  assert.deepEqual(readable(pitches, 8), [60, 72, 62, 64]);
 });

@@ -20,7 +20,7 @@ export function choice(options, attributes = {}) {
 /** A table that scrolls by itself. Cells are texts or elements. */
 export function table(caption, columns, rows) {
   const scrolling = element(
-    'div', { class: 'scroll', role: 'group', 'aria-label': caption, tabindex: '0' },
+    'div', { class: 'scroll down', role: 'group', 'aria-label': caption, tabindex: '0' },
     element(
       'table', {},
       element('thead', {}, element('tr', {}, ...columns.map((text) => element('th', { scope: 'col', text })))),
