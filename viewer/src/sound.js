@@ -1,6 +1,7 @@
 /** Notes as sound: what will soon be due is handed to WebAudio with its exact time. */
 
 import { SAMPLE_RATE_HZ, tone } from './piano.js';
+import { impulse } from './room.js';
 import { firstUnfinished, strikeOf } from './schedule.js';
 
 /** How far ahead notes are scheduled, s: a hidden tab's timers come only once a second. */
@@ -47,6 +48,7 @@ export class Sound {
       // Keeps chords from clipping.
       const limiter = new DynamicsCompressorNode(context, { threshold: -10, ratio: 12, attack: 0.003, release: 0.1 });
       this.master.connect(limiter).connect(context.destination);
+      this.master.connect(roomIn(context)).connect(limiter);
       this.timebase.context = context;
       this.#setGain();
     }
@@ -140,4 +142,12 @@ export class Sound {
     const { context } = this.timebase;
     this.master?.gain.setTargetAtTime(this.muted ? 0 : HEADROOM * this.volume ** 2, context.currentTime, 0.01);
   }
+}
+
+/** The room as a node. */
+function roomIn(context) {
+  const samples = impulse(context.sampleRate);
+  const buffer = new AudioBuffer({ length: samples.length, sampleRate: context.sampleRate });
+  buffer.copyToChannel(samples, 0);
+  return new ConvolverNode(context, { buffer, disableNormalization: true });
 }

@@ -12,6 +12,7 @@ import { barAround } from '../src/clock.js';
 import { columnsOf } from '../src/columns.js';
 import { readable } from '../src/names.js';
 import { SAMPLE_RATE_HZ, pitchHz, tone } from '../src/piano.js';
+import { FALL_SECS, impulse } from '../src/room.js';
 import { firstUnfinished, strikeOf } from '../src/schedule.js';
 import { Take } from '../src/take.js';
 import { comparedRows } from '../src/work/lists.js';
@@ -191,4 +192,18 @@ test('names of keys do not touch in low rows, and every C keeps its name', () =>
   const pitches = [59, 60, 61, 62, 64, 65, 72];
   assert.deepEqual(readable(pitches, 12), [60, 72, 59, 61, 62, 64, 65]);
   assert.deepEqual(readable(pitches, 8), [60, 72, 62, 64]);
+});
+
+test('the room answers late, and falls by 60 dB in its time', () => {
+  const rate = 48_000;
+  const answer = impulse(rate);
+  const first = answer.findIndex((sample) => Math.abs(sample) > 0.01);
+  assert.ok(Math.abs(first / rate - 0.0147) < 1e-3, `${first}`);
+  const level = (from, to) => {
+    const part = answer.slice(from * rate, to * rate);
+    return 10 * Math.log10(part.reduce((sum, sample) => sum + sample * sample, 0) / part.length);
+  };
+  const fall = (level(0.05, 0.15) - level(FALL_SECS - 0.1, FALL_SECS)) / (FALL_SECS - 0.15);
+  // High notes fall faster than by 60 dB.
+  assert.ok(fall * FALL_SECS > 55 && fall * FALL_SECS < 90, `${fall * FALL_SECS} dB`);
 });

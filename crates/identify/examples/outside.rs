@@ -18,7 +18,9 @@ use etude_robot::rig::RigConfig;
 use etude_stage::controller::{Controller, Gains};
 use etude_stage::hand::FINGER_JOINTS;
 use etude_stage::params::JointRow;
-use etude_stage::{Actuation, JOINT_NAMES, JOINTS, PHYSICS_STEPS, PhysicalParams, Side, StageConfig, joint_range};
+use etude_stage::{
+    Actuation, JOINT_NAMES, JOINTS, PHYSICS_STEPS, PhysicalParams, Side, StageConfig, joint_range,
+};
 use rand::{RngExt as _, SeedableRng as _};
 use rand_pcg::Pcg64;
 use rayon::prelude::*;

@@ -78,7 +78,8 @@ pub fn measure(motions: &[Motion], params: &PhysicalParams) -> Vec<Measured> {
     if (0..FINGERS).any(|finger| of(finger).count() < FEWEST) {
         return Vec::new();
     }
-    let all = |value: &dyn Fn(&Press) -> Option<f64>| -> Vec<f64> { presses.iter().filter_map(value).collect() };
+    let all =
+        |value: &dyn Fn(&Press) -> Option<f64>| -> Vec<f64> { presses.iter().filter_map(value).collect() };
     let threshold = |press: &Press| 1.0 - (press.places[2] - press.places[0]);
     let hysteresis = all(&|press| Some((press.places[0] - press.places[1]) / threshold(press)));
     let threshold = mean(&all(&|press| Some(threshold(press))));
@@ -199,7 +200,8 @@ impl Hand<'_> {
         let events = &self.motion.keys;
         let pair = |(index, event): (usize, &etude_music::KeyEvent)| {
             let end = events[index + 1..].iter().find(|other| other.key == event.key)?;
-            (event.velocity > 0 && end.velocity == 0).then(|| self.press(event.key, [event.secs, end.secs]))?
+            (event.velocity > 0 && end.velocity == 0)
+                .then(|| self.press(event.key, [event.secs, end.secs]))?
         };
         events.iter().enumerate().filter_map(pair).collect()
     }

@@ -47,6 +47,8 @@ pub struct WorldScores {
     pub notes_wrong: usize,
     /// F1 of notes, by their onsets.
     pub onset_f1: f64,
+    /// Median of how late the right notes are, s; none without one.
+    pub onset_error_median_secs: Option<f64>,
     /// Fraction of control steps without a collision.
     pub collision_free: f64,
 }
@@ -84,6 +86,18 @@ pub struct GridReport {
     pub worst_decile_notes_right: f64,
     /// Notes right in the world with the fewest.
     pub worst_notes_right: usize,
+    /// Strokes that play no due note in the nominal world.
+    pub nominal_notes_wrong: usize,
+    /// Their mean over the worlds.
+    pub mean_notes_wrong: f64,
+    /// Their mean over the tenth of the worlds with the most (at least one).
+    pub worst_decile_notes_wrong: f64,
+    /// Those in the world with the most.
+    pub worst_notes_wrong: usize,
+    /// Median of how late the right notes are in the nominal world, s; none without one.
+    pub nominal_late_secs: Option<f64>,
+    /// Mean of these medians over the worlds with a right note, s.
+    pub mean_late_secs: Option<f64>,
     /// F1 in the nominal world.
     pub nominal_f1: f64,
     /// Mean F1 over the worlds.
@@ -154,6 +168,9 @@ pub fn evaluate_grid(
     let f1: Vec<f64> = scores.iter().map(|scores| scores.f1).collect();
     let sorted_f1 = sorted(f1.iter().copied());
     let right = sorted(scores.iter().map(|scores| scores.notes_right as f64));
+    let mut wrong = sorted(scores.iter().map(|scores| scores.notes_wrong as f64));
+    wrong.reverse();
+    let late: Vec<f64> = scores.iter().filter_map(|scores| scores.onset_error_median_secs).collect();
     let worst_tenth = |sorted: &[f64]| mean(&sorted[..sorted.len().div_ceil(10)]);
     Ok(Some(GridReport {
         song: song.title().to_string(),
@@ -164,6 +181,12 @@ pub fn evaluate_grid(
         mean_notes_right: mean(&right),
         worst_decile_notes_right: worst_tenth(&right),
         worst_notes_right: right.first().map_or(nominal_scores.notes_right, |right| *right as usize),
+        nominal_notes_wrong: nominal_scores.notes_wrong,
+        mean_notes_wrong: mean(&wrong),
+        worst_decile_notes_wrong: worst_tenth(&wrong),
+        worst_notes_wrong: wrong.first().map_or(nominal_scores.notes_wrong, |wrong| *wrong as usize),
+        nominal_late_secs: nominal_scores.onset_error_median_secs,
+        mean_late_secs: (!late.is_empty()).then(|| mean(&late)),
         nominal_f1: nominal_scores.f1,
         mean_f1: mean(&f1),
         worst_decile_f1: worst_tenth(&sorted_f1),
@@ -186,6 +209,7 @@ fn scores(performance: &Performance) -> WorldScores {
         notes_right: note.matched,
         notes_wrong: note.wrong,
         onset_f1: note.onset_f1,
+        onset_error_median_secs: note.onset_error_median_secs,
         collision_free: performance.simulation.unwrap_or_default().collision_free,
     }
 }
@@ -273,6 +297,9 @@ mod tests {
         }
         assert_ne!(on_threads(2, &pianist(&[]), &GridConfig { seed: 1, ..grid }).scores, one.scores);
         assert_eq!((one.scores.len(), one.marginals.len(), one.paths.len()), (11, 31, 31));
+        let wrong: Vec<usize> = one.scores.iter().map(|scores| scores.notes_wrong).collect();
+        assert_eq!(Some(&one.worst_notes_wrong), wrong.iter().max());
+        assert!((wrong.iter().sum::<usize>() as f64 / 11.0 - one.mean_notes_wrong).abs() < 1e-12);
         // The means are those of the scores: two worlds are the worst tenth of eleven.
         let mut f1: Vec<f64> = one.scores.iter().map(|scores| scores.f1).collect();
         assert!((f1.iter().sum::<f64>() / 11.0 - one.mean_f1).abs() < 1e-12);

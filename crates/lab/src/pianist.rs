@@ -64,6 +64,8 @@ pub struct Pianist {
     pub song: Option<String>,
     /// F1 that the file claims, if it says.
     pub claimed_f1: Option<f64>,
+    /// The mean of F1 and onset F1 with which it was saved.
+    pub claimed_overall: Option<f64>,
 }
 
 /// Folders that may hold shipped policies: `policies` in the working folder, beside an installed binary, the source tree.
@@ -118,7 +120,7 @@ pub fn load_pianist(path: &Path) -> anyhow::Result<Pianist> {
 }
 
 /// The best usable policy that there is for the song `slug`, of those that were evaluated, if there is one: that with the highest
-/// F1, one by an articulated plan before all others, because F1 does not compare between plans. Among equally good policies, one of a run
+/// mean of F1 and onset F1, one by an articulated plan before all others, because scores do not compare between plans. Among equally good policies, one of a run
 /// is preferred to the shipped one.
 ///
 /// # Errors
@@ -139,10 +141,10 @@ fn best_of(slug: &str, fit: impl Fn(&Pianist) -> bool) -> anyhow::Result<Option<
             Err(error) => errors.push(error),
         }
     }
-    let rank = |pianist: &Pianist| (pianist.config.task.plan.rule, pianist.claimed_f1.unwrap_or(0.0));
+    let rank = |pianist: &Pianist| (pianist.config.task.plan.rule, pianist.claimed_overall.unwrap_or(0.0));
     pianists.sort_by(|a, b| {
-        let ((rule_a, f1_a), (rule_b, f1_b)) = (rank(a), rank(b));
-        rule_b.cmp(&rule_a).then(f1_b.total_cmp(&f1_a))
+        let ((rule_a, score_a), (rule_b, score_b)) = (rank(a), rank(b));
+        rule_b.cmp(&rule_a).then(score_b.total_cmp(&score_a))
     });
     match pianists.into_iter().next() {
         None => errors.into_iter().next().map_or(Ok(None), Err),
@@ -184,8 +186,10 @@ pub(crate) fn open(path: &Path) -> anyhow::Result<Pianist> {
     }
     let song = training["song"].as_str().map(str::to_string);
     let claimed_f1 = notes["scores"]["f1"].as_f64();
+    // Policies of earlier builds have F1 alone.
+    let claimed_overall = notes["scores"]["overall"].as_f64().or(claimed_f1);
     let kind = Kind::Policy(Box::new(policy), path.to_path_buf());
-    Ok(Pianist { kind, config, song, claimed_f1 })
+    Ok(Pianist { kind, config, song, claimed_f1, claimed_overall })
 }
 
 /// Adds to `changes` each value below `path` that `new` has and `old` has not.
@@ -209,7 +213,7 @@ impl Pianist {
         changes.push(format!("task.change_steps={}", TaskConfig::default().change_steps));
         changes.extend(OF_A_FINGERING.map(|term| format!("task.reward.{term}=0")));
         let config = resolve(DEFAULT_PRESET, None, &changes).expect("a preset of our own is sound");
-        Self { kind: Kind::Script, config, song: None, claimed_f1: None }
+        Self { kind: Kind::Script, config, song: None, claimed_f1: None, claimed_overall: None }
     }
 
     /// The network that decides the actions; the scripted player has none.

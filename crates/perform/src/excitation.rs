@@ -370,12 +370,16 @@ mod tests {
                     let angles = std::array::from_fn(|joint| targets[finger * FINGER_JOINTS + joint]);
                     kinematics::fingertip(side, finger, &angles, targets[RAIL])
                 };
-                let low: Vec<usize> =
-                    (0..FINGERS).filter(|finger| tip(*finger)[2] - TIP_RADIUS < BLACK.top() + 0.010).collect();
+                let low: Vec<usize> = (0..FINGERS)
+                    .filter(|finger| tip(*finger)[2] - TIP_RADIUS < BLACK.top() + 0.010)
+                    .collect();
                 assert!(low.len() <= 1, "{side:?} {step}: {low:?}");
                 let Some([x, y, z]) = low.first().map(|finger| tip(*finger)) else { continue };
                 let key = (y / WHITE_PITCH).round();
-                assert!((x - PRESS_X_M).abs() < 1e-9 && (y - key * WHITE_PITCH).abs() < 1e-9, "{side:?} {step}");
+                assert!(
+                    (x - PRESS_X_M).abs() < 1e-9 && (y - key * WHITE_PITCH).abs() < 1e-9,
+                    "{side:?} {step}"
+                );
                 assert!(z - TIP_RADIUS - WHITE.top() > PRESS_M[1] - 1e-9, "{side:?} {step}: {z}");
                 if z < WHITE.top() + TIP_RADIUS {
                     pressed.insert((low[0], key as i64));

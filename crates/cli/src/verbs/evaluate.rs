@@ -43,8 +43,8 @@ pub struct Args {
     /// Where the table goes; if not given out/SONG/worlds.csv, with the player if it is not the best policy for the song
     #[arg(short = 'o', long = "out", value_name = "FILE.csv")]
     out: Option<PathBuf>,
-    /// Print JSON: notes_due, nominal_notes_right, mean_notes_right, worst_decile_notes_right, worst_notes_right, nominal_f1, mean_f1,
-    /// worst_decile_f1, worst_f1, marginals (path, range, f1 by thirds), scores, csv
+    /// Print JSON: notes_due; notes_right, notes_wrong and f1, each of the nominal world, mean, worst_decile and worst; nominal_late_secs,
+    /// mean_late_secs, marginals (path, range, f1 by thirds), scores, csv
     #[arg(long)]
     json: bool,
 }
@@ -84,15 +84,25 @@ fn print(report: &GridReport) -> anyhow::Result<()> {
         "{} played by {} in {} worlds of intensity {}",
         report.song, report.player, report.grid.worlds, report.grid.intensity
     ))?;
-    line(format!("{:16} {:>16} {:>8}", "", "notes right", "F1"))?;
-    for (name, right, f1) in [
-        ("nominal world", report.nominal_notes_right as f64, report.nominal_f1),
-        ("mean", report.mean_notes_right, report.mean_f1),
-        ("worst tenth", report.worst_decile_notes_right, report.worst_decile_f1),
-        ("worst world", report.worst_notes_right as f64, report.worst_f1),
+    line(format!("{:16} {:>16} {:>7} {:>8} {:>8}", "", "notes right", "wrong", "late", "F1"))?;
+    let (nominal_right, nominal_wrong) =
+        (report.nominal_notes_right as f64, report.nominal_notes_wrong as f64);
+    let (worst_right, worst_wrong) = (report.worst_notes_right as f64, report.worst_notes_wrong as f64);
+    for (name, right, wrong, late, f1) in [
+        ("nominal world", nominal_right, nominal_wrong, report.nominal_late_secs, report.nominal_f1),
+        ("mean", report.mean_notes_right, report.mean_notes_wrong, report.mean_late_secs, report.mean_f1),
+        (
+            "worst tenth",
+            report.worst_decile_notes_right,
+            report.worst_decile_notes_wrong,
+            None,
+            report.worst_decile_f1,
+        ),
+        ("worst world", worst_right, worst_wrong, None, report.worst_f1),
     ] {
         let notes = format!("{right:.1} of {}", report.notes_due);
-        line(format!("{name:16} {notes:>16} {f1:>8.3}"))?;
+        let late = late.map_or_else(String::new, |secs| format!("{:+.0} ms", 1e3 * secs));
+        line(format!("{name:16} {notes:>16} {wrong:>7.1} {late:>8} {f1:>8.3}"))?;
     }
     let mut marginals: Vec<_> = report.marginals.iter().collect();
     let swing =

@@ -73,7 +73,10 @@ pub(super) fn heard(note: &NoteScores) -> String {
         format!("; onsets {:+.0} ms in the median, 95 % within {:.0} ms", median * 1e3, most * 1e3)
     });
     let loudness = note.velocity_correlation.map_or_else(String::new, |correlation| {
-        format!("; loud and soft as written: correlation {correlation:.2}")
+        format!(
+            "; loud and soft as written: correlation {correlation:.2}, onset F1 with velocity {:.3}",
+            note.onset_velocity_f1
+        )
     });
     format!("{}{error}{loudness}", NoteCounts::from(note))
 }

@@ -11,6 +11,10 @@ const SCORE: f64 = 0.03;
 /// Tolerances of notes right and wrong.
 const RIGHT: f64 = 1.0;
 const WRONG: f64 = 2.0;
+/// Tolerance of onset + offset F1: one note of fifteen.
+const OFFSETS: f64 = 0.07;
+/// Median onset error, ms: that of a physics step.
+const LATE_MS: f64 = 5.0;
 /// Leads of the plan, ms.
 const LEAD_MS: f64 = 10.0;
 
@@ -81,6 +85,8 @@ fn check_notes(table: &Table, player: impl Fn(&str) -> String) {
             ("notes right", number("matched"), RIGHT),
             ("wrong", number("wrong"), WRONG),
             ("onset F1", number("onset_f1"), 2.0 * SCORE),
+            ("onset + offset F1", number("onset_offset_f1"), OFFSETS),
+            ("median onset error", (1e3 * number("onset_error_median_secs")).abs(), LATE_MS),
             ("F1", number("f1"), SCORE),
         ] {
             table.check(song, column, played, tolerance);
@@ -100,6 +106,13 @@ fn policies() -> Table {
 #[test]
 fn the_shipped_policies_play_what_the_documents_say() {
     check_notes(&policies(), |song| format!("--policy {}", shipped(song).display()));
+    let report =
+        Desk::new().json(&format!("play twinkle --policy {} -o out --json", shipped("twinkle").display()));
+    assert_eq!(
+        (report["matched"].as_u64(), report["wrong"].as_u64()),
+        (Some(14), Some(0)),
+        "the song of `make demo`"
+    );
 }
 
 #[test]
@@ -141,8 +154,10 @@ fn a_piece_with_dynamics_is_played_soft_and_loud() {
     let played = |report: &Value, key: &str| report[key].as_f64().unwrap();
     assert!(played(&report, "velocity_correlation") >= 0.8, "{report}");
     assert!(played(&report, "matched") >= 53.0 && played(&report, "f1") >= 0.95, "{report}");
-    let report = Desk::new().json(&format!("perform {asked} --robot twin --truth mild"));
-    assert!(played(&report["runs"][0], "velocity_correlation") >= 0.6, "{report}");
+    for truth in ["mild", "standard"] {
+        let report = Desk::new().json(&format!("perform {asked} --robot twin --truth {truth}"));
+        assert!(played(&report["runs"][0], "velocity_correlation") >= 0.6, "{truth}: {report}");
+    }
 }
 
 /// Real execution: notes right of those due, wrong ones; onset F1; the lead; F1.

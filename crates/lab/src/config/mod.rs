@@ -223,6 +223,26 @@ mod tests {
         let task = &config["task"];
         assert_eq!(task["lookahead"].as_integer(), Some(5), "paper");
         assert_eq!(task["previous_joints"].as_bool(), Some(true), "paper");
+        // RoboPianist's rule and on its time, keys with one contact, and the main text's five reward terms.
+        let config = resolve("paper", None, &[]).unwrap().complete();
+        let (task, plan) = (&config.task, &config.task.plan);
+        assert_eq!((plan.rule, plan.lead_secs), (etude_music::PlanRule::Robopianist, 0.0));
+        let params = task.params().unwrap();
+        assert_eq!(params.world(etude_stage::params::WorldRow::KeyHysteresis), 0.0);
+        let weights: Vec<(&str, f64)> = task
+            .reward
+            .iter()
+            .filter(|(_, weight)| **weight != 0.0)
+            .map(|(name, weight)| (name.as_str(), *weight))
+            .collect();
+        let published = [
+            ("action_change", 0.02),
+            ("collision", 1.0),
+            ("energy", 0.005),
+            ("key_press", 1.0),
+            ("optimal_transport", 1.0),
+        ];
+        assert_eq!(weights, published, "paper");
     }
 
     #[test]

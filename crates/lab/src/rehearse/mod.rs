@@ -214,8 +214,7 @@ impl Rehearsal<'_> {
         // of it, and only the performances are new.
         let fitted_before = (round > 1 || self.config.simulator.is_some()) && !performances.is_empty();
         let of_keyboard = [Excitation::Keys, Excitation::Held].map(excitation_file);
-        let is_new =
-            |path: &PathBuf| !fitted_before || of_keyboard.iter().any(|file| path.ends_with(file));
+        let is_new = |path: &PathBuf| !fitted_before || of_keyboard.iter().any(|file| path.ends_with(file));
         let start = match &self.config.simulator {
             Some(file) if round == 1 => {
                 resolve(&self.config.preset, Some(file), &self.config.overrides)?.task.physics

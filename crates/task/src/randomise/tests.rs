@@ -268,3 +268,15 @@ proptest! {
         }
     }
 }
+
+/// A key is silent again at a share of its threshold, so the draws of the threshold move both contacts.
+#[test]
+fn both_contacts_of_the_keys_are_randomised_together() {
+    let nominal = PhysicalParams::default().with(&[("key.hysteresis".to_string(), 0.4)].into()).unwrap();
+    let drawn = draw(&randomisation(&nominal, &config(1.0, Widths::Paper)), 100);
+    let silent =
+        |p: &PhysicalParams| p.world(WorldRow::KeyThreshold) * (1.0 - p.world(WorldRow::KeyHysteresis));
+    let (low, high) = drawn.iter().map(silent).fold((1.0f64, 0.0f64), |(l, h), v| (l.min(v), h.max(v)));
+    assert!(low < 0.1 && high > 0.5, "{low} … {high}");
+    assert!(drawn.iter().all(|p| silent(p) < p.world(WorldRow::KeyThreshold)));
+}
