@@ -3,12 +3,13 @@
 use std::path::PathBuf;
 use std::time::Duration;
 
+use anyhow::Context as _;
 use clap::ValueHint;
 use etude_lab::{Motion, record_robot};
 use etude_perform::Excitation;
 use etude_perform::stand::rig_choice;
 
-use super::line;
+use super::{line, note};
 use crate::Ending;
 use crate::progress::stop_flag;
 
@@ -42,7 +43,7 @@ pub struct Args {
     /// How long, s; until Ctrl-C if not given
     #[arg(long, value_parser = super::positive)]
     secs: Option<f64>,
-    /// The recording
+    /// The recording; it replaces an earlier one of this name when it is complete
     #[arg(short = 'o', long = "out", value_name = "FILE")]
     out: PathBuf,
 }
@@ -59,13 +60,29 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
         (None, secs) => Motion::Rest(secs.map(Duration::from_secs_f64)),
     };
     let home = args.home || rig.is_twin();
-    let recorded = record_robot(&rig, motion, home, args.seed, &args.out, &stop)?;
-    line(format!("{} messages in {}", recorded.messages, args.out.display()))?;
+    // An earlier recording of this name is only replaced by a complete one.
+    let is_there = args.out.exists();
+    let new = if is_there { args.out.with_extension("new.mcap") } else { args.out.clone() };
+    let recorded = record_robot(&rig, motion, home, args.seed, &new, &stop)?;
+    let is_complete = match recorded.ending {
+        etude_perform::Ending::Complete => true,
+        // Without --secs, Ctrl-C is the normal end of a recording.
+        etude_perform::Ending::Interrupted => matches!(motion, Motion::Rest(None)),
+        etude_perform::Ending::Fault(_) => false,
+    };
+    if is_there && is_complete {
+        std::fs::rename(&new, &args.out)
+            .with_context(|| format!("cannot rename {} to {}", new.display(), args.out.display()))?;
+    }
+    let kept = if is_complete { &args.out } else { &new };
+    line(format!("{} messages in {}", recorded.messages, kept.display()))?;
+    if is_there && !is_complete {
+        note(format!("the earlier recording {} is kept", args.out.display()));
+    }
     match recorded.ending {
         etude_perform::Ending::Complete => Ok(Ending::Done),
         etude_perform::Ending::Fault(fault) => anyhow::bail!("the robot stopped itself: {fault}"),
-        // Without --secs, Ctrl-C is the normal end of a recording.
-        etude_perform::Ending::Interrupted if matches!(motion, Motion::Rest(None)) => Ok(Ending::Done),
+        etude_perform::Ending::Interrupted if is_complete => Ok(Ending::Done),
         etude_perform::Ending::Interrupted => Ok(Ending::Stopped),
     }
 }

@@ -71,7 +71,9 @@ impl Table {
     }
 }
 
+/// The number with which a text begins, without its sign.
 fn leading_number(text: &str) -> f64 {
+    let text = text.trim_start_matches(['+', '−']);
     let end = text.find(|c: char| !(c.is_ascii_digit() || c == '.')).unwrap_or(text.len());
     text[..end].parse().unwrap_or_else(|_| panic!("`{text}` begins with no number"))
 }

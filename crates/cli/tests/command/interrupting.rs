@@ -174,3 +174,17 @@ fn a_policy_in_another_world_says_so() {
     assert_eq!(said("task.plan.lead_secs=0.05"), "");
     assert_eq!(said("task.stage.side=left"), "");
 }
+
+#[test]
+fn a_recording_is_replaced_by_a_complete_one_only() {
+    let desk = Desk::new();
+    desk.ok("record --robot twin --secs 1 -o r.mcap");
+    let before = desk.bytes("r.mcap");
+    let said =
+        interrupted_at(desk.command("record --robot twin --secs 600 -o r.mcap"), |_| desk.path("r.new.mcap"));
+    assert!(said.contains("the earlier recording r.mcap is kept"), "{said}");
+    assert_eq!(desk.bytes("r.mcap"), before);
+    assert!(etude_perform::Recording::read(&desk.path("r.new.mcap")).is_ok(), "and the new one too");
+    desk.ok("record --robot twin --secs 2 -o r.mcap");
+    assert!(desk.bytes("r.mcap") != before && !desk.path("r.new.mcap").exists());
+}
