@@ -38,7 +38,9 @@ pub use excitations::record_excitations;
 pub use folder::{CONFIG, META, SONG, make_folder};
 pub use grid::{GridConfig, GridReport, Marginal, WorldScores, evaluate_grid};
 pub use identify::{IDENTIFIED, Identification, IdentifyMethod, IdentifyReport, identify_robot};
-pub use pianist::{Pianist, SIGHT_READER, best_policy, load_pianist, pianist_for, policies, shipped_policy};
+pub use pianist::{
+    Chosen, Pianist, SIGHT_READER, best_policy, load_pianist, pianist_for, policies, shipped_policy,
+};
 pub use planning::planning_told;
 pub use play::{Files, PAGE, PlayReport, PlayStep, RECORDING, REPORT, play, scores_in_simulation};
 pub use record::{Motion, Recorded, record_robot};

@@ -10,8 +10,10 @@ use etude_task::reward::OF_A_FINGERING;
 use etude_task::{ACTION_LEN, Piece, ScriptedPlayer, TaskConfig, TaskError, layout};
 use serde_json::Value;
 
+use crate::at_sight::predicted_at_sight;
 use crate::config::{DEFAULT_PRESET, RunConfig, change, resolve};
 use crate::folder::{other_notes, policy_in};
+use crate::planning::plan;
 
 /// Folder of the runs, in the working folder.
 const RUNS: &str = "runs";
@@ -66,6 +68,8 @@ pub struct Pianist {
     pub claimed_f1: Option<f64>,
     /// The mean of F1 and onset F1 with which it was saved.
     pub claimed_overall: Option<f64>,
+    /// The notes that it then played right.
+    pub claimed_notes: Option<f64>,
 }
 
 /// Folders that may hold shipped policies: `policies` in the working folder, beside an installed binary, the source tree.
@@ -152,24 +156,45 @@ fn best_of(slug: &str, fit: impl Fn(&Pianist) -> bool) -> anyhow::Result<Option<
     }
 }
 
+/// Who plays a song for which no policy was named.
+pub struct Chosen {
+    /// Who plays.
+    pub pianist: Pianist,
+    /// The best policy that has learned the song, if the sight-reader will play it better.
+    pub passed_over: Option<Pianist>,
+}
+
 /// Who plays `song`, which was `asked` for and has this short form, if no policy is named: the best of its policies that have
-/// learned these notes, or else the sight-reader.
+/// learned these notes, or else the sight-reader. A policy that has learned less than the sight-reader is predicted to play, in notes
+/// and in F1, is passed over: a training that was stopped early must not make a song worse.
 ///
 /// # Errors
 /// If there is none, or none can be used.
-pub fn pianist_for(asked: &str, slug: &str, song: &Song) -> anyhow::Result<Pianist> {
+pub fn pianist_for(asked: &str, slug: &str, song: &Song) -> anyhow::Result<Chosen> {
     let own = best_of(slug, |pianist| pianist.has_learned(song))?;
-    let pianist = match own {
-        None => best_policy(SIGHT_READER)?,
-        own => own,
+    let chosen = match own {
+        None => best_policy(SIGHT_READER)?.map(|pianist| Chosen { pianist, passed_over: None }),
+        Some(own) => Some(match better_at_sight(&own, song) {
+            Some(pianist) => Chosen { pianist, passed_over: Some(own) },
+            None => Chosen { pianist: own, passed_over: None },
+        }),
     };
-    pianist.with_context(|| {
+    chosen.with_context(|| {
         format!(
             "there is no policy for `{asked}` yet: `etude train {}` makes one, or name one with --policy (looked in \
              policies/ and {RUNS})",
             shell_word(asked)
         )
     })
+}
+
+/// The sight-reader, if it is predicted to play more notes of `song` right than `own` has, and with a higher F1.
+fn better_at_sight(own: &Pianist, song: &Song) -> Option<Pianist> {
+    let notes = own.claimed_notes.filter(|notes| *notes < song.notes().len() as f64)?;
+    let reader = best_policy(SIGHT_READER).ok()??;
+    let task = &reader.config.task;
+    let predicted = predicted_at_sight(song, task, &plan(song, task).ok()?)?;
+    (notes < predicted.notes_right as f64 && own.claimed_f1? < predicted.f1).then_some(reader)
 }
 
 /// The pianist with the policy in the file `path`.
@@ -188,8 +213,9 @@ pub(crate) fn open(path: &Path) -> anyhow::Result<Pianist> {
     let claimed_f1 = notes["scores"]["f1"].as_f64();
     // Policies of earlier builds have F1 alone.
     let claimed_overall = notes["scores"]["overall"].as_f64().or(claimed_f1);
+    let claimed_notes = notes["scores"]["notes_right"].as_f64();
     let kind = Kind::Policy(Box::new(policy), path.to_path_buf());
-    Ok(Pianist { kind, config, song, claimed_f1, claimed_overall })
+    Ok(Pianist { kind, config, song, claimed_f1, claimed_overall, claimed_notes })
 }
 
 /// Adds to `changes` each value below `path` that `new` has and `old` has not.
@@ -213,7 +239,8 @@ impl Pianist {
         changes.push(format!("task.change_steps={}", TaskConfig::default().change_steps));
         changes.extend(OF_A_FINGERING.map(|term| format!("task.reward.{term}=0")));
         let config = resolve(DEFAULT_PRESET, None, &changes).expect("a preset of our own is sound");
-        Self { kind: Kind::Script, config, song: None, claimed_f1: None, claimed_overall: None }
+        let (claimed_f1, claimed_overall, claimed_notes) = (None, None, None);
+        Self { kind: Kind::Script, config, song: None, claimed_f1, claimed_overall, claimed_notes }
     }
 
     /// The network that decides the actions; the scripted player has none.

@@ -55,7 +55,7 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
             told(&mut status, "playing", id, [number, ids.len()]);
             let folder = own.join(id);
             let song = find_song(id)?;
-            let pianist = pianist_for(id, id, &song)?;
+            let pianist = pianist_for(id, id, &song)?.pianist;
             play(&song, &pianist, &folder, None, &mut Job::new(&mut |_| {}, &stop))?;
             paths.push(folder.join(RECORDING));
         }

@@ -28,7 +28,7 @@ use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
 
 use clap::builder::{PossibleValue, PossibleValuesParser, StringValueParser, TypedValueParser};
-use etude_lab::{Pianist, RunConfig, SIGHT_READER, load_pianist, pianist_for, policies};
+use etude_lab::{Chosen, Pianist, RunConfig, SIGHT_READER, load_pianist, pianist_for, policies};
 use etude_music::Song;
 use etude_perform::shell_word;
 
@@ -122,12 +122,17 @@ impl PianistArgs {
 
     /// The player of `song`, which was asked for as `asked`; says so if it learned another one.
     fn load(&self, asked: &str, song: &Song) -> anyhow::Result<Pianist> {
+        let mut passed_over = None;
         let mut pianist = if self.scripted {
             Pianist::scripted()
         } else {
             match &self.policy {
                 Some(policy) => load_pianist(policy)?,
-                None => pianist_for(asked, &slug(asked), song)?,
+                None => {
+                    let Chosen { pianist, passed_over: over } = pianist_for(asked, &slug(asked), song)?;
+                    passed_over = over;
+                    pianist
+                }
             }
         };
         if !self.overrides.is_empty() {
@@ -138,10 +143,16 @@ impl PianistArgs {
         }
         if pianist.reads_at_sight() {
             if self.policy.is_none() {
-                let why = if policies(&slug(asked)).is_empty() {
-                    "has no policy of its own"
+                let why = if let Some(own) = &passed_over {
+                    let (right, due) = (own.claimed_notes.unwrap_or(0.0), song.notes().len());
+                    format!(
+                        "has a policy that plays {right} of {due} notes right ({}; --policy plays it)",
+                        own.name()
+                    )
+                } else if policies(&slug(asked)).is_empty() {
+                    "has no policy of its own".to_string()
                 } else {
-                    "is not the piece that its policies learned"
+                    "is not the piece that its policies learned".to_string()
                 };
                 note(format!(
                     "`{asked}` {why}: {} plays it at sight; `etude train {} --from {SIGHT_READER}` learns it",

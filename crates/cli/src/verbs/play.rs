@@ -17,7 +17,8 @@ use crate::status::LongWork;
 /// What to play, with what, and where to keep it.
 #[derive(clap::Args)]
 #[command(after_help = "\
-Without --policy the best policy is taken that comes with Étude or lies in a run of this song under runs/.
+Without --policy the best policy is taken that comes with Étude or lies in a run of this song under runs/; \
+one that has learned less than the sight-reader is predicted to play is passed over.
 
 Files: performance.mid and performance.wav (what was played), reference.wav (what should have been played), frames.csv \
 (step,due,pressed: MIDI numbers of the keys due and pressed at each control step, so that anyone can compute the scores \

@@ -211,7 +211,7 @@ fn damaged_files_are_noticed_and_what_is_left_is_named() {
 fn a_song_that_has_changed_under_its_name_is_told_from_the_one_that_was_learned() {
     let desk = Desk::new();
     succeed(desk.tiny("short.mid -o runs/short__fast__0"));
-    let same = desk.command("play short.mid -o before").output().unwrap();
+    let same = desk.command("play short.mid --policy runs/short__fast__0 -o before").output().unwrap();
     assert!(same.status.success() && errors(&same).is_empty(), "{}", errors(&same));
     desk.write_song("short.mid", [60, 62, 65]);
     for (play, said) in [

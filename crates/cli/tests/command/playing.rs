@@ -71,21 +71,31 @@ fn a_performance_is_kept_whole() {
 #[test]
 fn a_run_is_found_by_its_song_and_a_damaged_one_does_not_hide_it() {
     let desk = Desk::new();
+    for run in ["runs/twinkle__mine", "runs/twinkle__bad"] {
+        std::fs::create_dir_all(desk.path(run)).unwrap();
+    }
+    std::fs::copy(shipped("twinkle"), desk.path("runs/twinkle__mine/policy-best.safetensors")).unwrap();
+    std::fs::write(desk.path("runs/twinkle__bad/policy-best.safetensors"), "damaged").unwrap();
+    let report = desk.json("play twinkle --json");
+    assert!(report["player"].as_str().unwrap().contains("twinkle__mine"), "{report}");
+    assert!(desk.path("out/twinkle/performance.wav").is_file());
+
+    // One that has learned less than the sight-reader plays is passed over, and named.
     succeed(desk.tiny("short.mid --json"));
-    std::fs::create_dir_all(desk.path("runs/short__fast__9")).unwrap();
-    std::fs::write(desk.path("runs/short__fast__9/policy-best.safetensors"), "damaged").unwrap();
-    let report = desk.json("play short.mid --json");
-    assert!(report["player"].as_str().unwrap().contains("short__fast__0"), "{report}");
-    assert!(desk.path("out/short/performance.wav").is_file());
+    let output = desk.command("play short.mid --json").output().unwrap();
+    let said = errors(&output);
+    assert!(
+        said.contains("`short.mid` has a policy that plays ") && said.contains("short__fast__0"),
+        "{said}"
+    );
+    assert!(String::from_utf8_lossy(&output.stdout).contains("sight-reader"), "{said}");
     // Stopped before its first evaluation it has learned nothing: the sight-reader plays better.
     let never = "runs/short__fast__1";
     succeed(desk.tiny(&format!(
         "short.mid --set trainer.evaluate_every_steps=1000 --minutes 0.0001 --out {never} --json"
     )));
     assert!(desk.path(never).join("policy-last.safetensors").is_file());
-    for gone in ["runs/short__fast__0", "runs/short__fast__9"] {
-        std::fs::remove_dir_all(desk.path(gone)).unwrap();
-    }
+    std::fs::remove_dir_all(desk.path("runs/short__fast__0")).unwrap();
     let report = desk.json("play short.mid --json");
     assert!(report["player"].as_str().unwrap().contains("sight-reader"), "{report}");
 }

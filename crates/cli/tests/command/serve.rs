@@ -453,11 +453,9 @@ fn a_training_is_stopped_and_resumed() {
     wait_for("it makes more steps", || server.state()["runs"][0]["step"].as_u64().unwrap() > step);
     server.post(&format!("jobs/{on}/stop"), b"");
     assert_eq!(server.ended(on)["state"], "stopped");
-    // Its policy plays the song from now on.
-    assert_eq!(
-        server.get("song?name=songs/short.mid").json()["policy"],
-        "runs/short__fast__0/policy-best.safetensors"
-    );
+    // It has learned less than the sight-reader plays, which therefore still plays the song.
+    let about = server.get("song?name=songs/short.mid").json();
+    assert!(about["policy"].as_str().unwrap().ends_with("/sight-reader.safetensors"), "{about}");
     let play =
         json!({ "verb": "play", "song": "songs/short.mid", "player": { "run": "runs/short__fast__0" } });
     assert_eq!(server.does(&play)["makes"], "out/short-short-fast-0");

@@ -163,7 +163,7 @@ impl Desk {
         });
         let said = || serde_json::from_slice::<Value>(&std::fs::read(&about).ok()?).ok();
         let is_there = is_there && said().is_some_and(|said| said["title"] == notes.title());
-        let pianist = pianist_for(song, &slug(song), &notes).ok();
+        let pianist = pianist_for(song, &slug(song), &notes).ok().map(|chosen| chosen.pianist);
         Ok(json!({
             "song": song, "title": listed.title, "about": about, "reference": reference, "is_there": is_there,
             "problem": problem, "transpositions": transpositions,
