@@ -63,7 +63,12 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
     // An earlier recording of this name is only replaced by a complete one.
     let is_there = args.out.exists();
     let new = if is_there { args.out.with_extension("new.mcap") } else { args.out.clone() };
-    let recorded = record_robot(&rig, motion, home, args.seed, &new, &stop)?;
+    let recorded = record_robot(&rig, motion, home, args.seed, &new, &stop).inspect_err(|_| {
+        if is_there {
+            // It holds no motion. If it cannot be removed, it is in nobody's way.
+            let _ = std::fs::remove_file(&new);
+        }
+    })?;
     let is_complete = match recorded.ending {
         etude_perform::Ending::Complete => true,
         // Without --secs, Ctrl-C is the normal end of a recording.

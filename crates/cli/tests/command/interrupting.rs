@@ -180,10 +180,20 @@ fn a_recording_is_replaced_by_a_complete_one_only() {
     let desk = Desk::new();
     desk.ok("record --robot twin --secs 1 -o r.mcap");
     let before = desk.bytes("r.mcap");
-    let said =
-        interrupted_at(desk.command("record --robot twin --secs 600 -o r.mcap"), |_| desk.path("r.new.mcap"));
-    assert!(said.contains("the earlier recording r.mcap is kept"), "{said}");
-    assert_eq!(desk.bytes("r.mcap"), before);
+    let again = || desk.command("record --robot twin --secs 600 -o r.mcap");
+    // Before the robot is ready there is nothing to keep.
+    let _ = interrupted_at(again(), |_| desk.path("r.new.mcap"));
+    assert!(desk.bytes("r.mcap") == before && !desk.path("r.new.mcap").exists());
+    let child = again().stdout(Stdio::null()).stderr(Stdio::piped()).spawn().unwrap();
+    let long = |file: std::fs::Metadata| file.len() as usize > before.len();
+    while !std::fs::metadata(desk.path("r.new.mcap")).is_ok_and(long) {
+        std::thread::sleep(std::time::Duration::from_millis(5));
+    }
+    processes::signal(child.id(), "INT");
+    let output = child.wait_with_output().unwrap();
+    assert_eq!(output.status.code(), Some(3));
+    assert!(errors(&output).contains("the earlier recording r.mcap is kept"), "{}", errors(&output));
+    assert!(desk.bytes("r.mcap") == before);
     assert!(etude_perform::Recording::read(&desk.path("r.new.mcap")).is_ok(), "and the new one too");
     desk.ok("record --robot twin --secs 2 -o r.mcap");
     assert!(desk.bytes("r.mcap") != before && !desk.path("r.new.mcap").exists());
