@@ -126,7 +126,7 @@ mod tests {
     fn fingers_are_fitted_as_a_whole_only_near_the_noise() {
         use Pass::{Contact, Fingers, Joints, Restart};
         let near = [Joints, Joints, Joints, Restart, Fingers, Contact];
-        assert_eq!(order(&[37.0, 1.1, 1.09, 1.0, 1.0], [true, true]), near);
+        assert_eq!(order(&[37.0, 1.1, 1.09, 1.08, 1.08], [true, true]), near);
         assert_eq!(order(&[38.0, 37.0], [true, true]), [Joints, Joints, Restart, Contact]);
         assert_eq!(order(&[], [false, true]), [Contact]);
         assert_eq!(order(&[], [false, false]), []);
