@@ -26,7 +26,6 @@ fn measured(truth: Truth) -> BTreeMap<String, Measured> {
     let folder = tempfile::tempdir().unwrap();
     let motions = [recorded(truth, folder.path()).unwrap()];
     let found = measured_of(&motions, folder.path());
-    println!("{}", keyboard_in_words(&motions, &found).unwrap());
     found.into_iter().map(|one| (one.path.clone(), one)).collect()
 }
 
