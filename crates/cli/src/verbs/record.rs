@@ -17,7 +17,8 @@ use crate::progress::stop_flag;
 #[derive(clap::Args)]
 #[command(after_help = "\
 The robot is brought up and holds still, or moves through an excitation: clear of the keyboard, or, as `keys`, slowly down on \
-nine white keys and up again. Everything that it measures and sends, and every key that is played, is recorded. `etude identify` fits the simulator to recordings of excitations.
+nine white keys and up again. Everything that it measures and sends, and every key that is played, is recorded. \
+`etude identify` fits the simulator to recordings of excitations.
 
 Examples:
   etude record --robot lab.toml --secs 60 -o still.mcap
@@ -69,12 +70,14 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
             let _ = std::fs::remove_file(&new);
         }
     })?;
-    let is_complete = match recorded.ending {
-        etude_perform::Ending::Complete => true,
+    let ending = match recorded.ending {
+        etude_perform::Ending::Complete => Ok(Ending::Done),
         // Without --secs, Ctrl-C is the normal end of a recording.
-        etude_perform::Ending::Interrupted => matches!(motion, Motion::Rest(None)),
-        etude_perform::Ending::Fault(_) => false,
+        etude_perform::Ending::Interrupted if matches!(motion, Motion::Rest(None)) => Ok(Ending::Done),
+        etude_perform::Ending::Interrupted => Ok(Ending::Stopped),
+        etude_perform::Ending::Fault(fault) => Err(anyhow::anyhow!("the robot stopped itself: {fault}")),
     };
+    let is_complete = matches!(ending, Ok(Ending::Done));
     if is_there && is_complete {
         std::fs::rename(&new, &args.out)
             .with_context(|| format!("cannot rename {} to {}", new.display(), args.out.display()))?;
@@ -84,10 +87,5 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
     if is_there && !is_complete {
         note(format!("the earlier recording {} is kept", args.out.display()));
     }
-    match recorded.ending {
-        etude_perform::Ending::Complete => Ok(Ending::Done),
-        etude_perform::Ending::Fault(fault) => anyhow::bail!("the robot stopped itself: {fault}"),
-        etude_perform::Ending::Interrupted if is_complete => Ok(Ending::Done),
-        etude_perform::Ending::Interrupted => Ok(Ending::Stopped),
-    }
+    ending
 }

@@ -1,0 +1,83 @@
+use super::*;
+use etude_stage::joint_range;
+
+/// How high above the black keys the ends of the fingers stay, as far as targets go, m.
+const CLEARANCE: f64 = 0.012;
+
+/// Height of the lowest fingertip above the black keys when the joints are at these targets, m.
+fn clearance(targets: &[f64; JOINTS]) -> f64 {
+    let height = |finger: usize| {
+        let angles = std::array::from_fn(|joint| targets[finger * FINGER_JOINTS + joint]);
+        kinematics::fingertip(Side::Left, finger, &angles, targets[RAIL])[2]
+    };
+    (0..FINGERS).map(height).fold(f64::INFINITY, f64::min) - TIP_RADIUS - BLACK.top()
+}
+
+#[test]
+fn sequences_keep_clear_of_the_keys_and_within_the_joints_ranges() {
+    for excitation in Excitation::ALL {
+        let targets = excitation.targets(Side::Left);
+        assert!(targets.len() > 200, "{excitation}");
+        for (step, targets) in targets.iter().enumerate() {
+            let is_clear = excitation == Excitation::Keys || clearance(targets) > CLEARANCE;
+            assert!(is_clear, "{excitation} {step}: {}", clearance(targets));
+            for (joint, target) in targets.iter().enumerate() {
+                let [low, high] = joint_range(joint);
+                assert!((low..=high).contains(target), "{excitation} {step} {joint}: {target}");
+            }
+        }
+        let rest = excitation.start();
+        for end in [&targets[0], &targets[targets.len() - 1]] {
+            let far = (0..JOINTS).map(|joint| (end[joint] - rest[joint]).abs()).fold(0.0, f64::max);
+            assert!(far < 1e-9, "{excitation}: {far}");
+        }
+    }
+}
+
+#[test]
+fn slow_presses_touch_one_white_key_at_a_time_in_its_middle() {
+    for side in [Side::Left, Side::Right] {
+        let mut pressed = std::collections::BTreeSet::new();
+        for (step, targets) in Excitation::Keys.targets(side).iter().enumerate() {
+            let tip = |finger: usize| {
+                let angles = std::array::from_fn(|joint| targets[finger * FINGER_JOINTS + joint]);
+                kinematics::fingertip(side, finger, &angles, targets[RAIL])
+            };
+            let low: Vec<usize> =
+                (0..FINGERS).filter(|finger| tip(*finger)[2] - TIP_RADIUS < BLACK.top() + 0.010).collect();
+            assert!(low.len() <= 1, "{side:?} {step}: {low:?}");
+            let Some([x, y, z]) = low.first().map(|finger| tip(*finger)) else { continue };
+            let key = (y / WHITE_PITCH).round();
+            assert!((x - PRESS_X_M).abs() < 1e-9 && (y - key * WHITE_PITCH).abs() < 1e-9, "{side:?} {step}");
+            assert!(z - TIP_RADIUS - WHITE.top() > PRESS_M[1] - 1e-9, "{side:?} {step}: {z}");
+            if z < WHITE.top() + TIP_RADIUS {
+                pressed.insert((low[0], key as i64));
+            }
+        }
+        assert_eq!(pressed.len(), 9, "{side:?}: {pressed:?}");
+    }
+}
+
+#[test]
+fn every_joint_is_moved_by_the_sequences_to_fit_and_by_the_one_to_try_it_on() {
+    let spread = |excitations: &[Excitation], joint: usize| {
+        let values = excitations.iter().flat_map(|excitation| excitation.targets(Side::Left));
+        let (low, high) = values.fold((f64::MAX, f64::MIN), |(low, high), targets| {
+            (low.min(targets[joint]), high.max(targets[joint]))
+        });
+        high - low
+    };
+    for joint in 0..JOINTS {
+        let least = if joint == RAIL { 0.1 } else { 0.2 };
+        assert!(spread(&[Excitation::OpenClose, Excitation::Chirp, Excitation::Rail], joint) > least);
+        assert!(spread(&[Excitation::Held], joint) > least / 2.0, "{joint}");
+    }
+}
+
+#[test]
+fn names_lead_back() {
+    for excitation in Excitation::ALL {
+        assert_eq!(excitation.name().parse(), Ok(excitation));
+    }
+    assert!("chrip".parse::<Excitation>().unwrap_err().contains("open-close, chirp, rail"));
+}
