@@ -14,7 +14,7 @@ use anyhow::bail;
 
 use crate::errors::{Interrupted, unusable};
 use crate::folder::{lock, make_folder};
-use crate::play::{PAGE, RECORDING, REFERENCE, REPORT};
+use crate::play::{Files, PAGE, RECORDING};
 use crate::robot::run_file;
 
 /// Name of the folder in which the earlier performance is while a new one is played.
@@ -33,11 +33,13 @@ pub fn earlier_of(folder: &Path) -> Option<PathBuf> {
 }
 
 /// Calls `play`, which writes the files of a performance on a robot into `folder`. Those of an earlier one are moved aside before. If `play`
-/// fails or is interrupted before a run has ended they are moved back; if what was played does not count, they stay aside.
+/// fails or is interrupted before a run has ended they are moved back; if what was played does not count, they stay aside; else `replace`
+/// gets the folder in which they are, before they are removed.
 pub(crate) fn replacing<T>(
     folder: &Path,
     counts: impl FnOnce(&T) -> bool,
     play: impl FnOnce() -> anyhow::Result<T>,
+    replace: impl FnOnce(&mut T, &Path) -> anyhow::Result<()>,
 ) -> anyhow::Result<T> {
     make_folder(folder)?;
     let open = File::open(folder).map_err(|error| unusable(folder, error))?;
@@ -53,7 +55,8 @@ pub(crate) fn replacing<T>(
     let has_earlier = move_performance(folder, &aside)?;
     match play() {
         Ok(played) if !counts(&played) => Ok(played),
-        Ok(played) => {
+        Ok(mut played) => {
+            replace(&mut played, &aside)?;
             // If they cannot be removed, they only take up space.
             let _ = remove_performance(&aside);
             Ok(played)
@@ -97,7 +100,7 @@ fn with_recording(error: anyhow::Error, folder: &Path) -> anyhow::Error {
 }
 
 /// Names of the files of a performance in a folder; none if there is no folder.
-fn files(folder: &Path) -> anyhow::Result<Vec<OsString>> {
+pub(crate) fn files(folder: &Path) -> anyhow::Result<Vec<OsString>> {
     if !folder.is_dir() {
         return Ok(Vec::new());
     }
@@ -111,7 +114,7 @@ fn files(folder: &Path) -> anyhow::Result<Vec<OsString>> {
 }
 
 /// Moves the files of a performance, and says whether there were some.
-fn move_performance(from: &Path, to: &Path) -> anyhow::Result<bool> {
+pub(crate) fn move_performance(from: &Path, to: &Path) -> anyhow::Result<bool> {
     let names = files(from)?;
     if names.is_empty() {
         return Ok(false);
@@ -144,7 +147,9 @@ fn is_of_a_performance(name: &str) -> bool {
         let number = rest.split('.').next().unwrap_or_default();
         !number.is_empty() && number.bytes().all(|digit| digit.is_ascii_digit())
     };
-    [REPORT, REFERENCE, PAGE].contains(&name) || name.strip_prefix("run-").is_some_and(is_of_a_run)
+    let of_play = Files::of_play(Path::new(""));
+    let of_play = of_play.all().any(|file| file.as_os_str() == name);
+    of_play || name == PAGE || name.strip_prefix("run-").is_some_and(is_of_a_run)
 }
 
 #[cfg(test)]
@@ -156,7 +161,7 @@ mod tests {
     use super::*;
 
     fn replaced<T>(folder: &Path, play: impl FnOnce() -> anyhow::Result<T>) -> anyhow::Result<T> {
-        replacing(folder, |_| true, play)
+        replacing(folder, |_| true, play, |_, _| Ok(()))
     }
 
     fn names(folder: &Path) -> Vec<String> {

@@ -13,17 +13,10 @@ pub const SONG: &str = "song.mid";
 /// Name of the description of who made the run and how.
 pub const META: &str = "meta.json";
 
-/// Largest distance of the same note in two MIDI files of a song, s: files count time in ticks.
-const SAME_SECS: f64 = 0.01;
-
 /// How many notes the song has that the run in `folder` learned, if they are not those of `song`.
 pub(crate) fn other_notes(folder: &Path, song: &Song) -> Option<usize> {
     let theirs = Song::load(folder.join(SONG)).ok()?;
-    let same = theirs.notes().len() == song.notes().len()
-        && theirs.notes().iter().zip(song.notes()).all(|(one, other)| {
-            one.pitch == other.pitch && (one.start_secs - other.start_secs).abs() < SAME_SECS
-        });
-    (!same).then(|| theirs.notes().len())
+    (!theirs.has_the_notes_of(song)).then(|| theirs.notes().len())
 }
 
 /// The policy file of the run in `folder` that should be played: the best, or the last while none has been evaluated.
@@ -32,6 +25,12 @@ pub(crate) fn policy_in(folder: &Path) -> Option<PathBuf> {
         .map(|name| folder.join(name))
         .into_iter()
         .find(|path| path.is_file())
+}
+
+/// `text` as part of a file's name: letters and digits of ASCII in lower case, one `-` for all that is between them.
+pub fn slug(text: &str) -> String {
+    let words = text.split(|c: char| !c.is_ascii_alphanumeric()).filter(|word| !word.is_empty());
+    words.collect::<Vec<_>>().join("-").to_ascii_lowercase()
 }
 
 /// Makes a folder that the user has chosen with `-o`, and those above it.

@@ -129,6 +129,13 @@ pub fn identify_robot(
         bail!("all recordings are held out; give some to fit (`etude record --excitation chirp`)");
     };
     make_folder(folder)?;
+    if let Some(rig) = rig_of(folder).filter(|rig| *rig != first.rig.name) {
+        bail!(
+            "{} holds the fit of another rig, `{rig}`; these recordings are of `{}`: choose another folder with -o",
+            folder.display(),
+            first.rig.name
+        );
+    }
     let config = IdentifyConfig {
         method: what.method.config(what.evaluations),
         seed: what.seed,
@@ -170,6 +177,12 @@ pub fn identify_robot(
     }
     write_file(&folder.join(REPORT), &report.markdown)?;
     Ok(result)
+}
+
+/// The rig whose identification is in a folder, if there is one.
+fn rig_of(folder: &Path) -> Option<String> {
+    let result: serde_json::Value = serde_json::from_slice(&std::fs::read(folder.join(RESULT)).ok()?).ok()?;
+    Some(result.get("rig")?.as_str()?.to_string())
 }
 
 /// The identified simulator as a layer of a run's configuration.

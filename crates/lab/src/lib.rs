@@ -17,6 +17,7 @@ mod excitations;
 mod folder;
 mod grid;
 mod identify;
+mod kept;
 pub mod machine;
 mod pianist;
 mod planning;
@@ -35,9 +36,10 @@ pub use doctor::{Finding, examine};
 pub use earlier::{earlier_of, is_of_another_performance};
 pub use errors::{Interrupted, released};
 pub use excitations::record_excitations;
-pub use folder::{CONFIG, META, SONG, make_folder};
+pub use folder::{CONFIG, META, SONG, make_folder, slug};
 pub use grid::{GridConfig, GridReport, Marginal, WorldScores, evaluate_grid};
 pub use identify::{IDENTIFIED, Identification, IdentifyMethod, IdentifyReport, identify_robot};
+pub use kept::{Kept, player_slug};
 pub use pianist::{
     Chosen, Pianist, SIGHT_READER, best_policy, load_pianist, pianist_for, policies, shipped_policy,
 };

@@ -17,6 +17,7 @@ use serde::Serialize;
 
 use crate::errors::{Interrupted, unusable};
 use crate::folder::make_folder;
+use crate::kept::{Kept, keep_another};
 use crate::pianist::Pianist;
 use crate::planning::tell_planning;
 use crate::robot::run_file;
@@ -40,6 +41,9 @@ pub struct PlayReport {
     /// What limits the scripted player on this song; absent for a policy.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub limits: Option<String>,
+    /// The earlier performance in the folder, if it was by another player, or of another song.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub kept: Option<Kept>,
     /// The files that were written.
     pub files: Files,
 }
@@ -72,7 +76,7 @@ pub enum PlayStep {
 }
 
 /// Plays the whole song and writes the files into `folder`. Those of an earlier performance there are replaced when all is done, and the
-/// page made of them is removed.
+/// page made of them is removed; those by another player are moved to a folder of their own.
 ///
 /// # Errors
 /// If the song does not fit the keyboard, a file cannot be written, or the job is interrupted: the folder is then as it was.
@@ -129,7 +133,7 @@ fn play_into(
         Ending::Fault(why) => bail!("the performance was cut short: {why}"),
     }
     let simulated = performance.simulation.unwrap_or_default();
-    let report = PlayReport {
+    let mut report = PlayReport {
         song: song.title().to_string(),
         player: pianist.name(),
         steps: performance.pressed.len(),
@@ -137,13 +141,14 @@ fn play_into(
         reward: simulated.reward,
         collision_free: simulated.collision_free,
         limits: ready.limits(),
+        kept: None,
         files: Files::of_play(folder),
     };
     keep(&files, &performance, font)?;
     keep_reference(&files.reference, &piece, font)?;
+    report.kept = keep_another(folder, folder, &report.song, &report.player)?;
     write_report(unfinished, &report)?;
-    let moved = [&files.midi, &files.wav, &files.reference, &files.frames, &files.recording];
-    for file in moved.into_iter().chain(&files.report) {
+    for file in files.all() {
         let name = file.file_name().expect("each has a name");
         std::fs::rename(file, folder.join(name)).map_err(|error| unusable(folder, error))?;
     }
@@ -154,8 +159,14 @@ fn play_into(
 }
 
 impl Files {
+    /// All of them.
+    pub(crate) fn all(&self) -> impl Iterator<Item = &PathBuf> {
+        let Self { midi, wav, reference, frames, recording, report } = self;
+        [midi, wav, reference, frames, recording].into_iter().chain(report)
+    }
+
     /// Those of `etude play` in `folder`.
-    fn of_play(folder: &Path) -> Self {
+    pub(crate) fn of_play(folder: &Path) -> Self {
         Self {
             midi: folder.join("performance.mid"),
             wav: folder.join("performance.wav"),

@@ -18,6 +18,8 @@ use crate::note::{Note, one_string_a_pitch};
 use crate::range::{OffendingNote, OutOfRange};
 
 const MAX_PITCH: u8 = 127;
+/// Largest distance of the same note in two MIDI files of a song, s: files count time in ticks.
+const SAME_SECS: f64 = 0.01;
 pub(crate) const MAX_VELOCITY: u8 = 127;
 
 /// Notes with times in seconds, a title, and bars and beats.
@@ -90,6 +92,14 @@ impl Song {
         file.take(MAX_FILE_BYTES + 1).read_to_end(&mut bytes).map_err(unreadable)?;
         let title = path.file_stem().map(|stem| stem.to_string_lossy().into_owned()).unwrap_or_default();
         Song::from_midi(&bytes, title).map_err(unusable)
+    }
+
+    /// Whether `other` has the same keys at the same times, as exact as MIDI files are.
+    pub fn has_the_notes_of(&self, other: &Song) -> bool {
+        self.notes().len() == other.notes().len()
+            && self.notes().iter().zip(other.notes()).all(|(one, other)| {
+                one.pitch == other.pitch && (one.start_secs - other.start_secs).abs() < SAME_SECS
+            })
     }
 
     /// The song as a Standard MIDI File (format 0) with its tempo, time signatures and title. Times are rounded

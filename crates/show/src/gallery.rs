@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use anyhow::bail;
-use etude_lab::{Interrupted, make_folder};
+use etude_lab::{Interrupted, make_folder, slug};
 use etude_music::metrics::NoteScores;
 use etude_music::sound;
 use etude_perform::{Job, NoteCounts, write_file};
@@ -14,7 +14,6 @@ use serde::Serialize;
 use crate::html::page;
 use crate::render::Studio;
 use crate::replay::{PlayedNote, Take, read_take, replay_page, roll_svg};
-use crate::slug;
 
 /// Size of a still, pixels.
 const STILL: [u32; 2] = [960, 540];

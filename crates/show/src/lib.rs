@@ -15,9 +15,3 @@ mod work_page;
 
 pub use rehearsal_page::{REHEARSAL_PAGE, RehearsalPage};
 pub use work_page::work_page;
-
-/// `text` as part of a file's name: letters and digits of ASCII in lower case, one `-` for all that is between them.
-pub fn slug(text: &str) -> String {
-    let words = text.split(|c: char| !c.is_ascii_alphanumeric()).filter(|word| !word.is_empty());
-    words.collect::<Vec<_>>().join("-").to_ascii_lowercase()
-}

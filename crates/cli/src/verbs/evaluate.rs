@@ -6,7 +6,7 @@ use std::sync::atomic::Ordering;
 use clap::ValueHint;
 use etude_lab::{GridConfig, GridReport, evaluate_grid, find_song};
 
-use super::{PianistArgs, json, line, note};
+use super::{PianistArgs, json, line, note, replaces_its_own};
 use crate::Ending;
 use crate::progress::{bar, stop_flag};
 use crate::status::while_planning;
@@ -54,6 +54,10 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
     let song = find_song(&args.song)?;
     song.check_range()?;
     let pianist = args.pianist.load(&args.song, &song)?;
+    let out = args
+        .out
+        .unwrap_or_else(|| Path::new("out").join(args.pianist.folder_name(&args.song)).join("worlds.csv"));
+    replaces_its_own(&out, "world,f1,")?;
     let grid = GridConfig { worlds: args.worlds as usize, intensity: args.intensity, seed: args.seed };
     let stop = stop_flag()?;
     let bar = bar(u64::from(args.worlds) + 1, "{pos} worlds  {eta} left", args.json);
@@ -67,9 +71,6 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
         note("stopped; nothing was written");
         return Ok(Ending::Stopped);
     };
-    let out = args
-        .out
-        .unwrap_or_else(|| Path::new("out").join(args.pianist.folder_name(&args.song)).join("worlds.csv"));
     report.write_csv(&out)?;
     if args.json {
         json(&report)?

@@ -6,7 +6,7 @@ use clap::ValueHint;
 use etude_lab::find_song;
 use etude_show::export::export_onnx;
 
-use super::{PianistArgs, file_to_write, json, line, slug};
+use super::{PianistArgs, file_to_write, json, line, replaces_its_own, slug};
 use crate::Ending;
 
 /// What to export.
@@ -49,6 +49,7 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
     let pianist = pianist.load(&asked, &song)?;
     let out = out.unwrap_or_else(|| PathBuf::from(format!("{}.onnx", slug(&asked))));
     let out = file_to_write(out, "onnx", "a model is written as .onnx")?;
+    replaces_its_own(&out, "etude")?;
     export_onnx(&pianist, &song, &out)?;
     if as_json {
         json(&serde_json::json!({ "model": out.display().to_string(), "policy": pianist.name() }))?;

@@ -25,10 +25,14 @@ pub mod twin;
 pub mod watch;
 
 use std::ffi::OsStr;
+use std::io::Read as _;
 use std::path::{Path, PathBuf};
 
+use anyhow::Context as _;
 use clap::builder::{PossibleValue, PossibleValuesParser, StringValueParser, TypedValueParser};
-use etude_lab::{Chosen, Pianist, RunConfig, SIGHT_READER, load_pianist, pianist_for, policies};
+use etude_lab::{
+    Chosen, Kept, Pianist, RunConfig, SIGHT_READER, load_pianist, pianist_for, player_slug, policies,
+};
 use etude_music::Song;
 use etude_perform::shell_word;
 
@@ -102,16 +106,12 @@ impl PianistArgs {
     /// of another player, or of the same one in another world.
     fn folder_name(&self, asked: &str) -> String {
         let mut name = slug(asked);
-        let mut add = |part: &str| name = format!("{name}-{}", etude_show::slug(part));
+        let mut add = |part: &str| name = format!("{name}-{}", etude_lab::slug(part));
         if self.scripted {
             add("scripted");
         }
         if let Some(policy) = &self.policy {
-            // A run is called after its folder, a policy in a run's folder too.
-            let is_of_run =
-                policy.file_name().is_some_and(|file| file.to_string_lossy().starts_with("policy-"));
-            let named = policy.parent().filter(|_| is_of_run).unwrap_or(policy);
-            add(&named.file_stem().unwrap_or_default().to_string_lossy());
+            add(&player_slug(policy));
         }
         for change in &self.overrides {
             let (path, value) = change.split_once('=').unwrap_or((change, ""));
@@ -198,7 +198,7 @@ fn positive(text: &str) -> Result<f64, String> {
 /// Folder-friendly name of what the user typed for a song: a built-in id, or a file's name without its ending.
 fn slug(song: &str) -> String {
     let stem = Path::new(song).file_stem().filter(|_| etude_music::repertoire::get(song).is_none());
-    etude_show::slug(&stem.map_or_else(|| song.into(), |stem| stem.to_string_lossy()))
+    etude_lab::slug(&stem.map_or_else(|| song.into(), |stem| stem.to_string_lossy()))
 }
 
 /// The file `out`, whose folder is made; refused if it has not the `ending` of what is written.
@@ -210,6 +210,33 @@ fn file_to_write(out: PathBuf, ending: &str, hint: &str) -> anyhow::Result<PathB
         etude_lab::make_folder(folder)?;
     }
     Ok(out)
+}
+
+/// Refuses to replace a file that this command has not written: one without this `mark` in its first bytes.
+fn replaces_its_own(out: &Path, mark: &str) -> anyhow::Result<()> {
+    let mut first = Vec::new();
+    match std::fs::File::open(out) {
+        Ok(file) => file.take(4096).read_to_end(&mut first).with_context(|| out.display().to_string())?,
+        Err(_) => return Ok(()),
+    };
+    if !first.is_empty() && !first.windows(mark.len()).any(|bytes| bytes == mark.as_bytes()) {
+        anyhow::bail!(
+            "{} exists, and this command has not written it: choose another name, or remove the file",
+            out.display()
+        );
+    }
+    Ok(())
+}
+
+/// Says where a performance is that a new one in `folder` has not replaced.
+fn kept(kept: Option<&Kept>, folder: &Path) {
+    if let Some(Kept { song, player, folder: now }) = kept {
+        note(format!(
+            "{} held {song} played by {player}; that is in {} now",
+            folder.display(),
+            now.display()
+        ));
+    }
 }
 
 /// Prints one line on standard output; a closed pipe is an error that ends the verb quietly.

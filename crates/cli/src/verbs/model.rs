@@ -59,6 +59,7 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
             let text = mjcf(&task.stage, &task.params()?);
             match out {
                 Some(path) => {
+                    super::replaces_its_own(&path, "<mujoco model=\"etude\">")?;
                     etude_perform::write_file(&path, &text)?;
                     line(format!("The world is in {}; stock MuJoCo loads it", path.display()))?;
                 }

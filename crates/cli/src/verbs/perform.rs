@@ -13,7 +13,7 @@ use etude_perform::{Ending as Played, Job, Mode, NoteCounts};
 use etude_twin::OrderedFault;
 
 use super::play::heard;
-use super::{PianistArgs, json, line, note};
+use super::{PianistArgs, json, kept, line, note};
 use crate::Ending;
 use crate::progress::stop_flag;
 use crate::status::while_planning;
@@ -130,6 +130,7 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
     let mut job = Job::new(&mut tell, &stop);
     let perform = || play_on_robot(&play, Some(&folder), &mut job);
     let report = while_planning(args.json, perform)?;
+    kept(report.kept.as_ref(), &folder);
     if args.json {
         json(&report)?;
     } else {
@@ -173,7 +174,7 @@ pub(super) fn performance_name(
     others: impl IntoIterator<Item = String>,
 ) -> String {
     let parts = [pianist.folder_name(song), mode.to_string()];
-    let others = others.into_iter().map(|part| etude_show::slug(&part));
+    let others = others.into_iter().map(|part| etude_lab::slug(&part));
     parts.into_iter().chain(others).collect::<Vec<_>>().join("-")
 }
 

@@ -9,7 +9,7 @@ use etude_music::metrics::NoteScores;
 use etude_music::sound::SoundFont;
 use etude_perform::{Job, NoteCounts, Scores};
 
-use super::{PianistArgs, json, line};
+use super::{PianistArgs, json, kept, line};
 use crate::Ending;
 use crate::progress::stop_flag;
 use crate::status::LongWork;
@@ -59,6 +59,7 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
     };
     let report = play(&song, &pianist, &folder, font.as_ref(), &mut Job::new(&mut tell, &stop))?;
     drop(work);
+    kept(report.kept.as_ref(), &folder);
     if args.json {
         json(&report)?
     } else {

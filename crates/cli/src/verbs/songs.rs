@@ -11,7 +11,7 @@ use etude_task::fingering::{Limit, LimitKind};
 use etude_task::{Piece, TaskConfig};
 use serde_json::json as object;
 
-use super::{ConfigArgs, json, line, note};
+use super::{ConfigArgs, json, line, note, replaces_its_own};
 use crate::Ending;
 use crate::status::{LongWork, while_planning};
 
@@ -138,6 +138,7 @@ fn show(
     as_json: bool,
 ) -> anyhow::Result<()> {
     let song = find_song(name)?;
+    frames_csv.iter().try_for_each(|path| replaces_its_own(path, "step,due\n"))?;
     let fits = song.check_range();
     let silence = task.initial_silence_secs;
     let mut planning = LongWork::new(as_json);
@@ -276,16 +277,27 @@ fn arrange(name: &str, semitones: i32, factor: f64, out: &Path) -> anyhow::Resul
     if same(out).is_some_and(|out| same(Path::new(name)) == Some(out)) {
         anyhow::bail!("{} is the song itself; give the new one another name with -o", out.display());
     }
-    song.save(out)?;
+    save(&song, out)?;
     let (notes, secs) = (song.notes().len(), song.duration_secs());
     line(format!("{notes} notes, {secs:.1} s: learn it with `etude train {}`", shell_word(out.display())))
+}
+
+/// Writes a song; a file with other notes is not replaced.
+fn save(song: &Song, out: &Path) -> anyhow::Result<()> {
+    if out.exists() && !Song::load(out).is_ok_and(|there| there.has_the_notes_of(song)) {
+        anyhow::bail!(
+            "{} exists, and holds something else: choose another name with -o, or remove the file",
+            out.display()
+        );
+    }
+    Ok(song.save(out)?)
 }
 
 fn make(seed: u64, part: Option<Part>, out: &Path, as_json: bool) -> anyhow::Result<()> {
     let is_wanted = |seed: &u64| part.is_none_or(|part| melody(*seed).part() == part);
     let seed = (seed..).find(is_wanted).context("there is no melody of this part from that seed on")?;
     let song = melody(seed);
-    song.save(out)?;
+    save(&song, out)?;
     let (part, notes, secs) = (song.part().to_string(), song.notes().len(), song.duration_secs());
     if as_json {
         return json(&object!({ "seed": seed, "part": part, "notes": notes, "secs": secs }));

@@ -163,6 +163,40 @@ fn each_player_has_a_folder_of_its_own() {
     assert_eq!(folder("--set task.physics.key.threshold=0.6"), "out/twinkle-threshold-0-6");
 }
 
+/// When another policy becomes the best, what the one before played stays; by `play` and on a robot.
+#[test]
+fn a_new_best_policy_replaces_no_performance_of_another() {
+    let desk = Desk::new();
+    let said = |args: &str| {
+        let output = desk.command(args).output().unwrap();
+        assert!(output.status.success(), "{}", errors(&output));
+        errors(&output)
+    };
+    let player = |folder: &str| {
+        let report = std::fs::read_to_string(desk.path(folder).join("report.json")).unwrap();
+        serde_json::from_str::<Value>(&report).unwrap()["player"].as_str().unwrap().to_string()
+    };
+    assert_eq!(said("play twinkle"), "");
+    let heard = desk.bytes("out/twinkle/performance.wav");
+    std::fs::create_dir_all(desk.path("runs/twinkle__mine")).unwrap();
+    std::fs::copy(crate::shipped("twinkle"), desk.path("runs/twinkle__mine/policy-best.safetensors"))
+        .unwrap();
+    let moved = said("play twinkle");
+    assert!(moved.starts_with("out/twinkle held Twinkle"), "{moved}");
+    assert!(moved.ends_with("that is in out/twinkle-twinkle now\n"), "{moved}");
+    assert!(player("out/twinkle").contains("twinkle__mine"), "{}", player("out/twinkle"));
+    assert!(player("out/twinkle-twinkle").ends_with("policies/twinkle.safetensors"));
+    assert_eq!(desk.bytes("out/twinkle-twinkle/performance.wav"), heard);
+    desk.ok("replay out/twinkle-twinkle");
+    assert_eq!(said("play twinkle"), "");
+
+    desk.ok("perform short.mid --scripted --runs 2 -o robot");
+    let moved = said("perform short.mid --policy runs/twinkle__mine -o robot");
+    assert!(moved.contains("that is in robot-scripted now\n"), "{moved}");
+    assert_eq!(player("robot-scripted"), "scripted");
+    assert!(desk.path("robot-scripted/run-2.mcap").is_file() && !desk.path("robot/run-2.mcap").exists());
+}
+
 #[test]
 fn a_policy_in_another_world_says_so() {
     let desk = Desk::new();

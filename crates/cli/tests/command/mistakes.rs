@@ -41,6 +41,37 @@ fn songs_that_cannot_be_had() {
     assert_eq!(desk.left_behind().len(), before, "{:?}", desk.left_behind());
 }
 
+/// A file that the command itself has not written is not replaced; one that it has is.
+#[test]
+fn files_of_somebody_else_are_not_replaced() {
+    let desk = Desk::new();
+    let mine = |name: &str| std::fs::write(desk.path(name), "mine").unwrap();
+    for (args, file) in [
+        ("model export -o world.xml", "world.xml"),
+        ("export onnx twinkle -o hand.onnx", "hand.onnx"),
+        ("evaluate short.mid --scripted --worlds 1 -o table.csv", "table.csv"),
+        ("songs show twinkle --frames due.csv", "due.csv"),
+        ("songs make --seed 7 -o melody.mid", "melody.mid"),
+        ("songs arrange twinkle --transpose 2 -o higher.mid", "higher.mid"),
+    ] {
+        mine(file);
+        refused(&desk, args, &[file, "exists", "choose another name"]);
+        assert_eq!(desk.bytes(file), b"mine", "{args}");
+        std::fs::remove_file(desk.path(file)).unwrap();
+        desk.ok(args);
+        let written = desk.bytes(file);
+        desk.ok(args);
+        assert_eq!(desk.bytes(file), written, "{args}");
+    }
+    // Another piece of music.
+    refused(&desk, "songs arrange twinkle --transpose 3 -o higher.mid", &["higher.mid", "exists"]);
+    // The fit of another rig.
+    desk.ok("record --robot twin --excitation rail -o rail.mcap");
+    std::fs::create_dir(desk.path("fit")).unwrap();
+    std::fs::write(desk.path("fit/identification.json"), r#"{"rig": "kitchen"}"#).unwrap();
+    refused(&desk, "identify rail.mcap -o fit", &["fit holds the fit of another rig, `kitchen`", "`twin`"]);
+}
+
 #[test]
 fn settings_that_cannot_work() {
     let desk = Desk::new();

@@ -83,7 +83,7 @@ fn judge_stage(
     };
     let worlds: Vec<PhysicalParams> = (0..batch).map(world).collect();
     // Too short to be interrupted.
-    let traces = scene.replay(&worlds, &motions, pass == Pass::Contact, &AtomicBool::new(false))?;
+    let traces = scene.replay(&worlds, &motions, |_| true, pass == Pass::Contact, &AtomicBool::new(false))?;
     let mut estimates = Vec::new();
     for (group, problem, plan, candidates) in problems {
         let evaluations: Vec<Evaluation> = (0..candidates.len())

@@ -74,7 +74,12 @@ pub(super) fn run(
         }
         let worlds: Vec<PhysicalParams> =
             (0..batch).map(|index| world_of(scene, state, &asked, index)).collect();
-        let traces = scene.replay(&worlds, &motions, pass == Pass::Contact, job.interrupt())?;
+        // Those that a fit that has not ended learns from.
+        let wanted = |motion: &Motion| {
+            let mut fits = state.fits.iter().zip(&asked);
+            fits.any(|((group, _), asked)| !asked.is_empty() && group.learns_from(motion))
+        };
+        let traces = scene.replay(&worlds, &motions, wanted, pass == Pass::Contact, job.interrupt())?;
         for ((group, fit), candidates) in state.fits.iter_mut().zip(&asked) {
             if !candidates.is_empty() {
                 let evaluations: Vec<Evaluation> = (0..candidates.len())

@@ -26,7 +26,7 @@ pub(super) struct Scene<'a> {
     measured: Vec<String>,
 }
 
-/// Traces of one simulation, one a motion; `None` where it diverged.
+/// Traces of one simulation, one a motion; `None` where it diverged, or was not wanted.
 pub(super) type Traces = Vec<Option<Trace>>;
 
 impl<'a> Scene<'a> {
@@ -76,14 +76,16 @@ impl<'a> Scene<'a> {
         follow_stiffness(&self.before, params);
     }
 
-    /// Replays every motion in a simulation with each set of parameters. `keys` records the travel of the keys too.
+    /// Replays the motions that are wanted in a simulation with each set of parameters. `keys` records the travel of the keys too.
     pub fn replay(
         &self,
         worlds: &[PhysicalParams],
         motions: &[Motion],
+        wanted: impl Fn(&Motion) -> bool,
         keys: bool,
         interrupt: &AtomicBool,
     ) -> Result<Vec<Traces>, IdentifyError> {
+        let wanted: Vec<bool> = motions.iter().map(wanted).collect();
         let jobs: Vec<(usize, usize)> = (0..worlds.len())
             .flat_map(|world| (0..motions.len()).map(move |motion| (world, motion)))
             .collect();
@@ -93,6 +95,7 @@ impl<'a> Scene<'a> {
                 || Replayer::new(&self.world),
                 |replayer, (world, motion)| match replayer {
                     _ if interrupt.load(Ordering::Relaxed) => Err(IdentifyError::Interrupted),
+                    _ if !wanted[*motion] => Ok(None),
                     Ok(replayer) => Ok(replayer.replay(&worlds[*world], &motions[*motion], keys)),
                     Err(error) => Err(FitError(format!("cannot build the simulation: {error}")).into()),
                 },

@@ -32,7 +32,7 @@ pub(super) fn find_delays(
             params
         })
         .collect();
-    let traces = scene.replay(&worlds, motions, false, interrupt)?;
+    let traces = scene.replay(&worlds, motions, |_| true, false, interrupt)?;
     for joint in 0..JOINTS {
         let cost = |traces: &[Option<Trace>]| -> f64 {
             let moving = motions.iter().zip(traces).filter(|(motion, _)| motion.moves[joint]);

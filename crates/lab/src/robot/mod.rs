@@ -19,6 +19,7 @@ use etude_task::{Piece, TaskError};
 
 use crate::earlier::{remove_files, replacing};
 use crate::errors::{Interrupted, released};
+use crate::kept::keep_another;
 use crate::pianist::Pianist;
 use crate::planning::{plan, tell_planning};
 use crate::play::{Files, REFERENCE, header, keep, keep_reference, scores_in_simulation, write_report};
@@ -109,16 +110,24 @@ pub fn play_on_robot(
         }
     }
     let mut play_runs = || {
-        if play.measures_lag {
+        let report = if play.measures_lag {
             play_on_time(play, &piece, folder, job)
         } else {
             play_runs(play, &piece, folder, job)
+        }?;
+        // Not before: who looks into the folder meanwhile takes a run that only measures for a performance.
+        if let Some(folder) = folder {
+            write_report(folder, &report)?;
         }
+        Ok(report)
     };
     match folder {
         Some(folder) => {
             let has_music = |report: &RobotReport| report.runs[0].ending == Ending::Complete;
-            replacing(folder, has_music, play_runs)
+            replacing(folder, has_music, play_runs, |report, aside| {
+                report.kept = keep_another(aside, folder, &report.song, &report.player)?;
+                Ok(())
+            })
         }
         None => play_runs(),
     }
@@ -136,11 +145,7 @@ fn play_on_time(
     let run = &measured.runs[0];
     if run.ending != Ending::Complete {
         job.tell(&RobotStep::RunEnded { index: 0, run: run.clone() });
-        let report = RobotReport { only_measuring: true, ..measured };
-        if let Some(folder) = folder {
-            write_report(folder, &report)?;
-        }
-        return Ok(report);
+        return Ok(RobotReport { only_measuring: true, ..measured });
     }
     if let Some(folder) = folder {
         remove_files(folder)?;
@@ -223,7 +228,7 @@ fn play_runs(
     let lags: Vec<f64> = counted.iter().filter_map(|run| run.scores.note.lag_secs).collect();
     let f1: Vec<f64> = counted.iter().map(|run| run.scores.frame.f1).collect();
     let (robot_f1, robot_f1_std) = (mean(&f1), deviation(&f1));
-    let report = RobotReport {
+    Ok(RobotReport {
         song: piece.title().to_string(),
         player: pianist.name(),
         mode: play.mode,
@@ -240,12 +245,9 @@ fn play_runs(
         lag_secs: (!lags.is_empty()).then(|| mean(&lags)),
         notes: MeanNotes::of(piece.notes().len(), &counted),
         only_measuring: false,
+        kept: None,
         runs,
-    };
-    if let Some(folder) = folder {
-        write_report(folder, &report)?;
-    }
-    Ok(report)
+    })
 }
 
 /// The performance with what the release of the robot has added to its ending.

@@ -7,6 +7,7 @@ use etude_perform::{Ending, Mode, Performance, Scores, Strokes, TimingReport, Tr
 use serde::{Deserialize, Serialize};
 
 use crate::errors::{Interrupted, stopped_itself};
+use crate::kept::Kept;
 use crate::play::Files;
 
 /// The results. Its keys are those of `etude perform --json`. A run that was interrupted is listed, and counts in no mean.
@@ -42,6 +43,9 @@ pub struct RobotReport {
     /// Whether the only run is the one that should have measured the lag: it ended early, and no run that counts was played.
     #[serde(skip_serializing_if = "std::ops::Not::not")]
     pub only_measuring: bool,
+    /// The earlier performance in the folder, if it was by another player, or of another song.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub kept: Option<Kept>,
     /// The runs.
     pub runs: Vec<RobotRun>,
 }

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::ffi::OsStr;
 use std::path::Path;
 
-use etude_lab::SIGHT_READER;
+use etude_lab::{SIGHT_READER, slug};
 use etude_music::metrics::{FrameScores, FrameTally, NoteScores, frame_scores, note_scores};
 use etude_music::sound::{self, SoundError};
 use etude_music::{
@@ -19,7 +19,6 @@ use serde::Serialize;
 use super::arm::{Arm, arm};
 use super::heard::{Heard, heard};
 use super::rewards::{RewardCurve, rewards, rounded};
-use crate::slug;
 
 /// Clamps of one joint by one limit that are no further apart than this are one mark, s.
 const CLAMPS_APART_SECS: f64 = 0.25;

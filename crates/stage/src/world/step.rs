@@ -4,6 +4,7 @@
 #![allow(unsafe_code)] // MuJoCo's model is changed in place (dry friction); see the use.
 
 use etude_music::{KEYS, KeyEvent, KeySet};
+use mujoco_rs::mujoco_c::mjtDisableBit;
 
 use super::World;
 use crate::config::PHYSICS_STEPS;
@@ -122,6 +123,15 @@ impl World {
         // SAFETY: only values change; no size, address or id table is touched.
         let model = unsafe { self.data.model_mut() };
         model.body_pos_mut()[self.layout.palm] = std::array::from_fn(|axis| PALM_PLACE[axis] + offset[axis]);
+    }
+
+    /// Whether bodies can touch each other; from the start they can. Half of the time of a step is spent on finding contacts, which a hand
+    /// that moves in the air does not have.
+    pub fn set_contacts(&mut self, on: bool) {
+        // SAFETY: only a value changes; no size, address or id table is touched.
+        let flags = unsafe { &mut self.data.model_mut().opt_mut().disableflags };
+        let off = mjtDisableBit::mjDSBL_CONTACT as i32;
+        *flags = if on { *flags & !off } else { *flags | off };
     }
 
     /// One physics step under `self.torques`.

@@ -124,3 +124,32 @@ fn a_hand_can_be_tilted_and_off_its_place() {
         "{after:?} {before:?}"
     );
 }
+
+/// In the air a hand moves the same without contacts, to the last bit; pressed down it goes through a key that contacts would push down.
+#[test]
+fn without_contacts_a_hand_moves_the_same_and_presses_nothing() {
+    let mut world = World::new(&StageConfig::default(), &PhysicalParams::default()).unwrap();
+    let mut play = |contacts: bool, deep: bool| {
+        world.set_contacts(contacts);
+        world.reset();
+        let start = world.start_pose();
+        let [x, y, z] = world.fingertip(1);
+        let reach = kinematics::reach(world.config.side, 1, [x, y, z - 0.03], start[RAIL]).unwrap();
+        let mut path = Vec::new();
+        for step in 0..40 {
+            let mut targets = start;
+            if deep {
+                targets[FINGER_JOINTS..2 * FINGER_JOINTS].copy_from_slice(&reach);
+            } else {
+                targets[FINGER_JOINTS + 1] -= 0.1 * f64::from(step % 7);
+                targets[RAIL] += 1e-3 * f64::from(step);
+            }
+            world.step_watched(&targets, |world| path.push(world.joints()));
+        }
+        let deepest = (0..KEYS).map(|key| world.key_travel(key)).fold(0.0, f64::max);
+        (path, deepest)
+    };
+    assert!(play(true, true).1 > 0.5);
+    assert!(play(false, true).1 < 1e-3);
+    assert_eq!(play(false, false), play(true, false), "and contacts are on again");
+}

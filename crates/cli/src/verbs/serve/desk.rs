@@ -248,7 +248,7 @@ fn tidy(name: &str) -> String {
     let text: String = words.join(" ").chars().take(LONGEST_NAME).collect();
     let text = text.trim_matches(|c: char| !c.is_alphanumeric() && c != ')');
     // Folders are called after its letters of ASCII.
-    if etude_show::slug(text).is_empty() {
+    if etude_lab::slug(text).is_empty() {
         format!("song {text}").trim_end().to_string()
     } else {
         text.to_string()

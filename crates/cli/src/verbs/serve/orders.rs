@@ -122,7 +122,7 @@ impl Wanted {
                 make_folder(COMPARED)?;
                 let name = |path: &str| {
                     let path = Path::new(path).with_extension("");
-                    etude_show::slug(&path.strip_prefix("out").unwrap_or(&path).to_string_lossy())
+                    etude_lab::slug(&path.strip_prefix("out").unwrap_or(&path).to_string_lossy())
                 };
                 let made = format!("{COMPARED}/{}_{}", name(&one), name(&other));
                 let page = format!("{made}.html");
