@@ -67,16 +67,63 @@ fn an_interrupted_performance_counts_in_no_mean() {
 }
 
 /// What a command says that is interrupted as soon as the file is there; it must end with 3.
-fn interrupted_at(mut command: Command, file: impl FnOnce(&Child) -> PathBuf) -> String {
+fn interrupted_at(command: Command, file: impl FnOnce(&Child) -> PathBuf) -> String {
+    stopped_at(command, "INT", file)
+}
+
+/// The same by any signal.
+fn stopped_at(mut command: Command, signal: &str, file: impl FnOnce(&Child) -> PathBuf) -> String {
     let child = command.stdout(Stdio::null()).stderr(Stdio::piped()).spawn().unwrap();
     let file = file(&child);
     while !file.exists() {
         std::thread::sleep(Duration::from_millis(1));
     }
-    processes::signal(child.id(), "INT");
+    processes::signal(child.id(), signal);
     let output = child.wait_with_output().unwrap();
     assert_eq!(output.status.code(), Some(3), "{}", errors(&output));
     errors(&output)
+}
+
+/// A terminal that is closed stops what runs in it as Ctrl-C does, and nothing is left half done.
+#[test]
+fn a_closed_terminal_is_as_good_as_ctrl_c() {
+    let desk = Desk::new();
+    desk.ok("record --robot twin --excitation rail -o rail.mcap");
+    for (args, sign, result) in [
+        ("perform ode-to-joy --scripted -o robot", "robot/run-1.mcap", "robot/report.json"),
+        ("identify rail.mcap -o fit", "fit/state.json", "fit/identified.toml"),
+        ("gallery -o gallery", "gallery/recordings", "gallery/index.html"),
+    ] {
+        // `env` sets what the signal does, whatever it does to this test.
+        let mut command = Command::new("env");
+        command.current_dir(desk.path("")).args(["--default-signal=HUP"]);
+        command.arg(assert_cmd::cargo::cargo_bin!("etude")).args(args.split_whitespace());
+        let said = stopped_at(command, "HUP", |_| desk.path(sign));
+        assert!(!desk.path(result).exists(), "{args}: {said}");
+    }
+}
+
+#[test]
+fn a_video_that_is_interrupted_leaves_nothing() {
+    let desk = Desk::new();
+    desk.ok("play ode-to-joy --scripted -o out");
+    if !crate::replaying::draws(&desk) {
+        return;
+    }
+    // Without ffmpeg the pictures themselves are the result.
+    let mut command = desk.command("render out --size 64x48 -o film.mp4");
+    command.env("PATH", desk.path("nowhere"));
+    let before = desk.left_behind();
+    let is_new = |name: &String| !before.contains(name);
+    let _ = interrupted_at(command, |_| {
+        let work = loop {
+            if let Some(work) = desk.left_behind().into_iter().find(is_new) {
+                break work;
+            }
+        };
+        desk.path(work).join("frames/000002.png")
+    });
+    assert_eq!(desk.left_behind().into_iter().find(is_new), None);
 }
 
 #[test]

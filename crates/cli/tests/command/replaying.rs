@@ -274,7 +274,7 @@ fn a_gallery_leads_to_every_replay() {
 }
 
 /// Whether pictures can be drawn here at all.
-fn draws(desk: &Desk) -> bool {
+pub fn draws(desk: &Desk) -> bool {
     let output = desk.command("render out --at 0 --size 64x48 -o probe.png").output().unwrap();
     if !output.status.success() {
         assert!(errors(&output).contains("no off-screen OpenGL here"), "{}", errors(&output));

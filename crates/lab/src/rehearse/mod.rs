@@ -235,7 +235,8 @@ impl Rehearsal<'_> {
         )
     }
 
-    /// Trains in the simulator of `layer`, from what the best round so far has learned; resumes a training that was interrupted.
+    /// Trains in the simulator of `layer`, from what the best round so far has learned, for half as many steps as from nothing; resumes a
+    /// training that was interrupted.
     fn train(
         &self,
         round: usize,
@@ -246,6 +247,9 @@ impl Rehearsal<'_> {
         let folder = self.round_folder(round).join("training");
         let mut config = resolve(&self.config.preset, layer, &self.config.overrides)?;
         config.trainer.threads = self.config.threads.unwrap_or(config.trainer.threads);
+        if best.is_some() {
+            config.trainer.total_steps = round::steps_of(&config, &self.config.overrides);
+        }
         let source = best.map(|best| best.policy.as_path());
         let command = format!("etude rehearse, round {round}");
         let song = config.corpus.is_none().then(|| self.song.clone());
