@@ -1,9 +1,7 @@
 """Prints the tables of docs/results/rehearsals.md from the folders of rehearsals of one round: notes right of those due and wrong ones, onset F1, the
 paper's F1 in simulation and on the twin, before and after the round; and their means, as they are, and with the better of both kept.
 
-    for n in $(seq 1 20); do
-      etude rehearse twinkle --robot twin --truth random:$n --rounds 1 --runs 2 -o runs/rounds/random-$n/twinkle
-    done
+    etude rehearse twinkle --robot twin --truth random:1 --rounds 1 --runs 2 -o runs/rounds/random-1/twinkle    # and so on
     python3 scripts/rounds_table.py runs/rounds/*/*
 """
 
@@ -33,7 +31,7 @@ def main():
     for folder in map(pathlib.Path, sys.argv[1:]):
         config = json.loads((folder / "rehearsal.json").read_text())
         before, after = (json.loads((folder / f"round-{index}" / "round.json").read_text()) for index in range(2))
-        rehearsals.append((config["truth"], config["song"], before, after, max(before, after, key=worth)))
+        rehearsals.append((config["truth"] or config["rig"], config["song"], before, after, max(before, after, key=worth)))
     rehearsals.sort(key=lambda one: (one[0].partition(":")[0], int(one[0].partition(":")[2] or 0), one[1]))
     print("| truth | song | before | after one round | kept |\n|---|---|---|---|---|")
     for truth, song, before, after, kept in rehearsals:

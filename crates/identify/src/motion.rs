@@ -195,6 +195,12 @@ impl Motion {
         self.mode == Excitation::Keys.name()
     }
 
+    /// Whether it is an excitation that touches nothing.
+    pub fn is_in_the_air(&self) -> bool {
+        self.keys.is_empty()
+            && self.mode.parse().is_ok_and(|excitation: Excitation| excitation != Excitation::Keys)
+    }
+
     /// Whether it plays keys as music is played.
     pub fn plays_keys(&self) -> bool {
         !self.keys.is_empty() && !self.presses_keys()

@@ -34,12 +34,12 @@ impl Replayer {
         Ok(Self { world, step_secs: stage.physics_step_secs() })
     }
 
-    /// Replays a motion with these parameters; `keys` records the travel of the keys too. `None` if the simulation diverges. A motion
-    /// that sounded no key is replayed without contacts.
+    /// Replays a motion with these parameters; `keys` records the travel of the keys too. `None` if the simulation diverges. An excitation
+    /// that stays in the air is replayed without contacts.
     pub fn replay(&mut self, params: &PhysicalParams, motion: &Motion, keys: bool) -> Option<Trace> {
         let world = &mut self.world;
         world.set_params(params);
-        world.set_contacts(!motion.keys.is_empty());
+        world.set_contacts(!motion.is_in_the_air());
         let zero = params_bias(params);
         world.reset_to(&std::array::from_fn(|joint| motion.start[joint] - zero[joint]));
         let steps = motion.commands.steps();

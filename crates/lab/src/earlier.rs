@@ -14,7 +14,8 @@ use anyhow::bail;
 
 use crate::errors::{Interrupted, unusable};
 use crate::folder::{lock, make_folder};
-use crate::play::{Files, PAGE, RECORDING};
+use crate::kept::Kept;
+use crate::play::{Files, PAGE, RECORDING, REFERENCE, REPORT};
 use crate::robot::run_file;
 
 /// Name of the folder in which the earlier performance is while a new one is played.
@@ -33,14 +34,14 @@ pub fn earlier_of(folder: &Path) -> Option<PathBuf> {
 }
 
 /// Calls `play`, which writes the files of a performance on a robot into `folder`. Those of an earlier one are moved aside before. If `play`
-/// fails or is interrupted before a run has ended they are moved back; if what was played does not count, they stay aside; else `replace`
-/// gets the folder in which they are, before they are removed.
+/// fails or is interrupted before a run has ended they are moved back; if what was played does not count, they stay aside. An earlier one
+/// that is not of `song` by `player` is moved to a folder of its own, and stays there.
 pub(crate) fn replacing<T>(
     folder: &Path,
+    [song, player]: [&str; 2],
     counts: impl FnOnce(&T) -> bool,
     play: impl FnOnce() -> anyhow::Result<T>,
-    replace: impl FnOnce(&mut T, &Path) -> anyhow::Result<()>,
-) -> anyhow::Result<T> {
+) -> anyhow::Result<(T, Option<Kept>)> {
     make_folder(folder)?;
     let open = File::open(folder).map_err(|error| unusable(folder, error))?;
     let _lock = lock(open, "perform", folder)?;
@@ -50,18 +51,20 @@ pub(crate) fn replacing<T>(
     let aside = folder.join(EARLIER);
     if !files(&aside)?.is_empty() {
         // The last performance has ended by a fault, or its process was killed.
-        restore(folder)?;
+        restore(folder, &aside)?;
     }
-    let has_earlier = move_performance(folder, &aside)?;
+    let kept = Kept::moved_from(folder, song, player)?;
+    let aside = kept.as_ref().map_or(aside, |kept| kept.folder.clone());
+    let has_earlier = kept.is_some() || move_performance(folder, &aside)?;
     match play() {
-        Ok(played) if !counts(&played) => Ok(played),
-        Ok(mut played) => {
-            replace(&mut played, &aside)?;
-            // If they cannot be removed, they only take up space.
-            let _ = remove_performance(&aside);
-            Ok(played)
+        Ok(played) => {
+            if kept.is_none() && counts(&played) {
+                // If they cannot be removed, they only take up space.
+                let _ = remove_performance(&aside);
+            }
+            Ok((played, kept))
         }
-        Err(error) if has_earlier => match restore(folder) {
+        Err(error) if has_earlier => match restore(folder, &aside) {
             Ok(()) => Err(with_recording(error, &folder.join(CUT_SHORT))),
             Err(why) => {
                 Err(error.context(format!("the performance of before is in {}: {why}", aside.display())))
@@ -71,8 +74,8 @@ pub(crate) fn replacing<T>(
     }
 }
 
-/// Moves the earlier performance back, and what has been recorded since then into the folder for that.
-fn restore(folder: &Path) -> anyhow::Result<()> {
+/// Moves the earlier performance back from `aside`, and what has been recorded since then into the folder for that.
+fn restore(folder: &Path, aside: &Path) -> anyhow::Result<()> {
     let cut_short = folder.join(CUT_SHORT);
     if folder.join(run_file(0, "mcap")).is_file() {
         remove_performance(&cut_short)?;
@@ -80,10 +83,9 @@ fn restore(folder: &Path) -> anyhow::Result<()> {
     } else {
         remove_files(folder)?;
     }
-    let aside = folder.join(EARLIER);
-    move_performance(&aside, folder)?;
+    move_performance(aside, folder)?;
     // What else is in it stays.
-    let _ = std::fs::remove_dir(&aside);
+    let _ = std::fs::remove_dir(aside);
     Ok(())
 }
 
@@ -104,12 +106,13 @@ pub(crate) fn files(folder: &Path) -> anyhow::Result<Vec<OsString>> {
     if !folder.is_dir() {
         return Ok(Vec::new());
     }
+    let of_play = folder.join(RECORDING).is_file();
     let entries = std::fs::read_dir(folder).map_err(|error| unusable(folder, error))?;
     Ok(entries
         .flatten()
         .filter(|entry| entry.path().is_file())
         .map(|entry| entry.file_name())
-        .filter(|name| is_of_a_performance(&name.to_string_lossy()))
+        .filter(|name| is_of_a_performance(&name.to_string_lossy(), of_play))
         .collect())
 }
 
@@ -141,15 +144,17 @@ fn remove_performance(folder: &Path) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// Whether a file has the name of one that a performance, or the page made of it, is written to.
-fn is_of_a_performance(name: &str) -> bool {
+/// Whether a file has the name of one that a performance, in simulation or on a robot, or the page made of it, is written to.
+fn is_of_a_performance(name: &str, of_play: bool) -> bool {
     let is_of_a_run = |rest: &str| {
         let number = rest.split('.').next().unwrap_or_default();
         !number.is_empty() && number.bytes().all(|digit| digit.is_ascii_digit())
     };
-    let of_play = Files::of_play(Path::new(""));
-    let of_play = of_play.all().any(|file| file.as_os_str() == name);
-    of_play || name == PAGE || name.strip_prefix("run-").is_some_and(is_of_a_run)
+    let is_of_all = [REPORT, REFERENCE, PAGE].contains(&name);
+    if of_play {
+        return is_of_all || Files::of_play(Path::new("")).all().any(|file| file.as_os_str() == name);
+    }
+    is_of_all || name.strip_prefix("run-").is_some_and(is_of_a_run)
 }
 
 #[cfg(test)]
@@ -161,7 +166,7 @@ mod tests {
     use super::*;
 
     fn replaced<T>(folder: &Path, play: impl FnOnce() -> anyhow::Result<T>) -> anyhow::Result<T> {
-        replacing(folder, |_| true, play, |_, _| Ok(()))
+        replacing(folder, ["Song", "player"], |_| true, play).map(|(played, _)| played)
     }
 
     fn names(folder: &Path) -> Vec<String> {

@@ -17,7 +17,7 @@ use serde::Serialize;
 
 use crate::errors::{Interrupted, unusable};
 use crate::folder::make_folder;
-use crate::kept::{Kept, keep_another};
+use crate::kept::Kept;
 use crate::pianist::Pianist;
 use crate::planning::tell_planning;
 use crate::robot::run_file;
@@ -42,7 +42,7 @@ pub struct PlayReport {
     #[serde(skip_serializing_if = "Option::is_none")]
     pub limits: Option<String>,
     /// The earlier performance in the folder, if it was by another player, or of another song.
-    #[serde(skip_serializing_if = "Option::is_none")]
+    #[serde(skip)]
     pub kept: Option<Kept>,
     /// The files that were written.
     pub files: Files,
@@ -146,11 +146,14 @@ fn play_into(
     };
     keep(&files, &performance, font)?;
     keep_reference(&files.reference, &piece, font)?;
-    report.kept = keep_another(folder, folder, &report.song, &report.player)?;
     write_report(unfinished, &report)?;
+    report.kept = Kept::moved_from(folder, &report.song, &report.player)?;
     for file in files.all() {
         let name = file.file_name().expect("each has a name");
-        std::fs::rename(file, folder.join(name)).map_err(|error| unusable(folder, error))?;
+        if let Err(error) = std::fs::rename(file, folder.join(name)) {
+            report.kept.iter().try_for_each(|kept| kept.move_back(folder))?;
+            return Err(unusable(folder, error));
+        }
     }
     match std::fs::remove_file(folder.join(PAGE)) {
         Err(error) if error.kind() != std::io::ErrorKind::NotFound => Err(unusable(folder, error)),

@@ -94,7 +94,7 @@ impl Song {
         Song::from_midi(&bytes, title).map_err(unusable)
     }
 
-    /// Whether `other` has the same keys at the same times, as exact as MIDI files are.
+    /// Whether `other` has the same keys at the same times, to the precision of a MIDI file.
     pub fn has_the_notes_of(&self, other: &Song) -> bool {
         self.notes().len() == other.notes().len()
             && self.notes().iter().zip(other.notes()).all(|(one, other)| {

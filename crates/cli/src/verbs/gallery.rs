@@ -56,7 +56,11 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
             let folder = own.join(id);
             let song = find_song(id)?;
             let pianist = pianist_for(id, id, &song)?.pianist;
-            play(&song, &pianist, &folder, None, &mut Job::new(&mut |_| {}, &stop))?;
+            let played = play(&song, &pianist, &folder, None, &mut Job::new(&mut |_| {}, &stop))?;
+            if let Some(kept) = played.kept {
+                // The gallery shows one performance of a song.
+                std::fs::remove_dir_all(kept.folder)?;
+            }
             paths.push(folder.join(RECORDING));
         }
     }

@@ -214,11 +214,18 @@ fn file_to_write(out: PathBuf, ending: &str, hint: &str) -> anyhow::Result<PathB
 
 /// Refuses to replace a file that this command has not written: one without this `mark` in its first bytes.
 fn replaces_its_own(out: &Path, mark: &str) -> anyhow::Result<()> {
+    let unreadable = || format!("cannot see whether {} may be replaced", out.display());
     let mut first = Vec::new();
-    match std::fs::File::open(out) {
-        Ok(file) => file.take(4096).read_to_end(&mut first).with_context(|| out.display().to_string())?,
-        Err(_) => return Ok(()),
-    };
+    match out.metadata() {
+        Err(error) if error.kind() == std::io::ErrorKind::NotFound => return Ok(()),
+        Err(error) => return Err(error).with_context(unreadable),
+        // A device or a pipe has no content to lose.
+        Ok(there) if !there.is_file() => return Ok(()),
+        Ok(_) => {
+            let file = std::fs::File::open(out).with_context(unreadable)?;
+            file.take(4096).read_to_end(&mut first).with_context(unreadable)?;
+        }
+    }
     if !first.is_empty() && !first.windows(mark.len()).any(|bytes| bytes == mark.as_bytes()) {
         anyhow::bail!(
             "{} exists, and this command has not written it: choose another name, or remove the file",

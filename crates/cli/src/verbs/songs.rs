@@ -282,9 +282,9 @@ fn arrange(name: &str, semitones: i32, factor: f64, out: &Path) -> anyhow::Resul
     line(format!("{notes} notes, {secs:.1} s: learn it with `etude train {}`", shell_word(out.display())))
 }
 
-/// Writes a song; a file with other notes is not replaced.
+/// Writes a song; a file with anything else in it is not replaced.
 fn save(song: &Song, out: &Path) -> anyhow::Result<()> {
-    if out.exists() && !Song::load(out).is_ok_and(|there| there.has_the_notes_of(song)) {
+    if out.is_file() && std::fs::read(out)? != song.to_midi() {
         anyhow::bail!(
             "{} exists, and holds something else: choose another name with -o, or remove the file",
             out.display()

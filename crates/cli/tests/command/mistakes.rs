@@ -43,7 +43,7 @@ fn songs_that_cannot_be_had() {
 
 /// A file that the command itself has not written is not replaced; one that it has is.
 #[test]
-fn files_of_somebody_else_are_not_replaced() {
+fn files_that_a_command_has_not_written_are_not_replaced() {
     let desk = Desk::new();
     let mine = |name: &str| std::fs::write(desk.path(name), "mine").unwrap();
     for (args, file) in [

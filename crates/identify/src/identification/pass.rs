@@ -16,7 +16,7 @@ const FAR_FROM_NOISE: f64 = 5.0;
 /// Step of the differences for the last pass's Jacobians and for the estimates' intervals, as a share of each range.
 pub(super) const ESTIMATE_STEP: f64 = 1e-3;
 /// Last step of the differences of the passes joint by joint, and the share of the cost that ends a fit there. With 1e-6 and 1e-4 they took
-/// twice the replays, for the same error in held-out recordings.
+/// twice the replays, and held-out errors differ by 2 % at most (docs/results/identification.md).
 const NEAR_STEP: f64 = 1e-4;
 const NEAR_TOLERANCE: f64 = 1e-3;
 /// Curvature of the cost along a parameter whose own interval is just identifiable.
@@ -72,7 +72,7 @@ impl Pass {
     /// differences, which average the roughness of the replays without a bias to one side. It starts with little damping
     /// and a small tolerance, because a joint's scale of torque changes the cost by only one part in 250. A parameter
     /// that the recordings do not identify stays fixed, because a step along it can leave the region of the minimum.
-    /// The passes joint by joint only come near: while one joint is fitted the others move and disturb it, so that what a finer fit gains
+    /// The passes joint by joint need not converge fully: while one joint is fitted the others move and disturb it, so that what a finer fit gains
     /// is lost in the next pass.
     pub(super) fn method(self, method: &MethodConfig) -> MethodConfig {
         match method {

@@ -74,7 +74,7 @@ pub(super) fn run(
         }
         let worlds: Vec<PhysicalParams> =
             (0..batch).map(|index| world_of(scene, state, &asked, index)).collect();
-        // Those that a fit that has not ended learns from.
+        // Motions used by a fit that still runs.
         let wanted = |motion: &Motion| {
             let mut fits = state.fits.iter().zip(&asked);
             fits.any(|((group, _), asked)| !asked.is_empty() && group.learns_from(motion))

@@ -235,7 +235,7 @@ impl Rehearsal<'_> {
         )
     }
 
-    /// Trains in the simulator of `layer`, from what the best round so far has learned, for half as many steps as from nothing; resumes a
+    /// Trains in the simulator of `layer`, from what the best round so far has learned, for half the steps of the preset; resumes a
     /// training that was interrupted.
     fn train(
         &self,

@@ -19,7 +19,6 @@ use etude_task::{Piece, TaskError};
 
 use crate::earlier::{remove_files, replacing};
 use crate::errors::{Interrupted, released};
-use crate::kept::keep_another;
 use crate::pianist::Pianist;
 use crate::planning::{plan, tell_planning};
 use crate::play::{Files, REFERENCE, header, keep, keep_reference, scores_in_simulation, write_report};
@@ -115,7 +114,7 @@ pub fn play_on_robot(
         } else {
             play_runs(play, &piece, folder, job)
         }?;
-        // Not before: who looks into the folder meanwhile takes a run that only measures for a performance.
+        // A report written earlier would list the run that only measures the lag as a performance.
         if let Some(folder) = folder {
             write_report(folder, &report)?;
         }
@@ -124,10 +123,9 @@ pub fn play_on_robot(
     match folder {
         Some(folder) => {
             let has_music = |report: &RobotReport| report.runs[0].ending == Ending::Complete;
-            replacing(folder, has_music, play_runs, |report, aside| {
-                report.kept = keep_another(aside, folder, &report.song, &report.player)?;
-                Ok(())
-            })
+            let (title, player) = (piece.title().to_string(), play.pianist.name());
+            let (report, kept) = replacing(folder, [&title, &player], has_music, play_runs)?;
+            Ok(RobotReport { kept, ..report })
         }
         None => play_runs(),
     }

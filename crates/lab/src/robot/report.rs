@@ -44,7 +44,7 @@ pub struct RobotReport {
     #[serde(skip_serializing_if = "std::ops::Not::not")]
     pub only_measuring: bool,
     /// The earlier performance in the folder, if it was by another player, or of another song.
-    #[serde(skip_serializing_if = "Option::is_none")]
+    #[serde(skip)]
     pub kept: Option<Kept>,
     /// The runs.
     pub runs: Vec<RobotRun>,

@@ -125,8 +125,7 @@ impl World {
         model.body_pos_mut()[self.layout.palm] = std::array::from_fn(|axis| PALM_PLACE[axis] + offset[axis]);
     }
 
-    /// Whether bodies can touch each other; from the start they can. Half of the time of a step is spent on finding contacts, which a hand
-    /// that moves in the air does not have.
+    /// Whether bodies can touch each other; from the start they can. Half of the time of a step is spent on finding contacts.
     pub fn set_contacts(&mut self, on: bool) {
         // SAFETY: only a value changes; no size, address or id table is touched.
         let flags = unsafe { &mut self.data.model_mut().opt_mut().disableflags };

@@ -1,0 +1,35 @@
+//! Excitations that stay in the air touch nothing, so they are replayed without contacts.
+
+#![allow(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
+
+use std::sync::atomic::AtomicBool;
+
+use etude_identify::{Commands, Motion};
+use etude_lab::{Motion as Recorded, record_robot};
+use etude_perform::Excitation;
+use etude_perform::stand::RigChoice;
+use etude_stage::{PhysicalParams, StageConfig, World};
+use etude_twin::Truth;
+
+#[test]
+fn a_hand_in_the_air_has_no_contact() {
+    let folder = tempfile::tempdir().unwrap();
+    for truth in ["standard", "random:7"] {
+        for excitation in [Excitation::OpenClose, Excitation::Chirp, Excitation::Rail, Excitation::Held] {
+            let rig = RigChoice::Twin(Box::new(Truth::load(truth).unwrap()));
+            let path = folder.path().join("air.mcap");
+            record_robot(&rig, Recorded::Excitation(excitation), true, 0, &path, &AtomicBool::new(false))
+                .unwrap();
+            let motion = Motion::load(&path).unwrap();
+            assert!(motion.is_in_the_air(), "{truth}, {}", excitation.name());
+            let Commands::Targets(targets) = &motion.commands else { panic!("excitations are targets") };
+            let mut world = World::new(&StageConfig::default(), &PhysicalParams::default()).unwrap();
+            world.reset_to(&motion.start);
+            let mut contacts = 0;
+            for targets in targets {
+                world.step_watched(targets, |world| contacts += world.data().contact().len());
+            }
+            assert_eq!(contacts, 0, "{truth}, {}", excitation.name());
+        }
+    }
+}
