@@ -141,13 +141,13 @@ fn a_performance_on_a_robot_replaces_all_of_an_earlier_one_or_nothing() {
     desk.ok("perform short.mid --scripted --runs 2 -o there");
     desk.ok("replay there");
     let whole = desk.bytes("there/run-1.mcap");
-    // The recording of before is moved aside when the new one begins.
+    // The recording of before is moved aside when the new one begins, that of another song to a folder of its own.
     let perform = desk.command("perform ode-to-joy --scripted -o there");
-    let said = interrupted_at(perform, |_| desk.path("there/earlier"));
+    let said = interrupted_at(perform, |_| desk.path("there-scripted"));
     assert!(said.contains("interrupted before a run was complete"), "{said}");
+    assert!(!desk.path("there-scripted").exists());
     assert_eq!(desk.bytes("there/run-1.mcap"), whole);
     assert!(desk.path("there/run-2.wav").is_file() && desk.path("there/replay.html").is_file());
-    assert!(!desk.path("there/earlier").exists());
 
     // A fault is kept to be looked at, and the performance before it too.
     let failed =

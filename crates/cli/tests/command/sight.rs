@@ -21,8 +21,8 @@ fn melodies_are_written_by_seed_and_by_part() {
     assert_eq!(song.notes().len(), expected.notes().len());
 
     for part in Part::ALL {
-        let made = desk.json(&format!("songs make --part {part} --seed 3 -o part.mid --json"));
-        let song = Song::load(desk.path("part.mid")).unwrap();
+        let made = desk.json(&format!("songs make --part {part} --seed 3 -o {part}.mid --json"));
+        let song = Song::load(desk.path(format!("{part}.mid"))).unwrap();
         assert_eq!(song.part(), part);
         assert_eq!((&made["part"], &made["notes"]), (&part.to_string().into(), &song.notes().len().into()));
         assert!(made["seed"].as_u64().unwrap() >= 3 && made["secs"].is_number());
