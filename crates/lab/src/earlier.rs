@@ -83,6 +83,11 @@ fn restore(folder: &Path, aside: &Path) -> anyhow::Result<()> {
     } else {
         remove_files(folder)?;
     }
+    move_back(aside, folder)
+}
+
+/// Moves a performance from `aside` back to `folder`, over what is there.
+pub(crate) fn move_back(aside: &Path, folder: &Path) -> anyhow::Result<()> {
     move_performance(aside, folder)?;
     // What else is in it stays.
     let _ = std::fs::remove_dir(aside);
@@ -102,7 +107,7 @@ fn with_recording(error: anyhow::Error, folder: &Path) -> anyhow::Error {
 }
 
 /// Names of the files of a performance in a folder; none if there is no folder.
-pub(crate) fn files(folder: &Path) -> anyhow::Result<Vec<OsString>> {
+fn files(folder: &Path) -> anyhow::Result<Vec<OsString>> {
     if !folder.is_dir() {
         return Ok(Vec::new());
     }

@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 
 use serde_json::Value;
 
-use crate::earlier::move_performance;
+use crate::earlier::{move_back, move_performance};
 use crate::errors::unusable;
 use crate::folder::slug;
 use crate::play::REPORT;
@@ -37,8 +37,7 @@ impl Kept {
         }
         let to = free_folder(folder, &of_player)?;
         if let Err(error) = move_performance(folder, &to) {
-            let _ = move_performance(&to, folder);
-            let _ = std::fs::remove_dir(&to);
+            let _ = move_back(&to, folder);
             return Err(error);
         }
         Ok(Some(Self { song: of_song, player: of_player, folder: to }))
@@ -46,10 +45,7 @@ impl Kept {
 
     /// Moves it back to `folder`, over what is there.
     pub(crate) fn move_back(&self, folder: &Path) -> anyhow::Result<()> {
-        move_performance(&self.folder, folder)?;
-        // What else is in it stays.
-        let _ = std::fs::remove_dir(&self.folder);
-        Ok(())
+        move_back(&self.folder, folder)
     }
 }
 
