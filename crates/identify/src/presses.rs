@@ -3,7 +3,7 @@
 //! A finger that rests on a key is where the key is. The motion is so slow that times do not matter: 5 ms are a hundredth of a key's
 //! travel. So the joints say where the key begins to sound, where it is silent again and where its bottom is; and the duties say how
 //! hard it pushes back, once those of the same finger in the air are taken off. Play in the gears does not matter either: while the key
-//! pushes, it lies at the same side.
+//! pushes, it lies at the same side. Presses beside the gaps between keys show how far to the side it is ([`aside`]).
 
 use etude_robot::allegro::{self, holding_torques};
 use etude_stage::geometry::{KeyShape, WHITE_PITCH, key_lateral};
@@ -15,6 +15,8 @@ use serde::{Deserialize, Serialize};
 
 use crate::motion::Motion;
 use crate::rows::FIRST_BEND;
+
+mod aside;
 
 /// Fewest presses of each finger that are enough.
 const FEWEST: usize = 2;
@@ -69,11 +71,12 @@ struct Press {
 /// Measures the keyboard by the slow presses among `motions`. `params` has the scale of torque of the drives. Empty if there are too few
 /// presses.
 pub fn measure(motions: &[Motion], params: &PhysicalParams) -> Vec<Measured> {
-    let presses: Vec<Press> = motions
+    let hands: Vec<Hand<'_>> = motions
         .iter()
         .filter(|motion| motion.presses_keys())
-        .flat_map(|motion| Hand { motion, params, side: motion.side() }.presses())
+        .map(|motion| Hand { motion, params, side: motion.side() })
         .collect();
+    let presses: Vec<Press> = hands.iter().flat_map(Hand::presses).collect();
     let of = |finger: usize| presses.iter().filter(move |press| press.finger == finger);
     if (0..FINGERS).any(|finger| of(finger).count() < FEWEST) {
         return Vec::new();
@@ -112,6 +115,7 @@ pub fn measure(motions: &[Motion], params: &PhysicalParams) -> Vec<Measured> {
             measured.push(world(quantity, sample.with(FORCE_ERROR * sample.value.abs())));
         }
     }
+    measured.extend(aside::measure(&hands));
     measured
 }
 
@@ -134,8 +138,12 @@ pub fn in_words(motions: &[Motion], measured: &[Measured]) -> Option<String> {
         let silent = threshold * (1.0 - hysteresis);
         let force = value(WorldRow::KeyPreload)
             .map_or_else(String::new, |force| format!(", and {force:.2} N move it from rest"));
+        let aside = value(WorldRow::KeyboardLateral).map_or_else(
+            || "; how far aside is unknown, since a finger has not pressed two neighbouring keys".to_string(),
+            |aside| format!(" and {:+.1} mm toward the high notes", 1e3 * aside),
+        );
         format!(
-            "a key sounds at {threshold:.2} of its travel and is silent again at {silent:.2}{force}; the keyboard is {:+.1} mm high",
+            "a key sounds at {threshold:.2} of its travel and is silent again at {silent:.2}{force}; the keyboard is {:+.1} mm high{aside}",
             1e3 * height
         )
     })
@@ -195,7 +203,7 @@ struct Hand<'a> {
 }
 
 impl Hand<'_> {
-    /// The presses from which a key sounds until it is silent, with the finger over it.
+    /// The slow presses from which a key sounds until it is silent, with the finger over it.
     fn presses(&self) -> Vec<Press> {
         let events = &self.motion.keys;
         let pair = |(index, event): (usize, &etude_music::KeyEvent)| {
@@ -208,6 +216,9 @@ impl Hand<'_> {
 
     fn press(&self, key: usize, [sounds, silent]: [f64; 2]) -> Option<Press> {
         let finger = self.finger_over(key, sounds)?;
+        if aside::is_beside(self, finger, key, sounds) {
+            return None;
+        }
         let travel = |secs: f64| self.travel(key, finger, secs);
         let speed = |secs: f64| (travel(secs + 0.01) - travel(secs - 0.01)) / 0.02;
         if [sounds, silent].into_iter().any(|secs| speed(secs).abs() > FASTEST) {
@@ -239,13 +250,17 @@ impl Hand<'_> {
     /// The finger whose tip is over a key.
     fn finger_over(&self, key: usize, secs: f64) -> Option<usize> {
         let index = self.indices([secs, f64::INFINITY]).start;
-        let (_, rail) = *self.motion.rail.iter().find(|(at, _)| *at >= secs).or(self.motion.rail.last())?;
-        let aside = |finger: &usize| {
-            let tip = kinematics::fingertip(self.side, *finger, &self.angles(*finger, index), rail);
-            (tip[1] - key_lateral(key)).abs()
-        };
-        let nearest = (0..FINGERS).min_by(|a, b| aside(a).total_cmp(&aside(b)))?;
-        (aside(&nearest) < WHITE_PITCH / 2.0).then_some(nearest)
+        let aside = |finger: usize| Some(((self.lateral(finger, index)? - key_lateral(key)).abs(), finger));
+        let (aside, nearest) = (0..FINGERS).filter_map(aside).min_by(|(a, _), (b, _)| a.total_cmp(b))?;
+        (aside < WHITE_PITCH / 2.0).then_some(nearest)
+    }
+
+    /// Where a fingertip is along the keyboard, m; none without a reading of the rail.
+    fn lateral(&self, finger: usize, index: usize) -> Option<f64> {
+        let rails = &self.motion.rail;
+        let next = rails.partition_point(|(at, _)| *at < self.motion.fingers[index].0);
+        let (_, rail) = rails.get(next).or(rails.last())?;
+        Some(kinematics::fingertip(self.side, finger, &self.angles(finger, index), *rail)[1])
     }
 
     /// The readings between two times.

@@ -41,7 +41,8 @@ fn measured_of(motions: &[Motion], folder: &Path) -> Vec<Measured> {
 fn a_known_keyboard_is_found() {
     let change = "[physics]\n\"key.threshold\" = 0.6\n\"key.preload\" = 0.5\n\"key.stiffness\" = 0.8\n\
                   \"keyboard.height\" = -0.0015\n\"joint.index_1.encoder_bias\" = 0.01\n\"joint.ring_1.encoder_bias\" = -0.01\n\
-                  [keys]\nfirst_contact = 0.35";
+                  \"keyboard.lateral\" = 0.0025\n\"joint.index_0.encoder_bias\" = 0.012\n\"joint.middle_0.encoder_bias\" = -0.009\n\
+                  \"joint.ring_0.encoder_bias\" = -0.003\n[keys]\nfirst_contact = 0.35";
     let found = measured(Truth::load("ideal").unwrap().with(change).unwrap());
     for (path, value, most) in [
         ("key.threshold", 0.6, 0.03),
@@ -52,6 +53,10 @@ fn a_known_keyboard_is_found() {
         ("joint.index_1.encoder_bias", 0.01, 1.5e-3),
         ("joint.middle_1.encoder_bias", 0.0, 1.5e-3),
         ("joint.ring_1.encoder_bias", -0.01, 1.5e-3),
+        ("keyboard.lateral", 0.0025, 5e-4),
+        ("joint.index_0.encoder_bias", 0.012, 8e-3),
+        ("joint.middle_0.encoder_bias", -0.009, 8e-3),
+        ("joint.ring_0.encoder_bias", -0.003, 8e-3),
     ] {
         let one = &found[path];
         println!("{one:?}, true {value}");

@@ -29,7 +29,8 @@ pub enum Excitation {
     /// The hand moves along the rail: steps of one key to an octave, then swings with rising frequency.
     Rail,
     /// One finger after the other presses white keys, slowly and to the bottom, and lets them rise as slowly: a key is then where the
-    /// encoders say when it begins to sound and when it is silent again.
+    /// encoders say when it begins to sound and when it is silent again. Then it presses beside the gaps to both neighbours: the gap is where
+    /// one key gives way to the other.
     Keys,
     /// All joints and the rail at the same time: sums of sines with random phases, and random steps in between. It differs from
     /// the other sequences, so that a fit can be tested on it.
@@ -64,6 +65,13 @@ const COME_SECS: f64 = 0.4;
 const PRESS_X_M: f64 = 0.028;
 /// Time in which a finger presses a key, and in which it lets it rise, s.
 const PRESS_SECS: f64 = 1.5;
+/// Places beside the gap to the next lower white key that are pressed, from the one most to the left to the one most to the right, m, and how
+/// far apart they are; beside the gap to the next higher key those between. The farthest is for a keyboard and an encoder that are some
+/// millimetres off.
+const BESIDE_M: f64 = 0.007;
+const BESIDE_EVERY_M: f64 = 0.002;
+/// Times in which a finger goes to such a place and waits there, presses, holds the key down, and rises, s.
+const BESIDE_SECS: [f64; 4] = [0.25, 0.35, 0.2, 0.3];
 /// White keys between the places of the hand.
 const KEYS_APART: f64 = 4.0;
 /// Time in which a sequence grows from rest and dies away, s.
@@ -244,7 +252,7 @@ fn rail() -> Vec<[f64; JOINTS]> {
     targets
 }
 
-/// Presses one white key after the other, three with each finger.
+/// Presses one white key after the other, three with each finger, and beside the gaps of the first.
 fn keys(side: Side) -> Vec<[f64; JOINTS]> {
     let mut targets = vec![pose(&[REST; FINGERS], 0.0); steps(0.5)];
     let mut hold = |finger: usize, angles: [f64; FINGER_JOINTS], rail: f64, secs: f64| {
@@ -259,10 +267,11 @@ fn keys(side: Side) -> Vec<[f64; JOINTS]> {
             let [_, y, _] = kinematics::fingertip(side, finger, &REST, rail);
             // Middle C is in the middle of the keyboard, and the white keys are equally wide.
             let over = (y / WHITE_PITCH).round() * WHITE_PITCH;
-            let at = |above: f64| {
-                let place = [PRESS_X_M, over, WHITE.top() + TIP_RADIUS + above];
+            let beside = |aside: f64, above: f64| {
+                let place = [PRESS_X_M, over + aside, WHITE.top() + TIP_RADIUS + above];
                 kinematics::reach(side, finger, place, rail).unwrap_or(REST)
             };
+            let at = |above: f64| beside(0.0, above);
             // Straight down and up, so that the finger does not touch a black key.
             let clear = at(CLEAR_M);
             let come = (0..=steps(COME_SECS)).map(|step| step as f64 / steps(COME_SECS) as f64);
@@ -276,6 +285,17 @@ fn keys(side: Side) -> Vec<[f64; JOINTS]> {
                 let [begin, end] = PRESS_M;
                 hold(finger, at(begin + share * (end - begin)), rail, 1.0 / CONTROL_HZ);
             }
+            for aside in if keys == 0.0 { beside_gaps() } else { Vec::new() } {
+                let [wait, down, held, up] = BESIDE_SECS;
+                let [begin, end] = PRESS_M;
+                hold(finger, beside(aside, begin), rail, wait);
+                for (from, to, secs) in [(begin, end, down), (end, end, held), (end, begin, up)] {
+                    for step in 1..=steps(secs) {
+                        let share = step as f64 / steps(secs) as f64;
+                        hold(finger, beside(aside, from + share * (to - from)), rail, 1.0 / CONTROL_HZ);
+                    }
+                }
+            }
             hold(finger, clear, rail, 0.3);
             for share in come.rev() {
                 hold(finger, blend(&REST, &clear, share), rail, 1.0 / CONTROL_HZ);
@@ -284,6 +304,15 @@ fn keys(side: Side) -> Vec<[f64; JOINTS]> {
     }
     hold(0, REST, 0.0, 1.0);
     targets
+}
+
+/// Places beside the gaps to both neighbours of a white key, m from its middle.
+fn beside_gaps() -> Vec<f64> {
+    let half = WHITE_PITCH / 2.0;
+    let count = (2.0 * BESIDE_M / BESIDE_EVERY_M).round() as usize;
+    let place = |step: f64| step * BESIDE_EVERY_M - BESIDE_M;
+    let lower = (0..=count).map(|step| place(step as f64) - half);
+    lower.chain((0..count).map(|step| place(step as f64 + 0.5) + half)).collect()
 }
 
 /// Sums of sines at four frequencies, and every two seconds a step of all joints that is held for half a second.

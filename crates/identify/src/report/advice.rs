@@ -87,7 +87,7 @@ const ADVICE: &[Advice] = &[
         motion: "a push against a known load or a key's spring, and sweeps through the resonance",
     },
     Advice {
-        rows: &["keyboard.height", "keyboard.lateral"],
+        rows: &["keyboard.height"],
         least: 1,
         why: "too few keys were touched, or all in the same way",
         motion: "pieces with every finger, on white and black keys, over the whole keyboard",

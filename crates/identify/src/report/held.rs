@@ -70,6 +70,9 @@ fn why(path: &str, estimated: &BTreeSet<&str>) -> &'static str {
             "key.preload" => {
                 "what is played shows it only with the threshold: slow presses show it (`etude record --excitation keys`)"
             }
+            "keyboard.lateral" => {
+                "what is played does not show it: presses beside the gaps of keys do (`etude record --excitation keys`)"
+            }
             _ if touches => "no fit estimates it",
             _ => "no recording that was fitted touches a key",
         };
@@ -77,8 +80,9 @@ fn why(path: &str, estimated: &BTreeSet<&str>) -> &'static str {
     match super::advice::row_of(path) {
         "velocity_limit" | "acceleration_limit" => LIMITED,
         "viscosity" if joint == RAIL => "it has the same effect as the damping",
-        "encoder_bias" if joint == RAIL || joint % etude_stage::hand::FINGER_JOINTS == 0 => {
-            "it has the same effect as keyboard.lateral"
+        "encoder_bias" if joint == RAIL => "it has the same effect as keyboard.lateral",
+        "encoder_bias" if joint % etude_stage::hand::FINGER_JOINTS == 0 => {
+            "what is played does not show it: presses beside the gaps of keys do (`etude record --excitation keys`)"
         }
         "encoder_bias" if !touches => "only recordings that touch keys identify it, and none was fitted",
         "encoder_bias" => "one bias a finger is estimated: keys identify only the height of its tip",

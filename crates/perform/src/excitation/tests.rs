@@ -35,9 +35,10 @@ fn sequences_keep_clear_of_the_keys_and_within_the_joints_ranges() {
 }
 
 #[test]
-fn slow_presses_touch_one_white_key_at_a_time_in_its_middle() {
+fn a_finger_presses_one_white_key_at_a_time_in_its_middle_or_beside_a_gap() {
     for side in [Side::Left, Side::Right] {
         let mut pressed = std::collections::BTreeSet::new();
+        let mut gaps = std::collections::BTreeSet::new();
         for (step, targets) in Excitation::Keys.targets(side).iter().enumerate() {
             let tip = |finger: usize| {
                 let angles = std::array::from_fn(|joint| targets[finger * FINGER_JOINTS + joint]);
@@ -47,14 +48,26 @@ fn slow_presses_touch_one_white_key_at_a_time_in_its_middle() {
                 (0..FINGERS).filter(|finger| tip(*finger)[2] - TIP_RADIUS < BLACK.top() + 0.010).collect();
             assert!(low.len() <= 1, "{side:?} {step}: {low:?}");
             let Some([x, y, z]) = low.first().map(|finger| tip(*finger)) else { continue };
-            let key = (y / WHITE_PITCH).round();
-            assert!((x - PRESS_X_M).abs() < 1e-9 && (y - key * WHITE_PITCH).abs() < 1e-9, "{side:?} {step}");
-            assert!(z - TIP_RADIUS - WHITE.top() > PRESS_M[1] - 1e-9, "{side:?} {step}: {z}");
-            if z < WHITE.top() + TIP_RADIUS {
-                pressed.insert((low[0], key as i64));
+            let (key, above) = ((y / WHITE_PITCH).round(), z - TIP_RADIUS - WHITE.top());
+            assert!((x - PRESS_X_M).abs() < 1e-9, "{side:?} {step}: {x}");
+            assert!(above > PRESS_M[1] - 1e-9, "{side:?} {step}: {above}");
+            if (y - key * WHITE_PITCH).abs() < 1e-9 {
+                if above < 0.0 {
+                    pressed.insert((low[0], key as i64));
+                }
+                continue;
+            }
+            let gap = (y / WHITE_PITCH - 0.5).round() + 0.5;
+            assert!((y - gap * WHITE_PITCH).abs() < BESIDE_M + 1e-9, "{side:?} {step}: {y}");
+            if above < PRESS_M[1] + 1e-9 {
+                gaps.insert((low[0], (1e6 * (y - gap * WHITE_PITCH)).round() as i64));
             }
         }
         assert_eq!(pressed.len(), 9, "{side:?}: {pressed:?}");
+        // Every millimetre.
+        let all: Vec<(usize, i64)> =
+            (0..FINGERS).flat_map(|finger| (-7..=7).map(move |mm| (finger, 1000 * mm))).collect();
+        assert_eq!(gaps.into_iter().collect::<Vec<_>>(), all, "{side:?}");
     }
 }
 

@@ -1,0 +1,161 @@
+//! How far to the side the keyboard is: by which of two neighbouring keys sounds when a finger presses beside the gap between them.
+//! Where the lower one gives way to the higher one is the gap.
+
+use etude_music::{CONTROL_HZ, KEYS, key_is_black};
+use etude_stage::geometry::{WHITE, WHITE_PITCH, key_lateral};
+use etude_stage::hand::{FINGER_JOINTS, FINGERS, TIP_RADIUS};
+use etude_stage::params::{JointRow, WorldRow};
+use etude_stage::{JOINT_NAMES, RAIL, kinematics};
+
+use super::{Hand, Measured, STEP_RAD, Sample, world};
+use crate::motion::Commands;
+
+/// A target that is this far below the top of a white key presses it, m.
+const PRESSES_M: f64 = 0.008;
+/// A target this far above it does not touch it yet, m.
+const CLEAR_M: f64 = 0.004;
+/// A press this far from the middle of a key is one beside its gap, m.
+const BESIDE_M: f64 = 0.003;
+/// Error that all presses of a finger share, half of a 95 % interval, m. [our judgement, from twins with known keyboards]
+const SHARED_M: f64 = 3e-4;
+
+/// A press beside a gap.
+struct Beside {
+    finger: usize,
+    /// How far from the gap's nominal place the fingertip came down, m, by its encoders.
+    aside_m: f64,
+    /// Keys that sounded: -1 the lower one alone, 1 the higher one alone, 0 both, or none: the fingertip stood on the fence.
+    sounded: f64,
+    /// How far the fingertip moves aside with the finger's first joint, m/rad.
+    slope: f64,
+}
+
+/// Measures the keyboard's lateral place, and the encoder bias of each finger's first joint. Empty if a finger has found no gap.
+pub(super) fn measure(hands: &[Hand<'_>]) -> Vec<Measured> {
+    let presses: Vec<Beside> = hands.iter().flat_map(presses).collect();
+    let found = (0..FINGERS).map(|finger| {
+        let own = presses.iter().filter(|press| press.finger == finger);
+        let points: Vec<[f64; 2]> = own.clone().map(|press| [press.aside_m, press.sounded]).collect();
+        let slope = own.clone().map(|press| press.slope).sum::<f64>() / points.len() as f64;
+        Some((gap(points)?.with(SHARED_M), slope))
+    });
+    let Some(found) = found.collect::<Option<Vec<(Sample, f64)>>>() else { return Vec::new() };
+    // A keyboard that is aside and encoders that read too far look the same. The lateral place is what all fingers have in common.
+    let lateral = found.iter().map(|(place, _)| place.value).sum::<f64>() / FINGERS as f64;
+    let half = found.iter().map(|(place, _)| place.half * place.half).sum::<f64>().sqrt() / FINGERS as f64;
+    let mut measured = vec![world(WorldRow::KeyboardLateral, Sample { value: lateral, half })];
+    for (finger, (place, slope)) in found.into_iter().enumerate() {
+        let row = JointRow::EncoderBias.row();
+        let path = format!("joint.{}.{}", JOINT_NAMES[finger * FINGER_JOINTS], row.name);
+        let bias = Sample { value: (place.value - lateral) / slope, half: place.half / slope.abs() };
+        measured.push(bias.within(path, row.range));
+    }
+    measured
+}
+
+/// Where the lower key gives way to the higher one, of presses at a place with what sounded: the mean of that place if it is as likely
+/// anywhere between two presses (Spearman and Kärber's estimate). It lies above the presses below which only the lower key sounded, and
+/// below those above which only the higher one did. None if only one of the two ever sounded alone.
+fn gap(mut points: Vec<[f64; 2]>) -> Option<Sample> {
+    points.sort_by(|a, b| a[0].total_cmp(&b[0]));
+    let lower = points.iter().position(|[_, sounded]| *sounded < 0.0)?;
+    let higher = points.iter().rposition(|[_, sounded]| *sounded > 0.0)?;
+    // Beyond them, a finger that has not gone deep enough.
+    let points = points.get(lower..=higher)?;
+    let outside = |[_, sounded]: &&[f64; 2], side: f64| *sounded == side;
+    let low = points.iter().take_while(|point| outside(point, -1.0)).last()?[0];
+    let high = points.iter().rev().take_while(|point| outside(point, 1.0)).last()?[0];
+    let steps =
+        points.windows(2).map(|pair| (pair[1][1] - pair[0][1]) / 2.0 * pair[0][0].midpoint(pair[1][0]));
+    Some(Sample { value: steps.sum(), half: (high - low) / 2.0 })
+}
+
+/// The presses of a recording beside gaps.
+fn presses(hand: &Hand<'_>) -> Vec<Beside> {
+    let Commands::Targets(targets) = &hand.motion.commands else { return Vec::new() };
+    let mut found = Vec::new();
+    for finger in 0..FINGERS {
+        let tip = |step: usize| target(hand, finger, step);
+        let above = |step: usize| tip(step).map(|tip| tip[2] - TIP_RADIUS - WHITE.top());
+        let is_down = |step: usize| above(step).is_some_and(|above| above < -PRESSES_M);
+        let mut clear = None;
+        for step in 0..targets.len() {
+            if above(step).is_some_and(|above| above > CLEAR_M) {
+                clear = Some(step);
+            }
+            // The last step of a press.
+            if is_down(step) && !is_down(step + 1) {
+                found.extend(clear.and_then(|clear| beside(hand, finger, [clear, step])));
+            }
+        }
+    }
+    found
+}
+
+/// The press between two steps, the last one above the keys and the last one that presses.
+fn beside(hand: &Hand<'_>, finger: usize, [clear, last]: [usize; 2]) -> Option<Beside> {
+    let y = target(hand, finger, last)?[1];
+    let whites = (0..KEYS).filter(|key| !key_is_black(*key));
+    // The white key whose upper gap is nearest.
+    let from_gap = |key: usize| y - key_lateral(key) - WHITE_PITCH / 2.0;
+    let lower = whites.clone().min_by(|a, b| from_gap(*a).abs().total_cmp(&from_gap(*b).abs()))?;
+    let higher = whites.clone().find(|key| *key > lower)?;
+    if from_gap(lower).abs() > WHITE_PITCH / 2.0 - BESIDE_M {
+        return None;
+    }
+    let sounds = |key: usize| {
+        let mut events = hand.motion.keys.iter().filter(|event| event.key == key);
+        events.rfind(|event| event.secs <= last as f64 / CONTROL_HZ).is_some_and(|event| event.velocity > 0)
+    };
+    let sounded = match [lower, higher].map(sounds) {
+        [true, false] => -1.0,
+        [false, true] => 1.0,
+        [true, true] | [false, false] => 0.0,
+    };
+    let index = hand.indices([clear as f64 / CONTROL_HZ, f64::INFINITY]).start;
+    let gap = key_lateral(lower) + WHITE_PITCH / 2.0;
+    let slope = {
+        let at = |turned: f64| {
+            let mut angles = hand.angles(finger, index);
+            angles[0] += turned;
+            kinematics::fingertip(hand.side, finger, &angles, 0.0)[1]
+        };
+        (at(STEP_RAD) - at(0.0)) / STEP_RAD
+    };
+    Some(Beside { finger, aside_m: hand.lateral(finger, index)? - gap, sounded, slope })
+}
+
+/// Where a fingertip should be at a control step, m; none after the last, and where set-points were sent.
+fn target(hand: &Hand<'_>, finger: usize, step: usize) -> Option<[f64; 3]> {
+    let Commands::Targets(targets) = &hand.motion.commands else { return None };
+    let targets = targets.get(step)?;
+    let angles = std::array::from_fn(|joint| targets[finger * FINGER_JOINTS + joint]);
+    Some(kinematics::fingertip(hand.side, finger, &angles, targets[RAIL]))
+}
+
+/// Whether a finger aims beside the middle of a key at a time.
+pub(super) fn is_beside(hand: &Hand<'_>, finger: usize, key: usize, secs: f64) -> bool {
+    target(hand, finger, (secs * CONTROL_HZ) as usize)
+        .is_some_and(|tip| (tip[1] - key_lateral(key)).abs() > BESIDE_M)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_gap_is_where_one_key_gives_way_to_the_next() {
+        let points = |sounded: &[f64]| -> Vec<[f64; 2]> {
+            sounded.iter().enumerate().rev().map(|(place, sounded)| [place as f64, *sounded]).collect()
+        };
+        let found = |sounded: &[f64]| gap(points(sounded)).map(|found| (found.value, found.half));
+        assert_eq!(found(&[-1.0, -1.0, 1.0, 1.0, 1.0]), Some((1.5, 0.5)));
+        assert_eq!(found(&[-1.0, 0.0, 0.0, 0.0, 1.0]), Some((2.0, 2.0)), "both keys, or none");
+        assert_eq!(found(&[-1.0, 1.0, -1.0, -1.0, 1.0, 1.0]), Some((2.5, 2.0)), "a press that slipped");
+        assert_eq!(found(&[0.0, -1.0, 1.0, 1.0, 0.0]), Some((1.5, 0.5)), "not deep enough");
+        for one_side in [[-1.0; 3], [1.0; 3], [0.0; 3], [1.0, 0.0, -1.0]] {
+            assert_eq!(found(&one_side), None);
+        }
+        assert_eq!(found(&[]), None);
+    }
+}
