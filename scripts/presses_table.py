@@ -23,7 +23,9 @@ def implied(truth: str) -> dict[str, float]:
     sounds = 1.0 - travel * (1.0 - physics.get("key.threshold", 0.5))
     silent = 1.0 - travel * (1.0 - keys.get("first_contact", 0.3))
     rows = {"key.threshold": sounds, "key.hysteresis": 1.0 - silent / sounds}
-    for row, default in [("key.preload", 0.0), ("key.stiffness", 1.0), ("keyboard.height", 0.0)]:
+    defaults = {"key.preload": 0.0, "key.stiffness": 1.0, "keyboard.height": 0.0, "keyboard.lateral": 0.0, "keyboard.depth": 0.0}
+    biases = {f"joint.{finger}_{joint}.encoder_bias": 0.0 for finger in ("index", "middle", "ring") for joint in range(3)}
+    for row, default in (defaults | biases).items():
         rows[row] = physics.get(row, default)
     # Longer travel looks like a lower keyboard; fingers press 0.69 of a key's length from its hinge.
     rows["keyboard.height"] -= (travel - 1.0) * 0.0069
@@ -46,7 +48,8 @@ def main() -> None:
             for one in measured(truth, Path(folder)):
                 if one["path"] in known:
                     low, high = one["interval"]
-                    scale = 1e3 if one["path"] == "keyboard.height" else 1.0
+                    # In mm and mrad.
+                    scale = 1e3 if one["path"].startswith("keyboard.") or one["path"].endswith("bias") else 1.0
                     value = f"{scale * one['value']:.2f} ({scale * low:.2f} … {scale * high:.2f})"
                     print(f"| {truth} | `{one['path']}` | {value} | {scale * known[one['path']]:.2f} |")
 

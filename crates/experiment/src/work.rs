@@ -25,7 +25,7 @@ use etude_lab::{
 };
 use etude_music::Song;
 use etude_perform::stand::{TWIN, rig_choice, unix_secs};
-use etude_perform::{Job, Mode, Scores, gap, write_file};
+use etude_perform::{Excitation, Job, Mode, Scores, gap, write_file};
 use etude_show::RehearsalPage;
 use etude_task::Piece;
 use serde::Serialize;
@@ -327,7 +327,14 @@ impl Doing<'_, '_> {
         let interrupt = self.job.interrupt();
         self.tell("recording", 0.0, None);
         let seed_of_runs = SEEDS_OF_RUNS.wrapping_mul(seed);
-        let recordings = record_excitations(&rig, &excitations, seed_of_runs, interrupt, &mut |_| {})?;
+        let recordings = record_excitations(
+            &rig,
+            &Excitation::ALL,
+            &excitations,
+            seed_of_runs,
+            interrupt,
+            &mut |_, _| {},
+        )?;
         let what = Identification {
             recordings,
             held_out: Vec::new(),

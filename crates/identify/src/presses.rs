@@ -3,20 +3,23 @@
 //! A finger that rests on a key is where the key is. The motion is so slow that times do not matter: 5 ms are a hundredth of a key's
 //! travel. So the joints say where the key begins to sound, where it is silent again and where its bottom is; and the duties say how
 //! hard it pushes back, once those of the same finger in the air are taken off. Play in the gears does not matter either: while the key
-//! pushes, it lies at the same side. Presses beside the gaps between keys show how far to the side it is ([`aside`]).
+//! pushes, it lies at the same side. Presses beside the gaps between keys
+//! show how far to the side it is ([`aside`]), pushes against black keys how far toward the player ([`front`]).
 
+use etude_music::key_is_black;
 use etude_robot::allegro::{self, holding_torques};
 use etude_stage::geometry::{KeyShape, WHITE_PITCH, key_lateral};
 use etude_stage::hand::{FINGER_JOINTS, FINGERS, TIP_RADIUS};
 use etude_stage::params::{JointRow, WorldRow};
 use etude_stage::{JOINT_NAMES, PhysicalParams, RAIL, Side, kinematics};
-use nalgebra::{DMatrix, DVector, Matrix3x2, Vector3};
+use nalgebra::{DMatrix, DVector, Matrix2, Matrix3x2, Vector3};
 use serde::{Deserialize, Serialize};
 
-use crate::motion::Motion;
+use crate::motion::{Commands, Motion};
 use crate::rows::FIRST_BEND;
 
 mod aside;
+mod front;
 
 /// Fewest presses of each finger that are enough.
 const FEWEST: usize = 2;
@@ -62,8 +65,8 @@ struct Press {
     places: [f64; 3],
     /// Travel under the fingertip, m.
     travel_m: f64,
-    /// How far ahead of the joint that bends first the tip is, m.
-    ahead_m: f64,
+    /// How far along `x` and `z` the tip moves with the joints that bend, m/rad.
+    turns: Matrix3x2<f64>,
     /// Torque at the hinge of the key at rest, N·m, and its growth, N·m/rad.
     spring: Option<[f64; 2]>,
 }
@@ -71,16 +74,18 @@ struct Press {
 /// Measures the keyboard by the slow presses among `motions`. `params` has the scale of torque of the drives. Empty if there are too few
 /// presses.
 pub fn measure(motions: &[Motion], params: &PhysicalParams) -> Vec<Measured> {
-    let hands: Vec<Hand<'_>> = motions
-        .iter()
-        .filter(|motion| motion.presses_keys())
-        .map(|motion| Hand { motion, params, side: motion.side() })
-        .collect();
-    let presses: Vec<Press> = hands.iter().flat_map(Hand::presses).collect();
-    let of = |finger: usize| presses.iter().filter(move |press| press.finger == finger);
-    if (0..FINGERS).any(|finger| of(finger).count() < FEWEST) {
-        return Vec::new();
-    }
+    let hands = |depth: f64| -> Vec<Hand<'_>> {
+        let slow = motions.iter().filter(|motion| motion.presses_keys());
+        slow.map(|motion| Hand { motion, params, side: motion.side(), depth }).collect()
+    };
+    // Where a key is pressed depends a little on the keyboard's depth.
+    let nominal = hands(0.0);
+    let Some(heights) = heights(&presses(&nominal)) else { return Vec::new() };
+    let fronts = front::fronts(&nominal, &heights.map(|of| of.value));
+    let depth = fronts.as_ref().map(common);
+    let hands = hands(depth.map_or(0.0, |depth| depth.value));
+    let presses = presses(&hands);
+    let Some(heights) = self::heights(&presses) else { return Vec::new() };
     let all =
         |value: &dyn Fn(&Press) -> Option<f64>| -> Vec<f64> { presses.iter().filter_map(value).collect() };
     let threshold = |press: &Press| 1.0 - (press.places[2] - press.places[0]);
@@ -90,20 +95,16 @@ pub fn measure(motions: &[Motion], params: &PhysicalParams) -> Vec<Measured> {
         world(WorldRow::KeyThreshold, threshold.with(PLACE_ERROR)),
         world(WorldRow::KeyHysteresis, mean(&hysteresis).with(PLACE_ERROR / threshold.value)),
     ];
-    // A lower keyboard and encoders that read too far look the same. The height is what all fingers have in common.
-    let below = |press: &Press| (press.places[2] - 1.0) * press.travel_m;
-    let heights: [Sample; FINGERS] =
-        std::array::from_fn(|finger| mean(&of(finger).map(|press| -below(press)).collect::<Vec<_>>()));
-    let height = heights.iter().map(|of| of.value).sum::<f64>() / FINGERS as f64;
-    let half = heights.iter().map(|of| of.half * of.half).sum::<f64>().sqrt() / FINGERS as f64;
-    measured.push(world(WorldRow::KeyboardHeight, Sample { value: height, half }.with(HEIGHT_ERROR_M)));
-    for (finger, of_finger) in heights.iter().enumerate() {
-        let ahead = mean(&of(finger).map(|press| press.ahead_m).collect::<Vec<_>>()).value;
-        let row = JointRow::EncoderBias.row();
-        let path = format!("joint.{}.{}", JOINT_NAMES[finger * FINGER_JOINTS + FIRST_BEND], row.name);
-        let half = of_finger.with(HEIGHT_ERROR_M).half / ahead;
-        let bias = Sample { value: (height - of_finger.value) / ahead, half };
-        measured.push(bias.within(path, row.range));
+    let height = common(&heights);
+    measured.push(world(WorldRow::KeyboardHeight, height.with(HEIGHT_ERROR_M)));
+    measured.extend(depth.map(|depth| world(WorldRow::KeyboardDepth, depth.with(front::SHARED_M))));
+    for finger in 0..FINGERS {
+        let own = presses.iter().filter(|press| press.finger == finger);
+        let turns: Vec<Matrix3x2<f64>> = own.map(|press| press.turns).collect();
+        let turns = turns.iter().sum::<Matrix3x2<f64>>() / turns.len() as f64;
+        let up = heights[finger].with(HEIGHT_ERROR_M).less(height);
+        let ahead = fronts.zip(depth).map(|(fronts, depth)| fronts[finger].with(front::SHARED_M).less(depth));
+        measured.extend(biases(finger, &turns, up, ahead));
     }
     let spring = |part: usize| all(&|press| press.spring.map(|spring| spring[part]));
     let [torque, stiffness] = [spring(0), spring(1)];
@@ -117,6 +118,49 @@ pub fn measure(motions: &[Motion], params: &PhysicalParams) -> Vec<Measured> {
     }
     measured.extend(aside::measure(&hands));
     measured
+}
+
+fn presses(hands: &[Hand<'_>]) -> Vec<Press> {
+    hands.iter().flat_map(Hand::presses).collect()
+}
+
+/// How high each finger finds the keyboard, m, by its encoders; none if one has pressed too few keys.
+fn heights(presses: &[Press]) -> Option<[Sample; FINGERS]> {
+    let of = |finger: usize| -> Vec<f64> {
+        let own = presses.iter().filter(|press| press.finger == finger);
+        own.map(|press| (1.0 - press.places[2]) * press.travel_m).collect()
+    };
+    let heights: [Vec<f64>; FINGERS] = std::array::from_fn(of);
+    heights.iter().all(|of| of.len() >= FEWEST).then(|| heights.map(|of| mean(&of)))
+}
+
+/// What the fingers have in common of where they find the keyboard: its place. A keyboard that is elsewhere and encoders that read too far
+/// look the same.
+fn common(places: &[Sample; FINGERS]) -> Sample {
+    let value = places.iter().map(|place| place.value).sum::<f64>() / FINGERS as f64;
+    let half = places.iter().map(|place| place.half * place.half).sum::<f64>().sqrt() / FINGERS as f64;
+    Sample { value, half }
+}
+
+/// Encoder biases of a finger's joints that bend first and second, from how much farther `up` and `ahead` than the others it finds the
+/// keyboard, m; without the latter, that of the first alone. `turns` is how far the fingertip moves with the joints, m/rad.
+fn biases(finger: usize, turns: &Matrix3x2<f64>, up: Sample, ahead: Option<Sample>) -> Vec<Measured> {
+    let row = JointRow::EncoderBias.row();
+    let bias = |bend: usize, value: f64, half: f64| {
+        let joint = JOINT_NAMES[finger * FINGER_JOINTS + FIRST_BEND + bend];
+        Sample { value, half }.within(format!("joint.{joint}.{}", row.name), row.range)
+    };
+    let both = Matrix2::from_fn(|axis, bend| turns[(bend, axis)]);
+    let Some((ahead, inverse)) = ahead.zip(both.try_inverse()) else {
+        let turn = turns[(0, 1)];
+        return vec![bias(0, up.value / turn, up.half / turn.abs())];
+    };
+    let of = |bend: usize| {
+        let [of_ahead, of_up] = [inverse[(bend, 0)], inverse[(bend, 1)]];
+        let value = of_ahead * ahead.value + of_up * up.value;
+        bias(bend, value, (of_ahead * ahead.half).hypot(of_up * up.half))
+    };
+    vec![of(0), of(1)]
 }
 
 /// What slow presses showed, in a sentence; none if no motion presses keys slowly.
@@ -138,12 +182,20 @@ pub fn in_words(motions: &[Motion], measured: &[Measured]) -> Option<String> {
         let silent = threshold * (1.0 - hysteresis);
         let force = value(WorldRow::KeyPreload)
             .map_or_else(String::new, |force| format!(", and {force:.2} N move it from rest"));
-        let aside = value(WorldRow::KeyboardLateral).map_or_else(
-            || "; how far aside is unknown, since a finger has not pressed two neighbouring keys".to_string(),
-            |aside| format!(" and {:+.1} mm toward the high notes", 1e3 * aside),
+        let place = |quantity: WorldRow, way: &str, unknown: &str| {
+            value(quantity).map_or_else(
+                || format!("; how far {way} is unknown, since {unknown}"),
+                |place| format!(", {:+.1} mm {way}", 1e3 * place),
+            )
+        };
+        let aside = place(
+            WorldRow::KeyboardLateral,
+            "toward the high notes",
+            "a finger has not pressed two neighbouring keys",
         );
+        let ahead = place(WorldRow::KeyboardDepth, "toward the player", "a finger has met no black key");
         format!(
-            "a key sounds at {threshold:.2} of its travel and is silent again at {silent:.2}{force}; the keyboard is {:+.1} mm high{aside}",
+            "a key sounds at {threshold:.2} of its travel and is silent again at {silent:.2}{force}; the keyboard is {:+.1} mm high{aside}{ahead}",
             1e3 * height
         )
     })
@@ -168,6 +220,11 @@ impl Sample {
     /// With an error that all values share.
     fn with(self, half: f64) -> Self {
         Self { half: self.half.hypot(half), ..self }
+    }
+
+    /// How much more it is than the other's value.
+    fn less(self, other: Self) -> Self {
+        Self { value: self.value - other.value, ..self }
     }
 
     fn within(self, path: String, [low, high]: [f64; 2]) -> Measured {
@@ -200,10 +257,12 @@ struct Hand<'a> {
     motion: &'a Motion,
     params: &'a PhysicalParams,
     side: Side,
+    /// How far toward the player the keyboard is, m.
+    depth: f64,
 }
 
 impl Hand<'_> {
-    /// The slow presses from which a key sounds until it is silent, with the finger over it.
+    /// The slow presses from which a white key sounds until it is silent, with the finger over its middle.
     fn presses(&self) -> Vec<Press> {
         let events = &self.motion.keys;
         let pair = |(index, event): (usize, &etude_music::KeyEvent)| {
@@ -216,7 +275,7 @@ impl Hand<'_> {
 
     fn press(&self, key: usize, [sounds, silent]: [f64; 2]) -> Option<Press> {
         let finger = self.finger_over(key, sounds)?;
-        if aside::is_beside(self, finger, key, sounds) {
+        if key_is_black(key) || aside::is_beside(self, finger, key, sounds) {
             return None;
         }
         let travel = |secs: f64| self.travel(key, finger, secs);
@@ -241,8 +300,8 @@ impl Hand<'_> {
         Some(Press {
             finger,
             places: [travel(sounds), travel(silent), deepest],
-            travel_m: from_hinge(shape, tip[0]) * shape.max_angle(),
-            ahead_m: -self.jacobian(finger, &angles)[(0, 1)],
+            travel_m: self.lever(shape, tip[0]) * shape.max_angle(),
+            turns: self.jacobian(finger, &angles),
             spring: self.spring(key, finger, [sounds - AROUND_SECS, silent + AROUND_SECS], deepest - 1.0),
         })
     }
@@ -253,6 +312,14 @@ impl Hand<'_> {
         let aside = |finger: usize| Some(((self.lateral(finger, index)? - key_lateral(key)).abs(), finger));
         let (aside, nearest) = (0..FINGERS).filter_map(aside).min_by(|(a, _), (b, _)| a.total_cmp(b))?;
         (aside < WHITE_PITCH / 2.0).then_some(nearest)
+    }
+
+    /// Where a fingertip should be at a control step, m; none after the last, and where set-points were sent.
+    fn target(&self, finger: usize, step: usize) -> Option<[f64; 3]> {
+        let Commands::Targets(targets) = &self.motion.commands else { return None };
+        let targets = targets.get(step)?;
+        let angles = std::array::from_fn(|joint| targets[finger * FINGER_JOINTS + joint]);
+        Some(kinematics::fingertip(self.side, finger, &angles, targets[RAIL]))
     }
 
     /// Where a fingertip is along the keyboard, m; none without a reading of the rail.
@@ -280,7 +347,7 @@ impl Hand<'_> {
     fn travel_at(&self, key: usize, finger: usize, index: usize) -> f64 {
         let tip = kinematics::fingertip(self.side, finger, &self.angles(finger, index), 0.0);
         let shape = KeyShape::of(key);
-        (shape.top() + TIP_RADIUS - tip[2]) / (from_hinge(shape, tip[0]) * shape.max_angle())
+        (shape.top() + TIP_RADIUS - tip[2]) / (self.lever(shape, tip[0]) * shape.max_angle())
     }
 
     /// The same between readings.
@@ -290,6 +357,11 @@ impl Hand<'_> {
         let share = ((secs - before) / (after - before)).clamp(0.0, 1.0);
         let [from, to] = [next - 1, next].map(|index| self.travel_at(key, finger, index));
         from + share * (to - from)
+    }
+
+    /// How far from the hinge of a key a place along `x` presses it, m.
+    fn lever(&self, shape: &KeyShape, x: f64) -> f64 {
+        x - self.depth - shape.x + shape.size[0] / 2.0
     }
 
     /// Change of a fingertip's place along `x` and `z` with each of the joints that bend, m/rad.
@@ -323,7 +395,7 @@ impl Hand<'_> {
         // The rounded tip touches the key's slope a little behind its own middle.
         let angle = self.travel_at(key, finger, index).clamp(0.0, 1.0) * shape.max_angle();
         let above = tip[2] - TIP_RADIUS * angle.cos() - shape.z;
-        let ahead = from_hinge(shape, tip[0]) - TIP_RADIUS * angle.sin();
+        let ahead = self.lever(shape, tip[0]) - TIP_RADIUS * angle.sin();
         Some(force[0] * above - force[1] * ahead)
     }
 
@@ -360,9 +432,4 @@ impl Hand<'_> {
         // Not of a rig without gains.
         (solved[3].is_finite() && solved[4].is_finite()).then_some([solved[3], solved[4]])
     }
-}
-
-/// How far from the hinge of a key a place along `x` is, m.
-fn from_hinge(shape: &KeyShape, x: f64) -> f64 {
-    x - shape.x + shape.size[0] / 2.0
 }

@@ -1,4 +1,4 @@
-//! Recordings of all excitations, for a fit.
+//! Recordings of excitations, for a fit.
 
 use std::path::{Path, PathBuf};
 use std::sync::atomic::AtomicBool;
@@ -10,21 +10,25 @@ use crate::errors::{Interrupted, stopped_itself, unusable};
 use crate::folder::make_folder;
 use crate::record::{Motion, record_robot};
 
-/// Records all excitations into `folder`, except those that are there already, and returns their paths. `tell` is called after each
-/// new one.
+/// Records these excitations into `folder`, except those that are there already, and returns their paths. `tell` is called after each
+/// new one, with which it is, from 1, and how many there are.
 ///
 /// # Errors
 /// If the robot does not get ready or stops itself, or a recording cannot be written; [`Interrupted`] if `interrupt` is set.
 pub fn record_excitations(
     rig: &RigChoice,
+    excitations: &[Excitation],
     folder: &Path,
     seed: u64,
     interrupt: &AtomicBool,
-    tell: &mut dyn FnMut(Excitation),
+    tell: &mut dyn FnMut(Excitation, [usize; 2]),
 ) -> anyhow::Result<Vec<PathBuf>> {
     make_folder(folder)?;
     let mut paths = Vec::new();
     for (index, excitation) in Excitation::ALL.into_iter().enumerate() {
+        if !excitations.contains(&excitation) {
+            continue;
+        }
         let path = folder.join(excitation_file(excitation));
         if !path.is_file() {
             let partial = path.with_extension("partial");
@@ -36,7 +40,7 @@ pub fn record_excitations(
                 Ending::Fault(fault) => return Err(stopped_itself("recording", &fault)),
             }
             std::fs::rename(&partial, &path).map_err(|error| unusable(&path, error))?;
-            tell(excitation);
+            tell(excitation, [paths.len() + 1, excitations.len()]);
         }
         paths.push(path);
     }
@@ -44,6 +48,6 @@ pub fn record_excitations(
 }
 
 /// Name of the recording of an excitation in its folder.
-pub(crate) fn excitation_file(excitation: Excitation) -> String {
+fn excitation_file(excitation: Excitation) -> String {
     format!("{excitation}.mcap")
 }

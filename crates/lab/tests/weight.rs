@@ -6,6 +6,7 @@ use std::sync::atomic::AtomicBool;
 
 use etude_identify::{Motion, Weight, weigh};
 use etude_lab::record_excitations;
+use etude_perform::Excitation;
 use etude_perform::stand::RigChoice;
 use etude_twin::Truth;
 
@@ -14,7 +15,8 @@ fn weighed(change: &str) -> Weight {
     let folder = tempfile::tempdir().unwrap();
     let rig = RigChoice::Twin(Box::new(truth));
     let recordings =
-        record_excitations(&rig, folder.path(), 0, &AtomicBool::new(false), &mut |_| {}).unwrap();
+        record_excitations(&rig, &Excitation::ALL, folder.path(), 0, &AtomicBool::new(false), &mut |_, _| {})
+            .unwrap();
     weigh(&Motion::load_all(&recordings).unwrap()).unwrap()
 }
 

@@ -5,8 +5,8 @@
 
 use std::f64::consts::TAU;
 
-use etude_music::CONTROL_HZ;
-use etude_stage::geometry::{BLACK, WHITE, WHITE_PITCH};
+use etude_music::{CONTROL_HZ, KEYS, key_is_black};
+use etude_stage::geometry::{BLACK, WHITE, WHITE_PITCH, key_lateral};
 use etude_stage::hand::{FINGER_JOINTS, FINGERS, TIP_RADIUS};
 use etude_stage::{JOINTS, RAIL, Side, kinematics};
 use etude_task::{ACTION_LEN, Piece, Player, TargetRange};
@@ -29,8 +29,8 @@ pub enum Excitation {
     /// The hand moves along the rail: steps of one key to an octave, then swings with rising frequency.
     Rail,
     /// One finger after the other presses white keys, slowly and to the bottom, and lets them rise as slowly: a key is then where the
-    /// encoders say when it begins to sound and when it is silent again. Then it presses beside the gaps to both neighbours: the gap is where
-    /// one key gives way to the other.
+    /// encoders say when it begins to sound and when it is silent again. It presses beside the gaps to both neighbours, where
+    /// one key gives way to the other, and pushes against the front of a black key.
     Keys,
     /// All joints and the rail at the same time: sums of sines with random phases, and random steps in between. It differs from
     /// the other sequences, so that a fit can be tested on it.
@@ -72,6 +72,12 @@ const BESIDE_M: f64 = 0.007;
 const BESIDE_EVERY_M: f64 = 0.002;
 /// Times in which a finger goes to such a place and waits there, presses, holds the key down, and rises, s.
 const BESIDE_SECS: [f64; 4] = [0.25, 0.35, 0.2, 0.3];
+/// Where the middle of a fingertip begins to push against the front of a black key, and where its target ends, m; and its height over the
+/// tops of the white keys meanwhile, m. It meets the key after half of the way: the rest is for a keyboard that is some millimetres off.
+const PUSH_X_M: [f64; 2] = [0.034, 0.015];
+const PUSH_M: f64 = 0.001;
+/// Times in which it comes down before the key, pushes, rests there, and comes back, s.
+const PUSH_SECS: [f64; 4] = [0.3, 0.8, 0.4, 0.4];
 /// White keys between the places of the hand.
 const KEYS_APART: f64 = 4.0;
 /// Time in which a sequence grows from rest and dies away, s.
@@ -252,7 +258,7 @@ fn rail() -> Vec<[f64; JOINTS]> {
     targets
 }
 
-/// Presses one white key after the other, three with each finger, and beside the gaps of the first.
+/// Presses one white key after the other, three with each finger, and beside the gaps of the first; and pushes against a black key beside each.
 fn keys(side: Side) -> Vec<[f64; JOINTS]> {
     let mut targets = vec![pose(&[REST; FINGERS], 0.0); steps(0.5)];
     let mut hold = |finger: usize, angles: [f64; FINGER_JOINTS], rail: f64, secs: f64| {
@@ -267,11 +273,11 @@ fn keys(side: Side) -> Vec<[f64; JOINTS]> {
             let [_, y, _] = kinematics::fingertip(side, finger, &REST, rail);
             // Middle C is in the middle of the keyboard, and the white keys are equally wide.
             let over = (y / WHITE_PITCH).round() * WHITE_PITCH;
-            let beside = |aside: f64, above: f64| {
-                let place = [PRESS_X_M, over + aside, WHITE.top() + TIP_RADIUS + above];
+            let place = |x: f64, aside: f64, above: f64| {
+                let place = [x, over + aside, WHITE.top() + TIP_RADIUS + above];
                 kinematics::reach(side, finger, place, rail).unwrap_or(REST)
             };
-            let at = |above: f64| beside(0.0, above);
+            let at = |above: f64| place(PRESS_X_M, 0.0, above);
             // Straight down and up, so that the finger does not touch a black key.
             let clear = at(CLEAR_M);
             let come = (0..=steps(COME_SECS)).map(|step| step as f64 / steps(COME_SECS) as f64);
@@ -285,17 +291,33 @@ fn keys(side: Side) -> Vec<[f64; JOINTS]> {
                 let [begin, end] = PRESS_M;
                 hold(finger, at(begin + share * (end - begin)), rail, 1.0 / CONTROL_HZ);
             }
+            // Straight from one place to the next: along the key, aside, above.
+            let mut go = |from: [f64; 3], to: [f64; 3], secs: f64| {
+                for step in 1..=steps(secs) {
+                    let share = step as f64 / steps(secs) as f64;
+                    let [x, aside, above] =
+                        std::array::from_fn(|way| from[way] + share * (to[way] - from[way]));
+                    hold(finger, place(x, aside, above), rail, 1.0 / CONTROL_HZ);
+                }
+            };
             for aside in if keys == 0.0 { beside_gaps() } else { Vec::new() } {
                 let [wait, down, held, up] = BESIDE_SECS;
-                let [begin, end] = PRESS_M;
-                hold(finger, beside(aside, begin), rail, wait);
-                for (from, to, secs) in [(begin, end, down), (end, end, held), (end, begin, up)] {
-                    for step in 1..=steps(secs) {
-                        let share = step as f64 / steps(secs) as f64;
-                        hold(finger, beside(aside, from + share * (to - from)), rail, 1.0 / CONTROL_HZ);
-                    }
-                }
+                let [above, below] = PRESS_M.map(|above| [PRESS_X_M, aside, above]);
+                go(above, above, wait);
+                go(above, below, down);
+                go(below, below, held);
+                go(below, above, up);
             }
+            let [down, push, held, back] = PUSH_SECS;
+            let aside = black_beside(over) - over;
+            let [before, behind] = PUSH_X_M.map(|x| [x, aside, PUSH_M]);
+            let above = [PUSH_X_M[0], aside, CLEAR_M];
+            go(above, above, down);
+            go(above, before, down);
+            go(before, behind, push);
+            go(behind, behind, held);
+            go(behind, before, back);
+            go(before, above, down);
             hold(finger, clear, rail, 0.3);
             for share in come.rev() {
                 hold(finger, blend(&REST, &clear, share), rail, 1.0 / CONTROL_HZ);
@@ -304,6 +326,12 @@ fn keys(side: Side) -> Vec<[f64; JOINTS]> {
     }
     hold(0, REST, 0.0, 1.0);
     targets
+}
+
+/// Where the black key is that is next to the white key at `over`, m: the higher one of two.
+fn black_beside(over: f64) -> f64 {
+    let mut blacks = (0..KEYS).rev().filter(|key| key_is_black(*key)).map(key_lateral);
+    blacks.find(|y| (y - over).abs() < WHITE_PITCH).unwrap_or(over)
 }
 
 /// Places beside the gaps to both neighbours of a white key, m from its middle.

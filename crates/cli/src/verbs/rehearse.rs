@@ -9,7 +9,7 @@ use etude_lab::{
     adapt_on_robot, adapted_before, best_round, find_song, rehearse_on_robot, shipped_policy,
 };
 use etude_perform::stand::{RigChoice, rig_choice};
-use etude_perform::{Excitation, Job, Mode, shell_word};
+use etude_perform::{Job, Mode, shell_word};
 use etude_show::{REHEARSAL_PAGE, RehearsalPage};
 
 use super::identify::fit;
@@ -201,10 +201,8 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
 fn show(status: &mut Status, step: &RehearsalStep, config: &RehearsalConfig) {
     let part = |round: usize, what: &str| format!("round {round} of {}: {what}", config.rounds);
     match step {
-        RehearsalStep::Recorded(excitation) => {
-            let all = Excitation::ALL;
-            let number = all.iter().position(|other| other == excitation).unwrap_or(0) + 1;
-            status.now(&format!("recorded {excitation} ({number} of {})", all.len()), "");
+        RehearsalStep::Recorded(excitation, [number, all]) => {
+            status.now(&format!("recorded {excitation} ({number} of {all})"), "");
         }
         RehearsalStep::LeftOut { recording, why } => {
             status.done(&format!("warning: {} is not fitted to: {why}", recording.display()));

@@ -5,10 +5,9 @@ use etude_music::{CONTROL_HZ, KEYS, key_is_black};
 use etude_stage::geometry::{WHITE, WHITE_PITCH, key_lateral};
 use etude_stage::hand::{FINGER_JOINTS, FINGERS, TIP_RADIUS};
 use etude_stage::params::{JointRow, WorldRow};
-use etude_stage::{JOINT_NAMES, RAIL, kinematics};
+use etude_stage::{JOINT_NAMES, kinematics};
 
-use super::{Hand, Measured, STEP_RAD, Sample, world};
-use crate::motion::Commands;
+use super::{Hand, Measured, STEP_RAD, Sample, common, world};
 
 /// A target that is this far below the top of a white key presses it, m.
 const PRESSES_M: f64 = 0.008;
@@ -33,21 +32,21 @@ struct Beside {
 /// Measures the keyboard's lateral place, and the encoder bias of each finger's first joint. Empty if a finger has found no gap.
 pub(super) fn measure(hands: &[Hand<'_>]) -> Vec<Measured> {
     let presses: Vec<Beside> = hands.iter().flat_map(presses).collect();
-    let found = (0..FINGERS).map(|finger| {
+    let place = |finger: usize| {
         let own = presses.iter().filter(|press| press.finger == finger);
-        let points: Vec<[f64; 2]> = own.clone().map(|press| [press.aside_m, press.sounded]).collect();
-        let slope = own.clone().map(|press| press.slope).sum::<f64>() / points.len() as f64;
-        Some((gap(points)?.with(SHARED_M), slope))
-    });
-    let Some(found) = found.collect::<Option<Vec<(Sample, f64)>>>() else { return Vec::new() };
-    // A keyboard that is aside and encoders that read too far look the same. The lateral place is what all fingers have in common.
-    let lateral = found.iter().map(|(place, _)| place.value).sum::<f64>() / FINGERS as f64;
-    let half = found.iter().map(|(place, _)| place.half * place.half).sum::<f64>().sqrt() / FINGERS as f64;
-    let mut measured = vec![world(WorldRow::KeyboardLateral, Sample { value: lateral, half })];
-    for (finger, (place, slope)) in found.into_iter().enumerate() {
+        gap(own.map(|press| [press.aside_m, press.sounded]).collect())
+    };
+    let Some(places) = (0..FINGERS).map(place).collect::<Option<Vec<Sample>>>() else { return Vec::new() };
+    let places: [Sample; FINGERS] = std::array::from_fn(|finger| places[finger].with(SHARED_M));
+    let lateral = common(&places);
+    let mut measured = vec![world(WorldRow::KeyboardLateral, lateral)];
+    for (finger, place) in places.into_iter().enumerate() {
+        let slopes: Vec<f64> =
+            presses.iter().filter(|press| press.finger == finger).map(|press| press.slope).collect();
+        let (aside, slope) = (place.less(lateral), slopes.iter().sum::<f64>() / slopes.len() as f64);
         let row = JointRow::EncoderBias.row();
         let path = format!("joint.{}.{}", JOINT_NAMES[finger * FINGER_JOINTS], row.name);
-        let bias = Sample { value: (place.value - lateral) / slope, half: place.half / slope.abs() };
+        let bias = Sample { value: aside.value / slope, half: aside.half / slope.abs() };
         measured.push(bias.within(path, row.range));
     }
     measured
@@ -72,14 +71,13 @@ fn gap(mut points: Vec<[f64; 2]>) -> Option<Sample> {
 
 /// The presses of a recording beside gaps.
 fn presses(hand: &Hand<'_>) -> Vec<Beside> {
-    let Commands::Targets(targets) = &hand.motion.commands else { return Vec::new() };
     let mut found = Vec::new();
     for finger in 0..FINGERS {
-        let tip = |step: usize| target(hand, finger, step);
+        let tip = |step: usize| hand.target(finger, step);
         let above = |step: usize| tip(step).map(|tip| tip[2] - TIP_RADIUS - WHITE.top());
         let is_down = |step: usize| above(step).is_some_and(|above| above < -PRESSES_M);
         let mut clear = None;
-        for step in 0..targets.len() {
+        for step in 0..hand.motion.commands.steps() {
             if above(step).is_some_and(|above| above > CLEAR_M) {
                 clear = Some(step);
             }
@@ -94,7 +92,7 @@ fn presses(hand: &Hand<'_>) -> Vec<Beside> {
 
 /// The press between two steps, the last one above the keys and the last one that presses.
 fn beside(hand: &Hand<'_>, finger: usize, [clear, last]: [usize; 2]) -> Option<Beside> {
-    let y = target(hand, finger, last)?[1];
+    let y = hand.target(finger, last)?[1];
     let whites = (0..KEYS).filter(|key| !key_is_black(*key));
     // The white key whose upper gap is nearest.
     let from_gap = |key: usize| y - key_lateral(key) - WHITE_PITCH / 2.0;
@@ -125,17 +123,9 @@ fn beside(hand: &Hand<'_>, finger: usize, [clear, last]: [usize; 2]) -> Option<B
     Some(Beside { finger, aside_m: hand.lateral(finger, index)? - gap, sounded, slope })
 }
 
-/// Where a fingertip should be at a control step, m; none after the last, and where set-points were sent.
-fn target(hand: &Hand<'_>, finger: usize, step: usize) -> Option<[f64; 3]> {
-    let Commands::Targets(targets) = &hand.motion.commands else { return None };
-    let targets = targets.get(step)?;
-    let angles = std::array::from_fn(|joint| targets[finger * FINGER_JOINTS + joint]);
-    Some(kinematics::fingertip(hand.side, finger, &angles, targets[RAIL]))
-}
-
 /// Whether a finger aims beside the middle of a key at a time.
 pub(super) fn is_beside(hand: &Hand<'_>, finger: usize, key: usize, secs: f64) -> bool {
-    target(hand, finger, (secs * CONTROL_HZ) as usize)
+    hand.target(finger, (secs * CONTROL_HZ) as usize)
         .is_some_and(|tip| (tip[1] - key_lateral(key)).abs() > BESIDE_M)
 }
 

@@ -60,9 +60,7 @@ fn why(path: &str, estimated: &BTreeSet<&str>) -> &'static str {
     let touches = estimated.contains("key.threshold");
     let Some(joint) = joint_of(path) else {
         return match path {
-            "keyboard.depth" | "key.armature" | "key.friction" | "hand.start" => {
-                "it hardly changes which keys sound, and when"
-            }
+            "key.armature" | "key.friction" | "hand.start" => "it hardly changes which keys sound, and when",
             "rail.key_down_velocity" => LIMITED,
             "key.hysteresis" => {
                 "what is played shows one contact only: slow presses show both (`etude record --excitation keys`)"
@@ -70,8 +68,8 @@ fn why(path: &str, estimated: &BTreeSet<&str>) -> &'static str {
             "key.preload" => {
                 "what is played shows it only with the threshold: slow presses show it (`etude record --excitation keys`)"
             }
-            "keyboard.lateral" => {
-                "what is played does not show it: presses beside the gaps of keys do (`etude record --excitation keys`)"
+            "keyboard.lateral" | "keyboard.depth" => {
+                "what is played does not show it: slow presses do (`etude record --excitation keys`)"
             }
             _ if touches => "no fit estimates it",
             _ => "no recording that was fitted touches a key",
@@ -82,10 +80,12 @@ fn why(path: &str, estimated: &BTreeSet<&str>) -> &'static str {
         "viscosity" if joint == RAIL => "it has the same effect as the damping",
         "encoder_bias" if joint == RAIL => "it has the same effect as keyboard.lateral",
         "encoder_bias" if joint % etude_stage::hand::FINGER_JOINTS == 0 => {
-            "what is played does not show it: presses beside the gaps of keys do (`etude record --excitation keys`)"
+            "what is played does not show it: slow presses do (`etude record --excitation keys`)"
         }
         "encoder_bias" if !touches => "only recordings that touch keys identify it, and none was fitted",
-        "encoder_bias" => "one bias a finger is estimated: keys identify only the height of its tip",
+        "encoder_bias" => {
+            "keys identify only where a fingertip is: biases of the joints that bend first and second stand for all"
+        }
         "armature" if joint == RAIL => "it scales with the rail's gains: one of them must be given",
         "torque_limit" if joint == RAIL => "the arm does not report when its drive is at its limit",
         _ if !estimated.contains(format!("joint.{}.stiffness", JOINT_NAMES[joint]).as_str()) => {

@@ -24,7 +24,7 @@ use etude_perform::{Excitation, Job, NoteCounts, write_file};
 
 use crate::config::resolve;
 use crate::errors::{Interrupted, unusable};
-use crate::excitations::{excitation_file, record_excitations};
+use crate::excitations::record_excitations;
 use crate::folder::make_folder;
 use crate::identify::{Identification, IdentifyReport, identify_robot};
 use crate::pianist::load_pianist;
@@ -36,8 +36,8 @@ pub use round::{RehearsalConfig, Round, best_round, name_the_lead};
 /// What a rehearsal reports.
 #[derive(Clone, Debug)]
 pub enum RehearsalStep {
-    /// An excitation was recorded.
-    Recorded(Excitation),
+    /// An excitation was recorded: which, its number from 1, and how many there are.
+    Recorded(Excitation, [usize; 2]),
     /// The fit leaves out a performance.
     LeftOut {
         /// Its recording.
@@ -192,13 +192,6 @@ impl Rehearsal<'_> {
         folder: &Path,
         job: &mut Job<'_, RehearsalStep>,
     ) -> anyhow::Result<IdentifyReport> {
-        let excitations = record_excitations(
-            self.rig,
-            &self.folder.join("excitation"),
-            self.config.seed.wrapping_add(500),
-            job.interrupt(),
-            &mut |excitation| job.tell(&RehearsalStep::Recorded(excitation)),
-        )?;
         let mut performances = Vec::new();
         for path in &before.recordings {
             // A recording may mislead the fit: a policy at the start of its training pushes against the joints' stops.
@@ -210,11 +203,19 @@ impl Rehearsal<'_> {
                 Ok(_) => performances.push(path.clone()),
             }
         }
-        // The excitations are the same in each round. Once the drives are fitted to them, the keyboard is left: slow presses measure most
-        // of it, and only the performances are new.
+        // The excitations are the same in each round. Once the drives are fitted to them, the keyboard is left: only its own excitation, the
+        // held-out one and the new performances are needed.
         let fitted_before = (round > 1 || self.config.simulator.is_some()) && !performances.is_empty();
-        let of_keyboard = [Excitation::Keys, Excitation::Held].map(excitation_file);
-        let is_new = |path: &PathBuf| !fitted_before || of_keyboard.iter().any(|file| path.ends_with(file));
+        let wanted: &[Excitation] =
+            if fitted_before { &[Excitation::Keys, Excitation::Held] } else { &Excitation::ALL };
+        let excitations = record_excitations(
+            self.rig,
+            wanted,
+            &self.folder.join("excitation"),
+            self.config.seed.wrapping_add(500),
+            job.interrupt(),
+            &mut |excitation, number| job.tell(&RehearsalStep::Recorded(excitation, number)),
+        )?;
         let start = match &self.config.simulator {
             Some(file) if round == 1 => {
                 resolve(&self.config.preset, Some(file), &self.config.overrides)?.task.physics
@@ -222,7 +223,7 @@ impl Rehearsal<'_> {
             _ => before.physics.clone(),
         };
         let what = Identification {
-            recordings: excitations.into_iter().filter(is_new).chain(performances).collect(),
+            recordings: excitations.into_iter().chain(performances).collect(),
             held_out: Vec::new(),
             method: self.config.method,
             evaluations: self.config.evaluations,
