@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""What slow presses measure of the keyboards of the twin's truths, beside what the truths imply.
+"""What the excitation `keys` measures of the keyboards of the twin's truths, beside what the truths imply.
 
     python3 scripts/presses_table.py [TRUTH ...]
 """

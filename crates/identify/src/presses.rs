@@ -3,8 +3,9 @@
 //! A finger that rests on a key is where the key is. The motion is so slow that times do not matter: 5 ms are a hundredth of a key's
 //! travel. So the joints say where the key begins to sound, where it is silent again and where its bottom is; and the duties say how
 //! hard it pushes back, once those of the same finger in the air are taken off. Play in the gears does not matter either: while the key
-//! pushes, it lies at the same side. Presses beside the gaps between keys
-//! show how far to the side it is ([`aside`]), pushes against black keys how far toward the player ([`front`]).
+//! pushes, it lies at the same side. Presses
+//! beside the gaps between keys show how far to the side the keyboard is ([`aside`]), pushes against black keys how far toward the player
+//! ([`front`]).
 
 use etude_music::key_is_black;
 use etude_robot::allegro::{self, holding_torques};
@@ -58,7 +59,7 @@ pub struct Measured {
     pub interval: [f64; 2],
 }
 
-/// A press: shares of the simulated key's travel, of a keyboard at its nominal place.
+/// A press: shares of the simulated key's travel, of a keyboard at its nominal height.
 struct Press {
     finger: usize,
     /// Where the key sounds, where it is silent again, and its bottom.
@@ -102,8 +103,9 @@ pub fn measure(motions: &[Motion], params: &PhysicalParams) -> Vec<Measured> {
         let own = presses.iter().filter(|press| press.finger == finger);
         let turns: Vec<Matrix3x2<f64>> = own.map(|press| press.turns).collect();
         let turns = turns.iter().sum::<Matrix3x2<f64>>() / turns.len() as f64;
-        let up = heights[finger].with(HEIGHT_ERROR_M).less(height);
-        let ahead = fronts.zip(depth).map(|(fronts, depth)| fronts[finger].with(front::SHARED_M).less(depth));
+        let up = heights[finger].with(HEIGHT_ERROR_M).minus(height);
+        let ahead =
+            fronts.zip(depth).map(|(fronts, depth)| fronts[finger].with(front::SHARED_M).minus(depth));
         measured.extend(biases(finger, &turns, up, ahead));
     }
     let spring = |part: usize| all(&|press| press.spring.map(|spring| spring[part]));
@@ -184,16 +186,16 @@ pub fn in_words(motions: &[Motion], measured: &[Measured]) -> Option<String> {
             .map_or_else(String::new, |force| format!(", and {force:.2} N move it from rest"));
         let place = |quantity: WorldRow, way: &str, unknown: &str| {
             value(quantity).map_or_else(
-                || format!("; how far {way} is unknown, since {unknown}"),
+                || format!("; how far {way} was not measured, since {unknown}: an earlier value stays"),
                 |place| format!(", {:+.1} mm {way}", 1e3 * place),
             )
         };
         let aside = place(
             WorldRow::KeyboardLateral,
             "toward the high notes",
-            "a finger has not pressed two neighbouring keys",
+            "a finger has not made both keys beside a gap sound",
         );
-        let ahead = place(WorldRow::KeyboardDepth, "toward the player", "a finger has met no black key");
+        let ahead = place(WorldRow::KeyboardDepth, "toward the player", "a finger has met too few black keys");
         format!(
             "a key sounds at {threshold:.2} of its travel and is silent again at {silent:.2}{force}; the keyboard is {:+.1} mm high{aside}{ahead}",
             1e3 * height
@@ -222,8 +224,8 @@ impl Sample {
         Self { half: self.half.hypot(half), ..self }
     }
 
-    /// How much more it is than the other's value.
-    fn less(self, other: Self) -> Self {
+    /// Less the other's value; its own error stays.
+    fn minus(self, other: Self) -> Self {
         Self { value: self.value - other.value, ..self }
     }
 

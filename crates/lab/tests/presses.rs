@@ -42,8 +42,8 @@ fn a_known_keyboard_is_found() {
     let change = "[physics]\n\"key.threshold\" = 0.6\n\"key.preload\" = 0.5\n\"key.stiffness\" = 0.8\n\
                   \"keyboard.height\" = -0.0015\n\"joint.index_1.encoder_bias\" = 0.01\n\"joint.ring_1.encoder_bias\" = -0.01\n\
                   \"joint.middle_2.encoder_bias\" = -0.01\n\"joint.ring_2.encoder_bias\" = 0.01\n\
-                  \"keyboard.lateral\" = 0.0025\n\"keyboard.depth\" = 0.002\n\"joint.index_0.encoder_bias\" = 0.012\n\"joint.middle_0.encoder_bias\" = -0.009\n\
-                  \"joint.ring_0.encoder_bias\" = -0.003\n[keys]\nfirst_contact = 0.35";
+                  \"keyboard.lateral\" = 0.001\n\"keyboard.depth\" = 0.002\n\"joint.index_0.encoder_bias\" = 0.02\n\"joint.middle_0.encoder_bias\" = -0.02\n\
+                  \"joint.ring_0.encoder_bias\" = 0.0\n[keys]\nfirst_contact = 0.35";
     let found = measured(Truth::load("ideal").unwrap().with(change).unwrap());
     for (path, value, most) in [
         ("key.threshold", 0.6, 0.03),
@@ -57,11 +57,11 @@ fn a_known_keyboard_is_found() {
         ("joint.index_2.encoder_bias", 0.0, 5e-3),
         ("joint.middle_2.encoder_bias", -0.01, 5e-3),
         ("joint.ring_2.encoder_bias", 0.01, 5e-3),
-        ("keyboard.lateral", 0.0025, 5e-4),
+        ("keyboard.lateral", 0.001, 5e-4),
         ("keyboard.depth", 0.002, 5e-4),
-        ("joint.index_0.encoder_bias", 0.012, 1e-2),
-        ("joint.middle_0.encoder_bias", -0.009, 1e-2),
-        ("joint.ring_0.encoder_bias", -0.003, 1e-2),
+        ("joint.index_0.encoder_bias", 0.02, 1e-2),
+        ("joint.middle_0.encoder_bias", -0.02, 1e-2),
+        ("joint.ring_0.encoder_bias", 0.0, 1e-2),
     ] {
         let one = &found[path];
         println!("{one:?}, true {value}");
@@ -86,16 +86,16 @@ fn the_keyboards_of_the_truths_are_found() {
         let places = [value("keyboard.depth"), value("keyboard.lateral")];
         let biases =
             ["index_1", "middle_1", "ring_2"].map(|joint| value(&format!("joint.{joint}.encoder_bias")));
-        let (in_place, expected) = match truth {
-            "standard" => ([-0.002, 0.002], [0.01, -0.008, 0.012]),
-            _ => ([0.0025, -0.0025], [-0.015, 0.012, -0.018]),
+        let (in_place, expected, most) = match truth {
+            "standard" => ([-0.002, 0.002], [0.01, -0.008, 0.012], 0.005),
+            _ => ([0.003, -0.0025], [-0.015, 0.012, -0.018], 0.01),
         };
         // The hand's tilt is in them, and other biases of the finger.
         for (place, expected) in places.into_iter().zip(in_place) {
             assert!((place - expected).abs() < 0.001, "{truth}: {place}, {expected}");
         }
         for (bias, expected) in biases.into_iter().zip(expected) {
-            assert!((bias - expected).abs() < 0.01, "{truth}: {bias}, {expected}");
+            assert!((bias - expected).abs() < most, "{truth}: {bias}, {expected}");
         }
     }
 }
@@ -126,7 +126,9 @@ fn black_keys_that_no_finger_meets_leave_the_depth_unknown() {
     assert!(found.iter().all(|one| one.path != "keyboard.depth" && !one.path.contains("_2.")), "{found:?}");
     let words = keyboard_in_words(&motions, &found).unwrap();
     assert!(
-        words.contains("how far toward the player is unknown, since a finger has met no black key"),
+        words.contains(
+            "how far toward the player was not measured, since a finger has met too few black keys"
+        ),
         "{words}"
     );
 }

@@ -69,9 +69,11 @@ const PRESS_SECS: f64 = 1.5;
 /// far apart they are; beside the gap to the next higher key those between. The farthest is for a keyboard and an encoder that are some
 /// millimetres off.
 const BESIDE_M: f64 = 0.007;
+/// Where along the keys that is, m toward the player from their middle: clear of the black keys, beside which the finger moves.
+const BESIDE_X_M: f64 = 0.033;
 const BESIDE_EVERY_M: f64 = 0.002;
-/// Times in which a finger goes to such a place and waits there, presses, holds the key down, and rises, s.
-const BESIDE_SECS: [f64; 4] = [0.25, 0.35, 0.2, 0.3];
+/// Times in which a finger goes to such a place, waits there, presses, holds the key down, and rises, s.
+const BESIDE_SECS: [f64; 5] = [0.15, 0.2, 0.35, 0.2, 0.3];
 /// Where the middle of a fingertip begins to push against the front of a black key, and where its target ends, m; and its height over the
 /// tops of the white keys meanwhile, m. It meets the key after half of the way: the rest is for a keyboard that is some millimetres off.
 const PUSH_X_M: [f64; 2] = [0.034, 0.015];
@@ -292,32 +294,42 @@ fn keys(side: Side) -> Vec<[f64; JOINTS]> {
                 hold(finger, at(begin + share * (end - begin)), rail, 1.0 / CONTROL_HZ);
             }
             // Straight from one place to the next: along the key, aside, above.
-            let mut go = |from: [f64; 3], to: [f64; 3], secs: f64| {
+            let mut last = [PRESS_X_M, 0.0, PRESS_M[0]];
+            let mut go = |to: [f64; 3], secs: f64| {
                 for step in 1..=steps(secs) {
                     let share = step as f64 / steps(secs) as f64;
                     let [x, aside, above] =
-                        std::array::from_fn(|way| from[way] + share * (to[way] - from[way]));
+                        std::array::from_fn(|way| last[way] + share * (to[way] - last[way]));
                     hold(finger, place(x, aside, above), rail, 1.0 / CONTROL_HZ);
                 }
+                last = to;
             };
-            for aside in if keys == 0.0 { beside_gaps() } else { Vec::new() } {
-                let [wait, down, held, up] = BESIDE_SECS;
-                let [above, below] = PRESS_M.map(|above| [PRESS_X_M, aside, above]);
-                go(above, above, wait);
-                go(above, below, down);
-                go(below, below, held);
-                go(below, above, up);
+            // The key rises.
+            go([PRESS_X_M, 0.0, PRESS_M[0]], 0.5);
+            let gaps = if keys == 0.0 { beside_gaps() } else { Vec::new() };
+            for aside in gaps {
+                let [come, wait, down, held, up] = BESIDE_SECS;
+                let [above, below] = PRESS_M.map(|above| [BESIDE_X_M, aside, above]);
+                for (to, secs) in [(above, come), (above, wait), (below, down), (below, held), (above, up)] {
+                    go(to, secs);
+                }
             }
-            let [down, push, held, back] = PUSH_SECS;
-            let aside = black_beside(over) - over;
-            let [before, behind] = PUSH_X_M.map(|x| [x, aside, PUSH_M]);
-            let above = [PUSH_X_M[0], aside, CLEAR_M];
-            go(above, above, down);
-            go(above, before, down);
-            go(before, behind, push);
-            go(behind, behind, held);
-            go(behind, before, back);
-            go(before, above, down);
+            if let Some(black) = black_beside(over) {
+                let [down, push, held, back] = PUSH_SECS;
+                let [before, behind] = PUSH_X_M.map(|x| [x, black - over, PUSH_M]);
+                let above = [PUSH_X_M[0], black - over, PRESS_M[0]];
+                for (to, secs) in [
+                    (above, down),
+                    (before, down),
+                    (behind, push),
+                    (behind, held),
+                    (before, back),
+                    (above, down),
+                ] {
+                    go(to, secs);
+                }
+            }
+            go([PRESS_X_M, 0.0, CLEAR_M], COME_SECS);
             hold(finger, clear, rail, 0.3);
             for share in come.rev() {
                 hold(finger, blend(&REST, &clear, share), rail, 1.0 / CONTROL_HZ);
@@ -328,10 +340,10 @@ fn keys(side: Side) -> Vec<[f64; JOINTS]> {
     targets
 }
 
-/// Where the black key is that is next to the white key at `over`, m: the higher one of two.
-fn black_beside(over: f64) -> f64 {
+/// Where the black key is that is next to the white key at `over`, m: the higher one of two. Every white key has one.
+fn black_beside(over: f64) -> Option<f64> {
     let mut blacks = (0..KEYS).rev().filter(|key| key_is_black(*key)).map(key_lateral);
-    blacks.find(|y| (y - over).abs() < WHITE_PITCH).unwrap_or(over)
+    blacks.find(|y| (y - over).abs() < WHITE_PITCH)
 }
 
 /// Places beside the gaps to both neighbours of a white key, m from its middle.

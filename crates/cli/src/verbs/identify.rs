@@ -17,7 +17,7 @@ use crate::status::Status;
 #[derive(clap::Args)]
 #[command(after_help = "\
 Fits joint by joint and, near the noise, finger by finger to recordings that touch no key; then the keyboard to those that \
-do, with what slow presses of keys (the excitation `keys`) measure. \
+do, with what the excitation `keys` measures. \
 Recordings of the excitation `held-out` are not fitted: they test the fit. The folder receives identified.toml (a layer for \
 `etude train --config`), report.md with its figures, and a state from which the same command resumes after Ctrl-C or a kill.
 

@@ -15,13 +15,13 @@ const PRESSES_M: f64 = 0.008;
 const CLEAR_M: f64 = 0.004;
 /// A press this far from the middle of a key is one beside its gap, m.
 const BESIDE_M: f64 = 0.003;
-/// Error that all presses of a finger share, half of a 95 % interval, m. [our judgement, from twins with known keyboards]
+/// Error of what a finger's presses have in common, half of a 95 % interval, m. [our judgement, from twins with known keyboards]
 const SHARED_M: f64 = 3e-4;
 
 /// A press beside a gap.
 struct Beside {
     finger: usize,
-    /// How far from the gap's nominal place the fingertip came down, m, by its encoders.
+    /// How far from the gap's nominal place the fingertip was before it came down, m, by its encoders.
     aside_m: f64,
     /// Keys that sounded: -1 the lower one alone, 1 the higher one alone, 0 both, or none: the fingertip stood on the fence.
     sounded: f64,
@@ -43,7 +43,7 @@ pub(super) fn measure(hands: &[Hand<'_>]) -> Vec<Measured> {
     for (finger, place) in places.into_iter().enumerate() {
         let slopes: Vec<f64> =
             presses.iter().filter(|press| press.finger == finger).map(|press| press.slope).collect();
-        let (aside, slope) = (place.less(lateral), slopes.iter().sum::<f64>() / slopes.len() as f64);
+        let (aside, slope) = (place.minus(lateral), slopes.iter().sum::<f64>() / slopes.len() as f64);
         let row = JointRow::EncoderBias.row();
         let path = format!("joint.{}.{}", JOINT_NAMES[finger * FINGER_JOINTS], row.name);
         let bias = Sample { value: aside.value / slope, half: aside.half / slope.abs() };

@@ -16,8 +16,8 @@ const ASIDE_M: f64 = 0.002;
 /// Time at the end of a push in which a fingertip has come to rest, s.
 const AT_REST_SECS: f64 = 0.15;
 /// A fingertip this far from its target has met something, m: dry friction alone holds it at most 1.7 mm away.
-const STOPPED_M: f64 = 0.0025;
-/// Error that all pushes share, half of a 95 % interval, m. [our judgement, from twins with known keyboards]
+const STOPPED_M: f64 = 0.002;
+/// Error of what a finger's pushes have in common, and all pushes, half of a 95 % interval, m. [our judgement, from twins with known keyboards]
 pub(super) const SHARED_M: f64 = 4e-4;
 
 /// How far toward the player of its nominal place each finger finds the front of the black keys, m, by its encoders; `heights` is how high
@@ -57,7 +57,7 @@ fn front(hand: &Hand<'_>, finger: usize, step: usize, height: f64) -> Option<f64
         // The last link slants by this from upright, its upper part toward the key where it is positive.
         let slant = angles[FIRST_BEND..].iter().sum::<f64>() - std::f64::consts::FRAC_PI_2;
         let below = BLACK.top() + height - tip[2];
-        let ahead = if below < 0.0 {
+        let ahead = if below < -TIP_RADIUS * slant.max(0.0).sin() {
             // The rounded end alone, at the edge.
             (TIP_RADIUS * TIP_RADIUS - below * below).max(0.0).sqrt()
         } else if slant > 0.0 {

@@ -69,7 +69,7 @@ fn why(path: &str, estimated: &BTreeSet<&str>) -> &'static str {
                 "what is played shows it only with the threshold: slow presses show it (`etude record --excitation keys`)"
             }
             "keyboard.lateral" | "keyboard.depth" => {
-                "what is played does not show it: slow presses do (`etude record --excitation keys`)"
+                "what is played does not show it: the excitation `keys` does"
             }
             _ if touches => "no fit estimates it",
             _ => "no recording that was fitted touches a key",
@@ -80,11 +80,11 @@ fn why(path: &str, estimated: &BTreeSet<&str>) -> &'static str {
         "viscosity" if joint == RAIL => "it has the same effect as the damping",
         "encoder_bias" if joint == RAIL => "it has the same effect as keyboard.lateral",
         "encoder_bias" if joint % etude_stage::hand::FINGER_JOINTS == 0 => {
-            "what is played does not show it: slow presses do (`etude record --excitation keys`)"
+            "what is played does not show it: the excitation `keys` does"
         }
         "encoder_bias" if !touches => "only recordings that touch keys identify it, and none was fitted",
         "encoder_bias" => {
-            "keys identify only where a fingertip is: biases of the joints that bend first and second stand for all"
+            "keys show only where a fingertip is: the biases that are estimated stand for all of its joints"
         }
         "armature" if joint == RAIL => "it scales with the rail's gains: one of them must be given",
         "torque_limit" if joint == RAIL => "the arm does not report when its drive is at its limit",

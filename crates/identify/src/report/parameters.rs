@@ -40,7 +40,7 @@ fn measured_rows(measured: &[Measured], before: &PhysicalParams) -> String {
         vec![path.clone(), unit(path), value_of(before, path), number(*value), from, to]
     };
     let columns = ["parameter", "unit", "before", "measured", "95 % from", "to"];
-    table("keyboard, from slow presses", &columns, measured.iter().map(row))
+    table("keyboard, from the excitation `keys`", &columns, measured.iter().map(row))
 }
 
 fn unit(path: &str) -> String {

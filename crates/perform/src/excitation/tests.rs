@@ -39,6 +39,7 @@ fn a_finger_presses_one_white_key_at_a_time_in_its_middle_or_beside_a_gap() {
     for side in [Side::Left, Side::Right] {
         let mut pressed = std::collections::BTreeSet::new();
         let mut gaps = std::collections::BTreeSet::new();
+        let mut last: Option<(usize, [f64; 3])> = None;
         let mut pushed = std::collections::BTreeSet::new();
         for (step, targets) in Excitation::Keys.targets(side).iter().enumerate() {
             let tip = |finger: usize| {
@@ -48,9 +49,21 @@ fn a_finger_presses_one_white_key_at_a_time_in_its_middle_or_beside_a_gap() {
             let low: Vec<usize> =
                 (0..FINGERS).filter(|finger| tip(*finger)[2] - TIP_RADIUS < BLACK.top() + 0.010).collect();
             assert!(low.len() <= 1, "{side:?} {step}: {low:?}");
-            let Some([x, y, z]) = low.first().map(|finger| tip(*finger)) else { continue };
+            let Some([x, y, z]) = low.first().map(|finger| tip(*finger)) else {
+                last = None;
+                continue;
+            };
             let (key, above) = ((y / WHITE_PITCH).round(), z - TIP_RADIUS - WHITE.top());
-            if (x - PRESS_X_M).abs() > 1e-9 {
+            // Straight, and not by a jump to the fingers' rest.
+            if let Some((finger, before)) = last.replace((low[0], [x, y, z]))
+                && finger == low[0]
+            {
+                let far = (0..3).map(|way| (before[way] - [x, y, z][way]).abs()).fold(0.0, f64::max);
+                assert!(far < 0.012, "{side:?} {step}: {far}");
+            }
+            let is_at = |place: f64| (x - place).abs() < 1e-9;
+            let is_push = !is_at(PRESS_X_M) && !is_at(BESIDE_X_M) && above < PRESS_M[0] - 1e-9;
+            if is_push {
                 // Before the front of a black key, clear of the white ones.
                 let black = (0..KEYS).find(|key| (key_lateral(*key) - y).abs() < 1e-9).unwrap();
                 assert!(key_is_black(black) && above > PUSH_M - 1e-9, "{side:?} {step}: {black} {above}");
@@ -63,11 +76,16 @@ fn a_finger_presses_one_white_key_at_a_time_in_its_middle_or_beside_a_gap() {
             assert!(above > PRESS_M[1] - 1e-9, "{side:?} {step}: {above}");
             if (y - key * WHITE_PITCH).abs() < 1e-9 {
                 if above < 0.0 {
+                    assert!((x - PRESS_X_M).abs() < 1e-9, "{side:?} {step}: {x}");
                     pressed.insert((low[0], key as i64));
                 }
                 continue;
             }
+            if above > PRESS_M[0] - 1e-9 {
+                continue;
+            }
             let gap = (y / WHITE_PITCH - 0.5).round() + 0.5;
+            assert!((x - BESIDE_X_M).abs() < 1e-9, "{side:?} {step}: {x}");
             assert!((y - gap * WHITE_PITCH).abs() < BESIDE_M + 1e-9, "{side:?} {step}: {y}");
             if above < PRESS_M[1] + 1e-9 {
                 gaps.insert((low[0], (1e6 * (y - gap * WHITE_PITCH)).round() as i64));
