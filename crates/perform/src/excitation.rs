@@ -69,9 +69,9 @@ const PRESS_SECS: f64 = 1.5;
 /// far apart they are; beside the gap to the next higher key those between. The farthest is for a keyboard and an encoder that are some
 /// millimetres off.
 const BESIDE_M: f64 = 0.007;
+const BESIDE_EVERY_M: f64 = 0.002;
 /// Where along the keys that is, m toward the player from their middle: clear of the black keys, beside which the finger moves.
 const BESIDE_X_M: f64 = 0.033;
-const BESIDE_EVERY_M: f64 = 0.002;
 /// Times in which a finger goes to such a place, waits there, presses, holds the key down, and rises, s.
 const BESIDE_SECS: [f64; 5] = [0.15, 0.2, 0.35, 0.2, 0.3];
 /// Where the middle of a fingertip begins to push against the front of a black key, and where its target ends, m; and its height over the
