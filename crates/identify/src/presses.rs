@@ -3,9 +3,10 @@
 //! A finger that rests on a key is where the key is. The motion is so slow that times do not matter: 5 ms are a hundredth of a key's
 //! travel. So the joints say where the key begins to sound, where it is silent again and where its bottom is; and the duties say how
 //! hard it pushes back, once those of the same finger in the air are taken off. Play in the gears does not matter either: while the key
-//! pushes, it lies at the same side. Presses
-//! beside the gaps between keys show how far to the side the keyboard is ([`aside`]), pushes against black keys how far toward the player
-//! ([`front`]).
+//! pushes, it lies at the same side.
+//!
+//! Presses beside the gaps between keys show how far to the side the keyboard is ([`aside`]), pushes against black keys how far toward the
+//! player ([`front`]).
 
 use etude_music::key_is_black;
 use etude_robot::allegro::{self, holding_torques};
@@ -60,16 +61,27 @@ pub struct Measured {
 }
 
 /// A press: shares of the simulated key's travel, of a keyboard at its nominal height.
-struct Press {
+struct Press<'a> {
+    hand: &'a Hand<'a>,
+    key: usize,
     finger: usize,
+    /// When the key begins to sound, and when it is silent again, s.
+    secs: [f64; 2],
     /// Where the key sounds, where it is silent again, and its bottom.
     places: [f64; 3],
     /// Travel under the fingertip, m.
     travel_m: f64,
     /// How far along `x` and `z` the tip moves with the joints that bend, m/rad.
     turns: Matrix3x2<f64>,
+}
+
+impl Press<'_> {
     /// Torque at the hinge of the key at rest, N·m, and its growth, N·m/rad.
-    spring: Option<[f64; 2]>,
+    fn spring(&self) -> Option<[f64; 2]> {
+        let [sounds, silent] = self.secs;
+        let around = [sounds - AROUND_SECS, silent + AROUND_SECS];
+        self.hand.spring(self.key, self.finger, around, self.places[2] - 1.0)
+    }
 }
 
 /// Measures the keyboard by the slow presses among `motions`. `params` has the scale of torque of the drives. Empty if there are too few
@@ -87,11 +99,10 @@ pub fn measure(motions: &[Motion], params: &PhysicalParams) -> Vec<Measured> {
     let hands = hands(depth.map_or(0.0, |depth| depth.value));
     let presses = presses(&hands);
     let Some(heights) = self::heights(&presses) else { return Vec::new() };
-    let all =
-        |value: &dyn Fn(&Press) -> Option<f64>| -> Vec<f64> { presses.iter().filter_map(value).collect() };
-    let threshold = |press: &Press| 1.0 - (press.places[2] - press.places[0]);
-    let hysteresis = all(&|press| Some((press.places[0] - press.places[1]) / threshold(press)));
-    let threshold = mean(&all(&|press| Some(threshold(press))));
+    let all = |value: &dyn Fn(&Press<'_>) -> f64| -> Vec<f64> { presses.iter().map(value).collect() };
+    let threshold = |press: &Press<'_>| 1.0 - (press.places[2] - press.places[0]);
+    let hysteresis = all(&|press| (press.places[0] - press.places[1]) / threshold(press));
+    let threshold = mean(&all(&threshold));
     let mut measured = vec![
         world(WorldRow::KeyThreshold, threshold.with(PLACE_ERROR)),
         world(WorldRow::KeyHysteresis, mean(&hysteresis).with(PLACE_ERROR / threshold.value)),
@@ -108,11 +119,11 @@ pub fn measure(motions: &[Motion], params: &PhysicalParams) -> Vec<Measured> {
             fronts.zip(depth).map(|(fronts, depth)| fronts[finger].with(front::SHARED_M).minus(depth));
         measured.extend(biases(finger, &turns, up, ahead));
     }
-    let spring = |part: usize| all(&|press| press.spring.map(|spring| spring[part]));
-    let [torque, stiffness] = [spring(0), spring(1)];
-    if torque.len() >= FEWEST * FINGERS {
+    let springs: Vec<[f64; 2]> = presses.iter().filter_map(Press::spring).collect();
+    if springs.len() >= FEWEST * FINGERS {
         let [length, ..] = etude_stage::geometry::WHITE.size;
-        let force: Vec<f64> = torque.iter().map(|torque| torque / length).collect();
+        let force: Vec<f64> = springs.iter().map(|[torque, _]| torque / length).collect();
+        let stiffness: Vec<f64> = springs.iter().map(|[_, stiffness]| *stiffness).collect();
         for (quantity, values) in [(WorldRow::KeyPreload, force), (WorldRow::KeyStiffness, stiffness)] {
             let sample = mean(&values);
             measured.push(world(quantity, sample.with(FORCE_ERROR * sample.value.abs())));
@@ -122,12 +133,12 @@ pub fn measure(motions: &[Motion], params: &PhysicalParams) -> Vec<Measured> {
     measured
 }
 
-fn presses(hands: &[Hand<'_>]) -> Vec<Press> {
+fn presses<'a>(hands: &'a [Hand<'a>]) -> Vec<Press<'a>> {
     hands.iter().flat_map(Hand::presses).collect()
 }
 
 /// How high each finger finds the keyboard, m, by its encoders; none if one has pressed too few keys.
-fn heights(presses: &[Press]) -> Option<[Sample; FINGERS]> {
+fn heights(presses: &[Press<'_>]) -> Option<[Sample; FINGERS]> {
     let of = |finger: usize| -> Vec<f64> {
         let own = presses.iter().filter(|press| press.finger == finger);
         own.map(|press| (1.0 - press.places[2]) * press.travel_m).collect()
@@ -147,11 +158,7 @@ fn common(places: &[Sample; FINGERS]) -> Sample {
 /// Encoder biases of a finger's joints that bend first and second, from how much farther `up` and `ahead` than the others it finds the
 /// keyboard, m; without the latter, that of the first alone. `turns` is how far the fingertip moves with the joints, m/rad.
 fn biases(finger: usize, turns: &Matrix3x2<f64>, up: Sample, ahead: Option<Sample>) -> Vec<Measured> {
-    let row = JointRow::EncoderBias.row();
-    let bias = |bend: usize, value: f64, half: f64| {
-        let joint = JOINT_NAMES[finger * FINGER_JOINTS + FIRST_BEND + bend];
-        Sample { value, half }.within(format!("joint.{joint}.{}", row.name), row.range)
-    };
+    let bias = |bend: usize, value: f64, half: f64| bias(finger, FIRST_BEND + bend, Sample { value, half });
     let both = Matrix2::from_fn(|axis, bend| turns[(bend, axis)]);
     let Some((ahead, inverse)) = ahead.zip(both.try_inverse()) else {
         let turn = turns[(0, 1)];
@@ -241,6 +248,13 @@ fn world(quantity: WorldRow, sample: Sample) -> Measured {
     sample.within(row.name.to_string(), row.range)
 }
 
+/// The encoder bias of a finger's joint, counted from its base.
+fn bias(finger: usize, joint: usize, sample: Sample) -> Measured {
+    let row = JointRow::EncoderBias.row();
+    let name = JOINT_NAMES[finger * FINGER_JOINTS + joint];
+    sample.within(format!("joint.{name}.{}", row.name), row.range)
+}
+
 /// Mean of at least two values.
 fn mean(values: &[f64]) -> Sample {
     let count = values.len() as f64;
@@ -263,9 +277,9 @@ struct Hand<'a> {
     depth: f64,
 }
 
-impl Hand<'_> {
+impl<'a> Hand<'a> {
     /// The slow presses from which a white key sounds until it is silent, with the finger over its middle.
-    fn presses(&self) -> Vec<Press> {
+    fn presses(&'a self) -> Vec<Press<'a>> {
         let events = &self.motion.keys;
         let pair = |(index, event): (usize, &etude_music::KeyEvent)| {
             let end = events[index + 1..].iter().find(|other| other.key == event.key)?;
@@ -275,7 +289,7 @@ impl Hand<'_> {
         events.iter().enumerate().filter_map(pair).collect()
     }
 
-    fn press(&self, key: usize, [sounds, silent]: [f64; 2]) -> Option<Press> {
+    fn press(&'a self, key: usize, [sounds, silent]: [f64; 2]) -> Option<Press<'a>> {
         let finger = self.finger_over(key, sounds)?;
         if key_is_black(key) || aside::is_beside(self, finger, key, sounds) {
             return None;
@@ -300,11 +314,13 @@ impl Hand<'_> {
         let (shape, angles) = (KeyShape::of(key), self.angles(finger, middle));
         let tip = kinematics::fingertip(self.side, finger, &angles, 0.0);
         Some(Press {
+            hand: self,
+            key,
             finger,
+            secs: [sounds, silent],
             places: [travel(sounds), travel(silent), deepest],
             travel_m: self.lever(shape, tip[0]) * shape.max_angle(),
             turns: self.jacobian(finger, &angles),
-            spring: self.spring(key, finger, [sounds - AROUND_SECS, silent + AROUND_SECS], deepest - 1.0),
         })
     }
 
@@ -368,13 +384,17 @@ impl Hand<'_> {
 
     /// Change of a fingertip's place along `x` and `z` with each of the joints that bend, m/rad.
     fn jacobian(&self, finger: usize, angles: &[f64; FINGER_JOINTS]) -> Matrix3x2<f64> {
+        let turns: [_; 3] = std::array::from_fn(|bend| self.turn(finger, angles, FIRST_BEND + bend));
+        Matrix3x2::from_fn(|bend, axis| turns[bend][2 * axis])
+    }
+
+    /// Change of a fingertip's place with one joint of the finger, m/rad.
+    fn turn(&self, finger: usize, angles: &[f64; FINGER_JOINTS], joint: usize) -> [f64; 3] {
         let place = |angles: &[f64; FINGER_JOINTS]| kinematics::fingertip(self.side, finger, angles, 0.0);
-        let from = place(angles);
-        Matrix3x2::from_fn(|bend, axis| {
-            let mut turned = *angles;
-            turned[FIRST_BEND + bend] += STEP_RAD;
-            (place(&turned)[2 * axis] - from[2 * axis]) / STEP_RAD
-        })
+        let mut turned = *angles;
+        turned[joint] += STEP_RAD;
+        let [from, to] = [place(angles), place(&turned)];
+        std::array::from_fn(|axis| (to[axis] - from[axis]) / STEP_RAD)
     }
 
     /// Torque at the hinge of `key` with which the finger presses, N·m: that of the force which explains the duties best.

@@ -16,9 +16,9 @@ use crate::progress::stop_flag;
 /// What to record, and where to.
 #[derive(clap::Args)]
 #[command(after_help = "\
-The robot is brought up and holds still, or moves through an excitation: clear of the keyboard, or, as `keys`, on it: slow presses of \
-nine white keys, presses beside the gaps between keys, and pushes against black keys. Everything that it measures and sends, and every key that is played, is recorded. \
-`etude identify` fits the simulator to recordings of excitations.
+The robot is brought up and holds still, or moves through an excitation: clear of the keyboard, or, as `keys`, on it: slow \
+presses of nine white keys, presses beside the gaps between keys, and pushes against black keys. Everything that it measures \
+and sends, and every key that is played, is recorded. `etude identify` fits the simulator to recordings of excitations.
 
 Examples:
   etude record --robot lab.toml --secs 60 -o still.mcap

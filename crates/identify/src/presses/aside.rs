@@ -3,11 +3,10 @@
 
 use etude_music::{CONTROL_HZ, KEYS, key_is_black};
 use etude_stage::geometry::{WHITE, WHITE_PITCH, key_lateral};
-use etude_stage::hand::{FINGER_JOINTS, FINGERS, TIP_RADIUS};
-use etude_stage::params::{JointRow, WorldRow};
-use etude_stage::{JOINT_NAMES, kinematics};
+use etude_stage::hand::{FINGERS, TIP_RADIUS};
+use etude_stage::params::WorldRow;
 
-use super::{Hand, Measured, STEP_RAD, Sample, common, world};
+use super::{Hand, Measured, Sample, bias, common, world};
 
 /// A target that is this far below the top of a white key presses it, m.
 const PRESSES_M: f64 = 0.008;
@@ -44,10 +43,7 @@ pub(super) fn measure(hands: &[Hand<'_>]) -> Vec<Measured> {
         let slopes: Vec<f64> =
             presses.iter().filter(|press| press.finger == finger).map(|press| press.slope).collect();
         let (aside, slope) = (place.minus(lateral), slopes.iter().sum::<f64>() / slopes.len() as f64);
-        let row = JointRow::EncoderBias.row();
-        let path = format!("joint.{}.{}", JOINT_NAMES[finger * FINGER_JOINTS], row.name);
-        let bias = Sample { value: aside.value / slope, half: aside.half / slope.abs() };
-        measured.push(bias.within(path, row.range));
+        measured.push(bias(finger, 0, Sample { value: aside.value / slope, half: aside.half / slope.abs() }));
     }
     measured
 }
@@ -112,14 +108,7 @@ fn beside(hand: &Hand<'_>, finger: usize, [clear, last]: [usize; 2]) -> Option<B
     };
     let index = hand.indices([clear as f64 / CONTROL_HZ, f64::INFINITY]).start;
     let gap = key_lateral(lower) + WHITE_PITCH / 2.0;
-    let slope = {
-        let at = |turned: f64| {
-            let mut angles = hand.angles(finger, index);
-            angles[0] += turned;
-            kinematics::fingertip(hand.side, finger, &angles, 0.0)[1]
-        };
-        (at(STEP_RAD) - at(0.0)) / STEP_RAD
-    };
+    let slope = hand.turn(finger, &hand.angles(finger, index), 0)[1];
     Some(Beside { finger, aside_m: hand.lateral(finger, index)? - gap, sounded, slope })
 }
 
