@@ -51,6 +51,18 @@ async function dropOn(name, bytes) {
   for (const event of ['dragenter', 'dragover', 'drop']) await page.dispatchEvent('.drop', event, { dataTransfer: data });
 }
 
+/** A MIDI file of notes, each [pitch, start, length], in quarters of a beat of half a second. */
+function midi(notes) {
+  const events = notes.flatMap(([pitch, start, length]) => [[start, 0x90, pitch, 80], [start + length, 0x80, pitch, 0]]);
+  events.sort(([one, first], [other, second]) => one - other || first - second);
+  const track = events.flatMap(([at, ...event], index) => {
+    const ticks = (at - (index > 0 ? events[index - 1][0] : 0)) * 24;
+    return [0x80 | (ticks >> 7), ticks & 0x7f, ...event];
+  });
+  track.push(0, 0xff, 0x2f, 0);
+  return [...Buffer.from('MThd'), 0, 0, 0, 6, 0, 0, 0, 1, 0, 96, ...Buffer.from('MTrk'), 0, 0, track.length >> 8, track.length & 0xff, ...track];
+}
+
 /** The loudest sample of the sound that an element plays, decoded from what the server sends. */
 function loudest(selector) {
   return page.evaluate(async (which) => {
@@ -142,6 +154,26 @@ test('a file can be chosen instead of dropped', { skip }, async () => {
   await page.locator('input[type="file"]').setInputFiles({ name: 'By Button.mid', mimeType: 'audio/midi', buffer: await readFile(songFile) });
   await page.locator('.heard').getByText('By Button, played by the policy policies/sight-reader.safetensors').waitFor(LONG);
   assert.equal(await page.locator('.song h2').first().innerText(), 'By Button');
+});
+
+test('what will be hard is listed, each with its bar and time', { skip }, async () => {
+  // C4 four times in half a second, then a chord of three octaves.
+  const fast = [0, 1, 2, 3].map((start) => [60, start, 1]);
+  await dropOn('too-hard.mid', midi([...fast, [48, 8, 4], [84, 8, 4], [60, 16, 4]]));
+  await page.locator('.heard').getByText('too-hard, played by').waitFor(LONG);
+  await page.getByText(/Predicted at sight: \d of 7 notes/).waitFor(LONG);
+  const hard = await page.locator('.song li').allInnerTexts();
+  assert.ok(hard.some((text) => text.includes('bar 1, beat 3 (1.00 s): C3 C6 cannot be reached together')), hard.join('\n'));
+  assert.equal(hard.filter((text) => text.includes('C4 is struck again before the key has been up for long enough')).length, 3);
+});
+
+test('a song beyond the keyboard is transposed by a click', { skip }, async () => {
+  await dropOn('too-high.mid', midi([[84, 0, 4], [86, 4, 4]]));
+  await page.locator('.song .problem').getByText('has notes outside the keyboard').waitFor(LONG);
+  assert.equal(await page.getByRole('button', { name: 'Perform it on the twin' }).isVisible(), false);
+  await page.getByRole('button', { name: 'Transpose by −2 semitones' }).click();
+  await page.getByText('With three fingers: 2 notes').waitFor(LONG);
+  assert.equal(await page.getByRole('button', { name: 'Perform it on the twin' }).isVisible(), true);
 });
 
 test('two performances of different songs are not compared', { skip }, async () => {

@@ -105,6 +105,7 @@ fn recorded(params: &PhysicalParams, excitation: Excitation, third: usize) -> Fa
     let mut motion = Motion {
         path: PathBuf::from(excitation.name()),
         rig: RigConfig::default(),
+        rig_label: String::new(),
         mode: "synthetic".to_string(),
         start: targets[0],
         commands: Commands::Targets(targets),

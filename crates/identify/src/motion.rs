@@ -56,6 +56,8 @@ pub struct Motion {
     pub path: PathBuf,
     /// The rig.
     pub rig: RigConfig,
+    /// Its name; of the twin with its truth.
+    pub rig_label: String,
     /// The execution mode, or the excitation.
     pub mode: String,
     /// The commands.
@@ -100,13 +102,14 @@ impl Motion {
     pub fn load_all(paths: &[PathBuf]) -> Result<Vec<Self>, MotionError> {
         let motions = paths.iter().map(|path| Self::load(path)).collect::<Result<Vec<_>, _>>()?;
         if let Some((first, rest)) = motions.split_first()
-            && let Some(other) = rest.iter().find(|motion| motion.rig != first.rig)
+            && let Some(other) =
+                rest.iter().find(|motion| (&motion.rig, &motion.rig_label) != (&first.rig, &first.rig_label))
         {
             let why = format!(
                 "it was made on the rig `{}`, and {} on `{}`: identify one rig at a time, from its own recordings",
-                other.rig.name,
+                other.rig_label,
                 first.path.display(),
-                first.rig.name
+                first.rig_label
             );
             return Err(MotionError::Unsuitable { path: other.path.clone(), why });
         }
@@ -178,6 +181,7 @@ impl Motion {
         Ok(Self {
             path: path.to_path_buf(),
             rig,
+            rig_label: header.rig.clone(),
             mode: header.activity.to_string(),
             commands,
             start,

@@ -129,11 +129,11 @@ pub fn identify_robot(
         bail!("all recordings are held out; give some to fit (`etude record --excitation chirp`)");
     };
     make_folder(folder)?;
-    if let Some(rig) = rig_of(folder).filter(|rig| *rig != first.rig.name) {
+    if let Some(rig) = rig_of(folder).filter(|rig| *rig != first.rig_label) {
         bail!(
             "{} holds the fit of another rig, `{rig}`; these recordings are of `{}`: choose another folder with -o",
             folder.display(),
-            first.rig.name
+            first.rig_label
         );
     }
     let config = IdentifyConfig {
@@ -147,7 +147,7 @@ pub fn identify_robot(
     let air: Vec<Motion> = fitted.iter().filter(|motion| motion.keys.is_empty()).cloned().collect();
     let names = |motions: &[Motion]| motions.iter().map(|motion| motion.path.clone()).collect();
     let result = IdentifyReport {
-        rig: first.rig.name.clone(),
+        rig: first.rig_label.clone(),
         method: what.method,
         seed: what.seed,
         fitted: names(&fitted),

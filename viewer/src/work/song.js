@@ -113,9 +113,9 @@ export class SongSection {
   }
 
   showActions(known) {
-    this.actions.root.hidden = known.problem !== null;
-    const { song, policy, policy_f1: f1, at_sight: atSight } = known;
-    this.actions.show([song, policy, f1, atSight], () => {
+    const { song, problem, policy, policy_f1: f1, at_sight: atSight } = known;
+    this.actions.show([song, problem, policy, f1, atSight], () => {
+      if (problem !== null) return null;
       const players = policy === null
         ? [['scripted', 'the scripted player']]
         : [['best', `${playerText(policy)}${typeof f1 === 'number' ? `, ${scoreText(f1)} ${atSight ? 'on other melodies' : 'in training'}` : ''}`], ['scripted', 'the scripted player']];

@@ -17,6 +17,9 @@ const OFFSETS: f64 = 0.07;
 const LATE_MS: f64 = 5.0;
 /// Leads of the plan, ms.
 const LEAD_MS: f64 = 10.0;
+/// The five songs that the paper reports.
+const PAPER_SONGS: [&str; 5] =
+    ["are-you-sleeping", "happy-birthday", "ode-to-joy", "twinkle", "c-major-scale"];
 
 fn document(name: &str) -> String {
     std::fs::read_to_string(root().join(name)).unwrap()
@@ -137,6 +140,7 @@ fn the_sight_reader_plays_what_the_documents_say() {
     };
     let files = table.rows.iter().filter_map(|row| Some((row[0].clone(), file(&row[0])?)));
     let built_in = etude_music::repertoire::ids().map(|id| (id.to_string(), id.to_string()));
+    let mut five = Vec::new();
     for (row, song) in built_in.chain(files) {
         let report = Desk::new().json(&format!("play {song} --policy {} -o out --json", policy.display()));
         let said: Vec<&str> = table.text(&row, "sight-reader: notes; onset F1; F1").split("; ").collect();
@@ -144,6 +148,26 @@ fn the_sight_reader_plays_what_the_documents_say() {
             let (said, played) = (leading_number(said), report[key].as_f64().unwrap());
             assert!(played >= said - tolerance, "{row}, {key}: {said}, but it is {played}");
         }
+        if PAPER_SONGS.contains(&row.as_str()) {
+            five.push(["matched", "missed", "wrong", "f1"].map(|key| report[key].as_f64().unwrap()));
+        }
+    }
+    let sum = |column: usize| five.iter().map(|song| song[column]).sum::<f64>();
+    let readme = document("README.md");
+    let row = "| the paper's five songs, *at sight* |";
+    let row = cells(readme.lines().find(|line| line.starts_with(row)).expect("README.md has such a row"));
+    let (notes, wrong) = row[1].split_once(", ").unwrap();
+    let [said_right, said_wrong, said_f1] = [notes, wrong, row[2].as_str()].map(leading_number);
+    assert!(notes.ends_with(&format!("of {}", sum(0) + sum(1))), "README.md: {notes}");
+    for (what, said, played, tolerance) in [
+        ("right", said_right, sum(0), 2.0 * RIGHT),
+        ("wrong", said_wrong, sum(2), 2.0 * WRONG),
+        ("F1", said_f1, sum(3) / five.len() as f64, SCORE),
+    ] {
+        assert!(
+            (said - played).abs() <= tolerance,
+            "README.md, at sight, {what}: {said}, but it is {played}"
+        );
     }
 }
 
@@ -198,7 +222,7 @@ fn the_shipped_policies_play_on_the_twin_what_the_documents_say() {
 fn the_sums_in_the_documents_are_those_of_the_tables() {
     let table = policies();
     let songs: Vec<_> = etude_music::repertoire::ids().collect();
-    let paper = &["are-you-sleeping", "happy-birthday", "ode-to-joy", "twinkle", "c-major-scale"][..];
+    let paper = &PAPER_SONGS[..];
     let sum = |songs: &[&str], column| songs.iter().map(|song| table.number(song, column)).sum::<f64>();
     let mean = |songs: &[&str]| sum(songs, "F1") / songs.len() as f64;
     let (all, five) = (mean(&songs), mean(paper));

@@ -69,7 +69,11 @@ fn files_that_a_command_has_not_written_are_not_replaced() {
     desk.ok("record --robot twin --excitation rail -o rail.mcap");
     std::fs::create_dir(desk.path("fit")).unwrap();
     std::fs::write(desk.path("fit/identification.json"), r#"{"rig": "kitchen"}"#).unwrap();
-    refused(&desk, "identify rail.mcap -o fit", &["fit holds the fit of another rig, `kitchen`", "`twin`"]);
+    refused(&desk, "identify rail.mcap -o fit", &["another rig, `kitchen`", "are of `twin (standard)`"]);
+    // A twin with another truth is another rig.
+    desk.ok("record --robot twin --truth mild --excitation chirp -o chirp.mcap");
+    let both = &["chirp.mcap: it was made on the rig `twin (mild)`, and rail.mcap on `twin (standard)`"];
+    refused(&desk, "identify rail.mcap chirp.mcap -o other", both);
 }
 
 #[test]

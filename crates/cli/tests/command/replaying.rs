@@ -246,7 +246,7 @@ fn what_cannot_be_shown_is_named() {
 #[test]
 fn a_gallery_leads_to_every_replay() {
     let desk = played();
-    desk.ok("play short.mid --scripted -o more");
+    desk.ok("play short.mid --scripted --set task.stage.side=right -o more");
     // One that cannot be read is named, and hinders no other; one that is named twice hangs once.
     std::fs::write(desk.path("more/text.mcap"), "no recording").unwrap();
     let said = errors(&desk.command("gallery out more -o gallery").output().unwrap());
@@ -256,6 +256,12 @@ fn a_gallery_leads_to_every_replay() {
     let exhibits = printed["exhibits"].as_array().unwrap();
     assert_eq!(exhibits.len(), 2);
     let index = String::from_utf8(desk.bytes("gallery/index.html")).unwrap();
+    // Two hands, two pictures.
+    let pictures: Vec<_> = exhibits.iter().filter_map(|exhibit| exhibit["picture"].as_str()).collect();
+    if let [one, other] = pictures[..] {
+        let [one, other] = [one, other].map(|name| desk.bytes(Path::new("gallery").join(name)));
+        assert!(one != other, "the pictures are the same");
+    }
     for exhibit in exhibits {
         // What tells two recordings of one song apart.
         let recording = exhibit["recording"].as_str().unwrap();

@@ -20,7 +20,7 @@ impl Report {
 /// The report on motions that were replayed.
 pub(super) fn report(input: &ReportInput<'_>, replayed: &[Replayed<'_>]) -> Report {
     let parts = remaining::parts(replayed);
-    let rig = input.fitted.first().map_or("", |motion| motion.rig.name.as_str());
+    let rig = input.fitted.first().map_or("", |motion| motion.rig_label.as_str());
     let figures: Vec<Figure> = (0..JOINTS).filter_map(|joint| overlay::overlay(joint, replayed)).collect();
     let sections = [
         ("In short", vec![list(&summary::in_short(input, &parts))]),

@@ -38,6 +38,7 @@ fn motion(path: &str, truth: &PhysicalParams) -> Motion {
     let mut motion = Motion {
         path: PathBuf::from(path),
         rig: etude_robot::rig::RigConfig::default(),
+        rig_label: "lab".to_string(),
         mode: "chirp".to_string(),
         commands: Commands::Targets(targets),
         start: [0.0; JOINTS],

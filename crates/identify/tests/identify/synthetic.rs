@@ -72,7 +72,8 @@ fn recorded(
     let noise: [f64; JOINTS] = std::array::from_fn(|joint| NOISE[usize::from(joint == RAIL)]);
     let mut motion = Motion {
         path: PathBuf::from(format!("synthetic-{seed}")),
-        rig: RigConfig { name: "synthetic".to_string(), ..RigConfig::default() },
+        rig: RigConfig::default(),
+        rig_label: "synthetic".to_string(),
         mode: "synthetic".to_string(),
         start: still,
         commands: Commands::Targets(targets),
