@@ -1,7 +1,7 @@
 """Adapts the playing of songs to twins and prints tables of docs/results/adaptation.md: notes right of those due and wrong ones, onset F1, the
 paper's F1; before (in real execution with the measured lead, no identification), and in joint mirroring, or in hybrid, before and after the adaptation.
 
-    make build && python3 scripts/adapt_table.py [--songs twinkle,c-major-scale] [--truths standard,worn] [--mode hybrid] [--minutes 10] [--keep DIR]
+    make build && python3 scripts/adapt_table.py [--songs twinkle,c-major-scale] [--truths standard,random:1-20] [--mode hybrid] [--minutes 10] [--keep DIR]
 """
 
 import argparse
@@ -28,6 +28,13 @@ def rehearse(etude, song, truth, mode, minutes, runs, seed, folder):
     return json.loads(done.stdout)
 
 
+def truths(names):
+    """The truths of a list of names; `random:1-20` stands for twenty."""
+    for name in names.split(","):
+        first, _, last = name.removeprefix("random:").partition("-")
+        yield from (f"random:{seed}" for seed in range(int(first), int(last) + 1)) if last else [name]
+
+
 def cell(notes, f1):
     return f"{notes['notes_right']:g} of {notes['notes_due']}, {notes['notes_wrong']:g}; {notes['onset_f1']:.3f}; {f1:.3f}"
 
@@ -47,7 +54,7 @@ def main():
     print(f"| truth | song | {ways} | adapted | runs, best | fingers off their path, rail | clamped |")
     print("|---|---|---|---|---|---|---|---|")
     means = {}
-    for truth in options.truths.split(","):
+    for truth in truths(options.truths):
         for song in options.songs.split(","):
             with tempfile.TemporaryDirectory() as temporary:
                 folder = pathlib.Path(temporary) / "rehearsal"
@@ -72,7 +79,8 @@ def main():
             three = [(real, real["robot_f1"]), (before, before["f1"]), (adapted, adapted["robot_f1"])]
             # What `rehearse` names at the end: the round, unless the adaptation is better by the mean of F1 and onset F1.
             better = max(three[0], three[2], key=lambda played: played[0]["onset_f1"] + played[1])
-            means.setdefault(truth, []).append([*three, better])
+            # All that are drawn have one row.
+            means.setdefault(truth.partition(":")[0], []).append([*three, better])
     print(f"\n| truth | {ways} | adapted | the better of the first and adapted |")
     print("|---|---|---|---|---|")
     for truth, rows in means.items():

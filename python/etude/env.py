@@ -22,9 +22,9 @@ class PianoEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
     """A song, played once an episode, at 20 control steps a second.
 
     The action has a target for each of the twelve finger joints that move and for the rail, −1 to 1 of the range from `action_low` to
-    `action_high` (rad, the rail in m); the rail's is the part of the keyboard that the song needs, so it differs between songs, and with
-    `fingering` it is ±40 mm around the planned place, and with `finger_range` those of the fingers are around the planned pose (`action_low` and
-    `action_high` are those of the first step). The observation has the joints, those of one step ago, the 49 keys that sound, and the 49 keys that are due now and in each of
+    `action_high` (rad, the rail in m); the rail's is the part of the keyboard that the song needs, so it differs between songs. With
+    `fingering` it is `rail_range` (0.04 m) to either side of the planned place, and with `finger_range` those of the fingers are around
+    the planned pose (`action_low` and `action_high` are those of the first step). The observation has the joints, those of one step ago, the 49 keys that sound, and the 49 keys that are due now and in each of
     the next five steps. The episode ends with the song, which is a truncation: nothing ends for good. `info` has
     `reward_terms` (the weighted parts of the reward), `collided`, and the paper's `precision`, `recall` and `f1` of the song
     so far; with the last step they are the song's.

@@ -38,6 +38,7 @@ def task_config(
     fingering: bool | None = None,
     change_steps: int | None = None,
     finger_range: float | None = None,
+    rail_range: float | None = None,
     rail_set_point: bool | None = None,
     velocities: bool | None = None,
     plan: Mapping[str, Any] | None = None,
@@ -65,6 +66,7 @@ def task_config(
             colour, 1 to 20.
         finger_range: How far the target of a finger joint may be from the pose that holds the fingertip over its goal, rad; 0 stands for
             the joint's whole range. It needs a fingering.
+        rail_range: How far the target of the rail may be from its planned place, m, with a fingering.
         rail_set_point: Whether the observation has the rail's set-point instead of its measured place.
         velocities: Whether the observation shows, with each finger's goal, how loud its note is. It needs a fingering.
         plan: What is due, by name: `rule` (`robopianist` or `articulated`), `restrike_secs` and `lead_secs`; the others keep the
@@ -91,6 +93,7 @@ def task_config(
         "fingering": fingering,
         "change_steps": change_steps,
         "finger_range": finger_range,
+        "rail_range": rail_range,
         "rail_set_point": rail_set_point,
         "velocities": velocities,
         "lookahead": lookahead,

@@ -71,6 +71,8 @@ def test_a_fingering_and_a_plan_change_what_is_shown_and_due():
     assert planned.observation_space.shape == (369 + 9 + 18,) and planned.task["plan"]["rule"] == "articulated"
     # The rail's action is a distance of up to 40 mm from its planned place.
     assert planned.action_high[12] - planned.action_low[12] == pytest.approx(0.08)
+    steady = etude.PianoEnv("twinkle", fingering=True, rail_range=0.02)
+    assert steady.action_high[12] - steady.action_low[12] == pytest.approx(0.04)
     near = etude.PianoEnv("twinkle", fingering=True, finger_range=0.3)
     assert (near.action_high - near.action_low)[:12] == pytest.approx(0.6)
     assert planned.action_low[0] == pytest.approx(-0.47) and near.action_low[0] > -0.4

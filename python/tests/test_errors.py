@@ -127,6 +127,7 @@ KEYWORDS = st.fixed_dictionaries(
         "fingering": ANYTHING,
         "change_steps": ANYTHING,
         "finger_range": ANYTHING,
+        "rail_range": ANYTHING,
         "rail_set_point": ANYTHING,
         "plan": st.one_of(ANYTHING, TABLES),
         "lookahead": ANYTHING,

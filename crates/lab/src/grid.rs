@@ -243,14 +243,15 @@ impl GridReport {
     /// If the file cannot be written.
     pub fn write_csv(&mut self, path: &Path) -> anyhow::Result<()> {
         let mut text = String::from(
-            "world,f1,precision,recall,pooled_f1,notes_right,notes_wrong,onset_f1,collision_free",
+            "world,player,f1,precision,recall,pooled_f1,notes_right,notes_wrong,onset_f1,collision_free",
         );
+        let player = quoted(&self.player);
         text.extend(self.paths.iter().map(|path| format!(",{path}")));
         for (index, (scores, values)) in self.scores.iter().zip(&self.values).enumerate() {
             let &WorldScores { f1, precision, recall, pooled_f1, onset_f1, collision_free, .. } = scores;
             let [right, wrong] = [scores.notes_right, scores.notes_wrong].map(|count| count as f64);
             let scores = [f1, precision, recall, pooled_f1, right, wrong, onset_f1, collision_free];
-            text.push_str(&format!("\n{index}"));
+            text.push_str(&format!("\n{index},{player}"));
             text.extend(scores.iter().chain(values).map(|value| format!(",{value}")));
         }
         if let Some(folder) = path.parent().filter(|folder| !folder.as_os_str().is_empty()) {
@@ -260,6 +261,17 @@ impl GridReport {
         self.csv = Some(path.to_path_buf());
         Ok(())
     }
+
+    /// Whether `csv` is the table of another player.
+    pub fn is_of_another(csv: &Path, player: &str) -> bool {
+        let text = std::fs::read_to_string(csv).unwrap_or_default();
+        text.lines().nth(1).is_some_and(|row| !row.starts_with(&format!("0,{},", quoted(player))))
+    }
+}
+
+/// A text as a field of a CSV.
+fn quoted(text: &str) -> String {
+    format!("\"{}\"", text.replace('"', "\"\""))
 }
 
 #[cfg(test)]
@@ -334,8 +346,13 @@ mod tests {
         let rows: Vec<Vec<&str>> = text.lines().map(|line| line.split(',').collect()).collect();
         assert_eq!((rows.len(), *rows[0].last().unwrap()), (13, "key.threshold"));
         for (row, (scores, values)) in rows[1..].iter().zip(report.scores.iter().zip(&report.values)) {
-            assert_eq!((row[1].parse(), row.last().unwrap().parse()), (Ok(scores.f1), Ok(values[0])));
+            assert_eq!((row[2].parse(), row.last().unwrap().parse()), (Ok(scores.f1), Ok(values[0])));
         }
+        assert!(!GridReport::is_of_another(&path, "scripted") && GridReport::is_of_another(&path, "script"));
+        // Whatever a file is called.
+        report.player = "a \"b\",c.safetensors".to_string();
+        report.write_csv(&path).unwrap();
+        assert!(!GridReport::is_of_another(&path, &report.player) && GridReport::is_of_another(&path, "a"));
     }
 
     #[test]

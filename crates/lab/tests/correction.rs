@@ -24,6 +24,7 @@ proptest! {
     #[test]
     fn the_limiter_bounds_what_is_sent(
         jumps in prop::collection::vec((1..40usize, prop::array::uniform13(-1.0..1.0f64)), 400),
+        mode in prop::sample::select(&[Mode::JointMirroring, Mode::Hybrid][..]),
     ) {
         // Offsets that jump at any time, larger than any that is learned.
         let mut offsets: Vec<[f64; JOINTS]> = vec![[0.0; JOINTS]; PHYSICS_STEPS];
@@ -43,7 +44,7 @@ proptest! {
             song: &song,
             pianist: &pianist,
             rig: &rig,
-            mode: Mode::JointMirroring,
+            mode,
             runs: 1,
             home: true,
             seed: 0,
@@ -77,10 +78,13 @@ proptest! {
             let places: Vec<f64> = sent.iter().map(|sent| sent[joint]).collect();
             let velocities = difference(&places);
             let accelerations = difference(&velocities);
+            let jerks = difference(&accelerations);
             for place in &places {
                 prop_assert!(*place >= axis.position[0] - 1e-7 && *place <= axis.position[1] + 1e-7, "{joint}: {place}");
             }
-            for (values, most) in [(&velocities, axis.velocity), (&accelerations, axis.acceleration)] {
+            for (values, most) in
+                [(&velocities, axis.velocity), (&accelerations, axis.acceleration), (&jerks, axis.jerk)]
+            {
                 let largest = values.iter().fold(0.0f64, |most, value| most.max(value.abs()));
                 prop_assert!(largest <= most * ROUNDING, "joint {joint}: {largest} of {most}");
             }

@@ -74,6 +74,9 @@ pub struct TaskConfig {
     /// How far the target of a finger joint may be from the angle that holds the fingertip over its goal, rad; 0 stands for the joint's
     /// whole range. It needs a fingering.
     pub finger_range: f64,
+    /// How far the target of the rail may be from its planned place, m, with a fingering. A policy whose targets reach farther swings the
+    /// hand about its goal where the arm lags more than in its training.
+    pub rail_range: f64,
     /// Whether the observation shows, with each finger's goal, the velocity of its note. It needs a fingering.
     pub velocities: bool,
     /// What the observation's keys and rail are relative to. Configurations of runs from before there was a choice have no such key.
@@ -103,6 +106,7 @@ impl Default for TaskConfig {
             fingering: false,
             change_steps: 3,
             finger_range: 0.0,
+            rail_range: 0.04,
             velocities: false,
             view: ObservationView::default(),
             rail_set_point: false,
@@ -149,6 +153,7 @@ impl TaskConfig {
             ("previous_actions", self.previous_actions as f64, 0.0, MOST_ACTIONS as f64),
             ("change_steps", self.change_steps as f64, 1.0, 20.0),
             ("finger_range", self.finger_range, 0.0, 2.0),
+            ("rail_range", self.rail_range, 0.001, 0.2),
         ];
         for (name, value, low, high) in limits {
             if !(low..=high).contains(&value) {

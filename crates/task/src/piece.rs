@@ -66,7 +66,8 @@ impl Piece {
         let mut piece = Self::of(config.plan.plan(song, config.initial_silence_secs)?);
         if config.fingering {
             let (stage, params) = (&config.stage, &config.params()?);
-            let mut fingering = Fingering::plan(stage, params, config.change_steps, &piece, tell);
+            let mut fingering =
+                Fingering::plan(stage, params, config.change_steps, &piece, tell).within(config.rail_range);
             if config.finger_range > 0.0 {
                 fingering = fingering.around_poses(stage, params, config.finger_range);
             }

@@ -9,7 +9,8 @@ use etude_stage::{JOINTS, RAIL, joint_range};
 use crate::{ACTION_LEN, Fingering, Piece};
 
 /// Range of each joint's target, to which an action in [−1, 1] is mapped: the joint's own range for a finger joint, the part of the
-/// keyboard that the piece needs for the rail. With a fingering, the rail's range is 40 mm to either side of its planned place, and with
+/// keyboard that the piece needs for the rail. With a fingering, the rail's range is
+/// [`TaskConfig::rail_range`](crate::TaskConfig::rail_range) to either side of its planned place, and with
 /// [`TaskConfig::finger_range`](crate::TaskConfig::finger_range) those of the finger joints are around the planned pose.
 ///
 /// If the rail's range were the whole keyboard, a change of its action by 0.02 would be 7 mm, more than a fingertip may be off the
@@ -20,16 +21,13 @@ pub struct TargetRange {
     fingering: Option<Arc<Fingering>>,
 }
 
-/// How far the rail's target may be from its planned place, m: nearly two white keys.
-const RAIL_PLAY_M: f64 = 0.04;
-
 impl TargetRange {
     /// The range for `piece`. Without a fingering, the rail can bring any finger over any of its keys, and one white key further.
     pub fn new(piece: &Piece) -> Self {
         let mut ranges = std::array::from_fn(joint_range);
         let fingering = piece.fingering().cloned();
         if let Some(fingering) = &fingering {
-            ranges[RAIL] = [-RAIL_PLAY_M, RAIL_PLAY_M];
+            ranges[RAIL] = [-fingering.rail_range(), fingering.rail_range()];
             if let Some(poses) = fingering.poses() {
                 ranges[..RAIL].fill([-poses.range, poses.range]);
             }

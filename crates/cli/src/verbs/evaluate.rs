@@ -19,7 +19,7 @@ const SHOWN: usize = 8;
 #[command(after_help = "\
 The worlds are a fixed, evenly spread set over what the policy's own configuration randomises (the paper's seven \
 quantities, or task.randomisation.widths), the same for the same --worlds, --intensity and --seed. The CSV has one line a \
-world: world, f1, precision, recall, pooled_f1, notes_right, notes_wrong, onset_f1, collision_free, then every number that varies.
+world: world, player, f1, precision, recall, pooled_f1, notes_right, notes_wrong, onset_f1, collision_free, then every number that varies.
 
 Examples:
   etude evaluate twinkle
@@ -57,7 +57,10 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
     let out = args
         .out
         .unwrap_or_else(|| Path::new("out").join(args.pianist.folder_name(&args.song)).join("worlds.csv"));
-    replaces_its_own(&out, "world,f1,")?;
+    replaces_its_own(&out, "world,player,")?;
+    if GridReport::is_of_another(&out, &pianist.name()) {
+        anyhow::bail!("{} is the table of another player: choose another file with -o", out.display());
+    }
     let grid = GridConfig { worlds: args.worlds as usize, intensity: args.intensity, seed: args.seed };
     let stop = stop_flag()?;
     let bar = bar(u64::from(args.worlds) + 1, "{pos} worlds  {eta} left", args.json);

@@ -90,8 +90,9 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
         ))?;
     }
     for (what, errors) in [("fitted", &report.fit_errors), ("held out", &report.held_out_errors)] {
-        if !errors.joints.is_empty() {
-            let [before, after] = errors.fingers.map(|rad| rad * 1e3);
+        let [before, after] = errors.fingers.map(|rad| rad * 1e3);
+        // Without fingers that move there is nothing to say of them.
+        if before > 0.0 {
             line(format!(
                 "{what:<18} fingers {before:.2} → {after:.2} mrad ({:.1} times less; noise {:.2})",
                 before / after,

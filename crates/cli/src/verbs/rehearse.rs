@@ -74,7 +74,7 @@ pub struct Args {
     /// End each fit of the identification after this many evaluations
     #[arg(long, value_parser = clap::value_parser!(u64).range(1..))]
     evaluations: Option<u64>,
-    /// After the rounds, learn on the robot itself for so many minutes of playing: the best round's policy plays in joint-mirroring, or in
+    /// After the rounds, learn on the robot itself for so many minutes of playing: the policy of round 0 plays in joint-mirroring, or in
     /// hybrid with --mode hybrid, and what the joints missed, and keys that sounded wrongly, correct the next run. At least three runs; homing
     /// and the performances at the end are not counted. With --rounds 0 nothing is fitted
     #[arg(long, value_name = "MINUTES", value_parser = minutes)]
@@ -139,10 +139,12 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
     let mut page = page.checked()?;
     let best = best_round(&rounds);
     let there = folder.join("adaptation");
-    let adapted = match (args.adapt, best) {
-        (Some(minutes), Some(best)) => {
+    // The first policy, whatever plays best: one that was trained in a fitted simulator plays worse in this way
+    // (docs/results/adaptation.md).
+    let adapted = match (args.adapt, rounds.first()) {
+        (Some(minutes), Some(first)) => {
             let adaptation = AdaptConfig {
-                policy: best.policy.clone(),
+                policy: first.policy.clone(),
                 mode: mirrored(config.mode),
                 minutes,
                 runs: config.runs,
@@ -151,7 +153,7 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
             let mut tell = |step: &AdaptStep| show_adapting(&mut status, step, config.runs);
             Some(adapt_on_robot(&song, &rig, &adaptation, &there, &mut Job::new(&mut tell, &stop))?)
         }
-        (None, Some(best)) => adapted_before(&there, &best.policy)?,
+        (None, Some(first)) => adapted_before(&there, &first.policy)?,
         _ => None,
     };
     if let Some(adapted) = &adapted {

@@ -294,7 +294,7 @@ fn monitor(args: &MonitorArgs) -> anyhow::Result<Ending> {
         }
         std::thread::sleep(Duration::from_millis(2));
     }
-    Ok(Ending::Done)
+    Ok(if stop.load(Ordering::Relaxed) { Ending::Stopped } else { Ending::Done })
 }
 
 fn print_seen(monitor: &Monitor, now: Duration, as_json: bool) -> anyhow::Result<()> {

@@ -65,5 +65,5 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
             "warning: the machine was busy, and the twin's world stood still for {lost:.2} s"
         ));
     }
-    Ok(Ending::Done)
+    Ok(Ending::Stopped)
 }

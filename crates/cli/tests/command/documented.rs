@@ -144,6 +144,14 @@ fn the_sight_reader_plays_what_the_documents_say() {
     for (row, song) in built_in.chain(files) {
         let report = Desk::new().json(&format!("play {song} --policy {} -o out --json", policy.display()));
         let said: Vec<&str> = table.text(&row, "sight-reader: notes; onset F1; F1").split("; ").collect();
+        let (right, wrong) = said[0].split_once(", ").unwrap();
+        let [right, wrong] = [right, wrong].map(leading_number);
+        let [is_right, is_wrong] = ["matched", "wrong"].map(|key| report[key].as_f64().unwrap());
+        assert!(
+            is_right >= right - RIGHT && is_wrong <= wrong + WRONG,
+            "{row}: {}, but it is {is_right}, {is_wrong}",
+            said[0]
+        );
         for (said, key, tolerance) in [(said[1], "onset_f1", 2.0 * SCORE), (said[2], "f1", SCORE)] {
             let (said, played) = (leading_number(said), report[key].as_f64().unwrap());
             assert!(played >= said - tolerance, "{row}, {key}: {said}, but it is {played}");

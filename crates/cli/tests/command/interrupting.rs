@@ -104,6 +104,37 @@ fn a_closed_terminal_stops_as_ctrl_c_does() {
     }
 }
 
+/// Ctrl-C as soon as a command handles it, also if nobody reads what it prints.
+#[test]
+fn ctrl_c_has_one_code_in_every_long_command() {
+    let desk = Desk::new();
+    desk.ok("record --robot twin --excitation rail -o rail.mcap");
+    desk.ok("play ode-to-joy --scripted -o out");
+    let mut commands = vec![
+        "perform ode-to-joy --scripted -o robot",
+        "record --robot twin --secs 600 -o still.mcap",
+        "evaluate ode-to-joy --scripted --worlds 100000",
+        "identify rail.mcap -o fit",
+        "rehearse ode-to-joy --rounds 1",
+        "gallery out -o gallery",
+        "train ode-to-joy -o run",
+        "experiment run songs --runs trials",
+        "robot check --robot twin --wiggle",
+        "twin -o served",
+    ];
+    if crate::replaying::draws(&desk) {
+        commands.push("render out -o film.mp4");
+    }
+    for args in commands {
+        let mut child = desk.command(args).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
+        drop(child.stdout.take());
+        wait_for(args, || processes::catches_interrupts(child.id()));
+        processes::signal(child.id(), "INT");
+        let output = child.wait_with_output().unwrap();
+        assert_eq!(output.status.code(), Some(3), "{args}: {}", errors(&output));
+    }
+}
+
 #[test]
 fn a_video_that_is_interrupted_leaves_nothing() {
     let desk = Desk::new();

@@ -37,6 +37,15 @@ pub fn with_arguments(arguments: &[&str]) -> Vec<u32> {
     all().filter(has_them).collect()
 }
 
+/// Whether a process handles Ctrl-C by itself.
+pub fn catches_interrupts(id: u32) -> bool {
+    const INT: u32 = 2;
+    let text =
+        std::fs::read_to_string(Path::new("/proc").join(id.to_string()).join("status")).unwrap_or_default();
+    let caught = text.lines().find_map(|line| line.strip_prefix("SigCgt:"));
+    caught.is_some_and(|mask| u64::from_str_radix(mask.trim(), 16).unwrap() >> (INT - 1) & 1 == 1)
+}
+
 /// Sends a signal, such as `KILL`, to a process.
 pub fn signal(id: u32, name: &str) {
     signal_all(&[id], name);

@@ -126,6 +126,21 @@ fn a_rehearsal_that_was_killed_goes_on_to_the_same_end() {
         let take = format!("round-{round}/performance/run-1.wav");
         assert!(page.contains(&format!("src=\"{take}\"")) && desk.path("b").join(&take).is_file(), "{page}");
     }
+    // With drives that are fitted already only the keyboard is recorded, and a motion that is not fitted.
+    assert!(
+        rehearse("drives")
+            .args(["--simulator", "a/round-1/identified/identified.toml"])
+            .output()
+            .unwrap()
+            .status
+            .success()
+    );
+    let files =
+        std::fs::read_dir(desk.path("drives/excitation")).unwrap().map(|file| file.unwrap().file_name());
+    assert_eq!(
+        files.collect::<std::collections::BTreeSet<_>>(),
+        ["held-out.mcap", "keys.mcap"].map(Into::into).into()
+    );
     let changed = desk.command("rehearse short.mid --robot twin --rounds 1 --runs 2 -o a").output().unwrap();
     assert!(errors(&changed).contains("another rehearsal"), "{}", errors(&changed));
 }
@@ -181,6 +196,13 @@ fn playing_is_adapted_on_the_robot_itself_and_a_kill_changes_nothing() {
     for place in ["run-01/run-1.mcap", "run-02/adapted.json", "run-07/adapted.json", "performance/run-2.mcap"]
     {
         interrupt_at(adapt("b"), &desk.path("b/there/adaptation").join(place), "-KILL");
+    }
+    // And at any other moment; the times are spread over its duration and the same in each run.
+    for kill in 0_u64..8 {
+        let mut child = adapt("b").stdout(Stdio::null()).stderr(Stdio::null()).spawn().unwrap();
+        sleep(Duration::from_millis(30 + 997 * kill * kill % 1_500));
+        let _ = child.kill();
+        child.wait().unwrap();
     }
     assert_eq!(finish("b"), report);
     let correction = "there/adaptation/correction.json";

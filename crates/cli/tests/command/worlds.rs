@@ -1,9 +1,8 @@
 //! `etude evaluate`: one policy in many worlds.
 
-use std::process::{Command, Stdio};
-use std::time::Duration;
+use std::process::Stdio;
 
-use crate::{Desk, csv, errors, succeed};
+use crate::{Desk, csv, errors, processes, succeed, wait_for};
 
 #[test]
 fn the_table_holds_what_the_summary_says() {
@@ -14,6 +13,7 @@ fn the_table_holds_what_the_summary_says() {
     let rows = csv(&desk.bytes("table/worlds.csv"));
     let scores = [
         "world",
+        "player",
         "f1",
         "precision",
         "recall",
@@ -26,12 +26,12 @@ fn the_table_holds_what_the_summary_says() {
     assert_eq!((rows.len(), &rows[0][..scores.len()]), (13, scores.map(String::from).as_slice()));
     // The paper's quantities: five of the world, two of each of thirteen joints.
     assert_eq!(rows[0].len(), scores.len() + 5 + 26);
-    let mut f1: Vec<f64> = rows[1..].iter().map(|row| row[1].parse().unwrap()).collect();
+    let mut f1: Vec<f64> = rows[1..].iter().map(|row| row[2].parse().unwrap()).collect();
     f1.sort_by(f64::total_cmp);
     let close = |key: &str, value: f64| (printed[key].as_f64().unwrap() - value).abs() < 1e-12;
     assert!(close("mean_f1", f1.iter().sum::<f64>() / 12.0), "{printed}");
     assert!(close("worst_f1", f1[0]) && close("worst_decile_f1", (f1[0] + f1[1]) / 2.0), "{printed}");
-    let right: f64 = rows[1..].iter().map(|row| row[5].parse::<f64>().unwrap()).sum();
+    let right: f64 = rows[1..].iter().map(|row| row[6].parse::<f64>().unwrap()).sum();
     assert!(close("mean_notes_right", right / 12.0), "{printed}");
     assert!(close("nominal_f1", desk.json("play short.mid --policy run --json")["f1"].as_f64().unwrap()));
     assert_eq!(printed["marginals"].as_array().unwrap().len(), 31);
@@ -51,15 +51,29 @@ fn the_table_holds_what_the_summary_says() {
 }
 
 #[test]
+fn the_table_of_another_player_is_kept() {
+    let desk = Desk::new();
+    desk.ok("evaluate short.mid --scripted --worlds 1 -o worlds.csv");
+    let before = desk.bytes("worlds.csv");
+    desk.ok("evaluate short.mid --scripted --worlds 2 -o worlds.csv");
+    assert!(desk.bytes("worlds.csv").len() > before.len(), "its own table is replaced");
+    let before = desk.bytes("worlds.csv");
+    succeed(desk.tiny("short.mid -o run --json"));
+    let other = desk.command("evaluate short.mid --policy run --worlds 1 -o worlds.csv").output().unwrap();
+    assert!(
+        errors(&other).contains("worlds.csv is the table of another player: choose another file with -o")
+    );
+    assert!(!other.status.success() && desk.bytes("worlds.csv") == before);
+}
+
+#[test]
 fn an_interruption_ends_it_without_a_table() {
     let desk = Desk::new();
     let mut command = desk.command("evaluate short.mid --scripted --worlds 100000 -o worlds.csv");
     let child = command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
-    // The handler is there before the first world is; a signal before that ends it too, with another code.
-    std::thread::sleep(Duration::from_millis(500));
-    let sent = Command::new("sh").arg("-c").arg(format!("kill -INT {}", child.id())).status().unwrap();
-    assert!(sent.success());
+    wait_for("its handler is there", || processes::catches_interrupts(child.id()));
+    processes::signal(child.id(), "INT");
     let output = child.wait_with_output().unwrap();
-    assert!(matches!(output.status.code(), Some(3) | None), "{:?}: {}", output.status, errors(&output));
+    assert_eq!(output.status.code(), Some(3), "{}", errors(&output));
     assert!(output.stdout.is_empty() && !desk.path("worlds.csv").exists());
 }

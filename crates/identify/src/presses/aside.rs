@@ -12,8 +12,8 @@ use super::{Hand, Measured, Sample, bias, common, world};
 const PRESSES_M: f64 = 0.008;
 /// A target this far above it does not touch it yet, m.
 const CLEAR_M: f64 = 0.004;
-/// A press this far from the middle of a key is one beside its gap, m.
-const BESIDE_M: f64 = 0.003;
+/// A press farther than this from the middle of a key is one beside its gap, m.
+const OFF_MIDDLE_M: f64 = 0.003;
 /// Error of what a finger's presses have in common, half of a 95 % interval, m. [our judgement, from twins with known keyboards]
 const SHARED_M: f64 = 3e-4;
 
@@ -94,7 +94,7 @@ fn beside(hand: &Hand<'_>, finger: usize, [clear, last]: [usize; 2]) -> Option<B
     let from_gap = |key: usize| y - key_lateral(key) - WHITE_PITCH / 2.0;
     let lower = whites.clone().min_by(|a, b| from_gap(*a).abs().total_cmp(&from_gap(*b).abs()))?;
     let higher = whites.clone().find(|key| *key > lower)?;
-    if from_gap(lower).abs() > WHITE_PITCH / 2.0 - BESIDE_M {
+    if from_gap(lower).abs() > WHITE_PITCH / 2.0 - OFF_MIDDLE_M {
         return None;
     }
     let sounds = |key: usize| {
@@ -115,7 +115,7 @@ fn beside(hand: &Hand<'_>, finger: usize, [clear, last]: [usize; 2]) -> Option<B
 /// Whether a finger aims beside the middle of a key at a time.
 pub(super) fn is_beside(hand: &Hand<'_>, finger: usize, key: usize, secs: f64) -> bool {
     hand.target(finger, (secs * CONTROL_HZ) as usize)
-        .is_some_and(|tip| (tip[1] - key_lateral(key)).abs() > BESIDE_M)
+        .is_some_and(|tip| (tip[1] - key_lateral(key)).abs() > OFF_MIDDLE_M)
 }
 
 #[cfg(test)]

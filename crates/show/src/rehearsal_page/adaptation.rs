@@ -44,7 +44,7 @@ impl Adaptation {
             section {
                 h2 { "Learned on the robot itself" }
                 p {
-                    "The policy of round " (best.round) " was played " (adapted.adapting.len()) " times in " (adapted.mode) ". After each run, what the \
+                    "The policy of round 0 was played " (adapted.adapting.len()) " times in " (adapted.mode) ". After each run, what the \
                      joints missed corrected their set-points for the next one, and keys that sounded too short, not at all, or beside the right one \
                      changed where the fingers aim. What run " (kept) " played was kept: it was the best \
                      together with the runs beside it. "

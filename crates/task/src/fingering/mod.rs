@@ -60,6 +60,7 @@ pub struct Fingering {
     goals: Vec<Goals>,
     limits: Limits,
     poses: Option<Poses>,
+    rail_range: f64,
 }
 
 impl Fingering {
@@ -82,7 +83,18 @@ impl Fingering {
         let limits = planner::limits(&planner, &notes, piece.notes().len());
         let rail = rail_places(rail.lead_steps, &slices, &places, &notes, piece.steps());
         let goals = goals(&comb, &notes, piece.steps());
-        Self { notes, rail, goals, limits, poses: None }
+        Self { notes, rail, goals, limits, poses: None, rail_range: 0.0 }
+    }
+
+    /// The same with targets of the rail so far from its planned place, m.
+    #[must_use]
+    pub fn within(self, rail_range: f64) -> Self {
+        Self { rail_range, ..self }
+    }
+
+    /// How far the target of the rail may be from its planned place, m.
+    pub fn rail_range(&self) -> f64 {
+        self.rail_range
     }
 
     /// The same fingering, whose actions mean targets of finger joints at most `range` (rad) from the pose that holds the fingertips over

@@ -242,6 +242,22 @@ fn targets_of_the_fingers_are_around_the_pose_that_holds_them_over_their_goals()
 }
 
 #[test]
+fn targets_of_the_rail_are_around_its_planned_place() {
+    let (song, _) = two_notes();
+    for rail_range in [0.02, TaskConfig::default().rail_range] {
+        let config = TaskConfig { rail_range, ..with_fingering() };
+        let piece = Piece::for_task(&song, &config).unwrap();
+        let range = TargetRange::new(&piece);
+        for step in [FIRST.1, SECOND.1] {
+            let planned = piece.fingering().unwrap().rail_at(step);
+            assert_eq!(range.ends(RAIL, step), [planned - rail_range, planned + rail_range]);
+        }
+    }
+    let never = TaskConfig { rail_range: 0.0, ..with_fingering() };
+    assert!(never.check().unwrap_err().to_string().contains("task.rail_range = 0 must lie in 0.001"));
+}
+
+#[test]
 fn velocities_are_a_fourth_column_of_a_goal() {
     let note = |pitch, start_secs, velocity| Note { pitch, velocity, start_secs, end_secs: start_secs + 0.5 };
     let song = Song::new("soft and loud", vec![note(60, 0.0, 40), note(72, 1.0, 110)], 2.0).unwrap();

@@ -1,5 +1,6 @@
 //! `etude robot check`: brings a robot up, prints what it is, and on request turns each joint of its hand a little.
 
+use std::sync::atomic::Ordering;
 use std::time::Duration;
 
 use etude_lab::released;
@@ -10,7 +11,7 @@ use serde_json::json;
 use super::Rig;
 use crate::Ending;
 use crate::progress::stop_flag;
-use crate::verbs::{json as print_json, line};
+use crate::verbs::{json as print_json, line, note};
 
 #[derive(clap::Args)]
 pub struct Args {
@@ -36,7 +37,15 @@ pub fn run(args: &Args) -> anyhow::Result<Ending> {
         }
         fault => Ok((fault, None)),
     });
-    let (fault, wiggled) = released(&mut stand, wiggled)?;
+    let (fault, mut wiggled) = released(&mut stand, wiggled)?;
+    let is_stopped = interrupt.load(Ordering::Relaxed);
+    if is_stopped {
+        // The joint that was being turned had no time to arrive.
+        wiggled = wiggled.map(|mut found| {
+            found.pop_if(|joint| joint.problem().is_some());
+            found
+        });
+    }
     let robot = &stand.robot;
     let (hand, arm, place) = (robot.hand().information(), robot.arm(), robot.place());
     let version = arm.version().map(|version| version.text.clone());
@@ -86,6 +95,12 @@ pub fn run(args: &Args) -> anyhow::Result<Ending> {
                 joint.problem().map(|problem| format!(": {problem}")).unwrap_or_default()
             ))?;
         }
+    }
+    if is_stopped {
+        if let Some(fault) = fault {
+            note(format!("the robot stopped itself: {fault}"));
+        }
+        return Ok(Ending::Stopped);
     }
     let found = wiggled.unwrap_or_default();
     let wrong = found.iter().filter_map(|joint| Some(format!("joint {} {}", joint.joint, joint.problem()?)));
