@@ -9,13 +9,18 @@ use crate::config::RunConfig;
 use crate::folder::policy_in;
 use crate::pianist::open;
 
-/// `config` for a training that begins with what the run or policy at `source` has learned. If that is a sight-reader, the
-/// training has its networks, its observation and its plan, which it has learned to play.
-pub fn beginning_with(config: RunConfig, source: &Path) -> RunConfig {
+/// `config` for a training that begins with what the run or policy at `source` has learned. The range of the rail's targets is that of
+/// the source, whose actions have no meaning in another one. If the source is a sight-reader, the training has its networks, its
+/// observation and its plan too, which it has learned to play.
+pub fn beginning_with(mut config: RunConfig, source: &Path) -> RunConfig {
     let file = if source.is_dir() { policy_in(source) } else { Some(source.to_path_buf()) };
     match file.and_then(|file| open(&file).ok()).map(|pianist| pianist.config) {
         Some(theirs) if theirs.corpus.is_some() => in_the_form_of(config, &theirs),
-        _ => config,
+        Some(theirs) => {
+            config.task.rail_range = theirs.task.rail_range;
+            config
+        }
+        None => config,
     }
 }
 
@@ -95,4 +100,22 @@ pub(crate) fn warm_start(
     }
     warm.check(&config.droq, &*parts.environment)?;
     Ok(warm)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::config::{DEFAULT_PRESET, resolve};
+    use crate::pianist::shipped_policy;
+
+    /// Policies of before have more room for the rail than the preset, and are trained further all the same.
+    #[test]
+    fn a_training_has_the_rails_range_of_the_policy_that_it_begins_with() {
+        let fast = resolve(DEFAULT_PRESET, None, &[]).unwrap();
+        let range = |song: &str| beginning_with(fast.clone(), &shipped_policy(song).unwrap()).task.rail_range;
+        assert_eq!(range("chord-progression"), 0.04);
+        assert_eq!(range("twinkle"), fast.task.rail_range);
+        assert_eq!(range(crate::SIGHT_READER), 0.04);
+        assert_eq!(beginning_with(fast.clone(), Path::new("nowhere")), fast);
+    }
 }

@@ -39,8 +39,8 @@ pub struct Args {
     #[arg(short = 'o', long = "out", value_name = "DIR", conflicts_with = "resume")]
     out: Option<PathBuf>,
     /// Begin with what this run or policy file has learned of the song, in whatever physics: from a run the last policy with its
-    /// critics, from a file the actor alone. Replay and optimiser are new. `sight-reader` is the policy that comes with Étude for
-    /// pieces without one of their own; networks and observation are then its own
+    /// critics, from a file the actor alone. Replay and optimiser are new, and task.rail_range is that of the source. `sight-reader` is
+    /// the policy that comes with Étude for pieces without one of their own; networks and observation are then its own
     #[arg(long, value_name = "PATH", conflicts_with = "resume")]
     from: Option<PathBuf>,
     /// Continue the run in this folder, bit for bit; --set may change its steps, intervals and threads, nothing else

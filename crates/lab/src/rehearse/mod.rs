@@ -30,6 +30,7 @@ use crate::identify::{Identification, IdentifyReport, identify_robot};
 use crate::pianist::load_pianist;
 use crate::robot::{RobotPlay, RobotReport, RobotStep, all_complete, play_on_robot};
 use crate::run::{Run, TrainingProgress};
+use crate::warm::beginning_with;
 
 pub use round::{RehearsalConfig, Round, best_round, name_the_lead};
 
@@ -252,6 +253,9 @@ impl Rehearsal<'_> {
             config.trainer.total_steps = round::steps_of(&config, &self.config.overrides);
         }
         let source = best.map(|best| best.policy.as_path());
+        if let Some(source) = source {
+            config = beginning_with(config, source);
+        }
         let command = format!("etude rehearse, round {round}");
         let song = config.corpus.is_none().then(|| self.song.clone());
         let mut run = Run::start_or_resume(song, config, &folder, &command, source)?;
