@@ -14,14 +14,11 @@ use crate::pianist::open;
 /// observation and its plan too, which it has learned to play.
 pub fn beginning_with(mut config: RunConfig, source: &Path) -> RunConfig {
     let file = if source.is_dir() { policy_in(source) } else { Some(source.to_path_buf()) };
-    match file.and_then(|file| open(&file).ok()).map(|pianist| pianist.config) {
-        Some(theirs) if theirs.corpus.is_some() => in_the_form_of(config, &theirs),
-        Some(theirs) => {
-            config.task.rail_range = theirs.task.rail_range;
-            config
-        }
-        None => config,
-    }
+    let Some(theirs) = file.and_then(|file| open(&file).ok()).map(|pianist| pianist.config) else {
+        return config;
+    };
+    config.task.rail_range = theirs.task.rail_range;
+    if theirs.corpus.is_some() { in_the_form_of(config, &theirs) } else { config }
 }
 
 /// `config` with the networks and the observation of `other`, and its plan, so that a training can begin with what that one has learned.
@@ -34,7 +31,6 @@ fn in_the_form_of(mut config: RunConfig, other: &RunConfig) -> RunConfig {
     task.fingering = other.fingering;
     task.change_steps = other.change_steps;
     task.finger_range = other.finger_range;
-    task.rail_range = other.rail_range;
     task.velocities = other.velocities;
     task.view = other.view;
     task.rail_set_point = other.rail_set_point;

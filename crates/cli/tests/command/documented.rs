@@ -81,6 +81,12 @@ fn leading_number(text: &str) -> f64 {
     text[..end].parse().unwrap_or_else(|_| panic!("`{text}` begins with no number"))
 }
 
+/// Notes right and wrong of a cell: `15 of 15, 0` or `15 of 15, 0 wrong`.
+fn right_and_wrong(cell: &str) -> [f64; 2] {
+    let (right, wrong) = cell.split_once(", ").unwrap();
+    [right, wrong].map(leading_number)
+}
+
 /// Checks a table of `scripts/notes_table.py`: `player` chooses who plays.
 fn check_notes(table: &Table, player: impl Fn(&str) -> String) {
     for song in etude_music::repertoire::ids() {
@@ -144,8 +150,7 @@ fn the_sight_reader_plays_what_the_documents_say() {
     for (row, song) in built_in.chain(files) {
         let report = Desk::new().json(&format!("play {song} --policy {} -o out --json", policy.display()));
         let said: Vec<&str> = table.text(&row, "sight-reader: notes; onset F1; F1").split("; ").collect();
-        let (right, wrong) = said[0].split_once(", ").unwrap();
-        let [right, wrong] = [right, wrong].map(leading_number);
+        let [right, wrong] = right_and_wrong(said[0]);
         let [is_right, is_wrong] = ["matched", "wrong"].map(|key| report[key].as_f64().unwrap());
         assert!(
             is_right >= right - RIGHT && is_wrong <= wrong + WRONG,
@@ -164,13 +169,12 @@ fn the_sight_reader_plays_what_the_documents_say() {
     let readme = document("README.md");
     let row = "| the paper's five songs, *at sight* |";
     let row = cells(readme.lines().find(|line| line.starts_with(row)).expect("README.md has such a row"));
-    let (notes, wrong) = row[1].split_once(", ").unwrap();
-    let [said_right, said_wrong, said_f1] = [notes, wrong, row[2].as_str()].map(leading_number);
-    assert!(notes.ends_with(&format!("of {}", sum(0) + sum(1))), "README.md: {notes}");
+    let [said_right, said_wrong] = right_and_wrong(&row[1]);
+    assert!(row[1].contains(&format!("of {}, ", sum(0) + sum(1))), "README.md: {}", row[1]);
     for (what, said, played, tolerance) in [
         ("right", said_right, sum(0), 2.0 * RIGHT),
         ("wrong", said_wrong, sum(2), 2.0 * WRONG),
-        ("F1", said_f1, sum(3) / five.len() as f64, SCORE),
+        ("F1", leading_number(&row[2]), sum(3) / five.len() as f64, SCORE),
     ] {
         assert!(
             (said - played).abs() <= tolerance,
@@ -210,8 +214,7 @@ fn the_shipped_policies_play_on_the_twin_what_the_documents_say() {
         let played = [number("onset_f1"), number("robot_f1")];
         let within = |at: usize, most: f64| (said[at] - played[at]).abs() <= most;
         assert!(within(0, 2.0 * SCORE) && within(1, SCORE), "{song}: {said:?}, but it is {played:?}");
-        let (notes, wrong) = parts[0].split_once(", ").unwrap();
-        let [right, wrong] = [notes, wrong].map(leading_number);
+        let [right, wrong] = right_and_wrong(parts[0]);
         assert!(
             (right - number("notes_right")).abs() <= RIGHT,
             "{song}: {right} right, but {}",
@@ -240,8 +243,8 @@ fn the_sums_in_the_documents_are_those_of_the_tables() {
     let twin = Table::read("docs/results/robot.md", "| song | simulation | joint-mirroring |");
     let on_twin = PAPER_SONGS.map(|song| {
         let parts: Vec<_> = twin.text(song, "real").split("; ").collect();
-        let (right, wrong) = parts[0].split_once(", ").unwrap();
-        [right, wrong, parts[3]].map(leading_number)
+        let [right, wrong] = right_and_wrong(parts[0]);
+        [right, wrong, leading_number(parts[3])]
     });
     let twin_sum = |column: usize| on_twin.iter().map(|song| song[column]).sum::<f64>();
     let (twin_right, twin_wrong, twin_f1) = (twin_sum(0), twin_sum(1), twin_sum(2) / on_twin.len() as f64);

@@ -39,12 +39,9 @@ pub fn run(args: &Args) -> anyhow::Result<Ending> {
     });
     let (fault, mut wiggled) = released(&mut stand, wiggled)?;
     let is_stopped = interrupt.load(Ordering::Relaxed);
-    if is_stopped {
+    if is_stopped && let Some(found) = &mut wiggled {
         // The joint that was being turned had no time to arrive.
-        wiggled = wiggled.map(|mut found| {
-            found.pop_if(|joint| joint.problem().is_some());
-            found
-        });
+        found.pop_if(|joint| joint.problem().is_some());
     }
     let robot = &stand.robot;
     let (hand, arm, place) = (robot.hand().information(), robot.arm(), robot.place());
