@@ -17,7 +17,7 @@ help:
 	@echo "make build   the etude command, optimised, at $(ETUDE), and its manual pages in target/man"
 	@echo "make wheel   the Python package as a wheel in target/wheels"
 	@echo "make bench   speed of simulation, learner and both, in turns with JAX, PyTorch, RoboPianist and others"
-	@echo "make test-heavy  every experiment of the paper in its smallest form, and a rehearsal that is killed and resumed"
+	@echo "make test-heavy  every experiment of the paper in its smallest form, rehearsals, and the commands of the book for a robot"
 	@echo "make test-sb3  the adapter for Stable-Baselines3, and SBX's DroQ through it (six gigabytes, for a while)"
 	@echo "make test-kernel  the robot's drivers on a real kernel's CAN and MIDI, in QEMU (skips with a reason without it)"
 	@echo "make book    the documentation as a book in target/book (installs mdBook into .mdbook on first use)"

@@ -9,8 +9,10 @@ ColorManagement.enabled = false;
 /** Okabe and Ito's colours, told apart by every kind of colour vision; the same in light and dark. */
 export const RIGHT = '#0072B2';
 export const OFF = '#CC79A7';
-export const MISSED = '#E69F00';
-export const WRONG = '#D55E00';
+export const MISSED = '#D55E00';
+export const WRONG = '#E69F00';
+export const FAULT = MISSED;
+export const WARNING = WRONG;
 export const DUE = '#56B4E9';
 
 const scheme = matchMedia('(prefers-color-scheme: dark)');

@@ -2,12 +2,12 @@
 
 import { drawingOn, hatching } from './canvas.js';
 import { clockText, element } from './dom.js';
-import { MISSED, WRONG, theme } from './theme.js';
+import { FAULT, WARNING, theme } from './theme.js';
 
 /** Colour, shape and name of each kind of mark. */
 const KINDS = {
-  fault: { colour: WRONG, shape: 'triangle', one: 'fault', many: 'faults' },
-  warning: { colour: MISSED, shape: 'diamond', one: 'warning', many: 'warnings' },
+  fault: { colour: FAULT, shape: 'triangle', one: 'fault', many: 'faults' },
+  warning: { colour: WARNING, shape: 'diamond', one: 'warning', many: 'warnings' },
   clamp: { colour: '#808080', shape: 'tick', one: 'stretch of limited set-points', many: 'stretches of limited set-points' },
   phase: { colour: '#009E73', shape: 'flag', one: 'phase', many: 'phases' },
   parting: { colour: '#808080', shape: 'band', one: 'place where A and B sound different keys', many: 'places where A and B sound different keys' },

@@ -11,11 +11,12 @@ use std::fs::File;
 use std::path::{Path, PathBuf};
 
 use anyhow::bail;
+use serde_json::Value;
 
 use crate::errors::{Interrupted, unusable};
 use crate::folder::{lock, make_folder};
 use crate::kept::Kept;
-use crate::play::{Files, PAGE, RECORDING, REFERENCE, REPORT};
+use crate::play::{Files, PAGE, RECORDING, REFERENCE, REPORT, write_report};
 use crate::robot::run_file;
 
 /// Name of the folder in which the earlier performance is while a new one is played.
@@ -70,7 +71,12 @@ pub(crate) fn replacing<T>(
                 Err(error.context(format!("the performance of before is in {}: {why}", aside.display())))
             }
         },
-        Err(error) => Err(with_recording(error, folder)),
+        Err(error) if folder.join(run_file(0, "mcap")).is_file() => Err(with_recording(error, folder)),
+        Err(error) => {
+            // What is there without a recording is of no use.
+            let _ = remove_performance(folder);
+            Err(error)
+        }
     }
 }
 
@@ -131,7 +137,28 @@ pub(crate) fn move_performance(from: &Path, to: &Path) -> anyhow::Result<bool> {
     for name in &names {
         std::fs::rename(from.join(name), to.join(name)).map_err(|error| unusable(from, error))?;
     }
+    // If it cannot be written, its scores are right all the same.
+    let _ = rename_in_report(from, to);
     Ok(true)
+}
+
+/// Names the files in the report of a performance as they are in `to`, where it has been moved.
+fn rename_in_report(from: &Path, to: &Path) -> anyhow::Result<()> {
+    fn rename(value: &mut Value, from: &Path, to: &Path) {
+        match value {
+            Value::String(text) => {
+                if let Ok(file) = Path::new(text.as_str()).strip_prefix(from) {
+                    *text = to.join(file).display().to_string();
+                }
+            }
+            Value::Array(values) => values.iter_mut().for_each(|value| rename(value, from, to)),
+            Value::Object(fields) => fields.values_mut().for_each(|value| rename(value, from, to)),
+            _ => {}
+        }
+    }
+    let mut report: Value = serde_json::from_slice(&std::fs::read(to.join(REPORT))?)?;
+    rename(&mut report, from, to);
+    write_report(to, &report)
 }
 
 /// Removes the files of a performance.

@@ -90,8 +90,15 @@ mod tests {
         std::fs::create_dir_all(folder).unwrap();
         std::fs::write(folder.join("recording.mcap"), player).unwrap();
         std::fs::write(folder.join("worlds.csv"), "of the user").unwrap();
-        let report = serde_json::json!({ "song": song, "player": player });
+        let files = serde_json::json!({ "recording": folder.join("recording.mcap") });
+        let report = serde_json::json!({ "song": song, "player": player, "runs": [{ "files": files }] });
         std::fs::write(folder.join(REPORT), report.to_string()).unwrap();
+    }
+
+    /// The recording that the report in `folder` names.
+    fn recording(folder: &Path) -> String {
+        let report: Value = serde_json::from_slice(&std::fs::read(folder.join(REPORT)).unwrap()).unwrap();
+        report["runs"][0]["files"]["recording"].as_str().unwrap().to_string()
     }
 
     fn player_in(folder: &Path) -> Option<String> {
@@ -110,6 +117,7 @@ mod tests {
         let kept = moved("Twinkle", "policies/twinkle.safetensors").unwrap();
         assert_eq!(kept.folder, root.path().join("twinkle-mine"));
         assert_eq!(player_in(&kept.folder).as_deref(), Some(MINE));
+        assert_eq!(recording(&kept.folder), kept.folder.join("recording.mcap").display().to_string());
         assert_eq!(player_in(&folder), None);
         assert!(folder.join("worlds.csv").is_file(), "not of a performance");
         assert_eq!(moved("Twinkle", "scripted"), None, "nothing is there");
@@ -120,6 +128,7 @@ mod tests {
         assert_eq!(other.folder, root.path().join("twinkle-mine-2"));
         other.move_back(&folder).unwrap();
         assert!(!other.folder.exists() && player_in(&folder).is_some());
+        assert_eq!(recording(&folder), folder.join("recording.mcap").display().to_string());
     }
 
     #[test]

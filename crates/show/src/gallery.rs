@@ -165,7 +165,7 @@ fn index(exhibits: &[Exhibit]) -> String {
     let body = html! {
         p {
             "A picture leads to its replay: the hand in motion, what was due and what was played, and the sound. In the piano roll below a \
-             picture, a right note is filled, one too early or too late is pale in a purple frame, a missed one is hatched in orange, and a wrong stroke is a narrow red bar."
+             picture, a right note is filled, one too early or too late is pale in a purple frame, a missed one is hatched in red, and a wrong stroke is a narrow orange bar."
         }
         div.cards {
             @for exhibit in exhibits {

@@ -15,8 +15,8 @@ const LEAST_ROWS: u8 = 13;
 /// Okabe and Ito's colours, told apart by every kind of colour vision, as on the replay page (`viewer/src/theme.js`).
 pub(crate) const RIGHT: [u8; 3] = [0x00, 0x72, 0xb2];
 pub(crate) const OFF: [u8; 3] = [0xcc, 0x79, 0xa7];
-pub(crate) const MISSED: [u8; 3] = [0xe6, 0x9f, 0x00];
-pub(crate) const WRONG: [u8; 3] = [0xd5, 0x5e, 0x00];
+pub(crate) const MISSED: [u8; 3] = [0xd5, 0x5e, 0x00];
+pub(crate) const WRONG: [u8; 3] = [0xe6, 0x9f, 0x00];
 /// A stroke that is not judged.
 const PLAYED: [u8; 3] = [0x62, 0x65, 0x6b];
 pub(crate) const DUE: [u8; 3] = [0x56, 0xb4, 0xe9];

@@ -16,7 +16,7 @@ use etude_emulators::{
 };
 use etude_music::KEYS;
 use etude_robot::allegro::HandSide;
-use etude_robot::calibration::{Calibration, CalibrationError, Point, RailPath};
+use etude_robot::calibration::{Calibration, CalibrationError, Point, RailPath, RailPlace};
 use etude_robot::joints::{FINGER_JOINTS, RAIL, to_wire};
 use etude_robot::setting::SettingError;
 use etude_robot::xarm::kinematics::PAPER_HOME_DEG;
@@ -34,6 +34,8 @@ use crate::truth::Truth;
 /// Where the flange stands over the middle key, mm, and how it is turned, degrees: the paper's C3 (lasr-lab/learning-to-play-piano).
 const MIDDLE_MM: [f64; 3] = [485.0, -2.83, 170.51];
 const ORIENTATION_DEG: [f64; 3] = [-90.0, 225.0, -90.0];
+/// An arm that is no farther from its path along the keys is at them, m.
+const AT_THE_KEYS_M: f64 = 0.005;
 /// The keys that a calibration shows: the outer Cs and the middle one.
 pub const SHOWN_KEYS: [usize; 3] = [0, 24, KEYS - 1];
 
@@ -68,6 +70,8 @@ pub struct Twin {
     pub devices: Devices,
     thumb: FreeHand,
     rail: f64,
+    /// How high the arm holds the hand over its place at the keys, m.
+    lift: f64,
     now: Duration,
 }
 
@@ -107,6 +111,7 @@ impl Twin {
             encoders: Encoders::new(&numbers.hand),
             keys: Keys::new(&numbers.keys, numbers.second_contacts(&params)),
             rail: path.place(&arm.joints()).rail_m,
+            lift: 0.0,
             path,
             devices: Devices {
                 hand: HandEmulator::new(&hand),
@@ -121,6 +126,7 @@ impl Twin {
         let mut pose = [0.0; JOINTS];
         pose[RAIL] = twin.rail;
         twin.world.reset_to(&pose);
+        twin.raise(lift(&twin.path.place(&twin.devices.arm.joints())));
         twin.show_joints();
         Ok(twin)
     }
@@ -147,9 +153,11 @@ impl Twin {
     /// What the drives do to the world's joints.
     fn torques(&mut self) -> [f64; JOINTS] {
         let duty = self.devices.hand.pwm();
-        let rail = self.path.place(&self.devices.arm.joints()).rail_m;
+        let place = self.path.place(&self.devices.arm.joints());
+        let rail = place.rail_m;
         let speed = (rail - self.rail) / STEP.as_secs_f64();
         self.rail = rail;
+        self.raise(lift(&place));
         let (joints, velocities) = (self.world.joints(), self.world.joint_velocities());
         let arm = &self.truth.numbers.arm;
         std::array::from_fn(|joint| {
@@ -166,9 +174,17 @@ impl Twin {
     fn drive(&mut self, torques: &[f64; JOINTS]) {
         self.world.set_joint_friction(&self.drives.friction(&self.world.joint_velocities()));
         if let Some(offset) = self.mount.offset(self.world.joints()[RAIL]) {
-            self.world.set_hand_offset(offset);
+            self.world.set_hand_offset(raised(offset, self.lift));
         }
         self.world.drive(torques);
+    }
+
+    /// Holds the hand higher or lower.
+    fn raise(&mut self, lift: f64) {
+        if lift != self.lift {
+            self.lift = lift;
+            self.world.set_hand_offset(raised([0.0; 3], lift));
+        }
     }
 
     /// Sets the measured positions of the hand.
@@ -199,6 +215,16 @@ impl Twin {
     pub fn joint_velocities(&self) -> [f64; JOINTS] {
         self.world.joint_velocities()
     }
+}
+
+/// How high a hand is held whose arm is off its path along the keys, m: the world's hand moves along the keys and up only, so any distance
+/// counts as height.
+fn lift(place: &RailPlace) -> f64 {
+    (place.beside_m - AT_THE_KEYS_M).max(0.0)
+}
+
+fn raised([toward, along, up]: [f64; 3], lift: f64) -> [f64; 3] {
+    [toward, along, up + lift]
 }
 
 /// The calibration that a careful operator would make of a twin's keyboard.

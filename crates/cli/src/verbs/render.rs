@@ -16,7 +16,7 @@ use crate::status::Status;
 /// What to draw, from where, and where it goes.
 #[derive(clap::Args)]
 #[command(after_help = "\
-Keys light up as on the replay page: light blue due, blue right, red wrong, orange missed. Below runs the piano roll. Drawing needs no screen: a GPU is used if there is one, otherwise Mesa on the processor. Videos are made by ffmpeg, with the sound; \
+Keys light up as on the replay page: light blue due, blue right, orange wrong, red missed. Below runs the piano roll. Drawing needs no screen: a GPU is used if there is one, otherwise Mesa on the processor. Videos are made by ffmpeg, with the sound; \
 without ffmpeg the pictures and the sound go into a folder, with the command that makes a video of them.
 
 Examples:

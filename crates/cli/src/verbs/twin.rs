@@ -51,13 +51,13 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
     let ports = if args.arm_ports { ArmPorts::default() } else { ArmPorts::FREE };
     let mut server = TwinServer::open(&truth, &RigConfig::default(), &args.out, ports)?;
     let stop = stop_flag()?;
-    if args.json {
-        line(json!({ "rig": server.rig() }))?;
+    // It serves whether anybody reads this or not.
+    let _ = if args.json {
+        line(json!({ "rig": server.rig() }))
     } else {
         let rig = shell_word(server.rig().display());
-        line(format!("The twin `{}` is ready: --robot {rig}", truth.name()))?;
-        line("Ctrl-C ends it")?;
-    }
+        line(format!("The twin `{}` is ready: --robot {rig}\nCtrl-C ends it", truth.name()))
+    };
     server.serve(&stop)?;
     if !server.lost().is_zero() {
         let lost = server.lost().as_secs_f64();

@@ -34,10 +34,16 @@ impl Served {
     }
 
     fn with_fault(desk: &Desk, fault: Option<&str>) -> Self {
+        let fault = fault.map_or_else(String::new, |fault| format!(" --fault {fault}"));
+        Self::of(desk, &format!("twin -o twin --truth mild{fault}"))
+    }
+
+    /// What `etude` with `args` serves.
+    pub fn of(desk: &Desk, args: &str) -> Self {
         let alone = ALONE.lock().unwrap_or_else(PoisonError::into_inner);
-        let mut command = desk.command("twin -o twin --truth mild --json");
-        command.args(fault.iter().flat_map(|fault| ["--fault", fault]));
-        let mut process = command.stdout(Stdio::piped()).stderr(Stdio::null()).spawn().unwrap();
+        let mut command = desk.command(args);
+        let command = command.arg("--json").stdout(Stdio::piped()).stderr(Stdio::null());
+        let mut process = command.spawn().unwrap();
         let mut line = String::new();
         BufReader::new(process.stdout.take().unwrap()).read_line(&mut line).unwrap();
         let ready: Value = serde_json::from_str(&line).unwrap();

@@ -24,7 +24,7 @@ mod state;
 pub use config::HandConfig;
 pub use driver::Hand;
 pub use fault::HandFault;
-pub use fingers::tip_depths;
+pub use fingers::{PLAYING, tip_depths};
 pub use gravity::holding_torques;
 pub use joint_loop::{JointLoop, JointLoopConfig};
 pub use limits::{

@@ -222,7 +222,7 @@ impl Robot {
         self.following.take(at, &positions, &reference, &self.config.limits);
         let wanted = self.joint_loop.pwm(at, &positions, &reference, self.palm_down);
         let pwm = self.hand.torque(now, &wanted, frames);
-        self.doubts.hand(at, &positions, &reference, &pwm);
+        self.doubts.hand(at, &positions, &reference, &pwm, self.may_press(&positions));
         self.journal.push(Record::Hand { at, positions, reference, wanted, pwm });
     }
 }

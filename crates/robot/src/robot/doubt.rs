@@ -8,7 +8,7 @@ use std::time::Duration;
 
 use super::turning::Turning;
 use super::warmth::Warmth;
-use crate::allegro::JOINTS;
+use crate::allegro::{JOINTS, PLAYING};
 use crate::calibration::RailPlace;
 use crate::xarm::{kinematics, largest_turn};
 
@@ -189,15 +189,16 @@ impl Doubts {
         *self = Self { warmth: self.warmth, ..Self::default() };
     }
 
-    /// Takes a period's angles, where the joints were sent (rad), and the torques.
+    /// Takes a period's angles, where the joints were sent (rad), the torques, and which fingers may press a key.
     pub fn hand(
         &mut self,
         at: Duration,
         positions: &[f64; JOINTS],
         reference: &[f64; JOINTS],
         pwm: &[i16; JOINTS],
+        may_press: [bool; PLAYING],
     ) {
-        if let Some(doubt) = self.turning.take(at, positions, reference) {
+        if let Some(doubt) = self.turning.take(at, positions, reference, may_press) {
             self.found.get_or_insert(doubt);
         }
         let (positions, _) = positions.as_chunks::<4>();

@@ -66,11 +66,11 @@ impl Robot {
         Ok(())
     }
 
-    /// Sends the arm to a station as soon as the fingers are out of its way.
+    /// Sends the arm straight up, or to another station as soon as the fingers are out of its way.
     fn set_out(&mut self, now: Duration, station: Station) -> Result<(), Fault> {
         let Some(plan) = &mut self.plan else { return Ok(()) };
         let (joint, by_rad) = farthest(&self.hand.positions(), &self.axes.each_ref().map(Axis::position));
-        if by_rad > self.config.limits.start_finger_rad {
+        if station != Station::Up && by_rad > self.config.limits.start_finger_rad {
             let late = now > plan.arrived_by;
             return if late { Err(Fault::NotFollowing { joint, by_rad }) } else { Ok(()) };
         }

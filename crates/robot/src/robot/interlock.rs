@@ -2,7 +2,7 @@
 
 use super::Robot;
 use super::axes::RAIL_AXIS;
-use crate::allegro::tip_depths;
+use crate::allegro::{JOINTS, PLAYING, tip_depths};
 use crate::limiter::{Axis, Clamp};
 
 /// Largest lead of the rail's set-point over the arm, m: a tenth of a second at 0.6 m/s. Playing on the twin reaches 38 mm. The torque
@@ -16,6 +16,8 @@ pub const ROOTS_OVER_KEYS_M: f64 = 0.12 - 0.0225;
 /// A fingertip that is so far below the tops of the white keys is between two fences, m. Their tops are at 2 mm; a white key sounds at 3 mm
 /// where it is played.
 const BETWEEN_FENCES_M: f64 = 0.003;
+/// A fingertip that is no higher over the tops of the white keys may press a black one, m: those stand 12 mm over them and go down by 7 mm.
+const OVER_BLACK_M: f64 = 0.008;
 
 impl Robot {
     /// Why the rail's set-point brakes now, whatever is asked.
@@ -33,6 +35,12 @@ impl Robot {
     /// Whether a finger between two fences would be dragged along the keyboard too fast.
     pub(super) fn drags(&self, rail: &Axis) -> bool {
         rail.velocity().abs() > self.config.limits.key_down_rail_velocity && self.finger_is_down()
+    }
+
+    /// Which fingertips may press a key: friction and fences then hold the finger's rotation at the palm on both sides.
+    pub(super) fn may_press(&self, positions: &[f64; JOINTS]) -> [bool; PLAYING] {
+        let at_the_keys = self.arm_sent.is_some();
+        tip_depths(positions).map(|depth| at_the_keys && depth > ROOTS_OVER_KEYS_M - OVER_BLACK_M)
     }
 
     /// Whether a key sounds, or a fingertip is as low as between two fences: a keyboard that is silent does not show the latter.

@@ -54,7 +54,7 @@ use crate::wires::Wires;
 use crate::xarm::{Arm, ArmFault, kinematics};
 use axes::{AXES, RAIL_AXIS, all_axes, driven, period};
 use doubt::Doubts;
-use following::Following;
+use following::{Following, farthest};
 use motion::{Easing, SlowMove, Stretch};
 use plan::{Plan, Station, check_fence};
 use record::Journal;
@@ -192,14 +192,16 @@ impl Robot {
     }
 
     /// Brings the robot slowly to a pose, from wherever it is: fingers straight, the arm over its home and from above
-    /// to the middle of the keyboard unless it is at the keyboard already, then fingers and rail to `goal`, or the
-    /// nearest that their ranges allow. From beside the keys the arm goes straight up first; it starts only when the
-    /// fingers are straight.
+    /// to the middle of the keyboard, then fingers and rail to `goal`, or the nearest that their ranges allow. If it is
+    /// at the keyboard and the fingers are near the goal, only fingers and rail move. From among the keys the arm goes
+    /// straight up first, which frees a finger that is caught; it goes on only when the fingers are straight.
     ///
     /// # Errors
     /// If the robot does not hold still, the goal is not finite, or the way would leave the arm's box.
     pub fn home(&mut self, now: Duration, goal: &[f64; DRIVEN]) -> Result<(), Refused> {
-        let station = if self.arm_sent.is_some() { None } else { Some(self.first_station()) };
+        let there = all_axes(goal, &self.config.limits.thumb_rad);
+        let is_near = farthest(&self.hand.positions(), &there).1 <= self.config.limits.start_finger_rad;
+        let station = if self.arm_sent.is_some() && is_near { None } else { Some(self.first_station()) };
         station.map_or(Ok(()), |station| self.check_way(station))?;
         self.slow_move(now, station, goal)
     }
@@ -235,9 +237,12 @@ impl Robot {
         let mut first = goal;
         if station.is_some() {
             first[..FINGER_JOINTS].copy_from_slice(&CLEAR_FINGERS);
-            // Away from the keyboard the rail's set-point moves nothing: it stands where the arm will arrive.
+            // Away from the keyboard the rail's set-point moves nothing. It goes to where the arm will arrive, slowly if it is that of an
+            // arm which leaves the keyboard now.
             first[RAIL] = self.path.place(self.path.middle()).rail_m;
-            self.axes[RAIL_AXIS].rest(first[RAIL]);
+            if self.arm_sent.take().is_none() {
+                self.axes[RAIL_AXIS].rest(first[RAIL]);
+            }
         }
         self.plan = Some(Plan::new(self.slowly(now, &first), station, goal));
         self.enter(now, Phase::Moving);

@@ -1,13 +1,14 @@
 //! Joints of the hand that are pushed both ways and do not turn: the encoder or the motor has failed, or something blocks the joint.
 //!
-//! A key or a stop holds a joint in one direction only. The thresholds are judgements: playing the shipped songs on the twin (`ideal`,
+//! A key or a stop holds a joint in one direction only; but a finger that presses a key is held by friction and by fences in its rotation at
+//! the palm, on both sides, and that is not watched then. The thresholds are judgements: playing the shipped songs on the twin (`ideal`,
 //! `standard` and `worn`, real execution), no joint stood for more than 0.054 s on either side. That a joint turns against its torque says
 //! nothing while it plays: keys push it by up to 1.6 rad.
 
 use std::time::Duration;
 
 use super::doubt::Doubt;
-use crate::allegro::JOINTS;
+use crate::allegro::{JOINTS, PLAYING};
 
 /// How far the reading of a joint that stands may wander, rad.
 const STANDS_RAD: f64 = 0.01;
@@ -31,19 +32,24 @@ pub(super) struct Turning {
 }
 
 impl Turning {
-    /// Takes a period's angles, and where the joints were sent (rad). The first joint that stands although it was pushed both ways, if any.
+    /// Takes a period's angles, where the joints were sent (rad), and which fingers may press a key. The first joint that stands although it
+    /// was pushed both ways, if any.
     pub fn take(
         &mut self,
         at: Duration,
         positions: &[f64; JOINTS],
         reference: &[f64; JOINTS],
+        may_press: [bool; PLAYING],
     ) -> Option<Doubt> {
         let secs = at.saturating_sub(self.at.unwrap_or(at)).as_secs_f64();
         self.at = Some(at);
         let mut found = None;
         let pairs = positions.iter().zip(reference);
         for (joint, (state, (&rad, &reference))) in self.joints.iter_mut().zip(pairs).enumerate() {
-            if state.stands(secs, rad, reference) {
+            let is_held = joint.is_multiple_of(4) && may_press.get(joint / 4) == Some(&true);
+            if is_held {
+                *state = Joint { stands_at: rad, pushed_secs: [0.0; 2] };
+            } else if state.stands(secs, rad, reference) {
                 found = found.or(Some(Doubt::Stands { joint, rad }));
             }
         }
@@ -72,13 +78,21 @@ mod tests {
 
     /// The doubt after a second in which joint 6 is at `what(s)`: position and reference.
     fn after_a_second(what: impl Fn(f64) -> (f64, f64)) -> Option<Doubt> {
+        after_a_second_of(6, [false; PLAYING], what)
+    }
+
+    fn after_a_second_of(
+        joint: usize,
+        may_press: [bool; PLAYING],
+        what: impl Fn(f64) -> (f64, f64),
+    ) -> Option<Doubt> {
         let mut turning = Turning::default();
         let mut found = None;
         for period in 0..333 {
             let at = PERIOD * period;
             let (mut positions, mut reference) = ([0.0; JOINTS], [0.0; JOINTS]);
-            (positions[6], reference[6]) = what(at.as_secs_f64());
-            found = found.or(turning.take(at, &positions, &reference));
+            (positions[joint], reference[joint]) = what(at.as_secs_f64());
+            found = found.or(turning.take(at, &positions, &reference, may_press));
         }
         found
     }
@@ -91,5 +105,21 @@ mod tests {
         assert_eq!(after_a_second(|secs| (wave(secs - 0.05), wave(secs))), None, "late");
         assert_eq!(after_a_second(|secs| (0.0, wave(secs).abs())), None, "held by a key");
         assert_eq!(after_a_second(|secs| (0.0, 0.6 * wave(secs))), None, "by little");
+    }
+
+    #[test]
+    fn a_finger_that_presses_a_key_may_stand_in_its_rotation_only() {
+        let pushed = |secs: f64| (0.05, 0.05 + 0.1 * (12.0 * secs).sin());
+        let ring = [false, false, true];
+        assert_eq!(after_a_second_of(8, ring, pushed), None);
+        assert_eq!(
+            after_a_second_of(8, [true, true, false], pushed),
+            Some(Doubt::Stands { joint: 8, rad: 0.05 })
+        );
+        assert_eq!(after_a_second_of(9, ring, pushed), Some(Doubt::Stands { joint: 9, rad: 0.05 }));
+        assert_eq!(
+            after_a_second_of(12, [true; PLAYING], pushed),
+            Some(Doubt::Stands { joint: 12, rad: 0.05 })
+        );
     }
 }

@@ -14,8 +14,8 @@ use crate::pace::Pace;
 
 /// How many joints are turned: those of the fingers and of the thumb.
 pub const WIGGLED: usize = JOINTS;
-/// How far a joint is sent, rad.
-const SENT_RAD: f64 = 0.05;
+/// How far a joint is sent, rad: less than what the watch on encoders that stand still doubts.
+const SENT_RAD: f64 = 0.065;
 /// The least share of this that it must turn. Friction and play keep the rest.
 const LEAST_SHARE: f64 = 0.4;
 /// A joint that has turned so far in the wrong direction is not waited for, rad.
@@ -51,7 +51,8 @@ impl Wiggled {
 }
 
 /// Turns each joint of the hand a little and back, slowly. The robot must hold still; the arm stays where it is. The fingers' joints turn
-/// away from the keys, their rotations at the palm and the thumb's joints towards the middle of their ranges.
+/// away from the keys, their rotations at the palm and the thumb's joints towards the middle of their ranges, and if they do not turn there,
+/// the other way: without power a finger may have sunk beside a fence.
 ///
 /// What became of each joint, in the order of the wire: fewer than [`WIGGLED`] if one turned in the wrong direction, in which case the robot
 /// is stopped, or if the robot was stopped otherwise or `interrupt` was set.
@@ -65,28 +66,50 @@ pub fn wiggle(
 ) -> Result<Vec<Wiggled>, Refused> {
     let mut done = Vec::with_capacity(WIGGLED);
     for joint in 0..WIGGLED {
-        let (set_rad, from_rad) = (robot.set_point(joint), robot.measured(joint));
-        let mut wiggled = Wiggled { joint, sent_rad: robot.clear_way(joint), turned_rad: 0.0 };
-        robot.turn(pace.now(), joint, set_rad + wiggled.sent_rad)?;
-        let arrived = settle(robot, pace, |robot| {
-            wiggled.turned_rad = robot.measured(joint) - from_rad;
-            wiggled.turned_rad * wiggled.sent_rad.signum() > -WRONG_RAD && !interrupt.load(Ordering::Relaxed)
-        });
-        if interrupt.load(Ordering::Relaxed) {
-            break;
+        let way = robot.clear_way(joint);
+        let (mut wiggled, mut holds) = there_and_back(robot, pace, interrupt, joint, way)?;
+        if holds && !bends(joint) && wiggled.is_some_and(|wiggled| wiggled.problem().is_some()) {
+            (wiggled, holds) = there_and_back(robot, pace, interrupt, joint, -way)?;
         }
-        done.push(wiggled);
-        if !arrived {
-            let now = pace.now();
-            robot.stop(now, pace.wires());
-            break;
-        }
-        robot.turn(pace.now(), joint, set_rad)?;
-        if !settle(robot, pace, |_| !interrupt.load(Ordering::Relaxed)) {
+        done.extend(wiggled);
+        if !holds {
             break;
         }
     }
     Ok(done)
+}
+
+/// Turns a joint by `sent_rad` and back: how far it turned, if it had the time, and whether the robot holds still again.
+fn there_and_back(
+    robot: &mut Robot,
+    pace: &mut dyn Pace,
+    interrupt: &AtomicBool,
+    joint: usize,
+    sent_rad: f64,
+) -> Result<(Option<Wiggled>, bool), Refused> {
+    let (set_rad, from_rad) = (robot.set_point(joint), robot.measured(joint));
+    let mut wiggled = Wiggled { joint, sent_rad, turned_rad: 0.0 };
+    robot.turn(pace.now(), joint, set_rad + sent_rad)?;
+    let arrived = settle(robot, pace, |robot| {
+        wiggled.turned_rad = robot.measured(joint) - from_rad;
+        wiggled.turned_rad * sent_rad.signum() > -WRONG_RAD && !interrupt.load(Ordering::Relaxed)
+    });
+    if interrupt.load(Ordering::Relaxed) {
+        return Ok((None, false));
+    }
+    if !arrived {
+        let now = pace.now();
+        robot.stop(now, pace.wires());
+        return Ok((Some(wiggled), false));
+    }
+    robot.turn(pace.now(), joint, set_rad)?;
+    let is_back = settle(robot, pace, |_| !interrupt.load(Ordering::Relaxed));
+    Ok((Some(wiggled), is_back))
+}
+
+/// Whether a joint moves a fingertip to and from the keys.
+fn bends(joint: usize) -> bool {
+    joint < FINGER_JOINTS && !joint.is_multiple_of(4)
 }
 
 /// Lets time pass until a move is over and the joint at rest; `false` if the robot was stopped, or as soon as `looks_right` is `false`.
@@ -137,8 +160,7 @@ impl Robot {
     fn clear_way(&self, joint: usize) -> f64 {
         let [low, high] = self.axes.get(joint).map_or([0.0; 2], |axis| axis.limits().position);
         let at = self.set_point(joint);
-        let bends = joint < FINGER_JOINTS && !joint.is_multiple_of(4);
-        let up = bends && at - SENT_RAD >= low;
+        let up = bends(joint) && at - SENT_RAD >= low;
         if up || at > (low + high) / 2.0 { -SENT_RAD } else { SENT_RAD }
     }
 }

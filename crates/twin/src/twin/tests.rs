@@ -13,6 +13,7 @@ fn strike(truth: &str, pwm: i16) -> Vec<u8> {
     let mut twin = twin(truth);
     let pose = twin.world.start_pose();
     twin.world.reset_to(&pose);
+    twin.devices.arm.place(*twin.path.middle());
     let torque = HostMessage::Torque { finger: Finger::Middle, pwm: [0, pwm, 0, 0] };
     for message in [HostMessage::ServoOn, torque] {
         twin.devices.hand.receive(twin.now, &message.encode(DeviceId::default()), &mut Vec::new());
@@ -23,6 +24,21 @@ fn strike(truth: &str, pwm: i16) -> Vec<u8> {
         twin.devices.keyboard.poll(twin.now, &mut said);
     }
     said
+}
+
+/// In the paper's home the arm holds the hand clear of the keyboard: without power the fingers hang, and no key sounds.
+#[test]
+fn an_arm_that_is_not_at_the_keys_holds_the_hand_above_them() {
+    let mut twin = Twin::new(&Truth::load("standard").unwrap(), HandSide::Left).unwrap();
+    for _ in 0..2000 {
+        twin.step();
+    }
+    assert!(twin.joints()[1] > 0.5, "{:?}", twin.joints());
+    assert!((0..KEYS).all(|key| twin.world.key_travel(key) < 1e-3));
+    assert!(twin.lift > 0.3, "{} m", twin.lift);
+    twin.devices.arm.place(*twin.path.middle());
+    twin.step();
+    assert_eq!(twin.lift, 0.0);
 }
 
 #[test]

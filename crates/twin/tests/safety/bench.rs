@@ -28,7 +28,7 @@ pub fn rig() -> RigConfig {
     Truth::load("mild").unwrap().rig()
 }
 
-fn path(calibration: &Calibration) -> RailPath {
+pub fn path(calibration: &Calibration) -> RailPath {
     let home = PAPER_HOME_DEG.map(f64::to_radians);
     RailPath::new(calibration, rig().limits.rail_range_m, &home).unwrap()
 }

@@ -3,25 +3,48 @@
 use std::sync::atomic::AtomicBool;
 use std::time::Duration;
 
+use etude_robot::joints::FINGER_JOINTS;
 use etude_robot::{Pace as _, Phase, Robot, WIGGLED, Wiggled, wiggle};
 use etude_twin::{FaultKind, Lockstep, Truth, Twin, calibration};
 
-use crate::bench::{rig, robot};
+use crate::bench::{path, rig, robot, start_pose};
 
 /// A twin that holds still where it is switched on, with a fault.
 fn holding(truth: &str, fault: Option<FaultKind>) -> (Robot, Lockstep) {
-    let twin = Twin::new(&Truth::load(truth).unwrap(), rig().hand.side).unwrap();
-    let (mut robot, mut pace) = (robot(&calibration("twin")), Lockstep::new(twin).unwrap());
+    let (mut robot, mut pace) = switched_off(truth);
     if let Some(fault) = fault {
         pace.begin(fault);
     }
+    hold(&mut robot, &mut pace);
+    (robot, pace)
+}
+
+fn switched_off(truth: &str) -> (Robot, Lockstep) {
+    let twin = Twin::new(&Truth::load(truth).unwrap(), rig().hand.side).unwrap();
+    (robot(&calibration("twin")), Lockstep::new(twin).unwrap())
+}
+
+/// Starts a robot that is switched off.
+fn hold(robot: &mut Robot, pace: &mut Lockstep) {
     robot.start(pace.now());
+    settle(robot, pace);
+}
+
+/// Lets time pass until the robot holds still.
+fn settle(robot: &mut Robot, pace: &mut Lockstep) {
     while !matches!(robot.phase(), Phase::Holding | Phase::Fault) {
         let next = pace.now() + Duration::from_millis(10);
-        pace.run_until(&mut robot, next);
+        pace.run_until(robot, next);
     }
     assert_eq!(robot.phase(), Phase::Holding, "{:?}", robot.fault());
-    (robot, pace)
+}
+
+/// Lets the hand without power sink onto the keys.
+fn sink(robot: &mut Robot, pace: &mut Lockstep) {
+    let until = pace.now() + Duration::from_secs(3);
+    pace.run_until(robot, until);
+    let sunk = pace.twin.joints()[1];
+    assert!(sunk > 0.1, "{sunk} rad");
 }
 
 fn wiggled(truth: &str, fault: Option<FaultKind>) -> (Vec<Wiggled>, Robot, Lockstep) {
@@ -44,6 +67,47 @@ fn every_joint_of_a_sound_hand_turns_and_the_arm_does_not() {
         assert_eq!(robot.phase(), Phase::Holding);
         let moved = before.iter().zip(pace.twin.devices.arm.joints()).map(|(a, b)| (a - b).abs());
         assert!(moved.fold(0.0, f64::max) < 1e-9, "{truth}: the arm moved");
+    }
+}
+
+/// On `standard` the index finger sinks beside a fence: its rotation at the palm turns one way only.
+#[test]
+fn fingers_that_have_sunk_between_fences_turn_too() {
+    for truth in ["standard", "worn", "random:1", "random:2", "random:3"] {
+        let (mut robot, mut pace) = switched_off(truth);
+        let at_the_keys = *path(&calibration("twin")).middle();
+        pace.twin.devices.arm.place(at_the_keys);
+        sink(&mut robot, &mut pace);
+        hold(&mut robot, &mut pace);
+        let found = wiggle(&mut robot, &mut pace, &AtomicBool::new(false)).unwrap();
+        assert_eq!(found.len(), WIGGLED, "{truth}: {:?}", robot.fault());
+        for joint in &found {
+            assert_eq!(joint.problem(), None, "{truth}: {joint:?}");
+        }
+    }
+}
+
+/// A hand that was released over the keys sinks onto them, and a fingertip may be caught before a black key: the arm lifts it off.
+#[test]
+fn a_hand_that_has_sunk_onto_the_keys_is_homed() {
+    let mut goal = start_pose();
+    for finger in goal[..FINGER_JOINTS].chunks_exact_mut(4) {
+        finger.copy_from_slice(&[0.0, 0.05, 0.15, 0.15]);
+    }
+    for truth in ["standard", "worn", "random:1", "random:2", "random:3"] {
+        let (mut robot, mut pace) = holding(truth, None);
+        robot.home(pace.now(), &start_pose()).unwrap();
+        settle(&mut robot, &mut pace);
+        let now = pace.now();
+        robot.stop(now, pace.wires());
+        sink(&mut robot, &mut pace);
+        hold(&mut robot, &mut pace);
+        robot.home(pace.now(), &goal).unwrap();
+        settle(&mut robot, &mut pace);
+        for (joint, goal) in goal[..FINGER_JOINTS].iter().enumerate() {
+            let at = robot.hand().positions()[joint];
+            assert!((at - goal).abs() < 0.1, "{truth}: joint {joint} is at {at} rad of {goal}");
+        }
     }
 }
 

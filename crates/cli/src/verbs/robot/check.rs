@@ -17,7 +17,7 @@ use crate::verbs::{json as print_json, line, note};
 pub struct Args {
     #[command(flatten)]
     rig: Rig,
-    /// Also turn each joint of the hand by 0.05 rad and back, one after the other, and see that it follows; the arm stands still
+    /// Also turn each joint of the hand by 0.065 rad and back, one after the other, and see that it follows; the arm stands still
     #[arg(long)]
     wiggle: bool,
 }

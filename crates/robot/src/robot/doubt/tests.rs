@@ -1,5 +1,5 @@
 use super::*;
-use crate::allegro::PWM_LIMITS;
+use crate::allegro::{PLAYING, PWM_LIMITS};
 
 const PERIOD: Duration = Duration::from_millis(3);
 
@@ -8,7 +8,7 @@ fn after(count: u32, what: impl Fn(u32) -> ([f64; JOINTS], [f64; JOINTS], [i16; 
     let mut doubts = Doubts::default();
     for period in 0..count {
         let (positions, reference, pwm) = what(period);
-        doubts.hand(PERIOD * period, &positions, &reference, &pwm);
+        doubts.hand(PERIOD * period, &positions, &reference, &pwm, [false; PLAYING]);
     }
     doubts.found().cloned()
 }
