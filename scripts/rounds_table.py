@@ -1,6 +1,6 @@
-"""Prints the tables of docs/results/rehearsals.md from the folders of rehearsals of one round: notes right of those due and wrong ones, onset F1, the
-paper's F1 in simulation and on the twin, before and after the round; and their means, as they are, and with the better of both kept. Cells that
-docs/results/adaptation.md has adapted too are counted with the best of the three.
+"""Prints the tables of docs/results/rehearsals.md from the folders of rehearsals: notes right of those due and wrong ones, onset F1, the paper's F1 in
+simulation and on the twin, before and after each round; and their means, as they are, and with the best round kept. Cells that were adapted, there or
+in docs/results/adaptation.md, are counted with the best of all.
 
     etude rehearse twinkle --robot twin --truth random:1 --rounds 1 --runs 2 -o runs/rounds/random-1/twinkle    # and so on
     python3 scripts/rounds_table.py runs/rounds/*/*
@@ -50,25 +50,38 @@ def summary(name, cells):
     print(f"| {name} | {right:g} of {due:g}, {wrong:g} | {onset:.3f} | {f1:.3f} | {worst['robot_f1']:.3f} ({song} on `{truth}`) |")
 
 
+def read(folder):
+    """Truth and song, each round, the round that `rehearse` names as the best, and what was adapted there, if anything."""
+    config = json.loads((folder / "rehearsal.json").read_text())
+    files = sorted(folder.glob("round-*/round.json"), key=lambda file: int(file.parent.name.removeprefix("round-")))
+    rounds = [json.loads(file.read_text()) for file in files]
+    result = folder / "adaptation/result.json"
+    adapted = json.loads(result.read_text()) if result.is_file() else None
+    return (config["truth"] or config["rig"], config["song"]), rounds, max(rounds, key=worth), adapted
+
+
+def order(one):
+    name, _, seed = one[0][0].partition(":")
+    return name, int(seed or 0), one[0][1]
+
+
 def main():
-    rehearsals = []
-    for folder in map(pathlib.Path, sys.argv[1:]):
-        config = json.loads((folder / "rehearsal.json").read_text())
-        before, after = (json.loads((folder / f"round-{index}" / "round.json").read_text()) for index in range(2))
-        rehearsals.append(((config["truth"] or config["rig"], config["song"]), before, after, max(before, after, key=worth)))
-    rehearsals.sort(key=lambda one: (one[0][0].partition(":")[0], int(one[0][0].partition(":")[2] or 0), one[0][1]))
-    where, before, after, kept = zip(*rehearsals)
+    rehearsals = sorted(map(read, map(pathlib.Path, sys.argv[1:])), key=order)
+    where, rounds, kept, adapted = zip(*rehearsals)
+    names = ["nothing fitted", "after one round", "after two rounds"][: min(map(len, rounds))]
+    columns = [*zip(*(each[: len(names)] for each in rounds)), kept]
     print("| cells | notes right, wrong | onset F1 | F1 on the twin | worst F1 |\n|---|---|---|---|---|")
-    for name, column in [("nothing fitted", before), ("after one round", after), ("the better of both", kept)]:
+    for name, column in zip([*names, "the best of these"], columns):
         summary(name, list(zip(where, column)))
-    adapted = adapted_cells()
-    if all(one in adapted for one in where):
-        summary("adapted, without a round", [(one, adapted[one]) for one in where])
-        summary("at the end", [(one, max(best, adapted[one], key=worth)) for one, best in zip(where, kept)])
-    print("\n| truth | song | before | after one round | kept |\n|---|---|---|---|---|")
-    for (truth, song), *columns in rehearsals:
-        print(f"| `{truth}` | {song} | {cell(columns[0])} | {cell(columns[1])} | {0 if columns[2] is columns[0] else 1} |")
-    columns = (before, after, kept)
+    if not all(adapted):
+        cells = adapted_cells()
+        adapted = [cells.get(one) for one in where]
+    if all(adapted):
+        summary("adapted, without a round", list(zip(where, adapted)))
+        summary("at the end", [(one, max(best, last, key=worth)) for one, best, last in zip(where, kept, adapted)])
+    print("\n| truth | song | " + " | ".join([*names, "kept"]) + " |\n|" + "---|" * (len(names) + 3))
+    for (truth, song), each, best, _ in rehearsals:
+        print(f"| `{truth}` | {song} | " + " | ".join(map(cell, each[: len(names)])) + f" | {best['round']} |")
     print(f"| **sum; mean of {len(rehearsals)}** | | " + " | ".join(f"**{cell(means(column))}**" for column in columns) + " |")
     worst = (min(entry["robot_f1"] for entry in column) for column in columns)
     print("| worst F1 | | " + " | ".join(f"{f1:.3f}" for f1 in worst) + " |")

@@ -16,6 +16,9 @@ ETUDE = ROOT / "target" / "release" / "etude"
 TRUTHS = ROOT / "configs" / "truths"
 MODES = ["joint-mirroring", "hybrid", "real"]
 BASE = "mild"
+WORN = tomllib.loads((TRUTHS / "worn.toml").read_text())["physics"]
+BIASES = {path: value for path, value in WORN.items() if path.endswith(".encoder_bias")}
+KEYS = {f"key.{name}": WORN[f"key.{name}"] for name in ["stiffness", "damping", "friction", "threshold"]}
 # Each changes `mild` in these tables alone. The numbers of the second group are those of `standard` and `worn`.
 CHANGES = [
     ("nothing", {}),
@@ -26,15 +29,21 @@ CHANGES = [
     ("stiction: about 62 of 1200", {"hand": {"dead_pwm": 12}, "physics": {"joint.fingers.friction": 0.028}}),
     ("play that torque crosses: 6 mrad (`standard`)", {"hand": {"play_rad": 0.006}}),
     ("play: 12 mrad (`worn`)", {"hand": {"play_rad": 0.012}}),
+    ("no play between joint and encoder, instead of 4 mrad", {"hand": {"backlash_rad": 0.0}}),
+    ("biases of the encoders (`worn`)", {"physics": BIASES}),
+    ("noise of the encoders: 3 counts, and a clock that is 0.02 % fast (`worn`)", {"hand": {"noise_counts": 3, "clock_skew": 0.0002}}),
     ("the fingers' weight", {"world": {"gravity": True}}),
     ("arm: lag 43 ms, 5 % too far (`standard`)", {"arm": {"delay_secs": 0.015, "bandwidth_hz": 8.0, "damping_ratio": 0.7}}),
     ("arm: 62 ms, 13 % (`worn`)", {"arm": {"delay_secs": 0.03, "bandwidth_hz": 5.5, "damping_ratio": 0.55}}),
     ("arm: 94 ms, 2 % (slowest of the ranges)", {"arm": {"delay_secs": 0.03, "bandwidth_hz": 4.0, "damping_ratio": 0.8}}),
+    ("a ringing arm: 16 % too far after a small step (most of the ranges)", {"arm": {"damping_ratio": 0.5}}),
     ("tilt of the hand: 8 and 7 mrad (`worn`)", {"arm": {"tilt_rad": [-0.008, 0.007]}}),
     ("sag: 0.9 mm at the ends (`worn`)", {"arm": {"sag_m": 0.0009}}),
     ("kinematic error: 0.4 mm (`worn`)", {"arm": {"error_m": 0.0004, "error_period_m": 0.11}}),
     ("preload of the keys: 0.6 N (`standard`)", {"physics": {"key.preload": 0.6}}),
     ("preload: 0.8 N (highest of the ranges)", {"physics": {"key.preload": 0.8}}),
+    ("springs, damping, friction and threshold of the keys (`worn`)", {"physics": KEYS}),
+    ("keys that differ: thresholds by 15 %, springs by 25 % (`worn`)", {"keys": {"threshold_spread": 0.15, "stiffness_spread": 0.25}}),
     ("MIDI: 3 ms, jitter 2 ms (`standard`)", {"links": {"midi": {"delay_secs": 0.003, "jitter_secs": 0.002}}}),
     ("MIDI: 6 ms, jitter 4 ms (highest)", {"links": {"midi": {"delay_secs": 0.006, "jitter_secs": 0.004}}}),
     ("keyboard 3 mm beside its place", {"physics": {"keyboard.lateral": 0.003}}),
