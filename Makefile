@@ -61,7 +61,9 @@ test: setup
 
 # Tests of whole commands that take minutes each.
 test-heavy: setup
-	ETUDE_PYTHON=$(PYTHON) PYTHONPATH=$(CURDIR)/.python $(CARGO) test --workspace --test command --locked -- --ignored
+	ETUDE_PYTHON=$(PYTHON) PYTHONPATH=$(CURDIR)/.python $(CARGO) test --workspace --test command --locked -- --ignored --skip beside_a_twin
+	@# By the wall clock, so alone.
+	ETUDE_PYTHON=$(PYTHON) PYTHONPATH=$(CURDIR)/.python $(CARGO) test --workspace --test command --locked -- --ignored beside_a_twin
 
 # Beside the rest of the tests, since PyTorch and JAX take six gigabytes for a while.
 test-sb3: setup

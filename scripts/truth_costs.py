@@ -86,7 +86,7 @@ def perform(song, mode, truth, runs):
     done = subprocess.run(
         [
             ETUDE, "perform", song, "--mode", mode, "--robot", "twin", "--truth", truth, "--runs", str(runs),
-            "--policy", f"policies/{song}.safetensors", "--out", "out/truth-costs/run", "--json",
+            "--policy", f"policies/{song}.safetensors", "--out", f"out/truth-costs/{song}-{mode}", "--json",
         ],
         cwd=ROOT, check=True, capture_output=True, text=True,
     )

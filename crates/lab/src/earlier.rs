@@ -138,26 +138,29 @@ pub(crate) fn move_performance(from: &Path, to: &Path) -> anyhow::Result<bool> {
         std::fs::rename(from.join(name), to.join(name)).map_err(|error| unusable(from, error))?;
     }
     // If it cannot be written, its scores are right all the same.
-    let _ = rename_in_report(from, to);
+    let _ = rename_in_report(from, to, &names);
     Ok(true)
 }
 
-/// Names the files in the report of a performance as they are in `to`, where it has been moved.
-fn rename_in_report(from: &Path, to: &Path) -> anyhow::Result<()> {
-    fn rename(value: &mut Value, from: &Path, to: &Path) {
+/// Names these files in the report of a performance as they are in `to`, where they have been moved.
+fn rename_in_report(from: &Path, to: &Path, names: &[OsString]) -> anyhow::Result<()> {
+    fn rename(value: &mut Value, moved: &impl Fn(&str) -> Option<PathBuf>) {
         match value {
             Value::String(text) => {
-                if let Ok(file) = Path::new(text.as_str()).strip_prefix(from) {
-                    *text = to.join(file).display().to_string();
+                if let Some(file) = moved(text) {
+                    *text = file.display().to_string();
                 }
             }
-            Value::Array(values) => values.iter_mut().for_each(|value| rename(value, from, to)),
-            Value::Object(fields) => fields.values_mut().for_each(|value| rename(value, from, to)),
+            Value::Array(values) => values.iter_mut().for_each(|value| rename(value, moved)),
+            Value::Object(fields) => fields.values_mut().for_each(|value| rename(value, moved)),
             _ => {}
         }
     }
     let mut report: Value = serde_json::from_slice(&std::fs::read(to.join(REPORT))?)?;
-    rename(&mut report, from, to);
+    rename(&mut report, &|text| {
+        let name = Path::new(text).strip_prefix(from).ok()?;
+        names.iter().any(|moved| moved == name.as_os_str()).then(|| to.join(name))
+    });
     write_report(to, &report)
 }
 

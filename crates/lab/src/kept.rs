@@ -122,6 +122,12 @@ mod tests {
         assert!(folder.join("worlds.csv").is_file(), "not of a performance");
         assert_eq!(moved("Twinkle", "scripted"), None, "nothing is there");
 
+        // A player in this folder has not moved with the performance.
+        let inside = folder.join("policy-best.safetensors").display().to_string();
+        write(&folder, "Twinkle", &inside);
+        let kept = moved("Twinkle", MINE).unwrap();
+        assert_eq!(player_in(&kept.folder), Some(inside));
+
         // Another song of the same name, as of `Bach 1.mid` and `Bach_1.mid`. Nothing is replaced where it goes.
         write(&folder, "Twinkle 2", MINE);
         let other = moved("Twinkle", MINE).unwrap();

@@ -18,13 +18,18 @@ const BEGINNINGS: &[(&str, &str)] = &[("twin", BY_THE_CLOCK), ("robot ", BY_THE_
 /// The same for parts of commands.
 const PARTS: &[(&str, &str)] = &[
     ("--simulator", RESULT),
-    ("random:", RESULT),
+    ("-o runs/rounds/", RESULT),
     ("--robot out/twin/twin.toml", BY_THE_CLOCK),
     ("out/lab", BY_THE_CLOCK),
     ("rehearse", REHEARSED),
     ("--correction", REHEARSED),
     ("--policy runs/my-song-identified", REHEARSED),
 ];
+
+/// Pages with such commands.
+const BY_THE_CLOCK_ON: [&str; 2] = ["docs/twin.md", "docs/midi-to-robot.md"];
+const REHEARSED_ON: [&str; 5] =
+    ["README.md", "docs/identify.md", "docs/midi-to-robot.md", "docs/reading.md", "docs/sight-reading.md"];
 
 /// Why a command is not run.
 fn left_out(line: &str) -> Option<&'static str> {
@@ -90,8 +95,10 @@ fn run(desk: &Desk, command: &Documented) {
 
 /// Starts what takes hours, and interrupts it as soon as it can be.
 fn interrupt(mut etude: Command) {
-    let child = etude.stdout(Stdio::null()).stderr(Stdio::piped()).spawn().unwrap();
-    wait_for("it never handled Ctrl-C", || processes::catches_interrupts(child.id()));
+    let mut child = etude.stdout(Stdio::null()).stderr(Stdio::piped()).spawn().unwrap();
+    wait_for("it never handled Ctrl-C", || {
+        processes::catches_interrupts(child.id()) || child.try_wait().unwrap().is_some()
+    });
     processes::signal(child.id(), "INT");
     let output = child.wait_with_output().unwrap();
     assert_eq!(output.status.code(), Some(3), "{etude:?}: {}", errors(&output));
@@ -153,6 +160,16 @@ fn the_quick_commands_of_the_book_run() {
             "nothing has `{part}` any more ({why})"
         );
     }
+    for command in &all {
+        let (page, line) = (command.page.as_str(), command.line());
+        let is_run = match left_out(&line) {
+            Some(BY_THE_CLOCK) => BY_THE_CLOCK_ON.contains(&page),
+            Some(REHEARSED) => REHEARSED_ON.contains(&page),
+            Some(_) => page.starts_with("docs/results/"),
+            None => true,
+        };
+        assert!(is_run, "{page}: no test runs `etude {line}`");
+    }
     let mut ran = 0;
     for page in all.chunk_by(|one, next| one.page == next.page).filter(|page| page[0].page != "README.md") {
         let desk = desk();
@@ -178,7 +195,7 @@ fn of_reason(page: &str, reason: &str) -> Vec<Documented> {
 #[test]
 #[ignore = "takes minutes by the wall clock: `make test-heavy`, which .ci/run calls"]
 fn the_commands_for_a_robot_run_beside_a_twin() {
-    for page in ["docs/twin.md", "docs/midi-to-robot.md"] {
+    for page in BY_THE_CLOCK_ON {
         let desk = desk();
         desk.ok("play my-song.mid --scripted -o out/my-song");
         let twin = Served::of(&desk, "twin -o out/twin");
@@ -218,14 +235,7 @@ fn calibrate(desk: &Desk, line: &str) {
 #[test]
 #[ignore = "takes minutes: `make test-heavy`, which .ci/run calls"]
 fn the_rehearsals_of_readme_and_book_run() {
-    let pages = [
-        "README.md",
-        "docs/identify.md",
-        "docs/midi-to-robot.md",
-        "docs/reading.md",
-        "docs/sight-reading.md",
-    ];
-    for page in pages {
+    for page in REHEARSED_ON {
         let desk = desk();
         match page {
             "docs/midi-to-robot.md" => {

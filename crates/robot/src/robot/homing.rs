@@ -52,6 +52,7 @@ impl Robot {
         }
         plan.arrived_by = now.saturating_add(PATIENCE);
         plan.way = None;
+        let frees_fingers = plan.from_keys && station == Station::Up;
         plan.station = match station {
             Station::Up => Some(Station::Home),
             Station::Home => Some(Station::Above),
@@ -62,15 +63,21 @@ impl Robot {
             let goal = plan.goal;
             self.settle_rail();
             self.plan = Some(Plan::new(self.slowly(now, &goal), None, goal));
+        } else if frees_fingers {
+            // Now they have room.
+            let (station, goal) = (plan.station, plan.goal);
+            self.plan = Some(Plan::new(self.slowly(now, &self.clear_pose()), station, goal));
         }
         Ok(())
     }
 
-    /// Sends the arm straight up, or to another station as soon as the fingers are out of its way.
+    /// Sends the arm to a station as soon as the fingers are out of its way; straight up from the keys at once, because a finger may be
+    /// caught there.
     fn set_out(&mut self, now: Duration, station: Station) -> Result<(), Fault> {
         let Some(plan) = &mut self.plan else { return Ok(()) };
         let (joint, by_rad) = farthest(&self.hand.positions(), &self.axes.each_ref().map(Axis::position));
-        if station != Station::Up && by_rad > self.config.limits.start_finger_rad {
+        let frees_fingers = plan.from_keys && station == Station::Up;
+        if !frees_fingers && by_rad > self.config.limits.start_finger_rad {
             let late = now > plan.arrived_by;
             return if late { Err(Fault::NotFollowing { joint, by_rad }) } else { Ok(()) };
         }

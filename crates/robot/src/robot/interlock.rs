@@ -16,8 +16,8 @@ pub const ROOTS_OVER_KEYS_M: f64 = 0.12 - 0.0225;
 /// A fingertip that is so far below the tops of the white keys is between two fences, m. Their tops are at 2 mm; a white key sounds at 3 mm
 /// where it is played.
 const BETWEEN_FENCES_M: f64 = 0.003;
-/// A fingertip that is no higher over the tops of the white keys may press a black one, m: those stand 12 mm over them and go down by 7 mm.
-const OVER_BLACK_M: f64 = 0.008;
+/// A fingertip that is no higher over the tops of the white keys may press a black one, m: their tops are 12.5 mm over them.
+const OVER_BLACK_M: f64 = 0.013;
 
 impl Robot {
     /// Why the rail's set-point brakes now, whatever is asked.

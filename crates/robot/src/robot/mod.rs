@@ -193,14 +193,15 @@ impl Robot {
 
     /// Brings the robot slowly to a pose, from wherever it is: fingers straight, the arm over its home and from above
     /// to the middle of the keyboard, then fingers and rail to `goal`, or the nearest that their ranges allow. If it is
-    /// at the keyboard and the fingers are near the goal, only fingers and rail move. From among the keys the arm goes
-    /// straight up first, which frees a finger that is caught; it goes on only when the fingers are straight.
+    /// at the keyboard and the fingers are near the goal, only fingers and rail move; if they are far from it, the arm
+    /// goes straight up before they move, which frees a finger that is caught. From beside the keys it goes straight up
+    /// too. Otherwise it moves only when the fingers are straight.
     ///
     /// # Errors
     /// If the robot does not hold still, the goal is not finite, or the way would leave the arm's box.
     pub fn home(&mut self, now: Duration, goal: &[f64; DRIVEN]) -> Result<(), Refused> {
-        let there = all_axes(goal, &self.config.limits.thumb_rad);
-        let is_near = farthest(&self.hand.positions(), &there).1 <= self.config.limits.start_finger_rad;
+        let far = farthest(&self.hand.positions(), &self.within_ranges(goal)).1;
+        let is_near = far <= self.config.limits.start_finger_rad;
         let station = if self.arm_sent.is_some() && is_near { None } else { Some(self.first_station()) };
         station.map_or(Ok(()), |station| self.check_way(station))?;
         self.slow_move(now, station, goal)
@@ -228,25 +229,44 @@ impl Robot {
         if let Some(joint) = goal.iter().position(|value| !value.is_finite()) {
             return Err(Refused::NoPose { joint });
         }
-        let axes = all_axes(goal, &self.config.limits.thumb_rad);
-        let inside = std::array::from_fn(|axis| {
-            let [low, high] = self.axes[axis].limits().position;
-            axes[axis].clamp(low, high)
-        });
-        let goal = driven(&inside);
-        let mut first = goal;
-        if station.is_some() {
-            first[..FINGER_JOINTS].copy_from_slice(&CLEAR_FINGERS);
-            // Away from the keyboard the rail's set-point moves nothing. It goes to where the arm will arrive, slowly if it is that of an
-            // arm which leaves the keyboard now.
-            first[RAIL] = self.path.place(self.path.middle()).rail_m;
-            if self.arm_sent.take().is_none() {
-                self.axes[RAIL_AXIS].rest(first[RAIL]);
-            }
+        let goal = driven(&self.within_ranges(goal));
+        let from_keys = station.is_some() && self.arm_sent.is_some();
+        if from_keys && self.arm_axis.velocity() != 0.0 {
+            return Err(Refused::Phase { phase: self.phase.name(), remedy: "wait until it stands still" });
         }
-        self.plan = Some(Plan::new(self.slowly(now, &first), station, goal));
+        let first = match station {
+            None => goal,
+            Some(_) if from_keys => driven(&self.setpoints()),
+            Some(_) => {
+                // Away from the keyboard the rail's set-point moves nothing: it stands where the arm will arrive.
+                let clear = self.clear_pose();
+                self.axes[RAIL_AXIS].rest(clear[RAIL]);
+                clear
+            }
+        };
+        if from_keys {
+            self.arm_sent = None;
+        }
+        self.plan = Some(Plan { from_keys, ..Plan::new(self.slowly(now, &first), station, goal) });
         self.enter(now, Phase::Moving);
         Ok(())
+    }
+
+    /// Fingers straight, and the rail where the arm arrives at the keyboard.
+    fn clear_pose(&self) -> [f64; DRIVEN] {
+        let mut pose = [0.0; DRIVEN];
+        pose[..FINGER_JOINTS].copy_from_slice(&CLEAR_FINGERS);
+        pose[RAIL] = self.path.place(self.path.middle()).rail_m;
+        pose
+    }
+
+    /// The pose for all axes, or the nearest that their ranges allow.
+    fn within_ranges(&self, pose: &[f64; DRIVEN]) -> [f64; AXES] {
+        let axes = all_axes(pose, &self.config.limits.thumb_rad);
+        std::array::from_fn(|axis| {
+            let [low, high] = self.axes[axis].limits().position;
+            axes[axis].clamp(low, high)
+        })
     }
 
     fn slowly(&self, now: Duration, goal: &[f64; DRIVEN]) -> SlowMove {

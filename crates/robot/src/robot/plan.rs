@@ -39,6 +39,8 @@ pub(super) struct Plan {
     pub way: Option<Way>,
     /// When the fingers must have come to where they do not hinder the arm.
     pub arrived_by: Duration,
+    /// Whether it begins at the keys: the arm goes straight up before the fingers move.
+    pub from_keys: bool,
     /// The pose of the driven joints at the end.
     pub goal: [f64; DRIVEN],
 }
@@ -46,7 +48,7 @@ pub(super) struct Plan {
 impl Plan {
     pub fn new(slow: SlowMove, station: Option<Station>, goal: [f64; DRIVEN]) -> Self {
         let arrived_by = slow.end().saturating_add(PATIENCE);
-        Self { slow, station, way: None, arrived_by, goal }
+        Self { slow, station, way: None, arrived_by, from_keys: false, goal }
     }
 }
 

@@ -14,7 +14,8 @@ use crate::pace::Pace;
 
 /// How many joints are turned: those of the fingers and of the thumb.
 pub const WIGGLED: usize = JOINTS;
-/// How far a joint is sent, rad: less than what the watch on encoders that stand still doubts.
+/// How far a joint is sent, rad. More than 0.07 is doubted if a joint stands both ways, and more than 0.15 there and back if a finger repeats
+/// its positions ([`super::turning`], [`super::doubt`]).
 const SENT_RAD: f64 = 0.065;
 /// The least share of this that it must turn. Friction and play keep the rest.
 const LEAST_SHARE: f64 = 0.4;
@@ -51,8 +52,8 @@ impl Wiggled {
 }
 
 /// Turns each joint of the hand a little and back, slowly. The robot must hold still; the arm stays where it is. The fingers' joints turn
-/// away from the keys, their rotations at the palm and the thumb's joints towards the middle of their ranges, and if they do not turn there,
-/// the other way: without power a finger may have sunk beside a fence.
+/// away from the keys, their rotations at the palm and the thumb's joints towards the middle of their ranges. A rotation that does not turn
+/// there turns the other way too: without power a finger may have sunk beside a fence.
 ///
 /// What became of each joint, in the order of the wire: fewer than [`WIGGLED`] if one turned in the wrong direction, in which case the robot
 /// is stopped, or if the robot was stopped otherwise or `interrupt` was set.
@@ -68,7 +69,7 @@ pub fn wiggle(
     for joint in 0..WIGGLED {
         let way = robot.clear_way(joint);
         let (mut wiggled, mut holds) = there_and_back(robot, pace, interrupt, joint, way)?;
-        if holds && !bends(joint) && wiggled.is_some_and(|wiggled| wiggled.problem().is_some()) {
+        if holds && rotates(joint) && wiggled.is_some_and(|wiggled| wiggled.problem().is_some()) {
             (wiggled, holds) = there_and_back(robot, pace, interrupt, joint, -way)?;
         }
         done.extend(wiggled);
@@ -107,9 +108,9 @@ fn there_and_back(
     Ok((Some(wiggled), is_back))
 }
 
-/// Whether a joint moves a fingertip to and from the keys.
-fn bends(joint: usize) -> bool {
-    joint < FINGER_JOINTS && !joint.is_multiple_of(4)
+/// Whether a joint moves a fingertip along the keys.
+fn rotates(joint: usize) -> bool {
+    joint < FINGER_JOINTS && joint.is_multiple_of(4)
 }
 
 /// Lets time pass until a move is over and the joint at rest; `false` if the robot was stopped, or as soon as `looks_right` is `false`.
@@ -160,7 +161,8 @@ impl Robot {
     fn clear_way(&self, joint: usize) -> f64 {
         let [low, high] = self.axes.get(joint).map_or([0.0; 2], |axis| axis.limits().position);
         let at = self.set_point(joint);
-        let up = bends(joint) && at - SENT_RAD >= low;
+        let bends = joint < FINGER_JOINTS && !rotates(joint);
+        let up = bends && at - SENT_RAD >= low;
         if up || at > (low + high) / 2.0 { -SENT_RAD } else { SENT_RAD }
     }
 }

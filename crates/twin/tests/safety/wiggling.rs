@@ -3,7 +3,7 @@
 use std::sync::atomic::AtomicBool;
 use std::time::Duration;
 
-use etude_robot::joints::FINGER_JOINTS;
+use etude_robot::joints::{DRIVEN, FINGER_JOINTS};
 use etude_robot::{Pace as _, Phase, Robot, WIGGLED, Wiggled, wiggle};
 use etude_twin::{FaultKind, Lockstep, Truth, Twin, calibration};
 
@@ -11,23 +11,14 @@ use crate::bench::{path, rig, robot, start_pose};
 
 /// A twin that holds still where it is switched on, with a fault.
 fn holding(truth: &str, fault: Option<FaultKind>) -> (Robot, Lockstep) {
-    let (mut robot, mut pace) = switched_off(truth);
+    let twin = Twin::new(&Truth::load(truth).unwrap(), rig().hand.side).unwrap();
+    let (mut robot, mut pace) = (robot(&calibration("twin")), Lockstep::new(twin).unwrap());
     if let Some(fault) = fault {
         pace.begin(fault);
     }
-    hold(&mut robot, &mut pace);
-    (robot, pace)
-}
-
-fn switched_off(truth: &str) -> (Robot, Lockstep) {
-    let twin = Twin::new(&Truth::load(truth).unwrap(), rig().hand.side).unwrap();
-    (robot(&calibration("twin")), Lockstep::new(twin).unwrap())
-}
-
-/// Starts a robot that is switched off.
-fn hold(robot: &mut Robot, pace: &mut Lockstep) {
     robot.start(pace.now());
-    settle(robot, pace);
+    settle(&mut robot, &mut pace);
+    (robot, pace)
 }
 
 /// Lets time pass until the robot holds still.
@@ -37,14 +28,6 @@ fn settle(robot: &mut Robot, pace: &mut Lockstep) {
         pace.run_until(robot, next);
     }
     assert_eq!(robot.phase(), Phase::Holding, "{:?}", robot.fault());
-}
-
-/// Lets the hand without power sink onto the keys.
-fn sink(robot: &mut Robot, pace: &mut Lockstep) {
-    let until = pace.now() + Duration::from_secs(3);
-    pace.run_until(robot, until);
-    let sunk = pace.twin.joints()[1];
-    assert!(sunk > 0.1, "{sunk} rad");
 }
 
 fn wiggled(truth: &str, fault: Option<FaultKind>) -> (Vec<Wiggled>, Robot, Lockstep) {
@@ -70,21 +53,50 @@ fn every_joint_of_a_sound_hand_turns_and_the_arm_does_not() {
     }
 }
 
-/// On `standard` the index finger sinks beside a fence: its rotation at the palm turns one way only.
+/// A robot that was homed and released over the keys, onto which its fingers have sunk, and that holds still again.
+fn sunk(truth: &str) -> (Robot, Lockstep) {
+    let (mut robot, mut pace) = holding(truth, None);
+    homed(&mut robot, &mut pace, &start_pose());
+    let now = pace.now();
+    robot.stop(now, pace.wires());
+    pace.run_until(&mut robot, now + Duration::from_secs(3));
+    assert!(pace.twin.joints()[1] > 0.1, "{:?}", pace.twin.joints());
+    robot.start(pace.now());
+    settle(&mut robot, &mut pace);
+    (robot, pace)
+}
+
+/// A finger that has sunk beside a fence turns one way only in its rotation at the palm.
 #[test]
 fn fingers_that_have_sunk_between_fences_turn_too() {
+    let mut turned_back = 0;
     for truth in ["standard", "worn", "random:1", "random:2", "random:3"] {
-        let (mut robot, mut pace) = switched_off(truth);
-        let at_the_keys = *path(&calibration("twin")).middle();
-        pace.twin.devices.arm.place(at_the_keys);
-        sink(&mut robot, &mut pace);
-        hold(&mut robot, &mut pace);
+        let (mut robot, mut pace) = sunk(truth);
+        let before = robot.hand().positions();
         let found = wiggle(&mut robot, &mut pace, &AtomicBool::new(false)).unwrap();
         assert_eq!(found.len(), WIGGLED, "{truth}: {:?}", robot.fault());
         for joint in &found {
             assert_eq!(joint.problem(), None, "{truth}: {joint:?}");
         }
+        // The first try is towards the middle.
+        turned_back +=
+            [0, 4, 8].iter().filter(|joint| before[**joint] * found[**joint].sent_rad > 0.0).count();
     }
+    assert!(turned_back > 0, "nothing was ever in the way, which tests nothing");
+}
+
+/// How far the arm has been off its path while the robot is homed, m.
+fn homed(robot: &mut Robot, pace: &mut Lockstep, goal: &[f64; DRIVEN]) -> f64 {
+    let path = path(&calibration("twin"));
+    let mut farthest: f64 = 0.0;
+    robot.home(pace.now(), goal).unwrap();
+    while robot.phase() == Phase::Moving {
+        let next = pace.now() + Duration::from_millis(10);
+        pace.run_until(robot, next);
+        farthest = farthest.max(path.place(&pace.twin.devices.arm.joints()).beside_m);
+    }
+    assert_eq!(robot.phase(), Phase::Holding, "{:?}", robot.fault());
+    farthest
 }
 
 /// A hand that was released over the keys sinks onto them, and a fingertip may be caught before a black key: the arm lifts it off.
@@ -95,15 +107,11 @@ fn a_hand_that_has_sunk_onto_the_keys_is_homed() {
         finger.copy_from_slice(&[0.0, 0.05, 0.15, 0.15]);
     }
     for truth in ["standard", "worn", "random:1", "random:2", "random:3"] {
-        let (mut robot, mut pace) = holding(truth, None);
-        robot.home(pace.now(), &start_pose()).unwrap();
-        settle(&mut robot, &mut pace);
-        let now = pace.now();
-        robot.stop(now, pace.wires());
-        sink(&mut robot, &mut pace);
-        hold(&mut robot, &mut pace);
-        robot.home(pace.now(), &goal).unwrap();
-        settle(&mut robot, &mut pace);
+        let (mut robot, mut pace) = sunk(truth);
+        let lifted = homed(&mut robot, &mut pace, &goal);
+        assert!(lifted > 0.07, "{truth}: {lifted} m");
+        let again = homed(&mut robot, &mut pace, &goal);
+        assert!(again < 0.005, "{truth}: the fingers are near, and the arm was {again} m off the keys");
         for (joint, goal) in goal[..FINGER_JOINTS].iter().enumerate() {
             let at = robot.hand().positions()[joint];
             assert!((at - goal).abs() < 0.1, "{truth}: joint {joint} is at {at} rad of {goal}");
