@@ -71,11 +71,12 @@ pub(crate) fn replacing<T>(
                 Err(error.context(format!("the performance of before is in {}: {why}", aside.display())))
             }
         },
-        Err(error) if folder.join(run_file(0, "mcap")).is_file() => Err(with_recording(error, folder)),
         Err(error) => {
-            // What is there without a recording is of no use.
-            let _ = remove_performance(folder);
-            Err(error)
+            if !folder.join(run_file(0, "mcap")).is_file() {
+                // What is there without a recording is of no use.
+                let _ = remove_performance(folder);
+            }
+            Err(with_recording(error, folder))
         }
     }
 }

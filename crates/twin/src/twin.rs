@@ -126,7 +126,6 @@ impl Twin {
         let mut pose = [0.0; JOINTS];
         pose[RAIL] = twin.rail;
         twin.world.reset_to(&pose);
-        twin.raise(lift(&twin.path.place(&twin.devices.arm.joints())));
         twin.show_joints();
         Ok(twin)
     }
@@ -157,7 +156,7 @@ impl Twin {
         let rail = place.rail_m;
         let speed = (rail - self.rail) / STEP.as_secs_f64();
         self.rail = rail;
-        self.raise(lift(&place));
+        self.lift = lift(&place);
         let (joints, velocities) = (self.world.joints(), self.world.joint_velocities());
         let arm = &self.truth.numbers.arm;
         std::array::from_fn(|joint| {
@@ -173,18 +172,9 @@ impl Twin {
     /// Moves the world on.
     fn drive(&mut self, torques: &[f64; JOINTS]) {
         self.world.set_joint_friction(&self.drives.friction(&self.world.joint_velocities()));
-        if let Some(offset) = self.mount.offset(self.world.joints()[RAIL]) {
-            self.world.set_hand_offset(raised(offset, self.lift));
-        }
+        let [toward, along, up] = self.mount.offset(self.world.joints()[RAIL]).unwrap_or_default();
+        self.world.set_hand_offset([toward, along, up + self.lift]);
         self.world.drive(torques);
-    }
-
-    /// Holds the hand higher or lower.
-    fn raise(&mut self, lift: f64) {
-        if lift != self.lift {
-            self.lift = lift;
-            self.world.set_hand_offset(raised([0.0; 3], lift));
-        }
     }
 
     /// Sets the measured positions of the hand.
@@ -221,10 +211,6 @@ impl Twin {
 /// counts as height.
 fn lift(place: &RailPlace) -> f64 {
     (place.beside_m - AT_THE_KEYS_M).max(0.0)
-}
-
-fn raised([toward, along, up]: [f64; 3], lift: f64) -> [f64; 3] {
-    [toward, along, up + lift]
 }
 
 /// The calibration that a careful operator would make of a twin's keyboard.

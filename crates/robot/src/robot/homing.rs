@@ -52,7 +52,7 @@ impl Robot {
         }
         plan.arrived_by = now.saturating_add(PATIENCE);
         plan.way = None;
-        let frees_fingers = plan.from_keys && station == Station::Up;
+        let frees_fingers = plan.frees_fingers();
         plan.station = match station {
             Station::Up => Some(Station::Home),
             Station::Home => Some(Station::Above),
@@ -76,8 +76,7 @@ impl Robot {
     fn set_out(&mut self, now: Duration, station: Station) -> Result<(), Fault> {
         let Some(plan) = &mut self.plan else { return Ok(()) };
         let (joint, by_rad) = farthest(&self.hand.positions(), &self.axes.each_ref().map(Axis::position));
-        let frees_fingers = plan.from_keys && station == Station::Up;
-        if !frees_fingers && by_rad > self.config.limits.start_finger_rad {
+        if !plan.frees_fingers() && by_rad > self.config.limits.start_finger_rad {
             let late = now > plan.arrived_by;
             return if late { Err(Fault::NotFollowing { joint, by_rad }) } else { Ok(()) };
         }

@@ -236,7 +236,10 @@ impl Robot {
         }
         let first = match station {
             None => goal,
-            Some(_) if from_keys => driven(&self.setpoints()),
+            Some(_) if from_keys => {
+                self.arm_sent = None;
+                driven(&self.setpoints())
+            }
             Some(_) => {
                 // Away from the keyboard the rail's set-point moves nothing: it stands where the arm will arrive.
                 let clear = self.clear_pose();
@@ -244,9 +247,6 @@ impl Robot {
                 clear
             }
         };
-        if from_keys {
-            self.arm_sent = None;
-        }
         self.plan = Some(Plan { from_keys, ..Plan::new(self.slowly(now, &first), station, goal) });
         self.enter(now, Phase::Moving);
         Ok(())

@@ -50,6 +50,11 @@ impl Plan {
         let arrived_by = slow.end().saturating_add(PATIENCE);
         Self { slow, station, way: None, arrived_by, from_keys: false, goal }
     }
+
+    /// Whether the arm goes straight up now with the fingers as they are, because one may be caught.
+    pub fn frees_fingers(&self) -> bool {
+        self.from_keys && self.station == Some(Station::Up)
+    }
 }
 
 impl Station {
