@@ -104,11 +104,12 @@ mod tests {
     use crate::config::{DEFAULT_PRESET, resolve};
     use crate::pianist::shipped_policy;
 
-    /// The sight-reader has more room for the rail than the preset, and is trained further all the same.
+    /// Some policies have more room for the rail than the preset, and are trained further all the same.
     #[test]
     fn a_training_has_the_rails_range_of_the_policy_that_it_begins_with() {
         let fast = resolve(DEFAULT_PRESET, None, &[]).unwrap();
         let range = |song: &str| beginning_with(fast.clone(), &shipped_policy(song).unwrap()).task.rail_range;
+        assert_eq!(range("surprise-symphony"), 0.04);
         assert_eq!(range("twinkle"), fast.task.rail_range);
         assert_eq!(range(crate::SIGHT_READER), 0.04);
         assert_eq!(beginning_with(fast.clone(), Path::new("nowhere")), fast);
