@@ -47,7 +47,7 @@ const MOST_BENT: f64 = 0.4;
 const MOST_ASIDE: f64 = 0.1;
 const MOST_RAIL: f64 = 0.02;
 /// Corner of the low-pass over what is added for a finger joint and for the rail, Hz. A stroke of a finger has higher frequencies than a
-/// motion of the rail; an arm that rings at 4 to 6 Hz swings more in each run if the rail's is 8 Hz (docs/results/adaptation.md).
+/// motion of the rail; an arm that rings at 4 to 6 Hz swings more in each run if the rail's is 8 Hz.
 const CORNER_HZ: [f64; 2] = [8.0, 4.0];
 /// Time in which the correction grows to its full size, s: a robot begins in the pose in which the song begins.
 const RAMP_SECS: f64 = 0.5;
