@@ -26,6 +26,9 @@ const BEAM: usize = 96;
 const MOST_KEYS: usize = 10;
 /// Cost of a finger turned to the end of its play, in control steps.
 const TURN_COST: f64 = 0.1;
+/// Cost of a strike by a finger whose way is barred by a neighbour, in control steps. Such a finger strikes up to a step late, which
+/// is better than a note that ends a step early.
+const BARRED_COST: f64 = 0.9;
 /// Cost of a metre of rail, in control steps.
 const TRAVEL_COST: f64 = 3.0;
 
@@ -217,7 +220,7 @@ impl Planner<'_> {
                 rail_steps.max(finger_steps[finger]).saturating_sub(gap)
             })
             .sum();
-        // A finger whose way to its next key is barred by a neighbour that plays strikes one step late (`ASIDE_M`).
+        // A finger whose way to its next key is barred by a neighbour that plays (`ASIDE_M`).
         let barred = |finger: usize| {
             let Some(next) = to.hand[finger].filter(|_| !kept(finger)) else { return false };
             let place = self.comb.over(self.strokes[next].key);
@@ -229,8 +232,10 @@ impl Planner<'_> {
                 (self.comb.beside(finger, place, other, theirs) - place[1]).abs() > ASIDE_M
             })
         };
-        let late = (0..FINGERS).filter(|finger| barred(*finger)).count();
-        let cost = (lost + given_up + late) as f64 + TRAVEL_COST * (to.rail - from.rail).abs();
+        let barred = (0..FINGERS).filter(|finger| barred(*finger)).count();
+        let cost = (lost + given_up) as f64
+            + BARRED_COST * barred as f64
+            + TRAVEL_COST * (to.rail - from.rail).abs();
         Some(Change { rail_steps, travel, finger_steps, cost })
     }
 

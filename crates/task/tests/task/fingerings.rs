@@ -189,7 +189,7 @@ fn keys_are_held_while_they_are_due_and_some_are_left_early() {
 
 #[test]
 fn a_finger_that_changes_keys_in_fewer_steps_holds_them_longer() {
-    let song = repertoire::get("d-major-scale").expect("built in");
+    let song = repertoire::get("chord-progression").expect("built in");
     let gaps = |change_steps: usize| {
         let config = TaskConfig { change_steps, ..with_fingering() };
         config.check().unwrap();
@@ -207,6 +207,14 @@ fn a_finger_that_changes_keys_in_fewer_steps_holds_them_longer() {
     assert!(one.1 < two.1 && two.1 < three.1, "{one:?} {two:?} {three:?}");
     let never = TaskConfig { change_steps: 0, ..with_fingering() };
     assert!(never.check().unwrap_err().to_string().contains("task.change_steps = 0 must lie in 1"));
+}
+
+#[test]
+fn a_strike_past_a_neighbour_costs_less_than_a_note_that_ends_early() {
+    let song = repertoire::get("d-major-scale").expect("built in");
+    let piece = Piece::for_task(&song, &TaskConfig { change_steps: 2, ..with_fingering() }).unwrap();
+    // With the two at the same cost it is 14: longer moves of the rail, and no finger in another's way.
+    assert_eq!(piece.fingering().unwrap().limits().lost_steps(), 10);
 }
 
 #[test]
