@@ -2,8 +2,8 @@
 //!
 //! A state is what sounds at one moment: a key or none for each finger, and a rail position from which the fingers reach their keys.
 //! The cost is the number of control steps of notes that are lost, which is close to what F1 measures: a skipped note costs all its
-//! steps, a rail or finger that is too slow costs the end of the note before. Small additional costs prefer unturned fingers and
-//! short movements.
+//! steps, a rail or finger that is too slow costs the end of the note before. Additional costs prefer fingers that no neighbour bars,
+//! unturned fingers and short movements.
 
 use etude_music::key_is_black;
 use etude_stage::FINGERS;
@@ -26,9 +26,9 @@ const BEAM: usize = 96;
 const MOST_KEYS: usize = 10;
 /// Cost of a finger turned to the end of its play, in control steps.
 const TURN_COST: f64 = 0.1;
-/// Cost of a strike by a finger whose way is barred by a neighbour, in control steps. Such a finger strikes up to a step late, which
-/// is better than a note that ends a step early.
-const BARRED_COST: f64 = 0.9;
+/// Cost of a strike by a finger whose way is barred by a neighbour, in control steps. The scripted player strikes such a note a step
+/// late, policies on time: so it costs a little less than a note that ends a step early.
+const BARRED_COST: f64 = 0.95;
 /// Cost of a metre of rail, in control steps.
 const TRAVEL_COST: f64 = 3.0;
 
@@ -220,7 +220,7 @@ impl Planner<'_> {
                 rail_steps.max(finger_steps[finger]).saturating_sub(gap)
             })
             .sum();
-        // A finger whose way to its next key is barred by a neighbour that plays (`ASIDE_M`).
+        // Whether a neighbour that plays bars a finger's way to its next key (`ASIDE_M`).
         let barred = |finger: usize| {
             let Some(next) = to.hand[finger].filter(|_| !kept(finger)) else { return false };
             let place = self.comb.over(self.strokes[next].key);
