@@ -61,7 +61,7 @@ def task_config(
         previous_joints: Whether the observation holds the joints of one step ago.
         previous_actions: Previous actions that the observation shows, 0 to 4.
         fingering: Whether a fingering is planned for the song: the observation shows each finger its goal, and the rail's action is a
-            distance from its planned place. The reward terms `fingering`, `preparation` and `velocity` need it.
+            distance from its planned place. The reward terms `fingering`, `velocity`, `dynamics` and `holding` need it.
         change_steps: Control steps of silence in which a fingering lets a finger change from one key to another of the same
             colour, 1 to 20.
         finger_range: How far the target of a finger joint may be from the pose that holds the fingertip over its goal, rad; 0 stands for

@@ -65,8 +65,8 @@ pub struct TaskConfig {
     /// of slow or late drives, whose references it does not see.
     pub previous_actions: usize,
     /// Whether the policy is shown a planned [`Fingering`](crate::Fingering) of the song: the observation has the place of
-    /// each fingertip relative to its goal, and the rail's action is a distance from its planned place. The reward terms `fingering` and
-    /// `preparation` need it. The paper has none.
+    /// each fingertip relative to its goal, and the rail's action is a distance from its planned place. The reward
+    /// terms of [`OF_A_FINGERING`](crate::reward::OF_A_FINGERING) need it. The paper has none.
     pub fingering: bool,
     /// Control steps of silence in which a fingering lets a finger change from one key to another of the same colour. Fewer keep notes
     /// longer; more are easier to play. The default is what the scripted player needs.

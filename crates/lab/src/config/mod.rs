@@ -57,17 +57,20 @@ const FREE: &[&str] = &[
 ];
 
 impl RunConfig {
-    /// The configuration that is stored with a policy. Settings of the trainer and the algorithm that this build does not have are
-    /// left out: they say how the policy learned, not how it plays.
+    /// The configuration that is stored with a policy. Settings of the trainer and the algorithm and reward terms that this build
+    /// does not have are left out: they say how the policy learned, not how it plays.
     ///
     /// # Errors
-    /// If the task has settings that this build does not have.
+    /// If the task has other settings that this build does not have.
     pub(crate) fn stored(mut value: serde_json::Value) -> serde_json::Result<Self> {
         let known = serde_json::to_value(Self::default())?;
         for part in ["trainer", "droq"] {
             if let Some(settings) = value.get_mut(part).and_then(serde_json::Value::as_object_mut) {
                 settings.retain(|name, _| known[part].get(name).is_some());
             }
+        }
+        if let Some(terms) = value.pointer_mut("/task/reward").and_then(serde_json::Value::as_object_mut) {
+            terms.retain(|name, _| etude_task::reward::TERMS.iter().any(|term| term.name == name));
         }
         serde_json::from_value(value)
     }
@@ -325,8 +328,10 @@ mod tests {
         let mut value = serde_json::to_value(RunConfig::default()).unwrap();
         value["trainer"]["demonstration_share"] = 0.5.into();
         value["droq"]["discount"] = 0.9.into();
+        value["task"]["reward"] = serde_json::json!({"preparation": 0.5, "collision": 0.25});
         let read = RunConfig::stored(value.clone()).unwrap();
         assert_eq!((read.droq.discount, read.trainer.clone()), (0.9, RunConfig::default().trainer));
+        assert_eq!(read.task.reward, [("collision".to_string(), 0.25)].into());
         value["task"]["gravity"] = true.into();
         assert!(RunConfig::stored(value).unwrap_err().to_string().contains("gravity"));
     }

@@ -73,7 +73,6 @@ pub const TERMS: &[Term] = &[
     // Ours, of the preset `fast`.
     term("wrong_travel", 0.0, wrong_travel),
     term("fingering", 0.0, fingering),
-    term("preparation", 0.0, preparation),
     term("velocity", 0.0, velocity),
     term("dynamics", 0.0, dynamics),
     term("holding", 0.0, holding),
@@ -81,7 +80,7 @@ pub const TERMS: &[Term] = &[
 ];
 
 /// Terms that need [`TaskConfig::fingering`](crate::TaskConfig::fingering).
-pub const OF_A_FINGERING: [&str; 5] = ["fingering", "preparation", "velocity", "dynamics", "holding"];
+pub const OF_A_FINGERING: [&str; 4] = ["fingering", "velocity", "dynamics", "holding"];
 
 /// Weight of the rail's power relative to that of the fingers, as in lasr-lab/learning-to-play-piano.
 const RAIL_SHARE: f64 = 0.003;
@@ -148,25 +147,11 @@ fn optimal_transport(moment: &Moment) -> f64 {
     closeness / count.min(FINGERS) as f64
 }
 
-/// Mean closeness of the fingers that should play to the places on their keys.
+/// Mean closeness of the fingers that should play to the places on their keys; 1 if none should.
 fn fingering(moment: &Moment) -> f64 {
-    closeness_to_goals(moment, |goal| goal.wait_steps == 0, distance)
-}
-
-/// Mean closeness of the fingers that wait to the upright line over their next keys.
-fn preparation(moment: &Moment) -> f64 {
-    closeness_to_goals(moment, |goal| goal.wait_steps > 0, |a, b| (a[0] - b[0]).hypot(a[1] - b[1]))
-}
-
-/// Mean over the fingers whose goal `counts`; 1 if there is none.
-fn closeness_to_goals(
-    moment: &Moment,
-    counts: fn(&Goal) -> bool,
-    distance: fn(&[f64; 3], &[f64; 3]) -> f64,
-) -> f64 {
     let (mut sum, mut count) = (0.0, 0);
     for (finger, goal) in moment.goals.iter().enumerate() {
-        let Some(goal) = goal.filter(counts) else { continue };
+        let Some(goal) = goal.filter(|goal| goal.wait_steps == 0) else { continue };
         let mut place = moment.world.key_target(goal.key);
         place[0] += beyond_target(goal.key);
         let away = distance(&moment.world.finger_pad(finger), &place);

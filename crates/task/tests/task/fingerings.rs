@@ -123,7 +123,7 @@ fn a_piece_and_a_task_agree_about_the_fingering() {
         let refused = Environment::new(&config, piece, 0).err().unwrap().to_string();
         assert!(refused.contains("Piece::for_task"), "{refused}");
     }
-    for term in ["fingering", "preparation"] {
+    for term in ["fingering", "holding"] {
         let mut config = TaskConfig::default();
         config.reward.insert(term.to_string(), 0.5);
         let refused = config.check().unwrap_err().to_string();
