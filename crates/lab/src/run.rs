@@ -11,6 +11,7 @@ use etude_learn::{
 };
 use etude_music::{Song, SongError};
 use etude_perform::{Job, NoteCounts, SongEvaluator, shell_word, write_file};
+use etude_task::reward::Reward;
 use etude_task::{Corpus, TaskConfig, VectorPiano};
 use serde_json::{Value, json};
 
@@ -146,6 +147,14 @@ impl Run {
             .with_context(|| format!("the training in {} cannot be continued", folder.display()))?;
         let config = change_free(&config, overrides)?;
         config.check()?;
+        // A term that another build had. The policy that holds the learned task was read without it.
+        Reward::new(&config.task.reward).with_context(|| {
+            let from = shell_word(folder.display());
+            format!(
+                "the training in {} cannot be continued; `--from {from}` begins another with its policy",
+                folder.display()
+            )
+        })?;
         let song = match config.corpus {
             Some(_) => None,
             None => Some(titled(Song::load(folder.join(SONG))?, folder)?),

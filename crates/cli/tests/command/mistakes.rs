@@ -147,6 +147,12 @@ fn runs_that_are_none_or_are_one_already() {
     assert!(config.contains("lookahead = 5"));
     std::fs::write(desk.path("run/config.toml"), config.replace("lookahead = 5", "lookahead = 6")).unwrap();
     refused(&desk, "train --resume run", &["the `task` of run/config.toml", "put it back"]);
+    std::fs::write(desk.path("run/config.toml"), config.replace("energy =", "effort =")).unwrap();
+    refused(
+        &desk,
+        "train --resume run",
+        &["the training in run cannot be continued", "`--from run`", "`effort`"],
+    );
     std::fs::write(desk.path("run/config.toml"), config).unwrap();
 
     std::fs::write(desk.path("run/checkpoints/last.safetensors"), &before[..before.len() / 2]).unwrap();
