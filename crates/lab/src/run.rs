@@ -1,5 +1,6 @@
 //! Training a song or a corpus: the run folder, its description, and the trainer in it.
 
+use std::collections::BTreeMap;
 use std::fs::File;
 use std::path::Path;
 use std::sync::Arc;
@@ -11,7 +12,7 @@ use etude_learn::{
 };
 use etude_music::{Song, SongError};
 use etude_perform::{Job, NoteCounts, SongEvaluator, shell_word, write_file};
-use etude_task::reward::Reward;
+use etude_task::reward::is_term;
 use etude_task::{Corpus, TaskConfig, VectorPiano};
 use serde_json::{Value, json};
 
@@ -145,16 +146,19 @@ impl Run {
         }
         let config = resolve_config("paper", Some(&folder.join(CONFIG)), &[])
             .with_context(|| format!("the training in {} cannot be continued", folder.display()))?;
-        let config = change_free(&config, overrides)?;
+        let mut config = change_free(&config, overrides)?;
         config.check()?;
-        // A term that another build had. The policy that holds the learned task was read without it.
-        Reward::new(&config.task.reward).with_context(|| {
-            let from = shell_word(folder.display());
-            format!(
-                "the training in {} cannot be continued; `--from {from}` begins another with its policy",
-                folder.display()
-            )
-        })?;
+        let learned = learned_reward(folder);
+        if let Some(term) = foreign_term(&learned).or_else(|| foreign_term(&config.task.reward)) {
+            bail!(
+                "the training in {} cannot be continued: no reward term is called `{term}` in this build; `--from {}` begins \
+                 another training with its policy",
+                folder.display(),
+                shell_word(folder.display())
+            );
+        }
+        // Other builds' terms that did not count.
+        config.task.reward.retain(|name, _| is_term(name));
         let song = match config.corpus {
             Some(_) => None,
             None => Some(titled(Song::load(folder.join(SONG))?, folder)?),
@@ -339,6 +343,18 @@ fn is_run(folder: &Path) -> bool {
 /// The task that the run in `folder` has learned so far, if its last policy holds it.
 fn learned_task(folder: &Path) -> Option<TaskConfig> {
     open(&folder.join("policy-last.safetensors")).ok().map(|pianist| pianist.config.task)
+}
+
+/// The reward's weights that the run in `folder` has learned with, with the terms of other builds; empty if no policy holds them.
+fn learned_reward(folder: &Path) -> BTreeMap<String, f64> {
+    let Ok(policy) = Policy::load(&folder.join("policy-last.safetensors")) else { return BTreeMap::new() };
+    let reward = &policy.header().notes["training"]["config"]["task"]["reward"];
+    serde_json::from_value(reward.clone()).unwrap_or_default()
+}
+
+/// A term of another build that counts in this reward.
+fn foreign_term(reward: &BTreeMap<String, f64>) -> Option<&str> {
+    reward.iter().find(|(name, weight)| **weight != 0.0 && !is_term(name)).map(|(name, _)| name.as_str())
 }
 
 /// The song of this name or path; that of a run's folder keeps the title that it was learned under.

@@ -147,12 +147,18 @@ fn runs_that_are_none_or_are_one_already() {
     assert!(config.contains("lookahead = 5"));
     std::fs::write(desk.path("run/config.toml"), config.replace("lookahead = 5", "lookahead = 6")).unwrap();
     refused(&desk, "train --resume run", &["the `task` of run/config.toml", "put it back"]);
-    std::fs::write(desk.path("run/config.toml"), config.replace("energy =", "effort =")).unwrap();
+    // A term of another build.
+    let foreign =
+        |weight: f64| config.replace("[task.reward]", &format!("[task.reward]\neffort = {weight:?}"));
+    assert_ne!(foreign(0.0), config);
+    std::fs::write(desk.path("run/config.toml"), foreign(0.5)).unwrap();
     refused(
         &desk,
         "train --resume run",
-        &["the training in run cannot be continued", "`--from run`", "`effort`"],
+        &["the training in run cannot be continued", "`effort`", "`--from run`"],
     );
+    std::fs::write(desk.path("run/config.toml"), foreign(0.0)).unwrap();
+    desk.ok("train --resume run --json");
     std::fs::write(desk.path("run/config.toml"), config).unwrap();
 
     std::fs::write(desk.path("run/checkpoints/last.safetensors"), &before[..before.len() / 2]).unwrap();

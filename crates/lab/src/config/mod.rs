@@ -70,7 +70,7 @@ impl RunConfig {
             }
         }
         if let Some(terms) = value.pointer_mut("/task/reward").and_then(serde_json::Value::as_object_mut) {
-            terms.retain(|name, _| etude_task::reward::TERMS.iter().any(|term| term.name == name));
+            terms.retain(|name, _| etude_task::reward::is_term(name));
         }
         serde_json::from_value(value)
     }

@@ -79,6 +79,11 @@ pub const TERMS: &[Term] = &[
     term("tracking", 0.0, tracking),
 ];
 
+/// Whether this build has a term called `name`.
+pub fn is_term(name: &str) -> bool {
+    TERMS.iter().any(|term| term.name == name)
+}
+
 /// Terms that need [`TaskConfig::fingering`](crate::TaskConfig::fingering).
 pub const OF_A_FINGERING: [&str; 4] = ["fingering", "velocity", "dynamics", "holding"];
 
@@ -254,7 +259,7 @@ impl Reward {
     /// If a name is unknown or a weight is not finite.
     pub fn new(overrides: &BTreeMap<String, f64>) -> Result<Self, TaskError> {
         for (name, weight) in overrides {
-            if !TERMS.iter().any(|term| term.name == name) {
+            if !is_term(name) {
                 let known: Vec<_> = TERMS.iter().map(|term| term.name).collect();
                 let known = known.join(", ");
                 return Err(TaskError::Value(format!(
