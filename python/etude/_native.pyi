@@ -5,10 +5,11 @@ from typing import final
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["CONTROL_HZ", "EtudeError", "Pianos", "Task", "__version__", "check_picture", "songs"]
+__all__ = ["CONTROL_HZ", "REWARD_TERMS", "EtudeError", "Pianos", "Task", "__version__", "check_picture", "songs"]
 
 __version__: str
 CONTROL_HZ: float
+REWARD_TERMS: list[str]
 
 class EtudeError(ValueError): ...
 

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from safetensors import SafetensorError, safe_open
 
-from ._native import EtudeError
+from ._native import REWARD_TERMS, EtudeError
 
 SCHEMA = "etude-policy-1"
 SHIPPED = pathlib.Path(__file__).parent / "policies"
@@ -69,13 +69,17 @@ class Policy:
 
     @property
     def task(self) -> dict[str, Any]:
-        """The task of its scores, for `PianoEnv(song, config=policy.task)`: that of its training, without randomness."""
+        """The task of its scores, for `PianoEnv(song, config=policy.task)`: that of its training, without randomness.
+
+        Reward terms of other builds are left out: they say how the policy learned, not how it plays.
+        """
         try:
             task: dict[str, Any] = self.header["notes"]["training"]["config"]["task"]
         except (KeyError, TypeError) as error:
             raise EtudeError(f"{self.path} does not say in which task it was trained") from error
         nominal = {**task.get("randomisation", {}), "intensity": 0.0}
-        return {**task, "random_start": False, "randomisation": nominal}
+        reward = {name: weight for name, weight in task.get("reward", {}).items() if name in REWARD_TERMS}
+        return {**task, "random_start": False, "randomisation": nominal, "reward": reward}
 
     @property
     def song(self) -> str | None:

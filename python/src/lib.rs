@@ -10,6 +10,7 @@ use std::fmt::Display;
 
 use etude_music::repertoire;
 use etude_task::TaskConfig;
+use etude_task::reward::TERMS;
 use pyo3::create_exception;
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
@@ -68,6 +69,7 @@ fn _native(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add("__version__", env!("CARGO_PKG_VERSION"))?;
     module.add("EtudeError", module.py().get_type::<EtudeError>())?;
     module.add("CONTROL_HZ", etude_music::CONTROL_HZ)?;
+    module.add("REWARD_TERMS", TERMS.iter().map(|term| term.name).collect::<Vec<_>>())?;
     module.add_function(wrap_pyfunction!(songs, module)?)?;
     module.add_function(wrap_pyfunction!(check_picture, module)?)?;
     module.add_class::<Task>()?;
