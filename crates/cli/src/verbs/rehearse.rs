@@ -24,9 +24,8 @@ use crate::status::Status;
 #[command(after_help = "\
 Round 0 plays what was learned in the default simulator. Each later round records the robot (once: four \
 motions clear of the keyboard, and slow presses of its keys), fits the simulator to that and to the last performances, in that \
-simulator continues the training of the policy that has played best so far (by the mean of F1 and onset F1) for half the steps \
-of the preset, and plays again. If it is stopped, the \
-same command resumes it. With --preset sight-reader the trainings continue the sight-reader, for all songs: the robot plays SONG in each round. \
+simulator continues the training of the policy that has played best so far (by the mean of F1 and onset F1) for the steps of the preset, \
+and plays again. If it is stopped, the same command resumes it. With --preset sight-reader the trainings continue the sight-reader, for all songs: the robot plays SONG in each round. \
 `etude perform` plays other songs with the best round's policy. Keep clear of the robot: it moves to the keyboard by itself before each run.
 
 Examples:

@@ -237,8 +237,8 @@ impl Rehearsal<'_> {
         )
     }
 
-    /// Trains in the simulator of `layer`, from what the best round so far has learned, for half the steps of the preset; resumes a
-    /// training that was interrupted.
+    /// Trains in the simulator of `layer`, from what the best round so far has learned, for the steps of the preset; resumes a training
+    /// that was interrupted.
     fn train(
         &self,
         round: usize,
@@ -249,9 +249,6 @@ impl Rehearsal<'_> {
         let folder = self.round_folder(round).join("training");
         let mut config = resolve(&self.config.preset, layer, &self.config.overrides)?;
         config.trainer.threads = self.config.threads.unwrap_or(config.trainer.threads);
-        if best.is_some() {
-            config.trainer.total_steps = round::steps_of(&config, &self.config.overrides);
-        }
         let source = best.map(|best| best.policy.as_path());
         if let Some(source) = source {
             config = beginning_with(config, source);

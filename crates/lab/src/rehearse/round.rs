@@ -5,24 +5,12 @@ use std::path::PathBuf;
 use etude_perform::Mode;
 use serde::{Deserialize, Serialize};
 
-use crate::config::RunConfig;
 use crate::identify::IdentifyMethod;
 use crate::robot::{MeanNotes, robot_score};
 
 /// Whether these overrides, `path=value`, name the lead of the plan. Else it is measured on the robot.
 pub fn name_the_lead(overrides: &[String]) -> bool {
-    name(overrides, "task.plan.lead_secs")
-}
-
-/// Steps of a training that continues a policy: half of those from nothing, unless the overrides name them.
-pub(super) fn steps_of(config: &RunConfig, overrides: &[String]) -> u64 {
-    let all = config.trainer.total_steps;
-    if name(overrides, "trainer.total_steps") { all } else { all.div_ceil(2) }
-}
-
-/// Whether these overrides set the value at `path`.
-fn name(overrides: &[String], path: &str) -> bool {
-    overrides.iter().any(|set| set.trim_start().starts_with(path))
+    overrides.iter().any(|set| set.trim_start().starts_with("task.plan.lead_secs"))
 }
 
 /// What to rehearse, and how.
@@ -112,18 +100,6 @@ pub fn best_round<'a>(rounds: impl IntoIterator<Item = &'a Round>) -> Option<&'a
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::config::{DEFAULT_PRESET, resolve};
-
-    #[test]
-    fn a_round_trains_half_the_steps_of_a_song_unless_they_are_set() {
-        let steps = |overrides: &[&str]| {
-            let overrides: Vec<String> = overrides.iter().map(ToString::to_string).collect();
-            steps_of(&resolve(DEFAULT_PRESET, None, &overrides).unwrap(), &overrides)
-        };
-        let whole = resolve(DEFAULT_PRESET, None, &[]).unwrap().trainer.total_steps;
-        assert_eq!(2 * steps(&["trainer.seed=3"]), whole);
-        assert_eq!(steps(&["trainer.total_steps=7000"]), 7000);
-    }
 
     #[test]
     fn the_best_round_is_by_the_steps_and_by_the_notes_and_the_earlier_of_equals() {
