@@ -15,7 +15,8 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         .find(|known| known.to_string() == *part)
         .ok_or("the parts are training, validation, test")?;
     let plan = PlanConfig { rule: PlanRule::Articulated, lead_secs: 0.025, ..PlanConfig::default() };
-    let task = TaskConfig { fingering: true, plan, ..TaskConfig::default() };
+    let task =
+        TaskConfig { fingering: true, change_steps: 2, rail_range: 0.01, plan, ..TaskConfig::default() };
     let count = count.parse()?;
     let songs: Vec<_> = melodies(part, 0).take(count).collect();
     let begun = Instant::now();
