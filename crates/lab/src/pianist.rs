@@ -188,8 +188,12 @@ pub fn pianist_for(asked: &str, slug: &str, song: &Song) -> anyhow::Result<Chose
     })
 }
 
-/// The sight-reader, if it is predicted to play more notes of `song` right than `own` has, and with a higher F1.
+/// The sight-reader, if it is predicted to play more notes of `song` right than `own` has, and with a higher F1. Not in place of a policy
+/// that has learned loud and soft, which neither score counts.
 fn better_at_sight(own: &Pianist, song: &Song) -> Option<Pianist> {
+    if own.config.task.velocities {
+        return None;
+    }
     let notes = own.claimed_notes.filter(|notes| *notes < song.notes().len() as f64)?;
     let reader = best_policy(SIGHT_READER).ok()??;
     let task = &reader.config.task;

@@ -187,11 +187,12 @@ fn the_sight_reader_plays_what_the_documents_say() {
 #[test]
 fn a_piece_with_dynamics_is_played_soft_and_loud() {
     let (song, policy) = (root().join("songs/surprise-symphony.mid"), shipped("surprise-symphony"));
-    let asked = format!("{} --policy {} -o out --json", song.display(), policy.display());
-    let report = Desk::new().json(&format!("play {asked}"));
+    // Its own policy plays, although the sight-reader is predicted to play one note more.
+    let report = Desk::new().json(&format!("play {} -o out --json", song.display()));
     let played = |report: &Value, key: &str| report[key].as_f64().unwrap();
     assert!(played(&report, "velocity_correlation") >= 0.8, "{report}");
     assert!(played(&report, "matched") >= 53.0 && played(&report, "f1") >= 0.95, "{report}");
+    let asked = format!("{} --policy {} -o out --json", song.display(), policy.display());
     for truth in ["mild", "standard"] {
         let report = Desk::new().json(&format!("perform {asked} --robot twin --truth {truth}"));
         assert!(played(&report["runs"][0], "velocity_correlation") >= 0.6, "{truth}: {report}");
