@@ -190,6 +190,7 @@ fn a_piece_with_dynamics_is_played_soft_and_loud() {
     // Its own policy plays, although the sight-reader is predicted to play one note more.
     let report = Desk::new().json(&format!("play {} -o out --json", song.display()));
     let played = |report: &Value, key: &str| report[key].as_f64().unwrap();
+    assert!(report["player"].as_str().unwrap().contains("surprise-symphony"), "{report}");
     assert!(played(&report, "velocity_correlation") >= 0.8, "{report}");
     assert!(played(&report, "matched") >= 53.0 && played(&report, "f1") >= 0.95, "{report}");
     let asked = format!("{} --policy {} -o out --json", song.display(), policy.display());
