@@ -203,14 +203,14 @@ pub fn scores_in_simulation(pianist: &Pianist, piece: &Piece) -> anyhow::Result<
 
 /// The header of a recording in which `pianist` plays `piece` on the rig that is called `rig`.
 pub(crate) fn header(piece: &Piece, pianist: &Pianist, rig: &str, config: Option<RigConfig>) -> Header {
-    let due = piece.heard_frames(config.is_some());
     Header {
         song: piece.title().to_string(),
         player: pianist.name(),
         rig: rig.to_string(),
         control_hz: CONTROL_HZ,
         joints: JOINT_NAMES.map(str::to_string).to_vec(),
-        due: due.iter().map(|keys| keys.pitches().collect()).collect(),
+        due: piece.frames().iter().map(|keys| keys.pitches().collect()).collect(),
+        late_secs: config.as_ref().map(|_| piece.late_secs()),
         due_notes: piece.notes().iter().map(|note| DueNote::from(*note)).collect(),
         bar_secs: piece.bars().to_vec(),
         run: Some(serde_json::to_value(&pianist.config).expect("a configuration is plain data")),
@@ -229,7 +229,7 @@ pub(crate) fn keep(files: &Files, performance: &Performance, font: Option<&Sound
     let (notes, piece) = (performance.notes(), &performance.piece);
     sound::write_wav(&files.wav, &sound::render(&notes, font)?)?;
     Song::new(piece.title(), notes, performance.secs())?.save(&files.midi)?;
-    Ok(write_frames_csv(&files.frames, &performance.due(), Some(&performance.every_step()))?)
+    Ok(write_frames_csv(&files.frames, piece.frames(), Some(&performance.heard()))?)
 }
 
 /// Writes a report beside the files of a performance.

@@ -12,6 +12,8 @@ use crate::song::Song;
 /// A time this close to a frame's border, in frames, is on it. RoboPianist truncates floating point products, so that with steps of
 /// 0.7 s some notes are one frame off; here they are not.
 pub(crate) const ON_BORDER_FRAMES: f64 = 1e-6;
+/// An event this little after a time is at that time, s.
+const ON_TIME_SECS: f64 = 1e-9;
 
 impl Song {
     /// One set of keys a control step.
@@ -112,6 +114,24 @@ pub fn notes_from_key_events(events: &[KeyEvent], end_secs: f64) -> Vec<Note> {
         close(key, stroke, end_secs);
     }
     one_string_a_pitch(notes)
+}
+
+/// Keys that are down at each of these times, which do not decrease. An event counts from its own time on.
+pub fn keys_at(events: &[KeyEvent], times: impl IntoIterator<Item = f64>) -> Vec<KeySet> {
+    let mut events: Vec<&KeyEvent> = events.iter().filter(|event| event.secs.is_finite()).collect();
+    events.sort_by(|a, b| a.secs.total_cmp(&b.secs));
+    let mut events = events.into_iter().peekable();
+    let mut down = KeySet::EMPTY;
+    let down_at = |secs| {
+        while let Some(event) = events.next_if(|event| event.secs <= secs + ON_TIME_SECS) {
+            match event.velocity {
+                0 => down.remove(event.key),
+                _ => down.insert(event.key),
+            };
+        }
+        down
+    };
+    times.into_iter().map(down_at).collect()
 }
 
 #[cfg(test)]

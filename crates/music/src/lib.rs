@@ -42,7 +42,7 @@ mod song;
 pub mod sound;
 
 pub use error::{MidiError, SongError};
-pub use frames::{KeyEvent, ceil_frame, notes_from_key_events};
+pub use frames::{KeyEvent, ceil_frame, keys_at, notes_from_key_events};
 pub use keys::{HIGHEST_PITCH, KEYS, KeySet, LOWEST_PITCH, key_is_black, pitch_name};
 pub use limits::{MAX_DURATION_SECS, MAX_NOTES};
 pub use melody::melody;
@@ -51,7 +51,7 @@ pub use near::{did_you_mean, near};
 pub use note::{Note, chords};
 pub use pace::BusiestSecond;
 pub use part::{Part, melodies};
-pub use plan::{LONGEST_LEAD_SECS, Plan, PlanConfig, PlanRule, late_frames};
+pub use plan::{LONGEST_LEAD_SECS, Plan, PlanConfig, PlanRule};
 pub use range::{OffendingNote, OutOfRange};
 pub use reach::{
     FINGER_PLAY_MM, FINGER_SPACING_MM, PLAYING_FINGERS, WHITE_KEY_PITCH_MM, Warning, WarningKind,

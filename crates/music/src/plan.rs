@@ -44,11 +44,6 @@ pub struct PlanConfig {
     pub lead_secs: f64,
 }
 
-/// Whole frames by which a player who leads by this time is heard later than the frames of the plan have it.
-pub fn late_frames(lead_secs: f64) -> usize {
-    (lead_secs * CONTROL_HZ + ON_BORDER_FRAMES) as usize
-}
-
 impl Default for PlanConfig {
     fn default() -> Self {
         Self { rule: PlanRule::default(), restrike_secs: 0.1, lead_secs: 0.0 }
@@ -237,12 +232,6 @@ mod tests {
         let due: Vec<String> = plan.frames.iter().map(KeySet::to_string).collect();
         assert_eq!(due, ["", "60", "62", "62", "62", "62", "62", "64", ""]);
         assert_eq!(plan.song, song(&notes));
-    }
-
-    #[test]
-    fn a_lead_of_a_frame_is_heard_a_frame_later_than_it_is_planned() {
-        let leads = [0.0, 0.025, 0.0499, 0.05, 0.0999, 0.115, 0.15, 0.25];
-        assert_eq!(leads.map(late_frames), [0, 0, 0, 1, 1, 2, 3, 5]);
     }
 
     #[test]

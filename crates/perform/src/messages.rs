@@ -90,9 +90,11 @@ pub struct Header {
     pub control_hz: f64,
     /// Names of the joints, in the order of every list below.
     pub joints: Vec<String>,
-    /// MIDI numbers of the keys that should be heard in each control step; on a robot later than the plan by the whole control steps of
-    /// its lead.
+    /// MIDI numbers of the keys that are due in each control step.
     pub due: Vec<Vec<u8>>,
+    /// On a robot: F1 compares the keys that are due in a control step with those that sound this time after its end, s. `None` in a
+    /// simulation, where it is those that sound at its end, and in older recordings.
+    pub late_secs: Option<f64>,
     /// The notes that are due.
     pub due_notes: Vec<DueNote>,
     /// Times of the score's bar lines, s.

@@ -1,7 +1,7 @@
 //! The result of a performance, and its scores.
 
 use etude_music::metrics::{FrameScores, NoteScores, frame_scores, note_scores};
-use etude_music::{CONTROL_HZ, KeyEvent, KeySet, Note, notes_from_key_events};
+use etude_music::{CONTROL_HZ, KeyEvent, KeySet, Note, keys_at, notes_from_key_events};
 use etude_task::Piece;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -113,9 +113,16 @@ impl Performance {
         self.alongside.extend(stepped.alongside);
     }
 
-    /// Keys that sounded at each control step of the piece; silence after an early end.
-    pub fn every_step(&self) -> Vec<KeySet> {
-        padded(&self.pressed, self.piece.steps())
+    /// Keys that were heard for each control step of the piece: in a simulation at its end, on a robot [`Piece::late_secs`] later; silence
+    /// after an early end.
+    pub fn heard(&self) -> Vec<KeySet> {
+        let steps = self.piece.steps();
+        match self.robot {
+            Some(_) => {
+                padded(&heard_on_robot(&self.events, self.pressed.len(), self.piece.late_secs()), steps)
+            }
+            None => padded(&self.pressed, steps),
+        }
     }
 
     /// Length of the piece, s.
@@ -139,26 +146,13 @@ impl Performance {
             Some(_) => self.piece.planned(),
             None => self.piece.frames().to_vec(),
         };
-        let mut before = KeySet::EMPTY;
-        let mut events = Vec::new();
-        for (step, now) in planned.into_iter().enumerate() {
-            let secs = step as f64 / CONTROL_HZ;
-            events.extend(before.difference(now).iter().map(|key| KeyEvent { secs, key, velocity: 0 }));
-            events.extend(now.difference(before).iter().map(|key| KeyEvent { secs, key, velocity: 1 }));
-            before = now;
-        }
-        notes_from_key_events(&events, self.secs())
-    }
-
-    /// Keys that should be heard in each control step: see [`Piece::heard_frames`].
-    pub fn due(&self) -> Vec<KeySet> {
-        self.piece.heard_frames(self.robot.is_some())
+        notes_from_key_events(&changes(&planned, 0.0), self.secs())
     }
 
     /// Every score. Control steps after an early end count as silence; onsets are read at the times of the key events.
     pub fn scores(&self) -> Scores {
         Scores {
-            frame: frame_scores(&self.due(), &self.every_step()),
+            frame: frame_scores(self.piece.frames(), &self.heard()),
             note: note_scores(self.piece.notes(), &self.notes()),
         }
     }
@@ -168,6 +162,24 @@ impl Performance {
         let played = padded(&self.alongside, self.piece.steps());
         (!self.alongside.is_empty()).then(|| frame_scores(self.piece.frames(), &played).f1)
     }
+}
+
+/// Strikes and releases of keys that change at the beginning of control steps, all later by `late_secs`.
+fn changes(frames: &[KeySet], late_secs: f64) -> Vec<KeyEvent> {
+    let mut before = KeySet::EMPTY;
+    let mut events = Vec::new();
+    for (step, now) in frames.iter().enumerate() {
+        let secs = step as f64 / CONTROL_HZ + late_secs;
+        events.extend(before.difference(*now).iter().map(|key| KeyEvent { secs, key, velocity: 0 }));
+        events.extend(now.difference(before).iter().map(|key| KeyEvent { secs, key, velocity: 1 }));
+        before = *now;
+    }
+    events
+}
+
+/// Keys that are heard on a robot for each of the first control steps: `late_secs` after its end.
+pub fn heard_on_robot(events: &[KeyEvent], steps: usize, late_secs: f64) -> Vec<KeySet> {
+    keys_at(events, (1..=steps).map(|step| step as f64 / CONTROL_HZ + late_secs))
 }
 
 fn padded(keys: &[KeySet], steps: usize) -> Vec<KeySet> {
@@ -186,22 +198,29 @@ mod tests {
     use etude_music::{PlanConfig, repertoire};
     use etude_task::TaskConfig;
 
-    /// Who plays all keys two steps after the plan, which leads by 0.11 s, is on time: as a robot, and not in a simulation.
+    /// Who strikes and releases every key at the time of the song is right in every control step, whatever the lead; 20 ms early or late is
+    /// still within the step, 30 ms is not.
     #[test]
     fn a_robot_is_scored_on_the_songs_own_time() {
-        let task = TaskConfig {
-            plan: PlanConfig { lead_secs: 0.11, ..PlanConfig::default() },
-            ..TaskConfig::default()
-        };
-        let piece = Piece::for_task(&repertoire::get("twinkle").expect("built in"), &task).unwrap();
-        let mut played = Performance::new(&piece);
-        for step in 0..piece.steps() {
-            let pressed = step.checked_sub(2).map_or(KeySet::EMPTY, |step| piece.due(step));
-            played.push(Stepped { pressed, alongside: None });
+        let song = repertoire::get("twinkle").expect("built in");
+        for lead_secs in [0.025, 0.03, 0.049, 0.051, 0.074, 0.076, 0.11, 0.2] {
+            let task = TaskConfig {
+                plan: PlanConfig { lead_secs, ..PlanConfig::default() },
+                ..TaskConfig::default()
+            };
+            let piece = Piece::for_task(&song, &task).unwrap();
+            let f1 = |late_secs: f64| {
+                let mut played = Performance::new(&piece);
+                played.robot = Some(Executed::default());
+                played.events = changes(piece.frames(), lead_secs + late_secs);
+                for _ in 0..piece.steps() {
+                    played.push(Stepped { pressed: KeySet::EMPTY, alongside: None });
+                }
+                played.scores().frame.f1
+            };
+            assert!([-0.02, 0.0, 0.02].iter().all(|late_secs| f1(*late_secs) == 1.0), "lead {lead_secs}");
+            assert!([-0.03, 0.03].iter().all(|late_secs| f1(*late_secs) < 0.95), "lead {lead_secs}");
         }
-        assert!(played.scores().frame.f1 < 0.9);
-        played.robot = Some(Executed::default());
-        assert_eq!(played.scores().frame.f1, 1.0);
     }
 
     /// The hand cannot strike a key again at once, so the fingering leaves it earlier than the song. Without a fingering all is planned.

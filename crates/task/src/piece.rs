@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use etude_music::{KeySet, Note, Plan, PlanConfig, Song, SongError, late_frames};
+use etude_music::{CONTROL_HZ, KeySet, Note, Plan, PlanConfig, Song, SongError};
 
 use crate::{Fingering, Goals, TaskConfig, TaskError};
 
@@ -133,17 +133,15 @@ impl Piece {
         &self.due
     }
 
-    /// Keys that should be heard in every control step. In a simulation these are the [`frames`](Self::frames): it plays them as early as
-    /// the plan has them. A robot lags and the plan leads, so on a robot they are later by the whole control steps of the lead.
-    pub fn heard_frames(&self, on_robot: bool) -> Vec<KeySet> {
-        let late = if on_robot { late_frames(self.lead_secs) } else { 0 };
-        let silence = std::iter::repeat_n(KeySet::EMPTY, late);
-        silence.chain(self.due.iter().copied()).take(self.due.len()).collect()
-    }
-
     /// Time by which the notes are later than the keys that are due, s: the lead of the plan.
     pub fn lead_secs(&self) -> f64 {
         self.lead_secs
+    }
+
+    /// Time by which a robot that plays this on time is heard later than a simulation, s. In a simulation a key that is due in a control
+    /// step goes down half a step after its beginning on average, and sounds at its end; the rest of the lead makes up for a robot's lag.
+    pub fn late_secs(&self) -> f64 {
+        (self.lead_secs - 0.5 / CONTROL_HZ).max(0.0)
     }
 
     /// Times of the bar lines, with the initial silence, s.

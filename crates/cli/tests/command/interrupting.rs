@@ -110,13 +110,18 @@ fn ctrl_c_has_one_code_in_every_long_command() {
     let desk = Desk::new();
     desk.ok("record --robot twin --excitation rail -o rail.mcap");
     desk.ok("play ode-to-joy --scripted -o out");
+    // A gallery of one recording is complete at once.
+    std::fs::create_dir(desk.path("takes")).unwrap();
+    for take in 0..20 {
+        std::fs::copy(desk.path("out/recording.mcap"), desk.path(&format!("takes/{take}.mcap"))).unwrap();
+    }
     let mut commands = vec![
         "perform ode-to-joy --scripted -o robot",
         "record --robot twin --secs 600 -o still.mcap",
         "evaluate ode-to-joy --scripted --worlds 100000",
         "identify rail.mcap -o fit",
         "rehearse ode-to-joy --rounds 1",
-        "gallery out -o gallery",
+        "gallery takes -o gallery",
         "train ode-to-joy -o run",
         "experiment run songs --runs trials",
         "robot check --robot twin --wiggle",

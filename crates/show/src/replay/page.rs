@@ -57,9 +57,9 @@ fn partings(takes: &[Take]) -> Vec<[f64; 2]> {
     // Their first keys are due at the same time after these steps of silence.
     let silence = [one, other].map(|take| take.due.iter().take_while(|due| due.is_empty()).count());
     let [skipped, skipped_there] = silence.map(|steps| steps - silence[0].min(silence[1]));
-    let theirs = other.pressed.iter().enumerate().skip(skipped_there);
+    let theirs = other.heard_keys.iter().enumerate().skip(skipped_there);
     let mut partings: Vec<[usize; 2]> = Vec::new();
-    for ((step, ours), (there, theirs)) in one.pressed.iter().enumerate().skip(skipped).zip(theirs) {
+    for ((step, ours), (there, theirs)) in one.heard_keys.iter().enumerate().skip(skipped).zip(theirs) {
         if one.due.get(step) != other.due.get(there) {
             break;
         }
@@ -70,5 +70,5 @@ fn partings(takes: &[Take]) -> Vec<[f64; 2]> {
             }
         }
     }
-    partings.iter().map(|steps| steps.map(|step| step as f64 / one.control_hz)).collect()
+    partings.iter().map(|steps| steps.map(|step| step as f64 / one.control_hz + one.late_secs)).collect()
 }

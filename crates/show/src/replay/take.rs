@@ -11,7 +11,7 @@ use etude_music::{
     CONTROL_HZ, HIGHEST_PITCH, KeyEvent, KeySet, LOWEST_PITCH, Note, notes_from_key_events, repertoire,
 };
 use etude_perform::stand::stage_side;
-use etude_perform::{Header, Recording};
+use etude_perform::{Header, Recording, heard_on_robot};
 use etude_stage::{JOINTS, RAIL_BEAM, Scene, StageConfig, World};
 use etude_task::TaskConfig;
 use serde::Serialize;
@@ -59,10 +59,16 @@ pub struct Take {
     pub start: Option<Vec<f64>>,
     /// The robot's arm; none in simulation, where the hand is on a rail.
     pub arm: Option<Arm>,
-    /// Pitches that should be heard in each control step: on a robot later than its plan by the whole control steps of the lead.
+    /// Pitches that are due in each control step.
     pub due: Vec<Vec<u8>>,
     /// Pitches that sounded at the end of each control step.
     pub pressed: Vec<Vec<u8>>,
+    /// Keys that F1 compares with those that are due in each control step: see [`Header::late_secs`].
+    #[serde(skip)]
+    pub(super) heard_keys: Vec<KeySet>,
+    /// Time from the end of each control step to the moment of its `heard_keys`.
+    #[serde(skip)]
+    pub(super) late_secs: f64,
     /// The notes that were played.
     pub notes: Vec<PlayedNote>,
     /// The notes that were due; empty without a song, and in a recording of an Étude that did not write them yet.
@@ -169,6 +175,11 @@ impl Take {
         let pressed: Vec<KeySet> = steps.iter().map(|step| keys(&step.pressed)).collect();
         let hz = if (1.0..=1000.0).contains(&header.control_hz) { header.control_hz } else { CONTROL_HZ };
         let end_secs = steps.len() as f64 / hz;
+        let events = events(recording, end_secs);
+        let heard_keys = match header.late_secs {
+            Some(late_secs) => heard_on_robot(&events, steps.len(), late_secs),
+            None => pressed.clone(),
+        };
         let arm = arm(recording, steps.len(), hz);
         if arm.is_some() {
             scene.geoms.retain(|geom| geom.name != RAIL_BEAM);
@@ -177,7 +188,7 @@ impl Take {
         let mut running = Running::default();
         if !due.is_empty() {
             let mut tally = FrameTally::default();
-            for (step, pressed) in pressed.iter().enumerate() {
+            for (step, pressed) in heard_keys.iter().enumerate() {
                 tally.push(due.get(step).copied().unwrap_or_default(), *pressed);
                 let scores = tally.scores();
                 running.f1.push(rounded(scores.f1));
@@ -187,7 +198,7 @@ impl Take {
         }
         let positions: Vec<[f64; JOINTS]> =
             steps.iter().map(|step| std::array::from_fn(|joint| step.positions[joint])).collect();
-        let notes = played(recording, end_secs);
+        let notes = notes_from_key_events(&events, end_secs);
         let due_notes: Vec<Note> = header.due_notes.iter().map(|note| Note::from(*note)).collect();
         let (rewards, rewards_note) = rewards(recording, &task, &mut world, &due, &pressed, &positions);
         Ok(Self {
@@ -210,9 +221,11 @@ impl Take {
             due_notes: due_notes.iter().map(PlayedNote::of).collect(),
             notes: notes.iter().map(PlayedNote::of).collect(),
             running,
-            last: (!due.is_empty()).then(|| frame_scores(&due, &pressed)),
+            last: (!due.is_empty()).then(|| frame_scores(&due, &heard_keys)),
             due: due.iter().map(|keys| keys.pitches().collect()).collect(),
             pressed: pressed.iter().map(|keys| keys.pitches().collect()).collect(),
+            late_secs: header.late_secs.unwrap_or_default(),
+            heard_keys,
             rewards,
             rewards_note,
             marks: marks(recording),
@@ -271,9 +284,10 @@ impl PlayedNote {
     }
 }
 
-fn played(recording: &Recording, end_secs: f64) -> Vec<Note> {
+/// Strikes and releases in the control steps that are shown.
+fn events(recording: &Recording, end_secs: f64) -> Vec<KeyEvent> {
     let on_keyboard = |pitch: u8| (LOWEST_PITCH..=HIGHEST_PITCH).contains(&pitch);
-    let events: Vec<KeyEvent> = recording
+    recording
         .keys
         .iter()
         // A recording that broke off may have strokes after its last whole step.
@@ -283,8 +297,7 @@ fn played(recording: &Recording, end_secs: f64) -> Vec<Note> {
             key: usize::from(key.pitch - LOWEST_PITCH),
             velocity: key.velocity,
         })
-        .collect();
-    notes_from_key_events(&events, end_secs)
+        .collect()
 }
 
 fn incomplete(recording: &Recording, steps: usize, due: usize) -> Option<String> {
