@@ -25,10 +25,20 @@ RAIL_LIMITS = {"velocity": 0.8, "acceleration": 7.5, "jerk": 1500.0}
 SETPOINT_SECS = 0.005
 
 
-def keys(text):
+def down(pitches):
     row = np.zeros(KEYS, dtype=int)
-    row[[int(pitch) - LOWEST for pitch in text.split()]] = 1
+    row[np.array(pitches, dtype=int) - LOWEST] = 1
     return row
+
+
+def keys(text):
+    return down([int(pitch) for pitch in text.split()])
+
+
+def heard_at(secs, strokes):
+    """The keys that are down at this time, by the strokes and releases until then."""
+    velocities = {stroke["pitch"]: stroke["velocity"] for stroke in strokes if stroke["secs"] <= secs + 1e-9}
+    return down([pitch for pitch, velocity in velocities.items() if velocity > 0])
 
 
 def main(folder: pathlib.Path) -> int:
@@ -72,9 +82,14 @@ def main(folder: pathlib.Path) -> int:
 
     with open(folder / "run-1.csv", newline="") as file:
         rows = list(csv.DictReader(file))
-    pressed_there = [sorted(m["pressed"]) for m in messages["/step"]]
-    pressed_here = [sorted(int(p) for p in row["pressed"].split()) for row in rows[:steps]]
-    holds("keys pressed at each step", pressed_there == pressed_here)
+    # Also of keys that were down before the beginning, and until what was played last is heard.
+    header, strokes = messages["/header"][0], messages["/key"]
+    holds("keys due at each step", [keys(r["due"]).tolist() for r in rows] == [down(due).tolist() for due in header["due"]])
+    ends = [(step + 1) / header["control_hz"] for step in range(steps)]
+    there = [heard_at(end + header["late_secs"], strokes).tolist() for end in ends]
+    holds("keys heard for each step", there == [keys(r["pressed"]).tolist() for r in rows[:steps]])
+    at_ends = [heard_at(end, strokes).tolist() for end in ends]
+    holds("keys pressed at the end of each step", at_ends == [down(m["pressed"]).tolist() for m in messages["/step"]])
     f1 = np.mean([f1_score(keys(r["due"]), keys(r["pressed"]), zero_division=1) for r in rows])
     holds(f"F1 {run['f1']} here, {f1} there", abs(f1 - run["f1"]) < 1e-9)
 

@@ -59,7 +59,7 @@ def main():
         simulation.append(report["sim_f1"])
         print(f"| {song} | {report['sim_f1']:.3f} | " + " | ".join(cells) + " |", flush=True)
     mean = lambda values: f"{sum(values) / len(values):.3f}"
-    sums = (f"{right[mode]:g} of {due}, {wrong[mode]:g}; {mean(onsets[mode])}; ; {mean(columns[mode])}" for mode in MODES)
+    sums = (f"{right[mode]:g} of {due}, {wrong[mode]:g}; {mean(onsets[mode])}; {mean(columns[mode])}" for mode in MODES)
     print(f"| sum; mean | {mean(simulation)} | " + " | ".join(sums) + " |")
 
 

@@ -29,7 +29,7 @@ class Recording:
 
     Attributes:
         header: `song`, `player`, `rig`, `activity` (`kind`: simulation, mode, excitation or rest; `name`: of the execution mode or the
-            excitation), `joints`, `due` (the keys due at each control step), `bar_secs`, `run` (the configuration of the player's run),
+            excitation), `joints`, `due` (the keys due at each control step), `late_secs` (see `heard`), `bar_secs`, `run` (the configuration of the player's run),
             `corrected` (whether a correction was added to the robot's set-points), `rig_config` (the rig's file), `schema` (version of the messages, 2).
         topics: The messages of each topic, a column a field. Numbers come as arrays, `[messages, …]`; values whose length differs
             from message to message come as an array of objects. `log_secs` is the time of each message, s. Units are those of the
@@ -60,6 +60,21 @@ class Recording:
     def pressed(self) -> NDArray[np.bool_]:
         """Keys that sounded at the end of each control step, `[steps, 49]`."""
         return _keys(self["pressed"])
+
+    @property
+    def heard(self) -> NDArray[np.bool_]:
+        """Keys that F1 compares with those that are due, `[steps, 49]`: in simulation those at the end of each control step, on a robot those
+        `late_secs` of the header later, because its plan leads."""
+        late_secs = self.header.get("late_secs")
+        if late_secs is None:
+            return self.pressed
+        ends = (np.arange(len(self)) + 1) / self.header["control_hz"] + late_secs
+        strokes = self.topics.get("/key", {"secs": (), "pitch": (), "velocity": ()})
+        heard = np.zeros((len(self), KEYS), np.bool_)
+        # Each change of a key holds until its next one.
+        for secs, pitch, velocity in sorted(zip(strokes["secs"], strokes["pitch"], strokes["velocity"]), key=lambda stroke: stroke[0]):
+            heard[ends >= secs - 1e-9, pitch - LOWEST_PITCH] = velocity > 0
+        return heard
 
     @property
     def rewards(self) -> dict[str, NDArray[np.float64]]:

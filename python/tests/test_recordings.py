@@ -23,6 +23,16 @@ def test_it_is_what_the_command_says(played):
     np.testing.assert_allclose(np.diff(recording["log_secs"]), 0.05, atol=1e-6)
 
 
+def test_a_robot_is_heard_later(performed):
+    recording = read_recording(performed / "run-1.mcap")
+    report = json.loads((performed / "report.json").read_text())
+    assert recording.header["late_secs"] == pytest.approx(0.045)
+    f1 = [f1_score(due, heard, zero_division=1) for due, heard in zip(recording.due, recording.heard)]
+    assert np.mean(f1) == pytest.approx(report["robot_f1"])
+    at_the_ends = [f1_score(due, pressed, zero_division=1) for due, pressed in zip(recording.due, recording.pressed)]
+    assert abs(np.mean(at_the_ends) - report["robot_f1"]) > 0.01
+
+
 def test_a_topic_is_a_frame(played):
     recording = read_recording(played / "recording.mcap")
     frame = recording.frame()

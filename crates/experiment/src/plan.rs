@@ -32,7 +32,7 @@ const SMOKE: [&str; 4] = [
 const SMOKE_EVALUATIONS: u64 = 2;
 
 /// How policies play on a twin; a trial that was done otherwise has another id.
-const PLAYED: &str = "with the lead that one run before has measured";
+const PLAYED: &str = "with the lead that one run before has measured, F1 of the keys when they are heard";
 
 impl PlanConfig {
     /// The flags that give it on the command line, as they are typed.
@@ -206,7 +206,7 @@ fn rehearsals(
         let evaluations = if smoke { Some(SMOKE_EVALUATIONS) } else { rehearse.evaluations };
         // A later round continues from the best one.
         let from = if rounds > 1 { " from the best round" } else { "" };
-        let all = format!("{what}{mode}{rounds} {runs} {truth_name} {evaluations:?}{from}");
+        let all = format!("{what}{mode}{rounds} {runs} {truth_name} {evaluations:?}{from}{PLAYED}");
         let mut labels = labels.clone();
         labels.insert("mode".to_string(), mode.name().to_string());
         labels.insert("truth".to_string(), truth_name.to_string());

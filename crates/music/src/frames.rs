@@ -116,12 +116,12 @@ pub fn notes_from_key_events(events: &[KeyEvent], end_secs: f64) -> Vec<Note> {
     one_string_a_pitch(notes)
 }
 
-/// Keys that are down at each of these times, which do not decrease. An event counts from its own time on.
-pub fn keys_at(events: &[KeyEvent], times: impl IntoIterator<Item = f64>) -> Vec<KeySet> {
+/// Keys that are down at each of these times, which do not decrease, if those of `down` are down before the first event. An event counts
+/// from its own time on.
+pub fn keys_at(mut down: KeySet, events: &[KeyEvent], times: impl IntoIterator<Item = f64>) -> Vec<KeySet> {
     let mut events: Vec<&KeyEvent> = events.iter().filter(|event| event.secs.is_finite()).collect();
     events.sort_by(|a, b| a.secs.total_cmp(&b.secs));
     let mut events = events.into_iter().peekable();
-    let mut down = KeySet::EMPTY;
     let down_at = |secs| {
         while let Some(event) = events.next_if(|event| event.secs <= secs + ON_TIME_SECS) {
             match event.velocity {
@@ -145,6 +145,21 @@ mod tests {
 
     fn keys(frames: &[KeySet]) -> Vec<String> {
         frames.iter().map(KeySet::to_string).collect()
+    }
+
+    #[test]
+    fn keys_are_down_from_their_strike_to_their_release() {
+        let event = |secs, key, velocity| KeyEvent { secs, key, velocity };
+        // Not in order; at 0.4 s key 0 is released and struck again.
+        let events =
+            [event(0.4, 0, 0), event(0.4, 0, 9), event(0.1, 0, 9), event(0.2, 2, 0), event(f64::NAN, 5, 9)];
+        let held: KeySet = KeySet::from_pitches([LOWEST_PITCH + 2]);
+        let times = [0.0, 0.1, 0.1999, 0.2, 0.4, 9.0];
+        let down = |time: usize| keys_at(held, &events, times)[time].iter().collect::<Vec<_>>();
+        let expected: [&[usize]; 6] = [&[2], &[0, 2], &[0, 2], &[0], &[0], &[0]];
+        for (time, expected) in expected.iter().enumerate() {
+            assert_eq!(down(time), *expected, "at {} s", times[time]);
+        }
     }
 
     #[test]

@@ -44,7 +44,7 @@ pub use messages::{
 };
 pub use mode::Mode;
 pub use perform::perform;
-pub use performance::{Ending, Executed, Performance, Scores, Simulated, Stepped, gap, heard_on_robot};
+pub use performance::{Ending, Executed, Performance, Scores, Simulated, Stepped, gap};
 pub use prepare::{prepare, record_release};
 pub use recorder::Recorder;
 pub use recording::{Recording, RecordingError};

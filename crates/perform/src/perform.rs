@@ -27,6 +27,7 @@ pub fn perform(
     let mut performance = Performance::new(piece);
     let mut recorder = Recorder::new(writer);
     rig.begin()?;
+    performance.down_before = rig.seen().keys;
     let played = play(rig, player, task, &mut performance, &mut recorder, interrupt);
     rig.rest();
     // What the robot reported must be in the recording, above all if it refused a command.

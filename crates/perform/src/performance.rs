@@ -19,7 +19,9 @@ pub struct Performance {
     pub pressed: Vec<KeySet>,
     /// The same in the simulation beside a robot; empty without one.
     pub alongside: Vec<KeySet>,
-    /// Strikes and releases, at times since the beginning.
+    /// Keys that were down at the beginning.
+    pub down_before: KeySet,
+    /// Strikes and releases, at times since the beginning. On a robot until [`Piece::late_secs`] after the last control step.
     pub events: Vec<KeyEvent>,
     /// How it ended.
     pub ending: Ending,
@@ -100,6 +102,7 @@ impl Performance {
             piece: piece.clone(),
             pressed: Vec::with_capacity(piece.steps()),
             alongside: Vec::new(),
+            down_before: KeySet::EMPTY,
             events: Vec::new(),
             ending: Ending::Interrupted,
             simulation: None,
@@ -119,7 +122,9 @@ impl Performance {
         let steps = self.piece.steps();
         match self.robot {
             Some(_) => {
-                padded(&heard_on_robot(&self.events, self.pressed.len(), self.piece.late_secs()), steps)
+                let ends = (1..=self.pressed.len()).map(|step| step as f64 / CONTROL_HZ);
+                let times = ends.map(|end_secs| end_secs + self.piece.late_secs());
+                padded(&keys_at(self.down_before, &self.events, times), steps)
             }
             None => padded(&self.pressed, steps),
         }
@@ -177,11 +182,6 @@ fn changes(frames: &[KeySet], late_secs: f64) -> Vec<KeyEvent> {
     events
 }
 
-/// Keys that are heard on a robot for each of the first control steps: `late_secs` after its end.
-pub fn heard_on_robot(events: &[KeyEvent], steps: usize, late_secs: f64) -> Vec<KeySet> {
-    keys_at(events, (1..=steps).map(|step| step as f64 / CONTROL_HZ + late_secs))
-}
-
 fn padded(keys: &[KeySet], steps: usize) -> Vec<KeySet> {
     (0..steps).map(|step| keys.get(step).copied().unwrap_or_default()).collect()
 }
@@ -199,7 +199,7 @@ mod tests {
     use etude_task::TaskConfig;
 
     /// Who strikes and releases every key at the time of the song is right in every control step, whatever the lead; 20 ms early or late is
-    /// still within the step, 30 ms is not.
+    /// still within the step, 30 ms is not. A lead below half a step is the simulation's: its keys are read at the end of the step.
     #[test]
     fn a_robot_is_scored_on_the_songs_own_time() {
         let song = repertoire::get("twinkle").expect("built in");
@@ -213,6 +213,7 @@ mod tests {
                 let mut played = Performance::new(&piece);
                 played.robot = Some(Executed::default());
                 played.events = changes(piece.frames(), lead_secs + late_secs);
+                played.events.retain(|event| event.secs <= played.secs() + piece.late_secs());
                 for _ in 0..piece.steps() {
                     played.push(Stepped { pressed: KeySet::EMPTY, alongside: None });
                 }
@@ -221,6 +222,11 @@ mod tests {
             assert!([-0.02, 0.0, 0.02].iter().all(|late_secs| f1(*late_secs) == 1.0), "lead {lead_secs}");
             assert!([-0.03, 0.03].iter().all(|late_secs| f1(*late_secs) < 0.95), "lead {lead_secs}");
         }
+        let early = TaskConfig {
+            plan: PlanConfig { lead_secs: 0.01, ..PlanConfig::default() },
+            ..TaskConfig::default()
+        };
+        assert_eq!(Piece::for_task(&song, &early).unwrap().late_secs(), 0.0);
     }
 
     /// The hand cannot strike a key again at once, so the fingering leaves it earlier than the song. Without a fingering all is planned.

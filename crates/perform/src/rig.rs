@@ -67,7 +67,8 @@ pub trait Rig {
     /// Comes to rest. Called after the last control step, however the performance ended.
     fn rest(&mut self);
 
-    /// Adds to `performance` what only this kind of rig measures, and passes to `recorder` what is not yet recorded.
+    /// Adds to `performance` what only this kind of rig measures, and passes to `recorder` what is not yet recorded. A robot holds its pose until
+    /// what it played last is heard.
     ///
     /// # Errors
     /// If the recording cannot be written.

@@ -200,6 +200,11 @@ impl Rig for RobotRig<'_> {
         performance: &mut Performance,
         recorder: &mut Recorder<'_>,
     ) -> Result<(), PerformError> {
+        if self.robot.phase() == Phase::Holding {
+            let played = CONTROL_PERIOD * performance.pressed.len() as u32;
+            let late = Duration::from_secs_f64(performance.piece.late_secs());
+            self.pace.run_until(self.robot, self.records.begun() + played + late);
+        }
         self.record(recorder, |_| Ok(()))?;
         performance.robot = Some(Executed {
             timing: std::mem::take(&mut self.timing),

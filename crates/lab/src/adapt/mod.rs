@@ -39,7 +39,7 @@ const RESULT: &str = "result.json";
 /// Name of the file with its configuration.
 const OPENED: &str = "adaptation.json";
 /// Version of the files, and of what is learned from a run. An adaptation is not continued by another one.
-const VERSION: u32 = 3;
+const VERSION: u32 = 4;
 /// An adaptation ends earlier if this many runs in a row were not better than the best before.
 const PATIENCE: usize = 8;
 

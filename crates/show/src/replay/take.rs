@@ -8,10 +8,11 @@ use etude_lab::{SIGHT_READER, slug};
 use etude_music::metrics::{FrameScores, FrameTally, NoteScores, frame_scores, note_scores};
 use etude_music::sound::{self, SoundError};
 use etude_music::{
-    CONTROL_HZ, HIGHEST_PITCH, KeyEvent, KeySet, LOWEST_PITCH, Note, notes_from_key_events, repertoire,
+    CONTROL_HZ, HIGHEST_PITCH, KeyEvent, KeySet, LOWEST_PITCH, Note, keys_at, notes_from_key_events,
+    repertoire,
 };
 use etude_perform::stand::stage_side;
-use etude_perform::{Header, Recording, heard_on_robot};
+use etude_perform::{Header, Recording};
 use etude_stage::{JOINTS, RAIL_BEAM, Scene, StageConfig, World};
 use etude_task::TaskConfig;
 use serde::Serialize;
@@ -77,7 +78,7 @@ pub struct Take {
     pub heard: Vec<Option<Heard>>,
     /// Scores by note; none without `due_notes`.
     pub note_scores: Option<NoteScores>,
-    /// Scores of the steps so far, after each step; empty without a song.
+    /// Scores of the steps so far, after each step, of `heard_keys`; empty without a song.
     pub running: Running,
     /// Scores of the whole song, in which steps that were not played count as silent; none without a song.
     #[serde(rename = "final")]
@@ -175,9 +176,12 @@ impl Take {
         let pressed: Vec<KeySet> = steps.iter().map(|step| keys(&step.pressed)).collect();
         let hz = if (1.0..=1000.0).contains(&header.control_hz) { header.control_hz } else { CONTROL_HZ };
         let end_secs = steps.len() as f64 / hz;
-        let events = events(recording, end_secs);
+        let (down_before, events) = events(recording, end_secs + header.late_secs.unwrap_or_default());
         let heard_keys = match header.late_secs {
-            Some(late_secs) => heard_on_robot(&events, steps.len(), late_secs),
+            Some(late_secs) => {
+                let times = (1..=steps.len()).map(|step| step as f64 / hz + late_secs);
+                keys_at(down_before, &events, times)
+            }
             None => pressed.clone(),
         };
         let arm = arm(recording, steps.len(), hz);
@@ -200,7 +204,7 @@ impl Take {
             steps.iter().map(|step| std::array::from_fn(|joint| step.positions[joint])).collect();
         let notes = notes_from_key_events(&events, end_secs);
         let due_notes: Vec<Note> = header.due_notes.iter().map(|note| Note::from(*note)).collect();
-        let (rewards, rewards_note) = rewards(recording, &task, &mut world, &due, &pressed, &positions);
+        let (rewards, rewards_note) = rewards(recording, &task, &mut world, &due, &heard_keys, &positions);
         Ok(Self {
             name,
             song: header.song.clone(),
@@ -284,20 +288,20 @@ impl PlayedNote {
     }
 }
 
-/// Strikes and releases in the control steps that are shown.
-fn events(recording: &Recording, end_secs: f64) -> Vec<KeyEvent> {
+/// Keys that are down at the beginning; strikes and releases from then on. A recording that broke off may have some after its last whole step.
+fn events(recording: &Recording, end_secs: f64) -> (KeySet, Vec<KeyEvent>) {
     let on_keyboard = |pitch: u8| (LOWEST_PITCH..=HIGHEST_PITCH).contains(&pitch);
-    recording
+    let (before, events): (Vec<KeyEvent>, _) = recording
         .keys
         .iter()
-        // A recording that broke off may have strokes after its last whole step.
-        .filter(|key| on_keyboard(key.pitch) && (0.0..=end_secs).contains(&key.secs))
+        .filter(|key| on_keyboard(key.pitch) && key.secs <= end_secs)
         .map(|key| KeyEvent {
             secs: key.secs,
             key: usize::from(key.pitch - LOWEST_PITCH),
             velocity: key.velocity,
         })
-        .collect()
+        .partition(|event| event.secs < 0.0);
+    (keys_at(KeySet::EMPTY, &before, [0.0])[0], events)
 }
 
 fn incomplete(recording: &Recording, steps: usize, due: usize) -> Option<String> {

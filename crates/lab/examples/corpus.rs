@@ -1,22 +1,22 @@
-//! Figures of the first melodies of a part: `corpus PART COUNT`.
+//! Figures of the first melodies of a part, planned as the preset `sight-reader` plans them: `corpus PART COUNT`.
 #![allow(clippy::print_stdout, reason = "it prints what it measures")]
 
 use std::collections::BTreeSet;
 use std::time::Instant;
 
-use etude_music::{Part, PlanConfig, PlanRule, key_is_black, melodies};
-use etude_task::{Piece, TaskConfig};
+use anyhow::{Context as _, bail};
+use etude_lab::{SIGHT_READER, resolve};
+use etude_music::{Part, key_is_black, melodies};
+use etude_task::Piece;
 
-fn main() -> Result<(), Box<dyn std::error::Error>> {
+fn main() -> anyhow::Result<()> {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
-    let [part, count] = arguments.as_slice() else { return Err("corpus PART COUNT".into()) };
+    let [part, count] = arguments.as_slice() else { bail!("corpus PART COUNT") };
     let part = Part::ALL
         .into_iter()
         .find(|known| known.to_string() == *part)
-        .ok_or("the parts are training, validation, test")?;
-    let plan = PlanConfig { rule: PlanRule::Articulated, lead_secs: 0.025, ..PlanConfig::default() };
-    let task =
-        TaskConfig { fingering: true, change_steps: 2, rail_range: 0.01, plan, ..TaskConfig::default() };
+        .context("the parts are training, validation, test")?;
+    let task = resolve(SIGHT_READER, None, &[])?.task;
     let count = count.parse()?;
     let songs: Vec<_> = melodies(part, 0).take(count).collect();
     let begun = Instant::now();
