@@ -213,7 +213,8 @@ mod tests {
                 let mut played = Performance::new(&piece);
                 played.robot = Some(Executed::default());
                 played.events = changes(piece.frames(), lead_secs + late_secs);
-                played.events.retain(|event| event.secs <= played.secs() + piece.late_secs());
+                let recorded_secs = played.secs() + piece.late_secs();
+                played.events.retain(|event| event.secs <= recorded_secs);
                 for _ in 0..piece.steps() {
                     played.push(Stepped { pressed: KeySet::EMPTY, alongside: None });
                 }
