@@ -113,7 +113,7 @@ fn ctrl_c_has_one_code_in_every_long_command() {
     // A gallery of one recording is complete at once.
     std::fs::create_dir(desk.path("takes")).unwrap();
     for take in 0..20 {
-        std::fs::copy(desk.path("out/recording.mcap"), desk.path(&format!("takes/{take}.mcap"))).unwrap();
+        std::fs::copy(desk.path("out/recording.mcap"), desk.path(format!("takes/{take}.mcap"))).unwrap();
     }
     let mut commands = vec![
         "perform ode-to-joy --scripted -o robot",
