@@ -167,7 +167,7 @@ pub struct Chosen {
 /// Who plays `song`, which was `asked` for and has this short form, if no policy is named: the best of its policies that have
 /// learned these notes, or else the sight-reader. A policy that has learned less than the sight-reader is predicted to play, in notes
 /// and in F1, is passed over: a training that was stopped early must not make a song worse. A policy that has
-/// learned loud and soft may have an F1 that is 0.05 lower.
+/// learned loud and soft may have a slightly lower F1.
 ///
 /// # Errors
 /// If there is none, or none can be used.
