@@ -3,7 +3,7 @@
 
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use etude_music::{CONTROL_HZ, KeySet, Note, Song};
+use etude_music::{CONTROL_HZ, KeySet, Note, Song, keys_at};
 use etude_perform::{Ending, Header, Mode, Recording, RecordingWriter};
 use etude_stage::hand::{TIP_RADIUS, root_lateral};
 use etude_stage::{JOINTS, PhysicalParams, RAIL, World, kinematics};
@@ -96,19 +96,9 @@ fn it_shows_the_keys_that_it_presses_and_reports_them_as_events() {
         let pressed = |step: usize| performance.pressed[step].contains(KEY);
         assert!(!pressed(UP - 1) && pressed(UP + DOWN - 1) && !pressed(piece.steps() - 1), "{kind:?}");
         // Events and keys tell the same, in the order of time.
-        let mut sounding = KeySet::EMPTY;
-        let mut events = performance.events.iter().peekable();
-        for (step, pressed) in performance.pressed.iter().enumerate() {
-            let end_secs = (step + 1) as f64 / CONTROL_HZ;
-            while let Some(event) = events.next_if(|event| event.secs <= end_secs + 1e-9) {
-                if event.velocity > 0 {
-                    sounding.insert(event.key)
-                } else {
-                    sounding.remove(event.key)
-                };
-            }
-            assert_eq!(sounding, *pressed, "{kind:?}, step {step}");
-        }
+        assert!(performance.events.is_sorted_by(|one, next| one.secs <= next.secs), "{kind:?}");
+        let ends = (1..=performance.pressed.len()).map(|step| step as f64 / CONTROL_HZ);
+        assert_eq!(keys_at(KeySet::EMPTY, &performance.events, ends), performance.pressed, "{kind:?}");
         let strike = performance.events.iter().find(|event| event.key == KEY).unwrap();
         let after = strike.secs - UP as f64 / CONTROL_HZ;
         assert!((0.0..0.3).contains(&after) && strike.velocity > 0, "{kind:?}: struck after {after} s");
