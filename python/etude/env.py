@@ -116,7 +116,7 @@ class PianoEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
             The observation there.
 
         Raises:
-            EtudeError: If it is not such a state; the episode goes on as it was.
+            EtudeError: If it is not such a state; the episode continues unchanged.
         """
         self._native.set_state(0, state, self._buffers.observations)
         self._begun = True

@@ -108,23 +108,23 @@ def export_dataset(
     """Writes recordings as a LeRobot dataset into `folder`, which must not exist yet; whole or not at all.
 
     Raises:
-        EtudeError: If there is nothing to write, a recording cannot be used, or the folder is there already.
+        EtudeError: If there is nothing to write, a recording cannot be used, or the folder exists already.
     """
     folder = pathlib.Path(folder)
     if folder.exists():
-        raise EtudeError(f"{folder} is there already: name a folder that is not")
+        raise EtudeError(f"{folder} exists already: name a new folder")
     episodes = [(path, read_recording(path)) for path in recordings]
     if not episodes:
-        raise EtudeError("no recording was given")
+        raise EtudeError("no recording was given: name recordings made by `etude play` or `etude perform`")
     for path, recording in episodes:
         if not recording.header["due"]:
-            raise EtudeError(f"{path} has no song: it is no episode")
+            raise EtudeError(f"{path} has no song: it is no episode; name recordings made by `etude play` or `etude perform`")
         if len(recording) < 3:
-            raise EtudeError(f"{path} has {len(recording)} control steps: an episode needs three")
+            raise EtudeError(f"{path} has {len(recording)} control steps: an episode needs three; name a longer recording")
         if (recording.header["joints"], recording.header["control_hz"]) != (
             episodes[0][1].header["joints"], episodes[0][1].header["control_hz"],
         ):
-            raise EtudeError(f"{path} is of another robot or rate than {episodes[0][0]}")
+            raise EtudeError(f"{path} is of another robot or rate than {episodes[0][0]}: name recordings of one robot")
     scratch = folder.with_name(folder.name + ".partial")
     shutil.rmtree(scratch, ignore_errors=True)
     try:

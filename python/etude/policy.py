@@ -76,7 +76,9 @@ class Policy:
         try:
             task: dict[str, Any] = self.header["notes"]["training"]["config"]["task"]
         except (KeyError, TypeError) as error:
-            raise EtudeError(f"{self.path} does not say in which task it was trained") from error
+            raise EtudeError(
+                f"{self.path} does not say in which task it was trained; use a policy written by this version of Étude"
+            ) from error
         nominal = {**task.get("randomisation", {}), "intensity": 0.0}
         reward = {name: weight for name, weight in task.get("reward", {}).items() if name in REWARD_TERMS}
         return {**task, "random_start": False, "randomisation": nominal, "reward": reward}
@@ -120,7 +122,10 @@ def load_policy(song_or_path: str | os.PathLike[str]) -> Policy:
         with safe_open(path, framework="numpy") as file:
             header = json.loads((file.metadata() or {})["etude"])
             if header["schema"] != SCHEMA:
-                raise EtudeError(f"{path}: its schema is `{header['schema']}`, and this version of Étude reads `{SCHEMA}`")
+                raise EtudeError(
+                    f"{path}: its schema is `{header['schema']}`, and this version of Étude reads `{SCHEMA}`; "
+                    "use a policy written by this version"
+                )
             layers = [f"actor.layer{index}" for index in range(len(header["hidden"]))] + ["actor.head"]
             names = {f"{layer}.{part}" for layer in layers for part in ("weight", "bias")}
             if set(file.keys()) != names:
@@ -134,5 +139,5 @@ def load_policy(song_or_path: str | os.PathLike[str]) -> Policy:
     if shapes != [((inputs, outputs), (outputs,)) for inputs, outputs in zip(widths, widths[1:])]:
         raise EtudeError(f"{path} is damaged: its tensors do not have the shapes that its header claims")
     if not all(tensor.dtype == np.float32 and np.isfinite(tensor).all() for tensor in (*weights, *biases)):
-        raise EtudeError(f"{path} is damaged: a tensor holds something else than finite numbers of 32 bits")
+        raise EtudeError(f"{path} is damaged: a tensor holds values that are not finite 32-bit numbers")
     return Policy(weights, biases, header, path)

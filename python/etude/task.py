@@ -80,7 +80,7 @@ def task_config(
         reward: Weights of reward terms by name; the others keep the variant's.
         physics: Physical numbers by path (`etude model params` lists them).
         randomisation: Intensity of the domain randomisation, 0 to 1, or its table (`intensity`, `widths`, `curriculum_steps`, which
-            here counts the steps of each environment and begins anew with each seeded reset).
+            here counts the steps of each environment and begins from the start with each seeded reset).
         config: A complete task instead, as a policy carries it; goes with no other keyword.
 
     Raises:
@@ -116,7 +116,7 @@ def task_config(
         changes["randomisation.intensity"] = randomisation
     if config is not None:
         if changes or variant != "main":
-            raise TypeError("config is a complete task: it goes with no other keyword of the task")
+            raise TypeError("config is a complete task: give no other task keyword with it")
         if not isinstance(config, Mapping):
             raise TypeError(f"config must be a mapping, not {type(config).__name__}")
         return Task.of_json(json.dumps(dict(config)))

@@ -27,7 +27,7 @@ def _cores() -> int:
 class PianoVectorEnv(gymnasium.vector.VectorEnv[Array, Array, Array]):
     """`num_envs` environments of one song that step together, over threads and without the interpreter's lock.
 
-    An episode that ends begins anew in the same step (`AutoresetMode.SAME_STEP`): `info["final_obs"]` and
+    An episode that ends begins again in the same step (`AutoresetMode.SAME_STEP`): `info["final_obs"]` and
     `info["final_info"]` have what it ended with. Environment `i` of `reset(seed=s)` sees what a `PianoEnv` sees that is reset
     with the seed `s + i`, byte for byte, however many threads there are. Actions and observations are those of `PianoEnv`.
 

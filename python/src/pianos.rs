@@ -21,7 +21,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::{Task, error, pictures};
 
-/// Most environments and threads: as many as a training may have.
+/// Largest number of environments and of threads: as many as a training may have.
 const MOST_ENVS: usize = 4096;
 const MOST_THREADS: usize = 1024;
 /// Columns of the scores: precision, recall and F1 of the song so far.

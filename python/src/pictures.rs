@@ -7,7 +7,7 @@ use pyo3::PyResult;
 
 use crate::error;
 
-/// Most painters that a thread keeps: each has its own buffers.
+/// Largest number of painters that a thread keeps: each has its own buffers.
 const MOST_STUDIOS: usize = 4;
 
 /// A world to draw, and its painter.

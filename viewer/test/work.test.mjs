@@ -147,7 +147,7 @@ test('it trains with live curves, and stops', { skip }, async () => {
   await page.waitForFunction((before) => document.querySelector('.card polyline').getAttribute('points').length > before, first.length, LONG);
   await page.getByRole('button', { name: /^Stop and save/ }).click();
   await isDone('Train au-clair-de-la-lune\nstopped');
-  await page.getByRole('button', { name: /^Train on/ }).waitFor(LONG);
+  await page.getByRole('button', { name: /^Resume training/ }).waitFor(LONG);
 });
 
 test('a file can be chosen instead of dropped', { skip }, async () => {

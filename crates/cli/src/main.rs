@@ -32,7 +32,7 @@ Exit codes:
   0  done
   1  it failed; the message on standard error says why
   2  the command line is wrong
-  3  stopped on request (Ctrl-C, SIGTERM, a closed terminal); a training has saved itself and `--resume` continues it
+  3  stopped on request (Ctrl-C, SIGTERM, a closed terminal); a training has saved its state and `--resume` continues it
   130  ended at once, by Ctrl-C in a short command or by a second Ctrl-C; a training continues with `--resume` from its last checkpoint";
 
 #[derive(Subcommand)]
@@ -77,7 +77,7 @@ enum Verb {
     Model(verbs::model::Args),
     /// Measure the speed of the simulation and of the learner
     Bench(verbs::bench::Args),
-    /// Report what this machine has, and what each missing thing costs
+    /// Report what this machine has, and what cannot be done without each missing item
     Doctor(verbs::doctor::Args),
     /// Print what a shell needs to complete the command line
     Completions(verbs::completions::Args),
@@ -130,7 +130,7 @@ fn main() -> ExitCode {
         Ok(Ending::Done) => ExitCode::SUCCESS,
         Ok(Ending::Stopped) => ExitCode::from(3),
         Ok(Ending::Busy) => ExitCode::from(etude_experiment::BUSY),
-        // `etude perform … | head`: what is printed has no reader, and whether it was stopped matters all the same.
+        // `etude perform … | head`: the output is no longer read, and whether it was stopped matters all the same.
         Err(error) if broken_pipe(&error) && progress::is_stop_requested() => ExitCode::from(3),
         Err(error) if broken_pipe(&error) => ExitCode::SUCCESS,
         Err(error) if etude_lab::Interrupted::is_cause_of(&error) => {

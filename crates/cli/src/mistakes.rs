@@ -9,7 +9,7 @@ use clap::{Arg, Command};
 use etude_music::{near, repertoire};
 use etude_perform::shell_line;
 
-/// Most commands that are suggested.
+/// Largest number of commands that are suggested.
 const MOST: usize = 4;
 
 /// `error` of `words` (the program's name first), with what `root` has that is called so, or much like it.

@@ -17,7 +17,7 @@ use crate::verbs::note;
 /// Exit code of the shell for a program that Ctrl-C ended.
 const INTERRUPTED: i32 = 130;
 /// What a training says after the first request to stop.
-pub const STOPPING: &str = "stopping and saving; once more ends at once";
+pub const STOPPING: &str = "stopping and saving; press Ctrl-C again to end at once without saving";
 
 /// Variable of the environment that is set for a process which has to stop when its standard input ends.
 pub const ATTENDED: &str = "ETUDE_ATTENDED";

@@ -46,7 +46,7 @@ pub struct HandEmulatorConfig {
     pub seed: u64,
     /// Whether servo OFF cuts the torque and is reported. A hand whose OFF does nothing holds its torque.
     pub off_cuts: bool,
-    /// Torque is cut when no torque frame came for so long, s; none holds it for ever.
+    /// Torque is cut when no torque frame came for so long, s; with none it is held without limit.
     pub torque_timeout_secs: Option<f64>,
     /// The hand's clock runs this much faster than the host's, as a share (0.0001 is 100 ppm).
     pub clock_skew: f64,

@@ -1,7 +1,7 @@
 //! The hand's driver against the emulator, in virtual time: the start, every fault, a closed loop, and any
 //! bytes at all.
 
-#![allow(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
+#![allow(clippy::unwrap_used, reason = "a test that cannot continue has failed")]
 
 use std::collections::VecDeque;
 use std::time::Duration;

@@ -1,6 +1,6 @@
 //! What carries frames: the hub between real sockets, and the serial adapter against python-can.
 
-#![allow(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
+#![allow(clippy::unwrap_used, reason = "a test that cannot continue has failed")]
 
 mod adapter;
 

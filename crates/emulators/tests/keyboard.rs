@@ -1,6 +1,6 @@
 //! The keyboard's driver against its emulator and against hostile bytes.
 
-#![allow(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
+#![allow(clippy::unwrap_used, reason = "a test that cannot continue has failed")]
 
 use std::time::Duration;
 

@@ -1,6 +1,6 @@
 //! A stop from outside the controller: each device hears it whatever the others do.
 
-#![allow(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
+#![allow(clippy::unwrap_used, reason = "a test that cannot continue has failed")]
 
 mod adapter;
 

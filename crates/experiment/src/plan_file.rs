@@ -41,7 +41,9 @@ pub fn write_plan(path: &Path, trials: &[Trial]) -> anyhow::Result<()> {
 /// # Errors
 /// If the file is missing or is not a plan.
 pub fn read_plan(path: &Path) -> anyhow::Result<Vec<Trial>> {
-    let fail = |why: String| anyhow!("cannot read the plan {}: {why}", path.display());
+    let fail = |why: String| {
+        anyhow!("cannot read the plan {}: {why}; make it again with `etude experiment run`", path.display())
+    };
     let file = std::fs::File::open(path).map_err(|error| fail(error.to_string()))?;
     let lines = std::io::BufReader::new(file).lines().enumerate();
     lines

@@ -82,9 +82,9 @@ pub fn write_report(
         p {
             "The paper’s experiments, made again by " code { "etude experiment run NAME" } ". "
             strong { "There is no robot here: wherever the paper plays on its robot, the twin plays" }
-            ", emulated devices moved by a separate world whose numbers the simulator does not know. Intervals are 95 % bootstrap \
-             intervals over trainings, drawn anew within each song; IQM is the interquartile mean. The gap is the paper’s: what of \
-             the F1 in simulation is lost, 1 − F1 on the twin / F1 in simulation."
+            ", emulated devices moved by a separate world whose parameters are hidden from the simulator. Intervals are 95 % bootstrap \
+             intervals over trainings, resampled within each song; IQM is the interquartile mean. The gap is the paper’s: the share \
+             of the F1 in simulation that is lost, 1 − F1 on the twin / F1 in simulation."
         }
         @for section in &sections { (section) }
     };

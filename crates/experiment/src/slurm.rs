@@ -73,7 +73,7 @@ export RAYON_NUM_THREADS="$SLURM_CPUS_PER_TASK"
 trial=$!
 wait "$trial"
 code=$?
-# A signal ends `wait`, not the task.
+# A signal ends `wait`, not the trial.
 while kill -0 "$trial" 2>/dev/null; do
     wait "$trial"
     code=$?
@@ -109,7 +109,10 @@ pub fn submit(script: &str, plan: &Path) -> anyhow::Result<String> {
         )
     })?;
     if !output.status.success() {
-        bail!("sbatch refused the job: {}", String::from_utf8_lossy(&output.stderr).trim());
+        bail!(
+            "sbatch refused the job: {}; correct the options with --sbatch, or look at the script with --dry-run",
+            String::from_utf8_lossy(&output.stderr).trim()
+        );
     }
     Ok(String::from_utf8_lossy(&output.stdout).trim().to_string())
 }

@@ -34,7 +34,7 @@ pub struct Summary {
 }
 
 impl Summary {
-    /// Of scores in strata: one a song, one score a training. Trainings are drawn anew within their song. `None` without scores.
+    /// Of scores in strata: one a song, one score a training. Trainings are resampled within their song. `None` without scores.
     pub fn new(strata: &[Vec<f64>]) -> Option<Self> {
         let all = strata.concat();
         if all.is_empty() {

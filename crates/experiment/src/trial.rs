@@ -14,7 +14,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::config::PerformConfig;
 
-/// One unit of an experiment's work. On the command line and in files it is called a task.
+/// One unit of an experiment's work.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Trial {
     /// Name of its folder below `runs`; the same work has the same id.

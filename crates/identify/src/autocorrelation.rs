@@ -1,6 +1,6 @@
 //! The number of independent samples of a series with correlated neighbours.
 
-/// Most pairs of lags: ten seconds at 200 Hz.
+/// Largest number of pairs of lags: ten seconds at 200 Hz.
 const MOST_PAIRS: usize = 1000;
 
 /// Integrated autocorrelation time of residuals, in samples, at least one: `n` of them count as `n / τ`

@@ -22,7 +22,7 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 //!
-//! Promises, each with a test: the same seed and evaluations give the same candidates with any number of
+//! Guarantees, each with a test: the same seed and evaluations give the same candidates with any number of
 //! threads; a fit that is saved after any tell and loaded ends with the same result; candidates lie inside the
 //! bounds; a failed evaluation, or one with a NaN, does not end the fit and never becomes the best; optima
 //! and covariances agree with SciPy's (`scripts/golden_identify.py`).

@@ -135,7 +135,9 @@ impl Motion {
             "it does not say what rig it was made on: record it again with `etude record` or `etude perform`".to_string()
         })?;
         if header.joints != JOINT_NAMES {
-            return Err("its joints are not those of this hand".to_string());
+            return Err(
+                "its joints are not those of this hand; record it again with this version".to_string()
+            );
         }
         let commands = commands(recording)?;
         let secs = commands.steps() as f64 / CONTROL_HZ;
@@ -245,7 +247,8 @@ fn extent(values: impl Iterator<Item = f64>) -> (f64, f64) {
 
 fn thirteen(values: &[f64]) -> Result<[f64; JOINTS], String> {
     let found = <[f64; JOINTS]>::try_from(values).ok().filter(|values| values.iter().all(|v| v.is_finite()));
-    found.ok_or_else(|| "a command in it does not have one number for each joint".to_string())
+    found
+        .ok_or_else(|| "a command in it does not have one number for each joint; record it again".to_string())
 }
 
 /// The commands of every complete control step.
@@ -279,7 +282,7 @@ fn commands(recording: &Recording) -> Result<Commands, String> {
             last
         })
         .collect();
-    let filled = filled.ok_or("its first set-points are missing")?;
+    let filled = filled.ok_or("its first set-points are missing; record it again")?;
     let (steps, _) = filled.as_chunks::<PHYSICS_STEPS>();
     Ok(Commands::SetPoints(steps.to_vec()))
 }
@@ -293,7 +296,7 @@ fn finger_readings(recording: &Recording, secs: f64) -> Result<(FingerReadings, 
         .iter()
         .map(|(at, message)| Some((*at, *message.positions.first_chunk::<FINGER_JOINTS>()?)))
         .collect();
-    let readings = readings.ok_or("a reading of the hand in it has too few joints")?;
+    let readings = readings.ok_or("a reading of the hand in it has too few joints; record it again")?;
     // Readings before the start have the time 0.
     let begun = readings.partition_point(|(at, _)| *at <= 0.0);
     let end = readings.partition_point(|(at, _)| *at <= secs);
@@ -372,7 +375,9 @@ fn at_rest(fingers: &FingerReadings, rail: &[f64]) -> Result<([f64; JOINTS], [f6
     let fingers = &fingers[fingers.len().saturating_sub(AT_REST)..];
     let rail = &rail[rail.len().saturating_sub(AT_REST / 4)..];
     if fingers.is_empty() || rail.is_empty() {
-        return Err("it does not show where the joints were before the first command".to_string());
+        return Err(
+            "it does not show where the joints were before the first command; record it again".to_string()
+        );
     }
     let statistics = |joint: usize| {
         let values: Vec<f64> = match joint {

@@ -23,7 +23,7 @@ use crate::rows::FIRST_BEND;
 mod aside;
 mod front;
 
-/// Fewest presses of each finger that are enough.
+/// Smallest number of presses of each finger that is enough.
 const FEWEST: usize = 2;
 /// A finger that passes a contact faster has slipped, travels a second.
 const FASTEST: f64 = 5.0;

@@ -1,7 +1,8 @@
-//! How well a piece will go at sight, from its plan alone.
+//! What the hand cannot play of a piece, and how well it will go at sight, from its plan alone.
 
 use etude_music::metrics::frame_scores;
 use etude_music::{KeySet, Song};
+use etude_task::fingering::LimitKind;
 use etude_task::{Piece, TaskConfig};
 use serde::Serialize;
 
@@ -41,4 +42,38 @@ pub fn predicted_at_sight(song: &Song, task: &TaskConfig, piece: &Piece) -> Opti
         notes_right: limits.total_notes.saturating_sub(limits.skipped().count() + limits.merged_notes),
         f1: (planned - LOST_AT_AN_ONSET_SECS * onsets as f64 / secs).max(0.0),
     })
+}
+
+/// What the hand cannot play of `song` in `task`, a line each: with a fingering, how many notes its plan leaves out and why; without
+/// one, the moments that the fingers cannot reach. A song beyond the keyboard has no plan, and no line.
+///
+/// # Errors
+/// If the task is not sound.
+pub fn cannot_be_played(song: &Song, task: &TaskConfig) -> anyhow::Result<Vec<String>> {
+    if !task.fingering {
+        return Ok(song.warnings().iter().map(ToString::to_string).collect());
+    }
+    if song.check_range().is_err() {
+        return Ok(Vec::new());
+    }
+    let piece = plan(song, task)?;
+    let Some(limits) = piece.fingering().map(|fingering| fingering.limits()) else { return Ok(Vec::new()) };
+    let left_out = limits.skipped().count();
+    if left_out == 0 {
+        return Ok(Vec::new());
+    }
+    let leaps = limits.skipped().filter(|limit| limit.is_leap()).count();
+    let crowded = limits.skipped().filter(|limit| limit.kind == LimitKind::TooManyKeys).count();
+    let reasons = [
+        (leaps, "too far for the time"),
+        (crowded, "more keys at once than fingers"),
+        (left_out - leaps - crowded, "out of reach with the keys around them"),
+    ];
+    let reasons: Vec<String> = reasons
+        .into_iter()
+        .filter(|(notes, _)| *notes > 0)
+        .map(|(notes, why)| format!("{notes} {why}"))
+        .collect();
+    let all = limits.total_notes;
+    Ok(vec![format!("the hand leaves out {left_out} of {all} notes: {}", reasons.join(", "))])
 }

@@ -69,12 +69,20 @@ impl CorrectionFile {
     /// If the correction is for something else, or the policy cannot be loaded.
     pub fn pianist(&self, song: &Song, rig: &RigChoice) -> anyhow::Result<Pianist> {
         if self.song != song.title() {
-            bail!("the correction is for {}, not for {}", self.song, song.title());
+            bail!(
+                "the correction is for {}, not for {}; learn one for it with `etude rehearse --adapt`",
+                self.song,
+                song.title()
+            );
         }
         let mut pianist = load_pianist(&self.policy)?;
         let now = OnlyFor::new(song, rig, &pianist)?;
         if now.robot != self.only_for.robot {
-            bail!("the correction is for the robot `{}`, not for `{}`", self.only_for.robot, now.robot);
+            bail!(
+                "the correction is for the robot `{}`, not for `{}`; learn one for it with `etude rehearse --adapt`",
+                self.only_for.robot,
+                now.robot
+            );
         }
         if now != self.only_for {
             bail!(

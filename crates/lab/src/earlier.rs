@@ -68,7 +68,7 @@ pub(crate) fn replacing<T>(
         Err(error) if has_earlier => match restore(folder, &aside) {
             Ok(()) => Err(with_recording(error, &folder.join(CUT_SHORT))),
             Err(why) => {
-                Err(error.context(format!("the performance of before is in {}: {why}", aside.display())))
+                Err(error.context(format!("the earlier performance is in {}: {why}", aside.display())))
             }
         },
         Err(error) => {
@@ -329,7 +329,7 @@ mod tests {
         .unwrap_err();
         assert!(Interrupted::is_cause_of(&error));
         assert!(format!("{error:#}").ends_with("use the hardware stop"), "{error:#}");
-        assert!(error.to_string().contains("the performance of before is in "), "{error:#}");
+        assert!(error.to_string().contains("the earlier performance is in "), "{error:#}");
         assert_eq!(text(folder.join("earlier/run-1.mcap")), "old");
     }
 

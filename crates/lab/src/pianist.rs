@@ -123,17 +123,22 @@ pub fn load_pianist(path: &Path) -> anyhow::Result<Pianist> {
     })?)
 }
 
-/// The best usable policy that there is for the song `slug`, of those that were evaluated, if there is one: that with the highest
-/// mean of F1 and onset F1, one by an articulated plan before all others, because scores do not compare between plans. Among equally good policies, one of a run
-/// is preferred to the shipped one.
+/// The best sight-reader, of those that were evaluated on the same pieces as the one that comes with Étude: scores on others do not
+/// compare.
 ///
 /// # Errors
 /// If there are some, and none can be used.
-pub fn best_policy(slug: &str) -> anyhow::Result<Option<Pianist>> {
-    best_of(slug, |_| true)
+pub(crate) fn sight_reader() -> anyhow::Result<Option<Pianist>> {
+    let corpus = shipped_policy(SIGHT_READER).and_then(|path| open(&path).ok()?.config.corpus);
+    best_of(SIGHT_READER, |pianist| corpus.is_none() || pianist.config.corpus == corpus)
 }
 
-/// The same of those that `fit`.
+/// The best usable policy that there is for the song `slug`, of those that `fit` and were evaluated, if there is one: that with the
+/// highest mean of F1 and onset F1, one by an articulated plan before all others, because scores do not compare between plans. Among
+/// equally good policies, one of a run is preferred to the shipped one.
+///
+/// # Errors
+/// If there are some, and none can be used.
 fn best_of(slug: &str, fit: impl Fn(&Pianist) -> bool) -> anyhow::Result<Option<Pianist>> {
     // One damaged file must not keep the others from playing.
     let (mut pianists, mut errors) = (Vec::new(), Vec::new());
@@ -156,15 +161,15 @@ fn best_of(slug: &str, fit: impl Fn(&Pianist) -> bool) -> anyhow::Result<Option<
     }
 }
 
-/// Who plays a song for which no policy was named.
+/// The player of a song for which no policy was named.
 pub struct Chosen {
-    /// Who plays.
+    /// The player.
     pub pianist: Pianist,
     /// The best policy that has learned the song, if the sight-reader will play it better.
     pub passed_over: Option<Pianist>,
 }
 
-/// Who plays `song`, which was `asked` for and has this short form, if no policy is named: the best of its policies that have
+/// The player of `song`, which was `asked` for and has this short form, if no policy is named: the best of its policies that have
 /// learned these notes, or else the sight-reader. A policy that has learned less than the sight-reader is predicted to play, in notes
 /// and in F1, is passed over: a training that was stopped early must not make a song worse. A policy that has
 /// learned loud and soft may have a slightly lower F1.
@@ -174,7 +179,7 @@ pub struct Chosen {
 pub fn pianist_for(asked: &str, slug: &str, song: &Song) -> anyhow::Result<Chosen> {
     let own = best_of(slug, |pianist| pianist.has_learned(song))?;
     let chosen = match own {
-        None => best_policy(SIGHT_READER)?.map(|pianist| Chosen { pianist, passed_over: None }),
+        None => sight_reader()?.map(|pianist| Chosen { pianist, passed_over: None }),
         Some(own) => Some(match better_at_sight(&own, song) {
             Some(pianist) => Chosen { pianist, passed_over: Some(own) },
             None => Chosen { pianist: own, passed_over: None },
@@ -196,7 +201,7 @@ const WORTH_OF_LOUD_AND_SOFT: f64 = 0.05;
 fn better_at_sight(own: &Pianist, song: &Song) -> Option<Pianist> {
     let worth = if own.config.task.velocities { WORTH_OF_LOUD_AND_SOFT } else { 0.0 };
     let notes = own.claimed_notes.filter(|notes| *notes < song.notes().len() as f64)?;
-    let reader = best_policy(SIGHT_READER).ok()??;
+    let reader = sight_reader().ok()??;
     let task = &reader.config.task;
     let predicted = predicted_at_sight(song, task, &plan(song, task).ok()?)?;
     (notes < predicted.notes_right as f64 && own.claimed_f1? + worth < predicted.f1).then_some(reader)
@@ -302,8 +307,8 @@ impl Pianist {
         })
     }
 
-    /// Changes the world that the policy is played in, by overrides of the form `a.b=value`. Returns what the policy learned with and is
-    /// different now, but for the lead of the plan: it changes nothing for the policy.
+    /// Changes the world that the policy is played in, by overrides of the form `a.b=value`. Returns the settings that
+    /// are not those of its training, except the lead of the plan, which changes nothing for the policy.
     ///
     /// # Errors
     /// If an override is not sound, or would change what the policy sees.

@@ -1,5 +1,5 @@
-//! Who hears how far the planning of a fingering is. It is deep inside of starting a training or a performance, and only a long song
-//! needs it; so the listener belongs to the thread while its work runs, and is no argument on the way there.
+//! Progress of the planning of a fingering. The planning is deep inside the start of a training or a performance, and only a long song
+//! needs its progress; so the listener belongs to the thread while its work runs, and is not passed down as an argument.
 
 use std::cell::RefCell;
 use std::rc::Rc;

@@ -329,7 +329,7 @@ fn usable_still(error: TrainError, folder: &Path) -> anyhow::Error {
     // A corpus has no song.
     let song = if folder.join(SONG).is_file() { format!("{song} ") } else { String::new() };
     let begin = format!("`etude train {song}--config {config} --from {policy} -o DIR`");
-    anyhow!("{error}; its policy is whole: {begin} begins with it")
+    anyhow!("{error}; its policy is not damaged: {begin} starts a new training from it")
 }
 
 /// Whether `folder` has the configuration of a run, and its song or a corpus instead.

@@ -1,6 +1,6 @@
 //! Excitations that stay in the air touch nothing, so they are replayed without contacts.
 
-#![allow(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
+#![allow(clippy::unwrap_used, reason = "a test that cannot continue has failed")]
 
 use std::sync::atomic::AtomicBool;
 

@@ -1,6 +1,6 @@
 //! Whatever a correction asks for, the robot is sent nothing beyond the limits of its rig.
 
-#![allow(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
+#![allow(clippy::unwrap_used, reason = "a test that cannot continue has failed")]
 
 use std::sync::atomic::AtomicBool;
 

@@ -1,6 +1,6 @@
 //! The keyboard is measured by slow presses, on twins whose keyboards are known.
 
-#![allow(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
+#![allow(clippy::unwrap_used, reason = "a test that cannot continue has failed")]
 
 use std::collections::BTreeMap;
 use std::path::Path;

@@ -1,6 +1,6 @@
 //! Fingers are weighed on a twin whose motors have known torques.
 
-#![allow(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
+#![allow(clippy::unwrap_used, reason = "a test that cannot continue has failed")]
 
 use std::sync::atomic::AtomicBool;
 

@@ -75,7 +75,7 @@ fn floor_frame(frames: f64) -> usize {
     (frames + ON_BORDER_FRAMES).floor() as usize
 }
 
-/// The whole frames that cover this many; one that is complete but for rounding does not begin another.
+/// The whole frames that cover this many; one that is complete except for rounding does not begin another.
 pub fn ceil_frame(frames: f64) -> usize {
     (frames - ON_BORDER_FRAMES).ceil().max(0.0) as usize
 }

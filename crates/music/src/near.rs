@@ -1,6 +1,6 @@
 //! Names that a mistyped one may mean.
 
-/// Most names that are suggested for an unknown one.
+/// Largest number of names that are suggested for an unknown one.
 const MOST_SUGGESTIONS: usize = 3;
 
 /// Those of `names` that a mistyped `word` may mean, best first.

@@ -9,12 +9,13 @@ use std::path::Path;
 
 use atomic_write_file::AtomicWriteFile;
 
+use crate::CONTROL_HZ;
 use crate::error::{MidiError, SongError};
 use crate::keys::{HIGHEST_PITCH, LOWEST_PITCH, key_of_pitch, pitch_name};
 use crate::limits::{MAX_DURATION_SECS, MAX_FILE_BYTES, MAX_NOTES};
 use crate::meter::{BeatGrid, Position};
 use crate::midi;
-use crate::note::{Note, one_string_a_pitch};
+use crate::note::{Note, chords, one_string_a_pitch};
 use crate::range::{OffendingNote, OutOfRange};
 
 const MAX_PITCH: u8 = 127;
@@ -191,6 +192,22 @@ impl Song {
         Ok(song)
     }
 
+    /// The upper voice alone: of the notes that begin together the highest, unless a higher one still sounds. A note that ends within
+    /// a control step from then is legato and does not count.
+    #[must_use]
+    pub fn upper_voice(&self) -> Song {
+        let mut sounding: Vec<Note> = Vec::new();
+        let mut notes = Vec::new();
+        for chord in chords(&self.notes) {
+            let start = chord[0].start_secs;
+            sounding.retain(|note| note.end_secs - start > 1.0 / CONTROL_HZ);
+            let held = sounding.iter().map(|note| note.pitch).max().unwrap_or(0);
+            notes.extend(chord.iter().max_by_key(|note| note.pitch).filter(|note| note.pitch > held));
+            sounding.extend(chord);
+        }
+        Song { notes, ..self.clone() }
+    }
+
     /// Checks that every note is on the keyboard.
     ///
     /// # Errors
@@ -276,6 +293,18 @@ mod tests {
         assert!(Song::new("", vec![note(60, 0.0, 1e5)], 0.0).is_err());
         assert!(Song::new("", vec![], -1.0).is_err());
         assert!(Song::new("", vec![], f64::NAN).is_err());
+    }
+
+    #[test]
+    fn the_upper_voice_is_what_is_highest_when_it_begins() {
+        let note = |pitch, start_secs, end_secs| Note { pitch, velocity: 64, start_secs, end_secs };
+        let bass = note(48, 0.0, 4.0);
+        let high = [note(72, 0.0, 1.02), note(71, 1.0, 2.0), note(76, 2.0, 4.0)];
+        let below = [note(64, 0.0, 1.0), note(74, 3.0, 3.5), note(60, 3.96, 4.5)];
+        let song = Song::new("", [[bass].as_slice(), &high, &below].concat(), 0.0).unwrap();
+        // The last note begins when the one above it ends: legato.
+        assert_eq!(song.upper_voice().notes(), [high.as_slice(), &below[2..]].concat());
+        assert_eq!(song.upper_voice().duration_secs(), song.duration_secs());
     }
 
     #[test]

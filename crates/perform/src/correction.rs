@@ -39,7 +39,7 @@ pub struct Delays {
 
 /// The share of what a joint missed that is added after each run. With all of it, the noise of one run would be played in the next.
 const GAIN: f64 = 0.5;
-/// The share of the offsets that is kept after each run. A finger that is stopped by a key or a fence does not push harder for ever.
+/// The share of the offsets that is kept after each run. A finger that is stopped by a key or a fence does not push harder from run to run.
 const KEPT: f64 = 0.9;
 /// The largest offset of a joint that bends a finger, of one that turns it aside, rad, and of the rail, m. A finger that turns aside has
 /// the least range, and where it is that far from its set-point the monitor of the robot stops it (a quarter of the range).
@@ -224,7 +224,7 @@ mod tests {
     /// Control steps of the test's song.
     const STEPS: usize = 80;
 
-    /// A finger joint and the rail that move to and fro, the others at rest.
+    /// A finger joint and the rail that move back and forth, the others at rest.
     fn song() -> Vec<[f64; JOINTS]> {
         (0..STEPS * PHYSICS_STEPS)
             .map(|tick| {

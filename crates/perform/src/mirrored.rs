@@ -1,7 +1,7 @@
 //! A simulation whose joints a robot follows: the paper's modes *joint mirroring* and *hybrid*.
 
 use etude_robot::rig::LimitsConfig;
-use etude_stage::{JOINTS, PHYSICS_STEPS, World};
+use etude_stage::{JOINTS, PHYSICS_STEPS, World, joint_range};
 use etude_task::{TaskConfig, TaskError};
 
 use crate::mode::Mode;
@@ -68,7 +68,7 @@ impl Rig for Mirrored<'_> {
         command: &Command<'_>,
         recorder: &mut Recorder<'_>,
     ) -> Result<Result<Stepped, Ending>, PerformError> {
-        // The set-points are the simulated joints after each physics step.
+        // The set-points are the simulated joints after each physics step. A simulated stop yields a little, where the robot's range ends.
         let mut waypoints: Waypoints = [[0.0; JOINTS]; PHYSICS_STEPS];
         let mut unstable = false;
         let world = &mut self.world;
@@ -76,7 +76,11 @@ impl Rig for Mirrored<'_> {
             let mut next = waypoints.iter_mut();
             let outcome = world.step_watched(&command.targets, |world| {
                 if let Some(waypoint) = next.next() {
-                    *waypoint = world.joints();
+                    let joints = world.joints();
+                    *waypoint = std::array::from_fn(|joint| {
+                        let [low, high] = joint_range(joint);
+                        joints[joint].clamp(low, high)
+                    });
                 }
             });
             unstable = outcome.unstable;

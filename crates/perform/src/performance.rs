@@ -198,8 +198,9 @@ mod tests {
     use etude_music::{PlanConfig, repertoire};
     use etude_task::TaskConfig;
 
-    /// Who strikes and releases every key at the time of the song is right in every control step, whatever the lead; 20 ms early or late is
-    /// still within the step, 30 ms is not. A lead below half a step is the simulation's: its keys are read at the end of the step.
+    /// A player that strikes and releases every key at the time of the song is right in every control step, whatever the lead; 20 ms early
+    /// or late is still within the step, 30 ms is not. A lead below half a step is the simulation's: its keys are read at the end of the
+    /// step.
     #[test]
     fn a_robot_is_scored_on_the_songs_own_time() {
         let song = repertoire::get("twinkle").expect("built in");

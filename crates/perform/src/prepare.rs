@@ -84,7 +84,10 @@ fn wait_for(
             Phase::Stopped => return Err(PerformError::NotReady(STOPPED.to_string())),
             phase if next.saturating_sub(begun) > PREPARATION => {
                 let waiting = robot.keyboard().state();
-                let why = format!("it is still {} after two minutes ({waiting})", phase.name());
+                let why = format!(
+                    "it is still {} after two minutes ({waiting}); check the devices with `etude robot monitor`",
+                    phase.name()
+                );
                 return Err(PerformError::NotReady(why));
             }
             _ => {}

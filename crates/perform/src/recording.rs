@@ -38,7 +38,7 @@ pub(crate) const SCHEMA: u32 = 2;
 #[derive(Debug, thiserror::Error)]
 pub enum RecordingError {
     /// The file cannot be created, opened or read.
-    #[error("cannot open the recording {path}: {source}")]
+    #[error("cannot open the recording {path}: {source}; check the path and its permissions")]
     Open {
         /// The file.
         path: PathBuf,

@@ -22,8 +22,8 @@ use crate::recording::{RecordingError, SCHEMA};
 const FLUSH_SECS: f64 = 1.0;
 /// Size at which a chunk is written: less than a second of a robot.
 const CHUNK_BYTES: u64 = 64 * 1024;
-/// Most messages that wait for the disk, about two minutes of a robot. When the queue is full, [`RecordingWriter::write`] blocks: a robot's
-/// controller does not call it, but the thread that works beside it.
+/// Largest number of messages that wait for the disk, about two minutes of a robot. When the queue is full, [`RecordingWriter::write`]
+/// blocks: a robot's controller does not call it, but the thread that works beside it.
 const WAITING: usize = 65_536;
 
 /// Opcode of the records that fill a page up. Readers skip records whose opcodes they do not know.
@@ -133,7 +133,7 @@ impl RecordingWriter {
     fn complete(&mut self) {
         self.lines = None;
         if let Some(Err(_)) = self.thread.take().map(JoinHandle::join) {
-            let _ = self.failed.set("the thread that writes it has died".to_string());
+            let _ = self.failed.set("the writing thread has ended unexpectedly".to_string());
         }
     }
 

@@ -14,7 +14,7 @@ use crate::xarm::{ArmCommands, Stopper};
 
 /// Time within which the arm must confirm.
 const CONFIRM: Duration = Duration::from_secs(1);
-/// Time within which the hand must confirm; it is told again every 100 ms.
+/// Time within which the hand must confirm; the release is sent again every 100 ms.
 const LET_GO: Duration = Duration::from_millis(350);
 /// Time within which a controller sees the request to stop.
 const CONTROLLER: Duration = Duration::from_millis(100);

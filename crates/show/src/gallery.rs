@@ -40,7 +40,7 @@ pub struct Exhibit {
     pub recording: String,
     /// Title of the song.
     pub song: String,
-    /// Who played.
+    /// The player.
     pub player: String,
     /// The same in short, for people.
     #[serde(skip)]

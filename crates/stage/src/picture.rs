@@ -76,7 +76,7 @@ impl View {
     }
 }
 
-/// Most shapes that are drawn besides those of the model.
+/// Largest number of shapes that are drawn besides those of the model.
 const MOST_SHAPES: u32 = 128;
 
 /// Draws pictures of worlds with one model.

@@ -98,7 +98,7 @@ pub(crate) struct HandTruth {
     pub(crate) noise_counts: u16,
     /// The hand's clock runs this much faster than the host's, as a share.
     pub(crate) clock_skew: f64,
-    /// Torque is cut when no torque frame came for so long, s; none holds it for ever, as is to be expected.
+    /// Torque is cut when no torque frame came for so long, s; with none it is held without limit, as is to be expected.
     pub(crate) torque_timeout_secs: Option<f64>,
 }
 

@@ -29,7 +29,7 @@ use crate::twin::{Twin, TwinError, calibration};
 const RIG: &str = "twin";
 /// Longest delay of a twin that shares its machine with other programs, s; a real hand has no such delays.
 const HELD_UP_SECS: f64 = 0.05;
-/// Most time that is made up for after the machine was busy; the rest is lost, as if the world had stood still.
+/// Longest time that is made up for after the machine was busy; the rest is lost, as if the world had stood still.
 const CATCH_UP: Duration = Duration::from_millis(50);
 
 /// A twin could not be served.

@@ -1,6 +1,6 @@
 //! The controller's own measures of the fingers against those of the simulated world.
 
-#![allow(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
+#![allow(clippy::unwrap_used, reason = "a test that cannot continue has failed")]
 
 use etude_robot::ROOTS_OVER_KEYS_M;
 use etude_robot::allegro::{self, tip_depths};

@@ -1,7 +1,7 @@
 //! Nobody but the twin knows its truth: that `Truth` has no readable fields is shown beside it (`src/truth.rs`), here that
 //! nobody goes around it.
 
-#![allow(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
+#![allow(clippy::unwrap_used, reason = "a test that cannot continue has failed")]
 
 use std::fs;
 use std::path::{Path, PathBuf};

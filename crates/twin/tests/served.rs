@@ -1,6 +1,6 @@
 //! A twin on sockets: the faults that its truth orders reach a controller in another thread as they would a real rig's.
 
-#![allow(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
+#![allow(clippy::unwrap_used, reason = "a test that cannot continue has failed")]
 
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};

@@ -1,6 +1,6 @@
 //! The hand has a weight in the twin, and the controller's feed-forward holds it: computed by MuJoCo, not by our formula.
 
-#![allow(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
+#![allow(clippy::unwrap_used, reason = "a test that cannot continue has failed")]
 
 use std::time::Duration;
 

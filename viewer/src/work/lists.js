@@ -15,7 +15,7 @@ const STATES = {
   waiting: 'without a step yet', silent: 'stopped', finished: 'finished',
 };
 
-/** Most jobs that have ended and are still shown. */
+/** Largest number of ended jobs that are still shown. */
 const ENDED = 3;
 
 /** Jobs that run, and the last ones that failed or were stopped. */
@@ -151,7 +151,7 @@ export function trainingsList(trainings, jobs, { start, stop, songs }) {
         'p', { class: 'row' },
         job
           ? button('Stop and save', `stop ${run.run}`, () => stop(job.id), { disabled: job.state === 'stopping', 'aria-label': `Stop and save: ${run.name}` })
-          : button('Train on', `resume ${run.run}`, () => start({ verb: 'resume', run: run.run, minutes: null }), { 'aria-label': `Train on: ${run.name}` }),
+          : button('Resume training', `resume ${run.run}`, () => start({ verb: 'resume', run: run.run, minutes: null }), { 'aria-label': `Resume training: ${run.name}` }),
         song !== undefined && run.best_f1 !== null
           ? button('Play its best policy', `play ${run.run}`, () => start({ verb: 'play', song, player: { run: run.run } }), { 'aria-label': `Play its best policy: ${run.name}` })
           : null,

@@ -40,8 +40,7 @@ pub struct Args {
 pub fn run(args: Args) -> anyhow::Result<Ending> {
     let takes = [take(&args.one)?, take(&args.other)?];
     let comparison = Comparison::new(&takes[0], &takes[1])?;
-    let page =
-        args.out.map(|page| file_to_write(page, "html", "a replay is written as .html")).transpose()?;
+    let page = args.out.map(|page| file_to_write(page, "html", "the name must end in .html")).transpose()?;
     if let Some(page) = &page {
         replay_page(&takes, page)?;
     }
@@ -92,7 +91,7 @@ fn print(takes: &[Take; 2], comparison: &Comparison) -> anyhow::Result<()> {
     for (letter, strays) in ["A", "B"].into_iter().zip(&comparison.strays) {
         if !strays.is_empty() {
             let strokes: Vec<String> = strays.iter().map(said).collect();
-            line(format!("Strokes of {letter} that play no due note: {}", strokes.join(", ")))?;
+            line(format!("Wrong strokes of {letter}: {}", strokes.join(", ")))?;
         }
     }
     for take in takes {

@@ -1,4 +1,4 @@
-//! `etude doctor`: what this machine has, and what each missing thing costs.
+//! `etude doctor`: what this machine has, and what cannot be done without each missing item.
 
 use etude_lab::examine;
 
@@ -7,7 +7,7 @@ use crate::Ending;
 
 /// How to print.
 #[derive(clap::Args)]
-#[command(after_help = "Nothing that is missing here keeps the simulation from learning and playing.")]
+#[command(after_help = "Learning and playing in simulation need none of the missing items.")]
 pub struct Args {
     /// Print JSON: a list of name, ok, found, cost
     #[arg(long)]

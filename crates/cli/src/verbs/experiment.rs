@@ -63,7 +63,7 @@ struct PlanArgs {
     /// This many seeds instead of the file's
     #[arg(long, value_parser = clap::value_parser!(u64).range(1..))]
     seeds: Option<u64>,
-    /// How much of it is done
+    /// Size of the experiment
     #[arg(long, value_enum, default_value = "full")]
     budget: Budget,
     /// Set a value of every training, for example --set trainer.total_steps=1e6; may be repeated
@@ -73,7 +73,7 @@ struct PlanArgs {
 
 #[derive(Clone, Copy, PartialEq, ValueEnum)]
 enum Budget {
-    /// As the file says
+    /// All trials of the file
     Full,
     /// Everything once and as short as possible, as a test
     Smoke,
@@ -110,7 +110,7 @@ struct RunArgs {
     /// Where the folders of trials are
     #[arg(long, default_value = "runs", value_name = "DIR")]
     runs: PathBuf,
-    /// Where the work goes
+    /// Where the trials run
     #[arg(long, value_enum, default_value = "local")]
     launcher: Launcher,
     /// Local: number of trials at a time; one a core if not given
@@ -161,7 +161,7 @@ struct ReportArgs {
 struct TrialArgs {
     /// The plan
     plan: PathBuf,
-    /// Which line of it, from 0
+    /// Line of the plan, counted from 0
     index: usize,
     /// Where the folders of trials are
     #[arg(long, default_value = "runs", value_name = "DIR")]
@@ -372,7 +372,7 @@ fn trial(args: &TrialArgs) -> anyhow::Result<Ending> {
         TrialEnd::Done => Ok(Ending::Done),
         TrialEnd::Stopped => Ok(Ending::Stopped),
         TrialEnd::Busy => {
-            note(format!("another process is at work on {}", trial.id));
+            note(format!("another process is at work on {}; wait for it, or stop it", trial.id));
             Ok(Ending::Busy)
         }
     }

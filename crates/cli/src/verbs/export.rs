@@ -48,7 +48,7 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
     let song = find_song(&asked)?;
     let pianist = pianist.load(&asked, &song)?;
     let out = out.unwrap_or_else(|| PathBuf::from(format!("{}.onnx", slug(&asked))));
-    let out = file_to_write(out, "onnx", "a model is written as .onnx")?;
+    let out = file_to_write(out, "onnx", "the name must end in .onnx")?;
     replaces_its_own(&out, "etude")?;
     export_onnx(&pianist, &song, &out)?;
     if as_json {

@@ -39,7 +39,7 @@ pub struct Args {
     /// `lm` (Levenberg–Marquardt) or `bo` (Bayesian optimisation, as in the paper)
     #[arg(long, default_value = "lm", value_name = "METHOD")]
     method: IdentifyMethod,
-    /// Most evaluations of the fit of a joint, a finger or the keyboard
+    /// Maximum number of evaluations per fit of a joint, a finger or the keyboard
     #[arg(long, value_parser = clap::value_parser!(u64).range(1..))]
     evaluations: Option<u64>,
     /// Seed of every random draw
@@ -108,7 +108,7 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
     }
     let task = etude_lab::resolve("fast", Some(&report.file), &[])?.task;
     let silences = shortest_silences(&task.stage, &task.params()?)?;
-    line(format!("{:<18} {}", "struck again", restrike(silences, &task.plan)))?;
+    line(format!("{:<18} {}", "repeated keys", restrike(silences, &task.plan)))?;
     line(format!("The simulator as identified is {}", report.file.display()))?;
     Ok(Ending::Done)
 }

@@ -31,10 +31,13 @@ use std::path::{Path, PathBuf};
 use anyhow::Context as _;
 use clap::builder::{PossibleValue, PossibleValuesParser, StringValueParser, TypedValueParser};
 use etude_lab::{
-    Chosen, Kept, Pianist, RunConfig, SIGHT_READER, load_pianist, pianist_for, player_slug, policies,
+    Chosen, Kept, Pianist, RunConfig, SIGHT_READER, cannot_be_played, load_pianist, pianist_for, player_slug,
+    policies, shipped_policy,
 };
 use etude_music::Song;
 use etude_perform::shell_word;
+
+use crate::status::while_planning;
 
 /// Text that is one of these names or the path of a file: any text is taken, and a shell can complete the names.
 #[derive(Clone)]
@@ -87,10 +90,11 @@ impl ConfigArgs {
     }
 }
 
-/// Who plays, as several verbs take it.
+/// The player, as several verbs take it.
 #[derive(clap::Args)]
 pub struct PianistArgs {
-    /// A policy file or the folder of a run; if not given the best for this song or, without one, the sight-reader
+    /// A policy file, the folder of a run, or the name of a policy that comes with Étude, for example sight-reader; if not given the best
+    /// for this song or, without one, the sight-reader
     #[arg(long, value_name = "PATH")]
     policy: Option<PathBuf>,
     /// Play by inverse kinematics and timing instead of a policy: the baseline that needs no training
@@ -127,7 +131,7 @@ impl PianistArgs {
             Pianist::scripted()
         } else {
             match &self.policy {
-                Some(policy) => load_pianist(policy)?,
+                Some(policy) => load_pianist(&policy_called(policy))?,
                 None => {
                     let Chosen { pianist, passed_over: over } = pianist_for(asked, &slug(asked), song)?;
                     passed_over = over;
@@ -138,7 +142,10 @@ impl PianistArgs {
         if !self.overrides.is_empty() {
             let changes = pianist.reconfigure(&self.overrides)?;
             if !changes.is_empty() {
-                note(format!("warning: this policy learned in another world; now {}", changes.join(", ")));
+                note(format!(
+                    "warning: this policy was trained with other settings; now {}",
+                    changes.join(", ")
+                ));
             }
         }
         if pianist.reads_at_sight() {
@@ -146,43 +153,45 @@ impl PianistArgs {
                 let why = if let Some(own) = &passed_over {
                     let (right, due) = (own.claimed_notes.unwrap_or(0.0), song.notes().len());
                     format!(
-                        "has a policy that plays {right} of {due} notes right ({}; --policy plays it)",
+                        "has a policy that plays {right} of {due} notes right ({}; use --policy PATH to play it)",
                         own.name()
                     )
                 } else if policies(&slug(asked)).is_empty() {
                     "has no policy of its own".to_string()
                 } else {
-                    "is not the piece that its policies learned".to_string()
+                    format!("is not the piece that the policies called `{}` learned", slug(asked))
                 };
                 note(format!(
-                    "`{asked}` {why}: {} plays it at sight; `etude train {} --from {SIGHT_READER}` learns it",
+                    "`{asked}` {why}: {} plays it at sight; `etude train {} --from {SIGHT_READER}` trains a policy for it",
                     pianist.name(),
                     shell_word(asked)
                 ));
-                if let Some((first, others)) = song.warnings().split_first() {
-                    let others = match others.len() {
-                        0 => String::new(),
-                        more => format!(" (and {more} more)"),
-                    };
-                    note(format!(
-                        "warning: {first}{others}; `etude songs show {}` lists what is left out",
-                        shell_word(asked)
-                    ));
-                }
+            }
+            for warning in while_planning(false, || cannot_be_played(song, &pianist.config.task))? {
+                note(format!("warning: {warning}; `etude songs show {}` lists them", shell_word(asked)));
             }
         } else if let Some(learned) = pianist.song.as_deref().filter(|learned| *learned != song.title()) {
             note(format!(
-                "warning: this policy learned `{learned}`; it plays `{}` from the score alone",
-                song.title()
+                "warning: this policy learned `{learned}` and was not trained on `{}`; train one with `etude train {}`",
+                song.title(),
+                shell_word(asked)
             ));
         } else if let Some(notes) = pianist.learned_other_notes(song) {
             note(format!(
-                "warning: this policy learned another `{}` ({notes} notes, or at other times); it plays this one from the score alone",
-                song.title()
+                "warning: this policy learned another `{}` ({notes} notes, or at other times) and was not trained on this one; train one with \
+                 `etude train {}`",
+                song.title(),
+                shell_word(asked)
             ));
         }
         Ok(pianist)
     }
+}
+
+/// The run or policy that was named: a path, or the name of a policy that comes with Étude.
+fn policy_called(named: &Path) -> PathBuf {
+    let shipped = named.to_str().filter(|_| !named.exists()).and_then(shipped_policy);
+    shipped.unwrap_or_else(|| named.to_path_buf())
 }
 
 /// A length of time on the command line: a number above zero, and not so large that clocks overflow.
@@ -239,7 +248,7 @@ fn replaces_its_own(out: &Path, mark: &str) -> anyhow::Result<()> {
 fn kept(kept: Option<&Kept>, folder: &Path) {
     if let Some(Kept { song, player, folder: now }) = kept {
         note(format!(
-            "{} held {song} played by {player}; that is in {} now",
+            "the earlier performance of {song} by {player} was moved from {} to {}",
             folder.display(),
             now.display()
         ));

@@ -92,7 +92,7 @@ fn lags(task: &TaskConfig, as_json: bool) -> anyhow::Result<()> {
     ] {
         line(format!("{what:52} {:>10} {:>10}", cell(white), cell(black)))?;
     }
-    line(format!("{:52} {:>10}", "a turning finger behind its target", cell(Some(lags.follow_secs))))?;
+    line(format!("{:52} {:>10}", "lag of a finger joint behind its target", cell(Some(lags.follow_secs))))?;
     line(restrike(silences, &task.plan))
 }
 
@@ -105,7 +105,7 @@ pub(super) fn restrike(silences: [Option<f64>; 2], plan: &PlanConfig) -> String 
     let planned = plan.rest_frames();
     let needed = ceil_frame(white.max(black) * CONTROL_HZ);
     let says =
-        format!("The plan has a key silent for {:.0} ms before it is struck again", 1e3 * secs(planned));
+        format!("The plan keeps a key silent for {:.0} ms before it is struck again", 1e3 * secs(planned));
     if needed <= planned {
         return format!("{says}: long enough");
     }

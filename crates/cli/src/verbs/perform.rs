@@ -30,12 +30,13 @@ The twin is an emulated robot: its devices use the same bytes as the real ones, 
 from the simulator (--truth) moves them. It runs as fast as it can be computed, and the same seed gives the same recording. \
 For a twin by the wall clock start `etude twin` in another terminal and give its rig.
 
-How late the robot's notes are is measured in a run before the others, and the plan of the others leads by that. It is not measured with \
+A first run, which is not counted, measures how late the notes are. In the other runs the plan leads by that time. There is no such run with \
 --set task.plan.lead_secs=SECS, with --correction, or if the robot does not go to the keyboard (--home).
 
 Files, per run: run-N.mcap (what was asked, sent and measured), .mid, .wav, .csv; and report.json, \
 reference.wav (what should have been played). Once a run is complete they replace those of an earlier performance. \
-If the first run ends by a fault, the earlier one is in DIR/earlier; if none ends, it stays, and what was recorded is in DIR/cut-short.
+If the first run ends by a fault, the earlier performance is in DIR/earlier; if the first run is interrupted, the earlier performance \
+stays, and the new recording is in DIR/cut-short.
 
 Examples:
   etude perform twinkle --robot twin
@@ -55,13 +56,13 @@ pub struct Args {
     /// `twin`, or the file of a rig
     #[arg(long, default_value = "twin", value_name = "RIG", value_hint = ValueHint::FilePath)]
     robot: String,
-    /// What is true of the twin: `standard`, `worn`, `mild`, `ideal`, `random:SEED`, or a file
+    /// The twin's truth (its hidden physical parameters): `standard`, `worn`, `mild`, `ideal`, `random:SEED`, or a file
     #[arg(long, default_value = DEFAULT_TRUTH, value_name = "NAME|random:SEED|FILE", value_parser = super::truth(), value_hint = ValueHint::FilePath, hide_possible_values = true)]
     truth: String,
-    /// Something that goes wrong with the twin, as in `etude twin`; starting and homing take some ten seconds
+    /// Inject a fault into the twin, as in `etude twin`; starting and homing take some ten seconds
     #[arg(long = "fault", value_name = "KIND[=VALUE]@SECS[+SECS]")]
     faults: Vec<OrderedFault>,
-    /// Bring the robot slowly to the keyboard first; a twin always is. Stand clear
+    /// First move the robot slowly to the keyboard (a twin always does this). Stand clear
     #[arg(long)]
     home: bool,
     /// How many times to play
@@ -182,7 +183,9 @@ pub(super) fn performance_name(
 fn mode(asked: Option<Mode>, learned: Option<&CorrectionFile>) -> anyhow::Result<Mode> {
     match (asked, learned.map(|learned| learned.mode)) {
         (Some(asked), Some(learned)) if asked != learned => {
-            anyhow::bail!("the correction is for {learned}, in which it was learned, not for {asked}")
+            anyhow::bail!(
+                "the correction is for {learned}, in which it was learned, not for {asked}; leave out --mode"
+            )
         }
         (asked, learned) => Ok(asked.or(learned).unwrap_or(Mode::Real)),
     }
@@ -204,7 +207,7 @@ fn with_faults(rig: RigChoice, faults: &[OrderedFault]) -> anyhow::Result<RigCho
 /// The result of the run that measures how late a robot's notes are.
 pub(super) fn lag_measured(notes: &NoteCounts, lead_secs: Option<f64>) -> String {
     let found = lead_secs
-        .map_or("no other lead makes a note right, so the plan's lead stays".to_string(), |lead| {
+        .map_or("no note is right with the lag removed, so the plan keeps its lead".to_string(), |lead| {
             format!("from now on the plan leads by {:.0} ms", lead * 1e3)
         });
     format!("run to measure how late the notes are (not counted): {notes}; {found}")
@@ -220,7 +223,9 @@ fn print(report: &RobotReport) -> anyhow::Result<()> {
         report.mode
     ))?;
     if report.only_measuring {
-        line("The run that measures how late the notes are has ended early; none that counts was played")?;
+        line(
+            "The measuring run ended early, so no counted run was played; remove the cause, then repeat the command",
+        )?;
     }
     for (index, run) in report.runs.iter().enumerate() {
         line(format!("run {}: {}", index + 1, heard(&run.scores.note)))?;

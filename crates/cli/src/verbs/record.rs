@@ -28,7 +28,7 @@ pub struct Args {
     /// `twin`, or the file of a rig
     #[arg(long, value_name = "RIG", value_hint = ValueHint::FilePath)]
     robot: String,
-    /// What is true of the twin: `standard`, `worn`, `mild`, `ideal`, `random:SEED`, or a file
+    /// The twin's truth (its hidden physical parameters): `standard`, `worn`, `mild`, `ideal`, `random:SEED`, or a file
     #[arg(long, default_value = "standard", value_name = "NAME|random:SEED|FILE", value_parser = super::truth(), value_hint = ValueHint::FilePath, hide_possible_values = true)]
     truth: String,
     /// Move the joints so that a simulator can be fitted to them: `open-close`, `chirp`, `rail`, `keys`, or `held-out`
@@ -38,7 +38,7 @@ pub struct Args {
     /// Added to the seed of the twin's truth
     #[arg(long, default_value_t = 0)]
     seed: u64,
-    /// Bring the robot slowly to the keyboard first (a twin always is). Stand clear
+    /// First move the robot slowly to the keyboard (a twin always does this). Stand clear
     #[arg(long)]
     home: bool,
     /// How long, s; until Ctrl-C if not given
@@ -66,7 +66,7 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
     let new = if is_there { args.out.with_extension("new.mcap") } else { args.out.clone() };
     let recorded = record_robot(&rig, motion, home, args.seed, &new, &stop).inspect_err(|_| {
         if is_there {
-            // It holds no motion. If it cannot be removed, it is in nobody's way.
+            // It holds no motion. If it cannot be removed, it does no harm.
             let _ = std::fs::remove_file(&new);
         }
     })?;
@@ -75,7 +75,9 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
         // Without --secs, Ctrl-C is the normal end of a recording.
         etude_perform::Ending::Interrupted if matches!(motion, Motion::Rest(None)) => Ok(Ending::Done),
         etude_perform::Ending::Interrupted => Ok(Ending::Stopped),
-        etude_perform::Ending::Fault(fault) => Err(anyhow::anyhow!("the robot stopped itself: {fault}")),
+        etude_perform::Ending::Fault(fault) => Err(anyhow::anyhow!(
+            "the robot stopped itself: {fault}; remove the cause, then give the same command again"
+        )),
     };
     let is_complete = matches!(ending, Ok(Ending::Done));
     if is_there && is_complete {

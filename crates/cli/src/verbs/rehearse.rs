@@ -42,7 +42,7 @@ pub struct Args {
     /// `twin`, or the file of a rig
     #[arg(long, default_value = "twin", value_name = "RIG", value_hint = ValueHint::FilePath)]
     robot: String,
-    /// What is true of the twin: `standard`, `worn`, `mild`, `ideal`, `random:SEED`, or a file
+    /// The twin's truth (its hidden physical parameters): `standard`, `worn`, `mild`, `ideal`, `random:SEED`, or a file
     #[arg(long, default_value = "standard", value_name = "NAME|random:SEED|FILE", value_parser = super::truth(), value_hint = ValueHint::FilePath, hide_possible_values = true)]
     truth: String,
     /// Rounds of identifying, training and performing
@@ -57,7 +57,7 @@ pub struct Args {
     /// Preset of the trainings
     #[arg(long, default_value = etude_lab::DEFAULT_PRESET, value_name = "NAME", value_parser = PossibleValuesParser::new(etude_lab::presets()), hide_possible_values = true)]
     preset: String,
-    /// Set a value of it, for example --set task.randomisation.intensity=0.2; may be repeated
+    /// Set a value of the trainings, for example --set task.randomisation.intensity=0.2; may be repeated
     #[arg(long = "set", value_name = "PATH=VALUE")]
     overrides: Vec<String>,
     /// The first policy; the shipped one of the song, or with --preset sight-reader the sight-reader, if not given. Without any, it is learned first
@@ -73,9 +73,9 @@ pub struct Args {
     /// End each fit of the identification after this many evaluations
     #[arg(long, value_parser = clap::value_parser!(u64).range(1..))]
     evaluations: Option<u64>,
-    /// After the rounds, learn on the robot itself for so many minutes of playing: the policy of round 0 plays in joint-mirroring, or in
-    /// hybrid with --mode hybrid, and what the joints missed, and keys that sounded wrongly, correct the next run. At least three runs; homing
-    /// and the performances at the end are not counted. With --rounds 0 nothing is fitted
+    /// After the rounds, learn on the robot itself for at most this many minutes of playing: the policy of round 0 plays in
+    /// joint-mirroring, or in hybrid with --mode hybrid, and the joint errors and the wrongly played keys of a run correct the next run. At
+    /// least three runs; homing and the performances at the end are not counted. With --rounds 0 nothing is fitted
     #[arg(long, value_name = "MINUTES", value_parser = minutes)]
     adapt: Option<f64>,
     /// Seed of identification, of the twin's noise, and of the training unless --set says otherwise
@@ -277,7 +277,7 @@ fn show_adapting(status: &mut Status, step: &AdaptStep, runs: usize) {
 
 fn print_adapted(adapted: &Adapted) -> anyhow::Result<()> {
     let by = match adapted.best {
-        0 | 1 => "without a correction: none was better".to_string(),
+        0 | 1 => "played without a correction, because no correction was better".to_string(),
         runs => format!("with the correction after {runs} runs, the best of {}", adapted.adapting.len()),
     };
     line(format!(

@@ -65,9 +65,9 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
     let wanted = if is_still { "png" } else { "mp4" };
     let out = args.out.unwrap_or_else(|| recording.with_extension(wanted));
     let hint = if is_still {
-        "a still is written as .png"
+        "the name must end in .png"
     } else {
-        "a video is written as .mp4; --at SECS makes a still"
+        "the name must end in .mp4; --at SECS makes a still"
     };
     let out = file_to_write(out, wanted, hint)?;
     let take = read_take(recording)?;

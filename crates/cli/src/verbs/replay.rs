@@ -60,12 +60,12 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
         }
         None => paths[0].with_file_name(PAGE),
     };
-    let page = file_to_write(page, "html", "a replay is written as .html")?;
+    let page = file_to_write(page, "html", "the name must end in .html")?;
     replay_page(&takes, &page)?;
     let bytes = std::fs::metadata(&page)?.len();
     if takes.iter().any(|take| !take.has_the_notes_of(&takes[0])) {
         note(
-            "not all of these recordings are of the same notes: the marks of where they differ mean nothing",
+            "not all of these recordings are of the same notes: the marks of where they differ mean nothing; choose recordings of one piece",
         );
     }
     if args.json {

@@ -30,6 +30,10 @@ use super::{json as print_json, line, note};
 use crate::Ending;
 use crate::progress::stop_flag;
 
+/// What to do if a running controller may not have seen the request to stop.
+const NOT_ASKED: &str = "a running controller could not be asked to stop: end the process of the running `etude` command (Ctrl-C in its \
+                         terminal)";
+
 /// What to do with a robot.
 #[derive(clap::Args)]
 pub struct Args {
@@ -39,7 +43,7 @@ pub struct Args {
 
 #[derive(clap::Subcommand)]
 enum Action {
-    /// Bring hand, arm and keyboard up, hold still for half a second, print what they are, and release
+    /// Bring hand, arm and keyboard up, hold still for half a second, release, and print serial numbers, versions, temperature and place
     Check(check::Args),
     /// Bring the robot slowly to the keyboard, fingers over the keys, from wherever it is. Stand clear
     Home(Rig),
@@ -239,8 +243,8 @@ fn stop_now(rig: &Rig) -> anyhow::Result<Ending> {
         anyhow::bail!("not everything was stopped: use the hardware stop")
     }
     match requested {
-        Ok(requested) => requested.context("a running controller could not be asked to stop: end it")?,
-        Err(_) => anyhow::bail!("a running controller could not be asked to stop: end it"),
+        Ok(requested) => requested.context(NOT_ASKED)?,
+        Err(_) => anyhow::bail!(NOT_ASKED),
     }
     Ok(Ending::Done)
 }
@@ -254,7 +258,9 @@ fn guard(rig: &Rig) -> anyhow::Result<Ending> {
     let config = file(&rig.robot)?;
     line(READY)?;
     if let Some(stopped) = stand_guard(&config)? {
-        note("guard: the controller has ended or did not run for 70 ms (see real time in `etude doctor`)");
+        note(
+            "guard: the controller has ended or did not run for 70 ms (see the line `real time` of `etude doctor`)",
+        );
         let is_sure = stopped.is_sure();
         for (what, result) in [("arm", stopped.arm), ("hand", stopped.hand)] {
             note(format!("guard: {what} {}", result.err().unwrap_or_else(|| "stopped".to_string())));

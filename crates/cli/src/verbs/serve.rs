@@ -28,12 +28,13 @@ use crate::progress::stop_flag;
 /// Where the page is.
 #[derive(clap::Args)]
 #[command(after_help = "\
-Drop a MIDI file on the page: it shows what will be hard, plays the song, trains, performs on the twin and compares. What it does \
-are the other verbs of `etude`, in processes of their own, and it shows each as a command line. It works in the folder in which \
-it is started: songs that are dropped are kept in out/songs, performances in out, trainings in runs.
+Drop a MIDI file on the page: it shows what will be hard, plays the song, trains, performs on the twin and compares. It runs \
+other `etude` commands, each in its own process, and shows their command lines. It works in the folder in which it is \
+started: songs that are dropped are kept in out/songs, performances in out, trainings in runs.
 
-The address holds a random word, and nobody has access without it. Only programs of this machine reach the page; from another machine use `ssh -L \
-8000:127.0.0.1:8000 HOST` and `etude serve --port 8000`. Ctrl-C stops what runs, which saves itself, and ends the server with exit code 3.
+The address contains a random token. A request without it is refused. Only programs of this machine reach the page; from another machine use \
+`ssh -L 8000:127.0.0.1:8000 HOST` and `etude serve --port 8000`. Ctrl-C stops all running commands, saves a training, and ends the server with \
+exit code 3.
 
 Examples:
   etude serve
@@ -56,7 +57,9 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
     let jobs = Jobs::new(std::env::current_exe().context("this program's file cannot be found")?);
     let site = Arc::new(Site { gate, desk: Desk::new(folder), jobs });
     line(&address)?;
-    note("Open this address in a browser on this machine; Ctrl-C ends the server and saves what runs");
+    note(
+        "Open this address in a browser on this machine; Ctrl-C ends the server and saves a running training",
+    );
     http::serve(listener, &site, &stop)?;
     Ok(Ending::Stopped)
 }

@@ -53,7 +53,7 @@ enum What {
         #[arg(long)]
         json: bool,
     },
-    /// Write a song in another key or tempo as a MIDI file that the keyboard has all notes for
+    /// Write a song in another key or tempo as a MIDI file; refused if a note is not on the keyboard
     Arrange {
         /// A built-in id or a MIDI file
         #[arg(value_parser = super::song(), value_hint = ValueHint::FilePath, hide_possible_values = true)]
@@ -61,16 +61,19 @@ enum What {
         /// Semitones up, or down if negative
         #[arg(long, default_value_t = 0, value_name = "SEMITONES", allow_hyphen_values = true)]
         transpose: i32,
-        /// How many times as long it shall last: 2 is half the tempo
+        /// Factor for the duration: 2 is half the tempo
         #[arg(long, default_value_t = 1.0, value_name = "FACTOR", allow_hyphen_values = true)]
         stretch: f64,
+        /// Keep the upper voice alone: no note that begins below one that sounds
+        #[arg(long)]
+        melody: bool,
         /// The new file
         #[arg(short, long, value_name = "OUT.mid")]
         out: PathBuf,
     },
     /// Write a melody that is drawn at random, as those that the sight-reader learns
     Make {
-        /// The melody of this seed; with --part, the first of that part from it on
+        /// Seed of the melody; with --part, the first melody of that part, counting up from this seed
         #[arg(long, default_value_t = 0, value_name = "N")]
         seed: u64,
         /// Only a melody that is for this: training, validation (it decides which policy is the best) or test
@@ -99,7 +102,9 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
         Some(What::Show { song, frames, reference, config, json }) => {
             show(&song, frames, reference, &config.resolve()?.task, json || args.json)?;
         }
-        Some(What::Arrange { song, transpose, stretch, out }) => arrange(&song, transpose, stretch, &out)?,
+        Some(What::Arrange { song, transpose, stretch, melody, out }) => {
+            arrange(&song, transpose, stretch, melody, &out)?;
+        }
         Some(What::Make { seed, part, out, json }) => make(seed, part, &out, json || args.json)?,
     }
     Ok(Ending::Done)
@@ -164,7 +169,9 @@ fn show(
         .busiest_second()
         .map(|second| (second.notes, song.position(second.start_secs), second.start_secs));
     let bars = bars(&song);
-    let (hard, quick) = (song.warnings(), task.plan.warnings(&song));
+    // What a fingering cannot play is listed by its plan.
+    let hard = if limits.is_some() { Vec::new() } else { song.warnings() };
+    let quick = task.plan.warnings(&song);
     let warnings: Vec<String> = hard.iter().chain(&quick).map(ToString::to_string).collect();
     if as_json {
         json(&object!({
@@ -188,7 +195,8 @@ fn show(
         let planned = piece.as_ref().map_or_else(String::new, |piece| {
             format!(", {} frames with {silence} s of silence first", piece.steps())
         });
-        line(format!("{notes} notes from {lowest} to {highest}, {secs:.1} s{planned}"))?;
+        let are = if notes == 1 { "note" } else { "notes" };
+        line(format!("{notes} {are} from {lowest} to {highest}, {secs:.1} s{planned}"))?;
         if let Some((notes, place, secs)) = busiest {
             line(format!(
                 "{pace:.1} notes a second; {notes} in the busiest, which begins at {place} ({secs:.2} s)"
@@ -212,7 +220,7 @@ fn show(
                 let (place, secs) = place_of(first);
                 let leaps = limits.leaps().count();
                 line(format!(
-                    "Leaps too far for the time: {leaps} of these, the first at {place} ({secs:.2} s)"
+                    "Too far for the time, left out or cut short: {leaps} of these, the first at {place} ({secs:.2} s)"
                 ))?;
             }
             beginning(limits.notes.iter().map(|limit| {
@@ -233,7 +241,7 @@ fn show(
     Ok(())
 }
 
-/// Most lines that are printed of a list.
+/// Largest number of lines that are printed of a list.
 const MOST_LINES: usize = 12;
 
 /// Prints a list; of a long one the beginning, and how many more there are.
@@ -270,8 +278,9 @@ fn chord_name(song: &Song, chord: &[Note]) -> String {
     format!("{} {}", names.join("+"), (beats * 100.0).round() / 100.0)
 }
 
-fn arrange(name: &str, semitones: i32, factor: f64, out: &Path) -> anyhow::Result<()> {
+fn arrange(name: &str, semitones: i32, factor: f64, melody: bool, out: &Path) -> anyhow::Result<()> {
     let song = find_song(name)?.transpose(semitones)?.stretch(factor)?;
+    let song = if melody { song.upper_voice() } else { song };
     song.check_range()?;
     let same = |path: &Path| std::fs::canonicalize(path).ok();
     if same(out).is_some_and(|out| same(Path::new(name)) == Some(out)) {

@@ -4,13 +4,13 @@ use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use clap::ValueHint;
-use etude_lab::{Run, SIGHT_READER, beginning_with, find_song, shipped_policy};
+use etude_lab::{Run, SIGHT_READER, beginning_with, cannot_be_played, find_song};
 use etude_learn::{Outcome, StopReason};
 use etude_music::Song;
 use etude_perform::{NoteCounts, shell_line, shell_word};
 use serde_json::json;
 
-use super::{ConfigArgs, line, note, slug};
+use super::{ConfigArgs, line, note, policy_called, slug};
 use crate::progress::{Progress, heard, stop_flag};
 use crate::status::while_planning;
 use crate::{Ending, broken_pipe};
@@ -38,9 +38,9 @@ pub struct Args {
     /// The run's folder; runs/SONG__PRESET__SEED if not given
     #[arg(short = 'o', long = "out", value_name = "DIR", conflicts_with = "resume")]
     out: Option<PathBuf>,
-    /// Begin with what this run or policy file has learned of the song, in whatever physics: from a run the last policy with its
-    /// critics, from a file the actor alone. Replay and optimiser are new, and task.rail_range is that of the source. `sight-reader` is
-    /// the policy that comes with Étude for pieces without one of their own; networks and observation are then its own
+    /// Begin with what this run or policy file has learned of the song, in any physics: from a run the last policy with its critics,
+    /// from a file the actor alone. Replay and optimiser are new, and task.rail_range is that of the source. `--from sight-reader`
+    /// starts from the shipped sight-reader and takes over its networks and observation
     #[arg(long, value_name = "PATH", conflicts_with = "resume")]
     from: Option<PathBuf>,
     /// Continue the run in this folder, bit for bit; --set may change its steps, intervals and threads, nothing else
@@ -66,7 +66,7 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
         }
         (None, Some(name)) => {
             let song = find_song(name)?;
-            let source = args.from.as_deref().map(source);
+            let source = args.from.as_deref().map(policy_called);
             let config = args.config.resolve()?;
             let config = match &source {
                 Some(source) => beginning_with(config, source),
@@ -81,7 +81,7 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
             (folder, run)
         }
         (None, None) => {
-            let source = args.from.as_deref().map(source);
+            let source = args.from.as_deref().map(policy_called);
             let config = args.config.resolve()?;
             let folder = args
                 .out
@@ -104,12 +104,6 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
     Ok(if outcome.stopped == Some(StopReason::Requested) { Ending::Stopped } else { Ending::Done })
 }
 
-/// The run or policy that `--from` names: a path, or the name of a policy that comes with Étude.
-fn source(named: &Path) -> PathBuf {
-    let shipped = named.to_str().filter(|_| !named.exists()).and_then(shipped_policy);
-    shipped.unwrap_or_else(|| named.to_path_buf())
-}
-
 /// A closed standard output does not change how a training ends: Ctrl-C in `etude train … | tee log` stops both.
 fn ignore_broken_pipe(said: anyhow::Result<()>) -> anyhow::Result<()> {
     said.or_else(|error| if broken_pipe(&error) { Ok(()) } else { Err(error) })
@@ -117,8 +111,10 @@ fn ignore_broken_pipe(said: anyhow::Result<()>) -> anyhow::Result<()> {
 
 fn announce(run: &Run, args: &Args, folder: &Path) -> anyhow::Result<()> {
     if let Some(song) = run.song() {
-        let quick = run.config().task.plan.warnings(song);
-        for warning in song.warnings().iter().chain(&quick) {
+        let task = &run.config().task;
+        let quick = task.plan.warnings(song).into_iter().map(|warning| warning.to_string());
+        let hard = while_planning(args.json, || cannot_be_played(song, task))?;
+        for warning in hard.into_iter().chain(quick) {
             note(format!("warning: {warning}"));
         }
     }
@@ -129,7 +125,7 @@ fn announce(run: &Run, args: &Args, folder: &Path) -> anyhow::Result<()> {
     let trainer = &run.config().trainer;
     let begun = match run.step() {
         0 => String::new(),
-        step => format!(", going on after {step}"),
+        step => format!(", resumed at step {step}"),
     };
     let begun = args.from.as_ref().map_or(begun, |source| format!(", beginning with {}", source.display()));
     line(format!(
@@ -181,11 +177,11 @@ fn report(args: &Args, folder: &Path, run: &Run, outcome: &Outcome) -> anyhow::R
         run.song().map_or_else(|| "SONG".to_string(), |_| folder.join("song.mid").display().to_string());
     let song = args.song.clone().unwrap_or(of_run);
     let run = shell_word(folder.display());
-    line(format!("Play it with:  etude play {} --policy {run}", shell_word(song)))?;
+    line(format!("Play it with: etude play {} --policy {run}", shell_word(song)))?;
     let resume = format!("etude train --resume {run}");
     if outcome.stopped.is_some() {
-        line(format!("Continue with: {resume}"))
+        line(format!("Resume with: {resume}"))
     } else {
-        line(format!("Learn on with: {resume} --set trainer.total_steps={}", 2 * outcome.step))
+        line(format!("Train longer with: {resume} --set trainer.total_steps={}", 2 * outcome.step))
     }
 }

@@ -28,10 +28,10 @@ Examples:
   etude perform twinkle --robot out/twin/twin.toml --home
   etude robot monitor --robot out/twin/twin.toml")]
 pub struct Args {
-    /// What is true of it: `standard`, `worn`, `mild`, `ideal`, `random:SEED`, or a file
+    /// Its truth (its hidden physical parameters): `standard`, `worn`, `mild`, `ideal`, `random:SEED`, or a file
     #[arg(long, default_value = "standard", value_name = "NAME|random:SEED|FILE", value_parser = super::truth(), value_hint = ValueHint::FilePath, hide_possible_values = true)]
     truth: String,
-    /// Something that goes wrong; repeatable. A wrong KIND lists them all
+    /// Inject a fault; may be repeated. An unknown KIND lists all kinds
     #[arg(long = "fault", value_name = "KIND[=VALUE]@SECS[+SECS]")]
     faults: Vec<OrderedFault>,
     /// Where its files and sockets go

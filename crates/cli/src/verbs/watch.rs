@@ -14,8 +14,8 @@ use crate::watch::{View, show, text};
 #[derive(clap::Args)]
 #[command(after_help = "\
 Reads nothing but the runs' metrics.jsonl and descriptions: it works for trainings of other processes, over ssh, and on \
-shared file systems, and leaving it (q) ends no training. Of a folder that holds several runs those are shown that were written \
-to in the last day, on the screen the eight last ones. Set NO_COLOR=1 for a screen without colours.
+shared file systems, and leaving it (q) ends no training. If a folder holds several runs, those written to in the last day are \
+shown (on the full screen the last eight). Set NO_COLOR=1 for a screen without colours.
 
 Examples:
   etude watch                                         # the runs of the last day in runs/
@@ -23,10 +23,10 @@ Examples:
   ssh -t host 'cd etude && etude watch'
   etude watch --once --json")]
 pub struct Args {
-    /// Folders of runs or of an experiment's tasks, or folders that hold such
+    /// Folders of runs or of an experiment's trials, or folders that hold such
     #[arg(default_value = "runs", value_name = "RUN")]
     folders: Vec<PathBuf>,
-    /// Print one table and end, as happens anyway where standard output is no terminal
+    /// Print one table and end (the default if standard output is not a terminal)
     #[arg(long)]
     once: bool,
     /// Print JSON and end; of each run: run, name, song, state (waiting, running, silent, finished), secs_since_written, step,

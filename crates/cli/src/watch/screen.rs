@@ -10,7 +10,7 @@ use ratatui::crossterm::event::{self, Event};
 use super::View;
 use crate::progress::patient_stop_flag;
 
-/// The screen is drawn no oftener, however many keys are pressed: over a slow line more would pile up.
+/// The screen is drawn no more often, however many keys are pressed: over a slow line more would pile up.
 const REDRAW: Duration = Duration::from_millis(250);
 /// How often the runs' files are looked at.
 const READ: Duration = Duration::from_secs(1);

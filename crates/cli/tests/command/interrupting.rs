@@ -177,7 +177,7 @@ fn a_performance_on_a_robot_replaces_all_of_an_earlier_one_or_nothing() {
     desk.ok("perform short.mid --scripted --runs 2 -o there");
     desk.ok("replay there");
     let whole = desk.bytes("there/run-1.mcap");
-    // The recording of before is moved aside when the new one begins, that of another song to a folder of its own.
+    // The earlier recording is moved aside when the new one begins, that of another song to a folder of its own.
     let perform = desk.command("perform ode-to-joy --scripted -o there");
     let said = interrupted_at(perform, |_| desk.path("there-scripted"));
     assert!(said.contains("interrupted before a run was complete"), "{said}");
@@ -263,8 +263,8 @@ fn a_new_best_policy_replaces_no_performance_of_another() {
     std::fs::copy(crate::shipped("twinkle"), desk.path("runs/twinkle__mine/policy-best.safetensors"))
         .unwrap();
     let moved = said("play twinkle");
-    assert!(moved.starts_with("out/twinkle held Twinkle"), "{moved}");
-    assert!(moved.ends_with("that is in out/twinkle-twinkle now\n"), "{moved}");
+    assert!(moved.starts_with("the earlier performance of Twinkle"), "{moved}");
+    assert!(moved.ends_with("was moved from out/twinkle to out/twinkle-twinkle\n"), "{moved}");
     assert!(player("out/twinkle").contains("twinkle__mine"), "{}", player("out/twinkle"));
     assert!(player("out/twinkle-twinkle").ends_with("policies/twinkle.safetensors"));
     assert_eq!(desk.bytes("out/twinkle-twinkle/performance.wav"), heard);
@@ -273,7 +273,7 @@ fn a_new_best_policy_replaces_no_performance_of_another() {
 
     desk.ok("perform short.mid --scripted --runs 2 -o robot");
     let moved = said("perform short.mid --policy runs/twinkle__mine -o robot");
-    assert!(moved.contains("that is in robot-scripted now\n"), "{moved}");
+    assert!(moved.contains("was moved from robot to robot-scripted\n"), "{moved}");
     assert_eq!(player("robot-scripted"), "scripted");
     assert!(desk.path("robot-scripted/run-2.mcap").is_file() && !desk.path("robot/run-2.mcap").exists());
 }
@@ -283,7 +283,7 @@ fn a_policy_in_another_world_says_so() {
     let desk = Desk::new();
     let said = |set: &str| errors(&desk.command(&format!("play twinkle --set {set}")).output().unwrap());
     let right = said("task.stage.side=right");
-    assert!(right.contains("learned in another world; now task.stage.side = \"right\""), "{right}");
+    assert!(right.contains("trained with other settings; now task.stage.side = \"right\""), "{right}");
     assert!(said("task.stage.fences=false").contains("now task.stage.fences = false"));
     assert!(said("task.scale=si").contains("now task.scale = \"si\""));
     // The lead is chosen for a robot, and what is as it was is no change.

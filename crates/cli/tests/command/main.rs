@@ -1,5 +1,5 @@
 //! The real `etude`, driven as people drive it: in a scratch folder, by its arguments, signals, output and files.
-#![allow(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
+#![allow(clippy::unwrap_used, reason = "a test that cannot continue has failed")]
 #![allow(clippy::print_stdout, reason = "the test harness shows it on request")]
 
 mod documented;

@@ -226,7 +226,7 @@ fn places_that_cannot_be_written() {
     refused(&desk, "model export -o no/such/world.xml", &["no/such/world.xml", "create the folder first"]);
 }
 
-/// A disk fails, or a file is copied half: nothing plays or learns on with wrong numbers, and what is whole is named.
+/// A disk fails, or a file is copied half: nothing plays or is trained further with wrong numbers, and what is whole is named.
 #[test]
 fn damaged_files_are_noticed_and_what_is_left_is_named() {
     let desk = Desk::new();
@@ -242,7 +242,7 @@ fn damaged_files_are_noticed_and_what_is_left_is_named() {
     std::fs::write(desk.path("run/policy-best.safetensors"), whole).unwrap();
     damage("run/checkpoints/last.safetensors");
     let resume = "train --resume run --set trainer.total_steps=800";
-    refused(&desk, resume, &["checkpoints/last.safetensors", "checksum", "its policy is whole"]);
+    refused(&desk, resume, &["checkpoints/last.safetensors", "checksum", "its policy is not damaged"]);
     let begin = "train run/song.mid --config run/config.toml --from run/policy-best.safetensors -o again";
     let said = errors(&desk.command(resume).output().unwrap());
     assert!(said.contains(&format!("`etude {}`", begin.replace("again", "DIR"))), "{said}");
@@ -262,7 +262,10 @@ fn a_song_that_has_changed_under_its_name_is_told_from_the_one_that_was_learned(
     assert!(same.status.success() && errors(&same).is_empty(), "{}", errors(&same));
     desk.write_song("short.mid", [60, 62, 65]);
     for (play, said) in [
-        ("play short.mid -o after", "`short.mid` is not the piece that its policies learned: "),
+        (
+            "play short.mid -o after",
+            "`short.mid` is not the piece that the policies called `short` learned: ",
+        ),
         (
             "play short.mid -o after --policy runs/short__fast__0",
             "warning: this policy learned another `short`",

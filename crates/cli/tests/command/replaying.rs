@@ -254,12 +254,12 @@ fn what_cannot_be_shown_is_named() {
         ("replay nothing.mcap", "cannot open the recording nothing.mcap"),
         ("replay empty", "no recording in empty"),
         ("replay text.mcap", "text.mcap is not a recording of Étude"),
-        ("replay out -o page.txt", "a replay is written as .html"),
+        ("replay out -o page.txt", "the name must end in .html"),
         ("replay short.mid", "short.mid is not a recording of Étude"),
         ("gallery empty", "no recording in empty"),
         ("render empty", "no recording in empty"),
         ("render text.mcap -o x.mp4", "text.mcap is not a recording of Étude"),
-        ("render text.mcap -o x.avi", "a video is written as .mp4"),
+        ("render text.mcap -o x.avi", "the name must end in .mp4"),
     ] {
         refuses(&desk, args, part);
     }

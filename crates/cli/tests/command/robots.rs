@@ -110,7 +110,7 @@ fn mistakes_are_told_before_anything_moves() {
         ("perform short.mid --scripted --fault fire@1", "can-bus-off, can-silent"),
         ("perform short.mid --scripted --robot fenced.toml", "fence_mm (highest x)"),
         ("twin --fault estop", "KIND[=VALUE]@SECS[+SECS]"),
-        ("twin --fault hand-off@1+1", "is a moment"),
+        ("twin --fault hand-off@1+1", "has no duration"),
         ("robot stop --robot twin", "etude twin"),
         ("robot stop --robot lab.toml", "hardware stop"),
         ("record --robot twin -o r.mcap", "--secs"),

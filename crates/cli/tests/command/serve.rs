@@ -500,7 +500,7 @@ fn ctrl_c_ends_the_server_and_saves_what_runs() {
         }
         assert!(!with_arguments(&folder).contains(&jobs[0]), "{name}: it is left");
         let resumed = desk.ok("train --resume runs/short__fast__0 --minutes 0.01");
-        assert!(resumed.contains("going on after"), "{name}: {resumed}");
+        assert!(resumed.contains("resumed at step"), "{name}: {resumed}");
     }
 }
 

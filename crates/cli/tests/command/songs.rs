@@ -117,7 +117,9 @@ fn what_is_too_fast_for_the_hand_is_named_with_its_place() {
         "{text}"
     );
     assert!(
-        text.contains(&format!("Leaps too far for the time: 1 of these, the first at {place}\n")),
+        text.contains(&format!(
+            "Too far for the time, left out or cut short: 1 of these, the first at {place}\n"
+        )),
         "{text}"
     );
     assert!(
@@ -198,6 +200,10 @@ fn a_song_that_does_not_fit_is_arranged() {
     let shown = desk.command("songs show high.mid").output().unwrap();
     let shown = String::from_utf8(shown.stdout).unwrap();
     assert!(shown.contains("3 notes from C6 to G6") && !shown.contains("frames"), "{shown}");
+    write(&desk, "two-hands.mid", [(0.0, 2.0, 48), (0.0, 0.9, 72), (1.0, 0.9, 74)]);
+    desk.ok("songs arrange two-hands.mid --melody -o melody.mid");
+    let melody = desk.json("songs show melody.mid --json");
+    assert_eq!((&melody["notes"], &melody["lowest"]), (&2.into(), &72.into()));
     let said = desk.ok("songs arrange high.mid --transpose -12 --stretch 2 -o low.mid");
     assert!(said.contains("etude train low.mid"), "{said}");
     let (high, low) = (desk.json("songs show short.mid --json"), desk.json("songs show low.mid --json"));

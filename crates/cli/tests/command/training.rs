@@ -78,7 +78,7 @@ fn threads_and_an_interruption_change_nothing() {
     assert!(errors(&output).contains("stopping and saving"), "{}", errors(&output));
     assert_ne!(desk.bytes("whole/policy-last.safetensors"), desk.bytes("parts/policy-last.safetensors"));
     let text = desk.ok("train --resume parts --set trainer.threads=1");
-    assert!(text.contains("going on after") && text.contains("Finished after 4000 steps"), "{text}");
+    assert!(text.contains("resumed at step") && text.contains("Finished after 4000 steps"), "{text}");
     assert_same_results(&desk, "whole", "parts");
 }
 
@@ -133,6 +133,6 @@ fn time_runs_out_and_more_can_be_asked_for() {
     assert!(desk.ok("play short.mid --policy run").contains("policy-last"));
     assert!(desk.ok("train --resume run").contains("Finished after 400 steps"));
     let text = desk.ok("train --resume run --set trainer.total_steps=6e2");
-    assert!(text.contains("going on after 400") && text.contains("Finished after 600 steps"), "{text}");
+    assert!(text.contains("resumed at step 400") && text.contains("Finished after 600 steps"), "{text}");
     assert!(String::from_utf8(desk.bytes("run/config.toml")).unwrap().contains("total_steps = 600"));
 }

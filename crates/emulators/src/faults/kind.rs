@@ -112,7 +112,7 @@ pub enum FaultError {
     )]
     When(String),
     /// It has a length, but faults of this kind are momentary.
-    #[error("`{0}` is a moment; leave out for how long")]
+    #[error("`{0}` has no duration; leave out +SECS")]
     Moment(String),
 }
 

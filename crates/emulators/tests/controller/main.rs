@@ -1,6 +1,6 @@
 //! The controller of all three devices, on a bench of emulators.
 
-#![allow(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
+#![allow(clippy::unwrap_used, reason = "a test that cannot continue has failed")]
 
 mod bench;
 mod extremes;

@@ -192,7 +192,7 @@ impl Adaptation<'_> {
         if let Some(before) = load::<Opened>(&file)? {
             if before.version != VERSION {
                 bail!(
-                    "{} was made by another version of Étude: remove it, and learning begins anew",
+                    "{} was made by another version of Étude: remove it, and learning begins from the start",
                     self.folder.display()
                 );
             }
@@ -202,7 +202,7 @@ impl Adaptation<'_> {
             if (Opened { config, ..before }) != now {
                 bail!(
                     "{} holds the adaptation of another policy, song, robot or mode, or another number of runs or seed: remove \
-                     it, and learning begins anew",
+                     it, and learning begins from the start",
                     self.folder.display()
                 );
             }

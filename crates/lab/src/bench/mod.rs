@@ -15,7 +15,7 @@ use serde::Serialize;
 use serde_json::{Map, Value, json};
 
 use crate::machine::{machine, peak_memory_mib};
-use crate::pianist::{Kind, Pianist, SIGHT_READER, best_policy};
+use crate::pianist::{Kind, Pianist, sight_reader};
 use acting::control_step_secs;
 pub use rate::training_rate;
 
@@ -122,7 +122,7 @@ pub fn measure(program: &Path, secs: f64) -> anyhow::Result<BenchReport> {
         }
     }
 
-    let micros = match best_policy(SIGHT_READER)? {
+    let micros = match sight_reader()? {
         Some(Pianist { kind: Kind::Policy(mut policy, _), config, .. }) => {
             Some(1e6 * control_step_secs(&mut policy, &config.task, &song, secs)?)
         }

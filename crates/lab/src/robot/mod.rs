@@ -31,7 +31,7 @@ pub(crate) use report::{all_complete, robot_score};
 pub struct RobotPlay<'a> {
     /// The song.
     pub song: &'a Song,
-    /// Who plays it.
+    /// The player.
     pub pianist: &'a Pianist,
     /// The robot.
     pub rig: &'a RigChoice,
@@ -96,13 +96,14 @@ pub fn play_on_robot(
     if let Some(correction) = play.correction.as_ref().filter(|correction| !correction.is_empty()) {
         if !play.mode.has_simulation() {
             bail!(
-                "a correction is for a robot that follows simulated joints, not for the mode {}",
+                "a correction is for a robot that follows simulated joints, not for the mode {}; use joint-mirroring or hybrid",
                 play.mode
             );
         }
         if correction.len() != piece.steps() * PHYSICS_STEPS {
             bail!(
-                "the correction is for {} control steps, and the song has {}: it was learned for another one",
+                "the correction is for {} control steps, and the song has {}: it was learned for another one; learn one for it with \
+                 `etude rehearse --adapt`",
                 correction.len() / PHYSICS_STEPS,
                 piece.steps()
             );
@@ -199,7 +200,7 @@ fn play_runs(
         let recorded = writer.as_mut().map_or(Ok(()), |writer| record_release(robot, pace, writer));
         let Some(performance) = performance? else {
             drop(writer);
-            // It holds no music. If it cannot be removed, it is in nobody's way.
+            // It holds no music. If it cannot be removed, it does no harm.
             let _ = files.map(|files| std::fs::remove_file(files.recording));
             break;
         };

@@ -77,13 +77,18 @@ pub enum StandError {
     )]
     Stopped,
     /// The guard, which stops the robot if this process ends, cannot be started.
-    #[error("the guard of the robot cannot be started: {0}")]
+    #[error(
+        "the guard of the robot cannot be started: {0}; remove the cause or end other programs, then repeat the command"
+    )]
     Guard(std::io::Error),
     /// The thread of the policy cannot be started.
-    #[error("the thread of the policy cannot be started: {0}; end other programs")]
+    #[error("the thread of the policy cannot be started: {0}; end other programs, then repeat the command")]
     Worker(#[from] rayon::ThreadPoolBuildError),
     /// The rig has the other hand.
-    #[error("the policy plays with the {policy:?} hand, and the rig has the {rig} one")]
+    #[error(
+        "the policy plays with the {policy:?} hand, and the rig has the {rig} one; name another policy with --policy, or train one with \
+         --set task.stage.side={rig}"
+    )]
     Side {
         /// The hand that the policy was trained with.
         policy: Side,

@@ -22,7 +22,7 @@ use super::claim::Claim;
 
 /// Time between two bytes.
 pub(super) const PERIOD: Duration = Duration::from_millis(20);
-/// Time without a byte after which the guard acts: the hand shall have no torque 100 ms after its controller hangs.
+/// Time without a byte after which the guard acts: the hand must have no torque 100 ms after its controller hangs.
 const SILENCE: Duration = Duration::from_millis(70);
 /// Time without an answer after which the controller acts.
 const ANSWER: Duration = Duration::from_millis(50);

@@ -107,6 +107,25 @@ fn it_shows_the_keys_that_it_presses_and_reports_them_as_events() {
 }
 
 #[test]
+fn fingers_at_the_ends_of_their_ranges_ask_for_no_more() {
+    for kind in Kind::ALL {
+        let (task, piece) = (task(), piece());
+        let still = TargetRange::new(&piece).action(&start_pose(&task), 0);
+        let mut player = |step: usize, _: &[f32], action: &mut [f32; ACTION_LEN]| {
+            // Up against the stops, which yield in a simulation, and back.
+            *action = still;
+            if (UP..UP + DOWN).contains(&step) {
+                action[..RAIL].fill(-1.0);
+            }
+        };
+        let performance =
+            play(kind, &truth(), &task, &piece, &mut player, None, &AtomicBool::new(false)).unwrap();
+        let clamped = performance.robot.as_ref().map_or(0, |robot| robot.clamped);
+        assert_eq!((performance.ending, clamped), (Ending::Complete, 0), "{kind:?}");
+    }
+}
+
+#[test]
 fn it_ends_where_it_is_interrupted_and_begins_anew_after_that() {
     for kind in Kind::ALL {
         let (task, piece) = (task(), piece());

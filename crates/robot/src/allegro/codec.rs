@@ -285,8 +285,8 @@ mod tests {
             prop_assert_eq!(HandMessage::decode(another, &hand_frame), (id == other).then_some(hand));
         }
 
-        /// Whatever is decoded is what the frame says: encoded again it is the same frame (temperatures but
-        /// for spare bytes, periods but for those of other streams).
+        /// Whatever is decoded is what the frame says: encoded again it is the same frame (temperatures except
+        /// for spare bytes, periods except for those of other streams).
         #[test]
         fn frames_come_back(
             id in 0u16..=CanFrame::MAX_ID, data in prop::collection::vec(any::<u8>(), 0..=8), remote: bool,

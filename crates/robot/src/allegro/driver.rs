@@ -173,7 +173,7 @@ impl Hand {
         self.commands.silence(out);
     }
 
-    /// The same, but the streams go on, for a recording of what comes of it.
+    /// The same, but the streams continue, so that the reaction is recorded.
     pub fn release(&mut self, now: Duration, out: &mut Vec<CanFrame>) {
         self.confirmed = false;
         self.let_go(now, REPEATS, out);

@@ -18,7 +18,7 @@ const REMOTE_FLAG: u32 = 0x4000_0000;
 const ERROR_FLAG: u32 = 0x2000_0000;
 const BUS_OFF: u32 = 0x40;
 const RESTARTED: u32 = 0x100;
-/// Most records that wait for an end that does not read; later ones are lost.
+/// Largest number of records that wait for an end that does not read; later ones are lost.
 const QUEUE: usize = 4096;
 /// Records read of one link in one call, so that one client cannot block the others.
 const READ: usize = 64;

@@ -12,7 +12,7 @@ use super::{CanError, CanFrame, CanTransport};
 use crate::stream::{Outbox, read_once};
 
 const DEFAULT_BAUD: u32 = 115_200;
-/// Most bytes that wait while the stream accepts none: about 80 frames.
+/// Largest number of bytes that wait while the stream accepts none: about 80 frames.
 const WAITING: usize = 2048;
 /// Refusals in a row, without a frame sent or received between them, after which the adapter is given up.
 const REFUSALS: u32 = 16;

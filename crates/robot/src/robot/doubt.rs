@@ -43,8 +43,8 @@ const TURNED_RAD: f64 = 0.1;
 pub enum Doubt {
     /// All joints of a finger report the same angles, and the finger was sent elsewhere.
     #[error(
-        "finger {finger} of the hand has reported the same angles for {} ms while it was sent {sent_rad:.2} rad to and fro: check its encoders and \
-         whether something blocks it",
+        "finger {finger} of the hand has reported the same angles for {} ms while it was sent {sent_rad:.2} rad back and forth: check its encoders \
+         and whether something blocks it",
         since.as_millis()
     )]
     FingerRepeats {
@@ -80,7 +80,7 @@ pub enum Doubt {
     },
     /// The arm reports the same angles, and was sent elsewhere.
     #[error(
-        "the arm has reported the same angles for {} ms while it was sent {:.0} mm to and fro: see what holds it, and look at its control box",
+        "the arm has reported the same angles for {} ms while it was sent {:.0} mm back and forth: see what holds it, and look at its control box",
         since.as_millis(),
         sent_m * 1e3
     )]
@@ -139,7 +139,7 @@ struct Reported<const N: usize, const SENT: usize> {
 }
 
 impl<const N: usize, const SENT: usize> Reported<N, SENT> {
-    /// Takes new values; if they stay the same although the joints were sent to and fro by more than `least`, for how long, and how far.
+    /// Takes new values; if they stay the same although the joints were sent back and forth by more than `least`, for how long, and how far.
     fn take(
         this: &mut Option<Self>,
         at: Duration,

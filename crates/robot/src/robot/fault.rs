@@ -90,7 +90,7 @@ pub enum Fault {
     },
     /// The controller was not polled for too long.
     #[error(
-        "the controller did not run for {} ms, and the robot was not watched; close other programs on this machine, and see real time in `etude doctor`",
+        "the controller did not run for {} ms, and the robot was not watched; close other programs on this machine, and see the line `real time` of `etude doctor`",
         gap.as_millis()
     )]
     Stalled {

@@ -74,7 +74,7 @@ pub(super) struct Journal {
     lost: u64,
 }
 
-/// Most records that are kept: some ten seconds of a robot.
+/// Largest number of records that are kept: some ten seconds of a robot.
 const MOST: usize = 8192;
 
 impl Journal {

@@ -194,7 +194,7 @@ fn gap_by_round(rounds: &[&Round]) -> Drawing {
     let point = |(x, round): (usize, &&Round)| Point { x: x as f64, y: 100.0 * round.gap, interval: None };
     let points = rounds.iter().enumerate().map(point).collect();
     let series = Series { name: "gap".to_string(), points, marks: Vec::new() };
-    by_round(rounds, "Gap: what of the F1 in simulation is lost on the robot", "gap (%)", series)
+    by_round(rounds, "Gap: the share of the F1 in simulation that is lost on the robot", "gap (%)", series)
 }
 
 fn scores(rounds: &[&Round]) -> Markup {
@@ -222,18 +222,14 @@ fn scores(rounds: &[&Round]) -> Markup {
         "wrong",
         "onset F1, robot",
         "lead of the plan, ms",
-        "late all the same, ms",
+        "remaining lag, ms",
         "F1, simulation",
         "F1, robot (mean ± standard deviation)",
         "gap",
         "error of the fingers before the fit, mrad",
         "after the fit, mrad",
     ];
-    table(
-        "Notes, F1 by control step, and the error of the simulator in motions that no fit has seen",
-        &columns,
-        rows,
-    )
+    table("Notes, F1 by control step, and the error of the simulator in held-out motions", &columns, rows)
 }
 
 #[cfg(test)]

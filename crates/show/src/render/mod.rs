@@ -22,6 +22,8 @@ use crate::strip::Strip;
 pub const FRAMES_PER_SEC: u32 = 30;
 /// Players and browsers want even sizes: ffmpeg's filter for that.
 const EVEN: &str = "pad=ceil(iw/2)*2:ceil(ih/2)*2";
+/// What to do if ffmpeg has failed.
+const FFMPEG_HINT: &str = "check `ffmpeg -version` and the free disk space";
 
 /// Where a video is.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -107,7 +109,11 @@ impl<'a> Studio<'a> {
     /// If drawing or writing fails, or the recording is shorter.
     pub fn still(&mut self, secs: f64, path: &Path) -> anyhow::Result<()> {
         if !(0.0..=self.take.secs()).contains(&secs) {
-            bail!("{} lasts {:.2} s: there is no picture at {secs:.2} s", self.take.name, self.take.secs());
+            bail!(
+                "{} lasts {:.2} s: there is no picture at {secs:.2} s; choose a time within the recording",
+                self.take.name,
+                self.take.secs()
+            );
         }
         let size = self.size;
         let pixels = self.paint(secs)?;
@@ -172,7 +178,7 @@ impl<'a> Studio<'a> {
     }
 
     fn encode(&mut self, frames: u32, wav: &Path, out: &Path, job: &mut Job<'_, f64>) -> anyhow::Result<()> {
-        let failed = |error: std::io::Error| anyhow!("ffmpeg has failed: {error}");
+        let failed = |error: std::io::Error| anyhow!("ffmpeg has failed: {error}; {FFMPEG_HINT}");
         let [width, height] = self.size;
         let mut encoder = Command::new("ffmpeg")
             .args(["-hide_banner", "-loglevel", "error", "-y", "-f", "rawvideo", "-pix_fmt", "rgb24"])
@@ -216,7 +222,10 @@ impl<'a> Studio<'a> {
             return Ok(());
         }
         let said = String::from_utf8_lossy(&ended.stderr);
-        bail!("ffmpeg has failed: {}", said.trim().lines().last().unwrap_or("it did not say why"))
+        bail!(
+            "ffmpeg has failed: {}; {FFMPEG_HINT}",
+            said.trim().lines().last().unwrap_or("it did not say why")
+        )
     }
 }
 

@@ -23,7 +23,7 @@ use super::rewards::{RewardCurve, rewards, rounded};
 
 /// Clamps of one joint by one limit that are no further apart than this are one mark, s.
 const CLAMPS_APART_SECS: f64 = 0.25;
-/// Notes of one piece are due at the same times from its first note on, but for this, s.
+/// Notes of one piece are due at the same times from its first note on, except for differences of at most this, s.
 const SAME_RHYTHM_SECS: f64 = 0.05;
 /// Longest text of a mark, characters.
 const LONGEST_TEXT: usize = 400;
@@ -36,7 +36,7 @@ pub struct Take {
     pub name: String,
     /// Title of the song.
     pub song: String,
-    /// Who played: a policy file, or `scripted`.
+    /// The player: a policy file, or `scripted`.
     pub player: String,
     /// The same in short, for people.
     pub who: String,
@@ -367,7 +367,7 @@ fn clamps(recording: &Recording) -> Vec<Mark> {
     marks
 }
 
-/// Who played, in short: a policy that comes with Étude, or that of a run, by its name and without its path.
+/// The player, in short: a policy that comes with Étude, or that of a run, by its name and without its path.
 fn who(player: &str, song: &str) -> String {
     let path = Path::new(player);
     // The training of a rehearsal's round is named by the round.

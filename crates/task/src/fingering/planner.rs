@@ -2,8 +2,9 @@
 //!
 //! A state is what sounds at one moment: a key or none for each finger, and a rail position from which the fingers reach their keys.
 //! The cost is the number of control steps of notes that are lost, which is close to what F1 measures: a skipped note costs all its
-//! steps, a rail or finger that is too slow costs the end of the note before. Additional costs prefer fingers that no neighbour bars,
-//! unturned fingers and short movements.
+//! steps, a rail or finger that is too slow costs the end of the note before. A skipped note also costs its onset, so that a melody is
+//! not left out for one long note below it. Additional costs prefer the upper voice, fingers that no neighbour bars, unturned fingers
+//! and short movements.
 
 use etude_music::key_is_black;
 use etude_stage::FINGERS;
@@ -24,6 +25,10 @@ const RAIL_CHOICES: usize = 9;
 const BEAM: usize = 96;
 /// Keys considered at one moment: many more than fingers, so that fingers can reach some of them together.
 const MOST_KEYS: usize = 10;
+/// Cost of an onset that is skipped, in control steps.
+const ONSET_COST: f64 = 4.0;
+/// Further cost of skipping the highest note of those that begin together, in control steps: the melody is mostly there.
+const UPPER_COST: f64 = 0.5;
 /// Cost of a finger turned to the end of its play, in control steps.
 const TURN_COST: f64 = 0.1;
 /// Cost of a strike by a finger whose way is barred by a neighbour, in control steps. The scripted player strikes such a note a step
@@ -123,9 +128,15 @@ impl Planner<'_> {
             if tube[0] > tube[1] {
                 continue;
             }
-            let skipped = slice.sounding.iter().filter(|stroke| !hand.contains(&Some(**stroke)));
-            let fresh = skipped.map(|stroke| self.strokes[*stroke]).filter(|s| s.start == slice.start);
-            let skipped: f64 = fresh.map(|stroke| (stroke.end - stroke.start) as f64).sum();
+            let fresh = slice.sounding.iter().filter(|stroke| self.strokes[**stroke].start == slice.start);
+            let highest = fresh.clone().max_by_key(|stroke| self.strokes[**stroke].key);
+            let skipped = fresh.filter(|stroke| !hand.contains(&Some(**stroke)));
+            let skipped: f64 = skipped
+                .map(|stroke| {
+                    let Stroke { start, end, .. } = self.strokes[*stroke];
+                    (end - start) as f64 + ONSET_COST + if Some(stroke) == highest { UPPER_COST } else { 0.0 }
+                })
+                .sum();
             for choice in 0..RAIL_CHOICES {
                 let rail = tube[0] + (tube[1] - tube[0]) * choice as f64 / (RAIL_CHOICES - 1) as f64;
                 let turn = |finger: usize, stroke: usize| {

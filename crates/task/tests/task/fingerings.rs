@@ -149,6 +149,28 @@ fn every_song_has_a_plan_with_a_finger_for_every_note_that_three_fingers_can_pla
 }
 
 #[test]
+fn a_melody_is_not_left_out_for_one_long_note_below_it() {
+    let note = |pitch, start_secs, end_secs| Note { pitch, velocity: 64, start_secs, end_secs };
+    // Twelve notes over one that lasts as long as all of them, two octaves below.
+    let melody = [72, 74, 76, 77, 79, 77, 76, 74, 72, 74, 76, 72];
+    let above = melody.into_iter().enumerate();
+    let above = above.map(|(beat, pitch)| note(pitch, 0.5 * beat as f64, 0.5 * beat as f64 + 0.45));
+    let notes: Vec<Note> = std::iter::once(note(48, 0.0, 6.0)).chain(above).collect();
+    let piece = Piece::for_task(&Song::new("", notes, 0.0).unwrap(), &with_fingering()).unwrap();
+    let skipped: Vec<usize> = piece.fingering().unwrap().limits().skipped().map(|note| note.key).collect();
+    assert_eq!(skipped, [48 - 36], "the bass alone");
+    // Two voices in parallel, too far apart: the upper one is played.
+    let two = melody.into_iter().enumerate().flat_map(|(beat, pitch)| {
+        let start = 0.5 * beat as f64;
+        [pitch - 24, pitch].map(|pitch| note(pitch, start, start + 0.45))
+    });
+    let piece = Piece::for_task(&Song::new("", two.collect(), 0.0).unwrap(), &with_fingering()).unwrap();
+    let played = piece.fingering().unwrap().notes();
+    let upper = played.iter().filter(|note| note.key >= 72 - 36).count();
+    assert!(upper == 12 && played.len() == 12, "{upper} of {} notes", played.len());
+}
+
+#[test]
 fn a_rail_that_starts_late_is_sent_earlier_and_loses_no_notes() {
     let song = repertoire::get("c-major-scale").expect("built in");
     let lost = |delay: f64, lead_steps: usize| {

@@ -15,7 +15,7 @@
 //! `bench` has the controller and the twin, `judge` listens in on the wires and decodes what is sent by itself,
 //! `faults` has the rows of the matrix.
 
-#![allow(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
+#![allow(clippy::unwrap_used, reason = "a test that cannot continue has failed")]
 
 mod bench;
 mod determinism;

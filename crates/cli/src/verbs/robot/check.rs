@@ -1,4 +1,5 @@
-//! `etude robot check`: brings a robot up, prints what it is, and on request turns each joint of its hand a little.
+//! `etude robot check`: brings a robot up, on request turns each joint of its hand a little, and prints serial numbers, versions,
+//! temperature and place.
 
 use std::sync::atomic::Ordering;
 use std::time::Duration;
@@ -17,7 +18,7 @@ use crate::verbs::{json as print_json, line, note};
 pub struct Args {
     #[command(flatten)]
     rig: Rig,
-    /// Also turn each joint of the hand by 0.065 rad and back, one after the other, and see that it follows; the arm stands still
+    /// Also turn each joint of the hand by 0.065 rad and back, one after the other, and check that it follows; the arm stands still
     #[arg(long)]
     wiggle: bool,
 }
@@ -95,7 +96,9 @@ pub fn run(args: &Args) -> anyhow::Result<Ending> {
     }
     if is_stopped {
         if let Some(fault) = fault {
-            note(format!("the robot stopped itself: {fault}"));
+            note(format!(
+                "the robot stopped itself: {fault}; remove the cause, then give the same command again"
+            ));
         }
         return Ok(Ending::Stopped);
     }
@@ -107,7 +110,11 @@ pub fn run(args: &Args) -> anyhow::Result<Ending> {
             let stopped = fault.map(|fault| format!("; the robot stopped itself: {fault}"));
             anyhow::bail!("{}{}", wrong.join("; "), stopped.unwrap_or_default())
         }
-        Some(fault) => anyhow::bail!("the robot stopped itself: {fault}"),
+        Some(fault) => {
+            anyhow::bail!(
+                "the robot stopped itself: {fault}; remove the cause, then give the same command again"
+            )
+        }
         None if args.wiggle && found.len() < WIGGLED => {
             anyhow::bail!("stopped after {} of {WIGGLED} joints", found.len())
         }

@@ -24,11 +24,11 @@ pub const COMPARED: &str = "out/compared";
 const MIDI_FOLDERS: [&str; 2] = ["songs", SONGS];
 const PERFORMANCES: &str = "out";
 const RUNS: &str = "runs";
-/// Most performances and comparisons that are shown, the last ones.
+/// Largest number of performances and comparisons that are shown, the last ones.
 const MOST: usize = 40;
-/// Most trainings, which are sent with their curves.
+/// Largest number of trainings, which are sent with their curves.
 const MOST_RUNS: usize = 12;
-/// Most points of a curve that are sent.
+/// Largest number of points of a curve that are sent.
 const POINTS: usize = 300;
 /// Longest name of a dropped song, characters.
 const LONGEST_NAME: usize = 60;
@@ -102,7 +102,9 @@ impl Desk {
     /// The song that is listed as `song`.
     pub fn song(&self, song: &str) -> Result<(Listed, Song), Refusal> {
         let listed = self.songs().into_iter().find(|listed| listed.song == song);
-        let listed = listed.ok_or_else(|| Refusal::missing(format!("there is no song `{song}` any more")))?;
+        let listed = listed.ok_or_else(|| {
+            Refusal::missing(format!("there is no song `{song}` any more; reload the page"))
+        })?;
         let song = find_song(song).map_err(anyhow::Error::from)?;
         Ok((listed, song))
     }

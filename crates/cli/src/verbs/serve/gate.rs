@@ -36,20 +36,22 @@ impl Gate {
         // A page of another name that resolves to this machine has its own name here.
         let host = text(HOST.as_str()).unwrap_or_default();
         if !self.hosts.iter().any(|known| known == host) {
-            return Err(refused("the server is asked under a name that is not its own"));
+            return Err(refused(
+                "the request names another host; open the address that `etude serve` printed",
+            ));
         }
         let (token, rest) = uri.path().trim_start_matches('/').split_once('/').unwrap_or_default();
         if !is_same(token.as_bytes(), self.token.as_bytes()) {
-            return Err(refused(
-                "open the address that `etude serve` has printed last, with all of its letters",
-            ));
+            return Err(refused("open the complete address that `etude serve` printed last"));
         }
         // Browsers say where a request comes from. What changes something must come from this page.
         let is_elsewhere =
             text("sec-fetch-site").is_some_and(|site| !["same-origin", "none"].contains(&site));
         let is_of_page = text(ORIGIN.as_str()).is_some_and(|origin| origin == format!("http://{host}"));
         if is_elsewhere || (*method != Method::GET && !is_of_page) {
-            return Err(refused("the request does not come from the page of this server"));
+            return Err(refused(
+                "the request does not come from the page of this server; open the address that `etude serve` printed",
+            ));
         }
         Ok(rest)
     }

@@ -143,7 +143,9 @@ pub fn serve(listener: TcpListener, site: &Arc<Site>, stop: &AtomicBool) -> anyh
         drop(listener);
         site.jobs.stop_all();
         if site.jobs.any_runs() {
-            note("stopping what runs; a training is saved; once more ends the server at once");
+            note(
+                "stopping all running commands; a training saves its state. Press Ctrl-C again to end the server at once",
+            );
         }
         while site.jobs.any_runs() {
             tokio::time::sleep(LOOK).await;

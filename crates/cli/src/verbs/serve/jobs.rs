@@ -17,9 +17,9 @@ use serde::Serialize;
 use super::http::Refusal;
 use crate::progress::{ATTENDED, STOPPING};
 
-/// Most jobs that run at once.
+/// Largest number of jobs that run at once.
 const MOST_RUNNING: usize = 4;
-/// Most jobs that are remembered.
+/// Largest number of jobs that are remembered.
 const MOST: usize = 40;
 /// Lines of what a job said that are kept, and the longest of them.
 const LINES: usize = 12;
@@ -118,7 +118,7 @@ impl Jobs {
         let busy = |why: &str| Err(Refusal::new(StatusCode::CONFLICT, why));
         let mut list = lock(&self.list);
         if list.ends {
-            return busy("the server is ending");
+            return busy("the server is ending; start `etude serve` again");
         }
         let running = || list.jobs.iter().filter(|job| job.runs());
         if running().count() >= MOST_RUNNING {
@@ -165,7 +165,7 @@ impl Jobs {
     pub fn stop(&self, id: u64) -> Result<(), Refusal> {
         let mut list = lock(&self.list);
         let job = list.jobs.iter_mut().find(|job| job.id == id);
-        job.ok_or_else(|| Refusal::missing("there is no such job"))?.stop();
+        job.ok_or_else(|| Refusal::missing("there is no such job; reload the page"))?.stop();
         Ok(())
     }
 

@@ -27,7 +27,7 @@ pub enum Wanted {
     Compare { one: PathBuf, other: PathBuf },
 }
 
-/// Who shall play.
+/// The player.
 #[derive(Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Who {
@@ -100,12 +100,13 @@ impl Wanted {
                 let figures = known.ok_or_else(|| unknown(&run))?.figures;
                 let run = run.display().to_string();
                 let mut train: Vec<String> = ["train", "--resume", &run].map(str::to_string).into();
-                // A training that has made all its steps learns on as `etude train` advises.
+                // A training that has made all its steps continues as `etude train` advises.
                 if figures.state == RunState::Finished {
                     train.push(format!("--set=trainer.total_steps={}", 2 * figures.step));
                 }
                 train.extend(minutes.map(|minutes| format!("--minutes={minutes}")));
-                let title = format!("Train {} on", figures.song.as_deref().unwrap_or(&figures.name));
+                let title =
+                    format!("Resume the training of {}", figures.song.as_deref().unwrap_or(&figures.name));
                 Ok(Order {
                     is_training: true,
                     minutes,
@@ -155,7 +156,7 @@ fn replay(recording: &str) -> Step {
 }
 
 fn unknown(path: &Path) -> Refusal {
-    Refusal::missing(format!("there is no {} any more", path.display()))
+    Refusal::missing(format!("there is no {} any more; reload the page", path.display()))
 }
 
 /// The path of a performance that is listed.

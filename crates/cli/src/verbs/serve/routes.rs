@@ -55,11 +55,11 @@ impl Site {
                 Ok(Answer::json(&json!({ "id": id })))
             }
             (&Method::POST, ["jobs", id, "stop"]) => {
-                let id = id.parse().map_err(|_| Refusal::missing("there is no such job"))?;
+                let id = id.parse().map_err(|_| Refusal::missing("there is no such job; reload the page"))?;
                 self.jobs.stop(id)?;
                 Ok(Answer::json(&json!({ "id": id })))
             }
-            _ => Err(Refusal::missing("there is nothing at this address")),
+            _ => Err(Refusal::missing("there is nothing at this address; reload the page")),
         }
     }
 }

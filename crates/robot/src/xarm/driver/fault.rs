@@ -72,7 +72,7 @@ pub enum ArmFault {
     /// The arm is not in the commanded state or mode.
     #[error(
         "the arm is in state {state}, mode {mode}, which this program did not request: \
-         close UFACTORY Studio, look after the arm, then start again"
+         close UFACTORY Studio, check the arm, then start again"
     )]
     UnexpectedState {
         /// State of the arm (ufactory_docs, states and modes).
@@ -83,7 +83,7 @@ pub enum ArmFault {
     /// The arm replied that it is not ready to move.
     #[error(
         "the arm has stopped taking targets, which this program did not request: \
-         close UFACTORY Studio, look after the arm, then start again"
+         close UFACTORY Studio, check the arm, then start again"
     )]
     NotReady,
     /// A joint is not where it was sent.

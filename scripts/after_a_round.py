@@ -1,0 +1,191 @@
+"""Does an experiment of the paper before and after one round of identification on the twin, and prints the table of docs/results/experiments.md: means
+over songs and seeds of the paper's F1 on the twin, its gap, precision, recall, onset F1, and notes right of those due.
+
+Each policy is learned as in the experiment, plays on the twin, and is trained further in the simulator that was fitted to it. The drives are fitted
+once for each truth and seed, by the first song. A variant with several modes is rehearsed in the last one, and the same policies play in the others.
+What is done is not done again. The rows of other machines stay in the file of rows.
+
+    make build && python3 scripts/after_a_round.py modes --seeds 0 1 2 -o runs/after --rows docs/results/experiments/modes/after-a-round.csv
+"""
+
+import argparse
+import csv
+import itertools
+import json
+import os
+import pathlib
+import random
+import statistics
+import subprocess
+import tomllib
+
+ROOT = pathlib.Path(__file__).resolve().parent.parent
+ETUDE = os.environ.get("ETUDE", ROOT / "target" / "release" / "etude")
+LABELS = ["variant", "mode", "truth", "song", "seed", "round"]
+VALUES = ["sim_f1", "f1", "gap", "precision", "recall", "onset_f1", "notes_right", "notes_due", "notes_wrong", "lead_secs"]
+
+
+def etude(*arguments):
+    print("etude", *arguments, flush=True)
+    subprocess.run([ETUDE, *map(str, arguments)], cwd=ROOT, check=True, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+
+
+def variants(experiment, intensities):
+    """Name, settings and modes of each variant; of a grid each value."""
+    grid = experiment.get("grid", {})
+    cells = [list(zip(grid, values)) for values in itertools.product(*grid.values())]
+    for variant in experiment.get("variants", [{}]):
+        for cell in cells:
+            if intensities and cell and cell[0][1] not in intensities:
+                continue
+            name = [variant["name"]] * ("name" in variant) + [f"{path.rsplit('.')[-1]} {value:g}" for path, value in cell]
+            # As in the experiment's file, a setting at its default makes no other training.
+            settings = variant.get("set", []) + [f"{path}={value}" for path, value in cell if value != 0]
+            yield ", ".join(name), settings, variant.get("modes", experiment["perform"]["modes"])
+
+
+def slug(text):
+    return "".join(c if c.isalnum() or c in "-._" else "-" for c in text)
+
+
+class Trial:
+    """A song, a variant and a seed in their folder."""
+
+    def __init__(self, out, experiment, settings, song, seed):
+        self.preset, self.song, self.seed = experiment.get("preset", "fast"), song, seed
+        self.settings = experiment.get("set", []) + settings
+        self.folder = out / slug("-".join([self.preset, *self.settings])) / str(seed) / song
+        self.drives = out / slug(self.preset) / "drives" / str(seed)
+        self.runs = experiment["perform"]["runs"]
+
+    def configured(self):
+        settings = [*self.settings, "trainer.threads=1", f"trainer.seed={self.seed}"]
+        return ["--preset", self.preset, *(word for setting in settings for word in ("--set", setting))]
+
+    def report(self, truth, mode, rehearsed, number):
+        """The report of the performances before (0) or after (1) the round."""
+        if mode == rehearsed:
+            return self.folder / f"{truth}-{mode}" / f"round-{number}" / "performance" / "report.json"
+        return self.folder / f"{truth}-{mode}-{number}" / "report.json"
+
+    def train(self):
+        folder = self.folder / "training"
+        if (folder / "config.toml").is_file():
+            # A training that is complete ends at once.
+            etude("train", "--resume", folder)
+        else:
+            etude("train", self.song, *self.configured(), "-o", folder)
+
+    def rehearse(self, truth, mode):
+        if self.report(truth, mode, mode, 1).is_file():
+            return
+        folder, drives = self.folder / f"{truth}-{mode}", self.drives / f"{truth}.toml"
+        fitted = ["--simulator", drives] if drives.is_file() else []
+        etude(
+            "rehearse", self.song, *self.configured(), "--robot", "twin", "--truth", truth, "--mode", mode, "--rounds", 1, "--runs", self.runs,
+            "--policy", self.folder / "training", *fitted, "-o", folder,
+        )
+        if not fitted:
+            drives.parent.mkdir(parents=True, exist_ok=True)
+            drives.write_bytes((folder / "round-1/identified/identified.toml").read_bytes())
+
+    def perform(self, truth, mode, rehearsed):
+        policies = [self.folder / "training", self.folder / f"{truth}-{rehearsed}" / "round-1" / "training"]
+        for number, policy in enumerate(policies):
+            report = self.report(truth, mode, rehearsed, number)
+            if not report.is_file():
+                performance = ["--robot", "twin", "--truth", truth, "--mode", mode, "--runs", self.runs, "--policy", policy]
+                etude("perform", self.song, *performance, "-o", report.parent)
+
+
+def values(report):
+    """Means over the runs."""
+    runs = report["runs"]
+    means = {key: statistics.mean(run[key] for run in runs) for key in ("precision", "recall")}
+    found = {"sim_f1": report["sim_f1"], "f1": report["robot_f1"], "gap": report["gap"], **means}
+    found |= {key: report[key] for key in ("onset_f1", "notes_right", "notes_due", "notes_wrong", "lead_secs")}
+    return {key: f"{found[key]:.6g}" for key in VALUES}
+
+
+def mean(rows, key):
+    return statistics.mean(float(row[key]) for row in rows)
+
+
+def rise(before, after, songs):
+    """The mean rise of F1 and, of several seeds, its 95 % bootstrap interval, drawn within each song."""
+    of = {tuple(row[key] for key in LABELS[:5]): float(row["f1"]) for row in before}
+    rises = {song: [] for song in songs}
+    for row in after:
+        rises[row["song"]].append(float(row["f1"]) - of[tuple(row[key] for key in LABELS[:5])])
+    text = f"{statistics.mean(map(statistics.mean, rises.values())):+.3f}"
+    if min(map(len, rises.values())) > 1:
+        draw = random.Random(0)
+        means = sorted(
+            statistics.mean(statistics.mean(draw.choices(group, k=len(group))) for group in rises.values()) for _ in range(10_000)
+        )
+        text += f" [{means[250]:+.3f}, {means[9749]:+.3f}]"
+    return text
+
+
+def table(rows):
+    print("| variant, mode, truth | seeds | | F1 simulation | F1 twin | gap | precision, recall | onset F1 | notes right, wrong |")
+    print("|---|---|---|---|---|---|---|---|---|")
+    for group in dict.fromkeys(tuple(row[key] for key in LABELS[:3]) for row in rows):
+        of_group = [row for row in rows if tuple(row[key] for key in LABELS[:3]) == group]
+        songs = list(dict.fromkeys(row["song"] for row in of_group))
+        both = [[row for row in of_group if row["round"] == number] for number in "01"]
+        seeds = len({row["seed"] for row in of_group})
+        for name, part in zip(["before", "after"], both):
+            if part:
+                right, due, wrong = (sum(float(row[key]) for row in part) / seeds for key in ("notes_right", "notes_due", "notes_wrong"))
+                f1 = f"{mean(part, 'f1'):.3f}"
+                if name == "after":
+                    f1 += f" ({rise(*both, songs)})"
+                scores = f"{mean(part, 'precision'):.3f}, {mean(part, 'recall'):.3f} | {mean(part, 'onset_f1'):.3f}"
+                gap = 1 - mean(part, "f1") / mean(part, "sim_f1")
+                print(
+                    f"| {', '.join(group)} | {seeds} | {name} | {mean(part, 'sim_f1'):.3f} | {f1} | {100 * gap:.1f} % | {scores} "
+                    f"| {right:.1f} of {due:.0f}, {wrong:.1f} |"
+                )
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("experiment", help="a name in configs/experiments")
+    parser.add_argument("--seeds", nargs="*", type=int, default=[0, 1, 2], help="none: only tables of the file of rows")
+    parser.add_argument("--truths", nargs="*", help="instead of those of the experiment")
+    parser.add_argument("--intensities", nargs="*", type=float, help="of a grid, only these values")
+    parser.add_argument("-o", "--out", type=pathlib.Path, default=pathlib.Path("runs/after"))
+    parser.add_argument("--rows", type=pathlib.Path, required=True, help="the file of rows, which is extended")
+    options = parser.parse_args()
+    experiment = tomllib.loads((ROOT / "configs/experiments" / f"{options.experiment}.toml").read_text())
+    truths = options.truths or experiment["perform"]["truths"]
+    rows = {}
+    for seed in options.seeds:
+        for truth in truths:
+            for song in experiment["songs"]:
+                for name, settings, modes in variants(experiment, options.intensities):
+                    trial, rehearsed = Trial(options.out, experiment, settings, song, seed), modes[-1]
+                    trial.train()
+                    trial.rehearse(truth, rehearsed)
+                    for mode in modes:
+                        if mode != rehearsed:
+                            trial.perform(truth, mode, rehearsed)
+                        for number in range(2):
+                            report = json.loads(trial.report(truth, mode, rehearsed, number).read_text())
+                            labels = dict(zip(LABELS, [name, mode, truth, song, str(seed), str(number)]))
+                            rows[tuple(labels.values())] = labels | values(report)
+    # Read late, since another process may have written its seeds meanwhile.
+    if options.rows.is_file():
+        with options.rows.open(newline="") as file:
+            rows = {tuple(row[key] for key in LABELS): row for row in csv.DictReader(file)} | rows
+    ordered = [rows[key] for key in sorted(rows)]
+    with options.rows.open("w", newline="") as file:
+        writer = csv.DictWriter(file, [*LABELS, *VALUES], lineterminator="\n")
+        writer.writeheader()
+        writer.writerows(ordered)
+    table(ordered)
+
+
+if __name__ == "__main__":
+    main()
