@@ -27,7 +27,10 @@ VALUES = ["sim_f1", "f1", "gap", "precision", "recall", "onset_f1", "notes_right
 
 def etude(*arguments):
     print("etude", *arguments, flush=True)
-    subprocess.run([ETUDE, *map(str, arguments)], cwd=ROOT, check=True, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    done = subprocess.run([ETUDE, *map(str, arguments)], cwd=ROOT, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
+    if done.returncode != 0:
+        # A twin that stops itself ends a rehearsal; the others are done all the same.
+        print(f"  {done.stderr.strip().splitlines()[-1]}", flush=True)
 
 
 def variants(experiment, intensities):
@@ -38,7 +41,7 @@ def variants(experiment, intensities):
         for cell in cells:
             if intensities and cell and cell[0][1] not in intensities:
                 continue
-            name = [variant["name"]] * ("name" in variant) + [f"{path.rsplit('.')[-1]} {value:g}" for path, value in cell]
+            name = ([variant["name"]] if "name" in variant else []) + [f"{path.rsplit('.')[-1]} {value:g}" for path, value in cell]
             # As in the experiment's file, a setting at its default makes no other training.
             settings = variant.get("set", []) + [f"{path}={value}" for path, value in cell if value != 0]
             yield ", ".join(name), settings, variant.get("modes", experiment["perform"]["modes"])
@@ -85,7 +88,7 @@ class Trial:
             "rehearse", self.song, *self.configured(), "--robot", "twin", "--truth", truth, "--mode", mode, "--rounds", 1, "--runs", self.runs,
             "--policy", self.folder / "training", *fitted, "-o", folder,
         )
-        if not fitted:
+        if not fitted and (folder / "round-1/identified/identified.toml").is_file():
             drives.parent.mkdir(parents=True, exist_ok=True)
             drives.write_bytes((folder / "round-1/identified/identified.toml").read_bytes())
 
@@ -128,6 +131,10 @@ def rise(before, after, songs):
 
 
 def table(rows):
+    # Where the twin stopped itself there is nothing to compare.
+    both = {tuple(row[key] for key in LABELS[:5]) for row in rows if row["round"] == "1"}
+    both &= {tuple(row[key] for key in LABELS[:5]) for row in rows if row["round"] == "0"}
+    rows = [row for row in rows if tuple(row[key] for key in LABELS[:5]) in both]
     print("| variant, mode, truth | seeds | | F1 simulation | F1 twin | gap | precision, recall | onset F1 | notes right, wrong |")
     print("|---|---|---|---|---|---|---|---|---|")
     for group in dict.fromkeys(tuple(row[key] for key in LABELS[:3]) for row in rows):
@@ -172,7 +179,10 @@ def main():
                         if mode != rehearsed:
                             trial.perform(truth, mode, rehearsed)
                         for number in range(2):
-                            report = json.loads(trial.report(truth, mode, rehearsed, number).read_text())
+                            path = trial.report(truth, mode, rehearsed, number)
+                            report = json.loads(path.read_text()) if path.is_file() else {"runs": []}
+                            if not report["runs"]:
+                                continue
                             labels = dict(zip(LABELS, [name, mode, truth, song, str(seed), str(number)]))
                             rows[tuple(labels.values())] = labels | values(report)
     # Read late, since another process may have written its seeds meanwhile.

@@ -18,7 +18,7 @@ STRETCHES = (1.0, 0.7, 0.5)
 
 SCALE, BLACK = [0, 2, 4, 5, 7, 9, 11, 12], [1, 3, 6, 8, 10]
 UP_AND_DOWN = SCALE + SCALE[-2:0:-1]
-# What is played, the time from onset to onset (s), and the chords as MIDI numbers.
+# What is played, the time from onset to onset (s), the chords as MIDI numbers, and the share of the time for which they sound, if not all.
 HARD = [
     ("a scale, one note in 0.25 s", 0.25, [[60 + step] for step in 2 * UP_AND_DOWN]),
     ("a scale, one note in 0.15 s", 0.15, [[60 + step] for step in 2 * UP_AND_DOWN]),
@@ -36,22 +36,27 @@ HARD = [
     ("thirds in a scale, 0.4 s each", 0.4, [[60 + low, 60 + high] for low, high in zip(2 * SCALE, 2 * (SCALE[2:] + [14, 16]))]),
     ("triads in root position, 1 s each", 1.0, [[60 + step + at for at in chord] for step, chord in 3 * [(0, (0, 4, 7)), (5, (0, 4, 7)), (7, (0, 4, 7)), (9, (0, 3, 7))]]),
     ("the same with the octave, four notes", 1.0, [[60 + step + at for at in (0, 4, 7, 12)] for step in 4 * [0, 5, 7]]),
+    ("fifths, 1 s each", 1.0, [[60 + step, 67 + step] for step in 4 * [0, 2, 4, 5]]),
+    ("the same, silent for a tenth of the time", 1.0, [[60 + step, 67 + step] for step in 4 * [0, 2, 4, 5]], 0.9),
+    ("inverted triads, 1 s each", 1.0, 4 * [[60, 64, 67], [60, 65, 69], [59, 62, 67], [60, 64, 67]]),
+    ("the same, silent for a tenth of the time", 1.0, 4 * [[60, 64, 67], [60, 65, 69], [59, 62, 67], [60, 64, 67]], 0.9),
     ("sixths, 1 s each", 1.0, [[60 + step, 69 + step] for step in 4 * [0, 2, 4]]),
     ("octaves as chords, 1 s each", 1.0, [[60 + step, 72 + step] for step in 4 * [0, 2, 4]]),
 ]
 
 
-def midi(path, secs, chords):
-    """A MIDI file of chords, each of which lasts until the next one."""
+def midi(path, secs, chords, sounding=1.0):
+    """A MIDI file of chords, each of which lasts until the next one, or for a share of that."""
     track, delta = b"", 0
     for chord in chords:
         for pitch in chord:
             track += variable(delta) + bytes([0x90, pitch, 80])
             delta = 0
-        delta = round(1000 * secs)
+        delta = round(1000 * secs * sounding)
         for pitch in chord:
             track += variable(delta) + bytes([0x80, pitch, 0])
             delta = 0
+        delta = round(1000 * secs) - round(1000 * secs * sounding)
     track += bytes([0, 0xFF, 0x2F, 0])
     # 500 ticks a beat of 0.5 s.
     path.write_bytes(struct.pack(">4sIHHH4sI", b"MThd", 6, 0, 1, 500, b"MTrk", len(track)) + track)
@@ -115,9 +120,9 @@ def main():
         line(name, [Piece(song if stretch == 1 else arranged(song, stretch)) for song in songs])
     line("test melodies", list(melodies("test")))
     hard = []
-    for number, (name, secs, chords) in enumerate(HARD):
+    for number, (name, secs, chords, *sounding) in enumerate(HARD):
         path = OUT / f"hard-{number}.mid"
-        midi(path, secs, chords)
+        midi(path, secs, chords, *sounding)
         hard.append((name, Piece(path)))
     line("hard pieces below", [piece for _, piece in hard])
     print("\n| piece | notes predicted | played | F1 predicted | played | what the plan says |")

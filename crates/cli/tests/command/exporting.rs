@@ -56,7 +56,7 @@ fn what_cannot_be_exported_is_refused() {
     let desk = Desk::new();
     for (args, message) in [
         ("export onnx twinkle --scripted", "no network"),
-        ("export onnx twinkle -o twinkle.pb", "written as .onnx"),
+        ("export onnx twinkle -o twinkle.pb", "the name must end in .onnx"),
         ("export onnx twinckle", "did you mean twinkle"),
     ] {
         let output = desk.command(args).output().unwrap();

@@ -29,6 +29,8 @@ const MOST_KEYS: usize = 10;
 const ONSET_COST: f64 = 4.0;
 /// Further cost of skipping the highest note of those that begin together, in control steps: the melody is mostly there.
 const UPPER_COST: f64 = 0.5;
+/// Shortest note that a finger that has to hurry on can strike, in control steps.
+const SHORTEST_STEPS: usize = 2;
 /// Cost of a finger turned to the end of its play, in control steps.
 const TURN_COST: f64 = 0.1;
 /// Cost of a strike by a finger whose way is barred by a neighbour, in control steps. The scripted player strikes such a note a step
@@ -225,10 +227,14 @@ impl Planner<'_> {
                 finger_steps[finger] = finger_steps[finger].max(self.change_steps);
             }
         }
-        let lost: usize = ending()
+        let lost: f64 = ending()
             .map(|(finger, stroke)| {
                 let gap = step - released(stroke);
-                rail_steps.max(finger_steps[finger]).saturating_sub(gap)
+                let lost = rail_steps.max(finger_steps[finger]).saturating_sub(gap);
+                // If too little is left of the note, it or the next strike is missed.
+                let left = (released(stroke) - self.strokes[stroke].start).saturating_sub(lost);
+                let late = lost > 0 && left < SHORTEST_STEPS;
+                lost as f64 + if late { ONSET_COST + UPPER_COST } else { 0.0 }
             })
             .sum();
         // Whether a neighbour that plays bars a finger's way to its next key (`ASIDE_M`).
@@ -244,9 +250,8 @@ impl Planner<'_> {
             })
         };
         let barred = (0..FINGERS).filter(|finger| barred(*finger)).count();
-        let cost = (lost + given_up) as f64
-            + BARRED_COST * barred as f64
-            + TRAVEL_COST * (to.rail - from.rail).abs();
+        let cost =
+            lost + given_up as f64 + BARRED_COST * barred as f64 + TRAVEL_COST * (to.rail - from.rail).abs();
         Some(Change { rail_steps, travel, finger_steps, cost })
     }
 
