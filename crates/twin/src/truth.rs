@@ -231,7 +231,9 @@ mod tests {
         assert!(refused("[hand]\nfriction_at_rest = 0.5").contains("friction_at_rest"));
         assert!(refused("[[faults]]\nkind = \"fire\"\nat_secs = 1").contains("can-bus-off, can-silent"));
         assert!(refused("[[faults]]\nkind = \"estop\"\nat_secs = -1").contains("estop@-1"));
-        assert!(refused("[[faults]]\nkind = \"hand-off\"\nat_secs = 1\nfor_secs = 1").contains("moment"));
+        assert!(
+            refused("[[faults]]\nkind = \"hand-off\"\nat_secs = 1\nfor_secs = 1").contains("no duration")
+        );
         assert!(refused("[[faults]]\nkind = \"estop\"\nat_secs = 1\nuntil_secs = 1").contains("until_secs"));
         // The first contact must come before the second one of every key.
         assert!(refused("[keys]\nfirst_contact = 0.5").contains("first_contact"));

@@ -112,7 +112,7 @@ pub enum FaultError {
     )]
     When(String),
     /// It has a length, but faults of this kind are momentary.
-    #[error("`{0}` has no duration; leave out +SECS")]
+    #[error("`{0}` has no duration; leave out +SECS (`for_secs` in a file)")]
     Moment(String),
 }
 
