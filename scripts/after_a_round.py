@@ -3,7 +3,7 @@ over songs and seeds of the paper's F1 on the twin, its gap, precision, recall, 
 
 Each policy is learned as in the experiment, plays on the twin, and is trained further in the simulator that was fitted to it. The drives are fitted
 once for each truth and seed, by the first song. A variant with several modes is rehearsed in the last one, and the same policies play in the others.
-What is done is not done again. The rows of other machines stay in the file of rows.
+What is done is not done again, but for rehearsals in which the twin stopped itself. The rows of other machines stay in the file of rows.
 
     make build && python3 scripts/after_a_round.py modes --seeds 0 1 2 -o runs/after --rows docs/results/experiments/modes/after-a-round.csv
 """
@@ -30,7 +30,7 @@ def etude(*arguments):
     done = subprocess.run([ETUDE, *map(str, arguments)], cwd=ROOT, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
     if done.returncode != 0:
         # A twin that stops itself ends a rehearsal; the others are done all the same.
-        print(f"  {done.stderr.strip().splitlines()[-1]}", flush=True)
+        print(f"  {(done.stderr.strip().splitlines() or ['ended without a message'])[-1]}", flush=True)
 
 
 def variants(experiment, intensities):

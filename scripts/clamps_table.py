@@ -21,7 +21,8 @@ def counted(recording):
     counts = Counter()
     with open(ROOT / recording, "rb") as file:
         for _, _, message in make_reader(file).iter_messages(topics=["/setpoint"]):
-            if message.log_time >= 0:
+            # Everything before the song has time 0.
+            if message.log_time > 0:
                 clamps = json.loads(message.data)["clamps"]
                 counts["all"] += 1
                 counts.update({"clamped"} if clamps else ())

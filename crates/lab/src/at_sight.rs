@@ -65,9 +65,9 @@ pub fn cannot_be_played(song: &Song, task: &TaskConfig) -> anyhow::Result<Vec<St
     let leaps = limits.skipped().filter(|limit| limit.is_leap()).count();
     let crowded = limits.skipped().filter(|limit| limit.kind == LimitKind::TooManyKeys).count();
     let reasons = [
-        (leaps, "too far for the time"),
-        (crowded, "more keys at once than fingers"),
-        (left_out - leaps - crowded, "out of reach with the keys around them"),
+        (leaps, "because the hand cannot be there in time"),
+        (crowded, "because more keys sound at once than there are fingers"),
+        (left_out - leaps - crowded, "because the fingers do not reach them with the keys around them"),
     ];
     let reasons: Vec<String> = reasons
         .into_iter()

@@ -168,7 +168,7 @@ impl PianistArgs {
                 ));
             }
             for warning in while_planning(false, || cannot_be_played(song, &pianist.config.task))? {
-                note(format!("warning: {warning}; `etude songs show {}` lists them", shell_word(asked)));
+                note(format!("warning: {warning}; `etude songs show {}` shows the plan", shell_word(asked)));
             }
         } else if let Some(learned) = pianist.song.as_deref().filter(|learned| *learned != song.title()) {
             note(format!(

@@ -14,7 +14,7 @@ use etude_show::{REHEARSAL_PAGE, RehearsalPage};
 
 use super::identify::fit;
 use super::perform::lag_measured;
-use super::{json, line, slug};
+use super::{json, line, policy_called, slug};
 use crate::Ending;
 use crate::progress::stop_flag;
 use crate::status::Status;
@@ -117,7 +117,7 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
         mode: args.mode,
         preset: args.preset,
         overrides,
-        policy: args.policy.or_else(|| shipped_policy(&learned)),
+        policy: args.policy.map(|policy| policy_called(&policy)).or_else(|| shipped_policy(&learned)),
         simulator: args.simulator,
         method: args.method,
         evaluations: args.evaluations,

@@ -3,7 +3,7 @@
 //! A state is what sounds at one moment: a key or none for each finger, and a rail position from which the fingers reach their keys.
 //! The cost is the number of control steps of notes that are lost, which is close to what F1 measures: a skipped note costs all its
 //! steps, a rail or finger that is too slow costs the end of the note before. A skipped note also costs its onset, so that a melody is
-//! not left out for one long note below it. Additional costs prefer the upper voice, fingers that no neighbour bars, unturned fingers
+//! not left out for one long note below it, and so does a note of which too little is left to be struck. Additional costs prefer the upper voice, fingers that no neighbour bars, unturned fingers
 //! and short movements.
 
 use etude_music::key_is_black;
@@ -234,6 +234,7 @@ impl Planner<'_> {
                 // If too little is left of the note, it or the next strike is missed.
                 let left = (released(stroke) - self.strokes[stroke].start).saturating_sub(lost);
                 let late = lost > 0 && left < SHORTEST_STEPS;
+                // As much as the most that a skipped note costs, so that skipping is never worse.
                 lost as f64 + if late { ONSET_COST + UPPER_COST } else { 0.0 }
             })
             .sum();
