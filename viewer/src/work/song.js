@@ -86,7 +86,7 @@ export class SongSection {
   hard({ warnings, fingering, notes, at_sight: atSight }) {
     const items = [
       ...warnings,
-      ...(fingering?.limits ?? []).map((limit) => `Bar ${limit.bar}, beat ${Number(limit.beat.toFixed(2))} (${limit.secs.toFixed(1)} s): ${limit.note} ${limit.what}`),
+      ...(fingering?.limits ?? []).map((limit) => `bar ${limit.bar}, beat ${Number(limit.beat.toFixed(2))} (${limit.secs.toFixed(2)} s): ${limit.note} ${limit.what}`),
     ];
     const list = (texts) => element('ul', {}, ...texts.map((text) => element('li', { text })));
     return [
