@@ -144,7 +144,8 @@ def table(rows):
         seeds = len({row["seed"] for row in of_group})
         for name, part in zip(["before", "after"], both):
             if part:
-                right, due, wrong = (sum(float(row[key]) for row in part) / seeds for key in ("notes_right", "notes_due", "notes_wrong"))
+                # For all songs once, also where a song has fewer seeds.
+                right, due, wrong = (len(songs) * mean(part, key) for key in ("notes_right", "notes_due", "notes_wrong"))
                 f1 = f"{mean(part, 'f1'):.3f}"
                 if name == "after":
                     f1 += f" ({rise(*both, songs)})"

@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 
 use etude_lab::Run;
 use etude_learn::{EvaluationRow, LogRow, Score, StopReason, TrainingObserver};
-use etude_perform::NoteCounts;
+use etude_perform::{LEARNED_F1, NoteCounts};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 
 use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
@@ -126,7 +126,12 @@ impl Progress {
         let best = self.best.first().map_or(0.0, |f1| f1.value);
         let played = match heard(&self.last) {
             None => "not yet evaluated".to_string(),
-            Some(last) => format!("{last} (best {best:.3})"),
+            Some(last) => {
+                let of_learned = self.last.iter().find(|score| score.name == LEARNED_F1);
+                let learned = of_learned
+                    .map_or_else(String::new, |score| format!(", {:.3} on learned pieces", score.value));
+                format!("{last} (best {best:.3}{learned})")
+            }
         };
         // A warm start is evaluated before its first step, when its speed is not known.
         if step == self.first_step {

@@ -31,7 +31,8 @@ pub struct Experiment {
     /// What the paper found.
     #[serde(default)]
     pub finding: String,
-    /// Songs: built-in ids or MIDI files.
+    /// Songs: built-in ids or MIDI files. None where the preset has a corpus: the policy of each seed is scored on the corpus' validation
+    /// melodies.
     #[serde(default)]
     pub songs: Vec<String>,
     /// How many seeds, counted from 0.
@@ -48,7 +49,7 @@ pub struct Experiment {
     /// Values for keys of the configuration, by path; all combinations are tried.
     #[serde(default)]
     pub grid: BTreeMap<String, Vec<toml::Value>>,
-    /// Instead of a training: players that are ready play.
+    /// Instead of a training for each song: players play songs and melodies.
     pub play: Option<PlayConfig>,
     /// The trained policies, or the players, play on the twin.
     pub perform: Option<PerformConfig>,
@@ -81,15 +82,38 @@ pub struct Variant {
     pub modes: Option<Vec<Mode>>,
 }
 
-/// Players that need no training in this experiment, and pieces beside the songs.
+/// Who plays, and pieces beside the songs.
 #[derive(Clone, Debug, PartialEq, Eq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct PlayConfig {
-    /// `scripted`, the name of a policy that comes with Étude, a policy's file, or the folder of a run. The others are compared with the first.
+    /// `scripted`, the name of a policy that comes with Étude, a policy's file, or the folder of a run; `{seed}` in it stands for the seed.
+    /// The others are compared with the first.
     pub players: Vec<String>,
+    /// Players that first learn each piece.
+    #[serde(default)]
+    pub learners: Vec<LearnerConfig>,
     /// How many of the first test melodies.
     #[serde(default)]
     pub melodies: usize,
+    /// How many of the first validation melodies, by which a sight-reader's best policy is chosen.
+    #[serde(default)]
+    pub validation_melodies: usize,
+}
+
+/// A player that learns each piece before it plays it.
+#[derive(Clone, Debug, PartialEq, Eq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct LearnerConfig {
+    /// Its name in figures and tables.
+    pub name: String,
+    /// Preset of its trainings.
+    #[serde(default = "default_preset")]
+    pub preset: String,
+    /// Overrides, `path=value`.
+    #[serde(default)]
+    pub set: Vec<String>,
+    /// What its trainings begin with: a policy, as in `players`; nothing if not given.
+    pub from: Option<String>,
 }
 
 /// How trained policies play on the twin.
@@ -250,10 +274,17 @@ impl Experiment {
                 return Err("key `play.players`: name at least one player".to_string());
             }
             if !(self.set.is_empty() && self.variants.is_empty() && self.grid.is_empty()) {
-                return Err("with [play] nothing is trained: no `set`, [[variants]] or [grid]".to_string());
+                return Err(
+                    "with [play] only [[play.learners]] are trained: no `set`, [[variants]] or [grid]"
+                        .to_string(),
+                );
+            }
+            let names = || play.players.iter().chain(play.learners.iter().map(|learner| &learner.name));
+            if let Some(name) = names().find(|name| names().filter(|other| other == name).count() > 1) {
+                return Err(format!("two players are called `{name}`"));
             }
         }
-        if self.identify.is_none() && self.songs.is_empty() {
+        if (self.play.is_some() || self.rehearse.is_some()) && self.songs.is_empty() {
             return Err("key `songs`: name at least one song".to_string());
         }
         if self.perform.is_some() && (self.rehearse.is_some() || self.identify.is_some()) {
@@ -269,7 +300,9 @@ impl Experiment {
                 return Err(format!("two variants are called `{}`", variant.name));
             }
         }
-        let sets = self.set.iter().chain(self.variants.iter().flat_map(|variant| &variant.set));
+        let learners = self.play.iter().flat_map(|play| &play.learners).flat_map(|learner| &learner.set);
+        let sets =
+            self.set.iter().chain(self.variants.iter().flat_map(|variant| &variant.set)).chain(learners);
         if let Some(set) = sets.chain(self.grid.keys()).find(|set| sets_the_seed(set)) {
             return Err(format!(
                 "`{set}` would make every training the same: `seeds` says how many there are"
@@ -302,6 +335,7 @@ impl Experiment {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::plan::PlanConfig;
 
     #[test]
     fn every_experiment_that_comes_with_us_can_be_read() {
@@ -331,7 +365,14 @@ mod tests {
         let both = format!("{least}[play]\nplayers = ['scripted']\n[identify]\ntruths = []\nmethods = []");
         assert!(said(&both).contains("one of [play]"));
         let trained = format!("{least}set = ['task.lookahead=3']\n[play]\nplayers = ['scripted']");
-        assert!(said(&trained).contains("nothing is trained"));
+        assert!(said(&trained).contains("only [[play.learners]] are trained"));
+        let twice = format!("{least}[play]\nplayers = ['scripted']\n[[play.learners]]\nname = 'scripted'");
+        assert!(said(&twice).contains("two players are called `scripted`"));
+        let silent = least.replace("songs = ['twinkle']\n", "");
+        assert!(
+            Experiment::parse("mine", "mine.toml", &silent).unwrap().plan(&PlanConfig::default()).is_err()
+        );
+        assert!(said(&format!("{silent}[play]\nplayers = ['scripted']")).contains("`songs`"));
         assert!(said(&format!("{least}set = ['trainer.seed=3']")).contains("`seeds`"));
         let unknown = Experiment::load("no-such").unwrap_err().to_string();
         assert!(unknown.contains("no-such") && unknown.contains("songs"), "{unknown}");

@@ -1,16 +1,14 @@
-//! Pieces that players who are ready play: songs and test melodies, by what makes them hard.
-
-use std::collections::BTreeMap;
-use std::path::PathBuf;
+//! Pieces that players play: songs, validation melodies, and test melodies by what makes them hard.
 
 use anyhow::{Context as _, anyhow};
-use etude_lab::{Pianist, find_song, load_pianist, shipped_policy};
+use etude_lab::{Pianist, find_song, load_pianist};
 use etude_learn::seed::fnv;
 use etude_music::{Part, Song, chords, key_is_black, melody};
+use std::collections::BTreeMap;
 
-use crate::config::{Experiment, PlayConfig};
-use crate::plan::all_or_first;
-use crate::trial::{Trial, Work, id, json};
+use crate::config::{Experiment, LearnerConfig, PlayConfig};
+use crate::plan::{PlanConfig, SMOKE, all_or_first, notes_of};
+use crate::trial::{TrainingConfig, Trial, Work, fingerprint, id, json, policy_at};
 
 /// Name of the scripted player.
 const SCRIPTED: &str = "scripted";
@@ -18,6 +16,10 @@ const SCRIPTED: &str = "scripted";
 const MELODY: &str = "melody-";
 /// Kind of the songs that the experiment names.
 const SONGS: &str = "songs";
+/// Kind of the melodies by which the best policy of a sight-reader's training is chosen.
+const VALIDATION: &str = "validation";
+/// Stands for the seed in the name of a player.
+const SEED: &str = "{seed}";
 /// Kinds of melodies, easy and hard: by tempo, leaps, chords and black keys.
 const KINDS: [[&str; 2]; 4] = [
     ["slow", "quick"],
@@ -52,7 +54,20 @@ pub(crate) fn player_called(name: &str) -> anyhow::Result<Pianist> {
     if name == SCRIPTED {
         return Ok(Pianist::scripted());
     }
-    load_pianist(&shipped_policy(name).unwrap_or_else(|| PathBuf::from(name)))
+    load_pianist(&policy_at(name))
+}
+
+/// A piece: its name, its notes, and its kinds.
+struct Piece {
+    name: String,
+    song: Song,
+    kinds: Vec<&'static str>,
+}
+
+/// The first `count` melodies of a part.
+fn melodies(part: Part, count: usize) -> impl Iterator<Item = (String, Song)> {
+    let all = (0..).map(|seed| (format!("{MELODY}{seed}"), melody(seed)));
+    all.filter(move |(_, song)| song.part() == part).take(count)
 }
 
 /// What makes a melody hard or easy: of tempo, leaps, chords and black keys one word each.
@@ -73,36 +88,48 @@ pub(crate) fn kinds(song: &Song) -> [&'static str; 4] {
 }
 
 impl Experiment {
-    /// The trials of players that are ready: each piece by each. A melody is in four kinds, and is played once.
-    pub(crate) fn plays(&self, play: &PlayConfig, seed: u64, smoke: bool) -> anyhow::Result<Vec<Trial>> {
-        let melodies = if smoke { play.melodies.min(1) } else { play.melodies };
-        let mut pieces: Vec<(String, Song, Vec<&str>)> = Vec::new();
-        for name in all_or_first(&self.songs, smoke) {
-            pieces.push((name.clone(), find_song(name)?, vec![SONGS]));
-        }
-        let seeds = (0..).filter(|seed| melody(*seed).part() == Part::Test);
-        for melody_seed in seeds.take(melodies) {
-            let song = melody(melody_seed);
-            let kinds = kinds(&song).to_vec();
-            pieces.push((format!("{MELODY}{melody_seed}"), song, kinds));
-        }
-        let (perform, on_twin) = self.performance(None, smoke)?;
+    /// The trials of players: each piece by each. A test melody is in four kinds, and is learned and played once.
+    pub(crate) fn plays(
+        &self,
+        play: &PlayConfig,
+        seed: u64,
+        config: &PlanConfig,
+    ) -> anyhow::Result<Vec<Trial>> {
+        let pieces = self.pieces(play, config.smoke)?;
+        let (perform, on_twin) = self.performance(None, config.smoke)?;
+        let wrong = |name: &str, error| anyhow!("experiment {}: player `{name}`: {error:#}", self.name);
         let mut trials = Vec::new();
-        for player in &play.players {
-            let wrong = |error| anyhow!("experiment {}: player `{player}`: {error:#}", self.name);
-            let content = content(&player_called(player).map_err(wrong)?).map_err(wrong)?;
-            for (name, song, kinds) in &pieces {
-                let work =
-                    Work::Play { song: name.clone(), player: player.clone(), perform: perform.clone(), seed };
-                let all = format!("{:?}{content}{on_twin}{seed}", song.notes());
-                let id = id("play", name, seed, &all);
-                for kind in kinds {
-                    let labels = [("song", name.as_str()), ("player", player), ("pieces", kind)];
-                    let mut labels: BTreeMap<String, String> =
-                        labels.map(|(key, value)| (key.to_string(), value.to_string())).into();
-                    labels.insert("seed".to_string(), seed.to_string());
-                    trials.push(Trial { id: id.clone(), labels, work: work.clone() });
-                }
+        let mut add = |player: &str, piece: &Piece, id: &str, work: &Work| {
+            for kind in &piece.kinds {
+                let labels = [("song", piece.name.as_str()), ("player", player), ("pieces", kind)];
+                let mut labels: BTreeMap<String, String> =
+                    labels.map(|(key, value)| (key.to_string(), value.to_string())).into();
+                labels.insert("seed".to_string(), seed.to_string());
+                trials.push(Trial { id: id.to_string(), labels, work: work.clone() });
+            }
+        };
+        for name in &play.players {
+            let player = name.replace(SEED, &seed.to_string());
+            let content = player_called(&player)
+                .and_then(|pianist| content(&pianist))
+                .map_err(|error| wrong(name, error))?;
+            for piece in &pieces {
+                let all = format!("{:?}{content}{on_twin}{seed}", piece.song.notes());
+                let work = Work::Play {
+                    song: piece.name.clone(),
+                    player: player.clone(),
+                    perform: perform.clone(),
+                    seed,
+                };
+                add(name, piece, &id("play", &piece.name, seed, &all), &work);
+            }
+        }
+        for learner in &play.learners {
+            for piece in &pieces {
+                let (training, content) =
+                    learner.training(piece, seed, config).map_err(|error| wrong(&learner.name, error))?;
+                let id = id("train", &piece.name, seed, &format!("{content}{on_twin}"));
+                add(&learner.name, piece, &id, &Work::Train { training, perform: perform.clone() });
             }
         }
         // Tables and figures have the kinds in this order.
@@ -112,6 +139,47 @@ impl Experiment {
         };
         trials.sort_by_key(order);
         Ok(trials)
+    }
+
+    fn pieces(&self, play: &PlayConfig, smoke: bool) -> anyhow::Result<Vec<Piece>> {
+        let mut pieces = Vec::new();
+        for name in all_or_first(&self.songs, smoke) {
+            pieces.push(Piece { name: name.clone(), song: find_song(name)?, kinds: vec![SONGS] });
+        }
+        let count = |count: usize| if smoke { count.min(1) } else { count };
+        for (name, song) in melodies(Part::Validation, count(play.validation_melodies)) {
+            pieces.push(Piece { name, song, kinds: vec![VALIDATION] });
+        }
+        for (name, song) in melodies(Part::Test, count(play.melodies)) {
+            let kinds = kinds(&song).to_vec();
+            pieces.push(Piece { name, song, kinds });
+        }
+        Ok(pieces)
+    }
+}
+
+impl LearnerConfig {
+    /// Its training of `piece`, and a text that differs where the result may.
+    fn training(
+        &self,
+        piece: &Piece,
+        seed: u64,
+        config: &PlanConfig,
+    ) -> anyhow::Result<(TrainingConfig, String)> {
+        let mut set = self.set.clone();
+        set.push(format!("trainer.seed={seed}"));
+        if config.smoke {
+            set.extend(SMOKE.map(str::to_string));
+        }
+        set.extend(config.set.iter().cloned());
+        let from = self.from.as_ref().map(|from| from.replace(SEED, &seed.to_string()));
+        let training =
+            TrainingConfig { song: Some(piece.name.clone()), preset: self.preset.clone(), set, from };
+        let mut all = fingerprint(&notes_of(&piece.song), &training.resolve()?);
+        if let Some(source) = &training.from {
+            all += &content(&player_called(source)?)?;
+        }
+        Ok((training, all))
     }
 }
 
@@ -171,5 +239,57 @@ mod tests {
         }
         let smoke = plan(MINE, &PlanConfig { smoke: true, ..PlanConfig::default() });
         assert_eq!(smoke.len(), 2 * (1 + 4));
+    }
+
+    #[test]
+    fn learners_learn_each_piece_from_what_they_begin_with() {
+        let learners = "validation_melodies = 2\n[[play.learners]]\nname = 'tuned'\nfrom = 'sight-reader'\nset = ['trainer.total_steps=2000']\n\
+                        [[play.learners]]\nname = 'its own'\n";
+        let trials = plan(&format!("{MINE}{learners}"), &PlanConfig::default());
+        assert_eq!(trials.len(), 2 * 4 * (1 + 2 + 3 * 4));
+        let of = |player: &str| -> Vec<&Trial> {
+            trials.iter().filter(|trial| trial.labels["player"] == player).collect()
+        };
+        for (tuned, own) in of("tuned").into_iter().zip(of("its own")) {
+            let (Work::Train { training, .. }, Work::Train { training: alone, .. }) =
+                (&tuned.work, &own.work)
+            else {
+                panic!("{tuned:?} {own:?}")
+            };
+            let (config, alone) = (training.resolve().unwrap(), alone.resolve().unwrap());
+            assert_eq!(training.song.as_ref(), tuned.labels.get("song"));
+            assert_eq!(config.trainer.seed.to_string(), tuned.labels["seed"]);
+            assert_eq!(config.trainer.total_steps, 2000);
+            assert_eq!(
+                config.task.view,
+                etude_task::ObservationView::Hand,
+                "the observation is that of the sight-reader"
+            );
+            assert_ne!(alone.task.view, config.task.view);
+            let part = piece_called(&tuned.labels["song"]).unwrap().part();
+            match tuned.labels["pieces"].as_str() {
+                VALIDATION => assert_eq!(part, Part::Validation),
+                SONGS => {}
+                _ => assert_eq!(part, Part::Test),
+            }
+        }
+        let smoke = plan(&format!("{MINE}{learners}"), &PlanConfig { smoke: true, ..PlanConfig::default() });
+        let Work::Train { training, .. } = &smoke[smoke.len() - 1].work else { panic!("{smoke:?}") };
+        assert_eq!(training.resolve().unwrap().trainer.total_steps, 480);
+    }
+
+    #[test]
+    fn a_player_can_have_a_policy_for_each_seed() {
+        let folder = tempfile::tempdir().unwrap();
+        for (seed, song) in ["twinkle", "sight-reader"].iter().enumerate() {
+            std::fs::copy(policy_at(song), folder.path().join(format!("{seed}.safetensors"))).unwrap();
+        }
+        let name = folder.path().join("{seed}.safetensors").display().to_string();
+        let trials = plan(&MINE.replace("'scripted'", &format!("'{name}'")), &PlanConfig::default());
+        for trial in trials.iter().filter(|trial| trial.labels["player"] == name) {
+            let Work::Play { player, .. } = &trial.work else { panic!("{trial:?}") };
+            assert_eq!(*player, name.replace(SEED, &trial.labels["seed"]));
+        }
+        assert_eq!(trials.iter().filter(|trial| trial.labels["player"] == name).count(), 2 * (1 + 3 * 4));
     }
 }

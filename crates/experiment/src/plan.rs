@@ -4,6 +4,7 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use anyhow::{anyhow, bail};
 use etude_lab::find_song;
+use etude_music::Song;
 use etude_perform::{Mode, shell_word};
 use etude_twin::Truth;
 
@@ -22,7 +23,7 @@ pub struct PlanConfig {
 }
 
 /// Overrides of a smoke test: two rounds of evaluation and a few updates between them.
-const SMOKE: [&str; 4] = [
+pub(crate) const SMOKE: [&str; 4] = [
     "trainer.total_steps=480",
     "trainer.evaluate_every_steps=240",
     "trainer.warmup_steps=160",
@@ -30,6 +31,9 @@ const SMOKE: [&str; 4] = [
 ];
 /// Evaluations of a fit in a smoke test.
 const SMOKE_EVALUATIONS: u64 = 2;
+
+/// Stands for the song in the id of a corpus' training.
+const CORPUS: &str = "corpus";
 
 /// How policies play on a twin; a trial that was done otherwise has another id.
 const PLAYED: &str = "with the lead that one run before has measured, F1 of the keys when they are heard";
@@ -60,10 +64,11 @@ impl Experiment {
         for seed in 0..seeds {
             match (&self.identify, &self.play) {
                 (Some(fit), _) => trials.extend(self.fits(fit, seed, smoke)?),
-                (None, Some(play)) => trials.extend(self.plays(play, seed, smoke)?),
+                (None, Some(play)) => trials.extend(self.plays(play, seed, config)?),
+                (None, None) if songs.is_empty() => trials.extend(self.trainings(None, seed, config)?),
                 (None, None) => {
                     for song in songs {
-                        trials.extend(self.trainings(song, seed, config)?);
+                        trials.extend(self.trainings(Some(song), seed, config)?);
                     }
                 }
             }
@@ -93,17 +98,17 @@ impl Experiment {
         Ok(trials)
     }
 
-    fn trainings(&self, song: &str, seed: u64, config: &PlanConfig) -> anyhow::Result<Vec<Trial>> {
+    /// The trainings of a song, or of the preset's corpus.
+    fn trainings(&self, song: Option<&str>, seed: u64, config: &PlanConfig) -> anyhow::Result<Vec<Trial>> {
         let smoke = config.smoke;
-        let found = find_song(song)?;
-        let notes = format!("{} {:?}", found.duration_secs(), found.notes());
+        let notes = song.map(find_song).transpose()?.map_or_else(String::new, |song| notes_of(&song));
         let mut trials = Vec::new();
         let alone = [Variant { name: String::new(), set: Vec::new(), modes: None }];
         let variants = if self.variants.is_empty() { &alone[..] } else { &self.variants };
         for variant in variants {
             for point in self.grid_points(smoke) {
                 let mut labels = BTreeMap::from([("seed".to_string(), seed.to_string())]);
-                labels.insert("song".to_string(), song.to_string());
+                labels.extend(song.map(|song| ("song".to_string(), song.to_string())));
                 if !variant.name.is_empty() {
                     labels.insert("variant".to_string(), variant.name.clone());
                 }
@@ -118,9 +123,30 @@ impl Experiment {
                     set.extend(SMOKE.map(str::to_string));
                 }
                 set.extend(config.set.iter().cloned());
-                let training = TrainingConfig { song: song.to_string(), preset: self.preset.clone(), set };
+                let training = TrainingConfig {
+                    song: song.map(str::to_string),
+                    preset: self.preset.clone(),
+                    set,
+                    from: None,
+                };
                 let wrong = |error| anyhow!("experiment {}: {error}", self.name);
                 let resolved = training.resolve().map_err(wrong)?;
+                let learns_corpus = resolved.corpus.is_some() && self.rehearse.is_none();
+                if learns_corpus != song.is_none() {
+                    let what = if learns_corpus {
+                        "the preset learns a corpus: name no"
+                    } else {
+                        "name at least one"
+                    };
+                    bail!("experiment {}: key `songs`: {what} song", self.name);
+                }
+                if learns_corpus && self.perform.is_some() {
+                    bail!(
+                        "experiment {}: [perform] needs songs, and the preset learns a corpus: train first, and name the \
+                         policies in the `players` of another experiment",
+                        self.name
+                    );
+                }
                 let what = fingerprint(&notes, &resolved);
                 match &self.rehearse {
                     Some(rehearse) => {
@@ -133,7 +159,8 @@ impl Experiment {
                     }
                     None => {
                         let (perform, on_twin) = self.performance(variant.modes.as_deref(), smoke)?;
-                        let id = id("train", song, seed, &format!("{what}{on_twin}"));
+                        let name = training.song.as_deref().unwrap_or(CORPUS);
+                        let id = id("train", name, seed, &format!("{what}{on_twin}"));
                         trials.push(Trial { id, labels, work: Work::Train { training, perform } });
                     }
                 }
@@ -201,6 +228,7 @@ fn rehearsals(
     seed: u64,
     what: &str,
 ) -> Vec<Trial> {
+    let song = training.song.as_deref().unwrap_or(CORPUS);
     let trial = |mode: &Mode| {
         let (rounds, runs) = if smoke { (1, 1) } else { (rehearse.rounds, rehearse.runs) };
         let evaluations = if smoke { Some(SMOKE_EVALUATIONS) } else { rehearse.evaluations };
@@ -218,9 +246,14 @@ fn rehearsals(
             truth: truth_name.to_string(),
             evaluations,
         };
-        Trial { id: id("rehearse", &training.song, seed, &all), labels, work }
+        Trial { id: id("rehearse", song, seed, &all), labels, work }
     };
     all_or_first(&rehearse.modes, smoke).iter().map(trial).collect()
+}
+
+/// The notes of a song, and its length, as part of an id.
+pub(crate) fn notes_of(song: &Song) -> String {
+    format!("{} {:?}", song.duration_secs(), song.notes())
 }
 
 /// All of them, in a smoke test the first.
@@ -268,6 +301,29 @@ runs = 3
         assert_eq!(labels["variant"], "fences");
         assert_eq!(labels["intensity"], "0.5");
         assert_eq!(plan(MINE, &PlanConfig { seeds: Some(1), ..PlanConfig::default() }).len(), 12);
+    }
+
+    #[test]
+    fn a_corpus_is_learned_once_a_seed() {
+        let mine = "title = 'T'\nsource = 'S'\npreset = 'sight-reader'\nseeds = 2\n";
+        let trials = plan(mine, &PlanConfig::default());
+        assert_eq!(trials.len(), 2);
+        for (seed, trial) in trials.iter().enumerate() {
+            let Work::Train { training, perform: None } = &trial.work else { panic!("{trial:?}") };
+            assert_eq!(training.song, None);
+            assert_eq!(training.resolve().unwrap().trainer.seed, seed as u64);
+            assert!(trial.id.starts_with(&format!("train__corpus__{seed}__")), "{}", trial.id);
+        }
+        let refused = |text: String| {
+            let folder = tempfile::tempdir().unwrap();
+            let path = folder.path().join("mine.toml");
+            std::fs::write(&path, text).unwrap();
+            let experiment = Experiment::load(path.to_str().unwrap()).unwrap();
+            experiment.plan(&PlanConfig::default()).unwrap_err().to_string()
+        };
+        assert!(refused(format!("{mine}songs = ['twinkle']\n")).contains("name no song"));
+        assert!(refused(format!("{mine}[perform]\nmodes = ['real']\nruns = 1\n")).contains("`players`"));
+        assert!(refused(mine.replace("sight-reader", "fast")).contains("name at least one song"));
     }
 
     #[test]

@@ -4,9 +4,9 @@
 //! resolved configurations and truths are the same.
 
 use std::collections::BTreeMap;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
-use etude_lab::{IdentifyMethod, RunConfig, name_the_lead, resolve};
+use etude_lab::{IdentifyMethod, RunConfig, beginning_with, name_the_lead, resolve, shipped_policy};
 use etude_learn::TrainerConfig;
 use etude_learn::seed::fnv;
 use etude_perform::Mode;
@@ -39,7 +39,7 @@ impl Trial {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "kind", rename_all = "lowercase")]
 pub enum Work {
-    /// A song is learned and, with `perform`, played on the twin.
+    /// A song or a corpus is learned and, with `perform`, the song is played on the twin.
     Train {
         /// How it is learned.
         training: TrainingConfig,
@@ -88,12 +88,15 @@ pub enum Work {
 /// A training, by the layers of its configuration.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct TrainingConfig {
-    /// A built-in id or a MIDI file.
-    pub song: String,
+    /// A built-in id, a MIDI file, or a melody by its seed: `melody-7`; none where a corpus is learned.
+    pub song: Option<String>,
     /// The preset.
     pub preset: String,
     /// Overrides, `path=value`, the seed included.
     pub set: Vec<String>,
+    /// What it begins with: the name of a policy that comes with Étude, a policy's file, or the folder of a run.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub from: Option<String>,
 }
 
 impl TrainingConfig {
@@ -102,16 +105,30 @@ impl TrainingConfig {
     /// # Errors
     /// As [`resolve`](fn@resolve), and if a setting cannot work.
     pub fn resolve(&self) -> anyhow::Result<RunConfig> {
-        let config = resolve(&self.preset, None, &self.set)?.complete();
+        let mut config = resolve(&self.preset, None, &self.set)?;
+        if let Some(source) = self.source() {
+            config = beginning_with(config, &source);
+        }
+        let config = config.complete();
         config.check()?;
         config.task.check()?;
         config.task.params()?;
         etude_task::reward::Reward::new(&config.task.reward)?;
         Ok(config)
     }
+
+    /// The policy or run that it begins with.
+    pub fn source(&self) -> Option<PathBuf> {
+        self.from.as_deref().map(policy_at)
+    }
 }
 
-/// What tells one training from another: notes and resolved configuration, without threads and the intervals of logs and
+/// The policy or run of this name: a policy that comes with Étude, a policy's file, or the folder of a run.
+pub(crate) fn policy_at(name: &str) -> PathBuf {
+    shipped_policy(name).unwrap_or_else(|| PathBuf::from(name))
+}
+
+/// What distinguishes one training from another: notes and resolved configuration, without threads and the intervals of logs and
 /// checkpoints, which do not change the result.
 pub(crate) fn fingerprint(notes: &str, config: &RunConfig) -> String {
     let defaults = TrainerConfig::default();

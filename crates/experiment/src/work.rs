@@ -15,7 +15,7 @@ use std::fs::{File, TryLockError};
 use std::path::Path;
 use std::time::{Duration, Instant};
 
-use anyhow::bail;
+use anyhow::{Context as _, bail};
 use etude_identify::Progress;
 use etude_lab::machine::processor;
 use etude_lab::{
@@ -23,6 +23,7 @@ use etude_lab::{
     TrainingProgress, find_song, identify_robot, load_pianist, play_on_robot, record_excitations,
     rehearse_on_robot, scores_in_simulation,
 };
+use etude_learn::Score;
 use etude_music::Song;
 use etude_perform::stand::{TWIN, rig_choice, unix_secs};
 use etude_perform::{Excitation, Job, Mode, Scores, gap, write_file};
@@ -148,12 +149,13 @@ impl Doing<'_, '_> {
         training: &TrainingConfig,
         perform: Option<&PerformConfig>,
     ) -> anyhow::Result<(TrialResult, TrialTimes)> {
-        let song = find_song(&training.song)?;
+        let song = training.song.as_deref().map(piece_called).transpose()?;
         let folder = self.folder.join("training");
         let mut config = training.resolve()?;
         config.trainer.threads = self.threads;
         let seed = config.trainer.seed;
-        let mut run = Run::start_or_resume(Some(song.clone()), config, &folder, self.command, None)?;
+        let source = training.source();
+        let mut run = Run::start_or_resume(song.clone(), config, &folder, self.command, source.as_deref())?;
         let share = if perform.is_some() { TRAINING_SHARE } else { 1.0 };
         let told = |at: &TrainingProgress| TrialProgress {
             phase: "training".to_string(),
@@ -161,12 +163,15 @@ impl Doing<'_, '_> {
             f1: at.best_f1,
         };
         let outcome = self.job.part(told, |job| run.run_job(job))?;
+        let best = run.best_scores().to_vec();
         drop(run);
         if outcome.stopped.is_some() {
             bail!(STOPPED);
         }
-        let pianist = load_pianist(&folder)?;
-        let rows = self.scores(&song, &pianist, perform, seed, share)?;
+        let rows = match &song {
+            Some(song) => self.scores(song, &load_pianist(&folder)?, perform, seed, share)?,
+            None => vec![row(&[], &of_validation(&best))],
+        };
         let (course, secs) = evaluations(&folder.join("metrics.jsonl"))?;
         Ok((self.result(rows, course), self.times(outcome.elapsed_secs, secs)))
     }
@@ -264,10 +269,11 @@ impl Doing<'_, '_> {
         evaluations: Option<u64>,
     ) -> anyhow::Result<(TrialResult, TrialTimes)> {
         let begun = Instant::now();
-        let song = find_song(&training.song)?;
+        let name = training.song.clone().context("a rehearsal needs a song")?;
+        let song = find_song(&name)?;
         let rig = rig_choice(TWIN, truth_name)?;
         let config = RehearsalConfig {
-            song: training.song.clone(),
+            song: name,
             rig: rig.name().to_string(),
             truth: Some(truth_name.to_string()),
             rounds,
@@ -367,6 +373,20 @@ impl Doing<'_, '_> {
         ];
         Ok((self.result(vec![row(&[], &values)], course.points), self.times(secs, Vec::new())))
     }
+}
+
+/// Names of a score on the pieces of a corpus, in a training's evaluations and among the measures.
+const OF_VALIDATION: [(&str, &str); 4] = [
+    ("f1", "sim_f1"),
+    ("precision", "sim_precision"),
+    ("recall", "sim_recall"),
+    ("onset_f1", "sim_onset_f1"),
+];
+
+/// The measures of the best policy of a corpus' training, on the validation pieces.
+fn of_validation(best: &[Score]) -> Vec<(&'static str, f64)> {
+    let score = |(name, measure)| Some((measure, best.iter().find(|score| score.name == name)?.value));
+    OF_VALIDATION.into_iter().filter_map(score).collect()
 }
 
 fn row(labels: &[(&str, String)], values: &[(&str, f64)]) -> Row {

@@ -2,7 +2,6 @@
 
 use etude_music::metrics::frame_scores;
 use etude_music::{KeySet, Song};
-use etude_task::fingering::LimitKind;
 use etude_task::{Piece, TaskConfig};
 use serde::Serialize;
 
@@ -57,23 +56,5 @@ pub fn cannot_be_played(song: &Song, task: &TaskConfig) -> anyhow::Result<Vec<St
         return Ok(Vec::new());
     }
     let piece = plan(song, task)?;
-    let Some(limits) = piece.fingering().map(|fingering| fingering.limits()) else { return Ok(Vec::new()) };
-    let left_out = limits.skipped().count();
-    if left_out == 0 {
-        return Ok(Vec::new());
-    }
-    let leaps = limits.skipped().filter(|limit| limit.is_leap()).count();
-    let crowded = limits.skipped().filter(|limit| limit.kind == LimitKind::TooManyKeys).count();
-    let reasons = [
-        (leaps, "because the hand cannot be there in time"),
-        (crowded, "because more keys sound at once than there are fingers"),
-        (left_out - leaps - crowded, "because the fingers do not reach them with the keys around them"),
-    ];
-    let reasons: Vec<String> = reasons
-        .into_iter()
-        .filter(|(notes, _)| *notes > 0)
-        .map(|(notes, why)| format!("{notes} {why}"))
-        .collect();
-    let all = limits.total_notes;
-    Ok(vec![format!("the hand leaves out {left_out} of {all} notes: {}", reasons.join(", "))])
+    Ok(piece.fingering().and_then(|fingering| fingering.limits().left_out()).into_iter().collect())
 }

@@ -19,7 +19,7 @@ use crate::errors::{Interrupted, unusable};
 use crate::folder::make_folder;
 use crate::kept::Kept;
 use crate::pianist::Pianist;
-use crate::planning::tell_planning;
+use crate::planning::{plan_telling, tell_planning};
 use crate::robot::run_file;
 
 /// The figures of a performance and its files. Its keys are those of `etude play --json`.
@@ -114,7 +114,7 @@ fn play_into(
     job: &mut Job<'_, PlayStep>,
 ) -> anyhow::Result<PlayReport> {
     let task = &pianist.config.task;
-    let piece = Piece::for_task_telling(song, task, &mut |share| job.tell(&PlayStep::Planning(share)))?;
+    let piece = plan_telling(song, task, &mut |share| job.tell(&PlayStep::Planning(share)))?;
     let files = Files::of_play(unfinished);
     let header = header(&piece, pianist, "simulation", None);
     let mut writer = RecordingWriter::create(&files.recording, &header)?;

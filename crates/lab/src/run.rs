@@ -400,7 +400,7 @@ fn parts(song: Option<&Song>, config: &RunConfig) -> anyhow::Result<Parts> {
         (VectorPiano::new(task, &piece, envs, root)?, SongEvaluator::new(task, &piece)?)
     } else {
         let corpus = Arc::new(Corpus::new(&config.corpus.clone().unwrap_or_default(), task)?);
-        let evaluator = SongEvaluator::of_pieces(task, corpus.validation())?;
+        let evaluator = SongEvaluator::of_corpus(task, &corpus)?;
         (VectorPiano::of_corpus(task, &corpus, envs, root)?, evaluator)
     };
     // Threads do not change the result, so they are not stored in a policy: same seed, same bytes.

@@ -34,7 +34,7 @@ mod writer;
 pub use aims::{Aims, Strokes};
 pub use correction::{Correction, Delays, Tracking};
 pub use error::PerformError;
-pub use evaluate::{NoteCounts, SCORES, SongEvaluator};
+pub use evaluate::{LEARNED_F1, NoteCounts, SCORES, SongEvaluator};
 pub use excitation::{Excitation, ExcitationPlayer};
 pub use files::{FileError, write_file, write_frames_csv};
 pub use job::Job;

@@ -89,6 +89,13 @@ impl Corpus {
     pub fn validation(&self) -> &[Piece] {
         &self.validation
     }
+
+    /// As many learned pieces of a folder, from all over it, for the training score beside the validation score. None where melodies are
+    /// drawn: no melody is learned twice, so every one is as new as those of the validation.
+    pub fn learned_sample(&self) -> Vec<Piece> {
+        let every = self.files.len().div_ceil(self.validation.len());
+        self.files.iter().step_by(every.max(1)).cloned().collect()
+    }
 }
 
 /// The songs of the MIDI files below `folder` in the order of their paths, each moved onto the keyboard by the smallest

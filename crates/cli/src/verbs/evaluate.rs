@@ -53,7 +53,7 @@ pub struct Args {
 pub fn run(args: Args) -> anyhow::Result<Ending> {
     let song = find_song(&args.song)?;
     song.check_range()?;
-    let pianist = args.pianist.load(&args.song, &song)?;
+    let pianist = args.pianist.load(&args.song, &song, args.json)?;
     let out = args
         .out
         .unwrap_or_else(|| Path::new("out").join(args.pianist.folder_name(&args.song)).join("worlds.csv"));

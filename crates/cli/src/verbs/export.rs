@@ -46,7 +46,7 @@ enum What {
 pub fn run(args: Args) -> anyhow::Result<Ending> {
     let What::Onnx { song: asked, out, pianist, json: as_json } = args.what;
     let song = find_song(&asked)?;
-    let pianist = pianist.load(&asked, &song)?;
+    let pianist = pianist.load(&asked, &song, false)?;
     let out = out.unwrap_or_else(|| PathBuf::from(format!("{}.onnx", slug(&asked))));
     let out = file_to_write(out, "onnx", "the name must end in .onnx")?;
     replaces_its_own(&out, "etude")?;

@@ -124,8 +124,9 @@ impl PianistArgs {
         name
     }
 
-    /// The player of `song`, which was asked for as `asked`; says so if it learned another one.
-    fn load(&self, asked: &str, song: &Song) -> anyhow::Result<Pianist> {
+    /// The player of `song`, which was asked for as `asked`; says so if it learned another one. `quiet` hides the progress of a long
+    /// planning.
+    fn load(&self, asked: &str, song: &Song, quiet: bool) -> anyhow::Result<Pianist> {
         let mut passed_over = None;
         let mut pianist = if self.scripted {
             Pianist::scripted()
@@ -167,7 +168,7 @@ impl PianistArgs {
                     shell_word(asked)
                 ));
             }
-            for warning in while_planning(false, || cannot_be_played(song, &pianist.config.task))? {
+            for warning in while_planning(quiet, || cannot_be_played(song, &pianist.config.task))? {
                 note(format!("warning: {warning}; `etude songs show {}` shows the plan", shell_word(asked)));
             }
         } else if let Some(learned) = pianist.song.as_deref().filter(|learned| *learned != song.title()) {

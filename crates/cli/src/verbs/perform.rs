@@ -94,7 +94,7 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
     let learned = args.correction.as_deref().map(CorrectionFile::load).transpose()?;
     let pianist = match &learned {
         Some(learned) => learned.pianist(&song, &rig)?,
-        None => args.pianist.load(&args.song, &song)?,
+        None => args.pianist.load(&args.song, &song, args.json)?,
     };
     let mode = mode(args.mode, learned.as_ref())?;
     let font = args.soundfont.as_deref().map(SoundFont::load).transpose()?;

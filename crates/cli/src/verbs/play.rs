@@ -49,7 +49,7 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
     let song = find_song(&args.song)?;
     song.check_range()?;
     let stop = stop_flag()?;
-    let pianist = args.pianist.load(&args.song, &song)?;
+    let pianist = args.pianist.load(&args.song, &song, args.json)?;
     let font = args.soundfont.as_deref().map(SoundFont::load).transpose().context("no sound")?;
     let folder = args.out.unwrap_or_else(|| Path::new("out").join(args.pianist.folder_name(&args.song)));
     let mut work = LongWork::new(args.json);

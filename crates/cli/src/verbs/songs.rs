@@ -7,7 +7,7 @@ use clap::ValueHint;
 use etude_lab::{AtSight, find_song, policies, predicted_at_sight};
 use etude_music::{CONTROL_HZ, Note, Part, Song, chords, melody, pitch_name, repertoire, sound};
 use etude_perform::shell_word;
-use etude_task::fingering::{Limit, LimitKind};
+use etude_task::fingering::Limit;
 use etude_task::{Piece, TaskConfig};
 use serde_json::json as object;
 
@@ -184,7 +184,7 @@ fn show(
                 "summary": limits.to_string(),
                 "limits": limits.notes.iter().map(|limit| {
                     let (place, secs) = place_of(limit);
-                    object!({"bar": place.bar, "beat": place.beat, "secs": secs, "note": limit.note(), "leap": limit.is_leap(), "chord": is_chord(limit), "what": limit.what()})
+                    object!({"bar": place.bar, "beat": place.beat, "secs": secs, "note": limit.note(), "leap": limit.is_leap(), "chord": limit.is_chord(), "what": limit.what()})
                 }).collect::<Vec<_>>(),
             })),
         }))?;
@@ -212,7 +212,7 @@ fn show(
             if let Some(AtSight { notes_right, f1 }) = at_sight {
                 line(format!("Predicted at sight: {notes_right} of {notes} notes, F1 {f1:.2}"))?;
             }
-            let wide = limits.notes.iter().filter(|limit| is_chord(limit)).count();
+            let wide = limits.notes.iter().filter(|limit| limit.is_chord()).count();
             if wide > 0 {
                 line(format!("Chords too wide, or of more notes than fingers: {wide} of these"))?;
             }
@@ -252,11 +252,6 @@ fn beginning(mut lines: impl ExactSizeIterator<Item = String>) -> anyhow::Result
         line(format!("  … and {more} more: --json has all"))?;
     }
     Ok(())
-}
-
-/// Whether a note is skipped because no place of the hand reaches its chord.
-fn is_chord(limit: &Limit) -> bool {
-    matches!(limit.kind, LimitKind::TooManyKeys | LimitKind::OutOfReach)
 }
 
 /// Number of each bar that has notes, when the first of them begins (s), and what is struck together in it.

@@ -102,8 +102,8 @@ fn players_that_are_ready_play_songs_and_melodies_without_a_training() {
     let table = crate::csv(&desk.bytes("report/sight-reading/results.csv"));
     let column = |name: &str| table[0].iter().position(|column| column == name).unwrap();
     let of = |row: &Vec<String>, name: &str| row[column(name)].clone();
-    // A song and a melody, which is of four kinds, by two players.
-    assert_eq!(table.len(), 1 + 2 * (1 + 4));
+    // A song, a validation melody, and a test melody, which is of four kinds, by two players.
+    assert_eq!(table.len(), 1 + 2 * (1 + 1 + 4));
     for player in ["sight-reader", "scripted"] {
         let rows: Vec<_> = table[1..].iter().filter(|row| of(row, "player") == player).collect();
         let song = of(rows[0], "song");
@@ -134,8 +134,9 @@ fn players_that_are_ready_play_songs_and_melodies_without_a_training() {
             );
         }
         let kinds: Vec<String> = rows[1..].iter().map(|row| of(row, "pieces")).collect();
-        assert!(kinds.len() == 4 && kinds.iter().all(|kind| kind != "songs"), "{kinds:?}");
-        assert!(rows[2..].iter().all(|row| of(row, "sim_f1") == of(rows[1], "sim_f1")), "played once");
+        assert!(kinds.len() == 5 && kinds[0] == "validation", "{kinds:?}");
+        assert!(kinds[1..].iter().all(|kind| kind != "songs" && kind != "validation"), "{kinds:?}");
+        assert!(rows[3..].iter().all(|row| of(row, "sim_f1") == of(rows[2], "sim_f1")), "played once");
     }
     let page = String::from_utf8(desk.bytes("report/index.html")).unwrap();
     assert!(

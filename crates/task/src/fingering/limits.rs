@@ -57,6 +57,29 @@ impl Limits {
         self.notes.iter().filter(move |note| skips(note.kind))
     }
 
+    /// How many notes are skipped, and why, in words; none if all are played.
+    pub fn left_out(&self) -> Option<String> {
+        let count = |is_so: fn(&Limit) -> bool| self.skipped().filter(|note| is_so(note)).count();
+        let reasons = [
+            (count(Limit::is_leap), "because the hand cannot be there in time"),
+            (
+                count(|note| note.kind == LimitKind::TooManyKeys),
+                "because more keys sound at once than there are fingers",
+            ),
+            (
+                count(|note| note.kind == LimitKind::OutOfReach),
+                "because the fingers do not reach them with the keys around them",
+            ),
+        ];
+        let reasons: Vec<String> = reasons
+            .into_iter()
+            .filter(|(notes, _)| *notes > 0)
+            .map(|(notes, why)| format!("{notes} {why}"))
+            .collect();
+        let (skipped, all) = (self.skipped().count(), self.total_notes);
+        (skipped > 0).then(|| format!("the hand leaves out {skipped} of {all} notes: {}", reasons.join(", ")))
+    }
+
     /// Notes that are skipped or end early because the hand has too far to go for the time.
     pub fn leaps(&self) -> impl Iterator<Item = &Limit> {
         self.notes.iter().filter(|note| note.is_leap())
@@ -82,6 +105,11 @@ impl Limit {
     /// Whether the hand has too far to go for the time.
     pub fn is_leap(&self) -> bool {
         matches!(self.kind, LimitKind::TooFar(..) | LimitKind::RailTooSlow(_))
+    }
+
+    /// Whether the note is skipped because the fingers are too few for its chord, or do not reach it.
+    pub fn is_chord(&self) -> bool {
+        matches!(self.kind, LimitKind::TooManyKeys | LimitKind::OutOfReach)
     }
 
     /// What happens to the note, and why.

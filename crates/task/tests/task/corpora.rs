@@ -3,8 +3,9 @@
 use std::collections::BTreeSet;
 use std::sync::Arc;
 
-use etude_learn::{StepBatch, VectorEnvironment as _};
+use etude_learn::{Evaluator as _, Score, StepBatch, VectorEnvironment as _};
 use etude_music::{KeySet, Part, melodies, melody};
+use etude_perform::SongEvaluator;
 use etude_task::{Corpus, CorpusConfig, Environment, Piece, TaskConfig, VectorPiano};
 
 use crate::bench::{Actions, batch, play};
@@ -43,6 +44,7 @@ fn due(piece: &Piece) -> Vec<KeySet> {
 fn what_is_trained_is_never_what_is_held_out() {
     let config = CorpusConfig { validation_pieces: 4, ..CorpusConfig::default() };
     let corpus = Corpus::new(&config, &task()).unwrap();
+    assert!(corpus.learned_sample().is_empty(), "no melody is learned twice");
     let of = |part, count| -> BTreeSet<Vec<KeySet>> {
         let songs = melodies(part, 0).take(count);
         songs.map(|song| due(&Piece::for_task(&song, &task()).unwrap())).collect()
@@ -87,6 +89,20 @@ fn a_folder_is_split_by_its_notes_and_what_does_not_fit_is_moved_or_left_out() {
     let learned: BTreeSet<String> = (0..20).map(|number| corpus.piece(number).title().to_string()).collect();
     let expected: BTreeSet<String> = seeds[..3].iter().map(|seed| format!("{seed:03}")).collect();
     assert_eq!(learned, expected);
+    // Two pieces are for validation, so two of the three learned ones, from all over the folder, are scored beside them.
+    let sample = corpus.learned_sample();
+    let titles: Vec<&str> = sample.iter().map(Piece::title).collect();
+    assert_eq!(titles, [0, 2].map(|number| format!("{:03}", seeds[number])));
+    let still = |evaluator: &mut SongEvaluator| evaluator.evaluate(&mut |_, actions| actions.fill(0.0));
+    let scores = still(&mut SongEvaluator::of_corpus(&task(), &corpus).unwrap());
+    let of = |scores: &[Score], name: &str| scores.iter().find(|score| score.name == name).unwrap().value;
+    let mut alone = sample.iter().map(|piece| still(&mut SongEvaluator::new(&task(), piece).unwrap()));
+    let [first, last] = [(); 2].map(|()| alone.next().unwrap());
+    for name in ["f1", "onset_f1"] {
+        let mean = (of(&first, name) + of(&last, name)) / 2.0;
+        assert!((of(&scores, &format!("training_{name}")) - mean).abs() < 1e-12, "{name}");
+    }
+    assert_ne!(of(&scores, "training_f1"), of(&scores, "f1"));
 
     let refused = |config: CorpusConfig| Corpus::new(&config, &task()).unwrap_err().to_string();
     let empty = tempfile::tempdir().unwrap();
