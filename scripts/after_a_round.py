@@ -144,8 +144,9 @@ def table(rows):
         seeds = len({row["seed"] for row in of_group})
         for name, part in zip(["before", "after"], both):
             if part:
-                # For all songs once, also where a song has fewer seeds.
-                right, due, wrong = (len(songs) * mean(part, key) for key in ("notes_right", "notes_due", "notes_wrong"))
+                # For all songs once, also where a song has fewer seeds than the others.
+                of_songs = [[row for row in part if row["song"] == song] for song in songs]
+                right, due, wrong = (sum(mean(rows, key) for rows in of_songs) for key in ("notes_right", "notes_due", "notes_wrong"))
                 f1 = f"{mean(part, 'f1'):.3f}"
                 if name == "after":
                     f1 += f" ({rise(*both, songs)})"

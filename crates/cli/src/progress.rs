@@ -127,10 +127,10 @@ impl Progress {
         let played = match heard(&self.last) {
             None => "not yet evaluated".to_string(),
             Some(last) => {
-                let of_learned = self.last.iter().find(|score| score.name == LEARNED_F1);
-                let learned = of_learned
-                    .map_or_else(String::new, |score| format!(", {:.3} on learned pieces", score.value));
-                format!("{last} (best {best:.3}{learned})")
+                let learned = self.last.iter().find(|score| score.name == LEARNED_F1);
+                let learned =
+                    learned.map_or_else(String::new, |f1| format!(", {:.3} on learned pieces", f1.value));
+                format!("{last}{learned} (best {best:.3})")
             }
         };
         // A warm start is evaluated before its first step, when its speed is not known.

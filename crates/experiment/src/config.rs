@@ -31,8 +31,8 @@ pub struct Experiment {
     /// What the paper found.
     #[serde(default)]
     pub finding: String,
-    /// Songs: built-in ids or MIDI files. None where the preset has a corpus: the policy of each seed is scored on the corpus' validation
-    /// melodies.
+    /// Songs: built-in ids or MIDI files. Without songs a preset with a corpus learns the corpus, and the policy of each seed is scored on
+    /// its validation pieces.
     #[serde(default)]
     pub songs: Vec<String>,
     /// How many seeds, counted from 0.
@@ -112,7 +112,8 @@ pub struct LearnerConfig {
     /// Overrides, `path=value`.
     #[serde(default)]
     pub set: Vec<String>,
-    /// What its trainings begin with: a policy, as in `players`; nothing if not given.
+    /// What its trainings begin with: the name of a policy that comes with Étude, a policy's file, or the folder of a run (its best policy);
+    /// nothing if not given.
     pub from: Option<String>,
 }
 

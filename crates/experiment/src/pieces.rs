@@ -1,10 +1,11 @@
 //! Pieces that players play: songs, validation melodies, and test melodies by what makes them hard.
 
 use anyhow::{Context as _, anyhow};
-use etude_lab::{Pianist, find_song, load_pianist};
+use etude_lab::{Pianist, RunConfig, find_song, load_pianist};
 use etude_learn::seed::fnv;
 use etude_music::{Part, Song, chords, key_is_black, melody};
 use std::collections::BTreeMap;
+use std::path::Path;
 
 use crate::config::{Experiment, LearnerConfig, PlayConfig};
 use crate::plan::{PlanConfig, SMOKE, all_or_first, notes_of};
@@ -114,7 +115,7 @@ impl Experiment {
                 .and_then(|pianist| content(&pianist))
                 .map_err(|error| wrong(name, error))?;
             for piece in &pieces {
-                let all = format!("{:?}{content}{on_twin}{seed}", piece.song.notes());
+                let all = format!("{}{content}{on_twin}{seed}", notes_of(&piece.song));
                 let work = Work::Play {
                     song: piece.name.clone(),
                     player: player.clone(),
@@ -175,9 +176,11 @@ impl LearnerConfig {
         let from = self.from.as_ref().map(|from| from.replace(SEED, &seed.to_string()));
         let training =
             TrainingConfig { song: Some(piece.name.clone()), preset: self.preset.clone(), set, from };
-        let mut all = fingerprint(&notes_of(&piece.song), &training.resolve()?);
-        if let Some(source) = &training.from {
-            all += &content(&player_called(source)?)?;
+        // A piece is learned, whatever the preset's corpus.
+        let resolved = RunConfig { corpus: None, ..training.resolve()? };
+        let mut all = fingerprint(&notes_of(&piece.song), &resolved);
+        if let Some(source) = training.source()? {
+            all += &checksum_of(&source)?;
         }
         Ok((training, all))
     }
@@ -186,9 +189,12 @@ impl LearnerConfig {
 /// What a player's result depends on: its task and, of a policy, the bytes of its file.
 fn content(pianist: &Pianist) -> anyhow::Result<String> {
     let task = json(&pianist.config.task);
-    let Some(file) = pianist.file() else { return Ok(task) };
+    Ok(task + &pianist.file().map_or_else(|| Ok(String::new()), checksum_of)?)
+}
+
+fn checksum_of(file: &Path) -> anyhow::Result<String> {
     let bytes = std::fs::read(file).with_context(|| format!("cannot read {}", file.display()))?;
-    Ok(format!("{task}{:016x}", fnv(&bytes)))
+    Ok(format!("{:016x}", fnv(&bytes)))
 }
 
 #[cfg(test)]
@@ -273,6 +279,24 @@ mod tests {
                 _ => assert_eq!(part, Part::Test),
             }
         }
+        // What it begins with is part of the work, and one policy a seed may be.
+        let folder = tempfile::tempdir().unwrap();
+        let ids = |sources: [&str; 2]| {
+            for (seed, source) in sources.iter().enumerate() {
+                std::fs::copy(policy_at(source), folder.path().join(format!("{seed}.safetensors"))).unwrap();
+            }
+            let from = folder.path().join("{seed}.safetensors").display().to_string();
+            let text = format!("{MINE}{}", learners.replace("sight-reader", &from));
+            let trials = plan(&text, &PlanConfig::default());
+            let tuned = trials
+                .iter()
+                .filter(|trial| trial.labels["player"] == "tuned" && trial.labels["song"] == "twinkle");
+            tuned.map(|trial| trial.id.clone()).collect::<Vec<_>>()
+        };
+        let same = ids(["sight-reader", "sight-reader"]);
+        assert!(of("tuned").iter().any(|trial| trial.id == same[0]), "the bytes count, not the path");
+        let other = ids(["sight-reader", "twinkle"]);
+        assert!(same[0] == other[0] && same[1] != other[1]);
         let smoke = plan(&format!("{MINE}{learners}"), &PlanConfig { smoke: true, ..PlanConfig::default() });
         let Work::Train { training, .. } = &smoke[smoke.len() - 1].work else { panic!("{smoke:?}") };
         assert_eq!(training.resolve().unwrap().trainer.total_steps, 480);

@@ -131,23 +131,27 @@ impl Experiment {
                 };
                 let wrong = |error| anyhow!("experiment {}: {error}", self.name);
                 let resolved = training.resolve().map_err(wrong)?;
-                let learns_corpus = resolved.corpus.is_some() && self.rehearse.is_none();
-                if learns_corpus != song.is_none() {
-                    let what = if learns_corpus {
-                        "the preset learns a corpus: name no"
-                    } else {
-                        "name at least one"
-                    };
-                    bail!("experiment {}: key `songs`: {what} song", self.name);
+                let mut what = fingerprint(&notes, &resolved);
+                match &resolved.corpus {
+                    // A rehearsal of a song may train on a corpus.
+                    Some(corpus) if song.is_none() || self.rehearse.is_some() => {
+                        what += &format!("{:016x}", corpus.checksum()?);
+                    }
+                    None if song.is_none() => {
+                        bail!(
+                            "experiment {}: key `songs`: name at least one song, or a preset with a corpus: `sight-reader`",
+                            self.name
+                        )
+                    }
+                    _ => {}
                 }
-                if learns_corpus && self.perform.is_some() {
+                if song.is_none() && self.perform.is_some() {
                     bail!(
-                        "experiment {}: [perform] needs songs, and the preset learns a corpus: train first, and name the \
-                         policies in the `players` of another experiment",
+                        "experiment {}: [perform] needs songs, and a corpus is learned: train first, and name the policies in the \
+                         `players` of another experiment",
                         self.name
                     );
                 }
-                let what = fingerprint(&notes, &resolved);
                 match &self.rehearse {
                     Some(rehearse) => {
                         // Fits are what a smoke test would spend its time on.
@@ -228,7 +232,6 @@ fn rehearsals(
     seed: u64,
     what: &str,
 ) -> Vec<Trial> {
-    let song = training.song.as_deref().unwrap_or(CORPUS);
     let trial = |mode: &Mode| {
         let (rounds, runs) = if smoke { (1, 1) } else { (rehearse.rounds, rehearse.runs) };
         let evaluations = if smoke { Some(SMOKE_EVALUATIONS) } else { rehearse.evaluations };
@@ -246,7 +249,7 @@ fn rehearsals(
             truth: truth_name.to_string(),
             evaluations,
         };
-        Trial { id: id("rehearse", song, seed, &all), labels, work }
+        Trial { id: id("rehearse", &labels["song"], seed, &all), labels, work }
     };
     all_or_first(&rehearse.modes, smoke).iter().map(trial).collect()
 }
@@ -321,9 +324,30 @@ runs = 3
             let experiment = Experiment::load(path.to_str().unwrap()).unwrap();
             experiment.plan(&PlanConfig::default()).unwrap_err().to_string()
         };
-        assert!(refused(format!("{mine}songs = ['twinkle']\n")).contains("name no song"));
+        // With songs the preset trains on each of them.
+        let songs = plan(&format!("{mine}songs = ['twinkle', 'ode-to-joy']\n"), &PlanConfig::default());
+        assert_eq!(songs.len(), 4);
         assert!(refused(format!("{mine}[perform]\nmodes = ['real']\nruns = 1\n")).contains("`players`"));
         assert!(refused(mine.replace("sight-reader", "fast")).contains("name at least one song"));
+    }
+
+    #[test]
+    fn another_corpus_is_another_trial() {
+        let folder = tempfile::tempdir().unwrap();
+        let set = format!("set = ['corpus.folder={}']", folder.path().display());
+        let mine = format!("title = 'T'\nsource = 'S'\npreset = 'sight-reader'\nseeds = 1\n{set}\n");
+        let id = |seed: u64| {
+            etude_music::melody(seed).save(folder.path().join("one.mid")).unwrap();
+            plan(&mine, &PlanConfig::default())[0].id.clone()
+        };
+        let [first, second, again] = [1, 2, 1].map(id);
+        assert!(first != second && first == again);
+        let rehearse = "songs = ['twinkle']\n[rehearse]\nmodes = ['real']\nrounds = 1\nruns = 1\n";
+        let id = |seed: u64| {
+            etude_music::melody(seed).save(folder.path().join("one.mid")).unwrap();
+            plan(&format!("{mine}{rehearse}"), &PlanConfig::default())[0].id.clone()
+        };
+        assert_ne!(id(1), id(2));
     }
 
     #[test]

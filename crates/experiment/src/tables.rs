@@ -64,7 +64,7 @@ fn measures(experiment: &Experiment) -> Vec<String> {
 /// Means and interquartile means of what is compared, pooled and by song.
 pub(crate) fn scores(experiment: &Experiment, all: &[Row]) -> Markup {
     let measures = measures(experiment);
-    let counted = if experiment.play.is_some() { "pieces" } else { "trainings" };
+    let counted = if experiment.play.is_some() { "pieces × seeds" } else { "trainings" };
     let mut columns = strings(&["what", counted]);
     for measure in &measures {
         let name = measure_name(measure, false);
@@ -126,13 +126,16 @@ pub(crate) fn differences(experiment: &Experiment, all: &[Row]) -> Markup {
 
 /// When the trainings reached an F1.
 pub(crate) fn times(experiment: &Experiment, entries: &[Entry]) -> Markup {
-    if entries.iter().all(|entry| entry.result.course.iter().all(|point| !point.contains_key("f1"))) {
-        return html! {};
-    }
+    // Players that are ready have no course.
+    let learned = |entry: &&Entry| entry.result.course.iter().any(|point| point.contains_key("f1"));
     let trials: Vec<Row> = entries
         .iter()
+        .filter(learned)
         .map(|entry| Row { labels: entry.trial.labels.clone(), values: BTreeMap::new() })
         .collect();
+    if trials.is_empty() {
+        return html! {};
+    }
     let median = |values: Vec<f64>| {
         let values = sorted(values.into_iter().filter(|value| value.is_finite()));
         (!values.is_empty()).then(|| quantile(&values, 0.5))
@@ -155,11 +158,12 @@ pub(crate) fn times(experiment: &Experiment, entries: &[Entry]) -> Markup {
     });
     let mut columns = strings(&["what"]);
     columns.extend(MARKS.map(|mark| format!("F1 {mark}")));
-    let caption = format!(
-        "Trainings that reached an F1 in simulation, and the median step and second at which they did (preset {})",
-        experiment.preset
-    );
-    table(&caption, &columns, rows)
+    let caption =
+        "Trainings that reached an F1 in simulation, and the median step and second at which they did";
+    // Learners have presets of their own.
+    let preset =
+        if experiment.play.is_some() { String::new() } else { format!(" (preset {})", experiment.preset) };
+    table(&format!("{caption}{preset}"), &columns, rows)
 }
 
 /// Says how many performances a fault has ended, if any: their scores are low for another reason.
@@ -186,7 +190,10 @@ pub(crate) fn provenance(
         let all: BTreeSet<String> = entries.iter().map(of).collect();
         all.into_iter().collect::<Vec<_>>().join(", ")
     };
-    let hours = entries.iter().map(|entry| entry.times.secs).sum::<f64>() / 3600.0;
+    // A trial may stand in several lines.
+    let secs: BTreeMap<&str, f64> =
+        entries.iter().map(|entry| (entry.trial.id.as_str(), entry.times.secs)).collect();
+    let hours = secs.values().sum::<f64>() / 3600.0;
     let rows = entries.iter().map(|entry| {
         vec![entry.trial.id.clone(), words(&entry.trial.labels), format!("{:.0}", entry.times.secs)]
     });

@@ -6,7 +6,9 @@
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-use etude_lab::{IdentifyMethod, RunConfig, beginning_with, name_the_lead, resolve, shipped_policy};
+use etude_lab::{
+    IdentifyMethod, RunConfig, beginning_with, load_pianist, name_the_lead, resolve, shipped_policy,
+};
 use etude_learn::TrainerConfig;
 use etude_learn::seed::fnv;
 use etude_perform::Mode;
@@ -94,7 +96,8 @@ pub struct TrainingConfig {
     pub preset: String,
     /// Overrides, `path=value`, the seed included.
     pub set: Vec<String>,
-    /// What it begins with: the name of a policy that comes with Étude, a policy's file, or the folder of a run.
+    /// What it begins with: the name of a policy that comes with Étude, a policy's file, or the folder of a run, of which the best policy is
+    /// taken.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub from: Option<String>,
 }
@@ -106,7 +109,7 @@ impl TrainingConfig {
     /// As [`resolve`](fn@resolve), and if a setting cannot work.
     pub fn resolve(&self) -> anyhow::Result<RunConfig> {
         let mut config = resolve(&self.preset, None, &self.set)?;
-        if let Some(source) = self.source() {
+        if let Some(source) = self.source()? {
             config = beginning_with(config, &source);
         }
         let config = config.complete();
@@ -117,9 +120,13 @@ impl TrainingConfig {
         Ok(config)
     }
 
-    /// The policy or run that it begins with.
-    pub fn source(&self) -> Option<PathBuf> {
-        self.from.as_deref().map(policy_at)
+    /// The file of the policy that it begins with.
+    ///
+    /// # Errors
+    /// If there is none, or it cannot be used.
+    pub fn source(&self) -> anyhow::Result<Option<PathBuf>> {
+        let Some(name) = &self.from else { return Ok(None) };
+        Ok(load_pianist(&policy_at(name))?.file().map(Path::to_path_buf))
     }
 }
 

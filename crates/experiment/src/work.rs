@@ -154,7 +154,7 @@ impl Doing<'_, '_> {
         let mut config = training.resolve()?;
         config.trainer.threads = self.threads;
         let seed = config.trainer.seed;
-        let source = training.source();
+        let source = training.source()?;
         let mut run = Run::start_or_resume(song.clone(), config, &folder, self.command, source.as_deref())?;
         let share = if perform.is_some() { TRAINING_SHARE } else { 1.0 };
         let told = |at: &TrainingProgress| TrialProgress {

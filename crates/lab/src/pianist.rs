@@ -70,6 +70,8 @@ pub struct Pianist {
     pub claimed_overall: Option<f64>,
     /// The notes that it then played right.
     pub claimed_notes: Option<f64>,
+    /// The notes that were then due.
+    pub claimed_due: Option<f64>,
 }
 
 /// Folders that may hold shipped policies: `policies` in the working folder, beside an installed binary, the source tree.
@@ -129,8 +131,11 @@ pub fn load_pianist(path: &Path) -> anyhow::Result<Pianist> {
 /// # Errors
 /// If there are some, and none can be used.
 pub(crate) fn sight_reader() -> anyhow::Result<Option<Pianist>> {
-    let corpus = shipped_policy(SIGHT_READER).and_then(|path| open(&path).ok()?.config.corpus);
-    best_of(SIGHT_READER, |pianist| corpus.is_none() || pianist.config.corpus == corpus)
+    // Another generator of melodies has other notes under the same configuration.
+    let evaluated_on = |pianist: &Pianist| (pianist.config.corpus.clone(), pianist.claimed_due);
+    let shipped = shipped_policy(SIGHT_READER).and_then(|path| open(&path).ok());
+    let shipped = shipped.as_ref().map(evaluated_on);
+    best_of(SIGHT_READER, |pianist| shipped.as_ref().is_none_or(|shipped| *shipped == evaluated_on(pianist)))
 }
 
 /// The best usable policy that there is for the song `slug`, of those that `fit` and were evaluated, if there is one: that with the
@@ -224,8 +229,10 @@ pub(crate) fn open(path: &Path) -> anyhow::Result<Pianist> {
     // Policies of earlier builds have F1 alone.
     let claimed_overall = notes["scores"]["overall"].as_f64().or(claimed_f1);
     let claimed_notes = notes["scores"]["notes_right"].as_f64();
+    let missed = notes["scores"]["notes_missed"].as_f64();
+    let claimed_due = claimed_notes.zip(missed).map(|(right, missed)| right + missed);
     let kind = Kind::Policy(Box::new(policy), path.to_path_buf());
-    Ok(Pianist { kind, config, song, claimed_f1, claimed_overall, claimed_notes })
+    Ok(Pianist { kind, config, song, claimed_f1, claimed_overall, claimed_notes, claimed_due })
 }
 
 /// Adds to `changes` each value below `path` that `new` has and `old` has not.
@@ -249,8 +256,15 @@ impl Pianist {
         changes.push(format!("task.change_steps={}", TaskConfig::default().change_steps));
         changes.extend(OF_A_FINGERING.map(|term| format!("task.reward.{term}=0")));
         let config = resolve(DEFAULT_PRESET, None, &changes).expect("a preset of our own is sound");
-        let (claimed_f1, claimed_overall, claimed_notes) = (None, None, None);
-        Self { kind: Kind::Script, config, song: None, claimed_f1, claimed_overall, claimed_notes }
+        Self {
+            kind: Kind::Script,
+            config,
+            song: None,
+            claimed_f1: None,
+            claimed_overall: None,
+            claimed_notes: None,
+            claimed_due: None,
+        }
     }
 
     /// The network that decides the actions; the scripted player has none.

@@ -81,7 +81,7 @@ mod tests {
         });
         let before = heard.borrow().len();
         assert!(before > 0 && heard.borrow().iter().all(|share| (0.0..=1.0).contains(share)));
-        plan(&song, &task).unwrap();
+        plan(&etude_music::repertoire::get("ode-to-joy").unwrap(), &task).unwrap();
         assert_eq!(heard.borrow().len(), before);
     }
 

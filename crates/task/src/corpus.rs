@@ -5,6 +5,7 @@
 
 use std::path::{Path, PathBuf};
 
+use etude_learn::seed::fnv;
 use etude_music::{Part, Song, SongError, melodies};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
@@ -25,6 +26,24 @@ pub struct CorpusConfig {
 impl Default for CorpusConfig {
     fn default() -> Self {
         Self { folder: None, validation_pieces: 8 }
+    }
+}
+
+/// Drawn melodies that distinguish one generator from another.
+const DISTINCTIVE: usize = 4;
+
+impl CorpusConfig {
+    /// A checksum of the notes: other files in the folder, or melodies drawn in another way, have another one.
+    ///
+    /// # Errors
+    /// If the folder or a file in it cannot be read.
+    pub fn checksum(&self) -> Result<u64, TaskError> {
+        let songs = match &self.folder {
+            Some(folder) => songs_in(folder)?,
+            None => melodies(Part::Validation, 0).take(DISTINCTIVE).collect(),
+        };
+        let notes: Vec<_> = songs.iter().map(Song::notes).collect();
+        Ok(fnv(format!("{notes:?}").as_bytes()))
     }
 }
 
@@ -90,7 +109,7 @@ impl Corpus {
         &self.validation
     }
 
-    /// As many learned pieces of a folder, from all over it, for the training score beside the validation score. None where melodies are
+    /// At most as many learned pieces of a folder, from all over it, for the training score beside the validation score. None where melodies are
     /// drawn: no melody is learned twice, so every one is as new as those of the validation.
     pub fn learned_sample(&self) -> Vec<Piece> {
         let every = self.files.len().div_ceil(self.validation.len());

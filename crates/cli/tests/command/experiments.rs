@@ -95,6 +95,37 @@ fn every_experiment_of_the_paper_runs_by_its_one_command() {
 }
 
 #[test]
+fn a_corpus_is_learned_and_its_best_policy_scored_on_the_validation_pieces() {
+    let desk = Desk::new();
+    let seeds = "sight-readers --seeds 1 --set corpus.validation_pieces=1";
+    done(tiny(&desk, &format!("experiment run {seeds}")));
+    done(tiny(&desk, &format!("experiment report {seeds} -o report")));
+    let table = crate::csv(&desk.bytes("report/sight-readers/results.csv"));
+    let trial = std::fs::read_dir(desk.path("runs"))
+        .unwrap()
+        .map(|entry| entry.unwrap().path())
+        .find(|path| path.file_name().unwrap().to_str().unwrap().starts_with("train__corpus__0__"))
+        .unwrap();
+    let metrics = std::fs::read_to_string(trial.join("training/metrics.jsonl")).unwrap();
+    let rows = metrics.lines().map(|line| serde_json::from_str::<serde_json::Value>(line).unwrap());
+    let overall = |row: &serde_json::Value| row["eval/overall"].as_f64();
+    // Of equally good policies the first is kept.
+    let best = rows
+        .filter(|row| overall(row).is_some())
+        .reduce(|best, row| if overall(&row) > overall(&best) { row } else { best })
+        .unwrap();
+    for name in ["f1", "precision", "recall", "onset_f1"] {
+        let column = table[0].iter().position(|column| *column == format!("sim_{name}")).unwrap();
+        let found: f64 = table[1][column].parse().unwrap();
+        assert!(
+            (found - best[format!("eval/{name}")].as_f64().unwrap()).abs() < 1e-5,
+            "{name}: {found}, {best}"
+        );
+    }
+    assert_ne!(best["eval/precision"], best["eval/recall"]);
+}
+
+#[test]
 fn players_that_are_ready_play_songs_and_melodies_without_a_training() {
     let desk = Desk::new();
     desk.ok("experiment run sight-reading --budget smoke");
