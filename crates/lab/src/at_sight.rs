@@ -11,7 +11,7 @@ use crate::planning::plan;
 
 /// Time around each onset in which the keys are not those that are due, s. Measured with the shipped sight-reader on validation
 /// melodies by `scripts/sight_prediction.py`.
-const LOST_AT_AN_ONSET_SECS: f64 = 0.007;
+const LOST_AT_AN_ONSET_SECS: f64 = 0.004;
 
 /// What a piece is predicted to score at sight.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]

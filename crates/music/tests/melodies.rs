@@ -57,7 +57,7 @@ fn melodies_never_change() {
         let bytes: Vec<u8> = seeds.flat_map(|seed| melody(seed).to_midi()).collect();
         crc32c::crc32c(&bytes)
     };
-    assert_eq!(checksum(0..200), 3_861_526_346);
+    assert_eq!(checksum(0..200), 2_694_918_469);
 }
 
 #[test]
@@ -73,10 +73,19 @@ fn a_thousand_melodies_are_as_varied_as_they_are_said_to_be() {
         .iter()
         .flat_map(|song| chords(song).iter().map(|chord| chord.len()).collect::<Vec<_>>())
         .collect();
-    for (size, expected) in [(1, 0.7..0.9), (2, 0.06..0.2), (3, 0.03..0.12)] {
+    for (size, expected) in [(1, 0.55..0.8), (2, 0.12..0.3), (3, 0.07..0.2)] {
         let found = share(onsets.iter().filter(|notes| **notes == size).count(), onsets.len());
         assert!(expected.contains(&found), "{size} notes at once: {found}");
     }
+    let legato = |song: &Song| {
+        let pairs = chords(song);
+        let joined = pairs
+            .windows(2)
+            .filter(|pair| pair[0].iter().any(|note| note.end_secs >= pair[1][0].start_secs - 1e-9));
+        share(joined.count(), pairs.len()) > 0.6
+    };
+    let without_silence = share(songs.iter().filter(|song| legato(song)).count(), songs.len());
+    assert!((0.25..0.45).contains(&without_silence), "{without_silence} are without silence");
     let steps: Vec<(f64, u8)> = songs
         .iter()
         .flat_map(|song| {

@@ -38,6 +38,10 @@ const PHRASE_BARS: usize = 4;
 const VELOCITIES: [f64; 2] = [25.0, 118.0];
 /// A chord's or a held note's loudness as a part of the melody's.
 const ACCOMPANIMENT: f64 = 0.85;
+/// Probabilities of a melody that is detached, mostly legato, and without any silence between its notes.
+const ARTICULATIONS: [f64; 3] = [0.2, 0.5, 0.3];
+/// Spread of the length of a note around that of its melody.
+const LENGTH_SPREAD: f64 = 0.05;
 /// The shortest that a note sounds, s.
 const SHORTEST_SECS: f64 = 0.1;
 
@@ -53,7 +57,8 @@ struct Character {
     chords: f64,
     /// Probability of a held note in each bar.
     held: f64,
-    /// Part of the time to the next note for which a note sounds.
+    /// Part of the time to the next note for which a note sounds, before its spread; from 1 + 2 × [`LENGTH_SPREAD`] on every note sounds
+    /// until the next.
     legato: f64,
     velocity: f64,
 }
@@ -138,9 +143,13 @@ fn character(draw: &mut Draw) -> Character {
         bars,
         pace_secs: draw.log_between(0.3, 0.9),
         rests: often(draw, 0.6, 0.03, 0.2),
-        chords: often(draw, 0.35, 0.1, 0.8),
+        chords: often(draw, 0.4, 0.1, 1.0),
         held: often(draw, 0.2, 0.3, 0.8),
-        legato: if draw.chance(0.2) { draw.between(0.45, 0.75) } else { draw.between(0.8, 1.0) },
+        legato: match draw.weighted(&ARTICULATIONS) {
+            Some(0) => draw.between(0.45, 0.75),
+            Some(1) => draw.between(0.8, 1.0),
+            _ => 1.0 + 2.0 * LENGTH_SPREAD,
+        },
         velocity: draw.between(45.0, 95.0),
     }
 }
@@ -216,7 +225,11 @@ fn sound(draw: &mut Draw, character: &Character, event: &Event, start_secs: f64,
     let beat_secs = character.beat_secs;
     let start = start_secs + event.beat * beat_secs;
     let all = event.beats * beat_secs;
-    let legato = if event.held { 0.97 } else { (character.legato * draw.between(0.95, 1.05)).min(1.0) };
+    let legato = if event.held {
+        0.97
+    } else {
+        (character.legato * draw.between(1.0 - LENGTH_SPREAD, 1.0 + LENGTH_SPREAD)).min(1.0)
+    };
     let secs = (all * legato).max(SHORTEST_SECS.min(all));
     let bar_beats = f64::from(character.metre[0]);
     let accent = if event.beat % bar_beats < 1e-9 { 8.0 } else { 0.0 };
