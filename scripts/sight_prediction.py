@@ -86,6 +86,8 @@ def melodies(part):
     seed = 0
     for number in range(MELODIES):
         path = OUT / f"{part}-{number}.mid"
+        # Another generator wrote other melodies.
+        path.unlink(missing_ok=True)
         seed = etude("songs", "make", "--part", part, "--seed", str(seed), "-o", str(path), "--json")["seed"] + 1
         yield Piece(path)
 

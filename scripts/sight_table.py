@@ -74,6 +74,8 @@ for song in sorted((ROOT / "songs").glob("*.mid")):
 melodies, seed = [], 0
 while len(melodies) < MELODIES:
     path = OUT / f"melody-{len(melodies)}.mid"
+    # Another generator wrote other melodies.
+    path.unlink(missing_ok=True)
     seed = etude("songs", "make", "--part", "test", "--seed", str(seed), "-o", str(path), "--json")["seed"] + 1
     melodies.append(path)
 cells, shares = [], []
