@@ -110,16 +110,21 @@ def values(report):
     return {key: f"{found[key]:.6g}" for key in VALUES}
 
 
+def cell(row):
+    """Which performances, before and after the round."""
+    return tuple(row[key] for key in LABELS[:5])
+
+
 def mean(rows, key):
     return statistics.mean(float(row[key]) for row in rows)
 
 
 def rise(before, after, songs):
     """The mean rise of F1 and, of several seeds, its 95 % bootstrap interval, drawn within each song."""
-    of = {tuple(row[key] for key in LABELS[:5]): float(row["f1"]) for row in before}
+    of = {cell(row): float(row["f1"]) for row in before}
     rises = {song: [] for song in songs}
     for row in after:
-        rises[row["song"]].append(float(row["f1"]) - of[tuple(row[key] for key in LABELS[:5])])
+        rises[row["song"]].append(float(row["f1"]) - of[cell(row)])
     text = f"{statistics.mean(map(statistics.mean, rises.values())):+.3f}"
     if min(map(len, rises.values())) > 1:
         draw = random.Random(0)
@@ -132,9 +137,8 @@ def rise(before, after, songs):
 
 def table(rows):
     # Where the twin stopped itself there is nothing to compare.
-    both = {tuple(row[key] for key in LABELS[:5]) for row in rows if row["round"] == "1"}
-    both &= {tuple(row[key] for key in LABELS[:5]) for row in rows if row["round"] == "0"}
-    rows = [row for row in rows if tuple(row[key] for key in LABELS[:5]) in both]
+    before, after = ({cell(row) for row in rows if row["round"] == number} for number in "01")
+    rows = [row for row in rows if cell(row) in before & after]
     print("| variant, mode, truth | seeds | | F1 simulation | F1 twin | gap | precision, recall | onset F1 | notes right, wrong |")
     print("|---|---|---|---|---|---|---|---|---|")
     for group in dict.fromkeys(tuple(row[key] for key in LABELS[:3]) for row in rows):

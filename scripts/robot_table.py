@@ -19,6 +19,17 @@ def etude(*arguments):
     return json.loads(done.stdout)
 
 
+def melodies(part, count, folder):
+    """MIDI files of the first melodies of a part, written into `folder`."""
+    seed = 0
+    for number in range(count):
+        path = folder / f"{part}-{number}.mid"
+        # Another generator wrote other melodies.
+        path.unlink(missing_ok=True)
+        seed = etude("songs", "make", "--part", part, "--seed", str(seed), "-o", str(path), "--json")["seed"] + 1
+        yield path
+
+
 def perform(song, mode, truth, runs):
     """The report of performances on the twin."""
     return etude(

@@ -9,7 +9,7 @@ import subprocess
 import sys
 from statistics import correlation, mean
 
-from robot_table import ETUDE, ROOT, etude
+from robot_table import ETUDE, ROOT, etude, melodies
 
 POLICY = sys.argv[1] if len(sys.argv) > 1 else "policies/sight-reader.safetensors"
 OUT = ROOT / "out" / "sight-prediction"
@@ -82,16 +82,6 @@ class Piece:
         self.onsets_per_sec = sum(len(bar["chords"]) for bar in shown["bars"]) / (0.05 * shown["frames"])
 
 
-def melodies(part):
-    seed = 0
-    for number in range(MELODIES):
-        path = OUT / f"{part}-{number}.mid"
-        # Another generator wrote other melodies.
-        path.unlink(missing_ok=True)
-        seed = etude("songs", "make", "--part", part, "--seed", str(seed), "-o", str(path), "--json")["seed"] + 1
-        yield Piece(path)
-
-
 def line(name, pieces):
     predicted, played = [piece.predicted for piece in pieces], [piece.f1 for piece in pieces]
     away = [abs(one - other) for one, other in zip(predicted, played)]
@@ -111,7 +101,7 @@ def arranged(song, stretch):
 
 def main():
     OUT.mkdir(parents=True, exist_ok=True)
-    pieces = list(melodies("validation"))
+    pieces = [Piece(path) for path in melodies("validation", MELODIES, OUT)]
     lost = sum(piece.onsets_per_sec * (piece.predicted - piece.f1) for piece in pieces) / sum(piece.onsets_per_sec**2 for piece in pieces)
     print(f"More lost at an onset than at_sight.rs says, by {MELODIES} validation melodies: {1e3 * lost:.1f} ms\n")
     print("| pieces | number | correlation of F1 | F1 predicted | F1 played | mean difference | largest | notes predicted and played |")
@@ -120,7 +110,7 @@ def main():
     for stretch in STRETCHES:
         name = "songs" if stretch == 1 else f"songs, {1 / stretch:.1f} times as fast"
         line(name, [Piece(song if stretch == 1 else arranged(song, stretch)) for song in songs])
-    line("test melodies", list(melodies("test")))
+    line("test melodies", [Piece(path) for path in melodies("test", MELODIES, OUT)])
     hard = []
     for number, (name, secs, chords, *sounding) in enumerate(HARD):
         path = OUT / f"hard-{number}.mid"

@@ -10,7 +10,7 @@ import sys
 from collections import defaultdict
 from pathlib import Path
 
-from robot_table import ROOT, etude
+from robot_table import ROOT, etude, melodies
 
 POLICY = sys.argv[1] if len(sys.argv) > 1 else "policies/sight-reader.safetensors"
 MELODIES = int(sys.argv[2]) if len(sys.argv) > 2 else 20
@@ -71,17 +71,11 @@ for song in etude("songs", "--json"):
     line(song["id"], [cell([play(song["id"], *who)]) for who in (READER, SCRIPT, own)])
 for song in sorted((ROOT / "songs").glob("*.mid")):
     line(song.stem, [cell([play(song, *who)]) for who in (READER, SCRIPT)])
-melodies, seed = [], 0
-while len(melodies) < MELODIES:
-    path = OUT / f"melody-{len(melodies)}.mid"
-    # Another generator wrote other melodies.
-    path.unlink(missing_ok=True)
-    seed = etude("songs", "make", "--part", "test", "--seed", str(seed), "-o", str(path), "--json")["seed"] + 1
-    melodies.append(path)
+test_melodies = list(melodies("test", MELODIES, OUT))
 cells, shares = [], []
 for who in (READER, SCRIPT):
     reports, counts = [], defaultdict(list)
-    for melody in melodies:
+    for melody in test_melodies:
         reports.append(play(melody, *who))
         for kinds, in_time in notes(OUT / "play" / "frames.csv"):
             for kind in kinds:

@@ -1,6 +1,6 @@
 //! An experiment as a file: what is trained or fitted, what is compared, which figures are drawn, and what the paper found.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
 use anyhow::{anyhow, bail};
@@ -280,8 +280,8 @@ impl Experiment {
                         .to_string(),
                 );
             }
-            let names = || play.players.iter().chain(play.learners.iter().map(|learner| &learner.name));
-            if let Some(name) = names().find(|name| names().filter(|other| other == name).count() > 1) {
+            let names = play.players.iter().chain(play.learners.iter().map(|learner| &learner.name));
+            if let Some(name) = repeated(names) {
                 return Err(format!("two players are called `{name}`"));
             }
         }
@@ -296,10 +296,8 @@ impl Experiment {
         if let Some((path, _)) = self.grid.iter().find(|(_, values)| values.is_empty()) {
             return Err(format!("key `grid.{path}`: name at least one value"));
         }
-        for (index, variant) in self.variants.iter().enumerate() {
-            if self.variants[..index].iter().any(|other| other.name == variant.name) {
-                return Err(format!("two variants are called `{}`", variant.name));
-            }
+        if let Some(name) = repeated(self.variants.iter().map(|variant| &variant.name)) {
+            return Err(format!("two variants are called `{name}`"));
         }
         let learners = self.play.iter().flat_map(|play| &play.learners).flat_map(|learner| &learner.set);
         let sets =
@@ -331,6 +329,12 @@ impl Experiment {
         }
         Ok(())
     }
+}
+
+/// The first name that was there before.
+fn repeated<'a>(mut names: impl Iterator<Item = &'a String>) -> Option<&'a String> {
+    let mut seen = BTreeSet::new();
+    names.find(|name| !seen.insert(*name))
 }
 
 #[cfg(test)]

@@ -1,14 +1,15 @@
 //! Pieces that players play: songs, validation melodies, and test melodies by what makes them hard.
 
+use std::collections::BTreeMap;
+use std::path::Path;
+
 use anyhow::{Context as _, anyhow};
 use etude_lab::{Pianist, RunConfig, find_song, load_pianist};
 use etude_learn::seed::fnv;
 use etude_music::{Part, Song, chords, key_is_black, melody};
-use std::collections::BTreeMap;
-use std::path::Path;
 
 use crate::config::{Experiment, LearnerConfig, PlayConfig};
-use crate::plan::{PlanConfig, SMOKE, all_or_first, notes_of};
+use crate::plan::{PlanConfig, all_or_first, notes_of};
 use crate::trial::{TrainingConfig, Trial, Work, fingerprint, id, json, policy_at};
 
 /// Name of the scripted player.
@@ -126,11 +127,13 @@ impl Experiment {
             }
         }
         for learner in &play.learners {
+            let (training, resolved, source) =
+                learner.training(seed, config).map_err(|error| wrong(&learner.name, error))?;
             for piece in &pieces {
-                let (training, content) =
-                    learner.training(piece, seed, config).map_err(|error| wrong(&learner.name, error))?;
-                let id = id("train", &piece.name, seed, &format!("{content}{on_twin}"));
-                add(&learner.name, piece, &id, &Work::Train { training, perform: perform.clone() });
+                let all = fingerprint(&notes_of(&piece.song), &resolved) + &source + &on_twin;
+                let training = TrainingConfig { song: Some(piece.name.clone()), ..training.clone() };
+                let work = Work::Train { training, perform: perform.clone() };
+                add(&learner.name, piece, &id("train", &piece.name, seed, &all), &work);
             }
         }
         // Tables and figures have the kinds in this order.
@@ -160,29 +163,19 @@ impl Experiment {
 }
 
 impl LearnerConfig {
-    /// Its training of `piece`, and a text that differs where the result may.
+    /// Its training, of no piece yet; the configuration; and a text that differs where what it begins with does.
     fn training(
         &self,
-        piece: &Piece,
         seed: u64,
         config: &PlanConfig,
-    ) -> anyhow::Result<(TrainingConfig, String)> {
-        let mut set = self.set.clone();
-        set.push(format!("trainer.seed={seed}"));
-        if config.smoke {
-            set.extend(SMOKE.map(str::to_string));
-        }
-        set.extend(config.set.iter().cloned());
+    ) -> anyhow::Result<(TrainingConfig, RunConfig, String)> {
+        let set = config.complete(self.set.clone(), seed);
         let from = self.from.as_ref().map(|from| from.replace(SEED, &seed.to_string()));
-        let training =
-            TrainingConfig { song: Some(piece.name.clone()), preset: self.preset.clone(), set, from };
+        let training = TrainingConfig { song: None, preset: self.preset.clone(), set, from };
         // A piece is learned, whatever the preset's corpus.
         let resolved = RunConfig { corpus: None, ..training.resolve()? };
-        let mut all = fingerprint(&notes_of(&piece.song), &resolved);
-        if let Some(source) = training.source()? {
-            all += &checksum_of(&source)?;
-        }
-        Ok((training, all))
+        let source = training.source()?.map_or_else(|| Ok(String::new()), |file| checksum_of(&file))?;
+        Ok((training, resolved, source))
     }
 }
 

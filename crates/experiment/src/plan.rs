@@ -23,7 +23,7 @@ pub struct PlanConfig {
 }
 
 /// Overrides of a smoke test: two rounds of evaluation and a few updates between them.
-pub(crate) const SMOKE: [&str; 4] = [
+const SMOKE: [&str; 4] = [
     "trainer.total_steps=480",
     "trainer.evaluate_every_steps=240",
     "trainer.warmup_steps=160",
@@ -45,6 +45,16 @@ impl PlanConfig {
         let budget = self.smoke.then(|| " --budget smoke".to_string());
         let set = self.set.iter().map(|set| format!(" --set {}", shell_word(set)));
         seeds.into_iter().chain(budget).chain(set).collect()
+    }
+
+    /// All overrides of a training: `set`, which is its own, then the seed and those of the plan.
+    pub(crate) fn complete(&self, mut set: Vec<String>, seed: u64) -> Vec<String> {
+        set.push(format!("trainer.seed={seed}"));
+        if self.smoke {
+            set.extend(SMOKE.map(str::to_string));
+        }
+        set.extend(self.set.iter().cloned());
+        set
     }
 }
 
@@ -118,11 +128,7 @@ impl Experiment {
                     let label = path.rsplit('.').next().unwrap_or(path);
                     labels.insert(label.to_string(), value.trim_matches('"').to_string());
                 }
-                set.push(format!("trainer.seed={seed}"));
-                if smoke {
-                    set.extend(SMOKE.map(str::to_string));
-                }
-                set.extend(config.set.iter().cloned());
+                let set = config.complete(set, seed);
                 let training = TrainingConfig {
                     song: song.map(str::to_string),
                     preset: self.preset.clone(),
