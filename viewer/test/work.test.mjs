@@ -165,6 +165,10 @@ test('what will be hard is listed, each with its bar and time', { skip }, async 
   const hard = await page.locator('.song li').allInnerTexts();
   assert.ok(hard.some((text) => text.includes('bar 1, beat 3 (1.00 s): C6 is skipped: out of reach with the keys around it')), hard.join('\n'));
   assert.equal(hard.filter((text) => text.includes('C4 is struck again before the key has been up for long enough')).length, 3);
+  await page.getByText('Easier: the upper voice alone, 6 of 6 notes.').waitFor(LONG);
+  await page.getByRole('button', { name: 'Write this arrangement' }).click();
+  await page.getByText('With three fingers: 6 notes').waitFor(LONG);
+  assert.equal(await page.locator('.song h2').first().innerText(), 'too-hard melody');
 });
 
 test('a song beyond the keyboard is transposed by a click', { skip }, async () => {

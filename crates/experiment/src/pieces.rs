@@ -4,13 +4,13 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use anyhow::{Context as _, anyhow};
-use etude_lab::{Pianist, RunConfig, find_song, load_pianist};
+use etude_lab::{Pianist, RunConfig, find_song, load_pianist, policy_called};
 use etude_learn::seed::fnv;
 use etude_music::{Part, Song, chords, key_is_black, melody};
 
 use crate::config::{Experiment, LearnerConfig, PlayConfig};
 use crate::plan::{PlanConfig, all_or_first, notes_of};
-use crate::trial::{TrainingConfig, Trial, Work, fingerprint, id, json, policy_at};
+use crate::trial::{TrainingConfig, Trial, Work, fingerprint, id, json};
 
 /// Name of the scripted player.
 const SCRIPTED: &str = "scripted";
@@ -56,7 +56,7 @@ pub(crate) fn player_called(name: &str) -> anyhow::Result<Pianist> {
     if name == SCRIPTED {
         return Ok(Pianist::scripted());
     }
-    load_pianist(&policy_at(name))
+    load_pianist(&policy_called(Path::new(name))?)
 }
 
 /// A piece: its name, its notes, and its kinds.
@@ -195,6 +195,7 @@ mod tests {
     use super::*;
     use crate::plan::PlanConfig;
     use crate::plan::tests::plan;
+    use etude_lab::shipped_policy;
     use etude_music::Note;
 
     fn kinds_of(secs: f64, chords: &[&[u8]]) -> [&'static str; 4] {
@@ -276,7 +277,11 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let ids = |sources: [&str; 2]| {
             for (seed, source) in sources.iter().enumerate() {
-                std::fs::copy(policy_at(source), folder.path().join(format!("{seed}.safetensors"))).unwrap();
+                std::fs::copy(
+                    shipped_policy(source).unwrap(),
+                    folder.path().join(format!("{seed}.safetensors")),
+                )
+                .unwrap();
             }
             let from = folder.path().join("{seed}.safetensors").display().to_string();
             let text = format!("{MINE}{}", learners.replace("sight-reader", &from));
@@ -299,7 +304,8 @@ mod tests {
     fn a_player_can_have_a_policy_for_each_seed() {
         let folder = tempfile::tempdir().unwrap();
         for (seed, song) in ["twinkle", "sight-reader"].iter().enumerate() {
-            std::fs::copy(policy_at(song), folder.path().join(format!("{seed}.safetensors"))).unwrap();
+            std::fs::copy(shipped_policy(song).unwrap(), folder.path().join(format!("{seed}.safetensors")))
+                .unwrap();
         }
         let name = folder.path().join("{seed}.safetensors").display().to_string();
         let trials = plan(&MINE.replace("'scripted'", &format!("'{name}'")), &PlanConfig::default());

@@ -7,7 +7,7 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use etude_lab::{
-    IdentifyMethod, RunConfig, beginning_with, load_pianist, name_the_lead, resolve, shipped_policy,
+    IdentifyMethod, RunConfig, beginning_with, load_pianist, name_the_lead, policy_called, resolve,
 };
 use etude_learn::TrainerConfig;
 use etude_learn::seed::fnv;
@@ -126,13 +126,8 @@ impl TrainingConfig {
     /// If there is none, or it cannot be used.
     pub fn source(&self) -> anyhow::Result<Option<PathBuf>> {
         let Some(name) = &self.from else { return Ok(None) };
-        Ok(load_pianist(&policy_at(name))?.file().map(Path::to_path_buf))
+        Ok(load_pianist(&policy_called(Path::new(name))?)?.file().map(Path::to_path_buf))
     }
-}
-
-/// The policy or run of this name: a policy that comes with Étude, a policy's file, or the folder of a run.
-pub(crate) fn policy_at(name: &str) -> PathBuf {
-    shipped_policy(name).unwrap_or_else(|| PathBuf::from(name))
 }
 
 /// What distinguishes one training from another: notes and resolved configuration, without threads and the intervals of logs and

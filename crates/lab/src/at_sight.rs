@@ -43,6 +43,48 @@ pub fn predicted_at_sight(song: &Song, task: &TaskConfig, piece: &Piece) -> Opti
     })
 }
 
+/// Another arrangement of a song, and how much of it the hand plays.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Arrangement {
+    /// Factor for the duration.
+    pub stretch: f64,
+    /// Whether it is the upper voice alone.
+    pub melody: bool,
+    /// Its notes.
+    pub notes: usize,
+    /// Of these, the notes that the hand leaves out.
+    pub left_out: usize,
+}
+
+/// Factors for the duration of an easier arrangement.
+const SLOWER: [f64; 3] = [1.0, 1.5, 2.0];
+
+/// An arrangement of `song` that the hand can play, if it leaves out notes of the song as `task` plans it, `piece`: slower, or the upper
+/// voice alone. The first of which it plays all notes; or else that of which it leaves out the smallest share, if that is less than of
+/// the song.
+pub fn easier(song: &Song, task: &TaskConfig, piece: &Piece) -> Option<Arrangement> {
+    let skipped = |piece: &Piece| Some(piece.fingering()?.limits().skipped().count());
+    let now =
+        Arrangement { stretch: 1.0, melody: false, notes: song.notes().len(), left_out: skipped(piece)? };
+    let share = |it: &Arrangement| it.left_out as f64 / it.notes.max(1) as f64;
+    let mut best = now;
+    for melody in [false, true] {
+        for stretch in SLOWER {
+            let arranged = song.stretch(stretch).ok()?;
+            let arranged = if melody { arranged.upper_voice() } else { arranged };
+            if best.left_out == 0 {
+                break;
+            }
+            let left_out = skipped(&plan(&arranged, task).ok()?)?;
+            let this = Arrangement { stretch, melody, notes: arranged.notes().len(), left_out };
+            if share(&this) < share(&best) {
+                best = this;
+            }
+        }
+    }
+    (best != now).then_some(best)
+}
+
 /// What the hand cannot play of `song` in `task`, a line each: with a fingering, how many notes its plan leaves out and why; without
 /// one, the moments that the fingers cannot reach. A song beyond the keyboard has no plan, and no line.
 ///

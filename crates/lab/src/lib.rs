@@ -29,7 +29,7 @@ mod run;
 mod warm;
 
 pub use adapt::{AdaptConfig, AdaptRun, AdaptStep, Adapted, adapt_on_robot, adapted_before};
-pub use at_sight::{AtSight, cannot_be_played, predicted_at_sight};
+pub use at_sight::{Arrangement, AtSight, cannot_be_played, easier, predicted_at_sight};
 pub use config::{DEFAULT_PRESET, RunConfig, presets, resolve};
 pub use correction::CorrectionFile;
 pub use doctor::{Finding, examine};
@@ -40,7 +40,9 @@ pub use folder::{CONFIG, META, SONG, make_folder, slug};
 pub use grid::{GridConfig, GridReport, Marginal, WorldScores, evaluate_grid};
 pub use identify::{IDENTIFIED, Identification, IdentifyMethod, IdentifyReport, identify_robot};
 pub use kept::{Kept, player_slug};
-pub use pianist::{Chosen, Pianist, SIGHT_READER, load_pianist, pianist_for, policies, shipped_policy};
+pub use pianist::{
+    Chosen, Pianist, SIGHT_READER, load_pianist, pianist_for, policies, policy_called, shipped_policy,
+};
 pub use planning::planning_told;
 pub use play::{Files, PAGE, PlayReport, PlayStep, RECORDING, REPORT, play, scores_in_simulation};
 pub use record::{Motion, Recorded, record_robot};

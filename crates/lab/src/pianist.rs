@@ -10,10 +10,10 @@ use etude_task::reward::OF_A_FINGERING;
 use etude_task::{ACTION_LEN, Piece, ScriptedPlayer, TaskConfig, TaskError, layout};
 use serde_json::Value;
 
-use crate::at_sight::predicted_at_sight;
 use crate::config::{DEFAULT_PRESET, RunConfig, change, resolve};
 use crate::folder::{other_notes, policy_in};
 use crate::planning::plan;
+use crate::play::scores_in_simulation;
 
 /// Folder of the runs, in the working folder.
 const RUNS: &str = "runs";
@@ -91,6 +91,32 @@ fn policy_folders() -> Vec<PathBuf> {
 pub fn shipped_policy(slug: &str) -> Option<PathBuf> {
     let name = format!("{slug}.safetensors");
     policy_folders().into_iter().map(|folder| folder.join(&name)).find(|path| path.is_file())
+}
+
+/// The policy called `name`: a policy file, the folder of a run, or the name of a policy that comes with Étude.
+///
+/// # Errors
+/// If there is none.
+pub fn policy_called(name: &Path) -> anyhow::Result<PathBuf> {
+    if name.exists() {
+        return Ok(name.to_path_buf());
+    }
+    name.to_str().and_then(shipped_policy).with_context(|| {
+        let mut shipped: Vec<String> = policy_folders()
+            .iter()
+            .filter_map(|folder| std::fs::read_dir(folder).ok())
+            .flatten()
+            .flatten()
+            .filter_map(|entry| Some(entry.file_name().to_str()?.strip_suffix(".safetensors")?.to_string()))
+            .collect();
+        shipped.sort();
+        shipped.dedup();
+        format!(
+            "there is no policy `{}`: name the folder of a run, a policy file, or one that comes with Étude ({})",
+            name.display(),
+            shipped.join(", ")
+        )
+    })
 }
 
 /// The policies for the song `slug`: those of the runs in `runs/`, then the one that comes with Étude.
@@ -175,9 +201,9 @@ pub struct Chosen {
 }
 
 /// The player of `song`, which was `asked` for and has this short form, if no policy is named: the best of its policies that have
-/// learned these notes, or else the sight-reader. A policy that has learned less than the sight-reader is predicted to play, in notes
-/// and in F1, is passed over: a training that was stopped early must not make a song worse. A policy that has
-/// learned loud and soft may have a slightly lower F1.
+/// learned these notes, or else the sight-reader. If that policy misses notes, the sight-reader plays the song in simulation, and is
+/// chosen if it plays more notes right, with a higher F1: a training that was stopped early must not make a song worse. A policy that
+/// has learned loud and soft may have a slightly lower F1.
 ///
 /// # Errors
 /// If there is none, or none can be used.
@@ -202,14 +228,13 @@ pub fn pianist_for(asked: &str, slug: &str, song: &Song) -> anyhow::Result<Chose
 /// What loud and soft, which the sight-reader does not play, are worth in F1.
 const WORTH_OF_LOUD_AND_SOFT: f64 = 0.05;
 
-/// The sight-reader, if it is predicted to play more notes of `song` right than `own` has, and with a higher F1.
+/// The sight-reader, if in simulation it plays more notes of `song` right than `own` has, and with a higher F1.
 fn better_at_sight(own: &Pianist, song: &Song) -> Option<Pianist> {
     let worth = if own.config.task.velocities { WORTH_OF_LOUD_AND_SOFT } else { 0.0 };
     let notes = own.claimed_notes.filter(|notes| *notes < song.notes().len() as f64)?;
     let reader = sight_reader().ok()??;
-    let task = &reader.config.task;
-    let predicted = predicted_at_sight(song, task, &plan(song, task).ok()?)?;
-    (notes < predicted.notes_right as f64 && own.claimed_f1? + worth < predicted.f1).then_some(reader)
+    let at_sight = scores_in_simulation(&reader, &plan(song, &reader.config.task).ok()?).ok()?;
+    (notes < at_sight.note.matched as f64 && own.claimed_f1? + worth < at_sight.frame.f1).then_some(reader)
 }
 
 /// The pianist with the policy in the file `path`.
@@ -343,5 +368,35 @@ impl Pianist {
         }
         self.config = changed;
         Ok(others)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use etude_music::repertoire;
+
+    use super::*;
+    use crate::at_sight::predicted_at_sight;
+
+    /// The prediction for chords without silence is too high. What counts is what the sight-reader plays.
+    #[test]
+    fn a_policy_is_passed_over_for_what_the_sight_reader_plays_and_not_for_what_is_predicted() {
+        let song = repertoire::get("chord-progression").unwrap();
+        let reader = sight_reader().unwrap().unwrap();
+        let piece = plan(&song, &reader.config.task).unwrap();
+        let at_sight = scores_in_simulation(&reader, &piece).unwrap();
+        let predicted = predicted_at_sight(&song, &reader.config.task, &piece).unwrap();
+        assert!(predicted.notes_right > at_sight.note.matched && predicted.f1 > at_sight.frame.f1 - 0.005);
+        let mut own = open(&shipped_policy("chord-progression").unwrap()).unwrap();
+        let is_passed_over = |own: &mut Pianist, notes: usize, f1: f64| {
+            (own.claimed_notes, own.claimed_f1) = (Some(notes as f64), Some(f1));
+            better_at_sight(own, &song).is_some()
+        };
+        let (notes, f1) = (at_sight.note.matched, at_sight.frame.f1);
+        assert!(is_passed_over(&mut own, notes - 1, f1 - 0.01));
+        assert!(!is_passed_over(&mut own, notes, f1 - 0.01), "as many notes");
+        assert!(!is_passed_over(&mut own, notes - 1, f1 + 0.001), "a higher F1");
+        own.config.task.velocities = true;
+        assert!(!is_passed_over(&mut own, notes - 1, f1 - 0.01), "loud and soft are worth more");
     }
 }

@@ -31,7 +31,6 @@ fn in_the_form_of(mut config: RunConfig, other: &RunConfig) -> RunConfig {
     task.fingering = other.fingering;
     task.change_steps = other.change_steps;
     task.finger_range = other.finger_range;
-    task.velocities = other.velocities;
     task.view = other.view;
     task.rail_set_point = other.rail_set_point;
     task.scale = other.scale;
@@ -79,6 +78,7 @@ pub(crate) fn warm_start(
             format!("with previous joints {} (`task.previous_joints`)", task.previous_joints),
             format!("with {} previous actions (`task.previous_actions`)", task.previous_actions),
             format!("with a fingering {} (`task.fingering`)", task.fingering),
+            format!("with loud and soft {} (`task.velocities`)", task.velocities),
             format!("with targets of finger joints within {} rad (`task.finger_range`)", task.finger_range),
             format!("with targets of the rail within {} m of its plan (`task.rail_range`)", task.rail_range),
             format!("with the view of the {:?} (`task.view`)", task.view),

@@ -36,14 +36,22 @@ impl CorpusConfig {
     /// A checksum of the notes: other files in the folder, or melodies drawn in another way, have another one.
     ///
     /// # Errors
-    /// If the folder or a file in it cannot be read.
+    /// If the folder cannot be read.
     pub fn checksum(&self) -> Result<u64, TaskError> {
         let songs = match &self.folder {
-            Some(folder) => songs_in(folder)?,
+            Some(folder) => Found::below(folder)?.songs,
             None => melodies(Part::Validation, 0).take(DISTINCTIVE).collect(),
         };
         let notes: Vec<_> = songs.iter().map(Song::notes).collect();
         Ok(fnv(format!("{notes:?}").as_bytes()))
+    }
+
+    /// The MIDI files of the folder that are not used, and why: damaged ones, and songs that are wider than the keyboard.
+    ///
+    /// # Errors
+    /// If the folder cannot be read.
+    pub fn left_out(&self) -> Result<Vec<String>, TaskError> {
+        self.folder.as_ref().map_or_else(|| Ok(Vec::new()), |folder| Ok(Found::below(folder)?.left_out))
     }
 }
 
@@ -63,7 +71,7 @@ impl Corpus {
     /// The corpus of a task. The files of a folder are planned at once, melodies when they are played.
     ///
     /// # Errors
-    /// If the folder or a file in it cannot be read, or there are too few pieces.
+    /// If the folder cannot be read, or there are too few pieces.
     pub fn new(config: &CorpusConfig, task: &TaskConfig) -> Result<Self, TaskError> {
         let wanted = config.validation_pieces;
         if !(1..=MOST_VALIDATION_PIECES).contains(&wanted) {
@@ -78,18 +86,22 @@ impl Corpus {
             let validation = planned(melodies(Part::Validation, 0).take(wanted).collect())?;
             return Ok(Self { task: task.clone(), files: Vec::new(), validation });
         };
-        let songs = songs_in(folder)?;
+        let Found { songs, left_out } = Found::below(folder)?;
         let of = |part| songs.iter().filter(|song| song.part() == part).cloned().collect::<Vec<_>>();
         let (training, mut validation) = (of(Part::Training), of(Part::Validation));
         validation.truncate(wanted);
         if training.is_empty() || validation.is_empty() {
             return Err(TaskError::Value(format!(
                 "corpus.folder = {}: of its {} songs that fit the keyboard {} are for training and {} for validation; each part \
-                 needs one at least, and one song in twenty is for validation",
+                 needs one at least, and one song in twenty is for validation{}",
                 folder.display(),
                 songs.len(),
                 training.len(),
-                validation.len()
+                validation.len(),
+                left_out.first().map_or_else(String::new, |first| format!(
+                    "; {} more files are not used, the first: {first}",
+                    left_out.len()
+                ))
             )));
         }
         Ok(Self { task: task.clone(), files: planned(training)?, validation: planned(validation)? })
@@ -117,32 +129,48 @@ impl Corpus {
     }
 }
 
-/// The songs of the MIDI files below `folder` in the order of their paths, each moved onto the keyboard by the smallest
-/// transposition. Those that are wider than the keyboard are left out.
-fn songs_in(folder: &Path) -> Result<Vec<Song>, TaskError> {
-    let unreadable = |source| SongError::Read { path: folder.to_path_buf(), source };
-    let mut paths = Vec::new();
-    for entry in std::fs::read_dir(folder).map_err(unreadable)? {
-        paths.push(entry.map_err(unreadable)?.path());
-    }
-    paths.sort();
-    let mut songs = Vec::new();
-    for path in paths {
-        let is_midi = path
-            .extension()
-            .is_some_and(|end| end.eq_ignore_ascii_case("mid") || end.eq_ignore_ascii_case("midi"));
-        if path.is_dir() {
-            songs.extend(songs_in(&path)?);
-        } else if is_midi {
-            songs.extend(on_the_keyboard(Song::load(&path)?)?);
-        }
-    }
-    Ok(songs)
+/// What the MIDI files below a folder hold.
+#[derive(Default)]
+struct Found {
+    /// The songs in the order of their paths, each moved onto the keyboard by the smallest transposition.
+    songs: Vec<Song>,
+    /// The files that are not used, and why.
+    left_out: Vec<String>,
 }
 
-fn on_the_keyboard(song: Song) -> Result<Option<Song>, TaskError> {
+impl Found {
+    fn below(folder: &Path) -> Result<Self, TaskError> {
+        let unreadable = |source| SongError::Read { path: folder.to_path_buf(), source };
+        let mut paths = Vec::new();
+        for entry in std::fs::read_dir(folder).map_err(unreadable)? {
+            paths.push(entry.map_err(unreadable)?.path());
+        }
+        paths.sort();
+        let mut found = Self::default();
+        for path in paths {
+            let is_midi = path
+                .extension()
+                .is_some_and(|end| end.eq_ignore_ascii_case("mid") || end.eq_ignore_ascii_case("midi"));
+            if path.is_dir() {
+                let Self { songs, left_out } = Self::below(&path)?;
+                found.songs.extend(songs);
+                found.left_out.extend(left_out);
+            } else if is_midi {
+                match Song::load(&path).and_then(on_the_keyboard) {
+                    Ok(Some(song)) => found.songs.push(song),
+                    Ok(None) => found.left_out.push(format!("{} is wider than the keyboard", path.display())),
+                    Err(error) => found.left_out.push(error.to_string()),
+                }
+            }
+        }
+        Ok(found)
+    }
+}
+
+/// The song, transposed if that brings it onto the keyboard; none if it is wider.
+fn on_the_keyboard(song: Song) -> Result<Option<Song>, SongError> {
     let Err(error) = song.check_range() else { return Ok(Some(song)) };
-    let SongError::OutOfRange(out) = &error else { return Err(error.into()) };
+    let SongError::OutOfRange(out) = &error else { return Err(error) };
     let least = out.transpositions.iter().min_by_key(|semitones| semitones.abs());
-    Ok(least.map(|semitones| song.transpose(*semitones)).transpose()?)
+    least.map(|semitones| song.transpose(*semitones)).transpose()
 }

@@ -64,7 +64,7 @@ export class SongSection {
           'figure', { class: 'sound' }, element('figcaption', { text: 'How it should sound' }),
           element('audio', { controls: true, preload: 'metadata', src: ask.address(known.reference), 'data-key': 'reference', 'aria-label': 'How it should sound' }),
         ),
-        ...this.hard(text),
+        ...this.hard(known.song, text),
         ...this.bars(text.bars),
       ];
     });
@@ -83,7 +83,7 @@ export class SongSection {
     ];
   }
 
-  hard({ warnings, fingering, notes, at_sight: atSight }) {
+  hard(song, { warnings, fingering, notes, at_sight: atSight, easier }) {
     const items = [
       ...warnings,
       ...(fingering?.limits ?? []).map((limit) => `bar ${limit.bar}, beat ${Number(limit.beat.toFixed(2))} (${limit.secs.toFixed(2)} s): ${limit.note} ${limit.what}`),
@@ -93,11 +93,21 @@ export class SongSection {
       element('h3', { text: 'What will be hard' }),
       fingering ? element('p', { text: `With three fingers: ${fingering.summary}.` }) : null,
       atSight ? element('p', { text: `Predicted at sight: ${atSight.notes_right} of ${notes} notes, ${scoreText(atSight.f1)}.` }) : null,
+      easier ? this.easier(song, easier) : null,
       items.length === 0 ? element('p', { class: 'note', text: 'Nothing: the hand reaches every note in time.' }) : list(items.slice(0, FIRST)),
       items.length > FIRST
         ? element('details', {}, element('summary', { text: `${items.length - FIRST} more` }), list(items.slice(FIRST)))
         : null,
     ];
+  }
+
+  /** An arrangement of which the hand leaves out less. */
+  easier(song, { stretch, melody, notes, left_out: leftOut }) {
+    const how = [stretch === 1 ? null : `${stretch} times as slow`, melody ? 'the upper voice alone' : null].filter(Boolean).join(', ');
+    return element(
+      'p', { class: 'row' }, element('span', { text: `Easier: ${how}, ${notes - leftOut} of ${notes} notes.` }),
+      button('Write this arrangement', 'easier', () => this.start({ verb: 'arrange', song, stretch, melody })),
+    );
   }
 
   bars(bars) {

@@ -32,7 +32,7 @@ use anyhow::Context as _;
 use clap::builder::{PossibleValue, PossibleValuesParser, StringValueParser, TypedValueParser};
 use etude_lab::{
     Chosen, Kept, Pianist, RunConfig, SIGHT_READER, cannot_be_played, load_pianist, pianist_for, player_slug,
-    policies, shipped_policy,
+    policies, policy_called,
 };
 use etude_music::Song;
 use etude_perform::shell_word;
@@ -132,7 +132,7 @@ impl PianistArgs {
             Pianist::scripted()
         } else {
             match &self.policy {
-                Some(policy) => load_pianist(&policy_called(policy))?,
+                Some(policy) => load_pianist(&policy_called(policy)?)?,
                 None => {
                     let Chosen { pianist, passed_over: over } = pianist_for(asked, &slug(asked), song)?;
                     passed_over = over;
@@ -169,7 +169,10 @@ impl PianistArgs {
                 ));
             }
             for warning in while_planning(quiet, || cannot_be_played(song, &pianist.config.task))? {
-                note(format!("warning: {warning}; `etude songs show {}` shows the plan", shell_word(asked)));
+                note(format!(
+                    "warning: {warning}; `etude songs show {}` shows the plan, and what is easier to play",
+                    shell_word(asked)
+                ));
             }
         } else if let Some(learned) = pianist.song.as_deref().filter(|learned| *learned != song.title()) {
             note(format!(
@@ -187,12 +190,6 @@ impl PianistArgs {
         }
         Ok(pianist)
     }
-}
-
-/// The run or policy that was named: a path, or the name of a policy that comes with Étude.
-fn policy_called(named: &Path) -> PathBuf {
-    let shipped = named.to_str().filter(|_| !named.exists()).and_then(shipped_policy);
-    shipped.unwrap_or_else(|| named.to_path_buf())
 }
 
 /// A length of time on the command line: a number above zero, and not so large that clocks overflow.

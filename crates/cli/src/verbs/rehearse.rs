@@ -6,7 +6,7 @@ use clap::ValueHint;
 use clap::builder::PossibleValuesParser;
 use etude_lab::{
     AdaptConfig, AdaptStep, Adapted, IdentifyMethod, RehearsalConfig, RehearsalStep, Round, SIGHT_READER,
-    adapt_on_robot, adapted_before, best_round, find_song, rehearse_on_robot, shipped_policy,
+    adapt_on_robot, adapted_before, best_round, find_song, policy_called, rehearse_on_robot, shipped_policy,
 };
 use etude_perform::stand::{RigChoice, rig_choice};
 use etude_perform::{Job, Mode, shell_word};
@@ -14,7 +14,7 @@ use etude_show::{REHEARSAL_PAGE, RehearsalPage};
 
 use super::identify::fit;
 use super::perform::lag_measured;
-use super::{json, line, policy_called, slug};
+use super::{json, line, slug};
 use crate::Ending;
 use crate::progress::stop_flag;
 use crate::status::Status;
@@ -117,7 +117,7 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
         mode: args.mode,
         preset: args.preset,
         overrides,
-        policy: args.policy.map(|policy| policy_called(&policy)).or_else(|| shipped_policy(&learned)),
+        policy: args.policy.as_deref().map(policy_called).transpose()?.or_else(|| shipped_policy(&learned)),
         simulator: args.simulator,
         method: args.method,
         evaluations: args.evaluations,

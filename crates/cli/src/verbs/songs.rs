@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::Context as _;
 use clap::ValueHint;
-use etude_lab::{AtSight, find_song, policies, predicted_at_sight};
+use etude_lab::{Arrangement, AtSight, easier, find_song, policies, predicted_at_sight};
 use etude_music::{CONTROL_HZ, Note, Part, Song, chords, melody, pitch_name, repertoire, sound};
 use etude_perform::shell_word;
 use etude_task::fingering::Limit;
@@ -49,7 +49,8 @@ enum What {
         #[command(flatten)]
         config: ConfigArgs,
         /// Print JSON: title, notes, secs, frames, lowest, highest, notes_per_sec, busiest_second, bars, warnings,
-        /// at_sight (notes_right and f1, predicted for the sight-reader that comes with Étude), fingering
+        /// at_sight (notes_right and f1, predicted for the sight-reader that comes with Étude), easier (an arrangement of which the hand
+        /// plays more: stretch, melody, notes, left_out), fingering
         #[arg(long)]
         json: bool,
     },
@@ -152,6 +153,8 @@ fn show(
     drop(planning);
     let predict = |piece| while_planning(as_json, || predicted_at_sight(&song, task, piece));
     let at_sight = piece.as_ref().and_then(predict);
+    let arrangement = |piece| while_planning(as_json, || easier(&song, task, piece));
+    let arrangement = piece.as_ref().and_then(arrangement);
     let frames = piece.as_ref().map_or(&[][..], Piece::frames);
     let limits = piece.as_ref().and_then(Piece::fingering).map(|fingering| fingering.limits());
     let place_of = |limit: &Limit| {
@@ -180,7 +183,7 @@ fn show(
                 object!({"notes": notes, "bar": place.bar, "beat": place.beat, "secs": secs})
             }), "bars": bars.iter().map(|(bar, secs, chords)| {
                 object!({"bar": bar, "secs": secs, "chords": chords})
-            }).collect::<Vec<_>>(), "warnings": warnings, "at_sight": at_sight, "fingering": limits.map(|limits| object!({
+            }).collect::<Vec<_>>(), "warnings": warnings, "at_sight": at_sight, "easier": arrangement, "fingering": limits.map(|limits| object!({
                 "summary": limits.to_string(),
                 "limits": limits.notes.iter().map(|limit| {
                     let (place, secs) = place_of(limit);
@@ -221,6 +224,20 @@ fn show(
                 let leaps = limits.leaps().count();
                 line(format!(
                     "Too far for the time, left out or cut short: {leaps} of these, the first at {place} ({secs:.2} s)"
+                ))?;
+            }
+            if let Some(Arrangement { stretch, melody, notes, left_out }) = arrangement {
+                let mut options = String::new();
+                if stretch != 1.0 {
+                    options += &format!(" --stretch {stretch}");
+                }
+                if melody {
+                    options += " --melody";
+                }
+                line(format!(
+                    "Arranged by `etude songs arrange {}{options} -o easier.mid`: {} of {notes} notes",
+                    shell_word(name),
+                    notes - left_out
                 ))?;
             }
             beginning(limits.notes.iter().map(|limit| {
@@ -288,6 +305,12 @@ fn arrange(name: &str, semitones: i32, factor: f64, melody: bool, out: &Path) ->
 
 /// Writes a song; a file with anything else in it is not replaced.
 fn save(song: &Song, out: &Path) -> anyhow::Result<()> {
+    if out
+        .extension()
+        .is_none_or(|ending| !ending.eq_ignore_ascii_case("mid") && !ending.eq_ignore_ascii_case("midi"))
+    {
+        anyhow::bail!("cannot write {}: the name must end in .mid", out.display());
+    }
     if out.is_file() && std::fs::read(out)? != song.to_midi() {
         anyhow::bail!(
             "{} exists, and holds something else: choose another name with -o, or remove the file",
@@ -299,7 +322,8 @@ fn save(song: &Song, out: &Path) -> anyhow::Result<()> {
 
 fn make(seed: u64, part: Option<Part>, out: &Path, as_json: bool) -> anyhow::Result<()> {
     let is_wanted = |seed: &u64| part.is_none_or(|part| melody(*seed).part() == part);
-    let seed = (seed..).find(is_wanted).context("there is no melody of this part from that seed on")?;
+    let seed =
+        (seed..=u64::MAX).find(is_wanted).context("there is no melody of this part from that seed on")?;
     let song = melody(seed);
     save(&song, out)?;
     let (part, notes, secs) = (song.part().to_string(), song.notes().len(), song.duration_secs());

@@ -4,13 +4,13 @@ use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use clap::ValueHint;
-use etude_lab::{Run, SIGHT_READER, beginning_with, cannot_be_played, find_song};
+use etude_lab::{Run, SIGHT_READER, beginning_with, cannot_be_played, find_song, policy_called};
 use etude_learn::{Outcome, StopReason};
 use etude_music::Song;
 use etude_perform::{NoteCounts, shell_line, shell_word};
 use serde_json::json;
 
-use super::{ConfigArgs, line, note, policy_called, slug};
+use super::{ConfigArgs, line, note, slug};
 use crate::progress::{Progress, heard, stop_flag};
 use crate::status::while_planning;
 use crate::{Ending, broken_pipe};
@@ -66,7 +66,7 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
         }
         (None, Some(name)) => {
             let song = find_song(name)?;
-            let source = args.from.as_deref().map(policy_called);
+            let source = args.from.as_deref().map(policy_called).transpose()?;
             let config = args.config.resolve()?;
             let config = match &source {
                 Some(source) => beginning_with(config, source),
@@ -81,7 +81,7 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
             (folder, run)
         }
         (None, None) => {
-            let source = args.from.as_deref().map(policy_called);
+            let source = args.from.as_deref().map(policy_called).transpose()?;
             let config = args.config.resolve()?;
             let folder = args
                 .out
@@ -116,6 +116,12 @@ fn announce(run: &Run, args: &Args, folder: &Path) -> anyhow::Result<()> {
         let hard = while_planning(args.json, || cannot_be_played(song, task))?;
         for warning in hard.into_iter().chain(quick) {
             note(format!("warning: {warning}"));
+        }
+    }
+    if let Some(corpus) = &run.config().corpus {
+        let left_out = corpus.left_out()?;
+        if let Some(first) = left_out.first() {
+            note(format!("warning: {} files of the corpus are not used; the first: {first}", left_out.len()));
         }
     }
     let what = run.song().map_or_else(

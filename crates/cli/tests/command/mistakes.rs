@@ -99,7 +99,7 @@ fn settings_that_cannot_work() {
         ("--set task.randomisation.widths.key.colour=1", &["key.colour", "etude model params"]),
         ("--set task.randomisation.widths.key.threshold=-1", &["key.threshold = -1", "at least 0"]),
         ("--set task.randomisation.widths=wide", &["task.randomisation.widths", "paper"]),
-        ("--from absent", &["absent", "No such file"]),
+        ("--from absent", &["no policy `absent`", "one that comes with Étude"]),
         ("--from .", &["holds no policy to begin with"]),
         ("--from broken.toml", &["broken.toml cannot be used"]),
         ("--minutes -1", &["--minutes", "above 0"]),
@@ -199,7 +199,7 @@ fn beginnings_that_do_not_fit() {
 #[test]
 fn policies_that_cannot_play() {
     let desk = Desk::new();
-    refused(&desk, "play short.mid --policy absent", &["absent", "No such file"]);
+    refused(&desk, "play short.mid --policy absent", &["no policy `absent`", "one that comes with Étude"]);
     refused(&desk, "play short.mid --policy .", &["holds no policy"]);
     refused(&desk, "play short.mid --policy short.mid", &["short.mid cannot be used"]);
     succeed(desk.tiny("short.mid -o run --json"));

@@ -5,6 +5,7 @@ use std::net::TcpStream;
 use std::process::{Child, ExitStatus, Stdio};
 use std::time::Duration;
 
+use etude_music::Song;
 use serde_json::{Value, json};
 
 use crate::processes::{children_of, signal, with_arguments};
@@ -331,6 +332,14 @@ fn a_song_that_the_keyboard_has_not_is_transposed() {
     let made = server.does(&json!({ "verb": "arrange", "song": "songs/low.mid", "transpose": 12 }));
     assert_eq!(made["makes"], "out/songs/low +12.mid");
     assert_eq!(server.get("song?name=out/songs/low%20%2B12.mid").json()["problem"], Value::Null);
+    // Slower, and the upper voice alone.
+    let wanted =
+        json!({ "verb": "arrange", "song": "out/songs/low +12.mid", "stretch": 1.5, "melody": true });
+    let made = server.does(&wanted);
+    assert_eq!(made["makes"], "out/songs/low +12 x1.5 melody.mid");
+    let slower = Song::load(desk.path("out/songs/low +12 x1.5 melody.mid")).unwrap();
+    let before = Song::load(desk.path("out/songs/low +12.mid")).unwrap();
+    assert!((slower.duration_secs() / before.duration_secs() - 1.5).abs() < 0.02);
 }
 
 #[test]

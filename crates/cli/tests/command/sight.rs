@@ -153,5 +153,15 @@ fn without_a_song_and_a_corpus_there_is_nothing_to_learn() {
     assert!(errors(&output).contains("--preset sight-reader"), "{}", errors(&output));
     let output = desk.command("train --preset sight-reader --set corpus.folder=none").output().unwrap();
     assert!(errors(&output).contains("none"), "{}", errors(&output));
+    // A name that is misspelt, and a preset that asks for what it has not learned.
+    for args in ["play twinkle --policy sight-readr", "train twinkle --from sight-readr"] {
+        let said = errors(&desk.command(args).output().unwrap());
+        assert!(
+            said.contains("no policy `sight-readr`") && said.contains("sight-reader, surprise"),
+            "{said}"
+        );
+    }
+    let output = desk.command("train twinkle --preset expressive --from sight-reader").output().unwrap();
+    assert!(errors(&output).contains("`task.velocities`"), "{}", errors(&output));
     assert_eq!(desk.left_behind(), Vec::<String>::new());
 }

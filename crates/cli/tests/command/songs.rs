@@ -204,6 +204,25 @@ fn a_song_that_does_not_fit_is_arranged() {
     desk.ok("songs arrange two-hands.mid --melody -o melody.mid");
     let melody = desk.json("songs show melody.mid --json");
     assert_eq!((&melody["notes"], &melody["lowest"]), (&2.into(), &72.into()));
+    // Two octaves up and down are too far for the time, and more than an octave together too wide. Of what would fit it shows how to write
+    // it, and that holds.
+    write(&desk, "leaps.mid", (0..6).map(|index: u8| (0.4 * f64::from(index), 0.35, 48 + index % 2 * 24)));
+    write(&desk, "wide.mid", (0..8).map(|index: u8| (f64::from(index / 2), 0.9, 52 + index % 2 * 20)));
+    for (song, option) in [("leaps.mid", "--stretch"), ("wide.mid", "--melody")] {
+        let shown = desk.json(&format!("songs show {song} --json"));
+        let easier = &shown["easier"];
+        assert_eq!(easier["left_out"], 0, "{song}: {easier}");
+        let said = desk.ok(&format!("songs show {song}"));
+        let command = said.split("Arranged by `etude ").nth(1).and_then(|rest| rest.split('`').next());
+        let command = command.unwrap_or_else(|| panic!("{said}"));
+        assert!(command.contains(option), "{command}");
+        desk.ok(command);
+        let arranged = desk.json("songs show easier.mid --json");
+        assert_eq!(arranged["notes"], easier["notes"]);
+        assert_eq!(arranged["at_sight"]["notes_right"], arranged["notes"], "{arranged}");
+        assert!(arranged["easier"].is_null(), "there is nothing to gain");
+        std::fs::remove_file(desk.path("easier.mid")).unwrap();
+    }
     let said = desk.ok("songs arrange high.mid --transpose -12 --stretch 2 -o low.mid");
     assert!(said.contains("etude train low.mid"), "{said}");
     let (high, low) = (desk.json("songs show short.mid --json"), desk.json("songs show low.mid --json"));
@@ -217,6 +236,8 @@ fn a_song_that_does_not_fit_is_arranged() {
         ("songs arrange low.mid --stretch 0 -o new.mid", "stretch"),
         ("songs arrange low.mid --transpose 1 -o ./low.mid", "another name with -o"),
         ("songs arrange low.mid --transpose 1 -o nowhere/new.mid", "nowhere"),
+        ("songs arrange low.mid --transpose 1 -o new.wav", "must end in .mid"),
+        ("songs make --part test --seed 18446744073709551615 -o new.mid", "no melody of this part"),
     ] {
         let error = refused(arguments);
         assert!(error.contains(said), "{arguments}: {error}");

@@ -83,6 +83,12 @@ fn a_folder_is_split_by_its_notes_and_what_does_not_fit_is_moved_or_left_out() {
     let wide = etude_music::Song::new("", vec![note(30, 0.0), note(90, 1.0)], 0.0).unwrap();
     wide.save(folder.path().join("wide.mid")).unwrap();
     std::fs::write(folder.path().join("readme.txt"), "no song").unwrap();
+    // One damaged file does not keep the others from being learned.
+    std::fs::write(folder.path().join("more/damaged.mid"), "no MIDI").unwrap();
+    let config = CorpusConfig { folder: Some(folder.path().to_path_buf()), validation_pieces: 3 };
+    let left_out = config.left_out().unwrap();
+    assert_eq!(left_out.len(), 2, "{left_out:?}");
+    assert!(left_out[0].contains("damaged.mid") && left_out[1].contains("wide.mid is wider"), "{left_out:?}");
 
     let corpus = of_folder(&folder);
     assert_eq!(corpus.validation().len(), 2, "the transposed song is in the part of the original");
@@ -108,6 +114,9 @@ fn a_folder_is_split_by_its_notes_and_what_does_not_fit_is_moved_or_left_out() {
     let empty = tempfile::tempdir().unwrap();
     let said = refused(CorpusConfig { folder: Some(empty.path().to_path_buf()), ..CorpusConfig::default() });
     assert!(said.contains("corpus.folder") && said.contains("0 are for training"), "{said}");
+    std::fs::write(empty.path().join("damaged.mid"), "no MIDI").unwrap();
+    let said = refused(CorpusConfig { folder: Some(empty.path().to_path_buf()), ..CorpusConfig::default() });
+    assert!(said.contains("1 more files are not used") && said.contains("damaged.mid"), "{said}");
     let said = refused(CorpusConfig { folder: Some(empty.path().join("none")), ..CorpusConfig::default() });
     assert!(said.contains("none"), "{said}");
     let said = refused(CorpusConfig { validation_pieces: 0, ..CorpusConfig::default() });

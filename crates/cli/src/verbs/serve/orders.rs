@@ -18,13 +18,30 @@ use super::jobs::{Order, Step};
 #[serde(tag = "verb", rename_all = "snake_case", deny_unknown_fields)]
 pub enum Wanted {
     Show { song: String },
-    Arrange { song: String, transpose: i32 },
+    Arrange(Arrangement),
     Play { song: String, player: Who },
     Perform { song: String, player: Who, mode: String },
     Train { song: String, minutes: Option<f64>, set: Vec<String> },
     Resume { run: PathBuf, minutes: Option<f64> },
     Replay { recording: PathBuf },
     Compare { one: PathBuf, other: PathBuf },
+}
+
+/// What `etude songs arrange` changes.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Arrangement {
+    song: String,
+    #[serde(default)]
+    transpose: i32,
+    #[serde(default = "same_tempo")]
+    stretch: f64,
+    #[serde(default)]
+    melody: bool,
+}
+
+fn same_tempo() -> f64 {
+    1.0
 }
 
 /// The player.
@@ -50,16 +67,28 @@ impl Wanted {
                 step.keep = Some(PathBuf::from(&text));
                 Ok(order(format!("Read {}", listed.title), song, text, vec![step]))
             }
-            Self::Arrange { song, transpose } => {
+            Self::Arrange(Arrangement { song, transpose, stretch, melody }) => {
                 let (listed, _) = desk.song(&song)?;
                 make_folder(SONGS)?;
-                let stem = format!("{} {transpose:+}", listed.title);
-                // The same transposition once more replaces its file.
+                let mut stem = listed.title;
+                let by = [format!("--transpose={transpose}"), format!("--stretch={stretch}")];
+                let mut arguments = vec!["songs", "arrange", &song, &by[0], &by[1]];
+                if transpose != 0 {
+                    stem += &format!(" {transpose:+}");
+                }
+                if stretch != 1.0 {
+                    stem += &format!(" x{stretch}");
+                }
+                if melody {
+                    stem += " melody";
+                    arguments.push("--melody");
+                }
+                // The same arrangement once more replaces its file.
                 let is_same = |known: &Listed| known.song == format!("{SONGS}/{stem}.mid");
                 let made = desk.free_name(&stem, is_same).unwrap_or_else(|same| same);
-                let by = format!("--transpose={transpose}");
-                let step = quick(&["songs", "arrange", &song, &by, "-o", &made]);
-                Ok(order(format!("Transpose {} by {transpose:+}", listed.title), song, made, vec![step]))
+                arguments.extend(["-o", &made]);
+                let step = quick(&arguments);
+                Ok(order(format!("Write {stem}"), song.clone(), made.clone(), vec![step]))
             }
             Self::Play { song, player } => {
                 let (title, pianist) = pianist(desk, &song, player)?;
