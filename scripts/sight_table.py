@@ -1,7 +1,7 @@
-"""Who plays what at sight, as two Markdown tables: make build && python3 scripts/sight_table.py [POLICY] [MELODIES]
+"""Who plays what at sight, as two Markdown tables: make build && python3 scripts/sight_table.py [POLICY] [MELODIES] [FOLDER]
 
 The first has the built-in songs, those in songs/ and the first test melodies (20), played by POLICY (policies/sight-reader.safetensors), by the scripted
-player and, where there is one, by the shipped policy of the song. Of the melodies it has the sums of the notes, the means of the scores and the lowest F1. The second
+player and, where there is one, by the shipped policy of the song, and those of FOLDER, if it is given. Of the melodies and of the folder it has the sums of the notes, the means of the scores and the lowest F1. The second
 has the share of the melodies' notes that begin in time (in their control step or one beside it), by kind of note.
 """
 
@@ -14,6 +14,7 @@ from robot_table import ROOT, etude, melodies
 
 POLICY = sys.argv[1] if len(sys.argv) > 1 else "policies/sight-reader.safetensors"
 MELODIES = int(sys.argv[2]) if len(sys.argv) > 2 else 20
+FOLDER = Path(sys.argv[3]) if len(sys.argv) > 3 else None
 OUT = ROOT / "out" / "sight-table"
 BLACK = (1, 3, 6, 8, 10)
 
@@ -83,6 +84,9 @@ for who in (READER, SCRIPT):
     cells.append(cell(reports))
     shares.append(counts)
 line(f"{MELODIES} test melodies", cells)
+if FOLDER:
+    files = sorted(FOLDER.glob("*.mid"))
+    line(f"{len(files)} files of {FOLDER.name}", [cell([play(song, *who) for song in files]) for who in (READER, SCRIPT)])
 print("\n| notes of the test melodies | number | sight-reader | scripted player |\n|---|---|---|---|")
 for kind, found in sorted(shares[0].items()):
     print(f"| {kind} | {len(found)} | " + " | ".join(f"{sum(counts[kind]) / len(counts[kind]):.2f}" for counts in shares) + " |")
