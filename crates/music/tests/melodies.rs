@@ -104,7 +104,25 @@ fn a_thousand_melodies_are_as_varied_as_they_are_said_to_be() {
     assert!((0.05..0.3).contains(&of_steps(&|(_, semitones)| *semitones > 4)), "leaps");
     assert!((0.1..0.5).contains(&of_steps(&|(secs, _)| *secs < 0.35)), "quick notes");
     assert!((0.05..0.5).contains(&of_steps(&|(secs, _)| *secs > 0.8)), "slow notes");
-    let first_beats: BTreeSet<String> =
-        songs.iter().map(|song| format!("{:?}", song.position(7.0))).collect();
-    assert!(first_beats.len() > 500, "metres and tempi");
+    // Beats of a bar: the last beat of any bar. Tempi: the time of a beat.
+    let last_beat = |song: &Song| {
+        let times = (0..800).map(|hundredth| f64::from(hundredth) / 100.0);
+        times.map(|secs| song.position(secs).beat as u32).max().unwrap()
+    };
+    let metres: Vec<u32> = songs.iter().map(last_beat).collect();
+    for beats in [2, 3, 4, 6] {
+        let found = share(metres.iter().filter(|metre| **metre == beats).count(), metres.len());
+        assert!((0.05..0.6).contains(&found), "bars of {beats} beats: {found}");
+    }
+    let tempi: BTreeSet<u32> = songs.iter().map(|song| (60.0 / song.beats().beat_secs(0.0)) as u32).collect();
+    assert!(tempi.len() > 80, "{tempi:?}");
+    // A held note sounds while others begin.
+    let holds = |song: &&Song| {
+        song.notes().iter().any(|held| {
+            let during = held.start_secs + 0.01..held.end_secs - 0.01;
+            song.notes().iter().filter(|note| during.contains(&note.start_secs)).count() > 1
+        })
+    };
+    let held = share(songs.iter().filter(holds).count(), songs.len());
+    assert!((0.05..0.3).contains(&held), "{held} have held notes");
 }
