@@ -20,7 +20,7 @@ pub(super) const SMALL: u32 = 13;
 /// Widths of their letters; plotters does not know the reader's font.
 pub(super) const WIDE: f64 = 7.4;
 pub(super) const NARROW: f64 = 6.5;
-/// Letters of a group's name that are written upwards.
+/// The most letters of a group's name that are written upwards.
 pub(super) const LONGEST_NAME: usize = 26;
 
 /// Where the parts of a drawing are.
@@ -57,7 +57,10 @@ impl Layout {
         let is_narrow = names.iter().flatten().all(|line| line.chars().count() <= slot);
         let below = match names.iter().map(Vec::len).max() {
             Some(most) if is_narrow => 28 + LINE * most as i32,
-            Some(_) => 34 + (LONGEST_NAME as f64 * NARROW) as i32,
+            Some(_) => {
+                let longest = drawing.groups.iter().map(|name| name.chars().count()).max().unwrap_or(0);
+                34 + (longest.min(LONGEST_NAME) as f64 * NARROW) as i32
+            }
             None => 42,
         };
         let top = if legend.is_empty() { begin - 10 } else { y + 10 };
