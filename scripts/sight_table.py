@@ -14,7 +14,7 @@ from robot_table import ROOT, etude, melodies
 
 POLICY = sys.argv[1] if len(sys.argv) > 1 else "policies/sight-reader.safetensors"
 MELODIES = int(sys.argv[2]) if len(sys.argv) > 2 else 20
-FOLDER = Path(sys.argv[3]) if len(sys.argv) > 3 else None
+FOLDER = Path(sys.argv[3]).resolve() if len(sys.argv) > 3 else None
 OUT = ROOT / "out" / "sight-table"
 BLACK = (1, 3, 6, 8, 10)
 

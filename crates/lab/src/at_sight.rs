@@ -68,18 +68,19 @@ pub fn easier(song: &Song, task: &TaskConfig, piece: &Piece) -> Option<Arrangeme
         Arrangement { stretch: 1.0, melody: false, notes: song.notes().len(), left_out: skipped(piece)? };
     let share = |it: &Arrangement| it.left_out as f64 / it.notes.max(1) as f64;
     let mut best = now;
-    for melody in [false, true] {
-        for stretch in SLOWER {
-            let arranged = song.stretch(stretch).ok()?;
-            let arranged = if melody { arranged.upper_voice() } else { arranged };
-            if best.left_out == 0 {
-                break;
-            }
-            let left_out = skipped(&plan(&arranged, task).ok()?)?;
-            let this = Arrangement { stretch, melody, notes: arranged.notes().len(), left_out };
-            if share(&this) < share(&best) {
-                best = this;
-            }
+    for (melody, stretch) in
+        [false, true].into_iter().flat_map(|melody| SLOWER.map(|stretch| (melody, stretch)))
+    {
+        let is_same = !melody && stretch == 1.0;
+        if best.left_out == 0 || is_same {
+            continue;
+        }
+        let Ok(arranged) = song.stretch(stretch) else { continue };
+        let arranged = if melody { arranged.upper_voice() } else { arranged };
+        let Some(left_out) = plan(&arranged, task).ok().and_then(|piece| skipped(&piece)) else { continue };
+        let this = Arrangement { stretch, melody, notes: arranged.notes().len(), left_out };
+        if share(&this) < share(&best) {
+            best = this;
         }
     }
     (best != now).then_some(best)

@@ -10,6 +10,7 @@ use etude_task::reward::OF_A_FINGERING;
 use etude_task::{ACTION_LEN, Piece, ScriptedPlayer, TaskConfig, TaskError, layout};
 use serde_json::Value;
 
+use crate::at_sight::predicted_at_sight;
 use crate::config::{DEFAULT_PRESET, RunConfig, change, resolve};
 use crate::folder::{other_notes, policy_in};
 use crate::planning::plan;
@@ -201,8 +202,8 @@ pub struct Chosen {
 }
 
 /// The player of `song`, which was `asked` for and has this short form, if no policy is named: the best of its policies that have
-/// learned these notes, or else the sight-reader. If that policy misses notes, the sight-reader plays the song in simulation, and is
-/// chosen if it plays more notes right, with a higher F1: a training that was stopped early must not make a song worse. A policy that
+/// learned these notes, or else the sight-reader. If that policy misses notes and the sight-reader is predicted to play more, the
+/// sight-reader plays the song in simulation, and is chosen if it plays more notes right, with a higher F1: a training that was stopped early must not make a song worse. A policy that
 /// has learned loud and soft may have a slightly lower F1.
 ///
 /// # Errors
@@ -232,9 +233,17 @@ const WORTH_OF_LOUD_AND_SOFT: f64 = 0.05;
 fn better_at_sight(own: &Pianist, song: &Song) -> Option<Pianist> {
     let worth = if own.config.task.velocities { WORTH_OF_LOUD_AND_SOFT } else { 0.0 };
     let notes = own.claimed_notes.filter(|notes| *notes < song.notes().len() as f64)?;
+    let f1 = own.claimed_f1? + worth;
     let reader = sight_reader().ok()??;
-    let at_sight = scores_in_simulation(&reader, &plan(song, &reader.config.task).ok()?).ok()?;
-    (notes < at_sight.note.matched as f64 && own.claimed_f1? + worth < at_sight.frame.f1).then_some(reader)
+    let task = &reader.config.task;
+    let piece = plan(song, task).ok()?;
+    // The prediction is often too high, seldom too low, and needs no simulation.
+    let predicted = predicted_at_sight(song, task, &piece)?;
+    if notes >= predicted.notes_right as f64 || f1 >= predicted.f1 {
+        return None;
+    }
+    let at_sight = scores_in_simulation(&reader, &piece).ok()?;
+    (notes < at_sight.note.matched as f64 && f1 < at_sight.frame.f1).then_some(reader)
 }
 
 /// The pianist with the policy in the file `path`.
@@ -376,7 +385,6 @@ mod tests {
     use etude_music::repertoire;
 
     use super::*;
-    use crate::at_sight::predicted_at_sight;
 
     /// The prediction for chords without silence is too high. What counts is what the sight-reader plays.
     #[test]

@@ -36,7 +36,7 @@ impl CorpusConfig {
     /// A checksum of the notes: other files in the folder, or melodies drawn in another way, have another one.
     ///
     /// # Errors
-    /// If the folder cannot be read.
+    /// If the folder or a file in it cannot be read.
     pub fn checksum(&self) -> Result<u64, TaskError> {
         let songs = match &self.folder {
             Some(folder) => Found::below(folder)?.songs,
@@ -49,7 +49,7 @@ impl CorpusConfig {
     /// The MIDI files of the folder that are not used, and why: damaged ones, and songs that are wider than the keyboard.
     ///
     /// # Errors
-    /// If the folder cannot be read.
+    /// If the folder or a file in it cannot be read.
     pub fn left_out(&self) -> Result<Vec<String>, TaskError> {
         self.folder.as_ref().map_or_else(|| Ok(Vec::new()), |folder| Ok(Found::below(folder)?.left_out))
     }
@@ -71,7 +71,7 @@ impl Corpus {
     /// The corpus of a task. The files of a folder are planned at once, melodies when they are played.
     ///
     /// # Errors
-    /// If the folder cannot be read, or there are too few pieces.
+    /// If the folder or a file in it cannot be read, or there are too few pieces.
     pub fn new(config: &CorpusConfig, task: &TaskConfig) -> Result<Self, TaskError> {
         let wanted = config.validation_pieces;
         if !(1..=MOST_VALIDATION_PIECES).contains(&wanted) {
@@ -99,7 +99,7 @@ impl Corpus {
                 training.len(),
                 validation.len(),
                 left_out.first().map_or_else(String::new, |first| format!(
-                    "; {} more files are not used, the first: {first}",
+                    "; files that are not used: {}, the first: {first}",
                     left_out.len()
                 ))
             )));
@@ -159,6 +159,7 @@ impl Found {
                 match Song::load(&path).and_then(on_the_keyboard) {
                     Ok(Some(song)) => found.songs.push(song),
                     Ok(None) => found.left_out.push(format!("{} is wider than the keyboard", path.display())),
+                    Err(error @ SongError::Read { .. }) => return Err(error.into()),
                     Err(error) => found.left_out.push(error.to_string()),
                 }
             }

@@ -103,7 +103,7 @@ export class SongSection {
 
   /** An arrangement of which the hand leaves out less. */
   easier(song, { stretch, melody, notes, left_out: leftOut }) {
-    const how = [stretch === 1 ? null : `${stretch} times as slow`, melody ? 'the upper voice alone' : null].filter(Boolean).join(', ');
+    const how = [stretch === 1 ? null : `${stretch} times as long`, melody ? 'the upper voice alone' : null].filter(Boolean).join(', ');
     return element(
       'p', { class: 'row' }, element('span', { text: `Easier: ${how}, ${notes - leftOut} of ${notes} notes.` }),
       button('Write this arrangement', 'easier', () => this.start({ verb: 'arrange', song, stretch, melody })),

@@ -50,7 +50,7 @@ enum What {
         config: ConfigArgs,
         /// Print JSON: title, notes, secs, frames, lowest, highest, notes_per_sec, busiest_second, bars, warnings,
         /// at_sight (notes_right and f1, predicted for the sight-reader that comes with Étude), easier (an arrangement of which the hand
-        /// plays more: stretch, melody, notes, left_out), fingering
+        /// leaves out less: stretch, melody, notes, left_out), fingering
         #[arg(long)]
         json: bool,
     },
@@ -235,9 +235,10 @@ fn show(
                     options += " --melody";
                 }
                 line(format!(
-                    "Arranged by `etude songs arrange {}{options} -o easier.mid`: {} of {notes} notes",
+                    "Arranged by `etude songs arrange {}{options} -o easier.mid`: {} of {notes} notes{}",
                     shell_word(name),
-                    notes - left_out
+                    notes - left_out,
+                    if melody { " of the upper voice" } else { "" }
                 ))?;
             }
             beginning(limits.notes.iter().map(|limit| {

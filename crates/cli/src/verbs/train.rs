@@ -121,7 +121,10 @@ fn announce(run: &Run, args: &Args, folder: &Path) -> anyhow::Result<()> {
     if let Some(corpus) = &run.config().corpus {
         let left_out = corpus.left_out()?;
         if let Some(first) = left_out.first() {
-            note(format!("warning: {} files of the corpus are not used; the first: {first}", left_out.len()));
+            note(format!(
+                "warning: files of the corpus that are not used: {}; the first: {first}",
+                left_out.len()
+            ));
         }
     }
     let what = run.song().map_or_else(
