@@ -56,8 +56,8 @@ pub struct Arrangement {
     pub left_out: usize,
 }
 
-/// Factors for the duration of an easier arrangement.
-const SLOWER: [f64; 3] = [1.0, 1.5, 2.0];
+/// Whether the upper voice alone, and the factor for the duration, of each arrangement that is tried, the nearest to the song first.
+const ARRANGEMENTS: [(bool, f64); 5] = [(false, 1.5), (false, 2.0), (true, 1.0), (true, 1.5), (true, 2.0)];
 
 /// An arrangement of `song` that the hand can play, if it leaves out notes of the song as `task` plans it, `piece`: slower, or the upper
 /// voice alone. The first of which it plays all notes; or else that of which it leaves out the smallest share, if that is less than of
@@ -68,12 +68,9 @@ pub fn easier(song: &Song, task: &TaskConfig, piece: &Piece) -> Option<Arrangeme
         Arrangement { stretch: 1.0, melody: false, notes: song.notes().len(), left_out: skipped(piece)? };
     let share = |it: &Arrangement| it.left_out as f64 / it.notes.max(1) as f64;
     let mut best = now;
-    for (melody, stretch) in
-        [false, true].into_iter().flat_map(|melody| SLOWER.map(|stretch| (melody, stretch)))
-    {
-        let is_same = !melody && stretch == 1.0;
-        if best.left_out == 0 || is_same {
-            continue;
+    for (melody, stretch) in ARRANGEMENTS {
+        if best.left_out == 0 {
+            break;
         }
         let Ok(arranged) = song.stretch(stretch) else { continue };
         let arranged = if melody { arranged.upper_voice() } else { arranged };
