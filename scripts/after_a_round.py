@@ -54,15 +54,16 @@ def slug(text):
 class Trial:
     """A song, a variant and a seed in their folder."""
 
-    def __init__(self, out, experiment, settings, song, seed):
+    def __init__(self, out, experiment, settings, song, seed, steps):
         self.preset, self.song, self.seed = experiment.get("preset", "fast"), song, seed
         self.settings = experiment.get("set", []) + settings
         self.folder = out / slug("-".join([self.preset, *self.settings])) / str(seed) / song
         self.drives = out / slug(self.preset) / "drives" / str(seed)
         self.runs = experiment["perform"]["runs"]
+        self.round = [f"trainer.total_steps={steps}"] if steps else []
 
-    def configured(self):
-        settings = [*self.settings, "trainer.threads=1", f"trainer.seed={self.seed}"]
+    def configured(self, more=()):
+        settings = [*self.settings, "trainer.threads=1", f"trainer.seed={self.seed}", *more]
         return ["--preset", self.preset, *(word for setting in settings for word in ("--set", setting))]
 
     def report(self, truth, mode, rehearsed, number):
@@ -85,7 +86,7 @@ class Trial:
         folder, drives = self.folder / f"{truth}-{mode}", self.drives / f"{truth}.toml"
         fitted = ["--simulator", drives] if drives.is_file() else []
         etude(
-            "rehearse", self.song, *self.configured(), "--robot", "twin", "--truth", truth, "--mode", mode, "--rounds", 1, "--runs", self.runs,
+            "rehearse", self.song, *self.configured(self.round), "--robot", "twin", "--truth", truth, "--mode", mode, "--rounds", 1, "--runs", self.runs,
             "--policy", self.folder / "training", *fitted, "-o", folder,
         )
         if not fitted and (folder / "round-1/identified/identified.toml").is_file():
@@ -168,6 +169,7 @@ def main():
     parser.add_argument("--seeds", nargs="*", type=int, default=[0, 1, 2], help="none: only tables of the file of rows")
     parser.add_argument("--truths", nargs="*", help="instead of those of the experiment")
     parser.add_argument("--intensities", nargs="*", type=float, help="of a grid, only these values")
+    parser.add_argument("--steps", type=int, help="of the training of the round, instead of those of the experiment")
     parser.add_argument("-o", "--out", type=pathlib.Path, default=pathlib.Path("runs/after"))
     parser.add_argument("--rows", type=pathlib.Path, required=True, help="the file of rows, which is extended")
     options = parser.parse_args()
@@ -178,7 +180,7 @@ def main():
         for truth in truths:
             for song in experiment["songs"]:
                 for name, settings, modes in variants(experiment, options.intensities):
-                    trial, rehearsed = Trial(options.out, experiment, settings, song, seed), modes[-1]
+                    trial, rehearsed = Trial(options.out, experiment, settings, song, seed, options.steps), modes[-1]
                     trial.train()
                     trial.rehearse(truth, rehearsed)
                     for mode in modes:

@@ -7,7 +7,7 @@ use anyhow::{anyhow, bail};
 use etude_perform::Mode;
 use serde::{Deserialize, Serialize};
 
-use etude_lab::IdentifyMethod;
+use etude_lab::{IdentifyMethod, toml_error};
 
 // `build.rs` lists the files of `configs/experiments`: name and text of each.
 include!(concat!(env!("OUT_DIR"), "/experiments.rs"));
@@ -253,7 +253,7 @@ impl Experiment {
         let value: toml::Value = text
             .parse::<toml::Table>()
             .map(toml::Value::Table)
-            .map_err(|error| wrong(error.message().to_string()))?;
+            .map_err(|error| wrong(toml_error(text, &error)))?;
         let mut experiment: Self = serde_path_to_error::deserialize(value)
             .map_err(|error| wrong(format!("key `{}`: {}", error.path(), error.inner().message())))?;
         experiment.name = name.to_string();

@@ -95,14 +95,18 @@ pub fn write_report(
 /// What is done of a plan, in its order; and what an earlier report has kept of other plans.
 fn gather(trials: &[Trial], runs: &Path, kept: &Path) -> anyhow::Result<(Vec<Entry>, Vec<Entry>)> {
     let mut before: BTreeMap<String, Entry> = BTreeMap::new();
-    if let Ok(text) = std::fs::read_to_string(kept) {
-        for (index, line) in text.lines().enumerate() {
-            let entry: Entry = serde_json::from_str(line).with_context(|| {
-                let line = index + 1;
-                format!("line {line} of {} is damaged; choose another folder with -o", kept.display())
-            })?;
-            before.insert(entry.trial.id.clone(), entry);
+    let text = match std::fs::read_to_string(kept) {
+        Err(error) if error.kind() == std::io::ErrorKind::NotFound => String::new(),
+        text => {
+            text.with_context(|| format!("cannot read {}; choose another folder with -o", kept.display()))?
         }
+    };
+    for (index, line) in text.lines().enumerate() {
+        let entry: Entry = serde_json::from_str(line).with_context(|| {
+            let line = index + 1;
+            format!("line {line} of {} is damaged; choose another folder with -o", kept.display())
+        })?;
+        before.insert(entry.trial.id.clone(), entry);
     }
     let of_trial = |trial: &Trial| {
         let kept = || before.get(&trial.id).map(|entry| Entry { trial: trial.clone(), ..entry.clone() });

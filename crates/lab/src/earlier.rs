@@ -17,7 +17,7 @@ use crate::errors::{Interrupted, unusable};
 use crate::folder::{lock, make_folder};
 use crate::kept::Kept;
 use crate::play::{Files, PAGE, RECORDING, REFERENCE, REPORT, write_report};
-use crate::robot::run_file;
+use crate::robot::{RUN_FILES, run_file};
 
 /// Name of the folder in which the earlier performance is while a new one is played.
 const EARLIER: &str = "earlier";
@@ -182,9 +182,13 @@ fn remove_performance(folder: &Path) -> anyhow::Result<()> {
 
 /// Whether a file has the name of one that a performance, in simulation or on a robot, or the page made of it, is written to.
 fn is_of_a_performance(name: &str, of_play: bool) -> bool {
+    // The page is of these runs; a video that `etude render` has made of one stays.
     let is_of_a_run = |rest: &str| {
-        let number = rest.split('.').next().unwrap_or_default();
-        !number.is_empty() && number.bytes().all(|digit| digit.is_ascii_digit())
+        rest.split_once('.').is_some_and(|(number, kind)| {
+            !number.is_empty()
+                && number.bytes().all(|digit| digit.is_ascii_digit())
+                && (RUN_FILES.contains(&kind) || kind == "html")
+        })
     };
     let is_of_all = [REPORT, REFERENCE, PAGE].contains(&name);
     if of_play {
@@ -222,8 +226,8 @@ mod tests {
         std::fs::read_to_string(file).unwrap()
     }
 
-    const OLD: [&str; 6] =
-        ["mine.txt", "replay.html", "report.json", "run-1.mcap", "run-2.mcap", "run-2.wav"];
+    const OLD: [&str; 7] =
+        ["mine.txt", "replay.html", "report.json", "run-1.mcap", "run-1.mp4", "run-2.mcap", "run-2.wav"];
 
     fn folder_with_a_performance() -> (tempfile::TempDir, PathBuf) {
         let there = tempfile::tempdir().unwrap();
@@ -245,7 +249,7 @@ mod tests {
             Ok(())
         })
         .unwrap();
-        assert_eq!(names(&folder), ["mine.txt", "report.json", "run-1.mcap"]);
+        assert_eq!(names(&folder), ["mine.txt", "report.json", "run-1.mcap", "run-1.mp4"]);
         assert_eq!(text(folder.join("run-1.mcap")), "new");
     }
 

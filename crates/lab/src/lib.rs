@@ -30,7 +30,7 @@ mod warm;
 
 pub use adapt::{AdaptConfig, AdaptRun, AdaptStep, Adapted, adapt_on_robot, adapted_before};
 pub use at_sight::{Arrangement, AtSight, cannot_be_played, easier, predicted_at_sight};
-pub use config::{DEFAULT_PRESET, RunConfig, presets, resolve};
+pub use config::{DEFAULT_PRESET, RunConfig, presets, resolve, toml_error};
 pub use correction::CorrectionFile;
 pub use doctor::{Finding, examine};
 pub use earlier::{earlier_of, is_of_another_performance};

@@ -107,14 +107,16 @@ impl Run {
         let warm = source.map(|source| warm_start(source, title, &config, &parts)).transpose()?;
         make_folder(folder)?;
         let lock = lock_run(folder)?;
-        write_config(folder, &config)?;
-        let checksum = match &song {
-            None => None,
-            Some(song) => {
-                song.save(folder.join(SONG))?;
-                Some(song_checksum(folder)?)
-            }
-        };
+        let settings = toml::to_string(&config)?;
+        let notes = song.as_ref().map(Song::to_midi);
+        let files = [(CONFIG, Some(settings.as_bytes())), (SONG, notes.as_deref())];
+        for (name, content) in files {
+            content.map_or(Ok(()), |content| replaces_the_same(&folder.join(name), content))?;
+        }
+        for (name, content) in files {
+            content.map_or(Ok(()), |content| write_file(&folder.join(name), content))?;
+        }
+        let checksum = song.as_ref().map(|_| song_checksum(folder)).transpose()?;
         let meta = json!({
             "command": command,
             "from": source,
@@ -137,15 +139,19 @@ impl Run {
     /// # Errors
     /// If the folder holds no run or a damaged one, or an override would make another training of it.
     pub fn resume(folder: &Path, overrides: &[String]) -> anyhow::Result<Self> {
-        if !is_run(folder) {
-            bail!(
+        let no_run = || {
+            anyhow!(
                 "{} holds no run to continue; `etude train SONG -o {}` starts one",
                 folder.display(),
                 shell_word(folder.display())
-            );
-        }
-        let config = resolve_config("paper", Some(&folder.join(CONFIG)), &[])
+            )
+        };
+        let settings = Some(folder.join(CONFIG)).filter(|config| config.is_file()).ok_or_else(no_run)?;
+        let config = resolve_config("paper", Some(&settings), &[])
             .with_context(|| format!("the training in {} cannot be continued", folder.display()))?;
+        if config.corpus.is_none() && !folder.join(SONG).is_file() {
+            return Err(no_run());
+        }
         let mut config = change_free(&config, overrides)?;
         config.check()?;
         let learned = learned_reward(folder);
@@ -202,12 +208,8 @@ impl Run {
         source: Option<&Path>,
     ) -> anyhow::Result<Self> {
         let threads = format!("trainer.threads={}", config.trainer.threads);
-        if is_run(folder) {
-            match Self::resume(folder, &[threads]) {
-                // Killed before its first checkpoint.
-                Err(error) if matches!(error.downcast_ref(), Some(TrainError::NothingToResume { .. })) => {}
-                resumed => return resumed,
-            }
+        if Trainer::exists(folder) {
+            return Self::resume(folder, &[threads]);
         }
         match song {
             Some(song) => Self::start(song, config, folder, command, source),
@@ -332,14 +334,6 @@ fn usable_still(error: TrainError, folder: &Path) -> anyhow::Error {
     anyhow!("{error}; its policy is not damaged: {begin} starts a new training from it")
 }
 
-/// Whether `folder` has the configuration of a run, and its song or a corpus instead.
-fn is_run(folder: &Path) -> bool {
-    let config = folder.join(CONFIG);
-    let has_corpus =
-        || resolve_config("paper", Some(&config), &[]).is_ok_and(|config| config.corpus.is_some());
-    config.is_file() && (folder.join(SONG).is_file() || has_corpus())
-}
-
 /// The task that the run in `folder` has learned so far, if its last policy holds it.
 fn learned_task(folder: &Path) -> Option<TaskConfig> {
     open(&folder.join("policy-last.safetensors")).ok().map(|pianist| pianist.config.task)
@@ -378,6 +372,21 @@ fn titled(song: Song, folder: &Path) -> Result<Song, SongError> {
     let Some(title) = title else { return Ok(song) };
     let beats = song.beats().clone();
     Ok(Song::new(title, song.notes().to_vec(), song.duration_secs())?.with_beats(beats))
+}
+
+/// Refuses to replace a file of another content: one that no training has written. The files of a training that was killed before its
+/// first checkpoint are the same when it is started again.
+fn replaces_the_same(path: &Path, content: &[u8]) -> anyhow::Result<()> {
+    match std::fs::read(path) {
+        Ok(theirs) if theirs != content => {
+            bail!(
+                "{} exists already, and is not of this training: choose another folder with -o",
+                path.display()
+            )
+        }
+        Err(error) if error.kind() != std::io::ErrorKind::NotFound => Err(unusable(path, error)),
+        _ => Ok(()),
+    }
 }
 
 fn write_config(folder: &Path, config: &RunConfig) -> anyhow::Result<()> {

@@ -274,6 +274,9 @@ fn slurm(
     plan: &Path,
     program: PathBuf,
 ) -> anyhow::Result<Ending> {
+    if args.workers.is_some() {
+        anyhow::bail!("--workers is for this machine; on the cluster --throttle bounds the trials at a time");
+    }
     let indices = open_trials(trials, &args.runs);
     if indices.is_empty() {
         line("all trials are done, or under way")?;

@@ -9,7 +9,7 @@ use etude_lab::{Motion, record_robot};
 use etude_perform::Excitation;
 use etude_perform::stand::rig_choice;
 
-use super::{line, note};
+use super::{line, note, replaces_its_own};
 use crate::Ending;
 use crate::progress::stop_flag;
 
@@ -61,6 +61,7 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
         (None, secs) => Motion::Rest(secs.map(Duration::from_secs_f64)),
     };
     let home = args.home || rig.is_twin();
+    replaces_its_own(&args.out, "MCAP0")?;
     // An earlier recording of this name is only replaced by a complete one.
     let is_there = args.out.exists();
     let new = if is_there { args.out.with_extension("new.mcap") } else { args.out.clone() };

@@ -145,6 +145,7 @@ fn show(
 ) -> anyhow::Result<()> {
     let song = find_song(name)?;
     frames_csv.iter().try_for_each(|path| replaces_its_own(path, "step,due\n"))?;
+    reference.iter().try_for_each(|path| replaces_its_own(path, "WAVE"))?;
     let fits = song.check_range();
     let silence = task.initial_silence_secs;
     let mut planning = LongWork::new(as_json);
@@ -227,16 +228,10 @@ fn show(
                 ))?;
             }
             if let Some(Arrangement { stretch, melody, notes, left_out }) = arrangement {
-                let mut options = String::new();
-                if stretch != 1.0 {
-                    options += &format!(" --stretch {stretch}");
-                }
-                if melody {
-                    options += " --melody";
-                }
                 line(format!(
-                    "Arranged by `etude songs arrange {}{options} -o easier.mid`: {} of {notes} notes{}",
+                    "Arranged by `etude songs arrange {} {} -o easier.mid`: {} of {notes} notes{}",
                     shell_word(name),
+                    arrange_options(0, stretch, melody).join(" "),
                     notes - left_out,
                     if melody { " of the upper voice" } else { "" }
                 ))?;
@@ -291,9 +286,29 @@ fn chord_name(song: &Song, chord: &[Note]) -> String {
     format!("{} {}", names.join("+"), (beats * 100.0).round() / 100.0)
 }
 
-fn arrange(name: &str, semitones: i32, factor: f64, melody: bool, out: &Path) -> anyhow::Result<()> {
+/// The song in another key or tempo, or its upper voice.
+pub(super) fn arranged(name: &str, semitones: i32, factor: f64, melody: bool) -> anyhow::Result<Song> {
     let song = find_song(name)?.transpose(semitones)?.stretch(factor)?;
-    let song = if melody { song.upper_voice() } else { song };
+    Ok(if melody { song.upper_voice() } else { song })
+}
+
+/// The options of `etude songs arrange` for this.
+pub(super) fn arrange_options(semitones: i32, factor: f64, melody: bool) -> Vec<String> {
+    let mut options = Vec::new();
+    if semitones != 0 {
+        options.extend(["--transpose".to_string(), semitones.to_string()]);
+    }
+    if factor != 1.0 {
+        options.extend(["--stretch".to_string(), factor.to_string()]);
+    }
+    if melody {
+        options.push("--melody".to_string());
+    }
+    options
+}
+
+fn arrange(name: &str, semitones: i32, factor: f64, melody: bool, out: &Path) -> anyhow::Result<()> {
+    let song = arranged(name, semitones, factor, melody)?;
     song.check_range()?;
     let same = |path: &Path| std::fs::canonicalize(path).ok();
     if same(out).is_some_and(|out| same(Path::new(name)) == Some(out)) {

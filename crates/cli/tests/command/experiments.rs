@@ -263,6 +263,9 @@ fn mistakes_are_told_before_anything_is_done() {
     std::fs::write(desk.path("four.toml"), FOUR).unwrap();
     std::fs::write(desk.path("bad.toml"), FOUR.replace("kind = \"bars\"", "kind = \"pie\"")).unwrap();
     std::fs::write(desk.path("other.toml"), FOUR.replace("short.mid", "long.mid")).unwrap();
+    std::fs::write(desk.path("torn.toml"), "title = \"Torn\"\nsongs = [\n").unwrap();
+    // The results of earlier reports cannot be read.
+    std::fs::create_dir_all(desk.path("report/four/results.jsonl")).unwrap();
     for (args, said) in [
         ("experiment run sings", "songs"),
         ("experiment run bad.toml", "figures[0].kind"),
@@ -271,8 +274,11 @@ fn mistakes_are_told_before_anything_is_done() {
         ("experiment run four.toml --set trainer.seed=3", "--seeds"),
         ("experiment run four.toml --set task.reward.colision=0", "colision"),
         ("experiment run four.toml --dry-run", "--launcher slurm"),
+        ("experiment run torn.toml", "experiment torn: line 2: "),
+        ("experiment run four.toml --launcher slurm --workers 2", "--throttle"),
         ("experiment run four.toml --budget huge", "full, smoke"),
         ("experiment report four.toml", "etude experiment run four"),
+        ("experiment report four.toml -o report", "cannot read report/four/results.jsonl"),
         ("experiment trial nowhere.jsonl 0", "nowhere.jsonl"),
     ] {
         let output = desk.command(args).output().unwrap();

@@ -51,6 +51,7 @@ fn files_that_a_command_has_not_written_are_not_replaced() {
         ("export onnx twinkle -o hand.onnx", "hand.onnx"),
         ("evaluate short.mid --scripted --worlds 1 -o table.csv", "table.csv"),
         ("songs show twinkle --frames due.csv", "due.csv"),
+        ("songs show twinkle --reference due.wav", "due.wav"),
         ("songs make --seed 7 -o melody.mid", "melody.mid"),
         ("songs arrange twinkle --transpose 2 -o higher.mid", "higher.mid"),
     ] {
@@ -65,7 +66,27 @@ fn files_that_a_command_has_not_written_are_not_replaced() {
     }
     // Another piece of music.
     refused(&desk, "songs arrange twinkle --transpose 3 -o higher.mid", &["higher.mid", "exists"]);
+    // A training that would write into a folder of the user's, here that of the song.
+    std::fs::create_dir(desk.path("mine")).unwrap();
+    for file in ["mine/song.mid", "mine/config.toml"] {
+        mine(file);
+        refused(
+            &desk,
+            "train short.mid -o mine",
+            &[file, "is not of this training", "choose another folder"],
+        );
+        assert_eq!(desk.bytes(file), b"mine");
+        std::fs::remove_file(desk.path(file)).unwrap();
+    }
     // The fit of another rig.
+    mine("rail.mcap");
+    refused(
+        &desk,
+        "record --robot twin --excitation rail -o rail.mcap",
+        &["rail.mcap", "exists", "choose another name"],
+    );
+    assert_eq!(desk.bytes("rail.mcap"), b"mine");
+    std::fs::remove_file(desk.path("rail.mcap")).unwrap();
     desk.ok("record --robot twin --excitation rail -o rail.mcap");
     std::fs::create_dir(desk.path("fit")).unwrap();
     std::fs::write(desk.path("fit/identification.json"), r#"{"rig": "kitchen"}"#).unwrap();

@@ -367,6 +367,13 @@ fn a_video_has_picture_and_sound() {
         desk.path("without.frames/000000.png").is_file() && desk.path("without.frames/sound.wav").is_file()
     );
 
+    // Beside files of another kind no pictures are written.
+    std::fs::write(desk.path("without.frames/notes.txt"), "mine").unwrap();
+    let mut again = desk.command("render out --size 64x48 -o without.mp4");
+    let output = again.env("PATH", desk.path("nowhere")).output().unwrap();
+    assert!(output.status.code() == Some(1) && errors(&output).contains("notes.txt is not of a video"));
+    assert_eq!(desk.bytes("without.frames/notes.txt"), b"mine");
+
     if Command::new("ffprobe").arg("-version").output().is_err() {
         return skip("there is no ffmpeg here");
     }

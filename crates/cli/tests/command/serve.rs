@@ -359,6 +359,9 @@ fn songs_whose_names_have_the_same_short_form_are_told_apart() {
     desk.write_song("songs/Bach 1 2.mid", [60, 62, 64]);
     let made = server.does(&json!({ "verb": "arrange", "song": "songs/Bach 1.mid", "transpose": 2 }));
     assert_eq!(made["makes"], "out/songs/Bach 1 +2 2.mid");
+    // The same arrangement once more is the same file.
+    let again = server.does(&json!({ "verb": "arrange", "song": "songs/Bach 1.mid", "transpose": 2 }));
+    assert_eq!(again["makes"], made["makes"]);
     // The folder of a training is named after its seed.
     let set: Vec<&str> = TINY.iter().copied().chain(["trainer.seed=3"]).collect();
     let wanted = json!({ "verb": "train", "song": "songs/short.mid", "minutes": null, "set": set });

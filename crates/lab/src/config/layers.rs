@@ -39,7 +39,15 @@ fn paths(table: &toml::Table, above: &str) -> Vec<String> {
 }
 
 pub(super) fn parse(text: &str, origin: &str) -> anyhow::Result<toml::Table> {
-    text.parse().map_err(|error: toml::de::Error| anyhow!("{origin} is not valid TOML: {}", error.message()))
+    text.parse().map_err(|error| anyhow!("{origin} is not valid TOML: {}", toml_error(text, &error)))
+}
+
+/// What is wrong with a TOML `text`, and in which line.
+pub fn toml_error(text: &str, error: &toml::de::Error) -> String {
+    let before = error.span().and_then(|span| text.get(..span.start));
+    let line =
+        before.map_or_else(String::new, |before| format!("line {}: ", before.matches('\n').count() + 1));
+    line + error.message()
 }
 
 /// Tables whose keys are paths of physical parameters.

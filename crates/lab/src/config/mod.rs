@@ -10,6 +10,7 @@ use etude_perform::SCORES;
 use etude_task::{CorpusConfig, TaskConfig};
 use serde::{Deserialize, Serialize};
 
+pub use self::layers::toml_error;
 use self::layers::{meant, merge, override_table, parse};
 
 /// Everything that decides a training, apart from the song; with a corpus, everything.

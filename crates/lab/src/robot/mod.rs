@@ -71,6 +71,9 @@ pub enum RobotStep {
     },
 }
 
+/// Kinds of the files of a run.
+pub(crate) const RUN_FILES: [&str; 4] = ["mcap", "mid", "wav", "csv"];
+
 /// Name of a file of run `index` of a performance.
 pub fn run_file(index: usize, kind: &str) -> String {
     format!("run-{}.{kind}", index + 1)
@@ -182,7 +185,7 @@ fn play_runs(
     for index in 0..play.runs {
         let files = folder.map(|folder| {
             let file = |kind: &str| folder.join(run_file(index, kind));
-            let (midi, wav, frames, recording) = (file("mid"), file("wav"), file("csv"), file("mcap"));
+            let [recording, midi, wav, frames] = RUN_FILES.map(file);
             let reference = folder.join(REFERENCE);
             Files { midi, wav, reference, frames, recording, report: None }
         });

@@ -3,7 +3,7 @@
 use std::{fmt::Display, path::Path, time::Instant};
 
 use super::{
-    Buffers, Clock, LAST_POLICY, Parts, TrainError, Trainer, WarmStart,
+    BEST_POLICY, Buffers, Clock, LAST_POLICY, Parts, TrainError, Trainer, WarmStart,
     checkpoint::{Beginning, Store},
     metrics::{self, Metrics},
     sums::Sums,
@@ -71,8 +71,8 @@ impl Trainer {
         if Self::exists(folder) {
             return refuse("already: resume it, or choose another folder");
         }
-        // This file is written after the first checkpoint: a training killed before that may start again.
-        if folder.join(LAST_POLICY).exists() {
+        // These files are written after the first checkpoint: a training killed before that may start again.
+        if [LAST_POLICY, BEST_POLICY].iter().any(|policy| folder.join(policy).exists()) {
             return refuse(
                 "without its checkpoint, which can be played but not continued: choose another folder, or delete it",
             );

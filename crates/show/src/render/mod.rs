@@ -39,6 +39,20 @@ pub enum Video {
     },
 }
 
+/// A file in `folder` that is not of a video in pictures.
+fn other_file(folder: &Path) -> Option<PathBuf> {
+    let is_picture = |name: &str| {
+        name.strip_suffix(".png")
+            .is_some_and(|number| number.len() >= 6 && number.bytes().all(|digit| digit.is_ascii_digit()))
+    };
+    let entries = std::fs::read_dir(folder).into_iter().flatten().flatten();
+    let mut files = entries.map(|entry| entry.path());
+    files.find(|file| {
+        let name = file.file_name().unwrap_or_default().to_string_lossy();
+        name != "sound.wav" && !is_picture(&name)
+    })
+}
+
 /// Draws pictures of a recording.
 pub struct Studio<'a> {
     take: &'a Take,
@@ -126,6 +140,10 @@ impl<'a> Studio<'a> {
     /// # Errors
     /// If drawing, encoding or writing fails; [`Interrupted`] if the job is interrupted. Then nothing is kept.
     pub fn video(&mut self, path: &Path, job: &mut Job<'_, f64>) -> anyhow::Result<Video> {
+        let without_ffmpeg = path.with_extension("frames");
+        if let Some(other) = other_file(&without_ffmpeg) {
+            bail!("{} is not of a video: choose another name with -o, or move it away", other.display());
+        }
         let mut samples = self.take.sound()?;
         // Silence to the end of the picture, or ffmpeg ends with the last note.
         let whole = (self.take.secs() * f64::from(sound::SAMPLE_RATE_HZ)).ceil() as usize;
@@ -148,7 +166,7 @@ impl<'a> Studio<'a> {
         self.pictures(frames, job, |frame, pixels| {
             write_png(&pictures.join(format!("{frame:06}.png")), size, pixels)
         })?;
-        let folder = path.with_extension("frames");
+        let folder = without_ffmpeg;
         // Pictures of an earlier, longer video would be taken for the end of this one.
         let _ = std::fs::remove_dir_all(&folder);
         std::fs::rename(&pictures, &folder).map_err(|error| cannot_write(&folder, &error))?;

@@ -8,6 +8,7 @@ use etude_show::watch::RunState;
 use serde::Deserialize;
 
 use super::super::perform::performance_name;
+use super::super::songs::{arrange_options, arranged};
 use super::super::{PianistArgs, slug};
 use super::desk::{COMPARED, Desk, Listed, SONGS, about, make_folder, replay_page};
 use super::http::Refusal;
@@ -71,8 +72,6 @@ impl Wanted {
                 let (listed, _) = desk.song(&song)?;
                 make_folder(SONGS)?;
                 let mut stem = listed.title;
-                let by = [format!("--transpose={transpose}"), format!("--stretch={stretch}")];
-                let mut arguments = vec!["songs", "arrange", &song, &by[0], &by[1]];
                 if transpose != 0 {
                     stem += &format!(" {transpose:+}");
                 }
@@ -81,11 +80,18 @@ impl Wanted {
                 }
                 if melody {
                     stem += " melody";
-                    arguments.push("--melody");
                 }
-                // The same arrangement once more replaces its file.
-                let is_same = |known: &Listed| known.song == format!("{SONGS}/{stem}.mid");
+                // The same arrangement once more replaces its file. What cannot be arranged is refused by the verb.
+                let notes = arranged(&song, transpose, stretch, melody).map(|song| song.to_midi());
+                let is_same = |known: &Listed| {
+                    notes
+                        .as_ref()
+                        .is_ok_and(|notes| std::fs::read(&known.song).is_ok_and(|theirs| theirs == *notes))
+                };
                 let made = desk.free_name(&stem, is_same).unwrap_or_else(|same| same);
+                let options = arrange_options(transpose, stretch, melody);
+                let mut arguments = vec!["songs", "arrange", &song];
+                arguments.extend(options.iter().map(String::as_str));
                 arguments.extend(["-o", &made]);
                 let step = quick(&arguments);
                 Ok(order(format!("Write {stem}"), song.clone(), made.clone(), vec![step]))
@@ -114,8 +120,9 @@ impl Wanted {
                 let name = |seed: u32| format!("runs/{}__{}__{seed}", slug(&song), etude_lab::DEFAULT_PRESET);
                 let free = || (0..).find(|seed| !Path::new(&name(*seed)).exists()).unwrap_or_default();
                 // As for `etude train`, the last one counts.
-                let asked = set.iter().rev().find_map(|change| change.strip_prefix("trainer.seed="));
-                let seed = asked.and_then(|seed| seed.parse().ok()).unwrap_or_else(free);
+                let mut changes = set.iter().rev().filter_map(|change| change.split_once('='));
+                let asked = changes.find(|(path, _)| path.trim() == "trainer.seed");
+                let seed = asked.and_then(|(_, seed)| seed.trim().parse().ok()).unwrap_or_else(free);
                 let run = name(seed);
                 let mut train: Vec<String> = ["train", &song, "-o", &run].map(str::to_string).into();
                 train.push(format!("--set=trainer.seed={seed}"));
