@@ -38,7 +38,7 @@ wheel: setup
 
 # A second `make demo` resumes the first one.
 demo: build
-	@if [ -f runs/demo-$(SONG)/config.toml ]; then \
+	@if [ -f runs/demo-$(SONG)/checkpoints/last.safetensors ]; then \
 		$(ETUDE) train --resume runs/demo-$(SONG) --minutes $(MINUTES); \
 	else \
 		$(ETUDE) train $(SONG) --minutes $(MINUTES) --out runs/demo-$(SONG); \

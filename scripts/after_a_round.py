@@ -60,7 +60,7 @@ class Trial:
         self.folder = out / slug("-".join([self.preset, *self.settings])) / str(seed) / song
         self.drives = out / slug(self.preset) / "drives" / str(seed)
         self.runs = experiment["perform"]["runs"]
-        self.round = [f"trainer.total_steps={steps}"] if steps else []
+        self.steps = steps
 
     def configured(self, more=()):
         settings = [*self.settings, "trainer.threads=1", f"trainer.seed={self.seed}", *more]
@@ -74,19 +74,24 @@ class Trial:
 
     def train(self):
         folder = self.folder / "training"
-        if (folder / "config.toml").is_file():
+        if (folder / "checkpoints/last.safetensors").is_file():
             # A training that is complete ends at once.
             etude("train", "--resume", folder)
         else:
             etude("train", self.song, *self.configured(), "-o", folder)
 
     def rehearse(self, truth, mode):
-        if self.report(truth, mode, mode, 1).is_file():
+        report = self.report(truth, mode, mode, 1)
+        if report.is_file():
+            done = tomllib.loads((report.parents[1] / "training/config.toml").read_text())["trainer"]["total_steps"]
+            if self.steps and done != self.steps:
+                raise SystemExit(f"{report.parents[2]} has a round of {done} steps: name another folder with -o")
             return
         folder, drives = self.folder / f"{truth}-{mode}", self.drives / f"{truth}.toml"
+        configured = self.configured([f"trainer.total_steps={self.steps}"] if self.steps else [])
         fitted = ["--simulator", drives] if drives.is_file() else []
         etude(
-            "rehearse", self.song, *self.configured(self.round), "--robot", "twin", "--truth", truth, "--mode", mode, "--rounds", 1, "--runs", self.runs,
+            "rehearse", self.song, *configured, "--robot", "twin", "--truth", truth, "--mode", mode, "--rounds", 1, "--runs", self.runs,
             "--policy", self.folder / "training", *fitted, "-o", folder,
         )
         if not fitted and (folder / "round-1/identified/identified.toml").is_file():
@@ -169,7 +174,8 @@ def main():
     parser.add_argument("--seeds", nargs="*", type=int, default=[0, 1, 2], help="none: only tables of the file of rows")
     parser.add_argument("--truths", nargs="*", help="instead of those of the experiment")
     parser.add_argument("--intensities", nargs="*", type=float, help="of a grid, only these values")
-    parser.add_argument("--steps", type=int, help="of the training of the round, instead of those of the experiment")
+    of_steps = "of the training of the round, instead of those of the experiment; the file of rows should have no others"
+    parser.add_argument("--steps", type=int, help=of_steps)
     parser.add_argument("-o", "--out", type=pathlib.Path, default=pathlib.Path("runs/after"))
     parser.add_argument("--rows", type=pathlib.Path, required=True, help="the file of rows, which is extended")
     options = parser.parse_args()

@@ -60,8 +60,8 @@ pub(crate) fn replacing<T>(
     match play() {
         Ok(played) => {
             if kept.is_none() && counts(&played) {
-                // If they cannot be removed, they only take up space.
-                let _ = remove_performance(&aside);
+                // If they cannot be removed, they only take up space. Videos of the earlier runs are not ours to remove.
+                let _ = remove_files(&aside).and_then(|()| move_back(&aside, folder));
             }
             Ok((played, kept))
         }
@@ -93,7 +93,7 @@ fn restore(folder: &Path, aside: &Path) -> anyhow::Result<()> {
     move_back(aside, folder)
 }
 
-/// Moves a performance from `aside` back to `folder`, over what is there.
+/// Moves what is left of a performance from `aside` back to `folder`, over what is there.
 pub(crate) fn move_back(aside: &Path, folder: &Path) -> anyhow::Result<()> {
     move_performance(aside, folder)?;
     // What else is in it stays.
@@ -113,7 +113,7 @@ fn with_recording(error: anyhow::Error, folder: &Path) -> anyhow::Error {
     }
 }
 
-/// Names of the files of a performance in a folder; none if there is no folder.
+/// Names of the files of a performance in a folder, those included that `etude render` has made of its runs; none if there is no folder.
 fn files(folder: &Path) -> anyhow::Result<Vec<OsString>> {
     if !folder.is_dir() {
         return Ok(Vec::new());
@@ -165,9 +165,15 @@ fn rename_in_report(from: &Path, to: &Path, names: &[OsString]) -> anyhow::Resul
     write_report(to, &report)
 }
 
-/// Removes the files of a performance.
+/// Removes the files that a performance has written, and the pages made of them.
 pub(crate) fn remove_files(folder: &Path) -> anyhow::Result<()> {
-    for name in files(folder)? {
+    let is_ours = |name: &OsString| {
+        let kind = Path::new(name).extension().unwrap_or_default();
+        !name.to_string_lossy().starts_with("run-")
+            || kind == "html"
+            || RUN_FILES.iter().any(|ours| kind == *ours)
+    };
+    for name in files(folder)?.into_iter().filter(is_ours) {
         std::fs::remove_file(folder.join(name)).map_err(|error| unusable(folder, error))?;
     }
     Ok(())
@@ -182,13 +188,9 @@ fn remove_performance(folder: &Path) -> anyhow::Result<()> {
 
 /// Whether a file has the name of one that a performance, in simulation or on a robot, or the page made of it, is written to.
 fn is_of_a_performance(name: &str, of_play: bool) -> bool {
-    // The page is of these runs; a video that `etude render` has made of one stays.
     let is_of_a_run = |rest: &str| {
-        rest.split_once('.').is_some_and(|(number, kind)| {
-            !number.is_empty()
-                && number.bytes().all(|digit| digit.is_ascii_digit())
-                && (RUN_FILES.contains(&kind) || kind == "html")
-        })
+        let number = rest.split('.').next().unwrap_or_default();
+        !number.is_empty() && number.bytes().all(|digit| digit.is_ascii_digit())
     };
     let is_of_all = [REPORT, REFERENCE, PAGE].contains(&name);
     if of_play {

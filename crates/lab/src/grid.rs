@@ -264,7 +264,9 @@ impl GridReport {
 
     /// Whether `csv` is the table of another player.
     pub fn is_of_another(csv: &Path, player: &str) -> bool {
-        let text = std::fs::read_to_string(csv).unwrap_or_default();
+        // A pipe has nothing to read.
+        let text =
+            csv.is_file().then(|| std::fs::read_to_string(csv).unwrap_or_default()).unwrap_or_default();
         text.lines().nth(1).is_some_and(|row| !row.starts_with(&format!("0,{},", quoted(player))))
     }
 }

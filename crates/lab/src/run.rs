@@ -105,29 +105,26 @@ impl Run {
         let title = song.as_ref().map(Song::title);
         let parts = parts(song.as_ref(), &config)?;
         let warm = source.map(|source| warm_start(source, title, &config, &parts)).transpose()?;
+        check_foreign(folder)?;
         make_folder(folder)?;
         let lock = lock_run(folder)?;
-        let settings = toml::to_string(&config)?;
         let notes = song.as_ref().map(Song::to_midi);
-        let files = [(CONFIG, Some(settings.as_bytes())), (SONG, notes.as_deref())];
-        for (name, content) in files {
-            content.map_or(Ok(()), |content| replaces_the_same(&folder.join(name), content))?;
-        }
-        for (name, content) in files {
-            content.map_or(Ok(()), |content| write_file(&folder.join(name), content))?;
-        }
-        let checksum = song.as_ref().map(|_| song_checksum(folder)).transpose()?;
         let meta = json!({
             "command": command,
             "from": source,
             "song": title.unwrap_or(SIGHT_READING),
-            "song_crc32c": checksum,
+            "song_crc32c": notes.as_deref().map(checksum),
             "etude": env!("CARGO_PKG_VERSION"),
             "mujoco": etude_stage::mujoco_version(),
             "cores": std::thread::available_parallelism().map_or(0, usize::from),
             "machine": std::env::consts::ARCH,
         });
+        // The first file: it says that the others are a training's.
         write_file(&folder.join(META), &format!("{meta:#}\n"))?;
+        write_config(folder, &config)?;
+        if let Some(notes) = notes {
+            write_file(&folder.join(SONG), &notes)?;
+        }
         let (droq, trainer) = (&config.droq, &config.trainer);
         let trainer = Trainer::start(folder, droq, trainer, parts, warm.as_ref())?;
         Ok(Self { song, config, trainer, _lock: lock })
@@ -139,18 +136,23 @@ impl Run {
     /// # Errors
     /// If the folder holds no run or a damaged one, or an override would make another training of it.
     pub fn resume(folder: &Path, overrides: &[String]) -> anyhow::Result<Self> {
-        let no_run = || {
-            anyhow!(
+        let without = |name: &str| match Trainer::exists(folder) {
+            true => anyhow!(
+                "the training in {} cannot be continued without its {name}: put it back, or choose another folder",
+                folder.display()
+            ),
+            false => anyhow!(
                 "{} holds no run to continue; `etude train SONG -o {}` starts one",
                 folder.display(),
                 shell_word(folder.display())
-            )
+            ),
         };
-        let settings = Some(folder.join(CONFIG)).filter(|config| config.is_file()).ok_or_else(no_run)?;
+        let settings =
+            Some(folder.join(CONFIG)).filter(|config| config.is_file()).ok_or_else(|| without(CONFIG))?;
         let config = resolve_config("paper", Some(&settings), &[])
             .with_context(|| format!("the training in {} cannot be continued", folder.display()))?;
         if config.corpus.is_none() && !folder.join(SONG).is_file() {
-            return Err(no_run());
+            return Err(without(SONG));
         }
         let mut config = change_free(&config, overrides)?;
         config.check()?;
@@ -313,13 +315,21 @@ impl TrainingObserver for Watch<'_, '_> {
 fn song_checksum(folder: &Path) -> anyhow::Result<String> {
     let path = folder.join(SONG);
     let bytes = std::fs::read(&path).with_context(|| format!("cannot read {}", path.display()))?;
-    Ok(format!("{:08x}", crc32c::crc32c(&bytes)))
+    Ok(checksum(&bytes))
+}
+
+fn checksum(bytes: &[u8]) -> String {
+    format!("{:08x}", crc32c::crc32c(bytes))
+}
+
+/// What is recorded of the run in `folder`, if anything.
+fn read_meta(folder: &Path) -> Option<Value> {
+    serde_json::from_slice(&std::fs::read(folder.join(META)).ok()?).ok()
 }
 
 /// The checksum of the song when the run was started; runs of earlier builds have none.
 fn recorded_checksum(folder: &Path) -> Option<String> {
-    let meta: Value = serde_json::from_slice(&std::fs::read(folder.join(META)).ok()?).ok()?;
-    Some(meta["song_crc32c"].as_str()?.to_string())
+    Some(read_meta(folder)?["song_crc32c"].as_str()?.to_string())
 }
 
 /// The error of a training that cannot be resumed, with what of it can still be used.
@@ -374,18 +384,17 @@ fn titled(song: Song, folder: &Path) -> Result<Song, SongError> {
     Ok(Song::new(title, song.notes().to_vec(), song.duration_secs())?.with_beats(beats))
 }
 
-/// Refuses to replace a file of another content: one that no training has written. The files of a training that was killed before its
-/// first checkpoint are the same when it is started again.
-fn replaces_the_same(path: &Path, content: &[u8]) -> anyhow::Result<()> {
-    match std::fs::read(path) {
-        Ok(theirs) if theirs != content => {
-            bail!(
-                "{} exists already, and is not of this training: choose another folder with -o",
-                path.display()
-            )
-        }
-        Err(error) if error.kind() != std::io::ErrorKind::NotFound => Err(unusable(path, error)),
-        _ => Ok(()),
+/// Refuses a folder with files that a training would replace, unless a training without a checkpoint, which has failed or was killed, has
+/// written them.
+fn check_foreign(folder: &Path) -> anyhow::Result<()> {
+    let is_of_a_training = read_meta(folder).is_some_and(|meta| meta["etude"].is_string());
+    let mut names = [META, CONFIG, SONG, "metrics.jsonl"].iter();
+    match names.find(|name| folder.join(name).exists()).filter(|_| !is_of_a_training) {
+        Some(name) => bail!(
+            "{} is not of a training, and would be replaced: choose another folder with -o, or move the file away",
+            folder.join(name).display()
+        ),
+        None => Ok(()),
     }
 }
 
@@ -396,7 +405,8 @@ fn write_config(folder: &Path, config: &RunConfig) -> anyhow::Result<()> {
 /// Takes the lock of a run's `folder`.
 fn lock_run(folder: &Path) -> anyhow::Result<File> {
     let path = folder.join(LOCK);
-    let file = File::create(&path).map_err(|error| unusable(&path, error))?;
+    let file =
+        File::options().create(true).append(true).open(&path).map_err(|error| unusable(&path, error))?;
     lock(file, "train", folder)
 }
 

@@ -17,12 +17,15 @@ pub struct FileError {
     source: std::io::Error,
 }
 
-/// Writes `content` to `path`.
+/// Writes `content` to `path`. A device or a pipe is written to, and any other file is replaced by a complete one.
 ///
 /// # Errors
 /// If the folder is missing or not writable, or the disk is full.
 pub fn write_file(path: &Path, content: &(impl AsRef<[u8]> + ?Sized)) -> Result<(), FileError> {
     let write = || {
+        if path.metadata().is_ok_and(|there| !there.is_file()) {
+            return std::fs::write(path, content);
+        }
         let mut file = AtomicWriteFile::open(path)?;
         file.write_all(content.as_ref())?;
         file.commit()
@@ -45,4 +48,23 @@ pub fn write_frames_csv(path: &Path, due: &[KeySet], pressed: Option<&[KeySet]>)
         };
     }
     write_file(path, &text)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_pipe_is_written_to_and_stays_a_pipe() {
+        let folder = tempfile::tempdir().unwrap();
+        let pipe = folder.path().join("pipe");
+        assert!(std::process::Command::new("mkfifo").arg(&pipe).status().unwrap().success());
+        let reader = std::thread::spawn({
+            let pipe = pipe.clone();
+            move || std::fs::read_to_string(pipe).unwrap()
+        });
+        write_file(&pipe, "due").unwrap();
+        assert_eq!(reader.join().unwrap(), "due");
+        assert!(!pipe.metadata().unwrap().is_file());
+    }
 }

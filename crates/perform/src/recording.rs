@@ -128,7 +128,9 @@ impl Recording {
     /// Adds the messages up to the end or to the first damaged record.
     fn take(&mut self, bytes: &[u8]) -> Result<(), String> {
         let options = mcap::read::Options::IgnoreEndMagic.into();
-        let stream = mcap::MessageStream::new_with_options(bytes, options).map_err(|e| e.to_string())?;
+        let stream = mcap::MessageStream::new_with_options(bytes, options).map_err(|error| {
+            format!("{error}; name an .mcap file that `etude play` or `perform` has written")
+        })?;
         for message in stream {
             let Ok(message) = message else {
                 self.complete = false;

@@ -142,7 +142,9 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
             let earlier = earlier_of(&folder).map_or_else(String::new, |path| {
                 format!("; the earlier performance is in {}", path.display())
             });
-            anyhow::bail!("the performance ended with a fault: {fault}{earlier}")
+            anyhow::bail!(
+                "the performance ended with a fault: {fault}; remove the cause, then give the same command again{earlier}"
+            )
         }
         Some(Played::Complete) if report.runs.len() == play.runs => Ok(Ending::Done),
         _ => {

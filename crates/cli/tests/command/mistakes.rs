@@ -68,13 +68,10 @@ fn files_that_a_command_has_not_written_are_not_replaced() {
     refused(&desk, "songs arrange twinkle --transpose 3 -o higher.mid", &["higher.mid", "exists"]);
     // A training that would write into a folder of the user's, here that of the song.
     std::fs::create_dir(desk.path("mine")).unwrap();
-    for file in ["mine/song.mid", "mine/config.toml"] {
+    for file in ["mine/song.mid", "mine/config.toml", "mine/meta.json", "mine/metrics.jsonl"] {
         mine(file);
-        refused(
-            &desk,
-            "train short.mid -o mine",
-            &[file, "is not of this training", "choose another folder"],
-        );
+        refused(&desk, "train short.mid -o mine", &[file, "is not of a training", "choose another folder"]);
+        assert!(!desk.path("mine/run.lock").exists());
         assert_eq!(desk.bytes(file), b"mine");
         std::fs::remove_file(desk.path(file)).unwrap();
     }
@@ -150,6 +147,10 @@ fn runs_that_are_none_or_are_one_already() {
     std::fs::write(desk.path("foreign/config.toml"), "steps = 1\n").unwrap();
     refused(&desk, "train --resume foreign", &["the training in foreign cannot be continued", "`steps`"]);
 
+    // A training that has failed before its first checkpoint is started again, with other settings too.
+    refused(&desk, "train short.mid -o run --set droq.replay_capacity=2147483648", &["droq.replay_capacity"]);
+    assert!(desk.path("run/meta.json").is_file() && !desk.path("run/checkpoints/last.safetensors").exists());
+    std::fs::remove_file(desk.path("run/song.mid")).unwrap();
     succeed(desk.tiny("short.mid -o run --json"));
     let before = desk.bytes("run/checkpoints/last.safetensors");
     refused(&desk, "train short.mid -o run", &["`etude train --resume run` continues it", "-o"]);
@@ -180,12 +181,16 @@ fn runs_that_are_none_or_are_one_already() {
     );
     std::fs::write(desk.path("run/config.toml"), foreign(0.0)).unwrap();
     desk.ok("train --resume run --json");
+    std::fs::remove_file(desk.path("run/config.toml")).unwrap();
+    refused(&desk, "train --resume run", &["without its config.toml", "put it back"]);
     std::fs::write(desk.path("run/config.toml"), config).unwrap();
 
     std::fs::write(desk.path("run/checkpoints/last.safetensors"), &before[..before.len() / 2]).unwrap();
     refused(&desk, "train --resume run", &["last.safetensors", "damaged"]);
     std::fs::remove_file(desk.path("run/checkpoints/last.safetensors")).unwrap();
     refused(&desk, "train --resume run", &["no checkpoint"]);
+    refused(&desk, "train short.mid -o run", &["run holds a training without its checkpoint"]);
+    std::fs::remove_file(desk.path("run/policy-last.safetensors")).unwrap();
     refused(&desk, "train short.mid -o run", &["run holds a training without its checkpoint"]);
 }
 

@@ -363,7 +363,7 @@ fn songs_whose_names_have_the_same_short_form_are_told_apart() {
     let again = server.does(&json!({ "verb": "arrange", "song": "songs/Bach 1.mid", "transpose": 2 }));
     assert_eq!(again["makes"], made["makes"]);
     // The folder of a training is named after its seed.
-    let set: Vec<&str> = TINY.iter().copied().chain(["trainer.seed=3"]).collect();
+    let set: Vec<&str> = TINY.iter().copied().chain(["trainer.seed = 3"]).collect();
     let wanted = json!({ "verb": "train", "song": "songs/short.mid", "minutes": null, "set": set });
     assert_eq!(server.does(&wanted)["makes"], "runs/short__fast__3");
 }

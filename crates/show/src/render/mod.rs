@@ -141,7 +141,8 @@ impl<'a> Studio<'a> {
     /// If drawing, encoding or writing fails; [`Interrupted`] if the job is interrupted. Then nothing is kept.
     pub fn video(&mut self, path: &Path, job: &mut Job<'_, f64>) -> anyhow::Result<Video> {
         let without_ffmpeg = path.with_extension("frames");
-        if let Some(other) = other_file(&without_ffmpeg) {
+        let has_ffmpeg = has_ffmpeg();
+        if !has_ffmpeg && let Some(other) = other_file(&without_ffmpeg) {
             bail!("{} is not of a video: choose another name with -o, or move it away", other.display());
         }
         let mut samples = self.take.sound()?;
@@ -156,7 +157,7 @@ impl<'a> Studio<'a> {
         std::fs::create_dir(&pictures).map_err(|error| cannot_write(parent, &error))?;
         let wav = pictures.join("sound.wav");
         sound::write_wav(&wav, &samples)?;
-        if has_ffmpeg() {
+        if has_ffmpeg {
             let video = work.path().join("video.mp4");
             self.encode(frames, &wav, &video, job)?;
             std::fs::rename(&video, path).map_err(|error| cannot_write(path, &error))?;

@@ -117,12 +117,18 @@ impl Wanted {
             }
             Self::Train { song, minutes, set } => {
                 let (listed, _) = desk.song(&song)?;
-                let name = |seed: u32| format!("runs/{}__{}__{seed}", slug(&song), etude_lab::DEFAULT_PRESET);
+                let name = |seed: u64| format!("runs/{}__{}__{seed}", slug(&song), etude_lab::DEFAULT_PRESET);
                 let free = || (0..).find(|seed| !Path::new(&name(*seed)).exists()).unwrap_or_default();
                 // As for `etude train`, the last one counts.
-                let mut changes = set.iter().rev().filter_map(|change| change.split_once('='));
-                let asked = changes.find(|(path, _)| path.trim() == "trainer.seed");
-                let seed = asked.and_then(|(_, seed)| seed.trim().parse().ok()).unwrap_or_else(free);
+                let is_seed = |change: &String| {
+                    change.split_once('=').is_some_and(|(path, _)| path.trim() == "trainer.seed")
+                };
+                // Settings that cannot work are refused by the verb.
+                let config = set
+                    .iter()
+                    .any(is_seed)
+                    .then(|| etude_lab::resolve(etude_lab::DEFAULT_PRESET, None, &set).ok());
+                let seed = config.flatten().map_or_else(free, |config| config.trainer.seed);
                 let run = name(seed);
                 let mut train: Vec<String> = ["train", &song, "-o", &run].map(str::to_string).into();
                 train.push(format!("--set=trainer.seed={seed}"));
