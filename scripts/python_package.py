@@ -112,6 +112,8 @@ def wheel():
 
 
 def main():
+    # pip takes packages there for installed.
+    os.environ.pop("PYTHONPATH", None)
     what = sys.argv[1:]
     if what == ["wheel"]:
         wheel()

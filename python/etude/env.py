@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import secrets
 from typing import Any, Literal
 
 import gymnasium
@@ -12,7 +13,7 @@ from numpy.typing import NDArray
 
 from ._native import EtudeError, Pianos
 from .pictures import check_rendering, picture
-from .task import SCORES, Buffers, single_spaces, task_config
+from .task import SCORES, Buffers, check_seed, single_spaces, task_config
 from .window import Window
 
 Observation = NDArray[np.float32]
@@ -27,14 +28,17 @@ class PianoEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
     the planned pose (`action_low` and `action_high` are those of the first step). The observation has the joints, those of one step ago, the 49 keys that sound, and the 49 keys that are due now and in each of
     the next five steps. The episode ends with the song, which is a truncation: nothing ends for good. `info` has
     `reward_terms` (the weighted parts of the reward), `collided`, and the paper's `precision`, `recall` and `f1` of the song
-    so far; with the last step they are the song's.
+    so far, in an episode with `random_start` from where it began. The finger joints are scaled by their range to −1 … 1, and the rail is in white keys from the middle.
+    `previous_actions`, `fingering` and `velocities` add columns between the joints and the keys (docs/algorithm.md has the tables).
+    Environments are not copied or pickled: build another one and give it `get_state()`.
 
     Args:
         song: A built-in song (`etude.SONGS`) or the path of a MIDI file.
         render_mode: `rgb_array` draws off-screen (EGL), `human` opens MuJoCo's window.
         width: Pixels of a picture.
         height: Pixels of a picture.
-        view: Where the camera stands: `player`, `side`, `top` or `fingers`.
+        view: Where the camera stands in pictures: `player`, `side`, `top` or `fingers`. The window of `human` has a camera and a size of its
+            own, and shows the world without randomisation.
         task: The keywords of `etude.task.task_config`: variant, observation, reward, fences, actuation, randomisation.
 
     Raises:
@@ -77,10 +81,13 @@ class PianoEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Observation, dict[str, Any]]:
-        """Restarts the song. A seed determines all later random draws (randomisation, random starts)."""
-        super().reset(seed=seed)
+        """Restarts the song. A seed, 0 to 2⁶⁴ − 1, determines all later random draws (randomisation, random starts). If the first reset
+        has none, `np_random_seed` is the one that was drawn.
+        """
         if seed is None and not self._begun:
-            seed = int(self.np_random.integers(2**63))
+            seed = secrets.randbits(62)
+        check_seed(seed)
+        super().reset(seed=seed)
         self._native.reset([seed], self._everywhere, self._buffers.observations)
         self._begun = True
         if self.render_mode == "human":

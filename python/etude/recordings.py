@@ -84,7 +84,7 @@ class Recording:
         return {name: np.array([term[name] for term in terms]) for name in names}
 
     def frame(self, topic: str = "/step") -> pandas.DataFrame:
-        """A topic as a pandas frame, a row a message, a column a number: `positions_0`, … of lists."""
+        """A topic as a pandas frame, a row a message, a column a number: `positions_<joint>` of what each joint has, `…_0`, … of other lists."""
         import pandas
 
         columns: dict[str, Any] = {}

@@ -10,15 +10,16 @@ import numpy as np
 from numpy.typing import NDArray
 from stable_baselines3.common.vec_env.base_vec_env import VecEnv
 
+from .task import SCORES
 from .vector import PianoVectorEnv
 
 
 class PianoVecEnv(VecEnv):
     """A `PianoVectorEnv` in Stable-Baselines3's idiom.
 
-    The infos have `collided` and `reward_terms`; those of an episode's last step also `terminal_observation`, `TimeLimit.truncated`
+    The infos have `collided`, `reward_terms`, and `precision`, `recall` and `f1` of the song so far; those of an episode's last step also `terminal_observation`, `TimeLimit.truncated`
     (always true: the song is over, and the learner bootstraps on) and `episode` with return `r` and length `l`, which the
-    algorithms log, and the song's `precision`, `recall` and `f1`. Options of a reset are not known here.
+    algorithms log, and the same scores. Options of a reset are not known here.
 
     Args:
         num_envs: How many environments.
@@ -60,16 +61,16 @@ class PianoVecEnv(VecEnv):
         for index in range(self.num_envs):
             of = info["final_info"] if over[index] else info
             terms = {name: float(of["reward_terms"][name][index]) for name in self.envs.reward_terms}
-            infos.append({"collided": bool(of["collided"][index]), "reward_terms": terms})
+            scores = {name: float(of[name][index]) for name in SCORES}
+            infos.append({"collided": bool(of["collided"][index]), "reward_terms": terms, **scores})
         for index in map(int, np.flatnonzero(over)):
-            last = info["final_info"]
             infos[index] |= {
                 "terminal_observation": info["final_obs"][index],
                 "TimeLimit.truncated": True,
                 "episode": {
                     "r": float(self._returns[index]),
                     "l": int(self._lengths[index]),
-                    **{name: float(last[name][index]) for name in ("precision", "recall", "f1")},
+                    **{name: infos[index][name] for name in SCORES},
                 },
             }
             self._returns[index], self._lengths[index] = 0.0, 0

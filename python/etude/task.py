@@ -16,8 +16,14 @@ PRESETS = {"main": "paper", "appendix": "appendix"}
 SCORES = ("precision", "recall", "f1")
 
 
-def _toml(value: object) -> str:
-    """A value as TOML."""
+def check_seed(seed: int | None) -> None:
+    """Refuses a seed beyond what the random numbers are drawn by."""
+    if isinstance(seed, (int, np.integer)) and not 0 <= seed < 2**64:
+        raise EtudeError(f"a seed must lie in 0 … 2⁶⁴ − 1, which {seed} is not")
+
+
+def _toml(path: str, value: object) -> str:
+    """The value of a keyword as TOML."""
     if isinstance(value, (bool, np.bool_)):
         return "true" if value else "false"
     if isinstance(value, (int, np.integer)):
@@ -26,7 +32,14 @@ def _toml(value: object) -> str:
         return repr(float(value))
     if isinstance(value, str):
         return json.dumps(value, ensure_ascii=False)
-    raise TypeError(f"expected a number, a truth value or a string, not {type(value).__name__}")
+    raise TypeError(f"{path} must be a number, a truth value or a string, not {type(value).__name__}")
+
+
+def _plain(value: object) -> object:
+    """A number of NumPy as one of Python, for JSON."""
+    if isinstance(value, np.generic):
+        return value.item()
+    raise TypeError(f"config has a {type(value).__name__}, which is not of JSON")
 
 
 def task_config(
@@ -57,7 +70,7 @@ def task_config(
 
     Args:
         variant: The decision process of the paper's main text or of its appendix; the rest changes single things of it.
-        observation_scale: Joint readings by their ranges, or in rad and m.
+        observation_scale: `normalised` (finger joints by their range to −1 … 1, the rail in white keys from the middle), or `si` (rad and m).
         previous_joints: Whether the observation holds the joints of one step ago.
         previous_actions: Previous actions that the observation shows, 0 to 4.
         fingering: Whether a fingering is planned for the song: the observation shows each finger its goal, and the rail's action is a
@@ -81,7 +94,8 @@ def task_config(
         physics: Physical numbers by path (`etude model params` lists them).
         randomisation: Intensity of the domain randomisation, 0 to 1, or its table (`intensity`, `widths`, `curriculum_steps`, which
             here counts the steps of each environment and begins from the start with each seeded reset).
-        config: A complete task instead, as a policy carries it; goes with no other keyword.
+        config: A task as a policy carries it, instead of the other keywords; what it leaves out is as in the paper's main text. It alone
+            has `view` (`hand`: the observation of the sight-reader).
 
     Raises:
         EtudeError: If a name is unknown or a value cannot be used.
@@ -119,10 +133,10 @@ def task_config(
             raise TypeError("config is a complete task: give no other task keyword with it")
         if not isinstance(config, Mapping):
             raise TypeError(f"config must be a mapping, not {type(config).__name__}")
-        return Task.of_json(json.dumps(dict(config)))
+        return Task.of_json(json.dumps(dict(config), default=_plain))
     if variant not in PRESETS:
         raise EtudeError(f"variant must be one of {', '.join(PRESETS)}, not {variant!r}")
-    return Task.of_preset(PRESETS[variant], [f"task.{path}={_toml(value)}" for path, value in changes.items()])
+    return Task.of_preset(PRESETS[variant], [f"task.{path}={_toml(path, value)}" for path, value in changes.items()])
 
 
 def _flat(prefix: str, table: Mapping[str, Any]) -> dict[str, Any]:

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from ._native import EtudeError, Pianos
 from .pictures import check_rendering, picture
-from .task import SCORES, Buffers, single_spaces, task_config
+from .task import SCORES, Buffers, check_seed, single_spaces, task_config
 
 Array = NDArray[Any]
 
@@ -62,6 +62,9 @@ class PianoVectorEnv(gymnasium.vector.VectorEnv[Array, Array, Array]):
         view: str = "player",
         **task: Any,
     ):
+        if not isinstance(num_envs, (int, np.integer)):
+            raise TypeError(f"num_envs comes first and is a whole number, not {num_envs!r}: PianoVectorEnv(8, 'twinkle')")
+        num_envs = int(num_envs)
         check_rendering(render_mode, self.metadata, width, height, view)
         threads = min(num_envs, _cores()) if threads is None else threads
         self._task = task_config(**task)
@@ -92,13 +95,17 @@ class PianoVectorEnv(gymnasium.vector.VectorEnv[Array, Array, Array]):
     def reset(
         self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Array, dict[str, Any]]:
-        """Restarts the song, in all environments or in those of `options["reset_mask"]`."""
+        """Restarts the song, in all environments or in those of `options["reset_mask"]`. Seeds lie in 0 … 2⁶⁴ − 1."""
+        seed = int(seed) if isinstance(seed, np.integer) else seed
+        for one in [seed] if seed is None or isinstance(seed, int) else seed:
+            check_seed(one)
         super().reset(seed=seed if isinstance(seed, int) else None)
         mask = (options or {}).get("reset_mask")
         mask = np.ones(self.num_envs, np.bool_) if mask is None else np.ascontiguousarray(mask)
         if mask.dtype != np.bool_ or not mask.any():
             raise EtudeError("options['reset_mask'] must be an array of truth values, one of them true")
         seeds = [seed + i for i in range(self.num_envs)] if isinstance(seed, int) else seed
+        check_seed(seeds[-1] if isinstance(seed, int) and seeds else None)
         seeds = [None] * self.num_envs if seeds is None else list(seeds)
         if len(seeds) != self.num_envs:
             raise EtudeError(f"there must be a seed for each of {self.num_envs} environments, not {len(seeds)}")
@@ -124,7 +131,7 @@ class PianoVectorEnv(gymnasium.vector.VectorEnv[Array, Array, Array]):
                 last[index] = buffers.last_observations[index].copy()
             info |= {"final_obs": last, "_final_obs": over, "final_info": self._info(over), "_final_info": over}
         observations, rewards = self._own(buffers.observations), self._own(buffers.rewards)
-        return observations, rewards, np.zeros(self.num_envs, np.bool_), over, info
+        return observations, rewards, np.zeros(self.num_envs, np.bool_), over.copy(), info
 
     def _info(self, of: Array) -> dict[str, Any]:
         """The `info` of the environments `of`."""

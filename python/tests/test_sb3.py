@@ -42,6 +42,14 @@ def test_it_does_what_single_environments_do_behind_a_monitor(short_song):
     assert ended >= 6
 
 
+def test_a_monitor_logs_the_scores(short_song):
+    envs = VecMonitor(PianoVecEnv(2, short_song), info_keywords=("f1", "recall"))
+    envs.reset()
+    for _ in range(envs.get_attr("steps")[0]):
+        _, _, over, infos = envs.step(np.zeros((2, 13), np.float32))
+    assert over.all() and all(info["episode"]["f1"] == info["f1"] for info in infos)
+
+
 def test_the_rest_of_the_idiom(short_song):
     inner = PianoVecEnv(2, short_song)
     # Where SB3's recorder of videos looks for it.
