@@ -266,7 +266,7 @@ impl GridReport {
     pub fn is_of_another(csv: &Path, player: &str) -> bool {
         // A pipe has nothing to read.
         let text =
-            csv.is_file().then(|| std::fs::read_to_string(csv).unwrap_or_default()).unwrap_or_default();
+            if csv.is_file() { std::fs::read_to_string(csv).unwrap_or_default() } else { String::new() };
         text.lines().nth(1).is_some_and(|row| !row.starts_with(&format!("0,{},", quoted(player))))
     }
 }

@@ -9,6 +9,9 @@ use crate::performance::{Ending, Performance};
 use crate::rig::{Command, Rig, Seen};
 use crate::{Recorder, RecordingWriter};
 
+/// The fault of a player whose action is no number.
+const NO_ACTION: &str = "the player's action is not a finite number: check its policy";
+
 /// Plays `piece` once from its beginning. `task` is the task that `player` was trained in and `rig` was made for: it decides the
 /// columns of the observation. `writer` receives the recording, if there is one; `interrupt` ends the performance before the next
 /// control step.
@@ -61,6 +64,10 @@ fn play(
         let joints = task.observed(joints, set_points);
         observe(task, &joints, &history, keys, &piece, step, &mut observation);
         rig.run_while(&mut || player.act(step, &observation, &mut action));
+        // The filters of a target would keep it for the rest of the song.
+        if !action.iter().all(|value| value.is_finite()) {
+            return Ok(Ending::Fault(NO_ACTION.to_string()));
+        }
         history.push(joints, &action);
         let targets = range.targets(&action, step);
         let command = Command { step, observation: &observation, action: &action, targets };

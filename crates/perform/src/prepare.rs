@@ -15,7 +15,8 @@ const PREPARATION: Duration = Duration::from_secs(120);
 /// Time between two checks of the robot's phase.
 const WAIT: Duration = Duration::from_millis(20);
 /// The reason of a stop that has no fault.
-pub(crate) const STOPPED: &str = "it was stopped by `etude robot stop`, or its guard is gone";
+pub(crate) const STOPPED: &str =
+    "it was stopped by `etude robot stop`, or its guard process has ended: give the same command again";
 
 /// Starts a robot's devices, waits until it holds still, and, if there is a `pose` (rad, the rail in m), moves it there
 /// slowly. Its records go into the recording, with time 0 and their time on the robot's clock.

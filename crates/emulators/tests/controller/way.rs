@@ -4,6 +4,7 @@ use etude_robot::joints::{DRIVEN, RAIL};
 use etude_robot::xarm::Fence;
 use etude_robot::xarm::kinematics::{JOINTS, PAPER_HOME_DEG, forward, inverse};
 use etude_robot::{Fault, Phase, Robot};
+use nalgebra::{Rotation3, Vector3};
 
 use crate::bench::{Bench, path, rig};
 
@@ -43,6 +44,54 @@ fn beside(rail_m: f64, forward_m: f64, up_m: f64) -> [f64; JOINTS] {
     let mut pose = path.pose(rail_m);
     (pose.position_m.x, pose.position_m.z) = (pose.position_m.x + forward_m, pose.position_m.z + up_m);
     inverse(&pose, &joints).unwrap()
+}
+
+#[test]
+fn a_joint_that_does_not_hold_still_is_named() {
+    let mut bench = Bench::new();
+    bench.devices.arm.place(beside(0.0, 0.05, 0.3));
+    bench.start();
+    bench.until(Phase::Holding, 3000);
+    bench.run(500);
+    assert_eq!(bench.robot.astray(), None);
+    bench.lead(9, 0.5);
+    let (joint, by_rad) = bench.robot.astray().unwrap();
+    assert!(joint == 9 && (by_rad - 0.5).abs() < 0.02, "joint {joint}, {by_rad} rad");
+}
+
+#[test]
+fn the_first_targets_lead_from_where_the_arm_stands_onto_its_path() {
+    let path = path();
+    let high = beside(0.0, 0.0, 0.0045);
+    let mut pose = path.pose(0.0);
+    pose.rotation = Rotation3::from_axis_angle(&Vector3::x_axis(), 0.025) * pose.rotation;
+    let turned = inverse(&pose, path.middle()).unwrap();
+    for stood in [high, turned] {
+        let far = |joints: &[f64; JOINTS]| {
+            joints.iter().zip(&stood).map(|(joint, stood)| (joint - stood).abs()).fold(0.0, f64::max)
+        };
+        let mut bench = Bench::new();
+        bench.devices.arm.place(stood);
+        bench.start();
+        bench.until(Phase::Holding, 3000);
+        let (mut before, mut fastest) = (None::<[f64; JOINTS]>, 0.0f64);
+        for _ in 0..4000 {
+            bench.step();
+            let Some(sent) = bench.robot.arm().sent() else { continue };
+            match before {
+                None => assert!(far(&sent) < 1e-4, "{} rad in the first target", far(&sent)),
+                Some(before) => {
+                    let turns = sent.iter().zip(before).map(|(now, before)| (now - before).abs());
+                    fastest = turns.fold(fastest, f64::max);
+                }
+            }
+            before = Some(sent);
+        }
+        let place = path.place(&before.unwrap());
+        assert!(place.beside_m < 1e-5 && place.turned_rad < 1e-5, "{place:?}");
+        assert!(fastest < 1e-3, "{fastest} rad from one target to the next");
+        assert_eq!(bench.robot.phase(), Phase::Holding, "{}", bench.fault());
+    }
 }
 
 #[test]

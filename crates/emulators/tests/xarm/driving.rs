@@ -104,7 +104,8 @@ fn nothing_is_sent_outside_the_box() {
     bench.run(6000);
     let fault = bench.fault().unwrap();
     assert!(
-        matches!(fault, ArmFault::OutsideFence(_)) && fault.to_string().contains("lead it inside"),
+        matches!(fault, ArmFault::OutsideFence(_))
+            && fault.to_string().contains("lead it inside with UFACTORY Studio"),
         "{fault}"
     );
     assert!(bench.wire.targets.is_empty() && bench.wire.frames.iter().all(|frame| frame.register() != 59));

@@ -96,7 +96,15 @@ impl Stand {
         let until = pace.now() + time;
         pace.run_until(robot, until);
         let stopped = (robot.phase() != Phase::Holding).then(|| STOPPED_BY_ANOTHER.to_string());
-        Ok(robot.fault().map(ToString::to_string).or(stopped))
+        let fault = robot.fault().map(ToString::to_string).or(stopped);
+        let astray = || {
+            let (joint, by_rad) = robot.astray()?;
+            Some(format!(
+                "joint {joint} of the hand does not hold still: it is {by_rad:.2} rad from its set-point, so its motor may turn the wrong \
+                 way, or something moves it"
+            ))
+        };
+        Ok(fault.or_else(astray))
     }
 
     /// Releases the hand, stops the arm, and waits until both have confirmed it.

@@ -179,3 +179,18 @@ fn a_robot_that_stops_itself_ends_with_its_fault_and_the_recording_is_whole() {
         assert!(recording.notes.iter().any(|(_, note)| note.kind == "fault"), "{mode}");
     }
 }
+
+#[test]
+fn a_player_without_a_target_ends_with_a_fault() {
+    const LOST: usize = 12;
+    for kind in Kind::ALL {
+        let (task, piece) = (task(), piece());
+        let mut player = |step: usize, _: &[f32], action: &mut [f32; ACTION_LEN]| {
+            action[0] = if step == LOST { f32::NAN } else { 0.0 };
+        };
+        let never = AtomicBool::new(false);
+        let performance = play(kind, &truth(), &task, &piece, &mut player, None, &never).unwrap();
+        assert!(matches!(performance.ending, Ending::Fault(_)), "{kind:?}: {:?}", performance.ending);
+        assert_eq!(performance.pressed.len(), LOST, "{kind:?}");
+    }
+}

@@ -1,5 +1,7 @@
 //! The path of the flange along the keyboard: from a place on the rail to seven joint angles, and back.
 
+use std::f64::consts::FRAC_1_SQRT_2;
+
 use nalgebra::Vector3;
 
 use super::file::{Calibration, CalibrationError, Point};
@@ -11,6 +13,8 @@ const LENGTH_TOLERANCE: f64 = 0.02;
 const TURN_TOLERANCE: f64 = 0.05;
 /// Distance of the places at which a path is tried before it is used, m.
 const TRIAL_STEP_M: f64 = 0.01;
+/// Where the high notes are, in the frame of the flange, with the hand mounted as in the paper.
+const TOWARD_HIGH_NOTES: Vector3<f64> = Vector3::new(-FRAC_1_SQRT_2, FRAC_1_SQRT_2, 0.0);
 
 /// Where the hand is, seen from the rail.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -75,6 +79,14 @@ impl RailPath {
                     turned.to_degrees()
                 )));
             }
+        }
+        let along = points[2].pose().position_m - points[0].pose().position_m;
+        if (middle.pose().rotation.inverse() * along).dot(&TOWARD_HIGH_NOTES) <= 0.0 {
+            return Err(CalibrationError::Unfit(format!(
+                "seen from the hand the keys {} to {} were shown from right to left: the lowest and the highest were exchanged, or the hand \
+                 is not mounted as in the paper; show the keys again with `etude robot calibrate`",
+                points[0].pitch, points[2].pitch
+            )));
         }
         let mut path = Self {
             points: points.map(|point| (point.rail_m, point.pose().position_m)),
@@ -226,6 +238,15 @@ mod tests {
         assert!(refused(&|c| c.points[0].position_mm[1] = 300.0).contains("mm apart"));
         assert!(refused(&|c| c.points[2].orientation_deg[0] = -80.0).contains("turned by 10"));
         assert!(refused(&|c| c.points[1].position_mm[0] = f64::NAN).contains("apart"));
+        let exchanged = refused(&|c| {
+            let low = c.points[0].position_mm;
+            c.points[0].position_mm = c.points[2].position_mm;
+            c.points[2].position_mm = low;
+        });
+        assert!(exchanged.contains("exchanged") || exchanged.contains("mm apart"), "{exchanged}");
+        // Where the distances are the same they do not show it.
+        let mirrored = refused(&|c| c.points.iter_mut().for_each(|p| p.position_mm[1] *= -1.0));
+        assert!(mirrored.contains("exchanged"), "{mirrored}");
         let far = refused(&|c| c.points.iter_mut().for_each(|p| p.position_mm[0] = 900.0));
         assert!(far.contains("m along the keyboard"), "{far}");
     }

@@ -70,8 +70,7 @@ impl fmt::Display for KeyboardState {
                 };
                 write!(
                     f,
-                    "the keyboard {how} at {:.3} s: check its cable and that it was not moved, then clear the \
-                     fault",
+                    "the keyboard {how} at {:.3} s: check its cable and that it was not moved",
                     at.as_secs_f64()
                 )
             }

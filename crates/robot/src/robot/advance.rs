@@ -132,6 +132,14 @@ impl Robot {
             && outside[RAIL_AXIS].abs() <= ON_PATH_M;
         self.arm_stood = self.arm.joints();
         self.arm_sent = self.arm_stood.filter(|_| on_path);
+        self.arm_aside = match &self.arm_sent {
+            Some(stood) => {
+                let rail_m = place.rail_m;
+                let on = self.path.joints(rail_m, stood).map_err(|source| Fault::Reach { rail_m, source })?;
+                std::array::from_fn(|joint| stood[joint] - on[joint])
+            }
+            None => Default::default(),
+        };
         self.easing = Easing::new(now, outside);
         self.following = Following::default();
         self.doubts.begin_anew();
@@ -197,7 +205,11 @@ impl Robot {
             self.arm_axis.step(self.axes[RAIL_AXIS].position());
         }
         let rail_m = self.arm_axis.position() + self.easing.left(now)[RAIL_AXIS];
-        let joints = self.path.joints(rail_m, &near).map_err(|source| Fault::Reach { rail_m, source })?;
+        let mut joints = self.path.joints(rail_m, &near).map_err(|source| Fault::Reach { rail_m, source })?;
+        let left = self.easing.share(now);
+        for (joint, aside) in joints.iter_mut().zip(self.arm_aside) {
+            *joint += aside * left;
+        }
         self.arm.servo(now, joints)?;
         self.arm_sent = Some(joints);
         Ok(())

@@ -120,7 +120,9 @@ pub enum Refused {
         joint: usize,
     },
     /// The arm's way there leads out of its box.
-    #[error("the arm's way home leaves its box: {0}; lead it nearer home by hand, or enlarge arm.fence_mm")]
+    #[error(
+        "the arm's way home leaves its box: {0}; lead it nearer home with UFACTORY Studio, or enlarge arm.fence_mm"
+    )]
     OutsideFence(#[from] OutsideFence),
     /// A finger or the thumb is far from where the motion begins.
     #[error(

@@ -97,5 +97,6 @@ impl Robot {
         self.doubts.arm_has_arrived();
         self.before = self.setpoints();
         self.arm_sent = Some(joints);
+        self.arm_aside = Default::default();
     }
 }

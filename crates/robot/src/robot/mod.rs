@@ -94,6 +94,8 @@ pub struct Robot {
     arm_sent: Option<[f64; kinematics::JOINTS]>,
     /// Where it stood when the robot began to hold still, rad.
     arm_stood: Option<[f64; kinematics::JOINTS]>,
+    /// How far from its path that was, rad: eased out, so that the first target is where the arm stands.
+    arm_aside: [f64; kinematics::JOINTS],
     arm_seen: Option<Duration>,
     /// Cosine of the angle between the palm's normal and straight down.
     palm_down: f64,
@@ -143,6 +145,7 @@ impl Robot {
             let_go_at: None,
             arm_sent: None,
             arm_stood: None,
+            arm_aside: [0.0; kinematics::JOINTS],
             arm_seen: None,
             palm_down: 0.0,
             arm_connected: false,

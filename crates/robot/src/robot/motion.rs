@@ -71,8 +71,12 @@ impl Easing {
 
     /// The offsets that are left at `now`.
     pub fn left(&self, now: Duration) -> [f64; AXES] {
-        let left = 1.0 - smooth(now.saturating_sub(self.begun), EASING_SECS);
-        self.from.map(|from| from * left)
+        self.from.map(|from| from * self.share(now))
+    }
+
+    /// The share of them that is left at `now`, 1 to 0.
+    pub fn share(&self, now: Duration) -> f64 {
+        1.0 - smooth(now.saturating_sub(self.begun), EASING_SECS)
     }
 }
 

@@ -3,6 +3,7 @@
 use std::time::Duration;
 
 use super::axes::driven;
+use super::following::farthest;
 use super::{Fault, Phase, Robot, Warmth};
 use crate::allegro::Hand;
 use crate::calibration::RailPlace;
@@ -30,6 +31,12 @@ impl Robot {
     /// The last set-points of the driven joints: rad, the rail in m.
     pub fn sent(&self) -> [f64; DRIVEN] {
         driven(&self.setpoints())
+    }
+
+    /// The joint of the hand, as on the wire, that is farther from its set-point than `start_finger_rad`, and how far, rad.
+    pub fn astray(&self) -> Option<(usize, f64)> {
+        let (joint, by_rad) = farthest(&self.hand.positions(), &self.setpoints());
+        (by_rad > self.config.limits.start_finger_rad).then_some((joint, by_rad))
     }
 
     /// Where the hand is, seen from the rail; in the middle before the arm has reported.

@@ -106,7 +106,7 @@ pub enum ArmFault {
     RefusedTarget(TargetError),
     /// The arm stands outside its box.
     #[error(
-        "the arm cannot start here: {0}; lead it inside by hand, or correct arm.fence_mm, then start again"
+        "the arm cannot start here: {0}; lead it inside with UFACTORY Studio, or correct arm.fence_mm, then start again"
     )]
     OutsideFence(OutsideFence),
     /// The controller refused a command.
