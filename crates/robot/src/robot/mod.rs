@@ -273,7 +273,12 @@ impl Robot {
     }
 
     fn slowly(&self, now: Duration, goal: &[f64; DRIVEN]) -> SlowMove {
-        SlowMove::new(now, self.setpoints(), all_axes(goal, &self.config.limits.thumb_rad))
+        SlowMove::new(
+            now,
+            self.setpoints(),
+            all_axes(goal, &self.config.limits.thumb_rad),
+            &self.config.axes(),
+        )
     }
 
     /// Follows a stretch of a stream from `begun` on: one waypoint (rad, the rail in m) a set-point. It replaces what is

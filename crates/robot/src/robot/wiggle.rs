@@ -144,7 +144,11 @@ impl Robot {
         if let Some(axis) = goal.get_mut(joint) {
             *axis = to_rad.clamp(low, high);
         }
-        self.plan = Some(Plan::new(SlowMove::new(now, self.setpoints(), goal), None, driven(&goal)));
+        self.plan = Some(Plan::new(
+            SlowMove::new(now, self.setpoints(), goal, &self.config.axes()),
+            None,
+            driven(&goal),
+        ));
         self.enter(now, Phase::Moving);
         Ok(())
     }
