@@ -9,6 +9,7 @@ use std::time::{Duration, Instant};
 
 use crate::allegro::Hand;
 use crate::can::{self, CanError, CanTransport};
+use crate::priority::{Priority, Rank};
 use crate::rig::RigConfig;
 use crate::xarm::{ArmCommands, Stopper};
 
@@ -42,7 +43,11 @@ impl Stopped {
 /// Stops hand and arm of a rig at the same time: neither waits for the other, nor keeps it from being stopped.
 pub fn stop(config: &RigConfig) -> Stopped {
     std::thread::scope(|scope| {
-        let arm = scope.spawn(|| stop_arm(config));
+        let arm = scope.spawn(|| {
+            // A thread does not inherit the priority of the guard's.
+            let _priority = Priority::of_this_thread(Rank::Guard);
+            stop_arm(config)
+        });
         let hand = stop_hand(config);
         let arm = arm.join().unwrap_or_else(|_| Err("stopping it failed: press its emergency stop".into()));
         Stopped { hand, arm }

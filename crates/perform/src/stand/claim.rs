@@ -10,7 +10,7 @@ use std::io::{Error, ErrorKind, Result};
 use std::os::unix::fs::{MetadataExt as _, PermissionsExt as _};
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
-use std::time::{Duration, SystemTime};
+use std::time::{Duration, Instant, SystemTime};
 
 use etude_robot::rig::WiresConfig;
 use etude_robot::{can, xarm};
@@ -27,11 +27,29 @@ struct ClaimedDevice {
     lock: PathBuf,
     stop: PathBuf,
     /// Requests from then on count.
-    since: SystemTime,
+    since: Beginning,
+}
+
+/// When a process began, by the clock and by a time that nobody sets.
+#[derive(Clone, Copy, Debug)]
+struct Beginning {
+    clock: SystemTime,
+    steady: Instant,
+}
+
+impl Beginning {
+    fn now() -> Self {
+        Self { clock: SystemTime::now(), steady: Instant::now() }
+    }
+
+    /// The beginning by the clock as it is set now, or as it was set then, if that is earlier.
+    fn earliest(&self) -> SystemTime {
+        SystemTime::now().checked_sub(self.steady.elapsed()).map_or(self.clock, |now| now.min(self.clock))
+    }
 }
 
 /// When this process began.
-static BEGAN: OnceLock<SystemTime> = OnceLock::new();
+static BEGAN: OnceLock<Beginning> = OnceLock::new();
 /// Times of files may be this much before the clock. A program that begins after `etude robot stop` has ended begins later than that.
 const COARSE: Duration = Duration::from_millis(20);
 /// A request that is further ahead of the clock was made before the clock was set back.
@@ -39,7 +57,7 @@ const AHEAD: Duration = Duration::from_secs(1);
 
 /// Notes that this process begins now. Without it the process begins with its first claim.
 pub fn process_begins() {
-    BEGAN.get_or_init(SystemTime::now);
+    BEGAN.get_or_init(Beginning::now);
 }
 
 impl Claim {
@@ -48,13 +66,13 @@ impl Claim {
     /// # Errors
     /// If another process has it, or the files cannot be used.
     pub fn new(wires: &WiresConfig) -> Result<Self> {
-        Self::since(wires, *BEGAN.get_or_init(SystemTime::now))
+        Self::since(wires, *BEGAN.get_or_init(Beginning::now))
     }
 
     /// The claim of a program that has begun at `began`.
-    fn since(wires: &WiresConfig, began: SystemTime) -> Result<Self> {
+    fn since(wires: &WiresConfig, began: Beginning) -> Result<Self> {
         let claimed: Result<Vec<ClaimedDevice>> =
-            DEVICES.iter().map(|device| ClaimedDevice::new(&device(wires), began - COARSE)).collect();
+            DEVICES.iter().map(|device| ClaimedDevice::new(&device(wires), began)).collect();
         Ok(Self { devices: claimed? })
     }
 
@@ -65,7 +83,7 @@ impl Claim {
 }
 
 impl ClaimedDevice {
-    fn new(device: &str, since: SystemTime) -> Result<Self> {
+    fn new(device: &str, since: Beginning) -> Result<Self> {
         let (lock, stop) = (file(device, "lock"), file(device, "stop"));
         let locked = locked(&lock).map_err(|error| match error.kind() {
             ErrorKind::WouldBlock => Error::other(format!(
@@ -78,7 +96,8 @@ impl ClaimedDevice {
 
     fn is_stop_requested(&self) -> bool {
         let requested = std::fs::metadata(&self.stop).and_then(|file| file.modified());
-        requested.is_ok_and(|at| at >= self.since && at <= SystemTime::now() + AHEAD)
+        let since = self.since.earliest() - COARSE;
+        requested.is_ok_and(|at| at >= since && at <= SystemTime::now() + AHEAD)
     }
 }
 
@@ -165,7 +184,7 @@ mod tests {
         }
         // Neither device of the refused ones is kept.
         let other = Claim::new(&at("b", "127.0.0.1:61003:61004")).unwrap();
-        let before = SystemTime::now();
+        let before = Beginning::now();
         request_stop(&at("a", "127.0.0.1:61009:61010")).unwrap();
         request_stop(&at("a", "127.0.0.1:61009:61010")).unwrap();
         assert!(claim.is_stop_requested() && !other.is_stop_requested());
@@ -175,7 +194,11 @@ mod tests {
         drop((claim, other));
 
         // It counts for a program that had begun before it and claims the robot only now, and for no other.
-        for (began, counts) in [(before, true), (SystemTime::now() + 2 * COARSE, false)] {
+        std::thread::sleep(2 * COARSE);
+        let after = Beginning::now();
+        // The clock was set back after this one had begun, by an hour.
+        let ahead = Beginning { clock: before.clock + Duration::from_secs(3600), ..before };
+        for (began, counts) in [(before, true), (after, false), (ahead, true)] {
             let again = Claim::since(&at("a", "127.0.0.1:61009:61010"), began).unwrap();
             assert_eq!(again.is_stop_requested(), counts);
         }

@@ -172,9 +172,9 @@ impl<S: Read + Write + Send> CanTransport for SlcanTransport<S> {
 }
 
 impl<S: Read + Write + Send> Drop for SlcanTransport<S> {
-    /// Closes the channel if it is ours, so that the adapter stops sending.
+    /// Closes the channel if it is ours, so that the adapter stops sending. After a panic it stays open: the guard uses it to stop the hand.
     fn drop(&mut self) {
-        if !self.joined {
+        if !self.joined && !std::thread::panicking() {
             self.outbox.push(b"C\r");
         }
         let _ = self.outbox.flush(&mut self.stream);
