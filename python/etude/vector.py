@@ -97,16 +97,15 @@ class PianoVectorEnv(gymnasium.vector.VectorEnv[Array, Array, Array]):
     ) -> tuple[Array, dict[str, Any]]:
         """Restarts the song, in all environments or in those of `options["reset_mask"]`. Seeds lie in 0 … 2⁶⁴ − 1."""
         seed = int(seed) if isinstance(seed, np.integer) else seed
-        for one in [seed] if seed is None or isinstance(seed, int) else seed:
+        seeds = [seed + i for i in range(self.num_envs)] if isinstance(seed, int) else seed
+        seeds = [None] * self.num_envs if seeds is None else list(seeds)
+        for one in seeds:
             check_seed(one)
         super().reset(seed=seed if isinstance(seed, int) else None)
         mask = (options or {}).get("reset_mask")
         mask = np.ones(self.num_envs, np.bool_) if mask is None else np.ascontiguousarray(mask)
         if mask.dtype != np.bool_ or not mask.any():
             raise EtudeError("options['reset_mask'] must be an array of truth values, one of them true")
-        seeds = [seed + i for i in range(self.num_envs)] if isinstance(seed, int) else seed
-        check_seed(seeds[-1] if isinstance(seed, int) and seeds else None)
-        seeds = [None] * self.num_envs if seeds is None else list(seeds)
         if len(seeds) != self.num_envs:
             raise EtudeError(f"there must be a seed for each of {self.num_envs} environments, not {len(seeds)}")
         # An environment that was never reset and has no seed gets a random one.
