@@ -79,9 +79,8 @@ class Policy:
             raise EtudeError(
                 f"{self.path} does not say in which task it was trained; use a policy written by this version of Étude"
             ) from error
-        nominal = {**task.get("randomisation", {}), "intensity": 0.0}
         reward = {name: weight for name, weight in task.get("reward", {}).items() if name in REWARD_TERMS}
-        return {**task, "random_start": False, "randomisation": nominal, "reward": reward}
+        return {**task, "random_start": False, "randomisation": {"intensity": 0.0}, "reward": reward}
 
     @property
     def song(self) -> str | None:

@@ -92,8 +92,7 @@ def task_config(
         actuation: How the joints are driven, `controlled` (as identified: torque by our controller) or `position`.
         reward: Weights of reward terms by name; the others keep the variant's.
         physics: Physical numbers by path (`etude model params` lists them).
-        randomisation: Intensity of the domain randomisation, 0 to 1, or its table (`intensity`, `widths`, `curriculum_steps`, which
-            here counts the steps of each environment and begins from the start with each seeded reset).
+        randomisation: Intensity of the domain randomisation, 0 to 1, or its table (`intensity`, `widths`).
         config: A task as a policy carries it, instead of the other keywords; what it leaves out is as in the paper's main text. It alone
             has `view` (`hand`: the observation of the sight-reader).
 

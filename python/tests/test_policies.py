@@ -59,7 +59,7 @@ def test_it_acts_as_the_command_does_on_what_it_sees_of_a_robot(song, tmp_path):
 def test_its_task_is_the_one_that_its_scores_are_of():
     policy = etude.load_policy("twinkle")
     training = policy.header["notes"]["training"]
-    trained_in = {**policy.task, "random_start": True, "randomisation": {**policy.task["randomisation"], "intensity": 0.6}}
+    trained_in = {**policy.task, "random_start": True, "randomisation": {"intensity": 0.6, "curriculum_steps": 5}}
     notes = {"training": {**training, "config": {**training["config"], "task": trained_in}}}
     randomised = dataclasses.replace(policy, header={**policy.header, "notes": notes})
     assert randomised.task == policy.task

@@ -25,9 +25,7 @@ impl SimRig {
     /// # Errors
     /// If the configuration is not sound.
     pub fn new(task: &TaskConfig, piece: &Piece, seed: u64) -> Result<Self, TaskError> {
-        let mut task = TaskConfig { random_start: false, ..task.clone() };
-        // A curriculum depends on the steps of a training: here the full widths apply.
-        task.randomisation.curriculum_steps = 0;
+        let task = TaskConfig { random_start: false, ..task.clone() };
         let environment = Environment::new(&task, piece, seed)?;
         let terms = vec![0.0; environment.reward().names().len()];
         Ok(Self { environment, seed, terms, steps: piece.steps(), simulated: Simulated::default() })

@@ -116,7 +116,27 @@ impl Default for TaskConfig {
     }
 }
 
+/// Settings that earlier builds had, of how a policy learned: table and name.
+const DELETED: &[(&str, &str)] = &[("/randomisation", "curriculum_steps")];
+
 impl TaskConfig {
+    /// The task that is stored with a policy. Settings and reward terms that only its training had, and that this build does not have,
+    /// are left out.
+    ///
+    /// # Errors
+    /// If it has other settings that this build does not have.
+    pub fn stored(mut value: serde_json::Value) -> serde_json::Result<Self> {
+        for (path, name) in DELETED {
+            if let Some(settings) = value.pointer_mut(path).and_then(serde_json::Value::as_object_mut) {
+                settings.remove(*name);
+            }
+        }
+        if let Some(terms) = value.pointer_mut("/reward").and_then(serde_json::Value::as_object_mut) {
+            terms.retain(|name, _| crate::reward::is_term(name));
+        }
+        serde_json::from_value(value)
+    }
+
     /// The physical numbers of the nominal world.
     ///
     /// # Errors

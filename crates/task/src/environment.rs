@@ -46,10 +46,6 @@ pub struct Environment {
     random: Pcg64,
     /// Next control step of the piece.
     step: usize,
-    /// Control steps made over all episodes.
-    steps_made: u64,
-    /// Number of environments of the same training, this one included. They step together.
-    peers: u64,
     history: History,
 }
 
@@ -66,7 +62,6 @@ struct Saved {
     params: PhysicalParams,
     random: Pcg64,
     step: usize,
-    steps_made: u64,
     history: History,
     /// Of a corpus, the number of the piece in play.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -97,8 +92,6 @@ impl Environment {
             randomisation,
             random: Pcg64::seed_from_u64(seed),
             step: 0,
-            steps_made: 0,
-            peers: 1,
             history: History::at_rest([0.0; JOINTS], &range, 0),
             range,
         };
@@ -117,11 +110,6 @@ impl Environment {
         Ok(environment)
     }
 
-    /// Makes it one of `peers` environments of a training; the curriculum counts the steps of all.
-    pub(crate) fn among(self, peers: usize) -> Self {
-        Self { peers: peers as u64, ..self }
-    }
-
     /// Starts an episode with the physical numbers `params`. Only for environments without randomisation: with it, the next reset
     /// would draw other numbers.
     pub fn reset_in(&mut self, params: &PhysicalParams) {
@@ -129,10 +117,9 @@ impl Environment {
         self.reset();
     }
 
-    /// Resets everything, including random stream and curriculum: the state of a new environment with this seed.
+    /// Resets everything, including the random stream: the state of a new environment with this seed.
     pub fn restart(&mut self, seed: u64) {
         self.random = Pcg64::seed_from_u64(seed);
-        self.steps_made = 0;
         self.reset();
     }
 
@@ -153,8 +140,7 @@ impl Environment {
             self.take(number);
         }
         if self.randomisation.is_on() {
-            let steps = self.steps_made.saturating_mul(self.peers);
-            let params = self.randomisation.draw(steps, &mut self.random);
+            let params = self.randomisation.draw(&mut self.random);
             self.world.set_params(&params);
         }
         self.world.reset();
@@ -213,7 +199,6 @@ impl Environment {
         let reward = if outcome.unstable { f64::NAN } else { reward };
         self.history.push(joints, action);
         self.step += 1;
-        self.steps_made = self.steps_made.saturating_add(1);
         let song_over = self.step >= self.piece.steps();
         Step { reward, song_over, collided: outcome.collided, pressed: self.world.pressed() }
     }
@@ -277,7 +262,6 @@ impl Environment {
             params: self.world.params().clone(),
             random: self.random.clone(),
             step: self.step,
-            steps_made: self.steps_made,
             history: self.history,
             number: self.drawn.as_ref().map(|drawn| drawn.number),
         };
@@ -306,7 +290,6 @@ impl Environment {
         self.world.restore(&saved.snapshot).map_err(|e| EnvironmentError::new(e.to_string()))?;
         self.random = saved.random;
         self.step = saved.step;
-        self.steps_made = saved.steps_made;
         self.history = saved.history;
         Ok(())
     }

@@ -59,7 +59,7 @@ impl VectorPiano {
         let environments = (0..num_envs)
             .map(|index| {
                 let seed = seed::split(root_seed, &format!("environment {index}"));
-                let environment = make(seed)?.among(num_envs);
+                let environment = make(seed)?;
                 let parts = vec![0.0; environment.reward().names().len()];
                 Ok(Slot { environment, parts })
             })

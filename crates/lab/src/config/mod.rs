@@ -58,8 +58,8 @@ const FREE: &[&str] = &[
 ];
 
 impl RunConfig {
-    /// The configuration that is stored with a policy. Settings of the trainer and the algorithm and reward terms that this build
-    /// does not have are left out: they say how the policy learned, not how it plays.
+    /// The configuration that is stored with a policy. What this build does not have of the trainer, the algorithm and the training's
+    /// part of the [task](TaskConfig::stored) is left out: it says how the policy learned, not how it plays.
     ///
     /// # Errors
     /// If the task has other settings that this build does not have.
@@ -70,10 +70,9 @@ impl RunConfig {
                 settings.retain(|name, _| known[part].get(name).is_some());
             }
         }
-        if let Some(terms) = value.pointer_mut("/task/reward").and_then(serde_json::Value::as_object_mut) {
-            terms.retain(|name, _| etude_task::reward::is_term(name));
-        }
-        serde_json::from_value(value)
+        let task = value.as_object_mut().and_then(|parts| parts.remove("task"));
+        let task = task.map(TaskConfig::stored).transpose()?.unwrap_or_default();
+        Ok(Self { task, ..serde_json::from_value(value)? })
     }
 
     /// With the weight of every reward term, so that the file has the same meaning over any preset.
@@ -278,11 +277,9 @@ mod tests {
             "task.randomisation.intensity=1",
             "task.randomisation.widths.joint.fingers.damping=0.02",
             "task.randomisation.widths.key.stiffness=1",
-            "task.randomisation.curriculum_steps=1e5",
         ]);
         let Widths::Identified(widths) = &config.task.randomisation.widths else { panic!("{config:?}") };
         assert_eq!((widths["joint.fingers.damping"], widths["key.stiffness"], widths.len()), (0.02, 1.0, 2));
-        assert_eq!(config.task.randomisation.curriculum_steps, 100_000);
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("c.toml");
         std::fs::write(&path, toml::to_string(&config).unwrap()).unwrap();
@@ -329,9 +326,11 @@ mod tests {
         let mut value = serde_json::to_value(RunConfig::default()).unwrap();
         value["trainer"]["demonstration_share"] = 0.5.into();
         value["droq"]["discount"] = 0.9.into();
+        value["task"]["randomisation"]["curriculum_steps"] = 1_000.into();
         value["task"]["reward"] = serde_json::json!({"preparation": 0.5, "collision": 0.25});
         let read = RunConfig::stored(value.clone()).unwrap();
         assert_eq!((read.droq.discount, read.trainer.clone()), (0.9, RunConfig::default().trainer));
+        assert_eq!(read.task.randomisation, etude_task::RandomisationConfig::default());
         assert_eq!(read.task.reward, [("collision".to_string(), 0.25)].into());
         value["task"]["gravity"] = true.into();
         assert!(RunConfig::stored(value).unwrap_err().to_string().contains("gravity"));

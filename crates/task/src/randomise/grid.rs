@@ -9,9 +9,8 @@ use rand_pcg::Pcg64;
 use super::Randomisation;
 
 impl Randomisation {
-    /// `worlds` worlds at the full intensity, without a curriculum: a Latin hypercube (McKay, Beckman, Conover 1979). The
-    /// range of each randomised number is divided into `worlds` equally likely parts, and each world takes the middle of
-    /// another part. The same arguments give the same worlds.
+    /// `worlds` worlds: a Latin hypercube (McKay, Beckman, Conover 1979). The range of each randomised number is divided into
+    /// `worlds` equally likely parts, and each world takes the middle of another part. The same arguments give the same worlds.
     pub fn grid(&self, worlds: usize, root_seed: u64) -> Vec<PhysicalParams> {
         let mut grid = vec![self.nominal.clone(); worlds];
         let mut parts: Vec<usize> = (0..worlds).collect();

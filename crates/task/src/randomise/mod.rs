@@ -30,9 +30,6 @@ pub struct RandomisationConfig {
     pub intensity: f64,
     /// What is randomised, and how far at full intensity.
     pub widths: Widths,
-    /// Environment steps of a training during which the intensity rises linearly from 0 to its value; 0 for no curriculum.
-    /// Episodes of all intensities share the replay buffer, so it should take a good part of the training; a judgement.
-    pub curriculum_steps: u64,
 }
 
 /// Full range of a randomised quantity.
@@ -62,7 +59,6 @@ pub const RANDOMISED: &[(&str, Full)] = &[
 pub struct Randomisation {
     nominal: PhysicalParams,
     intensity: f64,
-    curriculum_steps: u64,
     spreads: Vec<Spread>,
     /// How the joints are driven; `None` if the drawn numbers are not limited to those for which the physics is stable.
     guarded: Option<Actuation>,
@@ -83,16 +79,7 @@ impl Randomisation {
             Widths::Paper => (papers(), None),
             Widths::Identified(widths) => (widths::spreads(widths)?, Some(actuation)),
         };
-        let (intensity, curriculum_steps) = (config.intensity, config.curriculum_steps);
-        Ok(Self { nominal, intensity, curriculum_steps, spreads, guarded })
-    }
-
-    /// The intensity after so many environment steps of a training.
-    pub fn intensity_after(&self, steps: u64) -> f64 {
-        if steps >= self.curriculum_steps {
-            return self.intensity;
-        }
-        self.intensity * (steps as f64 / self.curriculum_steps as f64)
+        Ok(Self { nominal, intensity: config.intensity, spreads, guarded })
     }
 
     /// Whether worlds can differ from the nominal one at all.
@@ -100,16 +87,14 @@ impl Randomisation {
         self.intensity > 0.0
     }
 
-    /// Draws the numbers of an episode that begins after `steps` environment steps of a training. At intensity 0 the random
-    /// stream is not used.
-    pub fn draw(&self, steps: u64, random: &mut Pcg64) -> PhysicalParams {
-        let intensity = self.intensity_after(steps);
+    /// Draws the numbers of an episode. At intensity 0 the random stream is not used.
+    pub fn draw(&self, random: &mut Pcg64) -> PhysicalParams {
         let mut params = self.nominal.clone();
-        if intensity == 0.0 {
+        if !self.is_on() {
             return params;
         }
         for spread in &self.spreads {
-            spread.set(&mut params, intensity, spread.draw(random));
+            spread.set(&mut params, self.intensity, spread.draw(random));
         }
         self.guard(params)
     }

@@ -8,7 +8,7 @@ use super::*;
 const ROOT: u64 = 3;
 
 fn config(intensity: f64, widths: Widths) -> RandomisationConfig {
-    RandomisationConfig { intensity, widths, curriculum_steps: 0 }
+    RandomisationConfig { intensity, widths }
 }
 
 fn randomisation(nominal: &PhysicalParams, config: &RandomisationConfig) -> Randomisation {
@@ -21,7 +21,7 @@ fn identified(widths: &[(&str, f64)]) -> Widths {
 
 fn draw(randomisation: &Randomisation, worlds: usize) -> Vec<PhysicalParams> {
     let mut random = Pcg64::seed_from_u64(ROOT);
-    (0..worlds).map(|_| randomisation.draw(0, &mut random)).collect()
+    (0..worlds).map(|_| randomisation.draw(&mut random)).collect()
 }
 
 fn draws(intensity: f64) -> Vec<PhysicalParams> {
@@ -165,27 +165,12 @@ fn configurations_say_paper_or_list_half_widths() {
     assert_eq!(read("{}").unwrap(), RandomisationConfig::default());
     assert_eq!(read(r#"{"widths": "paper"}"#).unwrap().widths, Widths::Paper);
     let widths = identified(&[("joint.rail.damping", 40.0), ("key.threshold", 0.1)]);
-    let config = RandomisationConfig { intensity: 0.5, widths, curriculum_steps: 7 };
+    let config = RandomisationConfig { intensity: 0.5, widths };
     assert_eq!(read(&serde_json::to_string(&config).unwrap()).unwrap(), config);
     for text in [r#"{"widths": "wide"}"#, r#"{"widths": 3}"#, r#"{"widths": ["key.threshold"]}"#] {
         let said = read(text).unwrap_err().to_string();
         assert!(said.contains("\"paper\", or a table of half-widths by path"), "{said}");
     }
-}
-
-#[test]
-fn the_intensity_rises_in_proportion_and_then_stays() {
-    let mut config = config(0.6, Widths::Paper);
-    let after = |config: &RandomisationConfig, steps| {
-        randomisation(&PhysicalParams::default(), config).intensity_after(steps)
-    };
-    assert_eq!(after(&config, 0), 0.6);
-    config.curriculum_steps = 1_000;
-    for (steps, intensity) in [(0, 0.0), (250, 0.15), (999, 0.5994), (1_000, 0.6), (u64::MAX, 0.6)] {
-        assert!((after(&config, steps) - intensity).abs() < 1e-12, "{steps}");
-    }
-    config.curriculum_steps = u64::MAX;
-    assert_eq!(after(&config, u64::MAX), 0.6);
 }
 
 #[test]
@@ -255,7 +240,7 @@ proptest! {
         let config = config(intensity, Widths::Identified(widths.clone()));
         let randomisation = randomisation(&PhysicalParams::default(), &config);
         let mut random = Pcg64::seed_from_u64(seed);
-        let worlds = (0..4).map(|_| randomisation.draw(0, &mut random)).chain(randomisation.grid(3, seed));
+        let worlds = (0..4).map(|_| randomisation.draw(&mut random)).chain(randomisation.grid(3, seed));
         for params in worlds.collect::<Vec<_>>() {
             params.check().unwrap();
             for (path, _, default) in &rows {
