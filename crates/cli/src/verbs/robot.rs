@@ -14,7 +14,7 @@ use clap::ValueHint;
 use etude_lab::released;
 use etude_perform::prepare;
 use etude_perform::stand::{
-    Claim, Guard, READY, Stand, TWIN, claim, pitches_to_show, request_stop, rig_choice, stand_guard,
+    Claim, Guard, Stand, TWIN, claim, pitches_to_show, ready, request_stop, rig_choice, stand_guard,
     start_guard, start_pose, store_point, try_path,
 };
 use etude_robot::lead::{LeadError, Showing, show};
@@ -168,7 +168,7 @@ fn calibrate(args: &Calibrate) -> anyhow::Result<Ending> {
             ["the lowest C", "the middle C", "the highest C"][index]
         ));
     }
-    let guard = start_guard(Path::new(&args.robot))?;
+    let guard = start_guard(Path::new(&args.robot), &rig.wires)?;
     // Where it is not permitted, `etude doctor` says so.
     let _priority = Priority::of_this_thread(Rank::Controller).ok();
     let mut operator = Operator { guard, claim, entered: enter(), interrupt: stop_flag()? };
@@ -256,7 +256,7 @@ fn guard(rig: &Rig) -> anyhow::Result<Ending> {
         signal_hook::flag::register(signal, ignored.clone())?;
     }
     let config = file(&rig.robot)?;
-    line(READY)?;
+    line(ready(&config.wires))?;
     if let Some(stopped) = stand_guard(&config)? {
         note(
             "guard: the controller has ended or did not run for 70 ms (see the line `real time` of `etude doctor`)",

@@ -11,7 +11,7 @@ use super::warm::WarmFile;
 use super::worker::Worker;
 use etude_robot::allegro::HandSide;
 use etude_robot::calibration::{Calibration, CalibrationError, RailPath};
-use etude_robot::rig::{RigConfig, RigError};
+use etude_robot::rig::{RigConfig, RigError, WiresConfig};
 use etude_robot::wires::OpenWires;
 use etude_robot::xarm::kinematics::PAPER_HOME_DEG;
 use etude_robot::{Robot, RobotError, propose_fence};
@@ -186,7 +186,7 @@ impl RigChoice {
                     return Err(StandError::Stopped);
                 }
                 let wires = OpenWires::open(&rig.wires)?;
-                let guard = start_guard(path)?;
+                let guard = start_guard(path, &rig.wires)?;
                 let worker = Worker::start()?;
                 let warm = WarmFile::new(&rig.wires);
                 let live = Live::new(wires, guard, claim.clone(), warm, worker, &mut robot);
@@ -222,13 +222,13 @@ pub fn claim(rig: &RigConfig) -> Result<Claim, StandError> {
     Claim::new(&rig.wires).map_err(|source| StandError::Claimed { rig: rig.name.clone(), source })
 }
 
-/// Starts the guard of the rig in the file `rig`, which stops its robot if this process ends or hangs.
+/// Starts the guard of the rig in the file `rig`, which stops the robot at `wires` if this process ends or hangs.
 ///
 /// # Errors
-/// If it cannot be started.
-pub fn start_guard(rig: &Path) -> Result<Guard, StandError> {
+/// If it cannot be started, or the file has other devices by now.
+pub fn start_guard(rig: &Path, wires: &WiresConfig) -> Result<Guard, StandError> {
     let program = std::env::current_exe().map_err(StandError::Guard)?;
-    Guard::start(&program, rig).map_err(StandError::Guard)
+    Guard::start(&program, rig, wires).map_err(StandError::Guard)
 }
 
 /// Seconds since 1970.

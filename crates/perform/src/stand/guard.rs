@@ -15,7 +15,7 @@ use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
 use etude_robot::priority::{Priority, Rank};
-use etude_robot::rig::RigConfig;
+use etude_robot::rig::{RigConfig, WiresConfig};
 use etude_robot::stop::{Stopped, stop};
 
 use super::claim::Claim;
@@ -35,8 +35,10 @@ const TRIES: Duration = Duration::from_secs(30);
 const PAUSE: Duration = Duration::from_millis(100);
 const BEAT: u8 = b'.';
 const FAREWELL: u8 = b'q';
-/// The guard prints this line when it is ready.
-pub const READY: &str = "on guard";
+/// The line that the guard of a rig with these wires prints when it is ready.
+pub fn ready(wires: &WiresConfig) -> String {
+    format!("on guard: hand at {}, arm at {}", wires.can, wires.arm)
+}
 
 /// The controller's side.
 #[derive(Debug)]
@@ -50,11 +52,11 @@ pub struct Guard {
 }
 
 impl Guard {
-    /// Starts the guard of a rig (`PROGRAM robot guard`) and waits until it is ready.
+    /// Starts the guard of the rig in the file `rig` (`PROGRAM robot guard`) and waits until it is ready.
     ///
     /// # Errors
-    /// If it cannot be started.
-    pub fn start(program: &Path, rig: &Path) -> std::io::Result<Self> {
+    /// If it cannot be started, or the file has other devices than `wires`.
+    pub fn start(program: &Path, rig: &Path, wires: &WiresConfig) -> std::io::Result<Self> {
         let (line, theirs) = UnixStream::pair()?;
         line.set_nonblocking(true)?;
         let mut command = Command::new(program);
@@ -68,9 +70,17 @@ impl Guard {
         let Some(output) = child.stdout.take() else { return Err(ErrorKind::BrokenPipe.into()) };
         let mut said = String::new();
         BufReader::new(output).read_line(&mut said)?;
-        if said.trim_end() != READY {
+        let said = said.trim_end();
+        if said.is_empty() {
             let _ = child.wait();
             return Err(std::io::Error::other("it ended at once; its message is above"));
+        }
+        if said != ready(wires) {
+            // Nothing has moved: it must not stop the devices that the file has now.
+            let _ = child.kill();
+            let _ = child.wait();
+            let why = format!("since this command began, {} has other devices ({said})", rig.display());
+            return Err(std::io::Error::other(why));
         }
         Ok(Self { child, line, sent: None, unanswered: None })
     }

@@ -13,7 +13,7 @@ pub use choice::{
     RigChoice, StandError, TWIN, claim, load_calibration, rig_choice, start_guard, start_pose, unix_secs,
 };
 pub use claim::{Claim, process_begins, request_stop};
-pub use guard::{Guard, READY, stand_guard};
+pub use guard::{Guard, ready, stand_guard};
 pub use session::{Live, Stand, StandPace};
 
 pub use etude_twin::stage_side;

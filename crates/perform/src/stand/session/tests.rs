@@ -10,14 +10,14 @@ use std::time::Instant;
 use etude_robot::Fault;
 use etude_robot::allegro::HandFault;
 use etude_robot::can::{self, CanFrame};
-use etude_robot::rig::RigConfig;
+use etude_robot::rig::{RigConfig, WiresConfig};
 use etude_twin::{ArmPorts, Truth, TwinServer};
 
 use super::*;
 use crate::RecordingWriter;
 use crate::stand::choice::{controller, load_calibration};
 use crate::stand::claim::file;
-use crate::stand::{READY, start_pose};
+use crate::stand::{ready, start_pose};
 
 /// Nothing here should take so long: a test that waits for it fails instead of hanging.
 const PATIENCE: Duration = Duration::from_secs(60);
@@ -103,12 +103,30 @@ impl Drop for Ends<'_> {
     }
 }
 
-/// A program that answers as a guard does.
-fn echo(folder: &Path) -> std::path::PathBuf {
+/// A program that answers as the guard of a rig with these wires does.
+fn echo(folder: &Path, wires: &WiresConfig) -> std::path::PathBuf {
     let path = folder.join("guard");
-    std::fs::write(&path, format!("#!/bin/sh\necho {READY}\nexec cat >&0 2>/dev/null\n")).unwrap();
+    std::fs::write(&path, format!("#!/bin/sh\necho '{}'\nexec cat >&0 2>/dev/null\n", ready(wires))).unwrap();
     std::fs::set_permissions(&path, std::fs::Permissions::from_mode(0o755)).unwrap();
     path
+}
+
+#[test]
+fn a_guard_of_other_devices_than_the_controllers_is_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let wires = WiresConfig::default();
+    for changed in [
+        WiresConfig { can: "can1".into(), ..wires.clone() },
+        WiresConfig { arm: "192.168.1.112".into(), ..wires.clone() },
+    ] {
+        let program = echo(folder.path(), &changed);
+        let refused = Guard::start(&program, Path::new("lab.toml"), &wires).unwrap_err().to_string();
+        assert!(
+            refused.contains("lab.toml") && refused.contains(&changed.can) && refused.contains(&changed.arm),
+            "{refused}"
+        );
+        Guard::start(&program, Path::new("lab.toml"), &changed).unwrap().farewell();
+    }
 }
 
 /// Lets a controller act on a twin with these faults. If the machine was too busy for the controller or the echo, which has no real-time
@@ -141,7 +159,7 @@ fn on_a_twin(faults: &[&str], act: impl Fn(&mut Stand, &Watch<'_>)) {
             });
             let _ends = Ends(&ends);
             let wires = OpenWires::open(&rig.wires).unwrap();
-            let guard = Guard::start(&echo(folder.path()), &path).unwrap();
+            let guard = Guard::start(&echo(folder.path(), &rig.wires), &path, &rig.wires).unwrap();
             let claim = Arc::new(Claim::new(&rig.wires).unwrap());
             let warm = WarmFile::new(&rig.wires);
             let live = Live::new(wires, guard, claim, warm, Worker::start().unwrap(), &mut robot);
