@@ -141,14 +141,14 @@ def rise(before, after, songs):
     return text
 
 
-def table(rows):
+def table(rows, labels):
     # Where the twin stopped itself there is nothing to compare.
     before, after = ({cell(row) for row in rows if row["round"] == number} for number in "01")
     rows = [row for row in rows if cell(row) in before & after]
-    print("| variant, mode, truth | seeds | | F1 simulation | F1 twin | gap | precision, recall | onset F1 | notes right, wrong |")
+    print(f"| {', '.join(labels)} | seeds | | F1 simulation | F1 twin | gap | precision, recall | onset F1 | notes right, wrong |")
     print("|---|---|---|---|---|---|---|---|---|")
-    for group in dict.fromkeys(tuple(row[key] for key in LABELS[:3]) for row in rows):
-        of_group = [row for row in rows if tuple(row[key] for key in LABELS[:3]) == group]
+    for group in dict.fromkeys(tuple(row[key] for key in labels) for row in rows):
+        of_group = [row for row in rows if tuple(row[key] for key in labels) == group]
         songs = list(dict.fromkeys(row["song"] for row in of_group))
         both = [[row for row in of_group if row["round"] == number] for number in "01"]
         seeds = len({row["seed"] for row in of_group})
@@ -176,6 +176,7 @@ def main():
     parser.add_argument("--intensities", nargs="*", type=float, help="of a grid, only these values")
     of_steps = "of the training of the round, instead of those of the experiment; the file of rows should have no others"
     parser.add_argument("--steps", type=int, help=of_steps)
+    parser.add_argument("--by-song", action="store_true", help="the table has a row for each song")
     parser.add_argument("-o", "--out", type=pathlib.Path, default=pathlib.Path("runs/after"))
     parser.add_argument("--rows", type=pathlib.Path, required=True, help="the file of rows, which is extended")
     options = parser.parse_args()
@@ -208,7 +209,7 @@ def main():
         writer = csv.DictWriter(file, [*LABELS, *VALUES], lineterminator="\n")
         writer.writeheader()
         writer.writerows(ordered)
-    table(ordered)
+    table(ordered, LABELS[: 4 if options.by_song else 3])
 
 
 if __name__ == "__main__":
