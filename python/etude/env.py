@@ -28,7 +28,7 @@ class PianoEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
     the planned pose (`action_low` and `action_high` are those of the first step). The observation has the joints, those of one step ago, the 49 keys that sound, and the 49 keys that are due now and in each of
     the next five steps. The episode ends with the song, which is a truncation: nothing ends for good. `info` has
     `reward_terms` (the weighted parts of the reward), `collided`, and the paper's `precision`, `recall` and `f1` of the song
-    so far, in an episode with `random_start` from where it began. The finger joints are scaled by their range to −1 … 1, and the rail is in white keys from the middle.
+    so far. The finger joints are scaled by their range to −1 … 1, and the rail is in white keys from the middle.
     `previous_actions`, `fingering` and `velocities` add columns between the joints and the keys (docs/algorithm.md has the tables).
     Environments are not copied or pickled: build another one and give it `get_state()`.
 

@@ -71,7 +71,7 @@ class Policy:
     def task(self) -> dict[str, Any]:
         """The task of its scores, for `PianoEnv(song, config=policy.task)`: that of its training, without randomness.
 
-        Reward terms of other builds are left out: they say how the policy learned, not how it plays.
+        Reward terms of other builds and `random_start`, which earlier builds had, are left out: they say how the policy learned, not how it plays.
         """
         try:
             task: dict[str, Any] = self.header["notes"]["training"]["config"]["task"]
@@ -80,7 +80,8 @@ class Policy:
                 f"{self.path} does not say in which task it was trained; use a policy written by this version of Étude"
             ) from error
         reward = {name: weight for name, weight in task.get("reward", {}).items() if name in REWARD_TERMS}
-        return {**task, "random_start": False, "randomisation": {"intensity": 0.0}, "reward": reward}
+        kept = {name: value for name, value in task.items() if name != "random_start"}
+        return {**kept, "randomisation": {"intensity": 0.0}, "reward": reward}
 
     @property
     def song(self) -> str | None:

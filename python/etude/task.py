@@ -57,7 +57,6 @@ def task_config(
     plan: Mapping[str, Any] | None = None,
     lookahead: int | None = None,
     initial_silence_secs: float | None = None,
-    random_start: bool | None = None,
     side: Literal["left", "right"] | None = None,
     fences: bool | None = None,
     actuation: str | None = None,
@@ -86,7 +85,6 @@ def task_config(
             variant's.
         lookahead: Control steps of the sheet shown beyond the current one, 0 to 40.
         initial_silence_secs: Silence before the first note, s.
-        random_start: Whether episodes start anywhere in the song.
         side: Which hand plays.
         fences: Whether fences stand between the white keys.
         actuation: How the joints are driven, `controlled` (as identified: torque by our controller) or `position`.
@@ -111,7 +109,6 @@ def task_config(
         "velocities": velocities,
         "lookahead": lookahead,
         "initial_silence_secs": initial_silence_secs,
-        "random_start": random_start,
         "stage.side": side,
         "stage.fences": fences,
         "stage.actuation": actuation,

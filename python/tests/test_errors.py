@@ -160,7 +160,6 @@ KEYWORDS = {
     "plan": st.one_of(PLAN, TABLES),
     "lookahead": COUNT,
     "initial_silence_secs": REAL,
-    "random_start": FLAG,
     "side": st.sampled_from(["left", "right"]),
     "fences": FLAG,
     "actuation": st.sampled_from(["controlled", "position"]),

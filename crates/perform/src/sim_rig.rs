@@ -25,8 +25,7 @@ impl SimRig {
     /// # Errors
     /// If the configuration is not sound.
     pub fn new(task: &TaskConfig, piece: &Piece, seed: u64) -> Result<Self, TaskError> {
-        let task = TaskConfig { random_start: false, ..task.clone() };
-        let environment = Environment::new(&task, piece, seed)?;
+        let environment = Environment::new(task, piece, seed)?;
         let terms = vec![0.0; environment.reward().names().len()];
         Ok(Self { environment, seed, terms, steps: piece.steps(), simulated: Simulated::default() })
     }

@@ -13,7 +13,7 @@ use etude_task::{ACTION_LEN, Environment, Piece, TaskConfig, layout};
 fn main() -> Result<(), Box<dyn Error>> {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
     let [song, seed, steps] = arguments.as_slice() else { return Err("episode SONG SEED STEPS".into()) };
-    let mut config = TaskConfig { random_start: true, ..TaskConfig::default() };
+    let mut config = TaskConfig::default();
     config.randomisation.intensity = 0.5;
     let piece = Piece::for_task(&etude_music::resolve(song)?, &config)?;
     let mut environment = Environment::new(&config, &piece, seed.parse()?)?;

@@ -87,8 +87,6 @@ pub struct TaskConfig {
     pub rail_set_point: bool,
     /// Scale of the joint readings in the observation.
     pub scale: ObservationScale,
-    /// Whether training episodes start anywhere in the song. Evaluations always play the whole song.
-    pub random_start: bool,
 }
 
 impl Default for TaskConfig {
@@ -111,13 +109,12 @@ impl Default for TaskConfig {
             view: ObservationView::default(),
             rail_set_point: false,
             scale: ObservationScale::default(),
-            random_start: false,
         }
     }
 }
 
 /// Settings that earlier builds had, of how a policy learned: table and name.
-const DELETED: &[(&str, &str)] = &[("/randomisation", "curriculum_steps")];
+const DELETED: &[(&str, &str)] = &[("/randomisation", "curriculum_steps"), ("", "random_start")];
 
 impl TaskConfig {
     /// The task that is stored with a policy. Settings and reward terms that only its training had, and that this build does not have,
@@ -154,9 +151,9 @@ impl TaskConfig {
         places
     }
 
-    /// The same task without anything random: from the beginning of the song, in the nominal world.
+    /// The same task in the nominal world.
     pub fn without_randomness(&self) -> Self {
-        let mut config = Self { random_start: false, ..self.clone() };
+        let mut config = self.clone();
         config.randomisation.intensity = 0.0;
         config
     }

@@ -5,11 +5,8 @@
 use std::sync::Arc;
 
 use etude_learn::EnvironmentError;
-use etude_music::{KeySet, key_is_black};
-use etude_stage::geometry::HALF_WIDTH;
-use etude_stage::hand::root_lateral;
-use etude_stage::params::JointRow;
-use etude_stage::{FINGERS, JOINTS, PhysicalParams, RAIL, Snapshot, World};
+use etude_music::KeySet;
+use etude_stage::{JOINTS, PhysicalParams, Snapshot, World};
 use rand::{RngExt as _, SeedableRng as _};
 use rand_pcg::Pcg64;
 use serde::{Deserialize, Serialize};
@@ -132,8 +129,8 @@ impl Environment {
         }
     }
 
-    /// Starts the next episode: draws a piece of the corpus and the randomised numbers and puts the hand into its starting pose, at the beginning of the
-    /// song. With `random_start`, the episode starts anywhere in the song, with a random finger over the next due key.
+    /// Starts the next episode: draws a piece of the corpus and the randomised numbers and puts the hand into its starting pose, at the
+    /// beginning of the song.
     pub fn reset(&mut self) {
         if self.drawn.is_some() {
             let number = u64::from(self.random.random::<u32>());
@@ -145,35 +142,12 @@ impl Environment {
         }
         self.world.reset();
         self.step = 0;
-        if self.config.random_start {
-            self.step = self.random.random_range(0..self.piece.steps());
-            let finger = self.random.random_range(0..FINGERS);
-            if self.step > 0
-                && let Some(key) = self.next_due_key()
-            {
-                // `reset_to` takes true positions, `start_pose` gives encoder readings.
-                let mut pose = self.world.start_pose();
-                for (joint, reading) in pose.iter_mut().enumerate() {
-                    *reading -= self.world.params().joint(JointRow::EncoderBias, joint);
-                }
-                let over = self.world.key_target(key)[1] - root_lateral(self.config.stage.side, finger);
-                let planned = self.piece.fingering().map(|fingering| fingering.rail_at(self.step));
-                pose[RAIL] = planned.unwrap_or(over).clamp(-HALF_WIDTH, HALF_WIDTH);
-                self.world.reset_to(&pose);
-            }
-        }
-        self.history = History::at_rest(self.world.joints(), &self.range, self.step);
+        self.history = History::at_rest(self.world.joints(), &self.range, 0);
     }
 
     /// The places of the joints that the observation has.
     fn joints(&self) -> [f64; JOINTS] {
         self.config.observed(self.world.joints(), self.world.set_points())
-    }
-
-    /// Of the next frame in which keys are due, the lowest white key, or the lowest key if all are black.
-    fn next_due_key(&self) -> Option<usize> {
-        let due = self.piece.frames()[self.step..].iter().find(|due| !due.is_empty())?;
-        due.iter().find(|key| !key_is_black(*key)).or_else(|| due.iter().next())
     }
 
     /// Plays one control step with `action` (each value in [−1, 1]). Writes the weighted reward terms into `parts`, in the order

@@ -21,13 +21,9 @@ pub fn nominal() -> TaskConfig {
     TaskConfig { initial_silence_secs: 0.5, ..TaskConfig::default() }
 }
 
-/// Randomised worlds and starts.
+/// Randomised worlds.
 pub fn restless() -> TaskConfig {
-    TaskConfig {
-        randomisation: RandomisationConfig { intensity: 0.5, ..Default::default() },
-        random_start: true,
-        ..nominal()
-    }
+    TaskConfig { randomisation: RandomisationConfig { intensity: 0.5, ..Default::default() }, ..nominal() }
 }
 
 /// Plays `piece` once on `rig`.

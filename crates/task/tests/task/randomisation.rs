@@ -4,7 +4,7 @@
 use std::collections::BTreeMap;
 
 use etude_perform::SimRig;
-use etude_stage::{Actuation, JOINTS, PhysicalParams, RAIL, World, joint_range};
+use etude_stage::{Actuation, PhysicalParams, World, joint_range};
 use etude_task::{Environment, Randomisation, RandomisationConfig, TaskConfig, Widths};
 use rand::{RngExt as _, SeedableRng as _};
 use rand_pcg::Pcg64;
@@ -41,7 +41,7 @@ fn intensity_zero_is_the_nominal_world() {
 /// An episode in a drawn world is the one of an environment whose nominal world is the drawn one.
 #[test]
 fn a_drawn_world_is_in_force_from_the_first_step() {
-    let config = TaskConfig { random_start: false, ..restless() };
+    let config = restless();
     let piece = short_piece();
     let mut drawn = Environment::new(&config, &piece, 3).unwrap();
     drawn.reset();
@@ -56,48 +56,6 @@ fn a_drawn_world_is_in_force_from_the_first_step() {
         assert_eq!(drawn.step(&press, &mut parts), built.step(&press, &mut parts));
         assert_eq!(drawn.world().joints(), built.world().joints());
         assert_eq!(drawn.world().pressed(), built.world().pressed());
-    }
-}
-
-#[test]
-fn random_starts_cover_the_song_with_a_finger_over_the_next_key() {
-    let config = TaskConfig { randomisation: RandomisationConfig::default(), ..restless() };
-    let piece = short_piece();
-    let mut environment = Environment::new(&config, &piece, 4).unwrap();
-    let mut seen = vec![false; piece.steps()];
-    for _ in 0..400 {
-        environment.reset();
-        seen[environment.position()] = true;
-        let due = piece.frames()[environment.position()..].iter().find(|due| !due.is_empty());
-        if let Some(key) = due.and_then(|due| due.iter().next())
-            && environment.position() > 0
-        {
-            let at = environment.world().key_target(key)[1];
-            let nearest = (0..3)
-                .map(|f| (environment.world().fingertip(f)[1] - at).abs())
-                .fold(f64::INFINITY, f64::min);
-            assert!(nearest < 1e-3, "{nearest} m off key {key}");
-        }
-    }
-    assert!(seen.iter().all(|seen| *seen), "every place of the song is a start");
-}
-
-/// An identified robot has encoder biases; a random start must not bend the fingers by them.
-#[test]
-fn a_random_start_with_biased_encoders_holds_the_true_pose() {
-    let mut config = TaskConfig { randomisation: RandomisationConfig::default(), ..restless() };
-    let piece = short_piece();
-    let unbiased = Environment::new(&nominal(), &piece, 0).unwrap().world().joints();
-    config.physics.insert("joint.fingers.encoder_bias".into(), 0.04);
-    config.physics.insert("joint.rail.encoder_bias".into(), 0.02);
-    let mut environment = Environment::new(&config, &piece, 4).unwrap();
-    for _ in 0..20 {
-        environment.reset();
-        let readings = environment.world().joints();
-        for joint in (0..JOINTS).filter(|joint| *joint != RAIL) {
-            let off = readings[joint] - unbiased[joint] - 0.04;
-            assert!(off.abs() < 1e-9, "joint {joint} starts {off} rad off");
-        }
     }
 }
 
