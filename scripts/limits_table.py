@@ -6,6 +6,8 @@ docs/results/actuators.md. Set-points are shaped within the limits of the simula
 
 import argparse
 import json
+import subprocess
+import sys
 
 import numpy as np
 from mcap.reader import make_reader
@@ -47,6 +49,15 @@ def reached(recording, finger_limits, rail_limits):
     return [*shares, at_most.mean(), at_most.any(axis=1).mean()]
 
 
+def performed(song, truth, runs):
+    """The runs of a song; none if the twin has stopped itself."""
+    try:
+        return perform(song, "real", truth, runs)["runs"]
+    except subprocess.CalledProcessError as ended:
+        print(f"{song} on {truth}: {ended.stderr.strip().splitlines()[-1]}", file=sys.stderr)
+        return []
+
+
 def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--truth", action="append")
@@ -57,7 +68,7 @@ def main():
     print("| truth | fingers: velocity | acceleration | jerk | rail: velocity | acceleration | jerk | torque | of any joint |")
     print("|---|---|---|---|---|---|---|---|---|")
     for truth in options.truth or ["standard", "worn"]:
-        runs = [run for song in songs for run in perform(song, "real", truth, options.runs)["runs"]]
+        runs = [run for song in songs for run in performed(song, truth, options.runs)]
         shares = np.mean([reached(run["files"]["recording"], *limits) for run in runs], axis=0)
         print(f"| `{truth}` | " + " | ".join(f"{100 * share:.2f} %" for share in shares) + " |", flush=True)
 

@@ -81,7 +81,7 @@ class PianoEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Observation, dict[str, Any]]:
-        """Restarts the song. A seed, 0 to 2⁶⁴ − 1, determines all later random draws (randomisation, random starts). If the first reset
+        """Restarts the song. A seed, 0 to 2⁶⁴ − 1, determines all later random draws (of the randomised worlds). If the first reset
         has none, `np_random_seed` is the one that was drawn.
         """
         if seed is None and not self._begun:

@@ -200,8 +200,8 @@ def test_rust_sees_the_same():
     assert rust.tobytes() == np.stack(seen).tobytes() == np.stack(together).tobytes()
 
 
-def test_without_a_seed_every_environment_begins_somewhere_else():
-    # Two may begin at the same place of the song; in worlds drawn from the whole range no two hands move alike.
+def test_without_a_seed_every_environment_has_another_world():
+    # In worlds drawn from the whole range no two hands move alike.
     def moves(**reset):
         envs = etude.PianoVectorEnv(2, "twinkle", randomisation=1.0)
         envs.reset(**reset)

@@ -150,7 +150,13 @@ impl Run {
         let settings =
             Some(folder.join(CONFIG)).filter(|config| config.is_file()).ok_or_else(|| without(CONFIG))?;
         let config = resolve_config("paper", Some(&settings), &[])
-            .with_context(|| format!("the training in {} cannot be continued", folder.display()))?;
+            .with_context(|| {
+                let from = shell_word(folder.display());
+                format!(
+                    "the training in {} cannot be continued as it is (`--from {from}` begins another with its policy)",
+                    folder.display()
+                )
+            })?;
         if config.corpus.is_none() && !folder.join(SONG).is_file() {
             return Err(without(SONG));
         }

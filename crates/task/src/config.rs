@@ -117,21 +117,28 @@ impl Default for TaskConfig {
 const DELETED: &[(&str, &str)] = &[("/randomisation", "curriculum_steps"), ("", "random_start")];
 
 impl TaskConfig {
-    /// The task that is stored with a policy. Settings and reward terms that only its training had, and that this build does not have,
-    /// are left out.
+    /// The task of a recording or a policy of this or an earlier build. Its reward may have terms that this build does not have.
+    /// Deleted settings, which said how a policy learned and not how it plays, are left out.
     ///
     /// # Errors
     /// If it has other settings that this build does not have.
-    pub fn stored(mut value: serde_json::Value) -> serde_json::Result<Self> {
+    pub fn of_any_build(mut value: serde_json::Value) -> serde_json::Result<Self> {
         for (path, name) in DELETED {
             if let Some(settings) = value.pointer_mut(path).and_then(serde_json::Value::as_object_mut) {
                 settings.remove(*name);
             }
         }
-        if let Some(terms) = value.pointer_mut("/reward").and_then(serde_json::Value::as_object_mut) {
-            terms.retain(|name, _| crate::reward::is_term(name));
-        }
         serde_json::from_value(value)
+    }
+
+    /// The task that is stored with a policy: [of any build](Self::of_any_build), without reward terms that this build does not have.
+    ///
+    /// # Errors
+    /// If it has other settings that this build does not have.
+    pub fn stored(value: serde_json::Value) -> serde_json::Result<Self> {
+        let mut task = Self::of_any_build(value)?;
+        task.reward.retain(|name, _| crate::reward::is_term(name));
+        Ok(task)
     }
 
     /// The physical numbers of the nominal world.

@@ -284,6 +284,7 @@ fn a_guard_tries_again_while_its_controller_hangs() {
     drop(guard);
     let mut ready = String::new();
     BufReader::new(child.stdout.take().unwrap()).read_line(&mut ready).unwrap();
+    assert_eq!(ready.trim_end(), etude_perform::stand::ready(&rig.wires));
     line.write_all(b".").unwrap();
     let ended = child.wait_with_output().unwrap();
     let said = errors(&ended);

@@ -327,6 +327,7 @@ mod tests {
         value["trainer"]["demonstration_share"] = 0.5.into();
         value["droq"]["discount"] = 0.9.into();
         value["task"]["randomisation"]["curriculum_steps"] = 1_000.into();
+        value["task"]["random_start"] = true.into();
         value["task"]["reward"] = serde_json::json!({"preparation": 0.5, "collision": 0.25});
         let read = RunConfig::stored(value.clone()).unwrap();
         assert_eq!((read.droq.discount, read.trainer.clone()), (0.9, RunConfig::default().trainer));

@@ -81,6 +81,19 @@ pub enum StandError {
         "the guard of the robot cannot be started: {0}; remove the cause or end other programs, then repeat the command"
     )]
     Guard(std::io::Error),
+    /// The rig's file names other devices than when this program read it.
+    #[error(
+        "{file} was changed since this command began, so the guard would stop another robot ({theirs}) than the one in use ({ours}); \
+         put the file back, or start the command again"
+    )]
+    OtherDevices {
+        /// The rig's file.
+        file: String,
+        /// The devices that the file names now.
+        theirs: String,
+        /// The devices of this program.
+        ours: String,
+    },
     /// The thread of the policy cannot be started.
     #[error("the thread of the policy cannot be started: {0}; end other programs, then repeat the command")]
     Worker(#[from] rayon::ThreadPoolBuildError),
@@ -228,7 +241,7 @@ pub fn claim(rig: &RigConfig) -> Result<Claim, StandError> {
 /// If it cannot be started, or the file has other devices by now.
 pub fn start_guard(rig: &Path, wires: &WiresConfig) -> Result<Guard, StandError> {
     let program = std::env::current_exe().map_err(StandError::Guard)?;
-    Guard::start(&program, rig, wires).map_err(StandError::Guard)
+    Guard::start(&program, rig, wires)
 }
 
 /// Seconds since 1970.

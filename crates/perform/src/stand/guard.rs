@@ -18,6 +18,7 @@ use etude_robot::priority::{Priority, Rank};
 use etude_robot::rig::{RigConfig, WiresConfig};
 use etude_robot::stop::{Stopped, stop};
 
+use super::choice::StandError;
 use super::claim::Claim;
 
 /// Time between two bytes.
@@ -35,9 +36,16 @@ const TRIES: Duration = Duration::from_secs(30);
 const PAUSE: Duration = Duration::from_millis(100);
 const BEAT: u8 = b'.';
 const FAREWELL: u8 = b'q';
+const READY: &str = "on guard: ";
+
 /// The line that the guard of a rig with these wires prints when it is ready.
 pub fn ready(wires: &WiresConfig) -> String {
-    format!("on guard: hand at {}, arm at {}", wires.can, wires.arm)
+    format!("{READY}{}", devices_at(wires))
+}
+
+/// The devices that a guard stops.
+fn devices_at(wires: &WiresConfig) -> String {
+    format!("hand at {}, arm at {}", wires.can, wires.arm)
 }
 
 /// The controller's side.
@@ -56,7 +64,26 @@ impl Guard {
     ///
     /// # Errors
     /// If it cannot be started, or the file has other devices than `wires`.
-    pub fn start(program: &Path, rig: &Path, wires: &WiresConfig) -> std::io::Result<Self> {
+    pub fn start(program: &Path, rig: &Path, wires: &WiresConfig) -> Result<Self, StandError> {
+        let (line, mut child) = Self::spawn(program, rig).map_err(StandError::Guard)?;
+        let refused = match Self::devices_of(&mut child) {
+            Ok(Some(devices)) if devices == devices_at(wires) => {
+                return Ok(Self { child, line, sent: None, unanswered: None });
+            }
+            Ok(Some(theirs)) => {
+                StandError::OtherDevices { file: rig.display().to_string(), theirs, ours: devices_at(wires) }
+            }
+            Ok(None) => StandError::Guard(std::io::Error::other("it ended at once; its message is above")),
+            Err(error) => StandError::Guard(error),
+        };
+        // Nothing has moved, and it must not stop the devices of another robot.
+        let _ = child.kill();
+        let _ = child.wait();
+        Err(refused)
+    }
+
+    /// The process of the guard, and this end of the line to it.
+    fn spawn(program: &Path, rig: &Path) -> std::io::Result<(UnixStream, Child)> {
         let (line, theirs) = UnixStream::pair()?;
         line.set_nonblocking(true)?;
         let mut command = Command::new(program);
@@ -64,25 +91,16 @@ impl Guard {
         command.stdin(OwnedFd::from(theirs)).stdout(Stdio::piped());
         // Ctrl-C in a terminal goes to the whole group, and the guard must outlive the controller.
         std::os::unix::process::CommandExt::process_group(&mut command, 0);
-        let mut child = command.spawn()?;
-        // It holds this process's copy of the guard's end, whose end this process must see.
-        drop(command);
+        // Dropping the command closes this process's copy of the guard's end, so that the end of the guard is seen.
+        command.spawn().map(|child| (line, child))
+    }
+
+    /// The devices that the guard names when it is ready; `None` if it has ended.
+    fn devices_of(child: &mut Child) -> std::io::Result<Option<String>> {
         let Some(output) = child.stdout.take() else { return Err(ErrorKind::BrokenPipe.into()) };
-        let mut said = String::new();
-        BufReader::new(output).read_line(&mut said)?;
-        let said = said.trim_end();
-        if said.is_empty() {
-            let _ = child.wait();
-            return Err(std::io::Error::other("it ended at once; its message is above"));
-        }
-        if said != ready(wires) {
-            // Nothing has moved: it must not stop the devices that the file has now.
-            let _ = child.kill();
-            let _ = child.wait();
-            let why = format!("since this command began, {} has other devices ({said})", rig.display());
-            return Err(std::io::Error::other(why));
-        }
-        Ok(Self { child, line, sent: None, unanswered: None })
+        let mut line = String::new();
+        BufReader::new(output).read_line(&mut line)?;
+        Ok(line.trim_end().strip_prefix(READY).map(str::to_string))
     }
 
     /// Sends a sign of life if the last one is old; `false` if the guard has ended or hangs. Never waits.

@@ -273,7 +273,7 @@ fn world_of(task: &TaskConfig) -> anyhow::Result<World> {
 
 /// The task of a recording; without one in its header the default task with the rig's hand.
 fn task_of(header: &Header) -> TaskConfig {
-    let task = header.run.as_ref().and_then(|run| serde_json::from_value(run.get("task")?.clone()).ok());
+    let task = header.run.as_ref().and_then(|run| TaskConfig::of_any_build(run.get("task")?.clone()).ok());
     task.unwrap_or_else(|| {
         let side = header.rig_config.as_ref().map(|rig| stage_side(rig.hand.side));
         let stage = StageConfig { side: side.unwrap_or_default(), ..StageConfig::default() };
@@ -390,6 +390,17 @@ fn is_of(id: &str, song: &str) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_recording_of_an_earlier_build_is_shown_in_its_own_task() {
+        let mut task = serde_json::to_value(TaskConfig { lookahead: 9, ..TaskConfig::default() }).unwrap();
+        task["random_start"] = false.into();
+        task["randomisation"]["curriculum_steps"] = 0.into();
+        task["reward"] = serde_json::json!({"preparation": 0.5});
+        let header = Header { run: Some(serde_json::json!({ "task": task })), ..Header::default() };
+        let shown = task_of(&header);
+        assert_eq!((shown.lookahead, shown.reward["preparation"]), (9, 0.5));
+    }
 
     #[test]
     fn who_played_is_said_in_short() {

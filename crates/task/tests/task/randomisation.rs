@@ -62,7 +62,11 @@ fn a_drawn_world_is_in_force_from_the_first_step() {
 #[test]
 fn a_performance_is_in_the_world_that_its_seed_draws() {
     let (config, piece) = (restless(), short_piece());
-    let drawn = |seed| SimRig::new(&config, &piece, seed).unwrap().world().params().clone();
+    let drawn = |seed| {
+        let mut rig = SimRig::new(&config, &piece, seed).unwrap();
+        play_on(&mut rig, &config, &piece, &mut |_: usize, _: &[f32], _: &mut [f32; 13]| {});
+        rig.world().params().clone()
+    };
     assert!(drawn(5) == drawn(5) && drawn(5) != drawn(6) && drawn(5) != PhysicalParams::default());
 }
 

@@ -106,7 +106,11 @@ impl Drop for Ends<'_> {
 /// A program that answers as the guard of a rig with these wires does.
 fn echo(folder: &Path, wires: &WiresConfig) -> std::path::PathBuf {
     let path = folder.join("guard");
-    std::fs::write(&path, format!("#!/bin/sh\necho '{}'\nexec cat >&0 2>/dev/null\n", ready(wires))).unwrap();
+    std::fs::write(
+        &path,
+        format!("#!/bin/sh\necho $$ > \"$0.pid\"\necho '{}'\nexec cat >&0 2>/dev/null\n", ready(wires)),
+    )
+    .unwrap();
     std::fs::set_permissions(&path, std::fs::Permissions::from_mode(0o755)).unwrap();
     path
 }
@@ -125,6 +129,8 @@ fn a_guard_of_other_devices_than_the_controllers_is_refused() {
             refused.contains("lab.toml") && refused.contains(&changed.can) && refused.contains(&changed.arm),
             "{refused}"
         );
+        let pid = std::fs::read_to_string(folder.path().join("guard.pid")).unwrap();
+        assert!(!Path::new("/proc").join(pid.trim()).exists(), "the guard of the other devices still runs");
         Guard::start(&program, Path::new("lab.toml"), &changed).unwrap().farewell();
     }
 }
