@@ -5,13 +5,12 @@ package.
     make build && PYTHONPATH=.python python3 scripts/clamps_table.py [--truth standard --truth worn] [--runs 1]
 """
 
-import argparse
 import json
 from collections import Counter
 
 from mcap.reader import make_reader
 
-from robot_table import MODES, ROOT, etude, perform
+from robot_table import MODES, ROOT, etude, perform, truths_and_runs
 
 RAIL = 12
 
@@ -31,18 +30,15 @@ def counted(recording):
 
 
 def main():
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--truth", action="append")
-    parser.add_argument("--runs", default="1")
-    options = parser.parse_args()
+    truths, runs_each = truths_and_runs(__doc__)
     songs = [song["id"] for song in etude("songs", "--json")]
     print("| truth | mode | clamped set-points | the song with the most | by limit |")
     print("|---|---|---|---|---|")
-    for truth in options.truth or ["standard", "worn"]:
+    for truth in truths:
         for mode in MODES:
             total, shares = Counter(), {}
             for song in songs:
-                runs = perform(song, mode, truth, options.runs)["runs"]
+                runs = perform(song, mode, truth, runs_each)["runs"]
                 of_song = sum((counted(run["files"]["recording"]) for run in runs), Counter())
                 shares[song] = of_song["clamped"] / of_song["all"]
                 total += of_song

@@ -4,7 +4,6 @@ docs/results/actuators.md. Set-points are shaped within the limits of the simula
     make build && PYTHONPATH=.python python3 scripts/limits_table.py [--truth standard --truth worn] [--runs 1]
 """
 
-import argparse
 import json
 import subprocess
 import sys
@@ -12,7 +11,7 @@ import sys
 import numpy as np
 from mcap.reader import make_reader
 
-from robot_table import ROOT, etude, perform
+from robot_table import ROOT, etude, perform, truths_and_runs
 
 FINGERS, RAIL = range(12), 12
 SETPOINT_SECS = 0.005
@@ -36,7 +35,8 @@ def reached(recording, finger_limits, rail_limits):
                 most = np.array(data["rig_config"]["hand"]["pwm_limit"])[FINGERS]
             # Everything before the song has time 0.
             elif message.log_time > 0:
-                (sent if channel.topic == "/setpoint" else duties).append(data["sent" if channel.topic == "/setpoint" else "pwm"])
+                rows, value = (sent, data["sent"]) if channel.topic == "/setpoint" else (duties, data["pwm"])
+                rows.append(value)
     changes = [np.array(sent)]
     for _ in LIMITS:
         changes.append(np.diff(changes[-1], axis=0) / SETPOINT_SECS)
@@ -59,16 +59,13 @@ def performed(song, truth, runs):
 
 
 def main():
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--truth", action="append")
-    parser.add_argument("--runs", default="1")
-    options = parser.parse_args()
+    truths, runs_each = truths_and_runs(__doc__)
     songs = [song["id"] for song in etude("songs", "--json")]
     limits = [limits_of("index_0"), limits_of("rail")]
-    print("| truth | fingers: velocity | acceleration | jerk | rail: velocity | acceleration | jerk | torque | of any joint |")
+    print("| truth | fingers: velocity | acceleration | jerk | rail: velocity | acceleration | jerk | torque | any joint |")
     print("|---|---|---|---|---|---|---|---|---|")
-    for truth in options.truth or ["standard", "worn"]:
-        runs = [run for song in songs for run in performed(song, truth, options.runs)]
+    for truth in truths:
+        runs = [run for song in songs for run in performed(song, truth, runs_each)]
         shares = np.mean([reached(run["files"]["recording"], *limits) for run in runs], axis=0)
         print(f"| `{truth}` | " + " | ".join(f"{100 * share:.2f} %" for share in shares) + " |", flush=True)
 

@@ -38,6 +38,15 @@ def perform(song, mode, truth, runs):
     )
 
 
+def truths_and_runs(doc):
+    """The options of the tables of several truths."""
+    parser = argparse.ArgumentParser(description=doc.splitlines()[0])
+    parser.add_argument("--truth", action="append")
+    parser.add_argument("--runs", default="1")
+    options = parser.parse_args()
+    return options.truth or ["standard", "worn"], options.runs
+
+
 def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--runs", default="3")
