@@ -1,0 +1,64 @@
+"""Whether policies correct wrong keys that they observe: F1 in simulation where the rail is somewhere else than its encoder says, with the keys that
+sound in the observation, with the keys that are due in their place, and with none. Means over the policies; an offset is tried to both sides.
+
+    python3 scripts/python_package.py test
+    .venv/bin/python scripts/keys_observed.py runs/after/appendix-fast/0/*/training
+"""
+
+import statistics
+import sys
+
+import etude
+
+KEYS, JOINTS, RAIL, FINGERS = 49, 13, 12, 3
+WHITE_KEY_MM = 23.5
+# What the policy observes in the place of the keys that sound, which the keys due now follow.
+SHOWN = {"those that sound": None, "those due": slice(KEYS, 2 * KEYS), "none": slice(0, 0)}
+
+
+def f1(policy, song, offset_mm, shown):
+    env = etude.PianoEnv(song, config=policy.task)
+    task = env.task
+    if task["scale"] != "normalised" or task.get("view", "keyboard") != "keyboard":
+        sys.exit(f"{policy.path}: only observations from the keyboard with normalised joints are known here")
+    joints = JOINTS * (1 + task["previous_joints"])
+    rails = range(RAIL, joints, JOINTS)
+    goals = joints + JOINTS * task["previous_actions"]
+    width = (3 + task["velocities"]) if task["fingering"] else 0
+    keys = goals + FINGERS * width
+    white_keys = offset_mm / WHITE_KEY_MM
+    to_the_offset = offset_mm / 1000 / ((env.action_high[RAIL] - env.action_low[RAIL]) / 2)
+    observation, _ = env.reset(seed=0)
+    over = False
+    while not over:
+        seen = observation.copy()
+        for column in rails:
+            seen[column] -= white_keys
+        for goal in range(goals, keys, width or 1):
+            # 0, 0, 1: no goal.
+            if tuple(seen[goal : goal + 3]) != (0, 0, 1):
+                seen[goal + 1] -= white_keys
+        if shown is not None:
+            columns = observation[keys:][shown]
+            seen[keys : keys + KEYS] = columns if columns.size else 0
+        action = policy.act(seen)
+        action[RAIL] = min(max(action[RAIL] + to_the_offset, -1), 1)
+        observation, _, _, over, info = env.step(action)
+    return info["f1"]
+
+
+def main():
+    policies = [etude.load_policy(path) for path in sys.argv[1:]] or sys.exit(__doc__)
+    ids = {title: song for song, title in etude.SONGS.items()}
+    print(f"| the rail is off by | {' | '.join(SHOWN)} |\n|---|{'---|' * len(SHOWN)}")
+    for offset in (0, 6, 12):
+        sides = (offset, -offset) if offset else (0,)
+        means = [
+            statistics.mean(f1(policy, ids[policy.song], side, shown) for policy in policies for side in sides)
+            for shown in SHOWN.values()
+        ]
+        print(f"| {offset} mm | {' | '.join(f'{mean:.3f}' for mean in means)} |", flush=True)
+
+
+if __name__ == "__main__":
+    main()
