@@ -5,11 +5,10 @@ from typing import final
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["CONTROL_HZ", "REWARD_TERMS", "EtudeError", "Pianos", "Task", "__version__", "check_picture", "songs"]
+__all__ = ["CONTROL_HZ", "EtudeError", "Pianos", "Task", "__version__", "check_picture", "songs"]
 
 __version__: str
 CONTROL_HZ: float
-REWARD_TERMS: list[str]
 
 class EtudeError(ValueError): ...
 
@@ -22,6 +21,8 @@ class Task:
     def of_preset(preset: str, changes: list[str]) -> Task: ...
     @staticmethod
     def of_json(text: str) -> Task: ...
+    @staticmethod
+    def stored(text: str) -> Task: ...
     def json(self) -> str: ...
 
 @final

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from safetensors import SafetensorError, safe_open
 
-from ._native import REWARD_TERMS, EtudeError
+from ._native import EtudeError, Task
 
 SCHEMA = "etude-policy-1"
 SHIPPED = pathlib.Path(__file__).parent / "policies"
@@ -71,17 +71,16 @@ class Policy:
     def task(self) -> dict[str, Any]:
         """The task of its scores, for `PianoEnv(song, config=policy.task)`: that of its training, without randomness.
 
-        Reward terms of other builds and `random_start`, which earlier builds had, are left out: they say how the policy learned, not how it plays.
+        Settings and reward terms of earlier builds are left out: they say how the policy learned, not how it plays.
         """
         try:
-            task: dict[str, Any] = self.header["notes"]["training"]["config"]["task"]
+            trained = self.header["notes"]["training"]["config"]["task"]
         except (KeyError, TypeError) as error:
             raise EtudeError(
                 f"{self.path} does not say in which task it was trained; use a policy written by this version of Étude"
             ) from error
-        reward = {name: weight for name, weight in task.get("reward", {}).items() if name in REWARD_TERMS}
-        kept = {name: value for name, value in task.items() if name != "random_start"}
-        return {**kept, "randomisation": {"intensity": 0.0}, "reward": reward}
+        task: dict[str, Any] = json.loads(Task.stored(json.dumps(trained)).json())
+        return task
 
     @property
     def song(self) -> str | None:

@@ -10,7 +10,6 @@ use std::fmt::Display;
 
 use etude_music::repertoire;
 use etude_task::TaskConfig;
-use etude_task::reward::TERMS;
 use pyo3::create_exception;
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
@@ -57,6 +56,13 @@ impl Task {
         Ok(Self(serde_json::from_str(text).map_err(error)?))
     }
 
+    /// From the JSON that is stored with a policy of this or an earlier build, without randomness.
+    #[staticmethod]
+    fn stored(text: &str) -> PyResult<Self> {
+        let stored = TaskConfig::stored(serde_json::from_str(text).map_err(error)?).map_err(error)?;
+        Ok(Self(stored.without_randomness()))
+    }
+
     /// All values, as JSON.
     fn json(&self) -> PyResult<String> {
         serde_json::to_string(&self.0).map_err(error)
@@ -69,7 +75,6 @@ fn _native(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add("__version__", env!("CARGO_PKG_VERSION"))?;
     module.add("EtudeError", module.py().get_type::<EtudeError>())?;
     module.add("CONTROL_HZ", etude_music::CONTROL_HZ)?;
-    module.add("REWARD_TERMS", TERMS.iter().map(|term| term.name).collect::<Vec<_>>())?;
     module.add_function(wrap_pyfunction!(songs, module)?)?;
     module.add_function(wrap_pyfunction!(check_picture, module)?)?;
     module.add_class::<Task>()?;
