@@ -125,6 +125,11 @@ def mean(rows, key):
     return statistics.mean(float(row[key]) for row in rows)
 
 
+def mean_of_songs(rows, key):
+    """Each song counts once, also where it has fewer seeds than the others."""
+    return statistics.mean(mean([row for row in rows if row["song"] == song], key) for song in dict.fromkeys(row["song"] for row in rows))
+
+
 def rise(before, after, songs):
     """The mean rise of F1 and, of several seeds, its 95 % bootstrap interval, drawn within each song."""
     of = {cell(row): float(row["f1"]) for row in before}
@@ -154,17 +159,17 @@ def table(rows, labels):
         seeds = len({row["seed"] for row in of_group})
         for name, part in zip(["before", "after"], both):
             if part:
-                # For all songs once, also where a song has fewer seeds than the others.
-                of_songs = [[row for row in part if row["song"] == song] for song in songs]
-                right, due, wrong = (sum(mean(rows, key) for rows in of_songs) for key in ("notes_right", "notes_due", "notes_wrong"))
-                f1 = f"{mean(part, 'f1'):.3f}"
+                right, due, wrong = (len(songs) * mean_of_songs(part, key) for key in ("notes_right", "notes_due", "notes_wrong"))
+                sim_f1, twin_f1, precision, recall, onset_f1 = (
+                    mean_of_songs(part, key) for key in ("sim_f1", "f1", "precision", "recall", "onset_f1")
+                )
+                f1 = f"{twin_f1:.3f}"
                 if name == "after":
                     f1 += f" ({rise(*both, songs)})"
-                scores = f"{mean(part, 'precision'):.3f}, {mean(part, 'recall'):.3f} | {mean(part, 'onset_f1'):.3f}"
-                gap = 1 - mean(part, "f1") / mean(part, "sim_f1")
+                gap = 1 - twin_f1 / sim_f1
                 print(
-                    f"| {', '.join(group)} | {seeds} | {name} | {mean(part, 'sim_f1'):.3f} | {f1} | {100 * gap:.1f} % | {scores} "
-                    f"| {right:.1f} of {due:.0f}, {wrong:.1f} |"
+                    f"| {', '.join(group)} | {seeds} | {name} | {sim_f1:.3f} | {f1} | {100 * gap:.1f} % | {precision:.3f}, {recall:.3f} "
+                    f"| {onset_f1:.3f} | {right:.1f} of {due:.0f}, {wrong:.1f} |"
                 )
 
 
