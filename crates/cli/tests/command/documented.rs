@@ -225,7 +225,10 @@ fn a_piece_with_dynamics_is_played_soft_and_loud() {
     let asked = format!("{} --policy {} -o out --json", song.display(), policy.display());
     for (truth, correlation) in [("mild", 0.73), ("standard", 0.62)] {
         let report = Desk::new().json(&format!("perform {asked} --robot twin --truth {truth}"));
-        assert!(played(&report["runs"][0], "velocity_correlation") >= correlation - 0.05, "{truth}: {report}");
+        assert!(
+            played(&report["runs"][0], "velocity_correlation") >= correlation - 0.05,
+            "{truth}: {report}"
+        );
     }
 }
 
