@@ -13,6 +13,8 @@ import etude
 
 KEYS, JOINTS, RAIL, FINGERS = 49, 13, 12, 3
 WHITE_KEY_MM = 23.5
+# A goal that is farther away is observed as this far, in white keys.
+FARTHEST_KEYS = 4
 # What the policy observes in the place of the keys that sound, which the keys due now follow.
 SHOWN = {"those that sound": None, "those due": slice(KEYS, 2 * KEYS), "none": slice(0, 0)}
 
@@ -35,10 +37,12 @@ def f1(policy, song, offset_mm, shown):
         seen = observation.copy()
         for column in rails:
             seen[column] -= white_keys
+        for column in range(joints + RAIL, goals, JOINTS):
+            seen[column] -= to_the_offset
         for goal in range(goals, keys, width or 1):
             # 0, 0, 1: no goal.
             if tuple(seen[goal : goal + 3]) != (0, 0, 1):
-                seen[goal + 1] -= white_keys
+                seen[goal + 1] = min(max(seen[goal + 1] - white_keys, -FARTHEST_KEYS), FARTHEST_KEYS)
         if shown is not None:
             columns = observation[keys:][shown]
             seen[keys : keys + KEYS] = columns if columns.size else 0

@@ -71,7 +71,7 @@ class Policy:
     def task(self) -> dict[str, Any]:
         """The task of its scores, for `PianoEnv(song, config=policy.task)`: that of its training, without randomness.
 
-        Settings and reward terms of earlier builds are left out: they say how the policy learned, not how it plays.
+        Reward terms and settings of earlier builds that say how the policy learned, and not how it plays, are left out.
         """
         try:
             trained = self.header["notes"]["training"]["config"]["task"]
@@ -79,7 +79,11 @@ class Policy:
             raise EtudeError(
                 f"{self.path} does not say in which task it was trained; use a policy written by this version of Étude"
             ) from error
-        task: dict[str, Any] = json.loads(Task.stored(json.dumps(trained)).json())
+        try:
+            stored = Task.stored(json.dumps(trained))
+        except EtudeError as error:
+            raise EtudeError(f"{self.path} was trained in a task of another version of Étude: {error}") from error
+        task: dict[str, Any] = json.loads(stored.json())
         return task
 
     @property

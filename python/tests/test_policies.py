@@ -60,10 +60,16 @@ def test_its_task_is_the_one_that_its_scores_are_of():
     policy = etude.load_policy("twinkle")
     training = policy.header["notes"]["training"]
     trained_in = {**policy.task, "random_start": True, "randomisation": {"intensity": 0.6, "curriculum_steps": 5}}
-    notes = {"training": {**training, "config": {**training["config"], "task": trained_in}}}
-    randomised = dataclasses.replace(policy, header={**policy.header, "notes": notes})
+
+    def in_the_task(task):
+        notes = {"training": {**training, "config": {**training["config"], "task": task}}}
+        return dataclasses.replace(policy, header={**policy.header, "notes": notes})
+
+    randomised = in_the_task(trained_in)
     assert randomised.task == policy.task
     assert etude.PianoEnv("twinkle", config=randomised.task).task["randomisation"]["intensity"] == 0.0
+    with pytest.raises(etude.EtudeError, match="twinkle.safetensors.*another version.*`spin`"):
+        in_the_task({**trained_in, "spin": 1}).task
 
 
 def test_many_observations_at_once():
