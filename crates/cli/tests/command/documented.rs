@@ -223,12 +223,9 @@ fn a_piece_with_dynamics_is_played_soft_and_loud() {
     assert!(played(&report, "velocity_correlation") >= 0.8, "{report}");
     assert!(played(&report, "matched") >= 53.0 && played(&report, "f1") >= 0.95, "{report}");
     let asked = format!("{} --policy {} -o out --json", song.display(), policy.display());
-    for (truth, correlation) in [("mild", 0.73), ("standard", 0.62)] {
+    for truth in ["mild", "standard"] {
         let report = Desk::new().json(&format!("perform {asked} --robot twin --truth {truth}"));
-        assert!(
-            played(&report["runs"][0], "velocity_correlation") >= correlation - 0.05,
-            "{truth}: {report}"
-        );
+        assert!(played(&report["runs"][0], "velocity_correlation") >= 0.6, "{truth}: {report}");
     }
 }
 
