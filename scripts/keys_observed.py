@@ -10,13 +10,14 @@ import statistics
 import sys
 
 import etude
+import numpy as np
+from etude.recordings import KEYS
 
-KEYS, JOINTS, RAIL, FINGERS = 49, 13, 12, 3
+JOINTS, RAIL, FINGERS = 13, 12, 3
 WHITE_KEY_MM = 23.5
 # A goal that is farther away is observed as this far, in white keys.
 FARTHEST_KEYS = 4
-# What the policy observes in the place of the keys that sound, which the keys due now follow.
-SHOWN = {"those that sound": None, "those due": slice(KEYS, 2 * KEYS), "none": slice(0, 0)}
+SHOWN = ["those that sound", "those due", "none"]
 
 
 def f1(policy, song, offset_mm, shown):
@@ -24,30 +25,26 @@ def f1(policy, song, offset_mm, shown):
     task = env.task
     if task["scale"] != "normalised" or task.get("view", "keyboard") != "keyboard":
         sys.exit(f"{policy.path}: only observations from the keyboard with normalised joints are known here")
-    joints = JOINTS * (1 + task["previous_joints"])
-    rails = range(RAIL, joints, JOINTS)
-    goals = joints + JOINTS * task["previous_actions"]
-    width = (3 + task["velocities"]) if task["fingering"] else 0
-    keys = goals + FINGERS * width
+    # Joints, previous actions, goals; then the keys that sound and those due now. What is not 0 or 1 is before the keys.
+    actions = JOINTS * (1 + task["previous_joints"])
+    goals = actions + JOINTS * task["previous_actions"]
+    keys = int(np.isinf(env.observation_space.low).sum())
+    sounding, due = slice(keys, keys + KEYS), slice(keys + KEYS, keys + 2 * KEYS)
     white_keys = offset_mm / WHITE_KEY_MM
     to_the_offset = offset_mm / 1000 / half_range(env)
     observation, _ = env.reset(seed=0)
     over = False
     while not over:
         seen = observation.copy()
-        for column in rails:
-            seen[column] -= white_keys
-        for column in range(joints + RAIL, goals, JOINTS):
-            seen[column] -= to_the_offset
-        for goal in range(goals, keys, width or 1):
+        seen[RAIL:actions:JOINTS] -= white_keys
+        seen[actions + RAIL : goals : JOINTS] -= to_the_offset
+        for goal in seen[goals:keys].reshape(FINGERS, -1) if goals < keys else []:
             # 0, 0, 1: no goal.
-            if tuple(seen[goal : goal + 3]) != (0, 0, 1):
-                seen[goal + 1] = min(max(seen[goal + 1] - white_keys, -FARTHEST_KEYS), FARTHEST_KEYS)
-        if shown is not None:
-            columns = observation[keys:][shown]
-            seen[keys : keys + KEYS] = columns if columns.size else 0
+            if tuple(goal[:3]) != (0, 0, 1):
+                goal[1] = np.clip(goal[1] - white_keys, -FARTHEST_KEYS, FARTHEST_KEYS)
+        seen[sounding] = {"those that sound": observation[sounding], "those due": observation[due], "none": 0}[shown]
         action = policy.act(seen)
-        action[RAIL] = min(max(action[RAIL] + to_the_offset, -1), 1)
+        action[RAIL] = np.clip(action[RAIL] + to_the_offset, -1, 1)
         observation, _, _, over, info = env.step(action)
     return info["f1"]
 
@@ -66,7 +63,7 @@ def main():
         sides = (offset, -offset) if offset else (0,)
         means = [
             statistics.mean(f1(policy, ids[policy.song], side, shown) for policy in policies for side in sides)
-            for shown in SHOWN.values()
+            for shown in SHOWN
         ]
         print(f"| {offset} mm | {' | '.join(f'{mean:.3f}' for mean in means)} |", flush=True)
 
