@@ -53,6 +53,7 @@ test: setup
 	set -x; $(CARGO) clippy --workspace --all-targets $$hardware --locked -- -D warnings
 	RUSTDOCFLAGS="-D warnings" $(CARGO) doc --workspace --no-deps --locked --quiet
 	$(PYTHON) scripts/check_links.py docs README.md ARCHITECTURE.md
+	$(PYTHON) scripts/tables.py check
 	$(PYTHON) scripts/python_packages.py
 	@if command -v npm >/dev/null; then set -x; cd viewer && npm ci --no-audit --no-fund --loglevel=error; \
 	else echo "not checked: the pages in a browser (Debian, Ubuntu: apt-get install -y nodejs npm chromium)"; fi

@@ -1,0 +1,81 @@
+#!/usr/bin/env python3
+"""Prints the tables of docs/results as Markdown: scripts/tables.py SUBCOMMAND; --help lists them.
+
+Most tables are measured with the built command (`make build`; ETUDE names another build). Those
+that are made from files under version control stand in a page below a comment with their command,
+`<!-- tables.py learning docs/results/data/fast -->`; `check` makes them again and compares.
+"""
+
+import argparse
+import contextlib
+import importlib
+import io
+import pathlib
+import shlex
+import sys
+
+from tables.common import COMMANDS, ROOT, Stopped
+
+MODULES = ["identification", "iterations", "learning", "robot", "sight", "wall_clock", "wrong_keys"]
+MARK = "<!-- tables.py "
+
+
+def parser():
+    parser = argparse.ArgumentParser(prog="tables.py", description=__doc__.partition("\n")[0])
+    subcommands = parser.add_subparsers(dest="subcommand", required=True, metavar="SUBCOMMAND")
+    subcommands.add_parser("check", help="compare the tables that are made from committed files with the pages")
+    for name, (function, arguments) in sorted(COMMANDS.items()):
+        text = function.__doc__
+        more = dict(help=text.partition("\n")[0].rstrip("."), description=text)
+        subcommand = subcommands.add_parser(name, formatter_class=argparse.RawDescriptionHelpFormatter, **more)
+        for names, settings in arguments:
+            subcommand.add_argument(*names, **settings)
+    return parser
+
+
+def run(words):
+    options = parser().parse_args(words)
+    return COMMANDS[options.subcommand][0](options)
+
+
+def marked(page):
+    """Command and table, as a list of lines, of each comment in a page."""
+    lines = page.read_text().splitlines()
+    for at, line in enumerate(lines):
+        if line.startswith(MARK):
+            rest = [line.strip() for line in lines[at + 1 :]]
+            first = next(index for index, line in enumerate(rest) if line)
+            last = next((index for index in range(first, len(rest)) if not rest[index]), len(rest))
+            yield line.removeprefix(MARK).removesuffix("-->").strip(), rest[first:last]
+
+
+def check():
+    """The exit code: 1 if a page has another table than its command prints."""
+    count = wrong = 0
+    for page in sorted((ROOT / "docs").rglob("*.md")):
+        for command, table in marked(page):
+            printed = io.StringIO()
+            with contextlib.redirect_stdout(printed):
+                run(shlex.split(command))
+            count += 1
+            expected = printed.getvalue().strip().split("\n\n")[0].splitlines()
+            if table != expected:
+                wrong += 1
+                print(f"{page.relative_to(ROOT)}: not what `scripts/tables.py {command}` prints:", *expected, sep="\n")
+    print(f"tables: {count - wrong} of {count} are what their commands print")
+    return int(wrong > 0)
+
+
+def main():
+    for name in MODULES:
+        importlib.import_module(f"tables.{name}")
+    if sys.argv[1:] == ["check"]:
+        sys.exit(check())
+    try:
+        sys.exit(run(sys.argv[1:]))
+    except Stopped as stopped:
+        sys.exit(f"tables.py: {stopped}")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,110 @@
+"""What the tables share: the list of subcommands, the `etude` command, Markdown."""
+
+import contextlib
+import json
+import os
+import pathlib
+import statistics
+import subprocess
+import tempfile
+
+ROOT = pathlib.Path(__file__).resolve().parents[2]
+ETUDE = pathlib.Path(os.environ.get("ETUDE", ROOT / "target" / "release" / "etude"))
+MODES = ["joint-mirroring", "hybrid", "real"]
+# Function and arguments of each subcommand, by name.
+COMMANDS = {}
+
+
+class Stopped(Exception):
+    """`etude` has failed; the message is the last line that it wrote."""
+
+
+def argument(*names, **settings):
+    """As for `add_argument` of argparse."""
+    return names, settings
+
+
+def command(name, *arguments):
+    """Makes a subcommand of a function, whose docstring is the help."""
+
+    def register(function):
+        COMMANDS[name] = function, arguments
+        return function
+
+    return register
+
+
+SCRIPTED = argument("--scripted", action="store_true", help="the scripted baseline plays, not the shipped policies")
+TWIN_PARAMS = argument("--twin-params", nargs="+", default=["standard", "worn"])
+
+
+def runs(default):
+    return argument("--runs", type=int, default=default, help="performances of each song")
+
+
+def say(*arguments):
+    """What `etude` writes to standard output."""
+    words = [ETUDE, *map(str, arguments)]
+    done = subprocess.run(words, cwd=ROOT, capture_output=True, text=True)
+    if done.returncode:
+        raise Stopped((done.stderr.strip().splitlines() or ["it stopped without a message"])[-1])
+    return done.stdout
+
+
+def etude(*arguments):
+    """The JSON that `etude … --json` writes."""
+    return json.loads(say(*arguments, "--json"))
+
+
+def songs():
+    """The ids of the built-in songs."""
+    return [song["id"] for song in etude("songs")]
+
+
+def policy(song):
+    return ["--policy", f"policies/{song}.safetensors"]
+
+
+@contextlib.contextmanager
+def played(song, *who):
+    """The report of a performance in simulation, and the folder of its files."""
+    with tempfile.TemporaryDirectory() as folder:
+        report = etude("play", song, *who, "-o", folder)
+        yield report, pathlib.Path(folder) / "latest"
+
+
+@contextlib.contextmanager
+def performed(song, mode, twin_params, runs):
+    """The report of performances on the twin, whose recordings are there while the block lasts."""
+    with tempfile.TemporaryDirectory() as folder:
+        twin = ["--robot", "twin", "--twin-params", twin_params]
+        yield etude("perform", song, "--mode", mode, *twin, *policy(song), "--runs", runs, "-o", folder)
+
+
+def melodies(part, count, folder):
+    """MIDI files of the first melodies of a part, written into `folder`."""
+    seed = 0
+    for number in range(count):
+        path = folder / f"{part}-{number}.mid"
+        seed = etude("songs", "make", "--part", part, "--seed", seed, "-o", path)["seed"] + 1
+        yield path
+
+
+def head(*cells):
+    """Prints the head of a table."""
+    row(*cells)
+    print("|" + "---|" * len(cells), flush=True)
+
+
+def row(*cells):
+    """Prints a row of a table."""
+    print("| " + " | ".join(map(str, cells)) + " |", flush=True)
+
+
+def notes(entry):
+    """Notes right of those due, and wrong ones."""
+    return f"{entry['notes_right']:g} of {entry['notes_due']:g}, {entry['notes_wrong']:g}"
+
+
+def mean(values):
+    return f"{statistics.mean(values):.3f}"

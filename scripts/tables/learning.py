@@ -1,0 +1,136 @@
+"""Curves of trainings, and what the shipped policies play in simulation."""
+
+import collections
+import csv
+import json
+import pathlib
+import statistics
+import sys
+
+from tables.common import SCRIPTED, argument, command, head, mean, played, policy, row, songs
+
+# The last is the paper's F1 in simulation.
+LEVELS = [0.90, 0.946]
+# Control steps in the second before a song.
+SILENT_STEPS = 20
+
+
+@command("learning-curve", argument("run", type=pathlib.Path, help="folder of a training"))
+def learning_curve(options):
+    """The evaluations of a training as CSV."""
+    rows, elapsed = [], 0.0
+    for line in (options.run / "metrics.jsonl").read_text().splitlines():
+        metrics = json.loads(line)
+        elapsed = metrics.get("perf/elapsed_secs", elapsed)
+        scores = {key.removeprefix("eval/"): value for key, value in metrics.items() if key.startswith("eval/")}
+        if scores:
+            scores = {name: round(value, 4) for name, value in scores.items()}
+            rows.append({"step": metrics["step"], "secs": round(elapsed, 1)} | scores)
+    writer = csv.DictWriter(sys.stdout, rows[0].keys(), lineterminator="\n")
+    writer.writeheader()
+    writer.writerows(rows)
+
+
+def curves_of(source):
+    """Curves by name: of the files SONG-SEED.csv of a folder, or of the variants in a file."""
+    curves = collections.defaultdict(list)
+    if source.is_dir():
+        for path in sorted(source.glob("*-*.csv")):
+            curves[path.stem.rsplit("-", 1)[0]].append(list(csv.DictReader(path.open())))
+        return "song", curves
+    trainings = collections.defaultdict(list)
+    for line in csv.DictReader(source.open()):
+        trainings[line["variant"], line["song"], line["seed"]].append(line)
+    for (variant, _, _), rows in trainings.items():
+        curves[variant].append(sorted(rows, key=lambda row: int(row["step"])))
+    return "variant", curves
+
+
+def best(rows):
+    """The evaluation whose policy is kept: by the mean of F1 and onset F1 if there, else F1."""
+    return max(rows, key=lambda row: float(row.get("overall") or row["f1"]))
+
+
+def time_to(level, curves):
+    """Mean steps and seconds until the curves reach a level, and how many do if not all."""
+    firsts = []
+    for rows in curves:
+        reached = (row for row in rows if float(row["f1"]) >= level)
+        firsts += [(int(row["step"]), float(row["secs"])) for row in [next(reached, None)] if row]
+    if not firsts:
+        return "never"
+    some = f" ({len(firsts)} of {len(curves)})" if len(firsts) < len(curves) else ""
+    return "{:,.0f}; {:.0f} s".format(*map(statistics.mean, zip(*firsts))) + some
+
+
+@command("learning", argument("source", type=pathlib.Path, help="folder of SONG-SEED.csv, or a report's course.csv"))
+def learning(options):
+    """Scores and times of trainings, from their curves. Times include start and evaluations."""
+    name, curves = curves_of(options.source)
+    head(
+        name, "seeds", "F1 of the best policy: mean (each)", "its onset F1", "mean F1 of the last five",
+        *(f"F1 {level} after" for level in LEVELS), "steps", "time",
+    )
+    means = []
+    for label, runs in curves.items():
+        kept = [float(best(rows)["f1"]) for rows in runs]
+        means.append(statistics.mean(kept))
+        row(
+            label,
+            len(runs),
+            f"{means[-1]:.3f} ({', '.join(f'{f1:.3f}' for f1 in kept)})",
+            mean(float(best(rows)["onset_f1"]) for rows in runs),
+            mean(float(row["f1"]) for rows in runs for row in rows[-5:]),
+            *(time_to(level, runs) for level in LEVELS),
+            f"{int(runs[0][-1]['step']):,}",
+            f"{statistics.mean(float(rows[-1]['secs']) for rows in runs):.0f} s",
+        )
+    if name == "song":
+        print(f"\nMean over these {len(means)} songs: {statistics.mean(means):.3f}")
+
+
+@command("notes", SCRIPTED)
+def notes(options):
+    """Notes and scores of the built-in songs in simulation."""
+    limits = ["limits"] if options.scripted else []
+    scores = ["onset F1", "onset + offset F1", "median onset error", "F1", "precision", "recall"]
+    head("song", "notes right", "wrong", *scores, *limits)
+    for song in songs():
+        with played(song, *(["--scripted"] if options.scripted else policy(song))) as (report, _):
+            secs = report["onset_error_median_secs"]
+            row(
+                song,
+                f"{report['matched']} of {report['matched'] + report['missed']}",
+                report["wrong"],
+                *(f"{report[key]:.3f}" for key in ("onset_f1", "onset_offset_f1")),
+                "–" if secs is None else f"{1e3 * secs:+.0f} ms",
+                *(f"{report[key]:.3f}" for key in ("f1", "precision", "recall")),
+                *(report[limit] for limit in limits),
+            )
+
+
+def column(folder, name):
+    """The sets of keys of a column of frames.csv, one a control step."""
+    with open(folder / "frames.csv") as file:
+        return [set(row[name].split()) for row in csv.DictReader(file)]
+
+
+def frame_f1(due, pressed):
+    """The mean of the steps' F1."""
+    steps = [2 * len(d & p) / (len(d) + len(p)) if d or p else 1.0 for d, p in zip(due, pressed, strict=True)]
+    return statistics.mean(steps)
+
+
+@command("frames")
+def frames(_):
+    """F1 of the shipped policies by their own plan and against RoboPianist's frames."""
+    without = "the same, without the first second"
+    head("song", "F1, own plan", "F1, RoboPianist's frames", without, "frames that differ")
+    for song in songs():
+        with played(song, *policy(song)) as (_, folder):
+            pressed, own = column(folder, "pressed"), column(folder, "due")
+        with played(song, *policy(song), "--set", "task.plan.rule=robopianist") as (_, folder):
+            due = column(folder, "due")
+        scores = frame_f1(own, pressed), frame_f1(due, pressed), frame_f1(due[SILENT_STEPS:], pressed[SILENT_STEPS:])
+        differ = sum(a != b for a, b in zip(own, due, strict=True))
+        row(song, *(f"{score:.3f}" for score in scores), f"{differ} of {len(due)}")
