@@ -81,7 +81,7 @@ def task_config(
         rail_range: How far the target of the rail may be from its planned place, m, with a fingering.
         rail_set_point: Whether the observation has the rail's set-point instead of its measured place.
         velocities: Whether the observation shows, with each finger's goal, how loud its note is. It needs a fingering.
-        plan: What is due, by name: `rule` (`robopianist` or `articulated`), `restrike_secs` and `lead_secs`; the others keep the
+        plan: What is due, by name: `rule` (`robopianist` or `articulated`), `restrike_secs` and `latency_compensation_secs`; the others keep the
             variant's.
         lookahead: Control steps of the sheet shown beyond the current one, 0 to 40.
         initial_silence_secs: Silence before the first note, s.

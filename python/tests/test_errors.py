@@ -143,7 +143,7 @@ PICTURES = st.fixed_dictionaries(
 )
 FLAG, COUNT, REAL = st.booleans(), st.integers(-1, 50), st.floats(width=32)
 NUMBERS = st.dictionaries(NAMES, st.one_of(REAL, ANYTHING), max_size=3)
-PLAN = st.fixed_dictionaries({}, optional={"rule": st.sampled_from(["robopianist", "articulated"]), "lead_secs": REAL})
+PLAN = st.fixed_dictionaries({}, optional={"rule": st.sampled_from(["robopianist", "articulated"]), "latency_compensation_secs": REAL})
 # What each keyword takes.
 KEYWORDS = {
     "song": st.sampled_from(["twinkle", "c-major-scale"]),

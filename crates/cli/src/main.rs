@@ -95,7 +95,7 @@ enum Ending {
 
 fn main() -> ExitCode {
     // A stop that is requested from now on counts, whatever there is to load first.
-    etude_perform::stand::process_begins();
+    etude_perform::session::process_begins();
     let cli = Cli::try_parse().unwrap_or_else(|error| {
         let words: Vec<String> =
             std::env::args_os().map(|word| word.to_string_lossy().into_owned()).collect();

@@ -99,7 +99,7 @@ pub fn launch_local(
     let mut workers: Vec<Worker> = Vec::new();
     let (sender, news): (Sender<News>, Receiver<News>) = channel();
     let mut clock = Clock { workers: config.workers, ..Clock::default() };
-    job.tell(&progress);
+    job.report(&progress);
     loop {
         let stop = job.is_interrupted();
         if stop {
@@ -149,7 +149,7 @@ pub fn launch_local(
         }
         workers = going;
         progress.left_secs = clock.left(waiting.len(), &workers, &progress.running);
-        job.tell(&progress);
+        job.report(&progress);
     }
     report.done = progress.done;
     Ok(report)

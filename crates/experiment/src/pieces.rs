@@ -12,7 +12,7 @@ use crate::config::{Experiment, LearnerConfig, PlayConfig};
 use crate::plan::{PlanConfig, all_or_first, notes_of};
 use crate::trial::{TrainingConfig, Trial, Work, fingerprint, id, json};
 
-/// Name of the scripted player.
+/// Name of the scripted baseline.
 const SCRIPTED: &str = "scripted";
 /// What the name of a melody begins with; its seed follows.
 const MELODY: &str = "melody-";

@@ -25,7 +25,7 @@ use etude_lab::{
 };
 use etude_learn::Score;
 use etude_music::Song;
-use etude_perform::stand::{TWIN, rig_choice, unix_secs};
+use etude_perform::session::{TWIN, rig_choice, unix_secs};
 use etude_perform::{Excitation, Job, Mode, Scores, gap, write_file};
 use etude_show::RehearsalPage;
 use etude_task::Piece;
@@ -124,7 +124,7 @@ struct Doing<'a, 'b> {
 
 impl Doing<'_, '_> {
     fn tell(&mut self, phase: &str, share: f64, f1: Option<f64>) {
-        self.job.tell(&TrialProgress { phase: phase.to_string(), share, f1 });
+        self.job.report(&TrialProgress { phase: phase.to_string(), share, f1 });
     }
 
     fn result(&self, rows: Vec<Row>, course: Vec<Values>) -> TrialResult {
@@ -238,7 +238,7 @@ impl Doing<'_, '_> {
                         let whole = if played.steps[0] == played.steps[1] { 1.0 } else { 0.0 };
                         let lag = played.scores.note.lag_secs.map(|lag| ("lag_secs", lag));
                         let of_twin = [
-                            ("lead_secs", report.lead_secs),
+                            ("latency_compensation_secs", report.latency_compensation_secs),
                             ("f1", frame.f1),
                             ("precision", frame.precision),
                             ("recall", frame.recall),

@@ -16,10 +16,10 @@ use etude_identify::{
 use etude_perform::{Excitation, shaping_params};
 use etude_robot::rig::RigConfig;
 use etude_stage::controller::{Controller, Gains};
-use etude_stage::hand::FINGER_JOINTS;
+use etude_stage::hand::JOINTS_PER_FINGER;
 use etude_stage::params::JointRow;
 use etude_stage::{
-    Actuation, JOINT_NAMES, JOINTS, PHYSICS_STEPS, PhysicalParams, Side, StageConfig, joint_range,
+    Actuation, DRIVEN_JOINTS, JOINT_NAMES, PHYSICS_STEPS, PhysicalParams, Side, StageConfig, joint_range,
 };
 use rand::{RngExt as _, SeedableRng as _};
 use rand_pcg::Pcg64;
@@ -29,7 +29,7 @@ use serde_json::{Value, json};
 /// Noise of the encoders, rad.
 const NOISE_RAD: f64 = 2e-4;
 /// Joints that are fitted: those of the first finger.
-const FITTED: std::ops::Range<usize> = 0..FINGER_JOINTS;
+const FITTED: std::ops::Range<usize> = 0..JOINTS_PER_FINGER;
 /// Fitted parameters of each.
 const QUANTITIES: [JointRow; 4] =
     [JointRow::Stiffness, JointRow::Damping, JointRow::Armature, JointRow::Friction];
@@ -112,8 +112,8 @@ fn recorded(params: &PhysicalParams, excitation: Excitation, third: usize) -> Fa
         fingers: Vec::new(),
         pwm: Vec::new(),
         rail: Vec::new(),
-        noise: [NOISE_RAD; JOINTS],
-        moves: [true; JOINTS],
+        noise: [NOISE_RAD; DRIVEN_JOINTS],
+        moves: [true; DRIVEN_JOINTS],
         keys: Vec::new(),
     };
     let stage = StageConfig::default();
@@ -139,14 +139,14 @@ fn noisy(motion: &Motion, random: &mut Pcg64) -> Motion {
 }
 
 /// References of the joints at each physics step of a motion: rad, the rail in m.
-fn references(params: &PhysicalParams, motion: &Motion) -> Fallible<Vec<[f64; JOINTS]>> {
+fn references(params: &PhysicalParams, motion: &Motion) -> Fallible<Vec<[f64; DRIVEN_JOINTS]>> {
     let Commands::Targets(targets) = &motion.commands else { return Err("a motion without targets".into()) };
     let step_secs = StageConfig::default().physics_step_secs();
-    let gains = std::array::from_fn::<_, JOINTS, _>(|joint| {
+    let gains = std::array::from_fn::<_, DRIVEN_JOINTS, _>(|joint| {
         Gains::new(params, joint, Actuation::Controlled, step_secs)
     });
     let mut controllers = motion.start.map(Controller::at_rest);
-    let mut follow = |targets: &[f64; JOINTS]| -> [f64; JOINTS] {
+    let mut follow = |targets: &[f64; DRIVEN_JOINTS]| -> [f64; DRIVEN_JOINTS] {
         std::array::from_fn(|joint| {
             let [low, high] = joint_range(joint);
             controllers[joint].follow(&gains[joint], targets[joint].clamp(low, high))

@@ -5,7 +5,7 @@
 mod synthetic;
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
-    let joints: Vec<usize> = (0..etude_stage::JOINTS).collect();
+    let joints: Vec<usize> = (0..etude_stage::DRIVEN_JOINTS).collect();
     for seed in std::env::args().skip(1) {
         let recovery = synthetic::recover(&joints, seed.parse()?)?;
         println!("seed {seed}");

@@ -1,6 +1,6 @@
 //! How well a simulator repeats recordings: errors by joint.
 
-use etude_stage::{JOINT_NAMES, JOINTS, PhysicalParams, RAIL, StageConfig, StageError};
+use etude_stage::{DRIVEN_JOINTS, JOINT_NAMES, PhysicalParams, RAIL, StageConfig, StageError};
 use serde::{Deserialize, Serialize};
 
 use crate::motion::Motion;
@@ -42,9 +42,9 @@ impl Assessment {
         after: &PhysicalParams,
     ) -> Result<Self, StageError> {
         let Some(first) = motions.first() else { return Ok(Self::default()) };
-        let mut errors: [[Vec<f64>; 2]; JOINTS] = Default::default();
+        let mut errors: [[Vec<f64>; 2]; DRIVEN_JOINTS] = Default::default();
         for Replayed { motion, traces } in replay_both(motions, before, after)? {
-            for joint in (0..JOINTS).filter(|joint| motion.moves[*joint]) {
+            for joint in (0..DRIVEN_JOINTS).filter(|joint| motion.moves[*joint]) {
                 for (errors, trace) in errors[joint].iter_mut().zip(&traces) {
                     match trace {
                         Some(trace) => errors.extend(trace.errors(motion, joint)),
@@ -63,7 +63,7 @@ impl Assessment {
         let pooled = |which: usize| rms(errors[..RAIL].iter().map(|errors| &errors[which]));
         let noise = first.noise[..RAIL].iter().map(|noise| noise * noise).sum::<f64>() / RAIL as f64;
         Ok(Self {
-            joints: (0..JOINTS).filter(moved).map(of_joint).collect(),
+            joints: (0..DRIVEN_JOINTS).filter(moved).map(of_joint).collect(),
             fingers: [pooled(0), pooled(1)],
             fingers_noise: noise.sqrt(),
         })

@@ -2,9 +2,9 @@
 //! readings, so one replay serves a candidate of each.
 
 use etude_music::{CONTROL_HZ, KEYS};
-use etude_stage::hand::{FINGER_JOINTS, FINGER_NAMES};
+use etude_stage::hand::{FINGER_NAMES, JOINTS_PER_FINGER};
 use etude_stage::params::WorldRow;
-use etude_stage::{JOINT_NAMES, JOINTS, PhysicalParams, RAIL};
+use etude_stage::{DRIVEN_JOINTS, JOINT_NAMES, PhysicalParams, RAIL};
 use serde::{Deserialize, Serialize};
 
 use crate::error::FitError;
@@ -64,7 +64,7 @@ impl Group {
         joint: usize,
         motions: &'a [Motion],
     ) -> impl Iterator<Item = String> + 'a {
-        let finger = |joint: usize| joint / FINGER_JOINTS;
+        let finger = |joint: usize| joint / JOINTS_PER_FINGER;
         motions.iter().enumerate().flat_map(move |(index, motion)| {
             let its = self.joints_of(motion).filter(move |other| finger(*other) == finger(joint));
             its.map(move |other| format!("{index}.{}", JOINT_NAMES[other]))
@@ -138,12 +138,12 @@ fn drives(name: &str, joints: Vec<usize>) -> Group {
 
 /// Every joint separately.
 pub fn joints() -> Vec<Group> {
-    (0..JOINTS).map(|joint| drives(JOINT_NAMES[joint], vec![joint])).collect()
+    (0..DRIVEN_JOINTS).map(|joint| drives(JOINT_NAMES[joint], vec![joint])).collect()
 }
 
 /// Every finger's joints together, and the rail.
 pub fn fingers() -> Vec<Group> {
-    let joints = |finger: usize| (finger * FINGER_JOINTS..(finger + 1) * FINGER_JOINTS).collect();
+    let joints = |finger: usize| (finger * JOINTS_PER_FINGER..(finger + 1) * JOINTS_PER_FINGER).collect();
     let fingers = FINGER_NAMES.iter().enumerate().map(|(finger, name)| drives(name, joints(finger)));
     fingers.chain([drives("rail", vec![RAIL])]).collect()
 }

@@ -11,7 +11,7 @@ use etude_perform::{Activity, Excitation, HandMessage, Recording, RecordingError
 use etude_robot::allegro::RAD_PER_COUNT;
 use etude_robot::joints::FINGER_JOINTS;
 use etude_robot::rig::{RigConfig, SETPOINT_HZ};
-use etude_stage::{JOINT_NAMES, JOINTS, PHYSICS_STEPS, RAIL, Side};
+use etude_stage::{DRIVEN_JOINTS, JOINT_NAMES, PHYSICS_STEPS, RAIL, Side};
 
 /// Shortest motion, s: a song of a few notes.
 const SHORTEST_SECS: f64 = 1.0;
@@ -34,9 +34,9 @@ const RAIL_NOISE_M: f64 = 2e-5;
 #[derive(Clone, Debug, PartialEq)]
 pub enum Commands {
     /// Joint targets, one a control step.
-    Targets(Vec<[f64; JOINTS]>),
+    Targets(Vec<[f64; DRIVEN_JOINTS]>),
     /// Set-points, one a physics step.
-    SetPoints(Vec<[[f64; JOINTS]; PHYSICS_STEPS]>),
+    SetPoints(Vec<[[f64; DRIVEN_JOINTS]; PHYSICS_STEPS]>),
 }
 
 impl Commands {
@@ -63,7 +63,7 @@ pub struct Motion {
     /// The commands.
     pub commands: Commands,
     /// Measured positions before the first command, rad, the rail in m.
-    pub start: [f64; JOINTS],
+    pub start: [f64; DRIVEN_JOINTS],
     /// Readings of the finger joints: time, s, and rad.
     pub fingers: Vec<(f64, [f64; FINGER_JOINTS])>,
     /// Duties (of 1200) that were sent after each reading of the fingers.
@@ -71,9 +71,9 @@ pub struct Motion {
     /// Readings of the rail: time, s, and m.
     pub rail: Vec<(f64, f64)>,
     /// Standard deviation of the readings of a joint at rest.
-    pub noise: [f64; JOINTS],
+    pub noise: [f64; DRIVEN_JOINTS],
     /// Whether a joint moves enough to be identified.
-    pub moves: [bool; JOINTS],
+    pub moves: [bool; DRIVEN_JOINTS],
     /// Key events.
     pub keys: Vec<KeyEvent>,
 }
@@ -168,7 +168,7 @@ impl Motion {
         let most = if keys.is_empty() { MOST_SATURATED } else { 1.0 };
         check_limits(recording, secs, most)?;
         let (start, noise) = at_rest(&before, &rail_before)?;
-        let mut moves = [false; JOINTS];
+        let mut moves = [false; DRIVEN_JOINTS];
         for (joint, moves) in moves.iter_mut().enumerate() {
             let values = fingers.iter().map(|(_, angles)| angles.get(joint).copied());
             let (low, high) =
@@ -245,8 +245,9 @@ fn extent(values: impl Iterator<Item = f64>) -> (f64, f64) {
     values.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), value| (low.min(value), high.max(value)))
 }
 
-fn thirteen(values: &[f64]) -> Result<[f64; JOINTS], String> {
-    let found = <[f64; JOINTS]>::try_from(values).ok().filter(|values| values.iter().all(|v| v.is_finite()));
+fn thirteen(values: &[f64]) -> Result<[f64; DRIVEN_JOINTS], String> {
+    let found =
+        <[f64; DRIVEN_JOINTS]>::try_from(values).ok().filter(|values| values.iter().all(|v| v.is_finite()));
     found
         .ok_or_else(|| "a command in it does not have one number for each joint; record it again".to_string())
 }
@@ -371,7 +372,10 @@ fn check_limits(recording: &Recording, secs: f64, most: f64) -> Result<(), Strin
 }
 
 /// Mean and standard deviation of the readings just before the first command.
-fn at_rest(fingers: &FingerReadings, rail: &[f64]) -> Result<([f64; JOINTS], [f64; JOINTS]), String> {
+fn at_rest(
+    fingers: &FingerReadings,
+    rail: &[f64],
+) -> Result<([f64; DRIVEN_JOINTS], [f64; DRIVEN_JOINTS]), String> {
     let fingers = &fingers[fingers.len().saturating_sub(AT_REST)..];
     let rail = &rail[rail.len().saturating_sub(AT_REST / 4)..];
     if fingers.is_empty() || rail.is_empty() {

@@ -11,7 +11,7 @@
 use etude_music::key_is_black;
 use etude_robot::allegro::{self, holding_torques};
 use etude_stage::geometry::{KeyShape, WHITE_PITCH, key_lateral};
-use etude_stage::hand::{FINGER_JOINTS, FINGERS, TIP_RADIUS};
+use etude_stage::hand::{FINGERS, JOINTS_PER_FINGER, TIP_RADIUS};
 use etude_stage::params::{JointRow, WorldRow};
 use etude_stage::{JOINT_NAMES, PhysicalParams, RAIL, Side, kinematics};
 use nalgebra::{DMatrix, DVector, Matrix2, Matrix3x2, Vector3};
@@ -251,7 +251,7 @@ fn world(quantity: WorldRow, sample: Sample) -> Measured {
 /// The encoder bias of a finger's joint, counted from its base.
 fn bias(finger: usize, joint: usize, sample: Sample) -> Measured {
     let row = JointRow::EncoderBias.row();
-    let name = JOINT_NAMES[finger * FINGER_JOINTS + joint];
+    let name = JOINT_NAMES[finger * JOINTS_PER_FINGER + joint];
     sample.within(format!("joint.{name}.{}", row.name), row.range)
 }
 
@@ -336,7 +336,7 @@ impl<'a> Hand<'a> {
     fn target(&self, finger: usize, step: usize) -> Option<[f64; 3]> {
         let Commands::Targets(targets) = &self.motion.commands else { return None };
         let targets = targets.get(step)?;
-        let angles = std::array::from_fn(|joint| targets[finger * FINGER_JOINTS + joint]);
+        let angles = std::array::from_fn(|joint| targets[finger * JOINTS_PER_FINGER + joint]);
         Some(kinematics::fingertip(self.side, finger, &angles, targets[RAIL]))
     }
 
@@ -356,9 +356,9 @@ impl<'a> Hand<'a> {
         index(from)..index(to)
     }
 
-    fn angles(&self, finger: usize, index: usize) -> [f64; FINGER_JOINTS] {
+    fn angles(&self, finger: usize, index: usize) -> [f64; JOINTS_PER_FINGER] {
         let (_, angles) = &self.motion.fingers[index];
-        std::array::from_fn(|joint| angles[finger * FINGER_JOINTS + joint])
+        std::array::from_fn(|joint| angles[finger * JOINTS_PER_FINGER + joint])
     }
 
     /// How far down a fingertip holds a key: 0 at rest, 1 at the bottom.
@@ -383,14 +383,14 @@ impl<'a> Hand<'a> {
     }
 
     /// Change of a fingertip's place along `x` and `z` with each of the joints that bend, m/rad.
-    fn jacobian(&self, finger: usize, angles: &[f64; FINGER_JOINTS]) -> Matrix3x2<f64> {
+    fn jacobian(&self, finger: usize, angles: &[f64; JOINTS_PER_FINGER]) -> Matrix3x2<f64> {
         let turns: [_; 3] = std::array::from_fn(|bend| self.turn(finger, angles, FIRST_BEND + bend));
         Matrix3x2::from_fn(|bend, axis| turns[bend][2 * axis])
     }
 
     /// Change of a fingertip's place with one joint of the finger, m/rad.
-    fn turn(&self, finger: usize, angles: &[f64; FINGER_JOINTS], joint: usize) -> [f64; 3] {
-        let place = |angles: &[f64; FINGER_JOINTS]| kinematics::fingertip(self.side, finger, angles, 0.0);
+    fn turn(&self, finger: usize, angles: &[f64; JOINTS_PER_FINGER], joint: usize) -> [f64; 3] {
+        let place = |angles: &[f64; JOINTS_PER_FINGER]| kinematics::fingertip(self.side, finger, angles, 0.0);
         let mut turned = *angles;
         turned[joint] += STEP_RAD;
         let [from, to] = [place(angles), place(&turned)];
@@ -407,7 +407,7 @@ impl<'a> Hand<'a> {
         let holding = if has_weight { holding_torques(&positions) } else { [0.0; allegro::JOINTS] };
         let duties = self.motion.pwm.get(index)?;
         let torques = Vector3::from_fn(|bend, _| {
-            let joint = finger * FINGER_JOINTS + FIRST_BEND + bend;
+            let joint = finger * JOINTS_PER_FINGER + FIRST_BEND + bend;
             duties[joint] * self.torque_of_duty(joint) - holding[joint]
         });
         let jacobian = self.jacobian(finger, &angles);
@@ -423,7 +423,7 @@ impl<'a> Hand<'a> {
 
     /// Torque of a joint for each unit of its duty, N·m, as the simulator has it.
     fn torque_of_duty(&self, joint: usize) -> f64 {
-        let gain = self.motion.rig.joint_loop.kp[joint % FINGER_JOINTS];
+        let gain = self.motion.rig.joint_loop.kp[joint % JOINTS_PER_FINGER];
         self.params.joint(JointRow::Stiffness, joint) / gain
     }
 

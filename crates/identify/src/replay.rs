@@ -1,7 +1,7 @@
 //! Replays a robot's commands in a simulation with given parameters.
 
 use etude_music::KEYS;
-use etude_stage::{JOINTS, PHYSICS_STEPS, PhysicalParams, RAIL, StageConfig, StageError, World};
+use etude_stage::{DRIVEN_JOINTS, PHYSICS_STEPS, PhysicalParams, RAIL, StageConfig, StageError, World};
 
 use crate::motion::{Commands, Motion};
 
@@ -18,8 +18,8 @@ pub struct Replayer {
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Trace {
     step_secs: f64,
-    positions: Vec<[f64; JOINTS]>,
-    velocities: Vec<[f64; JOINTS]>,
+    positions: Vec<[f64; DRIVEN_JOINTS]>,
+    velocities: Vec<[f64; DRIVEN_JOINTS]>,
     /// Travel of each key, if requested.
     travel: Vec<[f32; KEYS]>,
 }
@@ -66,7 +66,7 @@ impl Replayer {
 }
 
 /// The encoders' readings at the joints' zero.
-fn params_bias(params: &PhysicalParams) -> [f64; JOINTS] {
+fn params_bias(params: &PhysicalParams) -> [f64; DRIVEN_JOINTS] {
     std::array::from_fn(|joint| params.joint(etude_stage::params::JointRow::EncoderBias, joint))
 }
 
@@ -115,4 +115,4 @@ impl Trace {
 }
 
 // The rail is the last joint.
-const _: () = assert!(RAIL + 1 == JOINTS);
+const _: () = assert!(RAIL + 1 == DRIVEN_JOINTS);

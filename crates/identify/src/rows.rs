@@ -10,7 +10,7 @@
 use etude_perform::shaping_params;
 use etude_robot::allegro::{FULL_SCALE_PWM, JointLoopConfig};
 use etude_robot::rig::RigConfig;
-use etude_stage::hand::FINGER_JOINTS;
+use etude_stage::hand::JOINTS_PER_FINGER;
 use etude_stage::params::{JointRow, WorldRow};
 use etude_stage::{JOINT_NAMES, PhysicalParams, RAIL};
 
@@ -111,7 +111,7 @@ pub fn contact_parameters(before: &PhysicalParams) -> Vec<Parameter> {
         let row = quantity.row();
         parameter(row.name.to_string(), row.range, before.world(*quantity), bounds)
     });
-    let bends = (0..RAIL).filter(|joint| joint % FINGER_JOINTS == FIRST_BEND);
+    let bends = (0..RAIL).filter(|joint| joint % JOINTS_PER_FINGER == FIRST_BEND);
     let biases = bends.map(|joint| {
         let row = JointRow::EncoderBias.row();
         let path = format!("joint.{}.{}", JOINT_NAMES[joint], row.name);
@@ -151,7 +151,7 @@ pub fn start(rig: &RigConfig) -> PhysicalParams {
     let mut params = shaping_params(&rig.limits);
     let JointLoopConfig { kp, kd, .. } = &rig.joint_loop;
     for joint in 0..RAIL {
-        let of_finger = joint % FINGER_JOINTS;
+        let of_finger = joint % JOINTS_PER_FINGER;
         let duties = [
             (JointRow::Stiffness, kp[of_finger]),
             (JointRow::Damping, kd[of_finger]),

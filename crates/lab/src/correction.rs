@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context as _, anyhow, bail};
 use etude_music::Song;
-use etude_perform::stand::RigChoice;
+use etude_perform::session::RigChoice;
 use etude_perform::{Correction, Mode, write_file};
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
@@ -25,7 +25,7 @@ pub struct CorrectionFile {
     #[serde(default = "joint_mirroring")]
     pub mode: Mode,
     /// The lead of the plan, s.
-    pub(crate) lead_secs: f64,
+    pub(crate) latency_compensation_secs: f64,
     /// The correction.
     pub correction: Correction,
 }
@@ -91,7 +91,7 @@ impl CorrectionFile {
                 self.policy.display()
             );
         }
-        pianist.config.task.plan.lead_secs = self.lead_secs;
+        pianist.config.task.plan.latency_compensation_secs = self.latency_compensation_secs;
         Ok(pianist)
     }
 }

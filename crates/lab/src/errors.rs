@@ -6,7 +6,7 @@ use std::path::Path;
 use anyhow::anyhow;
 use etude_identify::IdentifyError;
 use etude_perform::PerformError;
-use etude_perform::stand::Stand;
+use etude_perform::session::Session;
 
 /// The work was interrupted on request. The text says what is kept.
 #[derive(Debug, thiserror::Error)]
@@ -37,15 +37,15 @@ pub(crate) fn stopped_itself(part: &str, fault: &str) -> anyhow::Error {
     anyhow!("{part}: the robot stopped itself: {fault}; remove the cause, then give the same command again")
 }
 
-/// Releases the robot of `stand` after `outcome`. Neither an error of the release nor what came before it hides the other: the operator
+/// Releases the robot of `session` after `outcome`. Neither an error of the release nor what came before it hides the other: the operator
 /// must use the hardware stop, and know why.
 ///
 /// # Errors
 /// That of `outcome`, and that of the release.
-pub fn released<T>(stand: &mut Stand, outcome: anyhow::Result<T>) -> anyhow::Result<T> {
-    match (outcome, stand.let_go()) {
+pub fn released<T>(session: &mut Session, outcome: anyhow::Result<T>) -> anyhow::Result<T> {
+    match (outcome, session.let_go()) {
         (outcome, Ok(())) => outcome,
-        (Ok(_), Err(why)) => Err(match stand.robot.fault() {
+        (Ok(_), Err(why)) => Err(match session.robot.fault() {
             Some(fault) => anyhow!("{fault}").context(why),
             None => anyhow!(why),
         }),

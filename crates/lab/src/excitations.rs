@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 use std::sync::atomic::AtomicBool;
 
-use etude_perform::stand::RigChoice;
+use etude_perform::session::RigChoice;
 use etude_perform::{Ending, Excitation};
 
 use crate::errors::{Interrupted, stopped_itself, unusable};

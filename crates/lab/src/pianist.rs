@@ -1,4 +1,4 @@
-//! The pianist: a trained policy, found by song or by path, or the scripted player.
+//! The pianist: a trained policy, found by song or by path, or the scripted baseline.
 
 use std::path::{Path, PathBuf};
 
@@ -7,7 +7,7 @@ use etude_learn::Policy;
 use etude_music::Song;
 use etude_perform::shell_word;
 use etude_task::reward::OF_A_FINGERING;
-use etude_task::{ACTION_LEN, Piece, ScriptedPlayer, TaskConfig, TaskError, layout};
+use etude_task::{ACTION_LEN, Piece, ScriptedBaseline, TaskConfig, TaskError, layout};
 use serde_json::Value;
 
 use crate::at_sight::predicted_at_sight;
@@ -35,11 +35,11 @@ pub(crate) enum Kind {
 #[derive(Clone)]
 pub(crate) enum Ready {
     Policy(Box<Policy>),
-    Script(Box<ScriptedPlayer>),
+    Script(Box<ScriptedBaseline>),
 }
 
 impl Ready {
-    /// What limits the scripted player on the piece; `None` for a policy.
+    /// What limits the scripted baseline on the piece; `None` for a policy.
     pub(crate) fn limits(&self) -> Option<String> {
         match self {
             Self::Policy(_) => None,
@@ -57,7 +57,7 @@ impl etude_task::Player for Ready {
     }
 }
 
-/// A policy or the scripted player, with the configuration that it plays in.
+/// A policy or the scripted baseline, with the configuration that it plays in.
 #[derive(Clone)]
 pub struct Pianist {
     pub(crate) kind: Kind,
@@ -283,7 +283,7 @@ fn list_changes(path: &str, old: &Value, new: &Value, changes: &mut Vec<String>)
 }
 
 impl Pianist {
-    /// The scripted player, the baseline that needs no training, in the world of the default preset. It plans for itself, so its actions
+    /// The scripted baseline, the baseline that needs no training, in the world of the default preset. It plans for itself, so its actions
     /// are those of a task without a fingering: it moves the rail earlier than the plan, by the rail's lag.
     pub fn scripted() -> Self {
         let mut changes = ["task.fingering=false", "task.finger_range=0"].map(str::to_string).to_vec();
@@ -301,7 +301,7 @@ impl Pianist {
         }
     }
 
-    /// The network that decides the actions; the scripted player has none.
+    /// The network that decides the actions; the scripted baseline has none.
     pub fn policy(&self) -> Option<&Policy> {
         match &self.kind {
             Kind::Policy(policy, _) => Some(policy),
@@ -314,7 +314,7 @@ impl Pianist {
         self.config.corpus.is_some()
     }
 
-    /// The policy's file; the scripted player has none.
+    /// The policy's file; the scripted baseline has none.
     pub fn file(&self) -> Option<&Path> {
         match &self.kind {
             Kind::Policy(_, path) => Some(path),
@@ -351,7 +351,7 @@ impl Pianist {
     ) -> Result<Ready, TaskError> {
         Ok(match &self.kind {
             Kind::Policy(policy, _) => Ready::Policy(policy.clone()),
-            Kind::Script => Ready::Script(Box::new(ScriptedPlayer::new_telling(task, piece, tell)?)),
+            Kind::Script => Ready::Script(Box::new(ScriptedBaseline::new_with_progress(task, piece, tell)?)),
         })
     }
 
@@ -373,7 +373,7 @@ impl Pianist {
             let value =
                 |task: &TaskConfig| serde_json::to_value(task).expect("a configuration is plain data");
             list_changes("task", &value(&self.config.task), &value(&changed.task), &mut others);
-            others.retain(|change| !change.starts_with("task.plan.lead_secs"));
+            others.retain(|change| !change.starts_with("task.plan.latency_compensation_secs"));
         }
         self.config = changed;
         Ok(others)

@@ -46,7 +46,7 @@ pub(crate) fn plan(song: &Song, task: &TaskConfig) -> Result<Piece, TaskError> {
     plan_telling(song, task, &mut tell_planning())
 }
 
-/// [`Piece::for_task_telling`]; what this thread has planned last is not planned again.
+/// [`Piece::for_task_with_progress`]; what this thread has planned last is not planned again.
 pub(crate) fn plan_telling(
     song: &Song,
     task: &TaskConfig,
@@ -56,7 +56,7 @@ pub(crate) fn plan_telling(
     if let Some(piece) = LAST.with_borrow(|last| Some(last.as_ref().filter(is_same)?.2.clone())) {
         return Ok(piece);
     }
-    let piece = Piece::for_task_telling(song, task, tell)?;
+    let piece = Piece::for_task_with_progress(song, task, tell)?;
     LAST.set(Some((song.clone(), task.clone(), piece.clone())));
     Ok(piece)
 }

@@ -38,7 +38,7 @@ pub struct PlayReport {
     pub reward: f64,
     /// Fraction of control steps without a collision.
     pub collision_free: f64,
-    /// What limits the scripted player on this song; absent for a policy.
+    /// What limits the scripted baseline on this song; absent for a policy.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub limits: Option<String>,
     /// The earlier performance in the folder, if it was by another player, or of another song.
@@ -114,15 +114,15 @@ fn play_into(
     job: &mut Job<'_, PlayStep>,
 ) -> anyhow::Result<PlayReport> {
     let task = &pianist.config.task;
-    let piece = plan_telling(song, task, &mut |share| job.tell(&PlayStep::Planning(share)))?;
+    let piece = plan_telling(song, task, &mut |share| job.report(&PlayStep::Planning(share)))?;
     let files = Files::of_play(unfinished);
     let header = header(&piece, pianist, "simulation", None);
     let mut writer = RecordingWriter::create(&files.recording, &header)?;
-    let mut ready = pianist.ready(task, &piece, &mut |share| job.tell(&PlayStep::Planning(share)))?;
+    let mut ready = pianist.ready(task, &piece, &mut |share| job.report(&PlayStep::Planning(share)))?;
     let mut rig = SimRig::new(task, &piece, pianist.config.trainer.seed)?;
     let interrupt = job.interrupt();
     let mut player = |step: usize, observation: &[f32], action: &mut [f32; ACTION_LEN]| {
-        job.tell(&PlayStep::Playing(step as f64 / piece.steps() as f64));
+        job.report(&PlayStep::Playing(step as f64 / piece.steps() as f64));
         ready.act(step, observation, action);
     };
     let performance = perform(&mut rig, &mut player, task, &piece, Some(&mut writer), interrupt)?;

@@ -5,7 +5,7 @@ use std::sync::atomic::AtomicBool;
 use std::time::Duration;
 
 use etude_music::CONTROL_HZ;
-use etude_perform::stand::{RigChoice, Stand, start_pose};
+use etude_perform::session::{RigChoice, Session, start_pose};
 use etude_perform::{
     Activity, Ending, Excitation, ExcitationPlayer, Header, PerformError, Recorder, RecordingWriter,
     RobotRig, perform, prepare, record_release,
@@ -61,28 +61,28 @@ pub fn record_robot(
         ..Header::default()
     };
     let mut writer = RecordingWriter::create(path, &header)?;
-    let mut stand = rig.open(side, seed)?;
-    let ending = act(&mut stand, motion, side, home, &mut writer, interrupt).map_err(Into::into);
-    let ending = released(&mut stand, ending);
-    let recorded = record_release(&mut stand.robot, &mut stand.pace, &mut writer);
+    let mut session = rig.open(side, seed)?;
+    let ending = act(&mut session, motion, side, home, &mut writer, interrupt).map_err(Into::into);
+    let ending = released(&mut session, ending);
+    let recorded = record_release(&mut session.robot, &mut session.pace, &mut writer);
     let ending = ending?;
     recorded?;
     // The robot is stopped: its guard is not needed while the file is completed.
-    drop(stand);
+    drop(session);
     let messages = writer.messages();
     writer.finish()?;
     Ok(Recorded { messages, ending })
 }
 
 fn act(
-    stand: &mut Stand,
+    session: &mut Session,
     motion: Motion,
     side: Side,
     home: bool,
     writer: &mut RecordingWriter,
     interrupt: &AtomicBool,
 ) -> Result<Ending, PerformError> {
-    let Stand { robot, pace } = stand;
+    let Session { robot, pace } = session;
     let pose = match motion {
         Motion::Rest(_) => start_pose(side).map_err(TaskError::from)?,
         Motion::Excitation(excitation) => excitation.start(),

@@ -301,7 +301,7 @@ struct Watch<'a, 'b> {
 impl TrainingObserver for Watch<'_, '_> {
     fn on_log(&mut self, row: &LogRow) {
         self.at.step = row.step;
-        self.job.tell(&self.at);
+        self.job.report(&self.at);
     }
 
     fn on_evaluation(&mut self, row: &EvaluationRow) {
@@ -309,7 +309,7 @@ impl TrainingObserver for Watch<'_, '_> {
             true => TrainingProgress::new(row.step, self.at.total, &row.scores),
             false => TrainingProgress { step: row.step, ..self.at },
         };
-        self.job.tell(&self.at);
+        self.job.report(&self.at);
     }
 
     fn should_stop(&mut self) -> Option<StopReason> {

@@ -7,7 +7,7 @@ use std::sync::atomic::AtomicBool;
 use etude_identify::{Commands, Motion};
 use etude_lab::{Motion as Recorded, record_robot};
 use etude_perform::Excitation;
-use etude_perform::stand::RigChoice;
+use etude_perform::session::RigChoice;
 use etude_stage::{PhysicalParams, StageConfig, World};
 use etude_twin::Truth;
 

@@ -6,11 +6,11 @@ use std::sync::atomic::AtomicBool;
 
 use etude_lab::{RobotPlay, RobotStep, find_song, load_pianist, play_on_robot, run_file, shipped_policy};
 use etude_music::CONTROL_HZ;
-use etude_perform::stand::rig_choice;
+use etude_perform::session::rig_choice;
 use etude_perform::{Correction, Ending, Job, Mode, Recording};
 use etude_robot::joints::{DRIVEN, RAIL};
 use etude_robot::rig::SETPOINT_HZ;
-use etude_stage::{JOINTS, PHYSICS_STEPS};
+use etude_stage::{DRIVEN_JOINTS, PHYSICS_STEPS};
 use proptest::prelude::*;
 
 /// Control steps of Twinkle.
@@ -27,13 +27,13 @@ proptest! {
         mode in prop::sample::select(&[Mode::JointMirroring, Mode::Hybrid][..]),
     ) {
         // Offsets that jump at any time, larger than any that is learned.
-        let mut offsets: Vec<[f64; JOINTS]> = vec![[0.0; JOINTS]; PHYSICS_STEPS];
+        let mut offsets: Vec<[f64; DRIVEN_JOINTS]> = vec![[0.0; DRIVEN_JOINTS]; PHYSICS_STEPS];
         for (ticks, values) in jumps {
             let mut values = values;
             values[RAIL] *= 0.05;
             offsets.extend(std::iter::repeat_n(values, ticks));
         }
-        offsets.resize(STEPS * PHYSICS_STEPS, [0.0; JOINTS]);
+        offsets.resize(STEPS * PHYSICS_STEPS, [0.0; DRIVEN_JOINTS]);
         let correction: Correction = serde_json::from_value(serde_json::to_value(&offsets).unwrap()).unwrap();
 
         let folder = tempfile::tempdir().unwrap();

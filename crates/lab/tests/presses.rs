@@ -10,7 +10,7 @@ use etude_identify::{
     IdentifyConfig, LmConfig, Measured, MethodConfig, Motion, MotionError, identify, keyboard_in_words,
 };
 use etude_lab::{Motion as Recorded, record_robot};
-use etude_perform::stand::RigChoice;
+use etude_perform::session::RigChoice;
 use etude_perform::{Excitation, Job};
 use etude_twin::Truth;
 

@@ -7,7 +7,7 @@ use std::sync::atomic::AtomicBool;
 use etude_identify::{Motion, Weight, weigh};
 use etude_lab::record_excitations;
 use etude_perform::Excitation;
-use etude_perform::stand::RigChoice;
+use etude_perform::session::RigChoice;
 use etude_twin::Truth;
 
 fn weighed(change: &str) -> Weight {

@@ -51,7 +51,7 @@ pub use near::{did_you_mean, near};
 pub use note::{Note, chords};
 pub use pace::BusiestSecond;
 pub use part::{Part, melodies};
-pub use plan::{LONGEST_LEAD_SECS, Plan, PlanConfig, PlanRule};
+pub use plan::{MAX_LATENCY_COMPENSATION_SECS, Plan, PlanConfig, PlanRule};
 pub use range::{OffendingNote, OutOfRange};
 pub use reach::{
     FINGER_PLAY_MM, FINGER_SPACING_MM, PLAYING_FINGERS, WHITE_KEY_PITCH_MM, Warning, WarningKind,

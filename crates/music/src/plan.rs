@@ -17,7 +17,7 @@ use crate::song::Song;
 /// Longest time that a key may be asked to be up before it is struck again, s.
 const LONGEST_RESTRIKE_SECS: f64 = 1.0;
 /// Longest time by which a player may be early, s.
-pub const LONGEST_LEAD_SECS: f64 = 0.25;
+pub const MAX_LATENCY_COMPENSATION_SECS: f64 = 0.25;
 
 /// How the notes of a score become keys that are due.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
@@ -41,12 +41,12 @@ pub struct PlanConfig {
     pub restrike_secs: f64,
     /// How much earlier than written the player starts to play, s. A key that is due in a control step may go down at any time in
     /// it, half a step after its beginning on average; with half a step here notes are on time on average. RoboPianist has 0.
-    pub lead_secs: f64,
+    pub latency_compensation_secs: f64,
 }
 
 impl Default for PlanConfig {
     fn default() -> Self {
-        Self { rule: PlanRule::default(), restrike_secs: 0.1, lead_secs: 0.0 }
+        Self { rule: PlanRule::default(), restrike_secs: 0.1, latency_compensation_secs: 0.0 }
     }
 }
 
@@ -58,7 +58,7 @@ pub struct Plan {
     /// The keys that are due in each frame.
     pub frames: Vec<KeySet>,
     /// Time by which the notes are later than the keys that are due, s.
-    pub lead_secs: f64,
+    pub latency_compensation_secs: f64,
 }
 
 impl PlanConfig {
@@ -81,9 +81,9 @@ impl PlanConfig {
             }
         };
         Ok(Plan {
-            song: heard.with_initial_silence(silence_secs + self.lead_secs)?,
+            song: heard.with_initial_silence(silence_secs + self.latency_compensation_secs)?,
             frames: gridded.episode_frames(CONTROL_HZ, silence_secs)?,
-            lead_secs: self.lead_secs,
+            latency_compensation_secs: self.latency_compensation_secs,
         })
     }
 
@@ -130,7 +130,7 @@ impl PlanConfig {
     pub fn check(&self) -> Result<(), SongError> {
         let limits = [
             ("restrike_secs", self.restrike_secs, LONGEST_RESTRIKE_SECS),
-            ("lead_secs", self.lead_secs, LONGEST_LEAD_SECS),
+            ("latency_compensation_secs", self.latency_compensation_secs, MAX_LATENCY_COMPENSATION_SECS),
         ];
         for (name, secs, longest) in limits {
             if !(0.0..=longest).contains(&secs) {
@@ -200,7 +200,7 @@ mod tests {
     use super::*;
 
     const ARTICULATED: PlanConfig =
-        PlanConfig { rule: PlanRule::Articulated, restrike_secs: 0.1, lead_secs: 0.0 };
+        PlanConfig { rule: PlanRule::Articulated, restrike_secs: 0.1, latency_compensation_secs: 0.0 };
 
     fn song(notes: &[(u8, f64, f64)]) -> Song {
         let note = |&(pitch, start_secs, end_secs)| Note { pitch, velocity: 64, start_secs, end_secs };
@@ -236,7 +236,7 @@ mod tests {
 
     #[test]
     fn silence_moves_frames_and_the_lead_does_not() {
-        let early = PlanConfig { lead_secs: 0.025, ..ARTICULATED };
+        let early = PlanConfig { latency_compensation_secs: 0.025, ..ARTICULATED };
         let plan = early.plan(&song(&[(60, 0.1, 0.2)]), 0.26).unwrap();
         let due: Vec<usize> = plan.frames.iter().map(|keys| keys.len()).collect();
         assert_eq!(due, [0, 0, 0, 0, 0, 0, 0, 1, 1, 0]);
@@ -270,7 +270,10 @@ mod tests {
             |config: PlanConfig| config.plan(&song(&[(60, 0.0, 1.0)]), 0.0).unwrap_err().to_string();
         for secs in [-0.1, 2.0, f64::NAN] {
             assert!(refused(PlanConfig { restrike_secs: secs, ..ARTICULATED }).contains("restrike_secs"));
-            assert!(refused(PlanConfig { lead_secs: secs, ..ARTICULATED }).contains("lead_secs"));
+            assert!(
+                refused(PlanConfig { latency_compensation_secs: secs, ..ARTICULATED })
+                    .contains("latency_compensation_secs")
+            );
         }
     }
 }

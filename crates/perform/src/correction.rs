@@ -5,8 +5,8 @@
 //! without phase: D. A. Bristow, M. Tharayil, A. G. Alleyne, "A survey of iterative learning control", IEEE Control Systems 26(3), 2006.
 
 use etude_robot::rig::SETPOINT_HZ;
-use etude_stage::hand::FINGER_JOINTS;
-use etude_stage::{JOINTS, PHYSICS_STEPS, RAIL, joint_range};
+use etude_stage::hand::JOINTS_PER_FINGER;
+use etude_stage::{DRIVEN_JOINTS, PHYSICS_STEPS, RAIL, joint_range};
 use serde::{Deserialize, Serialize};
 
 use crate::robot_rig::Waypoints;
@@ -16,16 +16,16 @@ use crate::stats::{deviation, sorted};
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Tracking {
     /// Set-points, without a correction.
-    pub asked: Vec<[f64; JOINTS]>,
+    pub asked: Vec<[f64; DRIVEN_JOINTS]>,
     /// Joints as the encoders read them.
-    pub measured: Vec<[f64; JOINTS]>,
+    pub measured: Vec<[f64; DRIVEN_JOINTS]>,
 }
 
 /// What is added to the set-points of a song, at the end of each physics step: rad, the rail in m. Nothing after its last one.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(transparent)]
 pub struct Correction {
-    offsets: Vec<[f64; JOINTS]>,
+    offsets: Vec<[f64; DRIVEN_JOINTS]>,
 }
 
 /// How much later than its set-points a joint should be and is.
@@ -34,7 +34,7 @@ pub struct Delays {
     /// How late every joint should be, s: its path is that of the set-points, later by this.
     pub late_secs: f64,
     /// How late each joint follows its set-points, s. What it missed is corrected earlier by that.
-    pub lag_secs: [f64; JOINTS],
+    pub lag_secs: [f64; DRIVEN_JOINTS],
 }
 
 /// The share of what a joint missed that is added after each run. With all of it, the noise of one run would be played in the next.
@@ -85,7 +85,7 @@ impl Tracking {
 
     /// How late the joints follow their set-points. They should all be as late as the finger joints in the median.
     pub fn delays(&self) -> Delays {
-        let lags: [Option<f64>; JOINTS] = std::array::from_fn(|joint| self.lag_secs(joint));
+        let lags: [Option<f64>; DRIVEN_JOINTS] = std::array::from_fn(|joint| self.lag_secs(joint));
         let fingers = sorted(lags[..RAIL].iter().flatten().copied());
         let late_secs = fingers.get(fingers.len() / 2).copied().unwrap_or(0.0);
         Delays { late_secs, lag_secs: lags.map(|lag| lag.unwrap_or(late_secs)) }
@@ -102,7 +102,7 @@ impl Tracking {
 }
 
 impl Correction {
-    pub(crate) fn of(offsets: Vec<[f64; JOINTS]>) -> Self {
+    pub(crate) fn of(offsets: Vec<[f64; DRIVEN_JOINTS]>) -> Self {
         Self { offsets }
     }
 
@@ -119,14 +119,14 @@ impl Correction {
     }
 
     /// Adds the offsets to what is given for each physics step.
-    fn add_to(&self, steps: &mut [[f64; JOINTS]]) {
+    fn add_to(&self, steps: &mut [[f64; DRIVEN_JOINTS]]) {
         for (step, offsets) in steps.iter_mut().zip(&self.offsets) {
             step.iter_mut().zip(offsets).for_each(|(joint, offset)| *joint += offset);
         }
     }
 
     #[cfg(test)]
-    pub(crate) fn offsets(&self) -> &[[f64; JOINTS]] {
+    pub(crate) fn offsets(&self) -> &[[f64; DRIVEN_JOINTS]] {
         &self.offsets
     }
 
@@ -142,7 +142,7 @@ impl Correction {
 
     /// Whether it adds nothing to any set-point.
     pub fn is_still(&self) -> bool {
-        self.offsets.iter().all(|offsets| *offsets == [0.0; JOINTS])
+        self.offsets.iter().all(|offsets| *offsets == [0.0; DRIVEN_JOINTS])
     }
 
     /// Adds the offsets of control step `step` to its set-points, within the ranges of the joints. The limiter of the robot follows.
@@ -161,8 +161,8 @@ impl Correction {
     /// The correction for the next run, after one that was played with this one.
     pub fn after(&self, run: &Tracking, delays: &Delays) -> Self {
         let length = run.asked.len();
-        let mut offsets = vec![[0.0; JOINTS]; length];
-        for joint in 0..JOINTS {
+        let mut offsets = vec![[0.0; DRIVEN_JOINTS]; length];
+        for joint in 0..DRIVEN_JOINTS {
             let (late, lag) = (ticks(delays.late_secs), ticks(delays.lag_secs[joint]));
             let missed = |tick: usize| {
                 let tick = (tick + lag).min(length - 1);
@@ -188,7 +188,7 @@ impl Correction {
 fn most(joint: usize) -> f64 {
     match joint {
         RAIL => MOST_RAIL,
-        finger if finger % FINGER_JOINTS == 0 => MOST_ASIDE,
+        finger if finger % JOINTS_PER_FINGER == 0 => MOST_ASIDE,
         _ => MOST_BENT,
     }
 }
@@ -225,11 +225,11 @@ mod tests {
     const STEPS: usize = 80;
 
     /// A finger joint and the rail that move back and forth, the others at rest.
-    fn song() -> Vec<[f64; JOINTS]> {
+    fn song() -> Vec<[f64; DRIVEN_JOINTS]> {
         (0..STEPS * PHYSICS_STEPS)
             .map(|tick| {
                 let swing = 1.0 - (tick as f64 / SETPOINT_HZ * 3.0).cos();
-                let mut joints = [0.1; JOINTS];
+                let mut joints = [0.1; DRIVEN_JOINTS];
                 joints[1] += 0.2 * swing;
                 joints[RAIL] = 0.02 * swing;
                 joints
@@ -238,7 +238,7 @@ mod tests {
     }
 
     /// A robot whose joints are 60 ms late, lag by a first order, and sag.
-    fn play(asked: &[[f64; JOINTS]], correction: &Correction) -> Tracking {
+    fn play(asked: &[[f64; DRIVEN_JOINTS]], correction: &Correction) -> Tracking {
         let mut sent = Vec::new();
         for step in 0..STEPS {
             let mut waypoints: Waypoints = std::array::from_fn(|tick| asked[step * PHYSICS_STEPS + tick]);
@@ -273,7 +273,7 @@ mod tests {
             correction = correction.after(&play(&asked, &correction), &delays);
         }
         let last = play(&asked, &correction);
-        for joint in 0..JOINTS {
+        for joint in 0..DRIVEN_JOINTS {
             let errors = [&first, &last].map(|run| run.error(joint, delays.late_secs));
             assert!(errors[1] < 0.4 * errors[0], "{joint}: {errors:?}");
         }
@@ -282,13 +282,13 @@ mod tests {
     #[test]
     fn a_correction_begins_at_rest_and_ends_with_the_song() {
         let asked = song();
-        let delays = Delays { late_secs: 0.0, lag_secs: [0.08; JOINTS] };
+        let delays = Delays { late_secs: 0.0, lag_secs: [0.08; DRIVEN_JOINTS] };
         let correction = Correction::default().after(&play(&asked, &Correction::default()), &delays);
         assert_eq!(correction.len(), STEPS * PHYSICS_STEPS);
-        assert_eq!(correction.offsets[0], [0.0; JOINTS]);
-        let mut waypoints: Waypoints = [[0.3; JOINTS]; PHYSICS_STEPS];
+        assert_eq!(correction.offsets[0], [0.0; DRIVEN_JOINTS]);
+        let mut waypoints: Waypoints = [[0.3; DRIVEN_JOINTS]; PHYSICS_STEPS];
         correction.add(STEPS, &mut waypoints);
-        assert_eq!(waypoints, [[0.3; JOINTS]; PHYSICS_STEPS]);
+        assert_eq!(waypoints, [[0.3; DRIVEN_JOINTS]; PHYSICS_STEPS]);
         let text = serde_json::to_string(&correction).unwrap();
         assert_eq!(serde_json::from_str::<Correction>(&text).unwrap(), correction);
     }
@@ -301,7 +301,7 @@ mod tests {
             late_secs in 0.0..0.3f64,
             lag_secs in prop::array::uniform13(0.0..0.3f64),
         ) {
-            let asked: Vec<[f64; JOINTS]> = vec![std::array::from_fn(|joint| joint_range(joint)[1]); PHYSICS_STEPS];
+            let asked: Vec<[f64; DRIVEN_JOINTS]> = vec![std::array::from_fn(|joint| joint_range(joint)[1]); PHYSICS_STEPS];
             let run = Tracking { asked, measured: places };
             let mut correction = Correction::default();
             for _ in 0..20 {
@@ -310,7 +310,7 @@ mod tests {
             let mut waypoints: Waypoints = std::array::from_fn(|tick| run.asked[tick]);
             correction.add(0, &mut waypoints);
             for (waypoint, offsets) in waypoints.iter().zip(&correction.offsets) {
-                for joint in 0..JOINTS {
+                for joint in 0..DRIVEN_JOINTS {
                     let [low, high] = joint_range(joint);
                     prop_assert!((low..=high).contains(&waypoint[joint]));
                     prop_assert!(offsets[joint].abs() <= most(joint));

@@ -7,8 +7,8 @@ use std::f64::consts::TAU;
 
 use etude_music::{CONTROL_HZ, KEYS, key_is_black};
 use etude_stage::geometry::{BLACK, WHITE, WHITE_PITCH, key_lateral};
-use etude_stage::hand::{FINGER_JOINTS, FINGERS, TIP_RADIUS};
-use etude_stage::{JOINTS, RAIL, Side, kinematics};
+use etude_stage::hand::{FINGERS, JOINTS_PER_FINGER, TIP_RADIUS};
+use etude_stage::{DRIVEN_JOINTS, RAIL, Side, kinematics};
 use etude_task::{ACTION_LEN, Piece, Player, TargetRange};
 use rand::{RngExt as _, SeedableRng as _};
 use rand_pcg::Pcg64;
@@ -39,13 +39,13 @@ pub enum Excitation {
 }
 
 /// Fingers almost straight: every sequence begins and ends here.
-const REST: [f64; FINGER_JOINTS] = [0.0, 0.05, 0.15, 0.15];
+const REST: [f64; JOINTS_PER_FINGER] = [0.0, 0.05, 0.15, 0.15];
 /// The hand closed as far as the keys below allow.
-const CLOSED: [f64; FINGER_JOINTS] = [0.0, -0.05, 0.6, 0.75];
+const CLOSED: [f64; JOINTS_PER_FINGER] = [0.0, -0.05, 0.6, 0.75];
 /// The hand open.
-const OPEN: [f64; FINGER_JOINTS] = [0.0, -0.1, -0.05, -0.1];
+const OPEN: [f64; JOINTS_PER_FINGER] = [0.0, -0.1, -0.05, -0.1];
 /// How far each joint of a finger swings about [`REST`], rad.
-const SWING: [f64; FINGER_JOINTS] = [0.3, 0.13, 0.19, 0.27];
+const SWING: [f64; JOINTS_PER_FINGER] = [0.3, 0.13, 0.19, 0.27];
 /// Lowest and highest frequency of a sweep of the fingers, Hz. Targets at 20 Hz still describe a swing of the highest.
 const SWEEP_HZ: [f64; 2] = [0.2, 5.0];
 /// The same of the rail, whose reach falls with the square of the frequency.
@@ -101,12 +101,12 @@ impl Excitation {
     }
 
     /// Where it begins: rad, the rail in m.
-    pub fn start(self) -> [f64; JOINTS] {
+    pub fn start(self) -> [f64; DRIVEN_JOINTS] {
         pose(&[REST; FINGERS], 0.0)
     }
 
     /// The targets of its control steps, for a hand of this side.
-    pub fn targets(self, side: Side) -> Vec<[f64; JOINTS]> {
+    pub fn targets(self, side: Side) -> Vec<[f64; DRIVEN_JOINTS]> {
         match self {
             Self::OpenClose => open_close(),
             Self::Chirp => chirp(),
@@ -119,7 +119,7 @@ impl Excitation {
 
 /// The player of a sequence. It ignores the observation.
 pub struct ExcitationPlayer {
-    targets: Vec<[f64; JOINTS]>,
+    targets: Vec<[f64; DRIVEN_JOINTS]>,
     range: TargetRange,
 }
 
@@ -154,10 +154,10 @@ impl std::str::FromStr for Excitation {
     }
 }
 
-fn pose(fingers: &[[f64; FINGER_JOINTS]; FINGERS], rail: f64) -> [f64; JOINTS] {
+fn pose(fingers: &[[f64; JOINTS_PER_FINGER]; FINGERS], rail: f64) -> [f64; DRIVEN_JOINTS] {
     std::array::from_fn(|joint| match joint {
         RAIL => rail,
-        _ => fingers[joint / FINGER_JOINTS][joint % FINGER_JOINTS],
+        _ => fingers[joint / JOINTS_PER_FINGER][joint % JOINTS_PER_FINGER],
     })
 }
 
@@ -183,18 +183,22 @@ fn sweep_hz(at_secs: f64, [low, high]: [f64; 2], secs: f64) -> f64 {
     low * ((high / low).ln() * at_secs / secs).exp()
 }
 
-fn blend(from: &[f64; FINGER_JOINTS], to: &[f64; FINGER_JOINTS], share: f64) -> [f64; FINGER_JOINTS] {
+fn blend(
+    from: &[f64; JOINTS_PER_FINGER],
+    to: &[f64; JOINTS_PER_FINGER],
+    share: f64,
+) -> [f64; JOINTS_PER_FINGER] {
     std::array::from_fn(|joint| from[joint] + share * (to[joint] - from[joint]))
 }
 
 /// Opens and closes in turns: in one step and held, then by ramps, then finger by finger. The first joints of the fingers swing at
 /// the same time.
-fn open_close() -> Vec<[f64; JOINTS]> {
+fn open_close() -> Vec<[f64; DRIVEN_JOINTS]> {
     let mut targets = Vec::new();
-    let mut hold = |fingers: [[f64; FINGER_JOINTS]; FINGERS], secs: f64| {
+    let mut hold = |fingers: [[f64; JOINTS_PER_FINGER]; FINGERS], secs: f64| {
         targets.extend(std::iter::repeat_n(pose(&fingers, 0.0), steps(secs)));
     };
-    let rolled = |angles: [f64; FINGER_JOINTS], roll: f64| [roll, angles[1], angles[2], angles[3]];
+    let rolled = |angles: [f64; JOINTS_PER_FINGER], roll: f64| [roll, angles[1], angles[2], angles[3]];
     hold([REST; FINGERS], 0.5);
     for (turn, secs) in [0.8, 0.6, 0.4, 0.3, 0.2, 0.2].into_iter().enumerate() {
         let roll = if turn % 2 == 0 { 0.25 } else { -0.25 };
@@ -220,7 +224,7 @@ fn open_close() -> Vec<[f64; JOINTS]> {
 }
 
 /// Every finger joint sweeps. Neighbours differ in highest frequency and direction, so that no two move alike.
-fn chirp() -> Vec<[f64; JOINTS]> {
+fn chirp() -> Vec<[f64; DRIVEN_JOINTS]> {
     const SECS: f64 = 24.0;
     let count = steps(SECS);
     (0..count)
@@ -240,7 +244,7 @@ fn chirp() -> Vec<[f64; JOINTS]> {
 }
 
 /// Steps of one, three, five and eight white keys, then a sweep.
-fn rail() -> Vec<[f64; JOINTS]> {
+fn rail() -> Vec<[f64; DRIVEN_JOINTS]> {
     const SECS: f64 = 16.0;
     let fingers = [REST; FINGERS];
     let mut targets = vec![pose(&fingers, 0.0); steps(0.5)];
@@ -261,9 +265,9 @@ fn rail() -> Vec<[f64; JOINTS]> {
 }
 
 /// Presses one white key after the other, three with each finger, and beside the gaps of the first; and pushes against a black key beside each.
-fn keys(side: Side) -> Vec<[f64; JOINTS]> {
+fn keys(side: Side) -> Vec<[f64; DRIVEN_JOINTS]> {
     let mut targets = vec![pose(&[REST; FINGERS], 0.0); steps(0.5)];
-    let mut hold = |finger: usize, angles: [f64; FINGER_JOINTS], rail: f64, secs: f64| {
+    let mut hold = |finger: usize, angles: [f64; JOINTS_PER_FINGER], rail: f64, secs: f64| {
         let mut fingers = [REST; FINGERS];
         fingers[finger] = angles;
         targets.extend(std::iter::repeat_n(pose(&fingers, rail), steps(secs)));
@@ -356,17 +360,17 @@ fn beside_gaps() -> Vec<f64> {
 }
 
 /// Sums of sines at four frequencies, and every two seconds a step of all joints that is held for half a second.
-fn held_out() -> Vec<[f64; JOINTS]> {
+fn held_out() -> Vec<[f64; DRIVEN_JOINTS]> {
     const SECS: f64 = 16.0;
     const HZ: [f64; 4] = [0.37, 0.83, 1.71, 3.1];
     const STEP_EVERY_SECS: f64 = 2.0;
     const HELD_SECS: f64 = 0.5;
     let mut random = Pcg64::seed_from_u64(20_250_319);
-    let phases: [[f64; HZ.len()]; JOINTS] =
+    let phases: [[f64; HZ.len()]; DRIVEN_JOINTS] =
         std::array::from_fn(|_| std::array::from_fn(|_| TAU * random.random::<f64>()));
     let count = steps(SECS);
     let (every, held) = (steps(STEP_EVERY_SECS), steps(HELD_SECS));
-    let swing = |step: usize| -> [f64; JOINTS] {
+    let swing = |step: usize| -> [f64; DRIVEN_JOINTS] {
         let at = step as f64 / CONTROL_HZ;
         std::array::from_fn(|joint| {
             let sum = |powers: f64| -> f64 {
@@ -375,17 +379,17 @@ fn held_out() -> Vec<[f64; JOINTS]> {
             };
             match joint {
                 RAIL => 0.018 * sum(1.0),
-                _ => SWING[joint % FINGER_JOINTS] * sum(0.0) / 3.0,
+                _ => SWING[joint % JOINTS_PER_FINGER] * sum(0.0) / 3.0,
             }
         })
     };
-    let mut jumped = [0.0; JOINTS];
+    let mut jumped = [0.0; DRIVEN_JOINTS];
     (0..count)
         .map(|step| {
             if step % every == 0 {
                 jumped = std::array::from_fn(|joint| {
                     let share = random.random_range(-0.9..=0.9);
-                    if joint == RAIL { 0.06 * share } else { SWING[joint % FINGER_JOINTS] * share }
+                    if joint == RAIL { 0.06 * share } else { SWING[joint % JOINTS_PER_FINGER] * share }
                 });
             }
             let offset = if step % every < held { jumped } else { swing(step) };

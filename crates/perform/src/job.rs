@@ -2,22 +2,22 @@
 
 use std::sync::atomic::{AtomicBool, Ordering};
 
-/// Passed to a function that runs for long: a callback for its progress, and the flag that ends it early. `E` is the type of its
-/// reports.
+/// Passed to a function that runs for long: a callback for its progress, and the flag that ends it
+/// early. `E` is the type of its reports.
 pub struct Job<'a, E> {
-    report: &'a mut (dyn FnMut(&E) + Send + 'a),
+    on_progress: &'a mut (dyn FnMut(&E) + Send + 'a),
     interrupt: &'a AtomicBool,
 }
 
 impl<'a, E> Job<'a, E> {
-    /// A job that reports to `report` and ends soon after `interrupt` is set.
-    pub fn new(report: &'a mut (dyn FnMut(&E) + Send + 'a), interrupt: &'a AtomicBool) -> Self {
-        Self { report, interrupt }
+    /// A job that reports to `on_progress` and ends soon after `interrupt` is set.
+    pub fn new(on_progress: &'a mut (dyn FnMut(&E) + Send + 'a), interrupt: &'a AtomicBool) -> Self {
+        Self { on_progress, interrupt }
     }
 
     /// Reports progress.
-    pub fn tell(&mut self, event: &E) {
-        (self.report)(event);
+    pub fn report(&mut self, event: &E) {
+        (self.on_progress)(event);
     }
 
     /// Whether the work must end.
@@ -36,8 +36,8 @@ impl<'a, E> Job<'a, E> {
         translate: impl Fn(&P) -> E + Send,
         work: impl FnOnce(&mut Job<'_, P>) -> R,
     ) -> R {
-        let report = &mut *self.report;
-        let mut translated = move |event: &P| report(&translate(event));
+        let on_progress = &mut *self.on_progress;
+        let mut translated = move |event: &P| on_progress(&translate(event));
         work(&mut Job::new(&mut translated, self.interrupt))
     }
 }

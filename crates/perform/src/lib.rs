@@ -4,14 +4,13 @@
 //! devices; an execution [`Mode`] puts them together. A [`Recording`] is an MCAP file with JSON messages, so Foxglove, the Python
 //! `mcap` package and Étude itself read it.
 
-mod aims;
 mod correction;
-mod ended;
 mod error;
 mod evaluate;
 mod excitation;
 mod files;
 mod job;
+mod key_correction;
 mod messages;
 mod mirrored;
 mod mode;
@@ -23,21 +22,22 @@ mod recorder;
 mod recording;
 mod rig;
 mod robot_rig;
+pub mod session;
 mod shaping;
 mod shell;
 mod sim_rig;
-pub mod stand;
 pub mod stats;
+mod terminated_file;
 mod timing;
 mod writer;
 
-pub use aims::{Aims, Strokes};
 pub use correction::{Correction, Delays, Tracking};
 pub use error::PerformError;
 pub use evaluate::{LEARNED_F1, NoteCounts, SCORES, SongEvaluator};
 pub use excitation::{Excitation, ExcitationPlayer};
 pub use files::{FileError, write_file, write_frames_csv};
 pub use job::Job;
+pub use key_correction::{KeyCorrections, PlayedNotes};
 pub use messages::{
     Activity, ArmMessage, DueNote, HandMessage, Header, KeyMessage, Message, NoteMessage, PolicyMessage,
     RewardMessage, SetPointMessage, StepMessage, TargetMessage,

@@ -1,12 +1,12 @@
 //! A simulation whose joints a robot follows: the paper's modes *joint mirroring* and *hybrid*.
 
 use etude_robot::rig::LimitsConfig;
-use etude_stage::{JOINTS, PHYSICS_STEPS, World, joint_range};
+use etude_stage::{DRIVEN_JOINTS, PHYSICS_STEPS, World, joint_range};
 use etude_task::{TaskConfig, TaskError};
 
 use crate::mode::Mode;
 use crate::performance::{Ending, Performance, Stepped};
-use crate::rig::{Command, Rig, Seen, UNSTABLE};
+use crate::rig::{Command, Rig, RigState, UNSTABLE};
 use crate::robot_rig::{RobotRig, Waypoints};
 use crate::shaping::slow_while_keys_are_down;
 use crate::{PerformError, Recorder};
@@ -55,12 +55,12 @@ impl Rig for Mirrored<'_> {
         self.robot.begin()
     }
 
-    fn seen(&self) -> Seen {
+    fn state(&self) -> RigState {
         let keys = match self.keys {
             Keys::Simulated => self.world.pressed(),
-            Keys::Robot => self.robot.seen().keys,
+            Keys::Robot => self.robot.state().keys,
         };
-        Seen { joints: self.world.joints(), set_points: self.world.set_points(), keys }
+        RigState { joints: self.world.joints(), set_points: self.world.set_points(), keys }
     }
 
     fn step(
@@ -69,7 +69,7 @@ impl Rig for Mirrored<'_> {
         recorder: &mut Recorder<'_>,
     ) -> Result<Result<Stepped, Ending>, PerformError> {
         // The set-points are the simulated joints after each physics step. A simulated stop yields a little, where the robot's range ends.
-        let mut waypoints: Waypoints = [[0.0; JOINTS]; PHYSICS_STEPS];
+        let mut waypoints: Waypoints = [[0.0; DRIVEN_JOINTS]; PHYSICS_STEPS];
         let mut unstable = false;
         let world = &mut self.world;
         self.robot.run_while(&mut || {

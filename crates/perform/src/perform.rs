@@ -6,7 +6,7 @@ use etude_task::{ACTION_LEN, History, Piece, Player, TargetRange, TaskConfig, la
 
 use crate::error::PerformError;
 use crate::performance::{Ending, Performance};
-use crate::rig::{Command, Rig, Seen};
+use crate::rig::{Command, Rig, RigState};
 use crate::{Recorder, RecordingWriter};
 
 /// The fault of a player whose action is no number.
@@ -30,7 +30,7 @@ pub fn perform(
     let mut performance = Performance::new(piece);
     let mut recorder = Recorder::new(writer);
     rig.begin()?;
-    performance.down_before = rig.seen().keys;
+    performance.down_before = rig.state().keys;
     let played = play(rig, player, task, &mut performance, &mut recorder, interrupt);
     rig.rest();
     // What the robot reported must be in the recording, above all if it refused a command.
@@ -54,13 +54,13 @@ fn play(
     let range = TargetRange::new(&piece);
     let mut observation = vec![0.0; layout(task).len()];
     let mut action = [0.0; ACTION_LEN];
-    let Seen { joints, set_points, .. } = rig.seen();
+    let RigState { joints, set_points, .. } = rig.state();
     let mut history = History::at_rest(task.observed(joints, set_points), &range, 0);
     for step in 0..piece.steps() {
         if interrupt.load(Ordering::Relaxed) {
             return Ok(Ending::Interrupted);
         }
-        let Seen { joints, set_points, keys } = rig.seen();
+        let RigState { joints, set_points, keys } = rig.state();
         let joints = task.observed(joints, set_points);
         observe(task, &joints, &history, keys, &piece, step, &mut observation);
         rig.run_while(&mut || player.act(step, &observation, &mut action));

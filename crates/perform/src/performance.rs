@@ -6,8 +6,8 @@ use etude_task::Piece;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use crate::aims::Strokes;
 use crate::correction::Tracking;
+use crate::key_correction::PlayedNotes;
 use crate::timing::Timing;
 
 /// A piece as it was played, to its end or until the performance ended early.
@@ -141,8 +141,8 @@ impl Performance {
     }
 
     /// Its notes, and those that were planned.
-    pub fn strokes(&self) -> Strokes {
-        Strokes { planned: self.planned_notes(), played: self.notes(), end_secs: self.secs() }
+    pub fn strokes(&self) -> PlayedNotes {
+        PlayedNotes { planned: self.planned_notes(), played: self.notes(), end_secs: self.secs() }
     }
 
     /// The notes that the player should play, at times of the control steps: those that are due, less what the fingering leaves out.
@@ -204,16 +204,16 @@ mod tests {
     #[test]
     fn a_robot_is_scored_on_the_songs_own_time() {
         let song = repertoire::get("twinkle").expect("built in");
-        for lead_secs in [0.025, 0.03, 0.049, 0.051, 0.074, 0.076, 0.11, 0.2] {
+        for latency_compensation_secs in [0.025, 0.03, 0.049, 0.051, 0.074, 0.076, 0.11, 0.2] {
             let task = TaskConfig {
-                plan: PlanConfig { lead_secs, ..PlanConfig::default() },
+                plan: PlanConfig { latency_compensation_secs, ..PlanConfig::default() },
                 ..TaskConfig::default()
             };
             let piece = Piece::for_task(&song, &task).unwrap();
             let f1 = |late_secs: f64| {
                 let mut played = Performance::new(&piece);
                 played.robot = Some(Executed::default());
-                played.events = changes(piece.frames(), lead_secs + late_secs);
+                played.events = changes(piece.frames(), latency_compensation_secs + late_secs);
                 let recorded_secs = played.secs() + piece.late_secs();
                 played.events.retain(|event| event.secs <= recorded_secs);
                 for _ in 0..piece.steps() {
@@ -221,11 +221,17 @@ mod tests {
                 }
                 played.scores().frame.f1
             };
-            assert!([-0.02, 0.0, 0.02].iter().all(|late_secs| f1(*late_secs) == 1.0), "lead {lead_secs}");
-            assert!([-0.03, 0.03].iter().all(|late_secs| f1(*late_secs) < 0.95), "lead {lead_secs}");
+            assert!(
+                [-0.02, 0.0, 0.02].iter().all(|late_secs| f1(*late_secs) == 1.0),
+                "lead {latency_compensation_secs}"
+            );
+            assert!(
+                [-0.03, 0.03].iter().all(|late_secs| f1(*late_secs) < 0.95),
+                "lead {latency_compensation_secs}"
+            );
         }
         let early = TaskConfig {
-            plan: PlanConfig { lead_secs: 0.01, ..PlanConfig::default() },
+            plan: PlanConfig { latency_compensation_secs: 0.01, ..PlanConfig::default() },
             ..TaskConfig::default()
         };
         assert_eq!(Piece::for_task(&song, &early).unwrap().late_secs(), 0.0);

@@ -4,7 +4,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
 use etude_robot::{OBSERVED, Pace, Phase, Record, Robot};
-use etude_stage::JOINTS;
+use etude_stage::DRIVEN_JOINTS;
 
 use crate::recorder::{RobotRecords, take_records};
 use crate::timing::Timing;
@@ -27,7 +27,7 @@ pub(crate) const STOPPED: &str =
 pub fn prepare(
     robot: &mut Robot,
     pace: &mut dyn Pace,
-    pose: Option<&[f64; JOINTS]>,
+    pose: Option<&[f64; DRIVEN_JOINTS]>,
     writer: Option<&mut RecordingWriter>,
     interrupt: &AtomicBool,
 ) -> Result<(), PerformError> {

@@ -25,11 +25,11 @@
 
 use std::path::{Path, PathBuf};
 
-use crate::ended::UNINDEXED_END;
 use crate::messages::{
     ArmMessage, HandMessage, Header, KeyMessage, Message, NoteMessage, PolicyMessage, RewardMessage,
     SetPointMessage, StepMessage, TargetMessage,
 };
+use crate::terminated_file::UNINDEXED_END;
 
 /// Version of the messages ([`Header::schema`]).
 pub(crate) const SCHEMA: u32 = 2;

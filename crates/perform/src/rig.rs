@@ -3,7 +3,7 @@
 //! An execution mode (paper, appendix "Execution Modes") is a way to put a rig together: [`Mode::rig`](crate::Mode::rig).
 
 use etude_music::KeySet;
-use etude_stage::JOINTS;
+use etude_stage::DRIVEN_JOINTS;
 use etude_task::ACTION_LEN;
 
 use crate::performance::{Ending, Performance, Stepped};
@@ -11,11 +11,11 @@ use crate::{PerformError, Recorder};
 
 /// What a player may see of a rig.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Seen {
+pub struct RigState {
     /// Joints as the encoders read them: rad, the rail in m.
-    pub joints: [f64; JOINTS],
+    pub joints: [f64; DRIVEN_JOINTS],
     /// Set-points of the joints: rad, the rail in m.
-    pub set_points: [f64; JOINTS],
+    pub set_points: [f64; DRIVEN_JOINTS],
     /// Keys that sound.
     pub keys: KeySet,
 }
@@ -30,7 +30,7 @@ pub struct Command<'a> {
     /// The action, −1 to 1.
     pub action: &'a [f32; ACTION_LEN],
     /// The joint targets of the action: rad, the rail in m.
-    pub targets: [f64; JOINTS],
+    pub targets: [f64; DRIVEN_JOINTS],
 }
 
 /// The fault of a simulation that became unstable.
@@ -46,7 +46,7 @@ pub trait Rig {
     fn begin(&mut self) -> Result<(), PerformError>;
 
     /// What a player sees now.
-    fn seen(&self) -> Seen;
+    fn state(&self) -> RigState;
 
     /// Does `work`, such as the player's computation. A robot is controlled meanwhile.
     fn run_while(&mut self, work: &mut (dyn FnMut() + Send)) {

@@ -5,7 +5,7 @@ use std::time::Duration;
 
 use etude_music::{CONTROL_HZ, KEYS, KeySet};
 use etude_robot::{Pace, Phase, Record, Robot};
-use etude_stage::{JOINTS, PHYSICS_STEPS, RAIL};
+use etude_stage::{DRIVEN_JOINTS, PHYSICS_STEPS, RAIL};
 
 use crate::correction::{Correction, Tracking};
 use crate::messages::{PolicyMessage, StepMessage, TargetMessage};
@@ -13,7 +13,7 @@ use crate::performance::{Ending, Executed, Performance, Stepped};
 use crate::prepare::STOPPED;
 use crate::recorder::{RobotRecords, take_records};
 use crate::recording::RecordingError;
-use crate::rig::{Command, Rig, Seen};
+use crate::rig::{Command, Rig, RigState};
 use crate::shaping::Shaping;
 use crate::timing::{CONTROL_PERIOD, Timing};
 use crate::{PerformError, Recorder};
@@ -24,7 +24,7 @@ const SETTLE: Duration = Duration::from_millis(300);
 const SLICE: Duration = Duration::from_millis(50);
 
 /// Set-points of one control step, one for each physics step: rad, the rail in m.
-pub(crate) type Waypoints = [[f64; JOINTS]; PHYSICS_STEPS];
+pub(crate) type Waypoints = [[f64; DRIVEN_JOINTS]; PHYSICS_STEPS];
 
 /// A robot that has been prepared ([`prepare`](crate::prepare())) and holds still in the starting pose.
 pub struct RobotRig<'a> {
@@ -44,7 +44,7 @@ pub struct RobotRig<'a> {
 
 impl<'a> RobotRig<'a> {
     /// A rig of `robot`, which holds still in the pose `start` (rad, the rail in m); `pace` advances its time.
-    pub fn new(robot: &'a mut Robot, pace: &'a mut dyn Pace, start: &[f64; JOINTS]) -> Self {
+    pub fn new(robot: &'a mut Robot, pace: &'a mut dyn Pace, start: &[f64; DRIVEN_JOINTS]) -> Self {
         Self {
             shaping: Shaping::new(&robot.config().limits, start),
             records: RobotRecords::since(pace.now()),
@@ -171,8 +171,8 @@ impl Rig for RobotRig<'_> {
         Ok(())
     }
 
-    fn seen(&self) -> Seen {
-        Seen { joints: self.robot.joints(), set_points: self.robot.sent(), keys: keys(self.robot) }
+    fn state(&self) -> RigState {
+        RigState { joints: self.robot.joints(), set_points: self.robot.sent(), keys: keys(self.robot) }
     }
 
     fn step(
@@ -180,7 +180,7 @@ impl Rig for RobotRig<'_> {
         command: &Command<'_>,
         recorder: &mut Recorder<'_>,
     ) -> Result<Result<Stepped, Ending>, PerformError> {
-        let mut waypoints = [[0.0; JOINTS]; PHYSICS_STEPS];
+        let mut waypoints = [[0.0; DRIVEN_JOINTS]; PHYSICS_STEPS];
         let key_down = keys(self.robot) != KeySet::EMPTY;
         self.shaping.shape(&command.targets, key_down, &mut waypoints);
         let followed = self.follow(&waypoints, command, recorder)?;
@@ -232,4 +232,4 @@ pub fn keys(robot: &Robot) -> KeySet {
 
 // Physics steps and set-points have the same rate, and both crates have the same driven joints.
 const _: () = assert!(CONTROL_HZ * PHYSICS_STEPS as f64 == etude_robot::rig::SETPOINT_HZ);
-const _: () = assert!(JOINTS == etude_robot::joints::DRIVEN && RAIL == etude_robot::joints::RAIL);
+const _: () = assert!(DRIVEN_JOINTS == etude_robot::joints::DRIVEN && RAIL == etude_robot::joints::RAIL);

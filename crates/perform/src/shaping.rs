@@ -7,22 +7,22 @@
 use etude_robot::rig::LimitsConfig;
 use etude_stage::controller::{Actuation, Controller, Gains};
 use etude_stage::params::{JointRow, WorldRow};
-use etude_stage::{JOINTS, PHYSICS_STEPS, PhysicalParams, RAIL, StageConfig, joint_range};
+use etude_stage::{DRIVEN_JOINTS, PHYSICS_STEPS, PhysicalParams, RAIL, StageConfig, joint_range};
 
 /// Set-points are shaped to this share of the limiter's velocity, acceleration and jerk, so that it does not clamp them.
 const WITHIN: f64 = 0.95;
 
 /// Shapes targets into set-points.
 pub(crate) struct Shaping {
-    gains: [Gains; JOINTS],
+    gains: [Gains; DRIVEN_JOINTS],
     /// Those of the rail while a key is down.
     key_down_gains: Gains,
-    controllers: [Controller; JOINTS],
+    controllers: [Controller; DRIVEN_JOINTS],
 }
 
 impl Shaping {
     /// At rest at `pose` (rad, the rail in m).
-    pub(crate) fn new(limits: &LimitsConfig, pose: &[f64; JOINTS]) -> Self {
+    pub(crate) fn new(limits: &LimitsConfig, pose: &[f64; DRIVEN_JOINTS]) -> Self {
         let params = shaping_params(limits);
         let step = StageConfig::default().physics_step_secs();
         let gains = std::array::from_fn(|joint| Gains::new(&params, joint, Actuation::Controlled, step));
@@ -33,13 +33,13 @@ impl Shaping {
     /// The set-points of a control step with these targets. `key_down` says whether a key is down when it begins.
     pub(crate) fn shape(
         &mut self,
-        targets: &[f64; JOINTS],
+        targets: &[f64; DRIVEN_JOINTS],
         key_down: bool,
-        waypoints: &mut [[f64; JOINTS]; PHYSICS_STEPS],
+        waypoints: &mut [[f64; DRIVEN_JOINTS]; PHYSICS_STEPS],
     ) {
         let rail = if key_down { self.key_down_gains } else { self.gains[RAIL] };
         for waypoint in waypoints {
-            for joint in 0..JOINTS {
+            for joint in 0..DRIVEN_JOINTS {
                 let [low, high] = joint_range(joint);
                 let target = targets[joint].clamp(low, high);
                 let gains = if joint == RAIL { &rail } else { &self.gains[joint] };
@@ -53,7 +53,7 @@ impl Shaping {
 /// a robot.
 pub fn shaping_params(limits: &LimitsConfig) -> PhysicalParams {
     let mut params = PhysicalParams::default();
-    for joint in 0..JOINTS {
+    for joint in 0..DRIVEN_JOINTS {
         let most = if joint == RAIL {
             [limits.rail_velocity, limits.rail_acceleration, limits.rail_jerk]
         } else {
@@ -88,13 +88,13 @@ mod tests {
             targets in prop::collection::vec((prop::array::uniform13(-2.0..2.0f64), any::<bool>()), 1..20),
         ) {
             let limits = LimitsConfig::default();
-            let mut shaping = Shaping::new(&limits, &[0.0; JOINTS]);
+            let mut shaping = Shaping::new(&limits, &[0.0; DRIVEN_JOINTS]);
             let rig = etude_robot::rig::RigConfig { limits, ..Default::default() };
             let axes = rig.axes();
-            let limits: [AxisLimits; JOINTS] =
+            let limits: [AxisLimits; DRIVEN_JOINTS] =
                 std::array::from_fn(|joint| if joint == RAIL { axes[axes.len() - 1] } else { axes[joint] });
             let mut limiter = limits.map(|limits| Axis::at_rest(limits, 0.005, 0.0));
-            let mut waypoints = [[0.0; JOINTS]; PHYSICS_STEPS];
+            let mut waypoints = [[0.0; DRIVEN_JOINTS]; PHYSICS_STEPS];
             for (targets, key_down) in targets {
                 shaping.shape(&targets, key_down, &mut waypoints);
                 for waypoint in &waypoints {

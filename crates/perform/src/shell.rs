@@ -38,6 +38,9 @@ mod tests {
         let output = shell.args(["-c", &format!("printf '%s\\n' {line}")]).output().unwrap();
         assert_eq!(String::from_utf8(output.stdout).unwrap().lines().collect::<Vec<_>>(), words);
         assert_eq!(shell_word("runs/twinkle__fast__0"), "runs/twinkle__fast__0");
-        assert_eq!(shell_word("task.plan.lead_secs=0.03"), "task.plan.lead_secs=0.03");
+        assert_eq!(
+            shell_word("task.plan.latency_compensation_secs=0.03"),
+            "task.plan.latency_compensation_secs=0.03"
+        );
     }
 }

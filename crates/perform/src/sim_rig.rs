@@ -6,7 +6,7 @@ use etude_task::{Environment, Piece, TaskConfig, TaskError};
 
 use crate::messages::{RewardMessage, StepMessage};
 use crate::performance::{Ending, Performance, Simulated, Stepped};
-use crate::rig::{Command, Rig, Seen, UNSTABLE};
+use crate::rig::{Command, Rig, RigState, UNSTABLE};
 use crate::{PerformError, Recorder};
 
 /// An [`Environment`] that plays its piece from the beginning, and sums up the reward.
@@ -88,9 +88,9 @@ impl Rig for SimRig {
         Ok(())
     }
 
-    fn seen(&self) -> Seen {
+    fn state(&self) -> RigState {
         let world = self.world();
-        Seen { joints: world.joints(), set_points: world.set_points(), keys: world.pressed() }
+        RigState { joints: world.joints(), set_points: world.set_points(), keys: world.pressed() }
     }
 
     fn step(

@@ -1,7 +1,7 @@
 //! Writing a recording: messages become JSON on the calling thread, and a separate thread writes the file, so that a slow disk
 //! does not delay a robot.
 //!
-//! After each chunk comes an end without an index, which the next chunk replaces (`ended`). So other readers of MCAP open the file too
+//! After each chunk comes an end without an index, which the next chunk replaces (`terminated_file`). So other readers of MCAP open the file too
 //! when the program was killed, also in the middle of a write.
 
 use std::collections::BTreeMap;
@@ -14,9 +14,9 @@ use std::thread::JoinHandle;
 use mcap::records::MessageHeader;
 use mcap::write::NoSeek;
 
-use crate::ended::{Disk, Ended, RECORD_HEADER, begin_file, filler};
 use crate::messages::{Header, Message, topics};
 use crate::recording::{RecordingError, SCHEMA};
+use crate::terminated_file::{Disk, RECORD_HEADER, TerminatedFile, begin_file, filler};
 
 /// Time of a performance after which a chunk is written even if it is small, s.
 const FLUSH_SECS: f64 = 1.0;
@@ -217,7 +217,7 @@ fn begin(pending: &Pending) -> mcap::McapResult<(McapFile, Vec<(&'static str, u1
 fn write_lines<D: Disk>(
     mut writer: McapFile,
     pending: &Pending,
-    mut file: Ended<D>,
+    mut file: TerminatedFile<D>,
     lines: &Receiver<Line>,
 ) -> mcap::McapResult<()> {
     for line in lines {
@@ -234,7 +234,7 @@ fn write_lines<D: Disk>(
 fn add_pending<D: Disk>(
     writer: &mut McapFile,
     pending: &Pending,
-    file: &mut Ended<D>,
+    file: &mut TerminatedFile<D>,
 ) -> mcap::McapResult<()> {
     let records = take_whole(writer, pending, file.len)?;
     Ok(file.add(&records)?)
@@ -274,7 +274,7 @@ impl RecordingWriter {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::ended::PAGE;
+    use crate::terminated_file::PAGE;
     use crate::{Recording, StepMessage};
 
     /// Keeps what a kill could leave: the bytes after each page of each write.
@@ -315,7 +315,7 @@ mod tests {
     fn left_behind(room: Option<usize>, longest: usize) -> Vec<Vec<u8>> {
         let disk = Killable { room, ..Killable::default() };
         let left = Arc::clone(&disk.left);
-        let mut file = Ended { disk, len: 0 };
+        let mut file = TerminatedFile { disk, len: 0 };
         let pending = Pending::default();
         let (mut writer, channels) = begin(&pending).unwrap();
         add_pending(&mut writer, &pending, &mut file).unwrap();

@@ -84,7 +84,7 @@ pub fn gallery(recordings: &[PathBuf], folder: &Path, job: &mut Job<'_, usize>) 
             let text = format!("stopped on request; what was made so far is in {}", folder.display());
             return Err(Interrupted(text).into());
         }
-        job.tell(&number);
+        job.report(&number);
         // A damaged file must not prevent the others from being shown.
         let take = match read_take(path) {
             Ok(take) => take,
@@ -208,11 +208,11 @@ fn played_on(exhibit: &Exhibit) -> String {
 mod tests {
     use super::*;
     use etude_perform::{Activity, Header, Recording, StepMessage};
-    use etude_stage::JOINTS;
+    use etude_stage::DRIVEN_JOINTS;
 
     #[test]
     fn the_picture_is_of_most_keys_then_of_the_longest_note() {
-        let steps = vec![StepMessage { positions: vec![0.0; JOINTS], ..StepMessage::default() }; 100];
+        let steps = vec![StepMessage { positions: vec![0.0; DRIVEN_JOINTS], ..StepMessage::default() }; 100];
         let header = Header { control_hz: 20.0, activity: Activity::Rest, ..Header::default() };
         let recording = Recording { header, steps, complete: true, ..Recording::default() };
         let mut take = Take::new(&recording, "r".to_string()).unwrap();

@@ -205,14 +205,14 @@ impl Canvas<'_> {
 #[cfg(test)]
 mod tests {
     use etude_perform::{Activity, DueNote, Header, KeyMessage, Recording, StepMessage};
-    use etude_stage::JOINTS;
+    use etude_stage::DRIVEN_JOINTS;
 
     use super::*;
 
     /// Two seconds: C4 is due in the first and played, E4 in the second and missed; G4 sounds in the second and is not due.
     fn take() -> Take {
         let step = |index: usize| StepMessage {
-            positions: vec![0.0; JOINTS],
+            positions: vec![0.0; DRIVEN_JOINTS],
             pressed: vec![if index < 20 { 60 } else { 67 }],
             ..StepMessage::default()
         };

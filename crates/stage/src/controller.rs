@@ -198,7 +198,7 @@ impl Controller {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::hand::{JOINTS, RAIL};
+    use crate::hand::{DRIVEN_JOINTS, RAIL};
     use proptest::prelude::*;
 
     const STEP: f64 = 0.005;
@@ -210,7 +210,7 @@ mod tests {
     proptest! {
         #[test]
         fn the_reference_keeps_its_limits(
-            index in 0..JOINTS,
+            index in 0..DRIVEN_JOINTS,
             targets in prop::collection::vec(-1.5f64..1.5, 1..12),
         ) {
             let gains = gains(index);
@@ -230,7 +230,7 @@ mod tests {
         }
 
         #[test]
-        fn the_reference_arrives_and_stays(index in 0..JOINTS, target in -0.3f64..0.3) {
+        fn the_reference_arrives_and_stays(index in 0..DRIVEN_JOINTS, target in -0.3f64..0.3) {
             let gains = gains(index);
             let mut controller = Controller::at_rest(0.0);
             let mut furthest: f64 = 0.0;

@@ -11,14 +11,14 @@ use crate::geometry::HALF_WIDTH;
 /// Fingers that play. The thumb cannot reach the keys (paper, "Hardware Configuration").
 pub const FINGERS: usize = 3;
 /// Joints of one finger, from the root: roll about the finger's own axis, then three flexions.
-pub const FINGER_JOINTS: usize = 4;
+pub const JOINTS_PER_FINGER: usize = 4;
 /// Driven joints: all finger joints, then the rail.
-pub const JOINTS: usize = FINGERS * FINGER_JOINTS + 1;
+pub const DRIVEN_JOINTS: usize = FINGERS * JOINTS_PER_FINGER + 1;
 /// Index of the rail among the joints.
-pub const RAIL: usize = JOINTS - 1;
+pub const RAIL: usize = DRIVEN_JOINTS - 1;
 
 /// Names of the driven joints in the order of observations, actions and recordings.
-pub const JOINT_NAMES: [&str; JOINTS] = [
+pub const JOINT_NAMES: [&str; DRIVEN_JOINTS] = [
     "index_0", "index_1", "index_2", "index_3", "middle_0", "middle_1", "middle_2", "middle_3", "ring_0",
     "ring_1", "ring_2", "ring_3", "rail",
 ];
@@ -37,17 +37,17 @@ pub enum Side {
 }
 
 /// Range of each finger joint, rad.
-pub const FINGER_RANGE: [[f64; 2]; FINGER_JOINTS] =
+pub const FINGER_RANGE: [[f64; 2]; JOINTS_PER_FINGER] =
     [[-0.47, 0.47], [-0.196, 1.61], [-0.174, 1.709], [-0.227, 1.618]];
 
 /// Range of a joint's target: rad, the rail in m.
 pub fn joint_range(joint: usize) -> [f64; 2] {
-    if joint == RAIL { [-HALF_WIDTH, HALF_WIDTH] } else { FINGER_RANGE[joint % FINGER_JOINTS] }
+    if joint == RAIL { [-HALF_WIDTH, HALF_WIDTH] } else { FINGER_RANGE[joint % JOINTS_PER_FINGER] }
 }
 
 /// Length of the four links of a finger, m: root to flexion joint, then to each next joint; the last one runs to
 /// the centre of the fingertip's rounded end.
-pub const LINKS: [f64; FINGER_JOINTS] = [0.0164, 0.054, 0.0384, TIP_CENTRE + TIP_HALF_LENGTH];
+pub const LINKS: [f64; JOINTS_PER_FINGER] = [0.0164, 0.054, 0.0384, TIP_CENTRE + TIP_HALF_LENGTH];
 
 /// Masses of base, proximal, medial, distal link and tip, kg.
 pub const LINK_MASSES: [f64; 5] = [0.0119, 0.065, 0.0355, 0.0096, 0.0168];

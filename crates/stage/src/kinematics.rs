@@ -3,7 +3,9 @@
 //! In closed form, from the same numbers as the model; a test compares it with MuJoCo. Points are `[x, y, z]` in the world frame,
 //! angles are true joint angles without encoder bias.
 
-use crate::hand::{FINGER_JOINTS, FINGER_RANGE, LINKS, MOUNT, ROOT_Z, SPLAY, Side, root_lateral, root_side};
+use crate::hand::{
+    FINGER_RANGE, JOINTS_PER_FINGER, LINKS, MOUNT, ROOT_Z, SPLAY, Side, root_lateral, root_side,
+};
 
 /// Root of a finger in the world when the rail is at `rail`, m, and the lateral tilt of its axis, rad.
 pub fn root(side: Side, finger: usize, rail: f64) -> ([f64; 3], f64) {
@@ -27,7 +29,7 @@ fn bend(angles: &[f64]) -> [f64; 2] {
 }
 
 /// Centre of the rounded fingertip, m.
-pub fn fingertip(side: Side, finger: usize, angles: &[f64; FINGER_JOINTS], rail: f64) -> [f64; 3] {
+pub fn fingertip(side: Side, finger: usize, angles: &[f64; JOINTS_PER_FINGER], rail: f64) -> [f64; 3] {
     let (base, tilt) = root(side, finger, rail);
     let [forward, down] = bend(&angles[1..]);
     let along = LINKS[0] + forward;
@@ -42,7 +44,7 @@ pub fn fingertip(side: Side, finger: usize, angles: &[f64; FINGER_JOINTS], rail:
 
 /// Joint angles that bring the fingertip's centre to `target`, with the tip as upright as the ranges allow; `None` if the finger
 /// cannot reach it.
-pub fn reach(side: Side, finger: usize, target: [f64; 3], rail: f64) -> Option<[f64; FINGER_JOINTS]> {
+pub fn reach(side: Side, finger: usize, target: [f64; 3], rail: f64) -> Option<[f64; JOINTS_PER_FINGER]> {
     let (base, tilt) = root(side, finger, rail);
     let [dx, dy, dz] = [base[0] - target[0], target[1] - base[1], base[2] - target[2]];
     // In the finger's own frame: along its axis, aside, below.

@@ -31,7 +31,7 @@ mod world;
 pub use config::{Cone, Integrator, KeyFactors, ModelOptions, PHYSICS_STEPS, StageConfig};
 pub use controller::Actuation;
 pub use error::StageError;
-pub use hand::{FINGERS, JOINT_NAMES, JOINTS, RAIL, Side, joint_range};
+pub use hand::{DRIVEN_JOINTS, FINGERS, JOINT_NAMES, RAIL, Side, joint_range};
 pub use mjcf::{LARGEST_PICTURE, mjcf};
 pub use mujoco_rs::mujoco_version;
 pub use ornaments::{FLANGE_END, RAIL_BEAM};

@@ -16,7 +16,7 @@ use crate::geometry::{
     FENCE_FRICTION, FENCE_RISE, FENCE_THICKNESS, Fence, HALF_WIDTH, KeyShape, WHITE, fences, key_lateral,
 };
 use crate::hand::{
-    DISTAL_LENGTH, FINGER_JOINTS, FINGER_NAMES, FINGER_RANGE, FINGERS, JOINT_NAMES, LINK_MASSES,
+    DISTAL_LENGTH, FINGER_NAMES, FINGER_RANGE, FINGERS, JOINT_NAMES, JOINTS_PER_FINGER, LINK_MASSES,
     LINK_SECTION, LINKS, MOUNT, PAD, PALM_CENTRE, PALM_MASS, PALM_SIZE, RAIL, ROOT_SPACING, ROOT_Z, SPLAY,
     THUMB_MASS, TIP_CENTRE, TIP_HALF_LENGTH, TIP_RADIUS, root_side,
 };
@@ -266,7 +266,7 @@ fn finger(config: &StageConfig, params: &PhysicalParams, finger: usize) -> Strin
     let (neighbour, both) = (contact(0), contact(TOUCHES_KEYBOARD));
     let joint = |number: usize, axis: &str| {
         let [low, high] = FINGER_RANGE[number];
-        let attributes = joint_attributes(config, params, finger * FINGER_JOINTS + number);
+        let attributes = joint_attributes(config, params, finger * JOINTS_PER_FINGER + number);
         format!(
             r#"<joint name="{name}_{number}" type="hinge" axis="{axis}" range="{low} {high}" {attributes}/>"#
         )

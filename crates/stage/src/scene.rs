@@ -143,7 +143,7 @@ impl World {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{JOINTS, PhysicalParams, StageConfig};
+    use crate::{DRIVEN_JOINTS, PhysicalParams, StageConfig};
     use nalgebra::{Isometry3, Quaternion, Translation3, Unit, UnitQuaternion, Vector3};
 
     fn frame(pos: [f64; 3], [w, x, y, z]: [f64; 4]) -> Isometry3<f64> {
@@ -155,7 +155,7 @@ mod tests {
     #[test]
     fn shapes_are_where_mujoco_has_them() {
         let mut world = World::new(&StageConfig::default(), &PhysicalParams::default()).unwrap();
-        let mut pose: [f64; JOINTS] = std::array::from_fn(|joint| 0.1 + 0.02 * joint as f64);
+        let mut pose: [f64; DRIVEN_JOINTS] = std::array::from_fn(|joint| 0.1 + 0.02 * joint as f64);
         pose[crate::RAIL] = -0.13;
         let down = etude_music::KeySet::from_pitches([60, 61]);
         world.pose(&pose, down);
@@ -179,7 +179,7 @@ mod tests {
             });
             frames.push(parent * frame(body.pos, body.quat) * motion);
         }
-        assert_eq!(scene.bodies.iter().filter(|body| body.joint.is_some()).count(), JOINTS + 49);
+        assert_eq!(scene.bodies.iter().filter(|body| body.joint.is_some()).count(), DRIVEN_JOINTS + 49);
         let in_model = world.data().geom_xpos().len();
         let drawn = &scene.geoms[in_model..];
         let finger = scene.bodies.iter().position(|body| body.name == "ring_distal").unwrap() as i32;

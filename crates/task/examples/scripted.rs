@@ -1,4 +1,4 @@
-//! The scripted player on every song of the repertoire: a table of scores and what limits each song.
+//! The scripted baseline on every song of the repertoire: a table of scores and what limits each song.
 //!
 //! `scripted` prints the table, `scripted lag` the lags and velocities of strikes of several depths, `scripted detail ID`
 //! the strikes and releases of one song.
@@ -10,9 +10,9 @@ use std::sync::atomic::AtomicBool;
 use etude_music::{CONTROL_HZ, LOWEST_PITCH, pitch_name, repertoire};
 use etude_perform::{Performance, Scores, SimRig};
 use etude_stage::geometry::{KeyShape, key_target};
-use etude_stage::hand::{FINGER_JOINTS, TIP_RADIUS};
+use etude_stage::hand::{JOINTS_PER_FINGER, TIP_RADIUS};
 use etude_stage::{RAIL, World, kinematics};
-use etude_task::{Piece, ScriptedPlayer, TaskConfig, TaskError};
+use etude_task::{Piece, ScriptedBaseline, TaskConfig, TaskError};
 
 fn main() -> Result<(), Box<dyn Error>> {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
@@ -25,10 +25,10 @@ fn main() -> Result<(), Box<dyn Error>> {
     }
 }
 
-fn play(config: &TaskConfig, id: &str) -> Result<(ScriptedPlayer, Performance), Box<dyn Error>> {
+fn play(config: &TaskConfig, id: &str) -> Result<(ScriptedBaseline, Performance), Box<dyn Error>> {
     let song = repertoire::get(id).ok_or("no such song")?;
     let piece = Piece::for_task(&song, config)?;
-    let mut player = ScriptedPlayer::new(config, &piece)?;
+    let mut player = ScriptedBaseline::new(config, &piece)?;
     let mut rig = SimRig::nominal(config, &piece)?;
     let never = AtomicBool::new(false);
     let performance = etude_perform::perform(&mut rig, &mut player, config, &piece, None, &never)?;
@@ -94,7 +94,7 @@ fn lag(config: &TaskConfig) -> Result<(), Box<dyn Error>> {
         pose[RAIL] = y;
         let angles =
             |z: f64| kinematics::reach(config.stage.side, FINGER, [x, y, z], y).ok_or("out of reach");
-        let slots = FINGER * FINGER_JOINTS..(FINGER + 1) * FINGER_JOINTS;
+        let slots = FINGER * JOINTS_PER_FINGER..(FINGER + 1) * JOINTS_PER_FINGER;
         let (up, down) = (angles(top + hover)?, angles(top - depth * travel)?);
         pose[slots.clone()].copy_from_slice(&up);
         world.reset_to(&pose);

@@ -4,7 +4,7 @@ use std::time::Instant;
 
 use etude_learn::{StepBatch, VectorEnvironment};
 use etude_music::Song;
-use etude_stage::{JOINTS, World};
+use etude_stage::{DRIVEN_JOINTS, World};
 use rand::{RngExt as _, SeedableRng as _};
 use rand_pcg::Pcg64;
 
@@ -51,7 +51,7 @@ pub fn stepping(config: &TaskConfig, song: &Song, secs: f64) -> Result<Stepping,
         }
         environment.reset();
         full_secs += start.elapsed().as_secs_f64();
-        let mut torques: Vec<[f64; JOINTS]> = Vec::new();
+        let mut torques: Vec<[f64; DRIVEN_JOINTS]> = Vec::new();
         for (step, action) in actions.iter().enumerate() {
             observer.step_watched(&environment.range().targets(action, step), |world| {
                 torques.push(*world.torques())

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use etude_music::PlanConfig;
-use etude_stage::{JOINTS, ParamError, PhysicalParams, RAIL, StageConfig};
+use etude_stage::{DRIVEN_JOINTS, ParamError, PhysicalParams, RAIL, StageConfig};
 use serde::{Deserialize, Serialize};
 
 use crate::error::TaskError;
@@ -69,7 +69,7 @@ pub struct TaskConfig {
     /// terms of [`OF_A_FINGERING`](crate::reward::OF_A_FINGERING) need it. The paper has none.
     pub fingering: bool,
     /// Control steps of silence in which a fingering lets a finger change from one key to another of the same colour. Fewer keep notes
-    /// longer; more are easier to play. The default is what the scripted player needs.
+    /// longer; more are easier to play. The default is what the scripted baseline needs.
     pub change_steps: usize,
     /// How far the target of a finger joint may be from the angle that holds the fingertip over its goal, rad; 0 stands for the joint's
     /// whole range. It needs a fingering.
@@ -150,7 +150,11 @@ impl TaskConfig {
     }
 
     /// The places of the joints to observe, of joints that are `measured` and have these set-points.
-    pub fn observed(&self, measured: [f64; JOINTS], set_points: [f64; JOINTS]) -> [f64; JOINTS] {
+    pub fn observed(
+        &self,
+        measured: [f64; DRIVEN_JOINTS],
+        set_points: [f64; DRIVEN_JOINTS],
+    ) -> [f64; DRIVEN_JOINTS] {
         let mut places = measured;
         if self.rail_set_point {
             places[RAIL] = set_points[RAIL];

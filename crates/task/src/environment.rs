@@ -6,7 +6,7 @@ use std::sync::Arc;
 
 use etude_learn::EnvironmentError;
 use etude_music::KeySet;
-use etude_stage::{JOINTS, PhysicalParams, Snapshot, World};
+use etude_stage::{DRIVEN_JOINTS, PhysicalParams, Snapshot, World};
 use rand::{RngExt as _, SeedableRng as _};
 use rand_pcg::Pcg64;
 use serde::{Deserialize, Serialize};
@@ -89,7 +89,7 @@ impl Environment {
             randomisation,
             random: Pcg64::seed_from_u64(seed),
             step: 0,
-            history: History::at_rest([0.0; JOINTS], &range, 0),
+            history: History::at_rest([0.0; DRIVEN_JOINTS], &range, 0),
             range,
         };
         environment.reset();
@@ -146,7 +146,7 @@ impl Environment {
     }
 
     /// The places of the joints that the observation has.
-    fn joints(&self) -> [f64; JOINTS] {
+    fn joints(&self) -> [f64; DRIVEN_JOINTS] {
         self.config.observed(self.world.joints(), self.world.set_points())
     }
 

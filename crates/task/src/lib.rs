@@ -31,8 +31,8 @@ pub use piece::Piece;
 pub use player::Player;
 pub use randomise::{Full, RANDOMISED, Randomisation, RandomisationConfig, Widths};
 pub use range::TargetRange;
-pub use scripted::{Lags, ScriptedPlayer, shortest_silences};
+pub use scripted::{Lags, ScriptedBaseline, shortest_silences};
 pub use vector::VectorPiano;
 
 /// Length of an action: one target per driven joint.
-pub const ACTION_LEN: usize = etude_stage::JOINTS;
+pub const ACTION_LEN: usize = etude_stage::DRIVEN_JOINTS;

@@ -4,8 +4,8 @@
 use etude_learn::ObservationLayout;
 use etude_music::{KEYS, KeySet, key_is_black};
 use etude_stage::geometry::WHITE_PITCH;
-use etude_stage::hand::FINGER_JOINTS;
-use etude_stage::{FINGERS, JOINTS, RAIL, joint_range, kinematics};
+use etude_stage::hand::JOINTS_PER_FINGER;
+use etude_stage::{DRIVEN_JOINTS, FINGERS, RAIL, joint_range, kinematics};
 use serde::{Deserialize, Serialize};
 
 use crate::ACTION_LEN;
@@ -22,19 +22,19 @@ pub const MOST_ACTIONS: usize = 4;
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct History {
     /// Joints one control step ago.
-    pub joints: [f64; JOINTS],
+    pub joints: [f64; DRIVEN_JOINTS],
     /// Previous actions, the newest first.
     pub actions: [[f32; ACTION_LEN]; MOST_ACTIONS],
 }
 
 impl History {
     /// The history at rest: `joints` have not moved, and the actions were those that hold them, as far as the range allows.
-    pub fn at_rest(joints: [f64; JOINTS], range: &TargetRange, step: usize) -> Self {
+    pub fn at_rest(joints: [f64; DRIVEN_JOINTS], range: &TargetRange, step: usize) -> Self {
         Self { joints, actions: [range.action(&joints, step); MOST_ACTIONS] }
     }
 
     /// Adds a control step: `action` was chosen where the encoders read `joints`.
-    pub fn push(&mut self, joints: [f64; JOINTS], action: &[f32; ACTION_LEN]) {
+    pub fn push(&mut self, joints: [f64; DRIVEN_JOINTS], action: &[f32; ACTION_LEN]) {
         self.joints = joints;
         self.actions.rotate_right(1);
         self.actions[0] = *action;
@@ -53,7 +53,7 @@ const FARTHEST_KEYS: f64 = 4.0;
 
 /// Columns of the observation that `config` asks for.
 pub fn layout(config: &TaskConfig) -> ObservationLayout {
-    let joints = if config.previous_joints { 2 * JOINTS } else { JOINTS };
+    let joints = if config.previous_joints { 2 * DRIVEN_JOINTS } else { DRIVEN_JOINTS };
     let actions = config.previous_actions * ACTION_LEN;
     let goals = if config.fingering { goal_columns(config) * FINGERS } else { 0 };
     let playing = if config.fingering { FINGERS * (config.lookahead + 1) } else { 0 };
@@ -91,7 +91,7 @@ fn keys(config: &TaskConfig) -> usize {
 /// (−4 to 4).
 pub fn observe(
     config: &TaskConfig,
-    joints: &[f64; JOINTS],
+    joints: &[f64; DRIVEN_JOINTS],
     history: &History,
     pressed: KeySet,
     piece: &Piece,
@@ -99,13 +99,14 @@ pub fn observe(
     out: &mut [f32],
 ) {
     let (real, binary) = out.split_at_mut(layout(config).real);
-    let (halves, real) = real.split_at_mut(if config.previous_joints { 2 * JOINTS } else { JOINTS });
+    let (halves, real) =
+        real.split_at_mut(if config.previous_joints { 2 * DRIVEN_JOINTS } else { DRIVEN_JOINTS });
     let (actions, real) = real.split_at_mut(config.previous_actions * ACTION_LEN);
     let (tips, places) = real.split_at_mut(real.len() - places(config));
     let from_hand = config.view == ObservationView::Hand;
     let place = if from_hand { planned_place(piece, step) } else { 0.0 };
     let window = Window::around(place);
-    for (half, readings) in halves.chunks_exact_mut(JOINTS).zip([joints, &history.joints]) {
+    for (half, readings) in halves.chunks_exact_mut(DRIVEN_JOINTS).zip([joints, &history.joints]) {
         for (joint, slot) in half.iter_mut().enumerate() {
             let origin = if joint == RAIL { place } else { 0.0 };
             *slot = scaled(config.scale, joint, readings[joint] - origin);
@@ -146,8 +147,13 @@ pub fn observe(
 }
 
 /// The columns of a finger's goal.
-fn from_goal(config: &TaskConfig, joints: &[f64; JOINTS], finger: usize, goal: &Goal) -> [f32; GOAL_COLUMNS] {
-    let angles = joints[finger * FINGER_JOINTS..].first_chunk().expect("a finger's joints");
+fn from_goal(
+    config: &TaskConfig,
+    joints: &[f64; DRIVEN_JOINTS],
+    finger: usize,
+    goal: &Goal,
+) -> [f32; GOAL_COLUMNS] {
+    let angles = joints[finger * JOINTS_PER_FINGER..].first_chunk().expect("a finger's joints");
     let tip = kinematics::fingertip(config.stage.side, finger, angles, joints[RAIL]);
     let keys = |away: f64| (away / WHITE_PITCH).clamp(-FARTHEST_KEYS, FARTHEST_KEYS) as f32;
     let [x, y] = goal.over;
@@ -194,12 +200,13 @@ mod tests {
     fn previous_actions_follow_the_joints_newest_first() {
         let config = TaskConfig { previous_actions: 2, ..TaskConfig::default() };
         let piece = Piece::new(&repertoire::get("c-major-scale").expect("built in"), 1.0).unwrap();
-        let mut history = History { joints: [0.0; JOINTS], actions: [[0.5; ACTION_LEN]; MOST_ACTIONS] };
-        history.push([0.0; JOINTS], &[-0.25; ACTION_LEN]);
+        let mut history =
+            History { joints: [0.0; DRIVEN_JOINTS], actions: [[0.5; ACTION_LEN]; MOST_ACTIONS] };
+        history.push([0.0; DRIVEN_JOINTS], &[-0.25; ACTION_LEN]);
         let mut out = vec![9.0; layout(&config).len()];
         assert_eq!(out.len(), 369 + 2 * ACTION_LEN);
-        observe(&config, &[0.0; JOINTS], &history, KeySet::EMPTY, &piece, 0, &mut out);
-        let actions = &out[2 * JOINTS..][..2 * ACTION_LEN];
+        observe(&config, &[0.0; DRIVEN_JOINTS], &history, KeySet::EMPTY, &piece, 0, &mut out);
+        let actions = &out[2 * DRIVEN_JOINTS..][..2 * ACTION_LEN];
         assert!(actions[..ACTION_LEN].iter().all(|value| *value == -0.25));
         assert!(actions[ACTION_LEN..].iter().all(|value| *value == 0.5));
     }

@@ -14,7 +14,7 @@ pub struct Piece {
     notes: Arc<[Note]>,
     bars: Arc<[f64]>,
     /// Time by which the notes are later than the keys that are due, s.
-    lead_secs: f64,
+    latency_compensation_secs: f64,
     fingering: Option<Arc<Fingering>>,
 }
 
@@ -34,7 +34,7 @@ impl Piece {
             due: plan.frames.into(),
             notes: song.notes().into(),
             bars: song.beats().bar_lines(song.duration_secs()).into(),
-            lead_secs: plan.lead_secs,
+            latency_compensation_secs: plan.latency_compensation_secs,
             fingering: None,
         }
     }
@@ -43,7 +43,7 @@ impl Piece {
     pub fn silent(steps: usize) -> Self {
         let (notes, bars) = ([].into(), [].into());
         let due = vec![KeySet::EMPTY; steps].into();
-        Self { title: String::new(), due, notes, bars, lead_secs: 0.0, fingering: None }
+        Self { title: String::new(), due, notes, bars, latency_compensation_secs: 0.0, fingering: None }
     }
 
     /// The song as `config` plays it: its plan, after its initial silence and, if it asks for one, with a fingering for its world.
@@ -51,23 +51,23 @@ impl Piece {
     /// # Errors
     /// As [`Piece::new`]; also if the plan's numbers or the physical ones are not sound.
     pub fn for_task(song: &Song, config: &TaskConfig) -> Result<Self, TaskError> {
-        Self::for_task_telling(song, config, &mut |_| {})
+        Self::for_task_with_progress(song, config, &mut |_| {})
     }
 
     /// The same for a song that may be long: tells what share of its fingering is planned, 0 to 1.
     ///
     /// # Errors
     /// As [`Piece::for_task`].
-    pub fn for_task_telling(
+    pub fn for_task_with_progress(
         song: &Song,
         config: &TaskConfig,
-        tell: &mut dyn FnMut(f64),
+        on_progress: &mut dyn FnMut(f64),
     ) -> Result<Self, TaskError> {
         let mut piece = Self::of(config.plan.plan(song, config.initial_silence_secs)?);
         if config.fingering {
             let (stage, params) = (&config.stage, &config.params()?);
-            let mut fingering =
-                Fingering::plan(stage, params, config.change_steps, &piece, tell).within(config.rail_range);
+            let mut fingering = Fingering::plan(stage, params, config.change_steps, &piece, on_progress)
+                .within(config.rail_range);
             if config.finger_range > 0.0 {
                 fingering = fingering.around_poses(stage, params, config.finger_range);
             }
@@ -134,14 +134,14 @@ impl Piece {
     }
 
     /// Time by which the notes are later than the keys that are due, s: the lead of the plan.
-    pub fn lead_secs(&self) -> f64 {
-        self.lead_secs
+    pub fn latency_compensation_secs(&self) -> f64 {
+        self.latency_compensation_secs
     }
 
     /// Time by which a robot that plays this on time is heard later than a simulation, s. In a simulation a key that is due in a control
     /// step goes down half a step after its beginning on average, and sounds at its end; the rest of the lead makes up for a robot's lag.
     pub fn late_secs(&self) -> f64 {
-        (self.lead_secs - 0.5 / CONTROL_HZ).max(0.0)
+        (self.latency_compensation_secs - 0.5 / CONTROL_HZ).max(0.0)
     }
 
     /// Times of the bar lines, with the initial silence, s.

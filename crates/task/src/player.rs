@@ -1,8 +1,8 @@
-//! The interface of everything that chooses actions: a policy, the scripted player, an excitation.
+//! The interface of everything that chooses actions: a policy, the scripted baseline, an excitation.
 
 use etude_learn::Policy;
 
-use crate::{ACTION_LEN, ScriptedPlayer};
+use crate::{ACTION_LEN, ScriptedBaseline};
 
 /// Chooses the action of each control step of a performance.
 pub trait Player: Send {
@@ -18,8 +18,8 @@ impl Player for Policy {
     }
 }
 
-/// The scripted player acts on the time alone.
-impl Player for ScriptedPlayer {
+/// The scripted baseline acts on the time alone.
+impl Player for ScriptedBaseline {
     fn act(&mut self, step: usize, _: &[f32], action: &mut [f32; ACTION_LEN]) {
         *action = self.action(step);
     }

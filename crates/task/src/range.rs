@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use etude_stage::geometry::{HALF_WIDTH, WHITE_PITCH, key_lateral};
 use etude_stage::hand::ROOT_SPACING;
-use etude_stage::{JOINTS, RAIL, joint_range};
+use etude_stage::{DRIVEN_JOINTS, RAIL, joint_range};
 
 use crate::{ACTION_LEN, Fingering, Piece};
 
@@ -17,7 +17,7 @@ use crate::{ACTION_LEN, Fingering, Piece};
 /// middle of a key between fences. docs/results/learning.md compares the two.
 #[derive(Clone, Debug, PartialEq)]
 pub struct TargetRange {
-    ranges: [[f64; 2]; JOINTS],
+    ranges: [[f64; 2]; DRIVEN_JOINTS],
     fingering: Option<Arc<Fingering>>,
 }
 
@@ -52,7 +52,7 @@ impl TargetRange {
     }
 
     /// Joint targets (rad, the rail in m) of an action in control step `step`; its values are clamped to ±1.
-    pub fn targets(&self, action: &[f32; ACTION_LEN], step: usize) -> [f64; JOINTS] {
+    pub fn targets(&self, action: &[f32; ACTION_LEN], step: usize) -> [f64; DRIVEN_JOINTS] {
         std::array::from_fn(|joint| {
             let [low, high] = self.ends(joint, step);
             low + (f64::from(action[joint].clamp(-1.0, 1.0)) + 1.0) / 2.0 * (high - low)
@@ -60,7 +60,7 @@ impl TargetRange {
     }
 
     /// The action with these [`targets`](Self::targets); targets beyond a range give ±1.
-    pub fn action(&self, targets: &[f64; JOINTS], step: usize) -> [f32; ACTION_LEN] {
+    pub fn action(&self, targets: &[f64; DRIVEN_JOINTS], step: usize) -> [f32; ACTION_LEN] {
         std::array::from_fn(|joint| {
             let [low, high] = self.ends(joint, step);
             (((targets[joint] - low) / (high - low) * 2.0 - 1.0).clamp(-1.0, 1.0)) as f32

@@ -6,7 +6,7 @@
 use etude_robot::allegro::{self, FULL_SCALE_PWM};
 use etude_robot::joints::FINGER_JOINTS;
 use etude_stage::params::JointRow;
-use etude_stage::{JOINTS, PhysicalParams, RAIL};
+use etude_stage::{DRIVEN_JOINTS, PhysicalParams, RAIL};
 
 use crate::numbers::{FINGER, HandTruth, STEP};
 
@@ -20,7 +20,7 @@ pub(crate) struct Drives {
     dead_pwm: f64,
     /// Torque that the motor's own voltage takes away, as a share of the full torque for each rad/s.
     lost_per_speed: f64,
-    friction: [f64; JOINTS],
+    friction: [f64; DRIVEN_JOINTS],
     friction_at_rest: f64,
 }
 
@@ -44,7 +44,7 @@ impl Drives {
     }
 
     /// Dry friction of the joints at these speeds (rad/s), N·m, the rail's in N: greatest at rest (Stribeck's curve).
-    pub(crate) fn friction(&self, velocities: &[f64; JOINTS]) -> [f64; JOINTS] {
+    pub(crate) fn friction(&self, velocities: &[f64; DRIVEN_JOINTS]) -> [f64; DRIVEN_JOINTS] {
         std::array::from_fn(|joint| {
             let hold = match joint {
                 RAIL => 0.0,
@@ -75,7 +75,7 @@ impl Encoders {
     }
 
     /// What they read one [`STEP`] later, now that the links are at `joints` (rad). The rail has none.
-    pub(crate) fn read(&mut self, joints: &[f64; JOINTS]) -> [f64; JOINTS] {
+    pub(crate) fn read(&mut self, joints: &[f64; DRIVEN_JOINTS]) -> [f64; DRIVEN_JOINTS] {
         let links: [f64; FINGER_JOINTS] = std::array::from_fn(|joint| joints[joint]);
         let (drives, filtered) = self.state.get_or_insert((links, links));
         for ((drive, filtered), link) in drives.iter_mut().zip(filtered.iter_mut()).zip(links) {
@@ -124,32 +124,32 @@ mod tests {
     #[test]
     fn a_joint_at_rest_holds_faster() {
         let drives = drives(&HandTruth { friction_at_rest: 1.5, ..HandTruth::default() });
-        let at_rest = drives.friction(&[0.0; JOINTS]);
+        let at_rest = drives.friction(&[0.0; DRIVEN_JOINTS]);
         assert!((at_rest[3] - 0.03).abs() < 1e-12);
         assert_eq!(at_rest[RAIL], 0.02);
-        let moving = drives.friction(&[0.5; JOINTS]);
+        let moving = drives.friction(&[0.5; DRIVEN_JOINTS]);
         assert!((moving[3] - 0.02).abs() < 1e-12);
     }
 
     #[test]
     fn play_is_a_dead_band_on_the_way_back() {
         let mut encoders = Encoders::new(&HandTruth { backlash_rad: 0.02, ..HandTruth::default() });
-        let mut read = |angle: f64| encoders.read(&[angle; JOINTS])[4];
+        let mut read = |angle: f64| encoders.read(&[angle; DRIVEN_JOINTS])[4];
         assert_eq!(read(0.0), 0.0);
         assert!((read(0.5) - 0.49).abs() < 1e-12);
         for back in [0.499, 0.49, 0.481] {
             assert!((read(back) - 0.49).abs() < 1e-12, "{back}");
         }
         assert!((read(0.4) - 0.41).abs() < 1e-12);
-        assert_eq!(encoders.read(&[0.25; JOINTS])[RAIL], 0.25);
+        assert_eq!(encoders.read(&[0.25; DRIVEN_JOINTS])[RAIL], 0.25);
     }
 
     #[test]
     fn the_filter_is_of_first_order() {
         let mut encoders = Encoders::new(&HandTruth { filter_secs: 0.004, ..HandTruth::default() });
-        encoders.read(&[0.0; JOINTS]);
+        encoders.read(&[0.0; DRIVEN_JOINTS]);
         for step in 1..=8 {
-            let read = encoders.read(&[1.0; JOINTS])[0];
+            let read = encoders.read(&[1.0; DRIVEN_JOINTS])[0];
             let expected = 1.0 - (-f64::from(step) / 4.0).exp();
             assert!((read - expected).abs() < 1e-12, "{step}: {read}");
         }
@@ -163,7 +163,7 @@ mod tests {
         ) {
             let mut encoders = Encoders::new(&HandTruth { backlash_rad: play, ..HandTruth::default() });
             for angle in angles {
-                let read = encoders.read(&[angle; JOINTS])[7];
+                let read = encoders.read(&[angle; DRIVEN_JOINTS])[7];
                 prop_assert!((read - angle).abs() <= play / 2.0 + 1e-12);
             }
         }

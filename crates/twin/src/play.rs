@@ -5,7 +5,7 @@
 //! while the motor crosses, so a joint that is let go is heavier here than a real one.
 
 use etude_stage::params::JointRow;
-use etude_stage::{JOINTS, PhysicalParams};
+use etude_stage::{DRIVEN_JOINTS, PhysicalParams};
 
 use crate::numbers::{HandTruth, STEP};
 
@@ -21,8 +21,8 @@ enum Place {
 /// The play of all joints.
 pub(crate) struct Play {
     half: f64,
-    armature: [f64; JOINTS],
-    places: [Place; JOINTS],
+    armature: [f64; DRIVEN_JOINTS],
+    places: [Place; DRIVEN_JOINTS],
 }
 
 impl Play {
@@ -30,7 +30,7 @@ impl Play {
         Self {
             half: truth.play_rad / 2.0,
             armature: std::array::from_fn(|joint| params.joint(JointRow::Armature, joint)),
-            places: [Place::Flank(1.0); JOINTS],
+            places: [Place::Flank(1.0); DRIVEN_JOINTS],
         }
     }
 

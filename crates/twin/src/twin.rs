@@ -21,7 +21,7 @@ use etude_robot::joints::{FINGER_JOINTS, RAIL, to_wire};
 use etude_robot::setting::SettingError;
 use etude_robot::xarm::kinematics::PAPER_HOME_DEG;
 use etude_stage::geometry::{HALF_WIDTH, key_lateral};
-use etude_stage::{JOINTS, Side, StageConfig, StageError, World};
+use etude_stage::{DRIVEN_JOINTS, Side, StageConfig, StageError, World};
 
 use crate::drives::{Drives, Encoders};
 use crate::error::TruthError;
@@ -123,7 +123,7 @@ impl Twin {
             now: Duration::ZERO,
         };
         // Fingers straight, clear of the keys, as a hand is mounted.
-        let mut pose = [0.0; JOINTS];
+        let mut pose = [0.0; DRIVEN_JOINTS];
         pose[RAIL] = twin.rail;
         twin.world.reset_to(&pose);
         twin.show_joints();
@@ -150,7 +150,7 @@ impl Twin {
     }
 
     /// What the drives do to the world's joints.
-    fn torques(&mut self) -> [f64; JOINTS] {
+    fn torques(&mut self) -> [f64; DRIVEN_JOINTS] {
         let duty = self.devices.hand.pwm();
         let place = self.path.place(&self.devices.arm.joints());
         let rail = place.rail_m;
@@ -170,7 +170,7 @@ impl Twin {
     }
 
     /// Moves the world on.
-    fn drive(&mut self, torques: &[f64; JOINTS]) {
+    fn drive(&mut self, torques: &[f64; DRIVEN_JOINTS]) {
         self.world.set_joint_friction(&self.drives.friction(&self.world.joint_velocities()));
         let [toward, along, up] = self.mount.offset(self.world.joints()[RAIL]).unwrap_or_default();
         self.world.set_hand_offset([toward, along, up + self.lift]);
@@ -197,12 +197,12 @@ impl Twin {
     }
 
     /// Where the joints are, rad, the rail in m: for observers, not for the controller.
-    pub fn joints(&self) -> [f64; JOINTS] {
+    pub fn joints(&self) -> [f64; DRIVEN_JOINTS] {
         self.world.joints()
     }
 
     /// How fast they move, rad/s, the rail in m/s.
-    pub fn joint_velocities(&self) -> [f64; JOINTS] {
+    pub fn joint_velocities(&self) -> [f64; DRIVEN_JOINTS] {
         self.world.joint_velocities()
     }
 }

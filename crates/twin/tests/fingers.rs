@@ -6,7 +6,7 @@ use etude_robot::ROOTS_OVER_KEYS_M;
 use etude_robot::allegro::{self, tip_depths};
 use etude_stage::geometry::WHITE;
 use etude_stage::hand::{MOUNT, TIP_RADIUS};
-use etude_stage::{JOINTS, PhysicalParams, StageConfig, World};
+use etude_stage::{DRIVEN_JOINTS, PhysicalParams, StageConfig, World};
 use proptest::prelude::*;
 
 proptest! {
@@ -18,12 +18,12 @@ proptest! {
         bends in prop::array::uniform9(-0.17..0.25_f64),
         rail in -0.3..0.3_f64,
     ) {
-        let mut pose = [0.0; JOINTS];
+        let mut pose = [0.0; DRIVEN_JOINTS];
         for finger in 0..3 {
             pose[4 * finger] = rolls[finger];
             pose[4 * finger + 1..4 * finger + 4].copy_from_slice(&bends[3 * finger..3 * finger + 3]);
         }
-        pose[JOINTS - 1] = rail;
+        pose[DRIVEN_JOINTS - 1] = rail;
         let mut positions = [0.0; allegro::JOINTS];
         positions[..12].copy_from_slice(&pose[..12]);
         let mut world = World::new(&StageConfig::default(), &PhysicalParams::default()).unwrap();

@@ -8,7 +8,7 @@ use etude_robot::allegro::{self, holding_torques};
 use etude_robot::calibration::RailPath;
 use etude_robot::xarm::kinematics::PAPER_HOME_DEG;
 use etude_robot::{Pace as _, Phase, Robot};
-use etude_stage::{JOINTS, ModelOptions, PhysicalParams, StageConfig, World};
+use etude_stage::{DRIVEN_JOINTS, ModelOptions, PhysicalParams, StageConfig, World};
 use etude_twin::{Lockstep, Truth, Twin, calibration};
 use proptest::prelude::*;
 
@@ -19,7 +19,7 @@ fn world() -> World {
 }
 
 /// The fastest joint after 5 ms from rest at `pose` under `torques`, rad/s.
-fn fastest(world: &mut World, pose: &[f64; JOINTS], torques: &[f64; JOINTS]) -> f64 {
+fn fastest(world: &mut World, pose: &[f64; DRIVEN_JOINTS], torques: &[f64; DRIVEN_JOINTS]) -> f64 {
     world.reset_to(pose);
     for _ in 0..5 {
         world.drive(torques);
@@ -35,7 +35,7 @@ proptest! {
         // Above the keys.
         bends in prop::array::uniform9(-0.15..0.25_f64),
     ) {
-        let mut pose = [0.0; JOINTS];
+        let mut pose = [0.0; DRIVEN_JOINTS];
         let mut positions = [0.0; allegro::JOINTS];
         for finger in 0..3 {
             pose[4 * finger] = rolls[finger];
@@ -43,11 +43,11 @@ proptest! {
         }
         positions[..12].copy_from_slice(&pose[..12]);
         let held = holding_torques(&positions);
-        let mut torques = [0.0; JOINTS];
+        let mut torques = [0.0; DRIVEN_JOINTS];
         torques[..12].copy_from_slice(&held[..12]);
         let mut world = world();
         let held = fastest(&mut world, &pose, &torques);
-        let falling = fastest(&mut world, &pose, &[0.0; JOINTS]);
+        let falling = fastest(&mut world, &pose, &[0.0; DRIVEN_JOINTS]);
         prop_assert!(held < 0.01 * falling && falling > 0.05, "{held} and {falling} rad/s");
     }
 }
@@ -72,7 +72,7 @@ fn sag(feed_forward: bool) -> f64 {
     };
     let now = run(&mut robot, 2000);
     // Above the keyboard, fingers straight.
-    robot.home(now, &[0.0; JOINTS]).unwrap();
+    robot.home(now, &[0.0; DRIVEN_JOINTS]).unwrap();
     run(&mut robot, 3000);
     assert_eq!(robot.phase(), Phase::Moving, "{:?}", robot.fault());
     let joints = robot.joints();

@@ -8,7 +8,7 @@ use etude_lab::{
     play_on_robot,
 };
 use etude_music::sound::SoundFont;
-use etude_perform::stand::{RigChoice, rig_choice};
+use etude_perform::session::{RigChoice, rig_choice};
 use etude_perform::{Ending as Played, Job, Mode, NoteCounts};
 use etude_twin::OrderedFault;
 
@@ -31,7 +31,7 @@ from the simulator (--truth) moves them. It runs as fast as it can be computed, 
 For a twin by the wall clock start `etude twin` in another terminal and give its rig.
 
 A first run, which is not counted, measures how late the notes are. In the other runs the plan leads by that time. There is no such run with \
---set task.plan.lead_secs=SECS, with --correction, or if the robot does not go to the keyboard (--home).
+--set task.plan.latency_compensation_secs=SECS, with --correction, or if the robot does not go to the keyboard (--home).
 
 Files, per run: run-N.mcap (what was asked, sent and measured), .mid, .wav, .csv; and report.json, \
 reference.wav (what should have been played). Once a run is complete they replace those of an earlier performance. \
@@ -119,8 +119,8 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
             return;
         }
         match step {
-            RobotStep::LagMeasured { run, lead_secs } => {
-                note(lag_measured(&NoteCounts::from(&run.scores.note), *lead_secs));
+            RobotStep::LagMeasured { run, latency_compensation_secs } => {
+                note(lag_measured(&NoteCounts::from(&run.scores.note), *latency_compensation_secs));
             }
             RobotStep::RunEnded { index, run } => {
                 let notes = NoteCounts::from(&run.scores.note);
@@ -207,8 +207,8 @@ fn with_faults(rig: RigChoice, faults: &[OrderedFault]) -> anyhow::Result<RigCho
 }
 
 /// The result of the run that measures how late a robot's notes are.
-pub(super) fn lag_measured(notes: &NoteCounts, lead_secs: Option<f64>) -> String {
-    let found = lead_secs
+pub(super) fn lag_measured(notes: &NoteCounts, latency_compensation_secs: Option<f64>) -> String {
+    let found = latency_compensation_secs
         .map_or("no note is right with the lag removed, so the plan keeps its lead".to_string(), |lead| {
             format!("from now on the plan leads by {:.0} ms", lead * 1e3)
         });
@@ -235,13 +235,14 @@ fn print(report: &RobotReport) -> anyhow::Result<()> {
     if let Some(lag) = report.lag_secs {
         let MeanNotes { onset_f1, onset_f1_without_lag: aligned, .. } = report.notes;
         // A lag that costs no note needs no advice.
-        let advice = report.better_lead_secs().filter(|_| aligned > onset_f1);
-        let advice = advice
-            .map_or_else(String::new, |lead| format!("; on time with --set task.plan.lead_secs={lead:.3}"));
+        let advice = report.better_latency_compensation_secs().filter(|_| aligned > onset_f1);
+        let advice = advice.map_or_else(String::new, |lead| {
+            format!("; on time with --set task.plan.latency_compensation_secs={lead:.3}")
+        });
         line(format!(
             "Onset F1 {onset_f1:.3}, aligned by the median lag {aligned:.3}; lag {:+.0} ms; the plan leads by {:.0} ms{advice}",
             lag * 1e3,
-            report.lead_secs * 1e3,
+            report.latency_compensation_secs * 1e3,
         ))?;
     }
     line(format!("{:22} {:>9} {:>9} {:>9}", "by control step", "precision", "recall", "F1"))?;

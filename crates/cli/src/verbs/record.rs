@@ -7,7 +7,7 @@ use anyhow::Context as _;
 use clap::ValueHint;
 use etude_lab::{Motion, record_robot};
 use etude_perform::Excitation;
-use etude_perform::stand::rig_choice;
+use etude_perform::session::rig_choice;
 
 use super::{line, note, replaces_its_own};
 use crate::Ending;

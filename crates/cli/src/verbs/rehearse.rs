@@ -8,7 +8,7 @@ use etude_lab::{
     AdaptConfig, AdaptStep, Adapted, IdentifyMethod, RehearsalConfig, RehearsalStep, Round, SIGHT_READER,
     adapt_on_robot, adapted_before, best_round, find_song, policy_called, rehearse_on_robot, shipped_policy,
 };
-use etude_perform::stand::{RigChoice, rig_choice};
+use etude_perform::session::{RigChoice, rig_choice};
 use etude_perform::{Job, Mode, shell_word};
 use etude_show::{REHEARSAL_PAGE, RehearsalPage};
 
@@ -185,10 +185,10 @@ pub fn run(args: Args) -> anyhow::Result<Ending> {
                 format!("--correction {}", shell_word(adapted.correction.display()))
             }
             None => format!(
-                "--mode {} --policy {} --set task.plan.lead_secs={:.3}",
+                "--mode {} --policy {} --set task.plan.latency_compensation_secs={:.3}",
                 config.mode,
                 shell_word(best.policy.display()),
-                best.lead_secs
+                best.latency_compensation_secs
             ),
         };
         line(format!(
@@ -226,8 +226,8 @@ fn show(status: &mut Status, step: &RehearsalStep, config: &RehearsalConfig) {
             let state = format!(", {played} of {} runs played, {notes}, F1 {f1:.3}", config.runs);
             status.part(&part(*round, "playing"), &state, played as f64 / config.runs as f64);
         }
-        RehearsalStep::LagMeasured { round, notes, lead_secs } => {
-            status.done(&format!("round {round}: {}", lag_measured(notes, *lead_secs)));
+        RehearsalStep::LagMeasured { round, notes, latency_compensation_secs } => {
+            status.done(&format!("round {round}: {}", lag_measured(notes, *latency_compensation_secs)));
         }
         RehearsalStep::Round(round) => status.done(&format!(
             "round {}: {} on the robot; F1 {:.3} in simulation, {:.3} on the robot: a gap of {:.1} %",

@@ -13,8 +13,8 @@ use anyhow::Context as _;
 use clap::ValueHint;
 use etude_lab::released;
 use etude_perform::prepare;
-use etude_perform::stand::{
-    Claim, Guard, Stand, TWIN, claim, pitches_to_show, ready, request_stop, rig_choice, stand_guard,
+use etude_perform::session::{
+    Claim, Guard, Session, TWIN, claim, pitches_to_show, ready, request_stop, rig_choice, run_guard,
     start_guard, start_pose, store_point, try_path,
 };
 use etude_robot::lead::{LeadError, Showing, show};
@@ -139,11 +139,11 @@ fn home(rig: &Rig) -> anyhow::Result<Ending> {
     let choice = rig_choice(&rig.robot, "standard")?;
     let interrupt = stop_flag()?;
     let pose = start_pose(choice.side())?;
-    let mut stand = choice.open(choice.side(), 0)?;
-    let Stand { robot, pace } = &mut stand;
+    let mut session = choice.open(choice.side(), 0)?;
+    let Session { robot, pace } = &mut session;
     let prepared = prepare(robot, pace, Some(&pose), None, &interrupt).map_err(Into::into);
-    released(&mut stand, prepared)?;
-    let robot = &stand.robot;
+    released(&mut session, prepared)?;
+    let robot = &session.robot;
     let place = robot.place();
     if rig.json {
         print_json(&json!({ "rail_m": place.rail_m, "joints": robot.joints() }))?;
@@ -257,7 +257,7 @@ fn guard(rig: &Rig) -> anyhow::Result<Ending> {
     }
     let config = file(&rig.robot)?;
     line(ready(&config.wires))?;
-    if let Some(stopped) = stand_guard(&config)? {
+    if let Some(stopped) = run_guard(&config)? {
         note(
             "guard: the controller has ended or did not run for 70 ms (see the line `real time` of `etude doctor`)",
         );

@@ -150,7 +150,7 @@ fn show(
     let silence = task.initial_silence_secs;
     let mut planning = LongWork::new(as_json);
     let mut tell = |share| planning.planned(share);
-    let piece = fits.is_ok().then(|| Piece::for_task_telling(&song, task, &mut tell)).transpose()?;
+    let piece = fits.is_ok().then(|| Piece::for_task_with_progress(&song, task, &mut tell)).transpose()?;
     drop(planning);
     let predict = |piece| while_planning(as_json, || predicted_at_sight(&song, task, piece));
     let at_sight = piece.as_ref().and_then(predict);

@@ -1,4 +1,4 @@
-//! Numbers in the documents: what they say of the shipped policies and of the scripted player is what these play.
+//! Numbers in the documents: what they say of the shipped policies and of the scripted baseline is what these play.
 //!
 //! Another processor rounds otherwise, and a contact may then fall the other way: hence the tolerances.
 
@@ -239,7 +239,7 @@ fn the_shipped_policies_play_on_the_twin_what_the_documents_say() {
         let report = desk
             .json(&format!("perform {song} --policy {} --robot twin -o out --json", shipped(song).display()));
         let number = |key: &str| report[key].as_f64().unwrap();
-        let (said, lead) = (leading_number(parts[2]), 1e3 * number("lead_secs"));
+        let (said, lead) = (leading_number(parts[2]), 1e3 * number("latency_compensation_secs"));
         assert!((said - lead).abs() <= LEAD_MS, "{song}: a lead of {said} ms, but it is {lead}");
         let said = [parts[1], parts[3]].map(leading_number);
         let played = [number("onset_f1"), number("robot_f1")];

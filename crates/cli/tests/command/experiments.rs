@@ -145,12 +145,12 @@ fn players_that_are_ready_play_songs_and_melodies_without_a_training() {
         };
         let played = desk.json(&format!("play {song} {who} -o out --json"));
         let value = |name: &str| of(rows[0], name).parse::<f64>().unwrap();
-        let (lead, lag) = (value("lead_secs"), value("lag_secs"));
+        let (lead, lag) = (value("latency_compensation_secs"), value("lag_secs"));
         assert!(
             lead > 0.03 && lag.abs() < 0.02,
             "{player}: a run before has measured the lead: {lead}, {lag}"
         );
-        let set = format!("--set task.plan.lead_secs={lead}");
+        let set = format!("--set task.plan.latency_compensation_secs={lead}");
         let performed = desk.json(&format!("perform {song} {who} {set} --robot twin -o twin --json"));
         for (name, expected) in [
             ("sim_f1", &played["f1"]),

@@ -287,7 +287,7 @@ fn a_policy_in_another_world_says_so() {
     assert!(said("task.stage.fences=false").contains("now task.stage.fences = false"));
     assert!(said("task.scale=si").contains("now task.scale = \"si\""));
     // The lead is chosen for a robot, and what is as it was is no change.
-    assert_eq!(said("task.plan.lead_secs=0.05"), "");
+    assert_eq!(said("task.plan.latency_compensation_secs=0.05"), "");
     assert_eq!(said("task.stage.side=left"), "");
 }
 

@@ -105,7 +105,8 @@ fn a_rehearsal_that_was_killed_goes_on_to_the_same_end() {
     }
     let same = finish("b");
     for (round, same) in rounds.iter().zip(&same) {
-        for key in ["sim_f1", "robot_f1", "lead_secs", "lag_secs", "physics", "held_out_rad"] {
+        for key in ["sim_f1", "robot_f1", "latency_compensation_secs", "lag_secs", "physics", "held_out_rad"]
+        {
             assert_eq!(round[key], same[key], "{key}");
         }
     }
@@ -150,7 +151,7 @@ fn a_rehearsal_that_was_killed_goes_on_to_the_same_end() {
 fn playing_is_adapted_on_the_robot_itself_and_a_kill_changes_nothing() {
     let desk = Desk::new();
     let rehearse = |out: &str| {
-        let rest = "--truth worn --rounds 0 --runs 2 --set task.plan.lead_secs=0.08";
+        let rest = "--truth worn --rounds 0 --runs 2 --set task.plan.latency_compensation_secs=0.08";
         let mut command = desk.command(&format!("rehearse twinkle --robot twin {rest} --json"));
         command.current_dir(desk.path(out)).args(["-o", "there"]);
         command
@@ -274,11 +275,11 @@ fn the_sight_reader_is_adapted_once_for_all_songs() {
     assert!(!desk.path(training).join("song.mid").exists());
     let config = String::from_utf8(desk.bytes(format!("{training}/config.toml"))).unwrap();
     assert!(config.contains("[corpus]") && config.contains("joint.rail.delay"), "{config}");
-    let lead = |round: usize| rounds[round]["lead_secs"].as_f64().unwrap();
+    let lead = |round: usize| rounds[round]["latency_compensation_secs"].as_f64().unwrap();
     let late = rounds[1]["lag_secs"].as_f64().unwrap();
     assert!((0.0..=0.25).contains(&lead(1)) && lead(1) != 0.025 && late.abs() < 0.03, "{rounds:?}");
     // It plays other songs too.
-    let lead = format!("task.plan.lead_secs={}", lead(1));
+    let lead = format!("task.plan.latency_compensation_secs={}", lead(1));
     let report = desk.json(&format!("perform twinkle --policy {training} --set {lead} -o twinkle --json"));
     assert!(report["notes_right"].as_f64().unwrap() > 7.0, "{report}");
 }

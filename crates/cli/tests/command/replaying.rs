@@ -15,7 +15,7 @@ fn data(page: &[u8]) -> Value {
     serde_json::from_str(rest.split_once("</script>").unwrap().0).unwrap()
 }
 
-/// A desk with `out/recording.mcap`, the scripted player's performance of `short.mid`.
+/// A desk with `out/recording.mcap`, the scripted baseline's performance of `short.mid`.
 fn played() -> Desk {
     let desk = Desk::new();
     desk.ok("play short.mid --scripted -o out");
@@ -103,11 +103,11 @@ fn heard(take: &Value, step: usize, late_secs: f64) -> Value {
 fn simulation_and_twin_stand_side_by_side_with_the_moments_where_they_part() {
     let desk = played();
     // The same lead in both, so that they can be compared step by step.
-    desk.ok("perform short.mid --scripted --robot twin --mode real --set task.plan.lead_secs=0.025 -o twin");
+    desk.ok("perform short.mid --scripted --robot twin --mode real --set task.plan.latency_compensation_secs=0.025 -o twin");
     let notes = |args: &str| errors(&desk.command(args).output().unwrap());
     assert_eq!(notes("replay out twin -o both.html"), "");
     // With a lead a robot is heard later; the piece is still the same, and so is its F1 on the page.
-    desk.ok("perform short.mid --scripted --robot twin --mode real --set task.plan.lead_secs=0.11 -o led");
+    desk.ok("perform short.mid --scripted --robot twin --mode real --set task.plan.latency_compensation_secs=0.11 -o led");
     assert_eq!(notes("replay led out -o led.html"), "");
     let led = self::data(&desk.bytes("led.html"));
     assert_eq!(led["takes"][0]["due"], led["takes"][1]["due"]);
@@ -172,7 +172,7 @@ fn half_a_recording_is_shown_as_far_as_it_goes() {
 fn two_performances_are_compared_note_by_note() {
     let desk = played();
     // The same strokes, and notes that should be heard 25 ms later.
-    desk.ok("play short.mid --scripted --set task.plan.lead_secs=0.05 -o early");
+    desk.ok("play short.mid --scripted --set task.plan.latency_compensation_secs=0.05 -o early");
     let compared = desk.json("compare out early -o both.html --json");
     let notes = compared["notes"].as_array().unwrap();
     for (side, folder) in ["out", "early"].into_iter().enumerate() {

@@ -54,7 +54,7 @@ fn notes_are_on_time_by_a_run_before_or_by_the_proposed_lead() {
     let args = "perform twinkle --scripted --mode joint-mirroring --robot twin -o played";
     let is_on_time = |report: &serde_json::Value| {
         let late = report["runs"][0]["onset_error_median_secs"].as_f64().unwrap();
-        let lead = report["lead_secs"].as_f64().unwrap();
+        let lead = report["latency_compensation_secs"].as_f64().unwrap();
         assert!(late.abs() <= 0.015 && lead > 0.08, "{late} s with a lead of {lead} s");
         lead
     };
@@ -66,9 +66,13 @@ fn notes_are_on_time_by_a_run_before_or_by_the_proposed_lead() {
     let report = std::fs::read(desk.path("played/report.json")).unwrap();
     is_on_time(&serde_json::from_slice(&report).unwrap());
 
-    let said = desk.ok(&format!("{args} --set task.plan.lead_secs=0.025"));
-    let lead = said.lines().find_map(|line| line.split_once("--set task.plan.lead_secs=")).expect(&said).1;
-    let report = desk.json(&format!("{args} --set task.plan.lead_secs={lead} --json"));
+    let said = desk.ok(&format!("{args} --set task.plan.latency_compensation_secs=0.025"));
+    let lead = said
+        .lines()
+        .find_map(|line| line.split_once("--set task.plan.latency_compensation_secs="))
+        .expect(&said)
+        .1;
+    let report = desk.json(&format!("{args} --set task.plan.latency_compensation_secs={lead} --json"));
     assert_eq!(is_on_time(&report), lead.parse::<f64>().unwrap());
 }
 

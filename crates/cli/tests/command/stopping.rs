@@ -9,7 +9,7 @@ use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
 use etude_perform::Recording;
-use etude_perform::stand::Claim;
+use etude_perform::session::Claim;
 use etude_robot::priority::{Priority, Rank};
 use etude_robot::rig::RigConfig;
 use serde_json::Value;
@@ -284,7 +284,7 @@ fn a_guard_tries_again_while_its_controller_hangs() {
     drop(guard);
     let mut ready = String::new();
     BufReader::new(child.stdout.take().unwrap()).read_line(&mut ready).unwrap();
-    assert_eq!(ready.trim_end(), etude_perform::stand::ready(&rig.wires));
+    assert_eq!(ready.trim_end(), etude_perform::session::ready(&rig.wires));
     line.write_all(b".").unwrap();
     let ended = child.wait_with_output().unwrap();
     let said = errors(&ended);
@@ -413,7 +413,7 @@ fn kill_recordings(robot: &[f64], lockstep: &[f64]) {
     let twin = Served::start(&desk);
     let live = format!("record --robot {} --home --excitation open-close", twin.rig.display());
     // A run that measures the lag would be removed before the one that counts begins.
-    let lead = "--set task.plan.lead_secs=0.1";
+    let lead = "--set task.plan.latency_compensation_secs=0.1";
     let in_lockstep = format!("perform ode-to-joy --scripted --mode joint-mirroring --robot twin {lead}");
     let mut files = Vec::new();
     for (index, moment) in robot.iter().chain(lockstep).enumerate() {

@@ -39,7 +39,7 @@ fn left_out(line: &str) -> Option<&'static str> {
 }
 
 /// Runs a command in `desk`. Only trainings and fits are made short; what is learned in that time pushes at the limits of the hand's torque
-/// until the twin is stopped, so the scripted player performs in its place.
+/// until the twin is stopped, so the scripted baseline performs in its place.
 fn run(desk: &Desk, command: &Documented) {
     let home = desk.path("home");
     let at_home = |word: &String| word.replace('~', &home.display().to_string());

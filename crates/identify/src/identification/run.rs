@@ -99,7 +99,7 @@ pub(super) fn run(
         // Before the state is saved: after a kill in between the same progress is reported again, and none is lost.
         let (number, secs) = (state.ended.len() + 1, state.secs);
         let most_left = state.fits.iter().map(|(_, fit)| fit.most_left()).max().unwrap_or(0);
-        job.tell(&Progress { pass, number, secs, replays, rms, ended, most_left });
+        job.report(&Progress { pass, number, secs, replays, rms, ended, most_left });
         state.save(file)?;
     }
     end(scene, state, pass);

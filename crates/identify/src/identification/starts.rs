@@ -3,7 +3,7 @@
 use std::sync::atomic::AtomicBool;
 
 use etude_stage::params::JointRow;
-use etude_stage::{JOINTS, PhysicalParams};
+use etude_stage::{DRIVEN_JOINTS, PhysicalParams};
 
 use super::error::IdentifyError;
 use super::scene::Scene;
@@ -26,14 +26,14 @@ pub(super) fn find_delays(
     let worlds: Vec<PhysicalParams> = (0..=MOST_DELAY_STEPS)
         .map(|steps| {
             let mut params = params.clone();
-            for joint in 0..JOINTS {
+            for joint in 0..DRIVEN_JOINTS {
                 params.set_joint(JointRow::Delay, joint, steps as f64 * scene.world.physics_step_secs());
             }
             params
         })
         .collect();
     let traces = scene.replay(&worlds, motions, |_| true, false, interrupt)?;
-    for joint in 0..JOINTS {
+    for joint in 0..DRIVEN_JOINTS {
         let cost = |traces: &[Option<Trace>]| -> f64 {
             let moving = motions.iter().zip(traces).filter(|(motion, _)| motion.moves[joint]);
             moving
@@ -51,7 +51,7 @@ pub(super) fn find_delays(
 /// Puts every joint's jerk limit on the other side of its kink. Above the kink the physics step bounds how the reference
 /// settles, below it the jerk limit does, and no slope leads from one side to the other.
 pub(super) fn cross_the_kinks(scene: &Scene<'_>, params: &mut PhysicalParams) {
-    for joint in 0..JOINTS {
+    for joint in 0..DRIVEN_JOINTS {
         let kink = params.joint(JointRow::AccelerationLimit, joint) / scene.world.physics_step_secs();
         let side = if params.joint(JointRow::JerkLimit, joint) < kink { CROSSED } else { 1.0 / CROSSED };
         params.set_joint(JointRow::JerkLimit, joint, side * kink);

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use etude_perform::write_file;
-use etude_stage::{JOINTS, PhysicalParams};
+use etude_stage::{DRIVEN_JOINTS, PhysicalParams};
 use serde::{Deserialize, Serialize};
 
 use super::error::IdentifyError;
@@ -31,7 +31,7 @@ pub struct IdentifyConfig {
 pub(super) struct State {
     pub config: IdentifyConfig,
     /// Path, length and start of each recording, to recognise them.
-    motions: Vec<(String, usize, [f64; JOINTS])>,
+    motions: Vec<(String, usize, [f64; DRIVEN_JOINTS])>,
     /// Paths of what is estimated, to recognise the state of a build that estimated something else.
     #[serde(default)]
     rows: Vec<String>,
@@ -59,7 +59,7 @@ impl State {
     ) -> Result<Self, IdentifyError> {
         let mark =
             |motion: &Motion| (motion.path.display().to_string(), motion.commands.steps(), motion.start);
-        let rows = (0..JOINTS).flat_map(|joint| joint_parameters(joint, before));
+        let rows = (0..DRIVEN_JOINTS).flat_map(|joint| joint_parameters(joint, before));
         let fresh = Self {
             config: config.clone(),
             motions: motions.iter().map(mark).collect(),

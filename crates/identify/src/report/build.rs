@@ -1,6 +1,6 @@
 //! The sections of a report, in the order in which a reader decides.
 
-use etude_stage::{JOINTS, StageError};
+use etude_stage::{DRIVEN_JOINTS, StageError};
 
 use super::document::{Figure, Report, escape, list};
 use super::input::ReportInput;
@@ -21,7 +21,8 @@ impl Report {
 pub(super) fn report(input: &ReportInput<'_>, replayed: &[Replayed<'_>]) -> Report {
     let parts = remaining::parts(replayed);
     let rig = input.fitted.first().map_or("", |motion| motion.rig_label.as_str());
-    let figures: Vec<Figure> = (0..JOINTS).filter_map(|joint| overlay::overlay(joint, replayed)).collect();
+    let figures: Vec<Figure> =
+        (0..DRIVEN_JOINTS).filter_map(|joint| overlay::overlay(joint, replayed)).collect();
     let sections = [
         ("In short", vec![list(&summary::in_short(input, &parts))]),
         ("What was fitted", summary::what_was_fitted(input)),

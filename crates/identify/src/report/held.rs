@@ -2,7 +2,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use etude_stage::{JOINT_NAMES, JOINTS, PhysicalParams, RAIL};
+use etude_stage::{DRIVEN_JOINTS, JOINT_NAMES, PhysicalParams, RAIL};
 
 use super::number::number;
 
@@ -29,7 +29,7 @@ pub(super) fn held(estimated: &BTreeSet<&str>, params: &PhysicalParams) -> Vec<V
         if of_row.is_empty() {
             lines.push((key, row.unit.to_string(), why));
         }
-        of_row.push((joint_of(&path).unwrap_or(JOINTS), value));
+        of_row.push((joint_of(&path).unwrap_or(DRIVEN_JOINTS), value));
     }
     let line = |(key, unit, why): (String, String, &'static str)| {
         let held = joints.get(&(key.clone(), why)).map_or(&[][..], Vec::as_slice);
@@ -79,7 +79,7 @@ fn why(path: &str, estimated: &BTreeSet<&str>) -> &'static str {
         "velocity_limit" | "acceleration_limit" => LIMITED,
         "viscosity" if joint == RAIL => "it has the same effect as the damping",
         "encoder_bias" if joint == RAIL => "it has the same effect as keyboard.lateral",
-        "encoder_bias" if joint % etude_stage::hand::FINGER_JOINTS == 0 => {
+        "encoder_bias" if joint % etude_stage::hand::JOINTS_PER_FINGER == 0 => {
             "what is played does not show it: the excitation `keys` does"
         }
         "encoder_bias" if !touches => "only recordings that touch keys identify it, and none was fitted",

@@ -1,6 +1,6 @@
 //! What the fitted simulator cannot express: each joint's error, divided by what it correlates with.
 
-use etude_stage::{JOINT_NAMES, JOINTS, RAIL};
+use etude_stage::{DRIVEN_JOINTS, JOINT_NAMES, RAIL};
 
 use super::document::{list, paragraph, table};
 use super::number::{milli, milli_unit, number, percent};
@@ -87,7 +87,7 @@ pub(super) fn parts(replayed: &[Replayed<'_>]) -> Vec<Part> {
         let found = unexplained(&all, f64::sqrt(noise / f64::max(motions, 1.0)))?;
         Some(Part { joint, found })
     };
-    (0..JOINTS).filter_map(of).collect()
+    (0..DRIVEN_JOINTS).filter_map(of).collect()
 }
 
 impl Part {

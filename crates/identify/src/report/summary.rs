@@ -1,6 +1,6 @@
 //! The result in short, and what was fitted.
 
-use etude_stage::JOINTS;
+use etude_stage::DRIVEN_JOINTS;
 
 use super::document::{paragraph, table};
 use super::input::ReportInput;
@@ -85,7 +85,7 @@ pub(super) fn what_was_fitted(input: &ReportInput<'_>) -> Vec<String> {
             motion.path.display().to_string(),
             motion.mode.clone(),
             number(motion.secs()),
-            format!("{} of {JOINTS}", motion.moves.iter().filter(|moves| **moves).count()),
+            format!("{} of {DRIVEN_JOINTS}", motion.moves.iter().filter(|moves| **moves).count()),
             motion.keys.iter().filter(|event| event.velocity > 0).count().to_string(),
             use_of.to_string(),
         ]

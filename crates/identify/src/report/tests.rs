@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::path::PathBuf;
 
 use etude_stage::params::JointRow;
-use etude_stage::{JOINT_NAMES, JOINTS, PhysicalParams, RAIL, StageConfig};
+use etude_stage::{DRIVEN_JOINTS, JOINT_NAMES, PhysicalParams, RAIL, StageConfig};
 
 use super::*;
 use crate::assessment::{Assessment, Replayed};
@@ -41,12 +41,12 @@ fn motion(path: &str, truth: &PhysicalParams) -> Motion {
         rig_label: "lab".to_string(),
         mode: "chirp".to_string(),
         commands: Commands::Targets(targets),
-        start: [0.0; JOINTS],
+        start: [0.0; DRIVEN_JOINTS],
         fingers: Vec::new(),
         pwm: Vec::new(),
         rail: Vec::new(),
-        noise: [1e-4; JOINTS],
-        moves: [true; JOINTS],
+        noise: [1e-4; DRIVEN_JOINTS],
+        moves: [true; DRIVEN_JOINTS],
         keys: Vec::new(),
     };
     let trace = replay_one(truth, &motion);
@@ -188,7 +188,7 @@ fn the_markdown_is_small_and_shows_foreign_text_as_text() {
     for (line, next) in text.lines().zip(text.lines().skip(1)) {
         assert!(!(line.starts_with('|') && next.starts_with('|')) || cells(line) == cells(next), "{line}");
     }
-    assert_eq!(report.figures.len(), JOINTS);
+    assert_eq!(report.figures.len(), DRIVEN_JOINTS);
     for figure in &report.figures {
         let svg = figure.svg();
         assert!(text.contains(&format!("]({}.svg)", figure.name)));
@@ -214,7 +214,7 @@ fn its_errors_are_those_of_the_assessment() {
     let text = &report.markdown;
     for (caption, errors) in [("Fitted recordings", &errors[0]), ("Held-out recordings", &errors[1])] {
         let rows = rows(&report, caption);
-        assert_eq!(rows.len(), JOINTS + 1);
+        assert_eq!(rows.len(), DRIVEN_JOINTS + 1);
         let pooled = [("fingers together", errors.fingers[0], errors.fingers[1], errors.fingers_noise)];
         let joints =
             errors.joints.iter().map(|joint| (joint.joint.as_str(), joint.before, joint.after, joint.noise));
@@ -285,7 +285,7 @@ fn nothing_held_out() {
     let text = &report.markdown;
     assert!(text.contains("No recording was held out") && text.contains("none was held out"));
     assert!(!text.contains("Held-out recordings"));
-    assert_eq!(report.figures.len(), JOINTS);
+    assert_eq!(report.figures.len(), DRIVEN_JOINTS);
 }
 
 #[test]
@@ -338,7 +338,8 @@ fn a_motion_of_the_rail_alone() {
 
 #[test]
 fn the_drawing_is_of_the_stretch_with_the_most_motion() {
-    let still = Motion { commands: Commands::Targets(vec![[0.0; JOINTS]; 160]), ..case().held_out.remove(0) };
+    let still =
+        Motion { commands: Commands::Targets(vec![[0.0; DRIVEN_JOINTS]; 160]), ..case().held_out.remove(0) };
     let with_swing = |path: &str, reach: f64| {
         let at =
             |secs: f64| if (3.0..5.0).contains(&secs) { reach * (6.0 * (secs - 3.0)).sin() } else { 0.0 };

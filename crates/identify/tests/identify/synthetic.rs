@@ -12,7 +12,7 @@ use etude_identify::{
 use etude_perform::{Excitation, Job, shaping_params};
 use etude_robot::rig::RigConfig;
 use etude_stage::params::JointRow;
-use etude_stage::{JOINTS, PhysicalParams, RAIL, Side, StageConfig};
+use etude_stage::{DRIVEN_JOINTS, PhysicalParams, RAIL, Side, StageConfig};
 use rand::{RngExt as _, SeedableRng as _};
 use rand_pcg::Pcg64;
 
@@ -69,7 +69,7 @@ fn recorded(
     for row in &mut targets {
         *row = std::array::from_fn(|joint| if joints.contains(&joint) { row[joint] } else { still[joint] });
     }
-    let noise: [f64; JOINTS] = std::array::from_fn(|joint| NOISE[usize::from(joint == RAIL)]);
+    let noise: [f64; DRIVEN_JOINTS] = std::array::from_fn(|joint| NOISE[usize::from(joint == RAIL)]);
     let mut motion = Motion {
         path: PathBuf::from(format!("synthetic-{seed}")),
         rig: RigConfig::default(),

@@ -18,7 +18,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::bail;
 use etude_music::Song;
-use etude_perform::stand::RigChoice;
+use etude_perform::session::RigChoice;
 use etude_perform::stats::mean;
 use etude_perform::{Job, Mode, NoteCounts};
 use etude_stage::RAIL;
@@ -111,7 +111,7 @@ pub struct Adapted {
     /// How late their notes were, s.
     pub lag_secs: Option<f64>,
     /// The lead of the plan, s.
-    pub lead_secs: f64,
+    pub latency_compensation_secs: f64,
     /// The mode.
     pub mode: Mode,
     /// The correction, for `etude perform --correction`.
@@ -227,7 +227,7 @@ impl Adaptation<'_> {
                 Some(stored) => stored,
                 None => self.learn_once(index, &next, &folder, job)?,
             };
-            job.tell(&AdaptStep::Adapting(index, most, stored.run));
+            job.report(&AdaptStep::Adapting(index, most, stored.run));
             runs.push((next, stored.run));
             next = stored.next;
             if best(&runs) + 1 == runs.len() {
@@ -254,8 +254,11 @@ impl Adaptation<'_> {
             let _ = std::fs::remove_file(folder.join(sound));
         }
         let run = &report.runs[0];
-        let notes =
-            Notes { strokes: &run.strokes, lead_secs: report.lead_secs, on_time_secs: report.lead_on_time() };
+        let notes = Notes {
+            strokes: &run.strokes,
+            latency_compensation_secs: report.latency_compensation_secs,
+            on_time_secs: report.lead_on_time(),
+        };
         let next = played.after(index, &run.tracking, &notes, self.pianist.config.task.stage.side);
         let late_secs = played.delays.or(next.delays).map_or(0.0, |delays| delays.late_secs);
         let tracking = run.tracking.clone().asked_for(&played.aimed);
@@ -294,7 +297,7 @@ impl Adaptation<'_> {
             robot_f1: report.robot_f1,
             robot_f1_std: report.robot_f1_std,
             lag_secs: report.lag_secs,
-            lead_secs: report.lead_secs,
+            latency_compensation_secs: report.latency_compensation_secs,
             mode: report.mode,
             correction,
         };
@@ -303,8 +306,8 @@ impl Adaptation<'_> {
     }
 
     /// The lead of the plan of a run, s.
-    fn lead_secs(&self, played: &Played) -> f64 {
-        played.lead_secs.unwrap_or(self.pianist.config.task.plan.lead_secs)
+    fn latency_compensation_secs(&self, played: &Played) -> f64 {
+        played.latency_compensation_secs.unwrap_or(self.pianist.config.task.plan.latency_compensation_secs)
     }
 
     /// Writes the correction of a run for `etude perform`, and returns its file.
@@ -315,7 +318,7 @@ impl Adaptation<'_> {
             only_for: self.only_for.clone(),
             policy: self.config.policy.clone(),
             mode: self.config.mode,
-            lead_secs: self.lead_secs(played),
+            latency_compensation_secs: self.latency_compensation_secs(played),
             correction: played.added(),
         };
         save(&file, &content)?;
@@ -332,7 +335,7 @@ impl Adaptation<'_> {
         job: &mut Job<'_, AdaptStep>,
     ) -> anyhow::Result<RobotReport> {
         let mut pianist = self.pianist.clone();
-        pianist.config.task.plan.lead_secs = self.lead_secs(played);
+        pianist.config.task.plan.latency_compensation_secs = self.latency_compensation_secs(played);
         let play = RobotPlay {
             song: self.song,
             pianist: &pianist,
@@ -348,7 +351,7 @@ impl Adaptation<'_> {
         let interrupt = job.interrupt();
         let mut tell = |step: &RobotStep| {
             if let Some(step) = told(step) {
-                job.tell(&step);
+                job.report(&step);
             }
         };
         let mut playing = Job::new(&mut tell, interrupt);

@@ -1,6 +1,6 @@
 //! What a run of an adaptation plays, and what is learned from it for the next one.
 
-use etude_perform::{Aims, Correction, Delays, Strokes, Tracking};
+use etude_perform::{Correction, Delays, KeyCorrections, PlayedNotes, Tracking};
 use etude_stage::Side;
 use serde::{Deserialize, Serialize};
 
@@ -14,21 +14,21 @@ const JOINTS_ALONE: usize = 6;
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub(super) struct Played {
     /// The lead of the plan, s; that of the policy's training if none. It changes when the notes are due, and not the motion.
-    pub lead_secs: Option<f64>,
+    pub latency_compensation_secs: Option<f64>,
     /// How late the joints should be and are, once it is measured.
     pub delays: Option<Delays>,
     /// The correction that brings the joints to their path.
     correction: Correction,
     /// Where the fingers aim, and what that adds to the path.
-    aims: Aims,
+    aims: KeyCorrections,
     pub aimed: Correction,
 }
 
 /// The notes of a run.
 pub(super) struct Notes<'a> {
-    pub strokes: &'a Strokes,
+    pub strokes: &'a PlayedNotes,
     /// The lead of the plan that was played, s.
-    pub lead_secs: f64,
+    pub latency_compensation_secs: f64,
     /// The lead with which the notes would have been on time, s, if it is known.
     pub on_time_secs: Option<f64>,
 }
@@ -41,18 +41,18 @@ impl Played {
 
     /// What the next run plays, after run `index` has played this.
     pub fn after(&self, index: usize, tracking: &Tracking, notes: &Notes<'_>, side: Side) -> Self {
-        let lead_secs = notes.on_time_secs.or(self.lead_secs);
+        let latency_compensation_secs = notes.on_time_secs.or(self.latency_compensation_secs);
         if index + 1 < MEASURING {
-            return Self { lead_secs, ..self.clone() };
+            return Self { latency_compensation_secs, ..self.clone() };
         }
         let delays = self.delays.unwrap_or_else(|| tracking.delays());
         let correction = self.correction.after(&tracking.clone().asked_for(&self.aimed), &delays);
         let aims = match index + 1 {
-            runs if runs < MEASURING + JOINTS_ALONE => Aims::default(),
-            _ => self.aims.after(notes.strokes, notes.lead_secs),
+            runs if runs < MEASURING + JOINTS_ALONE => KeyCorrections::default(),
+            _ => self.aims.after(notes.strokes, notes.latency_compensation_secs),
         };
         let aimed = aims.offsets(&tracking.asked, &notes.strokes.planned, side);
-        Self { lead_secs, delays: Some(delays), correction, aims, aimed }
+        Self { latency_compensation_secs, delays: Some(delays), correction, aims, aimed }
     }
 }
 
@@ -61,20 +61,20 @@ mod tests {
     use etude_music::{LOWEST_PITCH, Note};
     use etude_stage::geometry::key_target;
     use etude_stage::kinematics::{fingertip, reach};
-    use etude_stage::{JOINTS, RAIL};
+    use etude_stage::{DRIVEN_JOINTS, RAIL};
 
     use super::*;
 
     const KEY: usize = 24;
 
     /// A path of 1.5 s that presses a key, with one of the fingers, and lets go twice.
-    fn path() -> Vec<[f64; JOINTS]> {
+    fn path() -> Vec<[f64; DRIVEN_JOINTS]> {
         let [x, y, z] = key_target(KEY);
         let rail = y - fingertip(Side::Left, 0, &[0.0, 0.5, 0.8, 0.3], 0.0)[1];
         (0..300)
             .map(|tick| {
                 let height = 0.012 * (f64::from(tick) / 200.0 * 9.0).cos();
-                let mut pose = [0.1; JOINTS];
+                let mut pose = [0.1; DRIVEN_JOINTS];
                 pose[..4]
                     .copy_from_slice(&reach(Side::Left, 0, [x, y, z + height], rail).expect("within reach"));
                 pose[RAIL] = rail;
@@ -99,16 +99,16 @@ mod tests {
         };
         // It sounds 0.1 s later than planned, which is the lead, and 40 ms shorter.
         let strokes =
-            Strokes { planned: vec![note(0.3, 0.5)], played: vec![note(0.42, 0.58)], end_secs: 1.5 };
+            PlayedNotes { planned: vec![note(0.3, 0.5)], played: vec![note(0.42, 0.58)], end_secs: 1.5 };
         let after = |played: &Played, index, tracking: &Tracking| {
-            let notes = Notes { strokes: &strokes, lead_secs: 0.1, on_time_secs: Some(0.12) };
+            let notes = Notes { strokes: &strokes, latency_compensation_secs: 0.1, on_time_secs: Some(0.12) };
             played.after(index, tracking, &notes, Side::Left)
         };
         let second = after(&Played::default(), 0, &late(0.06));
-        assert_eq!(second, Played { lead_secs: Some(0.12), ..Played::default() });
+        assert_eq!(second, Played { latency_compensation_secs: Some(0.12), ..Played::default() });
         let third = after(&second, 1, &late(0.06));
         assert_eq!(third.delays.unwrap().late_secs, 0.06);
-        assert!(third.aims == Aims::default() && third.aimed.is_still());
+        assert!(third.aims == KeyCorrections::default() && third.aimed.is_still());
         assert!(third.correction.is_still(), "the joints are on their path, later by their lag");
         assert!(after(&third, 6, &late(0.06)).aimed.is_still());
         let aimed = after(&third, 7, &late(0.06));

@@ -229,7 +229,7 @@ mod tests {
         // RoboPianist's rule and on its time, keys with one contact, and the main text's five reward terms.
         let config = resolve("paper", None, &[]).unwrap().complete();
         let (task, plan) = (&config.task, &config.task.plan);
-        assert_eq!((plan.rule, plan.lead_secs), (etude_music::PlanRule::Robopianist, 0.0));
+        assert_eq!((plan.rule, plan.latency_compensation_secs), (etude_music::PlanRule::Robopianist, 0.0));
         let params = task.params().unwrap();
         assert_eq!(params.world(etude_stage::params::WorldRow::KeyHysteresis), 0.0);
         let weights: Vec<(&str, f64)> = task

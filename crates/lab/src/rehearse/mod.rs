@@ -19,7 +19,7 @@ use std::path::{Path, PathBuf};
 
 use etude_identify::{Motion, MotionError, Progress};
 use etude_music::Song;
-use etude_perform::stand::RigChoice;
+use etude_perform::session::RigChoice;
 use etude_perform::{Excitation, Job, NoteCounts, write_file};
 
 use crate::config::resolve;
@@ -57,7 +57,7 @@ pub enum RehearsalStep {
         /// Its notes.
         notes: NoteCounts,
         /// The lead of the plan against it, s; none if no note can be right with another one, and the lead stays.
-        lead_secs: Option<f64>,
+        latency_compensation_secs: Option<f64>,
     },
     /// A run was played.
     Performed {
@@ -93,7 +93,7 @@ pub fn rehearse_on_robot(
             Some(done) => done,
             None => rehearsal.round(round, &rounds, job)?,
         };
-        job.tell(&RehearsalStep::Round(done.clone()));
+        job.report(&RehearsalStep::Round(done.clone()));
         rounds.push(done);
     }
     Ok(rounds)
@@ -166,7 +166,7 @@ impl Rehearsal<'_> {
         let done = Round {
             round,
             notes: report.notes,
-            lead_secs: report.lead_secs,
+            latency_compensation_secs: report.latency_compensation_secs,
             lag_secs: report.lag_secs,
             sim_f1: report.sim_f1,
             robot_f1: report.robot_f1,
@@ -198,7 +198,7 @@ impl Rehearsal<'_> {
             // A recording may mislead the fit: a policy at the start of its training pushes against the joints' stops.
             match Motion::load(path) {
                 Err(MotionError::Unsuitable { path, why }) => {
-                    job.tell(&RehearsalStep::LeftOut { recording: path, why });
+                    job.report(&RehearsalStep::LeftOut { recording: path, why });
                 }
                 Err(error) => return Err(error.into()),
                 Ok(_) => performances.push(path.clone()),
@@ -215,7 +215,7 @@ impl Rehearsal<'_> {
             &self.folder.join("excitation"),
             self.config.seed.wrapping_add(500),
             job.interrupt(),
-            &mut |excitation, number| job.tell(&RehearsalStep::Recorded(excitation, number)),
+            &mut |excitation, number| job.report(&RehearsalStep::Recorded(excitation, number)),
         )?;
         let start = match &self.config.simulator {
             Some(file) if round == 1 => {
@@ -284,9 +284,13 @@ impl Rehearsal<'_> {
             font: None,
         };
         let told = |step: &RobotStep| match step {
-            RobotStep::LagMeasured { run, lead_secs } => {
+            RobotStep::LagMeasured { run, latency_compensation_secs } => {
                 let notes = NoteCounts::from(&run.scores.note);
-                RehearsalStep::LagMeasured { round, notes, lead_secs: *lead_secs }
+                RehearsalStep::LagMeasured {
+                    round,
+                    notes,
+                    latency_compensation_secs: *latency_compensation_secs,
+                }
             }
             RobotStep::RunEnded { index, run } => {
                 let notes = NoteCounts::from(&run.scores.note);

@@ -10,7 +10,7 @@ use crate::robot::{MeanNotes, robot_score};
 
 /// Whether these overrides, `path=value`, name the lead of the plan. Else it is measured on the robot.
 pub fn name_the_lead(overrides: &[String]) -> bool {
-    overrides.iter().any(|set| set.trim_start().starts_with("task.plan.lead_secs"))
+    overrides.iter().any(|set| set.trim_start().starts_with("task.plan.latency_compensation_secs"))
 }
 
 /// What to rehearse, and how.
@@ -63,7 +63,7 @@ pub struct Round {
     pub notes: MeanNotes,
     /// The lead of the plan, s. Each round first plays once to measure how late its notes are, and leads by that.
     #[serde(default)]
-    pub lead_secs: f64,
+    pub latency_compensation_secs: f64,
     /// How late the notes were on the robot, s.
     pub lag_secs: Option<f64>,
     /// F1 of the policy in the simulator that it was trained in.
@@ -106,7 +106,7 @@ mod tests {
         let round = |round: usize, robot_f1: f64, onset_f1: f64| Round {
             round,
             notes: MeanNotes { onset_f1, ..MeanNotes::default() },
-            lead_secs: 0.025,
+            latency_compensation_secs: 0.025,
             lag_secs: None,
             sim_f1: 0.99,
             robot_f1,

@@ -8,13 +8,13 @@ use std::sync::atomic::AtomicBool;
 use anyhow::bail;
 use etude_music::Song;
 use etude_music::sound::SoundFont;
-use etude_perform::stand::{RigChoice, Stand};
+use etude_perform::session::{RigChoice, Session};
 use etude_perform::stats::{deviation, mean};
 use etude_perform::{
     Activity, Correction, Ending, Header, Job, Mode, Performance, RecordingWriter, RobotRig, gap, perform,
     prepare, record_release,
 };
-use etude_stage::{JOINTS, PHYSICS_STEPS, World};
+use etude_stage::{DRIVEN_JOINTS, PHYSICS_STEPS, World};
 use etude_task::{Piece, TaskError};
 
 use crate::earlier::{remove_files, replacing};
@@ -60,7 +60,7 @@ pub enum RobotStep {
         /// Its result.
         run: RobotRun,
         /// The lead of the plan from now on, s; none if no note can be right with another one, and the lead stays.
-        lead_secs: Option<f64>,
+        latency_compensation_secs: Option<f64>,
     },
     /// A run has ended.
     RunEnded {
@@ -146,16 +146,17 @@ fn play_on_time(
     let measured = play_runs(&once, piece, folder, &mut Job::new(&mut |_| {}, job.interrupt()))?;
     let run = &measured.runs[0];
     if run.ending != Ending::Complete {
-        job.tell(&RobotStep::RunEnded { index: 0, run: run.clone() });
+        job.report(&RobotStep::RunEnded { index: 0, run: run.clone() });
         return Ok(RobotReport { only_measuring: true, ..measured });
     }
     if let Some(folder) = folder {
         remove_files(folder)?;
     }
-    let lead_secs = measured.lead_on_time();
-    job.tell(&RobotStep::LagMeasured { run: run.clone(), lead_secs });
+    let latency_compensation_secs = measured.lead_on_time();
+    job.report(&RobotStep::LagMeasured { run: run.clone(), latency_compensation_secs });
     let mut pianist = play.pianist.clone();
-    pianist.config.task.plan.lead_secs = lead_secs.unwrap_or(measured.lead_secs);
+    pianist.config.task.plan.latency_compensation_secs =
+        latency_compensation_secs.unwrap_or(measured.latency_compensation_secs);
     let piece = plan(play.song, &pianist.config.task)?;
     play_runs(&RobotPlay { pianist: &pianist, ..play.clone() }, &piece, folder, job)
 }
@@ -191,15 +192,15 @@ fn play_runs(
         });
         let mut writer =
             files.as_ref().map(|files| RecordingWriter::create(&files.recording, &header)).transpose()?;
-        let mut stand = rig.open(task.stage.side, play.seed.wrapping_add(index as u64))?;
-        let played = one_run(&mut stand, play, piece, &start, writer.as_mut(), job.interrupt());
+        let mut session = rig.open(task.stage.side, play.seed.wrapping_add(index as u64))?;
+        let played = one_run(&mut session, play, piece, &start, writer.as_mut(), job.interrupt());
         let performance = match played {
             // What was played is kept even if the robot does not confirm that it was released.
-            Ok(performance) => Ok(Some(after_release(performance, stand.let_go()))),
-            Err(error) if Interrupted::is_cause_of(&error) => released(&mut stand, Ok(None)),
-            Err(error) => released(&mut stand, Err(error)),
+            Ok(performance) => Ok(Some(after_release(performance, session.let_go()))),
+            Err(error) if Interrupted::is_cause_of(&error) => released(&mut session, Ok(None)),
+            Err(error) => released(&mut session, Err(error)),
         };
-        let Stand { robot, pace } = &mut stand;
+        let Session { robot, pace } = &mut session;
         let recorded = writer.as_mut().map_or(Ok(()), |writer| record_release(robot, pace, writer));
         let Some(performance) = performance? else {
             drop(writer);
@@ -209,7 +210,7 @@ fn play_runs(
         };
         recorded?;
         // The robot is stopped: its guard is not needed while the files are written.
-        drop(stand);
+        drop(session);
         if let Some(writer) = writer {
             writer.finish()?;
         }
@@ -217,7 +218,7 @@ fn play_runs(
             keep(files, &performance, font)?;
         }
         let run = RobotRun::new(performance, files);
-        job.tell(&RobotStep::RunEnded { index, run: run.clone() });
+        job.report(&RobotStep::RunEnded { index, run: run.clone() });
         runs.push(run);
         if runs.last().is_some_and(|run| run.ending != Ending::Complete) {
             break;
@@ -243,7 +244,7 @@ fn play_runs(
         robot_f1,
         robot_f1_std,
         gap: gap(sim_f1, robot_f1),
-        lead_secs: task.plan.lead_secs,
+        latency_compensation_secs: task.plan.latency_compensation_secs,
         lag_secs: (!lags.is_empty()).then(|| mean(&lags)),
         notes: MeanNotes::of(piece.notes().len(), &counted),
         only_measuring: false,
@@ -264,19 +265,19 @@ fn after_release(performance: Performance, release: Result<(), String>) -> Perfo
 
 /// Brings the robot to the keyboard and plays once.
 fn one_run(
-    stand: &mut Stand,
+    session: &mut Session,
     play: &RobotPlay<'_>,
     piece: &Piece,
-    start: &[f64; JOINTS],
+    start: &[f64; DRIVEN_JOINTS],
     mut writer: Option<&mut RecordingWriter>,
     interrupt: &AtomicBool,
 ) -> anyhow::Result<Performance> {
     let pianist = play.pianist;
     let task = &pianist.config.task;
     // What takes long comes before the robot has power.
-    let simulation = play.mode.simulation(task, &stand.robot.config().limits)?;
+    let simulation = play.mode.simulation(task, &session.robot.config().limits)?;
     let mut ready = pianist.ready(task, piece, &mut tell_planning())?;
-    let Stand { robot, pace } = stand;
+    let Session { robot, pace } = session;
     prepare(robot, pace, play.home.then_some(start), writer.as_deref_mut(), interrupt)?;
     let mut rig =
         play.mode.rig(simulation, RobotRig::new(robot, pace, start).corrected(play.correction.as_ref()));

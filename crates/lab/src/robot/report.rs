@@ -1,9 +1,9 @@
 //! The report of performances on a robot.
 
-use etude_music::LONGEST_LEAD_SECS;
+use etude_music::MAX_LATENCY_COMPENSATION_SECS;
 use etude_music::metrics::NoteScores;
 use etude_perform::stats::mean;
-use etude_perform::{Ending, Mode, Performance, Scores, Strokes, TimingReport, Tracking};
+use etude_perform::{Ending, Mode, Performance, PlayedNotes, Scores, TimingReport, Tracking};
 use serde::{Deserialize, Serialize};
 
 use crate::errors::{Interrupted, stopped_itself};
@@ -32,8 +32,8 @@ pub struct RobotReport {
     pub robot_f1_std: f64,
     /// The share of `sim_f1` that is lost on the robot.
     pub gap: f64,
-    /// The lead of the plan that was played, s (`task.plan.lead_secs`).
-    pub lead_secs: f64,
+    /// The lead of the plan that was played, s (`task.plan.latency_compensation_secs`).
+    pub latency_compensation_secs: f64,
     /// Mean over the runs of how late the whole performance was, s; absent if no run has a right key near its time.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub lag_secs: Option<f64>,
@@ -141,7 +141,7 @@ pub struct RobotRun {
     pub tracking: Tracking,
     /// Its notes.
     #[serde(skip)]
-    pub strokes: Strokes,
+    pub strokes: PlayedNotes,
     /// The files that were written.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub files: Option<Files>,
@@ -152,16 +152,17 @@ const NOTICEABLE_SECS: f64 = 0.005;
 
 impl RobotReport {
     /// The lead of the plan with which the notes would have been on time in the median, if they were not.
-    pub fn better_lead_secs(&self) -> Option<f64> {
+    pub fn better_latency_compensation_secs(&self) -> Option<f64> {
         self.lag_secs.filter(|late| late.abs() > NOTICEABLE_SECS)?;
-        self.lead_on_time().filter(|lead_secs| *lead_secs != self.lead_secs)
+        self.lead_on_time()
+            .filter(|latency_compensation_secs| *latency_compensation_secs != self.latency_compensation_secs)
     }
 
     /// The lead of the plan with which the notes would have been on time in the median, s; none if no note would then have been right.
     pub fn lead_on_time(&self) -> Option<f64> {
         self.lag_secs
             .filter(|_| self.notes.onset_f1_without_lag > 0.0)
-            .map(|late| (self.lead_secs + late).clamp(0.0, LONGEST_LEAD_SECS))
+            .map(|late| (self.latency_compensation_secs + late).clamp(0.0, MAX_LATENCY_COMPENSATION_SECS))
     }
 }
 

@@ -5,9 +5,9 @@ use etude_stage::joint_range;
 const CLEARANCE: f64 = 0.012;
 
 /// Height of the lowest fingertip above the black keys when the joints are at these targets, m.
-fn clearance(targets: &[f64; JOINTS]) -> f64 {
+fn clearance(targets: &[f64; DRIVEN_JOINTS]) -> f64 {
     let height = |finger: usize| {
-        let angles = std::array::from_fn(|joint| targets[finger * FINGER_JOINTS + joint]);
+        let angles = std::array::from_fn(|joint| targets[finger * JOINTS_PER_FINGER + joint]);
         kinematics::fingertip(Side::Left, finger, &angles, targets[RAIL])[2]
     };
     (0..FINGERS).map(height).fold(f64::INFINITY, f64::min) - TIP_RADIUS - BLACK.top()
@@ -28,7 +28,7 @@ fn sequences_keep_clear_of_the_keys_and_within_the_joints_ranges() {
         }
         let rest = excitation.start();
         for end in [&targets[0], &targets[targets.len() - 1]] {
-            let far = (0..JOINTS).map(|joint| (end[joint] - rest[joint]).abs()).fold(0.0, f64::max);
+            let far = (0..DRIVEN_JOINTS).map(|joint| (end[joint] - rest[joint]).abs()).fold(0.0, f64::max);
             assert!(far < 1e-9, "{excitation}: {far}");
         }
     }
@@ -43,7 +43,7 @@ fn a_finger_presses_one_white_key_at_a_time_in_its_middle_or_beside_a_gap() {
         let mut pushed = std::collections::BTreeSet::new();
         for (step, targets) in Excitation::Keys.targets(side).iter().enumerate() {
             let tip = |finger: usize| {
-                let angles = std::array::from_fn(|joint| targets[finger * FINGER_JOINTS + joint]);
+                let angles = std::array::from_fn(|joint| targets[finger * JOINTS_PER_FINGER + joint]);
                 kinematics::fingertip(side, finger, &angles, targets[RAIL])
             };
             let low: Vec<usize> =
@@ -109,7 +109,7 @@ fn every_joint_is_moved_by_the_sequences_to_fit_and_by_the_one_to_try_it_on() {
         });
         high - low
     };
-    for joint in 0..JOINTS {
+    for joint in 0..DRIVEN_JOINTS {
         let least = if joint == RAIL { 0.1 } else { 0.2 };
         assert!(spread(&[Excitation::OpenClose, Excitation::Chirp, Excitation::Rail], joint) > least);
         assert!(spread(&[Excitation::Held], joint) > least / 2.0, "{joint}");

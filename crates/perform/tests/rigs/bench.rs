@@ -9,7 +9,7 @@ use etude_robot::Robot;
 use etude_robot::allegro::HandSide;
 use etude_robot::calibration::RailPath;
 use etude_robot::xarm::kinematics::PAPER_HOME_DEG;
-use etude_stage::{JOINTS, PhysicalParams, World};
+use etude_stage::{DRIVEN_JOINTS, PhysicalParams, World};
 use etude_task::{Piece, Player, TaskConfig};
 use etude_twin::{Lockstep, Truth, Twin, calibration};
 
@@ -26,7 +26,7 @@ impl Kind {
 }
 
 /// The pose in which every performance begins: rad, the rail in m.
-pub fn start_pose(task: &TaskConfig) -> [f64; JOINTS] {
+pub fn start_pose(task: &TaskConfig) -> [f64; DRIVEN_JOINTS] {
     World::new(&task.stage, &PhysicalParams::default()).unwrap().start_pose()
 }
 
@@ -52,7 +52,7 @@ pub fn with_rig<T>(
 pub fn with_robot<T>(
     truth: &Truth,
     task: &TaskConfig,
-    use_robot: impl FnOnce(&mut Robot, &mut Lockstep, &[f64; JOINTS]) -> T,
+    use_robot: impl FnOnce(&mut Robot, &mut Lockstep, &[f64; DRIVEN_JOINTS]) -> T,
 ) -> T {
     let rig = truth.rig();
     let mut lockstep = Lockstep::new(Twin::new(truth, HandSide::Left).unwrap()).unwrap();

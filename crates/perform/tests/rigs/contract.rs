@@ -6,8 +6,8 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use etude_music::{CONTROL_HZ, KeySet, Note, Song, keys_at};
 use etude_perform::{Ending, Header, Mode, Recording, RecordingWriter};
 use etude_stage::hand::{TIP_RADIUS, root_lateral};
-use etude_stage::{JOINTS, PhysicalParams, RAIL, World, kinematics};
-use etude_task::{ACTION_LEN, ObservationScale, Piece, ScriptedPlayer, TargetRange, TaskConfig};
+use etude_stage::{DRIVEN_JOINTS, PhysicalParams, RAIL, World, kinematics};
+use etude_task::{ACTION_LEN, ObservationScale, Piece, ScriptedBaseline, TargetRange, TaskConfig};
 use etude_twin::{OrderedFault, Truth};
 
 use crate::bench::{Kind, play, start_pose, with_rig};
@@ -35,7 +35,7 @@ pub fn piece() -> Piece {
 }
 
 /// Targets that hold a finger over middle C, or on it.
-fn targets(down: bool) -> [f64; JOINTS] {
+fn targets(down: bool) -> [f64; DRIVEN_JOINTS] {
     let task = task();
     let world = World::new(&task.stage, &PhysicalParams::default()).unwrap();
     let side = task.stage.side;
@@ -57,13 +57,13 @@ fn it_begins_in_the_starting_pose_and_follows_targets() {
         let up = range.action(&targets(false), 0);
         let mut observed: Vec<Vec<f32>> = Vec::new();
         let mut player = |step: usize, observation: &[f32], action: &mut [f32; ACTION_LEN]| {
-            observed.push(observation[..JOINTS].to_vec());
+            observed.push(observation[..DRIVEN_JOINTS].to_vec());
             *action = if step < UP { still } else { up };
         };
         let performance =
             play(kind, &truth(), &task, &piece, &mut player, None, &AtomicBool::new(false)).unwrap();
         assert_eq!((performance.ending, observed.len()), (Ending::Complete, piece.steps()), "{kind:?}");
-        let far = |joints: &[f32], pose: &[f64; JOINTS]| {
+        let far = |joints: &[f32], pose: &[f64; DRIVEN_JOINTS]| {
             joints.iter().zip(pose).map(|(a, b)| (f64::from(*a) - b).abs()).fold(0.0, f64::max)
         };
         assert!(far(&observed[0], &start) < 0.02, "{kind:?}: {:?}", observed[0]);
@@ -85,7 +85,7 @@ fn it_shows_the_keys_that_it_presses_and_reports_them_as_events() {
         let [up, down] = [false, true].map(|down| range.action(&targets(down), 0));
         let mut seen = Vec::new();
         let mut player = |step: usize, observation: &[f32], action: &mut [f32; ACTION_LEN]| {
-            seen.push(observation[2 * JOINTS + KEY]);
+            seen.push(observation[2 * DRIVEN_JOINTS + KEY]);
             *action = if (UP..UP + DOWN).contains(&step) { down } else { up };
         };
         let performance =
@@ -133,7 +133,7 @@ fn it_ends_where_it_is_interrupted_and_begins_anew_after_that() {
     for kind in Kind::ALL {
         let (task, piece) = (task(), piece());
         let interrupt = AtomicBool::new(false);
-        let script = ScriptedPlayer::new(&task, &piece).unwrap();
+        let script = ScriptedBaseline::new(&task, &piece).unwrap();
         let mut player = |step: usize, _: &[f32], action: &mut [f32; ACTION_LEN]| {
             interrupt.store(step == 9, Ordering::Relaxed);
             *action = script.action(step);
@@ -165,7 +165,7 @@ fn a_robot_that_stops_itself_ends_with_its_fault_and_the_recording_is_whole() {
         // Starting and homing take some ten seconds; the fault comes in the middle of the piece or a little before.
         let fault: OrderedFault = "can-silent@11.5".parse().unwrap();
         let truth = truth().with_faults(&[fault]).unwrap();
-        let mut script = ScriptedPlayer::new(&task, &piece).unwrap();
+        let mut script = ScriptedBaseline::new(&task, &piece).unwrap();
         let path = folder.path().join(format!("{mode}.mcap"));
         let mut writer = RecordingWriter::create(&path, &Header::default()).unwrap();
         let never = AtomicBool::new(false);

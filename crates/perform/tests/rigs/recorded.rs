@@ -4,7 +4,7 @@ use std::path::Path;
 use std::sync::atomic::AtomicBool;
 
 use etude_perform::{Header, Mode, Recording, RecordingWriter, RobotRig, perform, prepare, record_release};
-use etude_task::ScriptedPlayer;
+use etude_task::ScriptedBaseline;
 use etude_twin::OrderedFault;
 
 use crate::bench::with_robot;
@@ -43,7 +43,7 @@ fn a_recording_shows_the_hand_before_it_holds_and_after_a_fault() {
     let fault: OrderedFault = "arm-error=31@11.5".parse().unwrap();
     let truth = truth().with_faults(&[fault]).unwrap();
     let (task, piece) = (task(), piece());
-    let mut script = ScriptedPlayer::new(&task, &piece).unwrap();
+    let mut script = ScriptedBaseline::new(&task, &piece).unwrap();
     let mut writer = RecordingWriter::create(&path, &Header::default()).unwrap();
     let never = AtomicBool::new(false);
     let performance = with_robot(&truth, &task, |robot, pace, pose| {

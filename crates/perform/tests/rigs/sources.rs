@@ -5,8 +5,8 @@ use std::sync::atomic::AtomicBool;
 
 use etude_music::{KEYS, LOWEST_PITCH, repertoire};
 use etude_perform::{Header, Mode, Recording, RecordingWriter};
-use etude_stage::{JOINTS, RAIL};
-use etude_task::{ACTION_LEN, ObservationScale, Piece, ScriptedPlayer, TaskConfig};
+use etude_stage::{DRIVEN_JOINTS, RAIL};
+use etude_task::{ACTION_LEN, ObservationScale, Piece, ScriptedBaseline, TaskConfig};
 use etude_twin::Truth;
 
 use crate::bench::{Kind, play};
@@ -34,7 +34,7 @@ fn observed(
     mode: Mode,
     rail_set_point: bool,
     folder: &Path,
-) -> (Vec<Vec<f32>>, Vec<Seen>, Vec<Seen>, Piece, ScriptedPlayer) {
+) -> (Vec<Vec<f32>>, Vec<Seen>, Vec<Seen>, Piece, ScriptedBaseline) {
     // The units of the paper: the columns are then the readings themselves.
     let task = TaskConfig {
         scale: ObservationScale::Si,
@@ -48,7 +48,7 @@ fn observed(
     let truth = Truth::load("worn").unwrap();
     let file = folder.join(format!("{mode}.mcap"));
     let mut writer = RecordingWriter::create(&file, &Header::default()).unwrap();
-    let script = ScriptedPlayer::new(&task, &piece).unwrap();
+    let script = ScriptedBaseline::new(&task, &piece).unwrap();
     let mut observations = Vec::new();
     let mut probe = |step: usize, observation: &[f32], action: &mut [f32; ACTION_LEN]| {
         observations.push(observation.to_vec());
@@ -93,8 +93,8 @@ fn each_column_comes_from_the_rig_that_the_mode_names() {
         }
         // What is observed before a step is what was measured at the end of the one before.
         for step in 2..observations.len() {
-            let (now, rest) = observations[step].split_at(JOINTS);
-            let (before, rest) = rest.split_at(JOINTS);
+            let (now, rest) = observations[step].split_at(DRIVEN_JOINTS);
+            let (before, rest) = rest.split_at(DRIVEN_JOINTS);
             let (actions, binary) = rest.split_at(ACTIONS * ACTION_LEN);
             assert_eq!(now, joints[step - 1].joints, "{mode}, step {step}: joints");
             assert_eq!(before, joints[step - 2].joints, "{mode}, step {step}: previous joints");
@@ -119,7 +119,7 @@ fn the_rails_set_point_is_shown_if_the_task_says_so() {
     let (observations, sent, robot, ..) = observed(Mode::Real, true, folder.path());
     assert!(differences(&sent, &robot, |seen| &seen.joints) > sent.len() / 2);
     for step in 2..observations.len() {
-        let (now, before) = observations[step].split_at(JOINTS);
+        let (now, before) = observations[step].split_at(DRIVEN_JOINTS);
         for (shown, ago) in [(now, 1), (before, 2)] {
             assert_eq!(shown[..RAIL], robot[step - ago].joints[..RAIL], "step {step}: fingers");
             assert_eq!(shown[RAIL], sent[step - ago].joints[RAIL], "step {step}: rail");

@@ -5,7 +5,7 @@ use etude_lab::Pianist;
 use etude_music::{CONTROL_HZ, KEYS, LOWEST_PITCH, Song, key_is_black};
 use etude_stage::geometry::WHITE_PITCH;
 use etude_stage::hand::LINKS;
-use etude_stage::{FINGERS, JOINT_NAMES, JOINTS, RAIL, joint_range, kinematics};
+use etude_stage::{DRIVEN_JOINTS, FINGERS, JOINT_NAMES, RAIL, joint_range, kinematics};
 use etude_task::fingering::{AHEAD_STEPS, Goal};
 use etude_task::window::{self, SLOTS, Window};
 use etude_task::{ACTION_LEN, Fingering, ObservationView, Piece, TargetRange, TaskConfig, TaskError};
@@ -17,7 +17,7 @@ pub(super) fn contract(pianist: &Pianist, song: &Song) -> Result<Value, TaskErro
     let piece = Piece::for_task(song, task)?;
     let range = TargetRange::new(&piece);
     let unit = |joint: usize| if joint == RAIL { "m" } else { "rad" };
-    let joints: Vec<_> = (0..JOINTS)
+    let joints: Vec<_> = (0..DRIVEN_JOINTS)
         .map(|joint| {
             let [low, high] = range.relative(joint);
             let [lowest, highest] = joint_range(joint);
@@ -56,9 +56,9 @@ fn columns(task: &TaskConfig) -> Vec<Value> {
     let mut add = |kind: &str, steps: usize, columns_: usize, name: String| {
         columns.push(json!({"kind": kind, "steps": steps, "columns": columns_, "name": name}));
     };
-    add("joints", 0, JOINTS, format!("joints (see `scales`: {})", scale_name(task)) + place + rail);
+    add("joints", 0, DRIVEN_JOINTS, format!("joints (see `scales`: {})", scale_name(task)) + place + rail);
     if task.previous_joints {
-        add("joints", 1, JOINTS, "joints one control step ago, in the same way".to_string());
+        add("joints", 1, DRIVEN_JOINTS, "joints one control step ago, in the same way".to_string());
     }
     for ago in 1..=task.previous_actions {
         add("action", ago, ACTION_LEN, format!("action {ago} control steps ago"));

@@ -29,10 +29,10 @@ const ACTION: &str = "action";
 /// without exploration. The entry `etude` of the model's metadata holds JSON that says what each column means.
 ///
 /// # Errors
-/// If the pianist is the scripted player, or the file cannot be written.
+/// If the pianist is the scripted baseline, or the file cannot be written.
 pub fn export_onnx(pianist: &Pianist, song: &Song, path: &Path) -> anyhow::Result<()> {
     let policy = pianist.policy().context(
-        "the scripted player has no network that could be exported; train a policy, or name one with --policy",
+        "the scripted baseline has no network that could be exported; train a policy, or name one with --policy",
     )?;
     let contract = contract(pianist, song)?;
     let mut graph = Graph {

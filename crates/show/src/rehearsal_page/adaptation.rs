@@ -161,7 +161,7 @@ mod tests {
             robot_f1: 0.957,
             robot_f1_std: 0.003,
             lag_secs: None,
-            lead_secs: 0.1,
+            latency_compensation_secs: 0.1,
             mode: Mode::JointMirroring,
             correction: "there/adaptation/correction.json".into(),
         }

@@ -207,7 +207,7 @@ fn scores(rounds: &[&Round]) -> Markup {
             format!("{:.1}\u{a0}of\u{a0}{}", round.notes.notes_right, round.notes.notes_due),
             format!("{:.1}", round.notes.notes_wrong),
             format!("{:.3}", round.notes.onset_f1),
-            format!("{:.0}", 1e3 * round.lead_secs),
+            format!("{:.0}", 1e3 * round.latency_compensation_secs),
             round.lag_secs.map_or_else(String::new, |lag| format!("{:+.0}", 1e3 * lag)),
             format!("{:.3}", round.sim_f1),
             format!("{:.3} ± {:.3}", round.robot_f1, round.robot_f1_std),
@@ -241,7 +241,7 @@ mod tests {
         Round {
             round,
             notes: MeanNotes { notes_right: 13.5, notes_due: 14, notes_wrong: 2.0, ..Default::default() },
-            lead_secs: 0.025,
+            latency_compensation_secs: 0.025,
             lag_secs: Some(0.06),
             sim_f1: 0.96,
             robot_f1: 0.9,

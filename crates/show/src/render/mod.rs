@@ -191,7 +191,7 @@ impl<'a> Studio<'a> {
                 return Err(Interrupted("stopped on request; nothing was kept".to_string()).into());
             }
             take(frame, self.paint(f64::from(frame) / f64::from(FRAMES_PER_SEC))?)?;
-            job.tell(&(f64::from(frame + 1) / f64::from(frames)));
+            job.report(&(f64::from(frame + 1) / f64::from(frames)));
         }
         Ok(())
     }

@@ -1,7 +1,7 @@
 //! What is seen at a moment of a recording: the joints, the colours of the keys, the fingertips' shadows and the arm.
 
 use etude_music::{KEYS, LOWEST_PITCH};
-use etude_stage::{JOINTS, SceneGeom};
+use etude_stage::{DRIVEN_JOINTS, SceneGeom};
 use nalgebra::{UnitQuaternion, Vector3};
 
 use crate::replay::{Arm, Shown, Take};
@@ -17,7 +17,7 @@ const SHADOWS: u32 = 4;
 const ARM: [f32; 4] = [0.86, 0.87, 0.88, 1.0];
 
 /// Joint positions at `secs`, between the control steps on a straight line.
-pub(super) fn joints_at(take: &Take, secs: f64) -> [f64; JOINTS] {
+pub(super) fn joints_at(take: &Take, secs: f64) -> [f64; DRIVEN_JOINTS] {
     let last = take.positions.len() - 1;
     // Row `i` is the end of step `i`; before the first there is the start, if it is known.
     let place = (secs * take.control_hz - 1.0).clamp(-1.0, last as f64);
@@ -120,7 +120,8 @@ pub(super) mod tests {
     #[test]
     fn joints_move_on_straight_lines_between_the_ends_of_steps() {
         // The start pose is known of a simulation only.
-        let step = |value: f64| StepMessage { positions: vec![value; JOINTS], ..StepMessage::default() };
+        let step =
+            |value: f64| StepMessage { positions: vec![value; DRIVEN_JOINTS], ..StepMessage::default() };
         let take = take(vec![step(0.1), step(0.3)], Vec::new(), Vec::new());
         for (secs, value) in [(0.0, 0.1), (0.05, 0.1), (0.075, 0.2), (0.1, 0.3), (9.0, 0.3)] {
             assert!((joints_at(&take, secs)[0] - value).abs() < 1e-9, "{secs}");
@@ -130,7 +131,7 @@ pub(super) mod tests {
     /// A note that is due in the second half of a second, and a stroke of `pitch` at `start`.
     pub fn second(pitch: u8, start: f64) -> Take {
         let step = |index: usize| StepMessage {
-            positions: vec![0.0; JOINTS],
+            positions: vec![0.0; DRIVEN_JOINTS],
             pressed: if index < 10 { Vec::new() } else { vec![pitch] },
             ..StepMessage::default()
         };

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use etude_music::KeySet;
 use etude_perform::Recording;
-use etude_stage::{JOINTS, StepOutcome, World};
+use etude_stage::{DRIVEN_JOINTS, StepOutcome, World};
 use etude_task::fingering::Goals;
 use etude_task::reward::{Moment, OF_A_FINGERING, Reward, is_term};
 use etude_task::{ACTION_LEN, TaskConfig};
@@ -35,7 +35,7 @@ pub(super) fn rewards(
     world: &mut World,
     due: &[KeySet],
     pressed: &[KeySet],
-    positions: &[[f64; JOINTS]],
+    positions: &[[f64; DRIVEN_JOINTS]],
 ) -> (Vec<RewardCurve>, Option<String>) {
     if !recording.rewards.is_empty() {
         return (recorded(recording, positions.len()), None);
@@ -83,7 +83,7 @@ fn measured(
     world: &mut World,
     due: &[KeySet],
     pressed: &[KeySet],
-    positions: &[[f64; JOINTS]],
+    positions: &[[f64; DRIVEN_JOINTS]],
 ) -> Vec<RewardCurve> {
     let names: Vec<&str> = reward.names().collect();
     let mut curves: Vec<RewardCurve> =

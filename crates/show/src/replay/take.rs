@@ -11,9 +11,9 @@ use etude_music::{
     CONTROL_HZ, HIGHEST_PITCH, KeyEvent, KeySet, LOWEST_PITCH, Note, keys_at, notes_from_key_events,
     repertoire,
 };
-use etude_perform::stand::stage_side;
+use etude_perform::session::stage_side;
 use etude_perform::{Header, Recording};
-use etude_stage::{JOINTS, RAIL_BEAM, Scene, StageConfig, World};
+use etude_stage::{DRIVEN_JOINTS, RAIL_BEAM, Scene, StageConfig, World};
 use etude_task::TaskConfig;
 use serde::Serialize;
 
@@ -169,7 +169,7 @@ impl Take {
         let in_simulation = header.activity == etude_perform::Activity::Simulation;
         let start = in_simulation.then(|| world.start_pose().map(rounded).to_vec());
 
-        let whole = |step: &&etude_perform::StepMessage| step.positions.len() == JOINTS;
+        let whole = |step: &&etude_perform::StepMessage| step.positions.len() == DRIVEN_JOINTS;
         let steps: Vec<_> = recording.steps.iter().take_while(whole).collect();
         let keys = |pitches: &[u8]| KeySet::from_pitches(pitches.iter().copied());
         let due: Vec<KeySet> = header.due.iter().map(|pitches| keys(pitches)).collect();
@@ -200,7 +200,7 @@ impl Take {
                 running.recall.push(rounded(scores.recall));
             }
         }
-        let positions: Vec<[f64; JOINTS]> =
+        let positions: Vec<[f64; DRIVEN_JOINTS]> =
             steps.iter().map(|step| std::array::from_fn(|joint| step.positions[joint])).collect();
         let notes = notes_from_key_events(&events, end_secs);
         let due_notes: Vec<Note> = header.due_notes.iter().map(|note| Note::from(*note)).collect();

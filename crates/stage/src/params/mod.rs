@@ -10,20 +10,20 @@ use std::collections::BTreeMap;
 
 use serde::{Deserialize, Serialize};
 
-use crate::hand::JOINTS;
+use crate::hand::DRIVEN_JOINTS;
 pub use table::{JointRow, ParamError, Row, Slot, WorldRow};
 
 /// The physical numbers of one world.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct PhysicalParams {
     world: [f64; WorldRow::ALL.len()],
-    joints: [[f64; JOINTS]; JointRow::ALL.len()],
+    joints: [[f64; DRIVEN_JOINTS]; JointRow::ALL.len()],
 }
 
 impl Default for PhysicalParams {
     fn default() -> Self {
         let mut params =
-            Self { world: [0.0; WorldRow::ALL.len()], joints: [[0.0; JOINTS]; JointRow::ALL.len()] };
+            Self { world: [0.0; WorldRow::ALL.len()], joints: [[0.0; DRIVEN_JOINTS]; JointRow::ALL.len()] };
         Slot::all().for_each(|slot| *params.slot_mut(slot) = slot.default_value());
         params
     }
@@ -134,7 +134,7 @@ mod tests {
             assert!(params.set(&path, row.range[1] * 2.0 + 1.0).is_err());
             assert!(params.set(&path, f64::NAN).is_err());
         }
-        assert_eq!(seen.len(), WorldRow::ALL.len() + JOINTS * JointRow::ALL.len());
+        assert_eq!(seen.len(), WorldRow::ALL.len() + DRIVEN_JOINTS * JointRow::ALL.len());
     }
 
     #[test]

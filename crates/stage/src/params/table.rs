@@ -3,7 +3,7 @@
 //! Sources: *RoboPianist* is github.com/google-research/robopianist; *lasr-lab/learning-to-play-piano* on GitHub is the code that
 //! the paper's authors published with its first version (arXiv 2503.15481v1).
 
-use crate::hand::{FINGER_JOINTS, JOINT_NAMES, JOINTS, RAIL};
+use crate::hand::{DRIVEN_JOINTS, JOINT_NAMES, JOINTS_PER_FINGER, RAIL};
 
 /// One row of a table: what is known about a number.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -152,7 +152,7 @@ rows! {
 
 /// Torque limits of the four joints of a finger, N·m: 375, 675, 450 and 285 of 1200 PWM counts, the clamps of
 /// simlabrobotics/allegro_hand_ros_v4.
-const FINGER_TORQUE_LIMITS: [f64; FINGER_JOINTS] = [0.3125, 0.5625, 0.375, 0.2375];
+const FINGER_TORQUE_LIMITS: [f64; JOINTS_PER_FINGER] = [0.3125, 0.5625, 0.375, 0.2375];
 
 /// One number: a row of the world, or of one joint.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -166,7 +166,8 @@ pub enum Slot {
 impl Slot {
     /// Every number, in a fixed order: the world's, then row by row those of all joints.
     pub fn all() -> impl Iterator<Item = Slot> {
-        let joints = JointRow::ALL.iter().flat_map(|row| (0..JOINTS).map(|joint| Slot::Joint(*row, joint)));
+        let joints =
+            JointRow::ALL.iter().flat_map(|row| (0..DRIVEN_JOINTS).map(|joint| Slot::Joint(*row, joint)));
         WorldRow::ALL.iter().map(|row| Slot::World(*row)).chain(joints)
     }
 
@@ -187,7 +188,8 @@ impl Slot {
             "fingers" => *joint != RAIL,
             name => JOINT_NAMES[*joint] == name,
         };
-        let slots: Vec<_> = (0..JOINTS).filter(is_named).map(|joint| Slot::Joint(*row, joint)).collect();
+        let slots: Vec<_> =
+            (0..DRIVEN_JOINTS).filter(is_named).map(|joint| Slot::Joint(*row, joint)).collect();
         if slots.is_empty() { Err(unknown()) } else { Ok(slots) }
     }
 
@@ -226,7 +228,7 @@ impl Slot {
     pub fn default_value(self) -> f64 {
         match self {
             Slot::Joint(row, RAIL) => row.row().rail_default,
-            Slot::Joint(JointRow::TorqueLimit, joint) => FINGER_TORQUE_LIMITS[joint % FINGER_JOINTS],
+            Slot::Joint(JointRow::TorqueLimit, joint) => FINGER_TORQUE_LIMITS[joint % JOINTS_PER_FINGER],
             _ => self.row().default,
         }
     }

@@ -5,7 +5,7 @@ use mujoco_rs::prelude::{MjModel, MjtObjBase};
 
 use crate::contacts::Part;
 use crate::error::StageError;
-use crate::hand::{FINGER_NAMES, FINGERS, JOINT_NAMES, JOINTS};
+use crate::hand::{DRIVEN_JOINTS, FINGER_NAMES, FINGERS, JOINT_NAMES};
 
 /// Ids and addresses in the MuJoCo model.
 #[derive(Clone)]
@@ -16,7 +16,7 @@ pub(super) struct Layout {
     pub key_tree: [usize; KEYS],
     pub key_body: [usize; KEYS],
     pub key_geom: [usize; KEYS],
-    pub joint_dof: [usize; JOINTS],
+    pub joint_dof: [usize; DRIVEN_JOINTS],
     pub tip_site: [usize; FINGERS],
     pub pad_site: [usize; FINGERS],
     pub geom_part: Vec<Part>,
@@ -37,7 +37,7 @@ impl Layout {
             key_tree: [0; KEYS],
             key_body: [0; KEYS],
             key_geom: [0; KEYS],
-            joint_dof: [0; JOINTS],
+            joint_dof: [0; DRIVEN_JOINTS],
             tip_site: [0; FINGERS],
             pad_site: [0; FINGERS],
             geom_part: vec![Part::OtherLink; model.geom_friction().len()],

@@ -18,7 +18,7 @@ use crate::config::{ModelOptions, PHYSICS_STEPS, StageConfig};
 use crate::controller::{Controller, Gains};
 use crate::error::StageError;
 use crate::geometry::{HALF_WIDTH, WHITE};
-use crate::hand::{FINGER_JOINTS, FINGERS, JOINTS, RAIL, TIP_RADIUS, joint_range, root_lateral};
+use crate::hand::{DRIVEN_JOINTS, FINGERS, JOINTS_PER_FINGER, RAIL, TIP_RADIUS, joint_range, root_lateral};
 use crate::kinematics;
 use crate::mjcf::{
     key_colour, key_place, key_range, key_spring_rest, keyboard_place, mjcf_with, passive_damping,
@@ -45,21 +45,21 @@ pub struct World {
     config: StageConfig,
     options: ModelOptions,
     params: PhysicalParams,
-    gains: [Gains; JOINTS],
+    gains: [Gains; DRIVEN_JOINTS],
     /// Those of the rail while a key is down.
     key_down_gains: Gains,
     /// Angle of each key from which on it sounds, rad.
     threshold: [f64; KEYS],
     /// Angle of each key below which it is silent again, rad; at most its threshold.
     release: [f64; KEYS],
-    controllers: [Controller; JOINTS],
+    controllers: [Controller; DRIVEN_JOINTS],
     pressed: KeySet,
     /// Physics steps since the last reset.
     physics_steps: u64,
     /// Key angles at which MuJoCo last computed the quantities that depend on them; see `snapshot`.
     derived_at: [f64; KEYS],
     /// Torques of the last physics step, N·m, the rail's in N.
-    torques: [f64; JOINTS],
+    torques: [f64; DRIVEN_JOINTS],
     /// Key events of the last control step.
     events: Vec<KeyEvent>,
     /// Strikes of the last control step.
@@ -106,7 +106,7 @@ impl World {
             pressed: KeySet::EMPTY,
             physics_steps: 0,
             derived_at: [0.0; KEYS],
-            torques: [0.0; JOINTS],
+            torques: [0.0; DRIVEN_JOINTS],
             events: Vec::with_capacity(EVENTS),
             strikes: Vec::with_capacity(EVENTS),
             deepest: [0.0; KEYS],
@@ -124,7 +124,7 @@ impl World {
             self.threshold[key] = value(WorldRow::KeyThreshold) * self.lower_stop(key);
             self.release[key] = self.threshold[key] * (1.0 - value(WorldRow::KeyHysteresis));
         }
-        for joint in 0..JOINTS {
+        for joint in 0..DRIVEN_JOINTS {
             self.gains[joint] = Gains::new(params, joint, self.config.actuation, step);
         }
         self.key_down_gains = self.gains[RAIL].slower(value(WorldRow::KeyDownSpeed));
@@ -142,7 +142,7 @@ impl World {
             model.dof_armature_mut()[dof] = value(WorldRow::KeyArmature);
             model.geom_friction_mut()[self.layout.key_geom[key]][0] = value(WorldRow::KeyFriction);
         }
-        for joint in 0..JOINTS {
+        for joint in 0..DRIVEN_JOINTS {
             let dof = self.layout.joint_dof[joint];
             model.dof_damping_mut()[dof] = passive_damping(&self.config, params, joint);
             model.dof_frictionloss_mut()[dof] = params.joint(JointRow::Friction, joint);
@@ -161,7 +161,7 @@ impl World {
 
     /// Resets with the joints at `pose` and the keys up. `pose` holds true positions (rad, the rail in m), which are clamped to
     /// the joints' ranges.
-    pub fn reset_to(&mut self, pose: &[f64; JOINTS]) {
+    pub fn reset_to(&mut self, pose: &[f64; DRIVEN_JOINTS]) {
         self.data.reset();
         for (joint, position) in pose.iter().enumerate() {
             let [low, high] = joint_range(joint);
@@ -185,9 +185,9 @@ impl World {
 
     /// Puts the world into a pose in which nothing moves: the joints at these encoder readings (rad, the rail in m), the keys of
     /// `down` pressed to their lower stops, the others at rest. Used to show or to evaluate a moment of a recording.
-    pub fn pose(&mut self, readings: &[f64; JOINTS], down: KeySet) {
+    pub fn pose(&mut self, readings: &[f64; DRIVEN_JOINTS], down: KeySet) {
         let bias = |joint: usize| self.gains[joint].measured(0.0);
-        let pose: [f64; JOINTS] = std::array::from_fn(|joint| readings[joint] - bias(joint));
+        let pose: [f64; DRIVEN_JOINTS] = std::array::from_fn(|joint| readings[joint] - bias(joint));
         self.reset_to(&pose);
         let angles = std::array::from_fn(|key| if down.contains(key) { self.lower_stop(key) } else { 0.0 });
         self.put_keys(&angles);
@@ -214,21 +214,21 @@ impl World {
     }
 
     /// The starting pose in true positions.
-    fn start_pose_true(&self) -> [f64; JOINTS] {
-        let mut pose = [0.0; JOINTS];
+    fn start_pose_true(&self) -> [f64; DRIVEN_JOINTS] {
+        let mut pose = [0.0; DRIVEN_JOINTS];
         pose[RAIL] = self.params.world(WorldRow::HandStart).clamp(-HALF_WIDTH, HALF_WIDTH);
         let (x, z) = (WHITE.target()[0], WHITE.top() + TIP_RADIUS + HOVER);
         for finger in 0..FINGERS {
             let y = root_lateral(self.config.side, finger) + pose[RAIL];
             let angles = kinematics::reach(self.config.side, finger, [x, y, z], pose[RAIL]);
-            pose[finger * FINGER_JOINTS..][..FINGER_JOINTS]
-                .copy_from_slice(&angles.unwrap_or([0.0; FINGER_JOINTS]));
+            pose[finger * JOINTS_PER_FINGER..][..JOINTS_PER_FINGER]
+                .copy_from_slice(&angles.unwrap_or([0.0; JOINTS_PER_FINGER]));
         }
         pose
     }
 
     /// The starting pose in encoder readings (rad, the rail in m). As targets they hold the hand still.
-    pub fn start_pose(&self) -> [f64; JOINTS] {
+    pub fn start_pose(&self) -> [f64; DRIVEN_JOINTS] {
         let pose = self.start_pose_true();
         std::array::from_fn(|joint| self.gains[joint].measured(pose[joint]))
     }

@@ -4,34 +4,34 @@ use etude_music::{KeyEvent, KeySet};
 
 use super::World;
 use crate::geometry::KeyShape;
-use crate::hand::JOINTS;
+use crate::hand::DRIVEN_JOINTS;
 use crate::mjcf::on_keyboard;
 use crate::strike::Strike;
 
 impl World {
     /// Joint positions as the encoders read them: rad, the rail in m.
-    pub fn joints(&self) -> [f64; JOINTS] {
+    pub fn joints(&self) -> [f64; DRIVEN_JOINTS] {
         let places = self.joints_true();
         std::array::from_fn(|joint| self.gains[joint].measured(places[joint]))
     }
 
     /// True joint positions: rad, the rail in m.
-    pub fn joints_true(&self) -> [f64; JOINTS] {
+    pub fn joints_true(&self) -> [f64; DRIVEN_JOINTS] {
         self.layout.joint_dof.map(|dof| self.data.qpos()[dof])
     }
 
     /// Set-points of the joints' controllers, before their delays, as encoder readings: rad, the rail in m.
-    pub fn set_points(&self) -> [f64; JOINTS] {
+    pub fn set_points(&self) -> [f64; DRIVEN_JOINTS] {
         std::array::from_fn(|joint| self.controllers[joint].set_point())
     }
 
     /// Joint velocities, rad/s, the rail in m/s.
-    pub fn joint_velocities(&self) -> [f64; JOINTS] {
+    pub fn joint_velocities(&self) -> [f64; DRIVEN_JOINTS] {
         std::array::from_fn(|j| self.data.qvel()[self.layout.joint_dof[j]])
     }
 
     /// Torques of the last physics step, N·m, the rail in N.
-    pub fn torques(&self) -> &[f64; JOINTS] {
+    pub fn torques(&self) -> &[f64; DRIVEN_JOINTS] {
         &self.torques
     }
 

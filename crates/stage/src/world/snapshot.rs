@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 
 use super::World;
 use crate::controller::Controller;
-use crate::hand::JOINTS;
+use crate::hand::DRIVEN_JOINTS;
 
 /// The state of a [`World`], without its parameters.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -69,7 +69,7 @@ impl World {
         if !are_cycles(&snapshot.asleep) {
             return Err(SnapshotError("sleeping trees that form no cycles"));
         }
-        let controllers: &[Controller; JOINTS] = snapshot
+        let controllers: &[Controller; DRIVEN_JOINTS] = snapshot
             .controllers
             .as_slice()
             .try_into()

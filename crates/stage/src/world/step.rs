@@ -9,7 +9,7 @@ use mujoco_rs::mujoco_c::mjtDisableBit;
 use super::World;
 use crate::config::PHYSICS_STEPS;
 use crate::controller::{Controller, Gains};
-use crate::hand::{JOINTS, RAIL, joint_range};
+use crate::hand::{DRIVEN_JOINTS, RAIL, joint_range};
 use crate::mjcf::PALM_PLACE;
 use crate::strike::{CONTACTS_APART, LOUDEST_SECS, SOFTEST_SECS, Strike, force, midi};
 
@@ -32,12 +32,12 @@ type Law = fn(&mut Controller, &Gains, f64, f64, f64) -> f64;
 
 impl World {
     /// One control step toward `targets` (encoder readings: rad, the rail in m), which are clamped to the joints' ranges.
-    pub fn step(&mut self, targets: &[f64; JOINTS]) -> StepOutcome {
+    pub fn step(&mut self, targets: &[f64; DRIVEN_JOINTS]) -> StepOutcome {
         self.step_watched(targets, |_| {})
     }
 
     /// As [`step`](Self::step), calling `watch` after each physics step.
-    pub fn step_watched(&mut self, targets: &[f64; JOINTS], watch: impl FnMut(&Self)) -> StepOutcome {
+    pub fn step_watched(&mut self, targets: &[f64; DRIVEN_JOINTS], watch: impl FnMut(&Self)) -> StepOutcome {
         self.control_step(|_| targets, Controller::torque, watch)
     }
 
@@ -45,7 +45,7 @@ impl World {
     /// shaped already. Calls `watch` after each physics step.
     pub fn track_watched(
         &mut self,
-        waypoints: &[[f64; JOINTS]; PHYSICS_STEPS],
+        waypoints: &[[f64; DRIVEN_JOINTS]; PHYSICS_STEPS],
         watch: impl FnMut(&Self),
     ) -> StepOutcome {
         self.control_step(|step| &waypoints[step], Controller::track, watch)
@@ -53,7 +53,7 @@ impl World {
 
     fn control_step<'a>(
         &mut self,
-        wanted: impl Fn(usize) -> &'a [f64; JOINTS],
+        wanted: impl Fn(usize) -> &'a [f64; DRIVEN_JOINTS],
         law: Law,
         mut watch: impl FnMut(&Self),
     ) -> StepOutcome {
@@ -74,7 +74,7 @@ impl World {
         outcome
     }
 
-    fn physics_step(&mut self, targets: &[f64; JOINTS], law: Law, outcome: &mut StepOutcome) {
+    fn physics_step(&mut self, targets: &[f64; DRIVEN_JOINTS], law: Law, outcome: &mut StepOutcome) {
         for (joint, target) in targets.iter().enumerate() {
             let dof = self.layout.joint_dof[joint];
             let [low, high] = joint_range(joint);
@@ -100,7 +100,7 @@ impl World {
 
     /// One physics step under these torques (N·m, the rail in N) instead of those of the joint controllers: the twin emulates
     /// the robot's own drives. The events are then those of this physics step.
-    pub fn drive(&mut self, torques: &[f64; JOINTS]) {
+    pub fn drive(&mut self, torques: &[f64; DRIVEN_JOINTS]) {
         self.events.clear();
         self.strikes.clear();
         self.torques = *torques;
@@ -109,7 +109,7 @@ impl World {
 
     /// Changes the dry friction of the joints, N·m, the rail's in N, for example to model static friction. A negative value or
     /// NaN counts as zero.
-    pub fn set_joint_friction(&mut self, friction: &[f64; JOINTS]) {
+    pub fn set_joint_friction(&mut self, friction: &[f64; DRIVEN_JOINTS]) {
         // SAFETY: only values change; no size, address or id table is touched.
         let model = unsafe { self.data.model_mut() };
         for (dof, friction) in self.layout.joint_dof.iter().zip(friction) {
@@ -187,7 +187,7 @@ impl World {
     }
 
     /// One `mj_step` under `torques` and nothing else. A benchmark compares [`step`](Self::step) with it.
-    pub fn bare_physics_step(&mut self, torques: &[f64; JOINTS]) {
+    pub fn bare_physics_step(&mut self, torques: &[f64; DRIVEN_JOINTS]) {
         self.data.ctrl_mut().copy_from_slice(torques);
         self.data.step();
     }

@@ -30,9 +30,9 @@ fn friction_of_the_joints_can_change_on_the_way() {
         }
         world.joints()[4] - before
     };
-    world.set_joint_friction(&[0.2; JOINTS]);
+    world.set_joint_friction(&[0.2; DRIVEN_JOINTS]);
     let held = push(&mut world);
-    world.set_joint_friction(&[f64::NAN; JOINTS]);
+    world.set_joint_friction(&[f64::NAN; DRIVEN_JOINTS]);
     let free = push(&mut world);
     assert!(held.abs() < 0.02 && free > 5.0 * held.abs(), "{held} {free}");
 }
@@ -43,7 +43,7 @@ fn pressed_by(world: &mut World, key: usize, newton: f64) -> f64 {
     let dof = world.layout.key_dof[key];
     for _ in 0..40 {
         world.data.qfrc_applied_mut()[dof] = newton * KeyShape::of(key).size[0];
-        world.drive(&[0.0; JOINTS]);
+        world.drive(&[0.0; DRIVEN_JOINTS]);
     }
     world.key_travel(key)
 }
@@ -78,7 +78,7 @@ fn a_key_with_a_preload_needs_that_force_to_move() {
         }
         // A key at rest sleeps as one without a preload does.
         world.reset();
-        let zero = [0.0; JOINTS];
+        let zero = [0.0; DRIVEN_JOINTS];
         (0..200).for_each(|_| world.drive(&zero));
         assert!(world.data.tree_asleep()[world.layout.key_tree[20]] >= 0);
     }
@@ -94,8 +94,8 @@ fn a_hand_can_be_tilted_and_off_its_place() {
     let options = ModelOptions { hand_tilt_rad: [roll, pitch], ..ModelOptions::default() };
     let mut straight = World::new(&config, &params).unwrap();
     let mut tilted = World::with_options(&config, &params, &options).unwrap();
-    let mut pose = [0.0; JOINTS];
-    let mut tips = |pose: &[f64; JOINTS]| {
+    let mut pose = [0.0; DRIVEN_JOINTS];
+    let mut tips = |pose: &[f64; DRIVEN_JOINTS]| {
         straight.reset_to(pose);
         tilted.reset_to(pose);
         [0, 1, 2].map(|finger| [straight.fingertip(finger), tilted.fingertip(finger)])
@@ -139,9 +139,9 @@ fn without_contacts_a_hand_moves_the_same_and_presses_nothing() {
         for step in 0..40 {
             let mut targets = start;
             if deep {
-                targets[FINGER_JOINTS..2 * FINGER_JOINTS].copy_from_slice(&reach);
+                targets[JOINTS_PER_FINGER..2 * JOINTS_PER_FINGER].copy_from_slice(&reach);
             } else {
-                targets[FINGER_JOINTS + 1] -= 0.1 * f64::from(step % 7);
+                targets[JOINTS_PER_FINGER + 1] -= 0.1 * f64::from(step % 7);
                 targets[RAIL] += 1e-3 * f64::from(step);
             }
             world.step_watched(&targets, |world| path.push(world.joints()));

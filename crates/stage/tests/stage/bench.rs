@@ -1,9 +1,11 @@
 //! What the tests share: poses over keys, and random but shrinkable ways to move.
 
 use etude_stage::geometry::{HALF_WIDTH, KeyShape};
-use etude_stage::hand::{FINGER_JOINTS, TIP_RADIUS, root_lateral};
+use etude_stage::hand::{JOINTS_PER_FINGER, TIP_RADIUS, root_lateral};
 use etude_stage::params::{JointRow, WorldRow};
-use etude_stage::{FINGERS, JOINTS, PhysicalParams, RAIL, StageConfig, World, joint_range, kinematics};
+use etude_stage::{
+    DRIVEN_JOINTS, FINGERS, PhysicalParams, RAIL, StageConfig, World, joint_range, kinematics,
+};
 use proptest::prelude::*;
 
 /// A nominal world of the default kind.
@@ -13,7 +15,7 @@ pub fn nominal() -> World {
 
 /// Targets with `finger`'s tip `height` metres above the top of `key` (negative: pressed that deep), the other
 /// fingers hovering as at the start. `None` where the finger cannot get there.
-pub fn over(world: &World, finger: usize, key: usize, height: f64) -> Option<[f64; JOINTS]> {
+pub fn over(world: &World, finger: usize, key: usize, height: f64) -> Option<[f64; DRIVEN_JOINTS]> {
     over_beside(world, finger, key, height, 0.0)
 }
 
@@ -24,7 +26,7 @@ pub fn over_beside(
     key: usize,
     height: f64,
     aside: f64,
-) -> Option<[f64; JOINTS]> {
+) -> Option<[f64; DRIVEN_JOINTS]> {
     let side = world.config().side;
     let [x, y, _] = world.key_target(key);
     let top = KeyShape::of(key).top() + world.params().world(WorldRow::KeyboardHeight);
@@ -36,14 +38,14 @@ pub fn over_beside(
     let angles = kinematics::reach(side, finger, [x, y + aside, top + TIP_RADIUS + height], rail)?;
     pose[RAIL] = rail + world.params().joint(JointRow::EncoderBias, RAIL);
     for (number, angle) in angles.into_iter().enumerate() {
-        let joint = finger * FINGER_JOINTS + number;
+        let joint = finger * JOINTS_PER_FINGER + number;
         pose[joint] = angle + world.params().joint(JointRow::EncoderBias, joint);
     }
     Some(pose)
 }
 
 /// Targets at these shares (0 to 1) of the joints' ranges.
-pub fn at_shares(shares: &[f64; JOINTS]) -> [f64; JOINTS] {
+pub fn at_shares(shares: &[f64; DRIVEN_JOINTS]) -> [f64; DRIVEN_JOINTS] {
     std::array::from_fn(|joint| {
         let [low, high] = joint_range(joint);
         low + shares[joint] * (high - low)
@@ -67,7 +69,7 @@ pub enum Gesture {
     /// All joints anywhere.
     Fling {
         /// Shares of the joints' ranges.
-        shares: [f64; JOINTS],
+        shares: [f64; DRIVEN_JOINTS],
         /// Control steps.
         steps: usize,
     },
@@ -75,7 +77,7 @@ pub enum Gesture {
 
 impl Gesture {
     /// The targets, once for each control step.
-    pub fn targets(&self, world: &World) -> Vec<[f64; JOINTS]> {
+    pub fn targets(&self, world: &World) -> Vec<[f64; DRIVEN_JOINTS]> {
         match self {
             Gesture::Reach { finger, key, height, steps } => {
                 vec![over(world, *finger, *key, *height).unwrap_or_else(|| world.start_pose()); *steps]
@@ -86,7 +88,7 @@ impl Gesture {
 }
 
 /// Targets of all gestures, one after the other.
-pub fn all_targets(world: &World, gestures: &[Gesture]) -> Vec<[f64; JOINTS]> {
+pub fn all_targets(world: &World, gestures: &[Gesture]) -> Vec<[f64; DRIVEN_JOINTS]> {
     gestures.iter().flat_map(|gesture| gesture.targets(world)).collect()
 }
 

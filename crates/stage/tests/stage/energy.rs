@@ -1,6 +1,6 @@
 //! Without torque the world only loses energy: nothing in the model feeds itself.
 
-use etude_stage::{JOINT_NAMES, JOINTS};
+use etude_stage::{DRIVEN_JOINTS, JOINT_NAMES};
 use proptest::prelude::*;
 
 use crate::bench;
@@ -11,7 +11,7 @@ fn fade(replica: &mut Replica, secs: f64) -> Vec<f64> {
     let steps = (secs / STEP_SECS) as usize;
     (0..steps)
         .map(|_| {
-            replica.physics_step(&[0.0; JOINTS]);
+            replica.physics_step(&[0.0; DRIVEN_JOINTS]);
             replica.energy()
         })
         .collect()

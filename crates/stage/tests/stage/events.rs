@@ -1,7 +1,7 @@
 //! Strikes and releases: when they happened, in which order, how fast, and that they agree with the keys.
 
 use etude_music::{KeyEvent, KeySet};
-use etude_stage::{JOINTS, PHYSICS_STEPS, PhysicalParams, RAIL, StageConfig, World};
+use etude_stage::{DRIVEN_JOINTS, PHYSICS_STEPS, PhysicalParams, RAIL, StageConfig, World};
 use proptest::prelude::*;
 
 use crate::bench::{self, all_targets, over};
@@ -42,7 +42,7 @@ proptest! {
     }
 }
 
-fn replica_step(replica: &mut Replica, targets: &[f64; JOINTS]) {
+fn replica_step(replica: &mut Replica, targets: &[f64; DRIVEN_JOINTS]) {
     let torques = replica.torques(targets);
     replica.physics_step(&torques);
 }
@@ -98,7 +98,7 @@ fn biased(bias: f64) -> World {
     World::new(&StageConfig::default(), &params).unwrap()
 }
 
-fn furthest(a: [f64; JOINTS], b: [f64; JOINTS]) -> f64 {
+fn furthest(a: [f64; DRIVEN_JOINTS], b: [f64; DRIVEN_JOINTS]) -> f64 {
     a.iter().zip(b).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max)
 }
 
@@ -106,7 +106,7 @@ fn furthest(a: [f64; JOINTS], b: [f64; JOINTS]) -> f64 {
 fn an_encoder_bias_is_read_but_moves_nothing_by_itself() {
     let unbiased = bench::nominal();
     let mut world = biased(0.05);
-    for joint in 0..JOINTS {
+    for joint in 0..DRIVEN_JOINTS {
         let bias = if joint == RAIL { 0.01 } else { 0.05 };
         assert!((world.joints()[joint] - unbiased.joints()[joint] - bias).abs() < 1e-12);
     }

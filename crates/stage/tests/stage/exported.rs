@@ -5,7 +5,7 @@ use std::fmt::Write as _;
 use std::io::Write as _;
 use std::path::Path;
 
-use etude_stage::{Actuation, JOINTS, PhysicalParams, Side, StageConfig, World, mjcf};
+use etude_stage::{Actuation, DRIVEN_JOINTS, PhysicalParams, Side, StageConfig, World, mjcf};
 use proptest::prelude::*;
 
 use crate::bench::{self, Gesture, all_targets, over};
@@ -27,21 +27,21 @@ fn worlds() -> impl Iterator<Item = (&'static str, StageConfig)> {
 }
 
 /// Two seconds with presses, a push against a neighbour and a long move.
-fn vigorous(world: &World) -> Vec<[f64; JOINTS]> {
+fn vigorous(world: &World) -> Vec<[f64; DRIVEN_JOINTS]> {
     let mut targets = Vec::new();
     for (finger, key, height) in
         [(1, 24, 0.0), (1, 24, -0.015), (1, 26, -0.015), (0, 28, -0.02), (2, 25, -0.012), (1, 33, 0.01)]
     {
         targets.extend([over(world, finger, key, height).unwrap(); 6]);
     }
-    targets.extend([bench::at_shares(&[0.9; JOINTS]); 3]);
-    targets.extend([bench::at_shares(&[0.2; JOINTS]); 5]);
+    targets.extend([bench::at_shares(&[0.9; DRIVEN_JOINTS]); 3]);
+    targets.extend([bench::at_shares(&[0.2; DRIVEN_JOINTS]); 5]);
     targets
 }
 
 fn trace(start: &[f64], moments: &[Moment]) -> String {
     let mut text = String::new();
-    for (torques, positions) in std::iter::once((&[0.0; JOINTS], start))
+    for (torques, positions) in std::iter::once((&[0.0; DRIVEN_JOINTS], start))
         .chain(moments.iter().map(|m| (&m.torques, m.positions.as_slice())))
     {
         for value in torques.iter().chain(positions) {

@@ -18,7 +18,7 @@
 use etude_stage::geometry::BLACK;
 use etude_stage::hand::{FINGERS, LINK_MASSES, PALM_MASS, THUMB_MASS};
 use etude_stage::params::{JointRow, WorldRow};
-use etude_stage::{Actuation, JOINTS, PhysicalParams, RAIL, StageConfig, World, joint_range};
+use etude_stage::{Actuation, DRIVEN_JOINTS, PhysicalParams, RAIL, StageConfig, World, joint_range};
 use proptest::prelude::*;
 
 use crate::bench;
@@ -57,7 +57,7 @@ fn keep_to_the_rules(params: &mut PhysicalParams, actuation: Actuation) {
     params.set_world(WorldRow::KeyStiffness, params.world(WorldRow::KeyStiffness).min(stiffest));
     let strongest = CARRIED * BLACK.max_angle() / STEP_SECS.powi(2) * lightest_key(params) / BLACK.size[0];
     params.set_world(WorldRow::KeyPreload, params.world(WorldRow::KeyPreload).min(strongest));
-    for joint in 0..JOINTS {
+    for joint in 0..DRIVEN_JOINTS {
         let (quantity, most) = strongest_drive(params, joint, actuation);
         params.set_joint(quantity, joint, params.joint(quantity, joint).min(most));
     }
@@ -88,7 +88,7 @@ fn strongest_drive(params: &PhysicalParams, joint: usize, actuation: Actuation) 
     }
 }
 
-fn targets() -> impl Strategy<Value = Vec<[f64; JOINTS]>> {
+fn targets() -> impl Strategy<Value = Vec<[f64; DRIVEN_JOINTS]>> {
     prop::collection::vec((prop::array::uniform13(0.0f64..1.0), 1usize..5), 5..12).prop_map(|moves| {
         moves.iter().flat_map(|(shares, steps)| vec![bench::at_shares(shares); *steps]).collect()
     })
@@ -97,7 +97,7 @@ fn targets() -> impl Strategy<Value = Vec<[f64; JOINTS]>> {
 fn calm(
     config: &StageConfig,
     params: &PhysicalParams,
-    targets: &[[f64; JOINTS]],
+    targets: &[[f64; DRIVEN_JOINTS]],
 ) -> Result<(), TestCaseError> {
     let mut world = World::new(config, params).unwrap();
     for (step, targets) in targets.iter().enumerate() {

@@ -2,7 +2,7 @@
 //! the fingers is MuJoCo's.
 
 use etude_music::{KEYS, KeySet, key_is_black};
-use etude_stage::hand::FINGER_JOINTS;
+use etude_stage::hand::JOINTS_PER_FINGER;
 use etude_stage::{FINGERS, PhysicalParams, RAIL, Side, StageConfig, World, joint_range, kinematics};
 use proptest::prelude::*;
 
@@ -88,7 +88,7 @@ proptest! {
         let pose = bench::at_shares(&shares);
         world.reset_to(&pose);
         for finger in 0..FINGERS {
-            let angles = std::array::from_fn(|number| pose[finger * FINGER_JOINTS + number]);
+            let angles = std::array::from_fn(|number| pose[finger * JOINTS_PER_FINGER + number]);
             let expected = kinematics::fingertip(side, finger, &angles, pose[RAIL]);
             let found = world.fingertip(finger);
             for axis in 0..3 {

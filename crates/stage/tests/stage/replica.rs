@@ -9,7 +9,7 @@ use etude_music::{KEYS, KeySet};
 use etude_stage::controller::{Controller, Gains};
 use etude_stage::geometry::KeyShape;
 use etude_stage::params::{JointRow, WorldRow};
-use etude_stage::{JOINTS, PHYSICS_STEPS, World, joint_range, mjcf};
+use etude_stage::{DRIVEN_JOINTS, PHYSICS_STEPS, World, joint_range, mjcf};
 use mujoco_rs::prelude::{MjData, MjModel, MjtObjBase};
 
 /// Physics step, s (design: 200 Hz).
@@ -20,11 +20,11 @@ pub struct Replica {
     /// The data of the model.
     pub data: MjData<Box<MjModel>>,
     /// Degrees of freedom of the joints, and of the keys.
-    pub dofs: [usize; JOINTS],
+    pub dofs: [usize; DRIVEN_JOINTS],
     keys: [usize; KEYS],
     threshold: f64,
-    gains: [Gains; JOINTS],
-    controllers: [Controller; JOINTS],
+    gains: [Gains; DRIVEN_JOINTS],
+    controllers: [Controller; DRIVEN_JOINTS],
 }
 
 impl Replica {
@@ -48,7 +48,7 @@ impl Replica {
     }
 
     /// The torques that the controllers ask for now. Advances the controllers.
-    pub fn torques(&mut self, targets: &[f64; JOINTS]) -> [f64; JOINTS] {
+    pub fn torques(&mut self, targets: &[f64; DRIVEN_JOINTS]) -> [f64; DRIVEN_JOINTS] {
         std::array::from_fn(|joint| {
             let dof = self.dofs[joint];
             let [low, high] = joint_range(joint);
@@ -64,13 +64,13 @@ impl Replica {
     }
 
     /// One physics step under these torques.
-    pub fn physics_step(&mut self, torques: &[f64; JOINTS]) {
+    pub fn physics_step(&mut self, torques: &[f64; DRIVEN_JOINTS]) {
         self.data.ctrl_mut().copy_from_slice(torques);
         self.data.step();
     }
 
     /// Plays all targets and keeps torques and positions of each physics step.
-    pub fn record(&mut self, targets: &[[f64; JOINTS]]) -> Vec<Moment> {
+    pub fn record(&mut self, targets: &[[f64; DRIVEN_JOINTS]]) -> Vec<Moment> {
         let mut moments = Vec::with_capacity(targets.len() * PHYSICS_STEPS);
         for targets in targets {
             for _ in 0..PHYSICS_STEPS {
@@ -83,12 +83,12 @@ impl Replica {
     }
 
     /// Where the joints are.
-    pub fn joints(&self) -> [f64; JOINTS] {
+    pub fn joints(&self) -> [f64; DRIVEN_JOINTS] {
         self.dofs.map(|dof| self.data.qpos()[dof])
     }
 
     /// Set-points of the joints' controllers.
-    pub fn set_points(&self) -> [f64; JOINTS] {
+    pub fn set_points(&self) -> [f64; DRIVEN_JOINTS] {
         std::array::from_fn(|joint| self.controllers[joint].set_point())
     }
 
@@ -122,7 +122,7 @@ impl Replica {
 /// One physics step of a recording.
 pub struct Moment {
     /// Torques in joint order.
-    pub torques: [f64; JOINTS],
+    pub torques: [f64; DRIVEN_JOINTS],
     /// All positions of the model after the step.
     pub positions: Vec<f64>,
 }

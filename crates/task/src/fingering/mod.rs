@@ -1,7 +1,7 @@
 //! The fingering of a song: which finger plays which key, and where the hand is.
 //!
 //! It is planned for the whole song in advance: strokes from the frames (`strokes`), then fingers and places of the rail by dynamic
-//! programming (`planner`, with the models `comb` of the fingers and `rail` of the rail). The scripted player plays it; a policy can
+//! programming (`planner`, with the models `comb` of the fingers and `rail` of the rail). The scripted baseline plays it; a policy can
 //! be shown it ([`TaskConfig::fingering`](crate::TaskConfig::fingering)).
 
 pub(crate) mod comb;
@@ -71,14 +71,14 @@ impl Fingering {
         params: &PhysicalParams,
         change_steps: usize,
         piece: &Piece,
-        tell: &mut dyn FnMut(f64),
+        on_progress: &mut dyn FnMut(f64),
     ) -> Self {
-        let strokes = strokes::strokes(piece.frames(), piece.notes(), piece.lead_secs());
+        let strokes = strokes::strokes(piece.frames(), piece.notes(), piece.latency_compensation_secs());
         let slices = strokes::slices(&strokes);
         let comb = Comb::new(stage.side, params);
         let rail = Rail::new(stage, params);
         let planner = Planner { comb: &comb, rail: &rail, strokes: &strokes, slices: &slices, change_steps };
-        let places = planner.plan(tell);
+        let places = planner.plan(on_progress);
         let notes = planner::played(&planner, &places);
         let limits = planner::limits(&planner, &notes, piece.notes().len());
         let rail = rail_places(rail.lead_steps, &slices, &places, &notes, piece.steps());

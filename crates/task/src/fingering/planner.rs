@@ -33,7 +33,7 @@ const UPPER_COST: f64 = 0.5;
 const SHORTEST_STEPS: usize = 2;
 /// Cost of a finger turned to the end of its play, in control steps.
 const TURN_COST: f64 = 0.1;
-/// Cost of a strike by a finger whose way is barred by a neighbour, in control steps. The scripted player strikes such a note a step
+/// Cost of a strike by a finger whose way is barred by a neighbour, in control steps. The scripted baseline strikes such a note a step
 /// late, policies on time: so it costs a little less than a note that ends a step early.
 const BARRED_COST: f64 = 0.95;
 /// Cost of a metre of rail, in control steps.
@@ -74,7 +74,7 @@ pub(crate) struct Planner<'a> {
 
 impl Planner<'_> {
     /// The best place for each slice. Tells what share of them is done.
-    pub(crate) fn plan(&self, tell: &mut dyn FnMut(f64)) -> Vec<Place> {
+    pub(crate) fn plan(&self, on_progress: &mut dyn FnMut(f64)) -> Vec<Place> {
         // One layer a slice: the places kept, each with its cost so far and the place before it.
         let mut layers: Vec<Vec<(Place, f64, usize)>> = Vec::with_capacity(self.slices.len());
         for (index, slice) in self.slices.iter().enumerate() {
@@ -89,7 +89,7 @@ impl Planner<'_> {
             layer.sort_by(|a, b| a.1.total_cmp(&b.1));
             layer.truncate(BEAM);
             layers.push(layer);
-            tell((index + 1) as f64 / self.slices.len() as f64);
+            on_progress((index + 1) as f64 / self.slices.len() as f64);
         }
         let mut chosen = 0;
         let mut plan = Vec::with_capacity(layers.len());

@@ -1,6 +1,6 @@
 //! Poses that hold the fingertips over their goals.
 
-use etude_stage::hand::FINGER_JOINTS;
+use etude_stage::hand::JOINTS_PER_FINGER;
 use etude_stage::params::JointRow;
 use etude_stage::{FINGERS, PhysicalParams};
 
@@ -8,7 +8,7 @@ use super::Goals;
 use super::comb::Comb;
 
 /// Joint angles of all fingers, as the encoders read them, rad.
-pub type Fingers = [f64; FINGERS * FINGER_JOINTS];
+pub type Fingers = [f64; FINGERS * JOINTS_PER_FINGER];
 
 /// In each control step, the pose around which the targets of the fingers are.
 #[derive(Clone, Debug, PartialEq)]
@@ -21,7 +21,7 @@ pub struct Poses {
 impl Poses {
     /// The pose in control step `step`; after the end, that of the last.
     pub fn at(&self, step: usize) -> &Fingers {
-        self.angles.get(step).or(self.angles.last()).unwrap_or(&[0.0; FINGERS * FINGER_JOINTS])
+        self.angles.get(step).or(self.angles.last()).unwrap_or(&[0.0; FINGERS * JOINTS_PER_FINGER])
     }
 }
 
@@ -38,7 +38,7 @@ pub(super) fn over_goals(
         let [x, y] = over;
         if let Some(angles) = comb.angles(finger, [x, y, height], rail) {
             for (joint, angle) in angles.into_iter().enumerate() {
-                let joint = finger * FINGER_JOINTS + joint;
+                let joint = finger * JOINTS_PER_FINGER + joint;
                 pose[joint] = angle + params.joint(JointRow::EncoderBias, joint);
             }
         }

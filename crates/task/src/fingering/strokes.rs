@@ -27,10 +27,11 @@ pub(crate) struct Slice {
 }
 
 /// All strokes in order of their beginning, lowest key first. Each has the velocity of the note of its key that begins
-/// nearest; notes are later than frames by `lead_secs`.
-pub(crate) fn strokes(frames: &[KeySet], notes: &[Note], lead_secs: f64) -> Vec<Stroke> {
+/// nearest; notes are later than frames by `latency_compensation_secs`.
+pub(crate) fn strokes(frames: &[KeySet], notes: &[Note], latency_compensation_secs: f64) -> Vec<Stroke> {
     let velocity = |key: usize, start: usize| {
-        let away = |note: &&Note| (note.start_secs - lead_secs - start as f64 / CONTROL_HZ).abs();
+        let away =
+            |note: &&Note| (note.start_secs - latency_compensation_secs - start as f64 / CONTROL_HZ).abs();
         let of_key = notes.iter().filter(|note| usize::from(note.pitch) == key + usize::from(LOWEST_PITCH));
         of_key.min_by(|a, b| away(a).total_cmp(&away(b))).map_or(UNKNOWN_VELOCITY, |note| note.velocity)
     };

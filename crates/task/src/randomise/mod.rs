@@ -14,7 +14,7 @@ mod widths;
 mod tests;
 
 use etude_stage::params::{JointRow, PhysicalParams, Slot, WorldRow};
-use etude_stage::{Actuation, JOINTS, RAIL};
+use etude_stage::{Actuation, DRIVEN_JOINTS, RAIL};
 use rand_pcg::Pcg64;
 use serde::{Deserialize, Serialize};
 
@@ -118,7 +118,7 @@ fn papers() -> Vec<Spread> {
     let spreads = RANDOMISED.iter().flat_map(|(_, full)| match *full {
         Full::Between(quantity, low, high) => world(quantity, Reach::Between(low, high)),
         Full::Around(quantity, width) => world(quantity, Reach::Around(width)),
-        Full::Scaled(quantity, width) => (0..JOINTS)
+        Full::Scaled(quantity, width) => (0..DRIVEN_JOINTS)
             .map(|joint| Spread { slot: Slot::Joint(quantity, joint), reach: Reach::Scaled(width) })
             .collect(),
     });
@@ -126,4 +126,4 @@ fn papers() -> Vec<Spread> {
 }
 
 // The rail is scaled with the fingers: it is the last joint.
-const _: () = assert!(RAIL + 1 == JOINTS);
+const _: () = assert!(RAIL + 1 == DRIVEN_JOINTS);

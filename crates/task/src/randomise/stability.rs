@@ -9,7 +9,7 @@ use etude_music::CONTROL_HZ;
 use etude_stage::geometry::BLACK;
 use etude_stage::hand::{FINGERS, LINK_MASSES, PALM_MASS, THUMB_MASS};
 use etude_stage::params::{JointRow, PhysicalParams, WorldRow};
-use etude_stage::{Actuation, JOINTS, PHYSICS_STEPS, RAIL, joint_range};
+use etude_stage::{Actuation, DRIVEN_JOINTS, PHYSICS_STEPS, RAIL, joint_range};
 
 /// Length of a physics step, s.
 const STEP_SECS: f64 = 1.0 / (CONTROL_HZ * PHYSICS_STEPS as f64);
@@ -29,7 +29,7 @@ pub(super) fn keep(params: &mut PhysicalParams, nominal: &PhysicalParams, actuat
         Actuation::Controlled => JointRow::TorqueLimit,
         Actuation::Position => JointRow::Stiffness,
     };
-    for joint in 0..JOINTS {
+    for joint in 0..DRIVEN_JOINTS {
         if nominal.joint(drive, joint) <= strongest_drive(nominal, joint, actuation) {
             let strength = params.joint(drive, joint).min(strongest_drive(params, joint, actuation));
             params.set_joint(drive, joint, strength);

@@ -69,7 +69,7 @@ fn exactly_the_papers_seven_quantities_vary() {
     let changed = |path: &String| drawn.iter().any(|p| p.get(path) != nominal.get(path));
     let varied: Vec<String> = PhysicalParams::rows().map(|row| row.0).filter(changed).collect();
     let mut said: Vec<String> = randomisation(&nominal, &config(1.0, Widths::Paper)).paths().collect();
-    assert_eq!(said.len(), 5 + 2 * JOINTS);
+    assert_eq!(said.len(), 5 + 2 * DRIVEN_JOINTS);
     let place = |path: &String| PhysicalParams::rows().position(|row| row.0 == *path);
     said.sort_by_key(place);
     assert_eq!(varied, said);
@@ -119,7 +119,7 @@ fn identified_widths_are_half_widths_and_the_more_exact_path_counts() {
     let nominal = PhysicalParams::default();
     let randomisation = randomisation(&nominal, &config(0.5, widths));
     let paths: Vec<String> = randomisation.paths().collect();
-    assert_eq!((paths.len(), paths[0].as_str()), (1 + JOINTS, "key.threshold"));
+    assert_eq!((paths.len(), paths[0].as_str()), (1 + DRIVEN_JOINTS, "key.threshold"));
     let drawn = draw(&randomisation, 1_000);
     let farthest = |path: &str| {
         let off = |p: &PhysicalParams| (p.get(path).unwrap() - nominal.get(path).unwrap()).abs();
@@ -178,7 +178,7 @@ fn a_grid_takes_each_part_of_each_range_once() {
     let nominal = PhysicalParams::default();
     let widths =
         identified(&[("key.threshold", 0.2), ("joint.fingers.damping", 0.05), ("keyboard.height", 0.01)]);
-    for (widths, count) in [(Widths::Paper, 5 + 2 * JOINTS), (widths, 2 + RAIL)] {
+    for (widths, count) in [(Widths::Paper, 5 + 2 * DRIVEN_JOINTS), (widths, 2 + RAIL)] {
         let randomisation = randomisation(&nominal, &config(0.5, widths));
         let (worlds, paths) = (24, randomisation.paths().collect::<Vec<_>>());
         assert_eq!(paths.len(), count);

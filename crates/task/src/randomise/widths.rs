@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::fmt;
 
 use etude_stage::params::Slot;
-use etude_stage::{JOINT_NAMES, JOINTS};
+use etude_stage::{DRIVEN_JOINTS, JOINT_NAMES};
 use serde::de::value::MapAccessDeserializer;
 use serde::de::{MapAccess, Visitor};
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
@@ -83,7 +83,7 @@ pub(super) fn spreads(widths: &BTreeMap<String, f64>) -> Result<Vec<Spread>, Tas
 // `spreads` relies on this order.
 const _: () = {
     let mut joint = 0;
-    while joint < JOINTS {
+    while joint < DRIVEN_JOINTS {
         assert!(JOINT_NAMES[joint].as_bytes()[0] > b'f');
         joint += 1;
     }

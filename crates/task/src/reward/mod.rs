@@ -14,8 +14,8 @@ use std::collections::BTreeMap;
 use std::ops::Range;
 
 use etude_music::{KEYS, KeySet};
-use etude_stage::hand::FINGER_JOINTS;
-use etude_stage::{FINGERS, JOINTS, RAIL, StepOutcome, World};
+use etude_stage::hand::JOINTS_PER_FINGER;
+use etude_stage::{DRIVEN_JOINTS, FINGERS, RAIL, StepOutcome, World};
 
 use self::appendix::{graded_key_press, hand_position, sliding};
 use crate::fingering::comb::beyond_target;
@@ -35,7 +35,7 @@ pub struct Moment<'a> {
     /// Power and collisions of the step.
     pub outcome: StepOutcome,
     /// The joints' targets in the step: encoder readings, rad, the rail in m.
-    pub targets: &'a [f64; JOINTS],
+    pub targets: &'a [f64; DRIVEN_JOINTS],
     /// The action of the step.
     pub action: &'a [f32; ACTION_LEN],
     /// The action of the previous step; in the first step, the one whose targets are the starting pose, as far
@@ -189,8 +189,8 @@ fn holding(moment: &Moment) -> f64 {
     for (finger, goal) in moment.goals.iter().enumerate() {
         let Some(goal) = goal.filter(|goal| goal.wait_steps == 0) else { continue };
         if moment.pressed_before.contains(goal.key) {
-            let off = off_target(moment, finger * FINGER_JOINTS..(finger + 1) * FINGER_JOINTS);
-            sum += HELD - off / FINGER_JOINTS as f64;
+            let off = off_target(moment, finger * JOINTS_PER_FINGER..(finger + 1) * JOINTS_PER_FINGER);
+            sum += HELD - off / JOINTS_PER_FINGER as f64;
         }
         count += 1;
     }
@@ -318,7 +318,7 @@ mod tests {
                 held: due,
                 pressed_before: KeySet::EMPTY,
                 outcome: StepOutcome::default(),
-                targets: &[0.0; JOINTS],
+                targets: &[0.0; DRIVEN_JOINTS],
                 action: &action,
                 previous_action: &[0.0; ACTION_LEN],
                 goals: Goals::default(),
@@ -339,7 +339,7 @@ mod tests {
             held: KeySet::EMPTY,
             pressed_before: KeySet::EMPTY,
             outcome: StepOutcome::default(),
-            targets: &[0.0; JOINTS],
+            targets: &[0.0; DRIVEN_JOINTS],
             action: &[0.0; ACTION_LEN],
             previous_action: &[0.0; ACTION_LEN],
             goals: Goals::default(),

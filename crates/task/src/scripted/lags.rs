@@ -5,9 +5,9 @@
 //! `PhysicalParams` a strike takes 70 ms (black: 80) and a release 55 ms; motors with back-EMF, as in the preset `fast`, are slower.
 
 use etude_music::KeyEvent;
-use etude_stage::hand::FINGER_JOINTS;
+use etude_stage::hand::JOINTS_PER_FINGER;
 use etude_stage::params::JointRow;
-use etude_stage::{JOINTS, PhysicalParams, RAIL, StageConfig, World};
+use etude_stage::{DRIVEN_JOINTS, PhysicalParams, RAIL, StageConfig, World};
 
 use crate::TaskError;
 use crate::fingering::comb::Comb;
@@ -95,12 +95,12 @@ impl Trial {
     fn new(stage: &StageConfig, params: &PhysicalParams) -> Result<Self, TaskError> {
         // Without encoder biases, since lags do not depend on them.
         let mut params = params.clone();
-        (0..JOINTS).for_each(|joint| params.set_joint(JointRow::EncoderBias, joint, 0.0));
+        (0..DRIVEN_JOINTS).for_each(|joint| params.set_joint(JointRow::EncoderBias, joint, 0.0));
         Ok(Self { world: World::new(stage, &params)?, comb: Comb::new(stage.side, &params) })
     }
 
     /// The finger waiting over `key`, so much lower than usual (m), and pressing it.
-    fn poses(&self, key: usize, lowered: f64) -> [[f64; JOINTS]; 2] {
+    fn poses(&self, key: usize, lowered: f64) -> [[f64; DRIVEN_JOINTS]; 2] {
         let ([x, y], rail) = (self.comb.over(key), middle(self.comb.tube(FINGER, key)));
         [self.comb.hover(key) - lowered, self.comb.pressed(key)].map(|z| {
             let mut pose = self.world.start_pose();
@@ -110,7 +110,12 @@ impl Trial {
     }
 
     /// Time until the first such event of `key` in a trial, s.
-    fn first(&mut self, pose: &[f64; JOINTS], key: usize, is_it: impl Fn(&KeyEvent) -> bool) -> Option<f64> {
+    fn first(
+        &mut self,
+        pose: &[f64; DRIVEN_JOINTS],
+        key: usize,
+        is_it: impl Fn(&KeyEvent) -> bool,
+    ) -> Option<f64> {
         let begin = self.world.time_secs();
         self.events(pose, key, TRIAL_STEPS).iter().find(|event| is_it(event)).map(|event| event.secs - begin)
     }
@@ -132,7 +137,7 @@ impl Trial {
     }
 
     /// The events of `key` in so many control steps.
-    fn events(&mut self, pose: &[f64; JOINTS], key: usize, steps: usize) -> Vec<KeyEvent> {
+    fn events(&mut self, pose: &[f64; DRIVEN_JOINTS], key: usize, steps: usize) -> Vec<KeyEvent> {
         let mut events = Vec::new();
         for _ in 0..steps {
             self.world.step(pose);
@@ -146,9 +151,9 @@ fn middle([low, high]: [f64; 2]) -> f64 {
     (low + high) / 2.0
 }
 
-fn with(pose: &[f64; RAIL + 1], angles: [f64; FINGER_JOINTS]) -> [f64; RAIL + 1] {
+fn with(pose: &[f64; RAIL + 1], angles: [f64; JOINTS_PER_FINGER]) -> [f64; RAIL + 1] {
     let mut pose = *pose;
-    pose[FINGER * FINGER_JOINTS..][..FINGER_JOINTS].copy_from_slice(&angles);
+    pose[FINGER * JOINTS_PER_FINGER..][..JOINTS_PER_FINGER].copy_from_slice(&angles);
     pose
 }
 
@@ -161,7 +166,7 @@ fn lead(lag_secs: Option<f64>) -> usize {
 fn turning(world: &mut World) -> f64 {
     world.reset();
     let mut pose = world.start_pose();
-    let joint = FINGER * FINGER_JOINTS;
+    let joint = FINGER * JOINTS_PER_FINGER;
     let begin = pose[joint];
     pose[joint] += TURN_RAD;
     let mut behind = CONTROL_SECS / 2.0; // A target that is held for a control step is half a step late on average.

@@ -1,4 +1,4 @@
-//! The scripted player: inverse kinematics and timing, no learning.
+//! The scripted baseline: inverse kinematics and timing, no learning.
 //!
 //! It is a hand-designed baseline, and shows that a song can be played in this world. It turns a [`Fingering`] into joint targets
 //! that compensate lags measured in advance (`motion`, `lags`), and plays them open loop, without feedback.
@@ -10,7 +10,7 @@ mod tests;
 
 use std::sync::Arc;
 
-use etude_stage::JOINTS;
+use etude_stage::DRIVEN_JOINTS;
 pub use lags::{Lags, shortest_silences};
 
 use crate::fingering::comb::Comb;
@@ -20,32 +20,32 @@ use crate::{ACTION_LEN, Piece, TargetRange, TaskConfig, TaskError};
 
 /// A song as joint targets, one row for each control step.
 #[derive(Clone, Debug, PartialEq)]
-pub struct ScriptedPlayer {
-    targets: Vec<[f64; JOINTS]>,
+pub struct ScriptedBaseline {
+    targets: Vec<[f64; DRIVEN_JOINTS]>,
     range: TargetRange,
     limits: Limits,
 }
 
-impl ScriptedPlayer {
+impl ScriptedBaseline {
     /// Plans `piece` for the nominal world of `config`.
     ///
     /// # Errors
     /// If the configuration's physical numbers are not sound.
     pub fn new(config: &TaskConfig, piece: &Piece) -> Result<Self, TaskError> {
-        Self::new_telling(config, piece, &mut |_| {})
+        Self::new_with_progress(config, piece, &mut |_| {})
     }
 
     /// The same for a piece that may be long: tells what share of its fingering is planned, 0 to 1.
     ///
     /// # Errors
     /// If the configuration's physical numbers are not sound, or the world in which the lags are measured cannot be built.
-    pub fn new_telling(
+    pub fn new_with_progress(
         config: &TaskConfig,
         piece: &Piece,
-        tell: &mut dyn FnMut(f64),
+        on_progress: &mut dyn FnMut(f64),
     ) -> Result<Self, TaskError> {
         let (stage, params) = (&config.stage, &config.params()?);
-        let planned = || Arc::new(Fingering::plan(stage, params, config.change_steps, piece, tell));
+        let planned = || Arc::new(Fingering::plan(stage, params, config.change_steps, piece, on_progress));
         let fingering = piece.fingering().cloned().unwrap_or_else(planned);
         let comb = Comb::new(stage.side, params);
         let rail = Rail::new(stage, params);
@@ -55,7 +55,7 @@ impl ScriptedPlayer {
     }
 
     /// Joint targets of control step `step`: encoder readings in rad, the rail in m. After the end, those of the last step.
-    pub fn targets(&self, step: usize) -> [f64; JOINTS] {
+    pub fn targets(&self, step: usize) -> [f64; DRIVEN_JOINTS] {
         self.targets.get(step).or(self.targets.last()).copied().unwrap_or_default()
     }
 

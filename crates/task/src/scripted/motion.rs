@@ -4,9 +4,9 @@
 //! strikes, holds, lifts.
 
 use etude_music::key_is_black;
-use etude_stage::hand::FINGER_JOINTS;
+use etude_stage::hand::JOINTS_PER_FINGER;
 use etude_stage::params::{JointRow, PhysicalParams};
-use etude_stage::{FINGERS, JOINTS, PHYSICS_STEPS, RAIL, joint_range};
+use etude_stage::{DRIVEN_JOINTS, FINGERS, PHYSICS_STEPS, RAIL, joint_range};
 
 use super::lags::Lags;
 use crate::fingering::comb::{ASIDE_M, Comb};
@@ -107,18 +107,18 @@ fn make_room(tips: &mut [Tip; FINGERS], comb: &Comb) {
 pub(super) fn targets(
     (comb, rail, lags, params): (&Comb, &Rail, &Lags, &PhysicalParams),
     fingering: &Fingering,
-) -> Vec<[f64; JOINTS]> {
+) -> Vec<[f64; DRIVEN_JOINTS]> {
     let path = rail.follow(rail.start, fingering.rail());
     let place_at = |at_secs: f64| {
         let index = (at_secs / CONTROL_SECS * PHYSICS_STEPS as f64).round() as usize;
         path.get(index).or(path.last()).copied().unwrap_or(rail.start)
     };
     let bias = |joint: usize| params.joint(JointRow::EncoderBias, joint);
-    let mut table: Vec<[f64; JOINTS]> = fingering
+    let mut table: Vec<[f64; DRIVEN_JOINTS]> = fingering
         .rail()
         .iter()
         .map(|rail| {
-            let mut row = [0.0; JOINTS];
+            let mut row = [0.0; DRIVEN_JOINTS];
             row[RAIL] = *rail;
             row
         })
@@ -127,7 +127,7 @@ pub(super) fn targets(
         let notes = fingering.notes().iter().filter(|note| note.finger == finger).collect();
         Part { finger, notes, comb, lags }
     });
-    let mut angles = [[0.0; FINGER_JOINTS]; FINGERS];
+    let mut angles = [[0.0; JOINTS_PER_FINGER]; FINGERS];
     let mut lateral = [None; FINGERS];
     for (step, row) in table.iter_mut().enumerate() {
         let place = place_at(step as f64 * CONTROL_SECS + lags.follow_secs);
@@ -140,7 +140,7 @@ pub(super) fn targets(
             }
             // Only a waiting finger can be out of reach: it keeps its angles.
             angles[finger] = comb.angles(finger, tip.at, place).unwrap_or(angles[finger]);
-            row[finger * FINGER_JOINTS..][..FINGER_JOINTS].copy_from_slice(&angles[finger]);
+            row[finger * JOINTS_PER_FINGER..][..JOINTS_PER_FINGER].copy_from_slice(&angles[finger]);
         }
     }
     for row in &mut table {

@@ -25,14 +25,17 @@ fn chords(chords: &[&[u8]]) -> Piece {
 fn the_same_song_gives_the_same_plan() {
     let piece = piece("happy-birthday");
     let config = TaskConfig::default();
-    assert_eq!(ScriptedPlayer::new(&config, &piece).unwrap(), ScriptedPlayer::new(&config, &piece).unwrap());
+    assert_eq!(
+        ScriptedBaseline::new(&config, &piece).unwrap(),
+        ScriptedBaseline::new(&config, &piece).unwrap()
+    );
 }
 
 #[test]
 fn every_target_lies_in_its_range() {
     for id in repertoire::ids() {
         let piece = piece(id);
-        let player = ScriptedPlayer::new(&TaskConfig::default(), &piece).unwrap();
+        let player = ScriptedBaseline::new(&TaskConfig::default(), &piece).unwrap();
         for step in 0..piece.steps() + 3 {
             for (joint, target) in player.targets(step).into_iter().enumerate() {
                 let [low, high] = joint_range(joint);
@@ -50,7 +53,7 @@ fn what_cannot_be_reached_is_reported() {
         (&[60, 62, 64, 65, 67], LimitKind::TooManyKeys, 2),
         (&[60, 64, 67], LimitKind::OutOfReach, 0),
     ] {
-        let player = ScriptedPlayer::new(&TaskConfig::default(), &chords(&[chord])).unwrap();
+        let player = ScriptedBaseline::new(&TaskConfig::default(), &chords(&[chord])).unwrap();
         let found: Vec<_> = player.limits().skipped().map(|limit| limit.kind).collect();
         assert!(found.len() >= skipped && found.len() < chord.len(), "{chord:?}: {}", player.limits());
         assert!(found.iter().all(|found| *found == kind), "{chord:?}: {}", player.limits());
@@ -59,7 +62,7 @@ fn what_cannot_be_reached_is_reported() {
 
 #[test]
 fn a_jump_across_the_keyboard_is_reported() {
-    let player = ScriptedPlayer::new(&TaskConfig::default(), &chords(&[&[36], &[84]])).unwrap();
+    let player = ScriptedBaseline::new(&TaskConfig::default(), &chords(&[&[36], &[84]])).unwrap();
     let [limit] = player.limits().notes[..] else { panic!("{}", player.limits()) };
     assert!(matches!(limit.kind, LimitKind::RailTooSlow(travel) if travel > 0.5), "{limit}");
     assert_eq!(limit.key, 0);

@@ -2,8 +2,8 @@
 
 use etude_music::{KeySet, Note, Song, repertoire};
 use etude_stage::geometry::{KeyShape, WHITE_PITCH, key_lateral};
-use etude_stage::hand::{FINGER_JOINTS, TIP_RADIUS};
-use etude_stage::{FINGERS, JOINTS, RAIL, kinematics};
+use etude_stage::hand::{JOINTS_PER_FINGER, TIP_RADIUS};
+use etude_stage::{DRIVEN_JOINTS, FINGERS, RAIL, kinematics};
 use etude_task::fingering::AHEAD_STEPS;
 use etude_task::{
     ACTION_LEN, Environment, Fingering, History, Piece, TargetRange, TaskConfig, layout, observe,
@@ -74,13 +74,13 @@ fn the_rail_waits_where_the_finger_that_plays_is_over_its_key() {
 fn the_observation_shows_the_way_to_each_goal_and_who_plays_when() {
     let config = TaskConfig { previous_actions: 1, ..with_fingering() };
     let (_, piece) = two_notes();
-    let (real, ways) = (2 * JOINTS + ACTION_LEN, 3 * FINGERS);
+    let (real, ways) = (2 * DRIVEN_JOINTS + ACTION_LEN, 3 * FINGERS);
     let (keys, playing) = (49 * (config.lookahead + 2), FINGERS * (config.lookahead + 1));
     assert_eq!((layout(&config).real, layout(&config).binary), (real + ways, keys + playing));
 
     let finger = piece.fingering().unwrap().notes()[0].finger;
-    let history = History { joints: [0.0; JOINTS], actions: [[0.5; ACTION_LEN]; 4] };
-    let shown = |joints: &[f64; JOINTS], step: usize| {
+    let history = History { joints: [0.0; DRIVEN_JOINTS], actions: [[0.5; ACTION_LEN]; 4] };
+    let shown = |joints: &[f64; DRIVEN_JOINTS], step: usize| {
         let mut out = vec![9.0; layout(&config).len()];
         observe(&config, joints, &history, KeySet::EMPTY, &piece, step, &mut out);
         let way: [f32; 3] = out[real + 3 * finger..].first_chunk().copied().unwrap();
@@ -88,10 +88,10 @@ fn the_observation_shows_the_way_to_each_goal_and_who_plays_when() {
     };
     // Three steps before the note, in a pose like any other.
     let step = FIRST.1 - 3;
-    let mut joints: [f64; JOINTS] = std::array::from_fn(|joint| 0.02 * joint as f64);
+    let mut joints: [f64; DRIVEN_JOINTS] = std::array::from_fn(|joint| 0.02 * joint as f64);
     joints[RAIL] = 0.01;
     let goal = piece.goals(step)[finger].unwrap();
-    let angles = joints[finger * FINGER_JOINTS..].first_chunk().unwrap();
+    let angles = joints[finger * JOINTS_PER_FINGER..].first_chunk().unwrap();
     let tip = kinematics::fingertip(config.stage.side, finger, angles, joints[RAIL]);
     let (way, out) = shown(&joints, step);
     let expected = [(tip[0] - goal.over[0]) / WHITE_PITCH, (tip[1] - goal.over[1]) / WHITE_PITCH, 0.3];
@@ -256,8 +256,8 @@ fn targets_of_the_fingers_are_around_the_pose_that_holds_them_over_their_goals()
         // The rail has arrived, the finger waits.
         let step = start - 1;
         let targets = range.targets(&[0.0; ACTION_LEN], step);
-        let joints = played.finger * FINGER_JOINTS..(played.finger + 1) * FINGER_JOINTS;
-        let readings: [f64; FINGER_JOINTS] = targets[joints.clone()].try_into().unwrap();
+        let joints = played.finger * JOINTS_PER_FINGER..(played.finger + 1) * JOINTS_PER_FINGER;
+        let readings: [f64; JOINTS_PER_FINGER] = targets[joints.clone()].try_into().unwrap();
         let mut angles = readings;
         angles[1] -= if played.finger == 0 { 0.02 } else { 0.0 };
         let [x, y, z] = kinematics::fingertip(config.stage.side, played.finger, &angles, targets[RAIL]);
@@ -301,13 +301,13 @@ fn velocities_are_a_fourth_column_of_a_goal() {
     let piece = Piece::for_task(&song, &config).unwrap();
     let shown = |config: &TaskConfig, step: usize| {
         let range = TargetRange::new(&piece);
-        let history = History::at_rest([0.0; JOINTS], &range, step);
+        let history = History::at_rest([0.0; DRIVEN_JOINTS], &range, step);
         let mut out = vec![9.0; layout(config).len()];
-        observe(config, &[0.0; JOINTS], &history, KeySet::EMPTY, &piece, step, &mut out);
+        observe(config, &[0.0; DRIVEN_JOINTS], &history, KeySet::EMPTY, &piece, step, &mut out);
         out
     };
-    let goals = |step: usize| shown(&config, step)[2 * JOINTS..][..4 * FINGERS].to_vec();
-    let plain = |step: usize| shown(&with_fingering(), step)[2 * JOINTS..][..3 * FINGERS].to_vec();
+    let goals = |step: usize| shown(&config, step)[2 * DRIVEN_JOINTS..][..4 * FINGERS].to_vec();
+    let plain = |step: usize| shown(&with_fingering(), step)[2 * DRIVEN_JOINTS..][..3 * FINGERS].to_vec();
     for (step, velocities) in [(0, vec![]), (21, vec![40.0 / 127.0]), (FIRST.1 + 12, vec![110.0 / 127.0])] {
         let (goals, plain) = (goals(step), plain(step));
         let of_goals: Vec<f32> = goals.chunks(4).map(|goal| goal[3]).filter(|v| *v > 0.0).collect();

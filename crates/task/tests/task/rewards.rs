@@ -2,9 +2,11 @@
 
 use etude_music::{KeySet, key_is_black};
 use etude_stage::geometry::WHITE;
-use etude_stage::hand::{FINGER_JOINTS, TIP_RADIUS};
+use etude_stage::hand::{JOINTS_PER_FINGER, TIP_RADIUS};
 use etude_stage::params::JointRow;
-use etude_stage::{FINGERS, JOINTS, PhysicalParams, RAIL, StageConfig, StepOutcome, World, kinematics};
+use etude_stage::{
+    DRIVEN_JOINTS, FINGERS, PhysicalParams, RAIL, StageConfig, StepOutcome, World, kinematics,
+};
 use etude_task::ACTION_LEN;
 use etude_task::fingering::{Goal, Goals};
 use etude_task::reward::{Moment, TERMS, tolerance};
@@ -37,7 +39,7 @@ fn moment<'a>(world: &'a World, due: &[usize]) -> Moment<'a> {
         held: keys(due),
         pressed_before: world.pressed(),
         outcome,
-        targets: &[0.0; JOINTS],
+        targets: &[0.0; DRIVEN_JOINTS],
         action: &STILL,
         previous_action: &STILL,
         goals: Goals::default(),
@@ -141,15 +143,15 @@ fn a_finger_that_holds_a_key_pays_for_targets_out_of_reach() {
     let mut targets = world.joints();
     let plain = Goal { key: 24, over: [0.0; 2], wait_steps: 0, age_steps: 4, velocity: 64 };
     let goal = |key, wait_steps| Some(Goal { key, wait_steps, ..plain });
-    let earned = |targets: &[f64; JOINTS], sounded: &[usize], goals: Goals| {
+    let earned = |targets: &[f64; DRIVEN_JOINTS], sounded: &[usize], goals: Goals| {
         term("holding", &Moment { targets, pressed_before: keys(sounded), goals, ..moment(&world, &[24]) })
     };
     let one_holds = [None, goal(24, 0), goal(26, 3)];
     assert_near(earned(&targets, &[24], one_holds), 0.5, "targets where the joints are");
     // Of the middle finger two joints; another finger and the rail, which do not count.
-    targets[FINGER_JOINTS] += 0.9;
-    targets[2 * FINGER_JOINTS - 1] -= 0.3;
-    targets[2 * FINGER_JOINTS] += 0.5;
+    targets[JOINTS_PER_FINGER] += 0.9;
+    targets[2 * JOINTS_PER_FINGER - 1] -= 0.3;
+    targets[2 * JOINTS_PER_FINGER] += 0.5;
     targets[RAIL] += 0.2;
     assert_near(earned(&targets, &[24], one_holds), 0.5 - 1.2 / 4.0, "it holds");
     assert_near(earned(&targets, &[26], one_holds), 0.0, "it strikes: its key did not sound before");
@@ -287,7 +289,7 @@ fn a_strike_earns_by_how_near_it_is_to_the_velocity_of_its_note() {
         let angles = kinematics::reach(StageConfig::default().side, 1, [0.028, 0.0, z], 0.0).unwrap();
         let mut pose = start;
         pose[RAIL] = 0.0;
-        pose[FINGER_JOINTS..2 * FINGER_JOINTS].copy_from_slice(&angles);
+        pose[JOINTS_PER_FINGER..2 * JOINTS_PER_FINGER].copy_from_slice(&angles);
         pose
     };
     world.reset_to(&over(0.02));

@@ -1,8 +1,8 @@
-//! What the scripted player plays.
+//! What the scripted baseline plays.
 
 use etude_music::{KeySet, Song, repertoire};
 use etude_stage::Side;
-use etude_task::{Piece, ScriptedPlayer, TaskConfig};
+use etude_task::{Piece, ScriptedBaseline, TaskConfig};
 
 use crate::bench::play_nominal;
 
@@ -17,7 +17,7 @@ fn config(side: Side) -> TaskConfig {
 }
 
 fn f1(config: &TaskConfig, piece: &Piece) -> f64 {
-    let mut player = ScriptedPlayer::new(config, piece).unwrap();
+    let mut player = ScriptedBaseline::new(config, piece).unwrap();
     play_nominal(config, piece, &mut player).scores().frame.f1
 }
 

@@ -2,7 +2,7 @@
 
 use etude_music::{KeySet, Note, Song};
 use etude_stage::geometry::{WHITE_PITCH, key_lateral};
-use etude_stage::{FINGERS, JOINTS, RAIL};
+use etude_stage::{DRIVEN_JOINTS, FINGERS, RAIL};
 use etude_task::{ACTION_LEN, Environment, History, ObservationView, Piece, TaskConfig, layout, observe};
 
 const SLOTS: usize = 21;
@@ -27,7 +27,7 @@ fn piece(up: u8) -> Piece {
 /// The observation where the rail reads `rail`, and read `before` one step ago; `pressed` is down.
 fn shown(piece: &Piece, step: usize, rail: f64, before: f64, pressed: KeySet) -> Vec<f32> {
     let joints = |rail: f64| {
-        let mut joints: [f64; JOINTS] = std::array::from_fn(|joint| 0.02 * joint as f64);
+        let mut joints: [f64; DRIVEN_JOINTS] = std::array::from_fn(|joint| 0.02 * joint as f64);
         joints[RAIL] = rail;
         joints
     };
@@ -62,7 +62,7 @@ fn a_passage_looks_the_same_in_every_octave() {
 fn the_columns_are_what_they_are_said_to_be() {
     let config = config();
     let piece = piece(12);
-    let (tips, places) = (2 * JOINTS, 2 * JOINTS + 3 * FINGERS);
+    let (tips, places) = (2 * DRIVEN_JOINTS, 2 * DRIVEN_JOINTS + 3 * FINGERS);
     let layout = layout(&config);
     assert_eq!(layout.real, places + config.lookahead + 1);
     assert_eq!(layout.binary, SLOTS * (config.lookahead + 3) + FINGERS * (config.lookahead + 1));
@@ -71,7 +71,7 @@ fn the_columns_are_what_they_are_said_to_be() {
     let step = 20 + 10 - 3;
     let place = piece.fingering().unwrap().rail_at(step);
     let out = shown(&piece, step, place + WHITE_PITCH, place - 2.0 * WHITE_PITCH, KeySet::from_pitches([50]));
-    assert!((out[RAIL] - 1.0).abs() < 1e-5 && (out[JOINTS + RAIL] + 2.0).abs() < 1e-5);
+    assert!((out[RAIL] - 1.0).abs() < 1e-5 && (out[DRIVEN_JOINTS + RAIL] + 2.0).abs() < 1e-5);
     assert!((out[0] - shown(&piece, 0, 0.0, 0.0, KeySet::EMPTY)[0]).abs() < 1e-9, "fingers as ever");
     assert!(out[tips..places].iter().any(|value| *value != 0.0));
 
@@ -150,6 +150,6 @@ fn an_environment_shows_the_rails_set_point_if_the_task_says_so() {
     assert!(set > is + 0.05, "{set} and {is} white keys");
     assert!((f64::from(measured[RAIL]) - is).abs() < 1e-5 && (f64::from(commanded[RAIL]) - set).abs() < 1e-5);
     assert_eq!(measured[..RAIL], commanded[..RAIL]);
-    let previous = JOINTS + RAIL;
+    let previous = DRIVEN_JOINTS + RAIL;
     assert!(commanded[previous] > measured[previous], "one step ago it was ahead, too");
 }

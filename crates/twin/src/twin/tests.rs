@@ -100,7 +100,7 @@ fn turned_under(truth: &str, pwm: i16) -> f64 {
     let mut duty = [0; allegro::JOINTS];
     duty[JOINT] = pwm;
     for _ in 0..200 {
-        let mut torques = [0.0; JOINTS];
+        let mut torques = [0.0; DRIVEN_JOINTS];
         torques[JOINT] = twin.drives.torque(JOINT, &duty, 0.0);
         twin.drive(&torques);
     }
@@ -161,7 +161,7 @@ fn keys_have_their_own_springs_and_thresholds() {
 #[test]
 fn what_the_hand_sends_is_what_its_encoders_read() {
     let mut loose = twin("[hand]\nbacklash_rad = 0.02\nnoise_counts = 0");
-    let mut pose = [0.0; JOINTS];
+    let mut pose = [0.0; DRIVEN_JOINTS];
     pose[5] = 0.5;
     loose.world.reset_to(&pose);
     loose.show_joints();
@@ -185,7 +185,7 @@ fn a_joint_turns_as_fast_as_its_truth_says() {
         let mut twin = twin(truth);
         let mut duty = [0; allegro::JOINTS];
         duty[JOINT] = 1200;
-        let mut pose = [0.0; JOINTS];
+        let mut pose = [0.0; DRIVEN_JOINTS];
         // From one stop to the other, away from the keys.
         pose[JOINT] = 1.6;
         pose[JOINT + 1] = 1.6;
@@ -194,7 +194,7 @@ fn a_joint_turns_as_fast_as_its_truth_says() {
         let mut fastest = 0.0_f64;
         for _ in 0..140 {
             let speed = twin.world.joint_velocities()[JOINT];
-            let mut torques = [0.0; JOINTS];
+            let mut torques = [0.0; DRIVEN_JOINTS];
             torques[JOINT] = twin.drives.torque(JOINT, &duty, speed);
             // The rest of the finger stays as it is.
             for joint in [JOINT - 1, JOINT + 1, JOINT + 2] {
@@ -232,7 +232,7 @@ fn a_joint_stands_below_its_dead_band() {
                 let mut duty = [0; allegro::JOINTS];
                 duty[joint] = pwm as i16;
                 for _ in 0..200 {
-                    let mut torques = [0.0; JOINTS];
+                    let mut torques = [0.0; DRIVEN_JOINTS];
                     torques[joint] = twin.drives.torque(joint, &duty, twin.world.joint_velocities()[joint]);
                     twin.drive(&torques);
                 }
@@ -257,7 +257,7 @@ fn a_torque_crosses_the_play_before_it_slows_the_joint() {
         let mut step = |pwm: i16| {
             duty[JOINT] = pwm;
             let (speeds, drives) = (twin.world.joint_velocities(), &twin.drives);
-            let mut torques = [0.0; JOINTS];
+            let mut torques = [0.0; DRIVEN_JOINTS];
             torques[JOINT] = twin.play.pass(JOINT, |speed| drives.torque(JOINT, &duty, speed), speeds[JOINT]);
             twin.drive(&torques);
             twin.world.joint_velocities()[JOINT]
@@ -281,11 +281,11 @@ fn an_arm_holds_its_hand_where_its_truth_says() {
     let straight = twin("");
     let off = twin("seed = 3\n[arm]\nsag_m = 0.001\nerror_m = 0.0003");
     let tip = |mut twin: Twin, rail: f64| {
-        let mut pose = [0.0; JOINTS];
+        let mut pose = [0.0; DRIVEN_JOINTS];
         pose[RAIL] = rail;
         twin.world.reset_to(&pose);
         // MuJoCo computes places before it moves on.
-        twin.drive(&[0.0; JOINTS]);
+        twin.drive(&[0.0; DRIVEN_JOINTS]);
         assert!((twin.joints()[RAIL] - rail).abs() < 1e-6, "the rail does not see it");
         twin.world.fingertip(1)
     };

@@ -11,7 +11,7 @@ use etude_robot::limiter::AxisLimits;
 use etude_robot::rig::RigConfig;
 use etude_robot::xarm::kinematics::forward;
 use etude_robot::{Phase, Record};
-use etude_stage::JOINTS;
+use etude_stage::DRIVEN_JOINTS;
 use etude_stage::geometry::WHITE;
 use etude_stage::hand::{Side, TIP_RADIUS};
 use etude_stage::kinematics::fingertip;
@@ -197,7 +197,7 @@ impl Judge {
     }
 
     /// The joints of the hand really are at these angles.
-    pub fn fingers(&mut self, now: Duration, joints: &[f64; JOINTS]) {
+    pub fn fingers(&mut self, now: Duration, joints: &[f64; DRIVEN_JOINTS]) {
         let (angles, _) = joints.as_chunks();
         let lowest = |finger| fingertip(Side::Left, finger, &angles[finger], 0.0)[2] - TIP_RADIUS;
         let low = (0..3).any(|finger| lowest(finger) < WHITE.top() - BETWEEN_FENCES_M);

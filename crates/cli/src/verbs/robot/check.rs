@@ -5,7 +5,7 @@ use std::sync::atomic::Ordering;
 use std::time::Duration;
 
 use etude_lab::released;
-use etude_perform::stand::{Stand, rig_choice};
+use etude_perform::session::{Session, rig_choice};
 use etude_robot::{WIGGLED, Wiggled, wiggle};
 use serde_json::json;
 
@@ -28,23 +28,23 @@ pub fn run(args: &Args) -> anyhow::Result<Ending> {
     let interrupt = stop_flag()?;
     let choice = rig_choice(&rig.robot, "standard")?;
     let fence = choice.missing_fence()?;
-    let mut stand = choice.open_at_rest(choice.side(), 0)?;
-    let held = stand.hold(Duration::from_millis(500), &interrupt).map_err(Into::into);
+    let mut session = choice.open_at_rest(choice.side(), 0)?;
+    let held = session.hold(Duration::from_millis(500), &interrupt).map_err(Into::into);
     let wiggled = held.and_then(|fault| match fault {
         None if args.wiggle => {
-            let Stand { robot, pace } = &mut stand;
+            let Session { robot, pace } = &mut session;
             let found = wiggle(robot, pace, &interrupt)?;
             Ok((robot.fault().map(ToString::to_string), Some(found)))
         }
         fault => Ok((fault, None)),
     });
-    let (fault, mut wiggled) = released(&mut stand, wiggled)?;
+    let (fault, mut wiggled) = released(&mut session, wiggled)?;
     let is_stopped = interrupt.load(Ordering::Relaxed);
     if is_stopped && let Some(found) = &mut wiggled {
         // The joint that was being turned had no time to arrive.
         found.pop_if(|joint| joint.problem().is_some());
     }
-    let robot = &stand.robot;
+    let robot = &session.robot;
     let (hand, arm, place) = (robot.hand().information(), robot.arm(), robot.place());
     let version = arm.version().map(|version| version.text.clone());
     let report = json!({

@@ -6,8 +6,8 @@ use std::time::{SystemTime, UNIX_EPOCH};
 
 use super::claim::Claim;
 use super::guard::Guard;
-use super::session::{Live, Stand, StandPace};
-use super::warm::WarmFile;
+use super::motor_warmth::WarmFile;
+use super::robot_session::{Live, Session, SessionPace};
 use super::worker::Worker;
 use etude_robot::allegro::HandSide;
 use etude_robot::calibration::{Calibration, CalibrationError, RailPath};
@@ -15,7 +15,7 @@ use etude_robot::rig::{RigConfig, RigError, WiresConfig};
 use etude_robot::wires::OpenWires;
 use etude_robot::xarm::kinematics::PAPER_HOME_DEG;
 use etude_robot::{Robot, RobotError, propose_fence};
-use etude_stage::{JOINTS, PhysicalParams, Side, StageConfig, StageError, World};
+use etude_stage::{DRIVEN_JOINTS, PhysicalParams, Side, StageConfig, StageError, World};
 use etude_twin::{Lockstep, Truth, Twin, TwinError, calibration, stage_side};
 
 /// Name of the twin on the command line and in recordings.
@@ -39,7 +39,7 @@ pub enum RigChoice {
 
 /// The rig cannot be used.
 #[derive(Debug, thiserror::Error)]
-pub enum StandError {
+pub enum SessionError {
     /// Its file is not valid.
     #[error(transparent)]
     Rig(#[from] RigError),
@@ -153,9 +153,9 @@ impl RigChoice {
     ///
     /// # Errors
     /// If the rig's file, its calibration or its wires cannot be used.
-    pub fn open(&self, side: Side, seed: u64) -> Result<Stand, StandError> {
+    pub fn open(&self, side: Side, seed: u64) -> Result<Session, SessionError> {
         if let (Self::File { rig, .. }, Some(line)) = (self, self.missing_fence()?) {
-            return Err(StandError::NoFence { rig: rig.name.clone(), line });
+            return Err(SessionError::NoFence { rig: rig.name.clone(), line });
         }
         self.open_at_rest(side, seed)
     }
@@ -164,7 +164,7 @@ impl RigChoice {
     ///
     /// # Errors
     /// If the rig's calibration cannot be used.
-    pub fn missing_fence(&self) -> Result<Option<String>, StandError> {
+    pub fn missing_fence(&self) -> Result<Option<String>, SessionError> {
         match self {
             Self::File { rig, .. } if rig.arm.fence_mm.is_none() => {
                 let path = rail_path(rig, &load_calibration(rig)?)?;
@@ -179,7 +179,7 @@ impl RigChoice {
     ///
     /// # Errors
     /// If the rig's file, its calibration or its wires cannot be used.
-    pub fn open_at_rest(&self, side: Side, seed: u64) -> Result<Stand, StandError> {
+    pub fn open_at_rest(&self, side: Side, seed: u64) -> Result<Session, SessionError> {
         let wanted = hand_side(side);
         match self {
             Self::Twin(truth) => {
@@ -187,23 +187,23 @@ impl RigChoice {
                 rig.hand.side = wanted;
                 let lockstep = Lockstep::new(Twin::new(&truth.with_seed_added(seed), wanted)?)?;
                 let robot = controller(&rig, &calibration(TWIN))?;
-                Ok(Stand { robot, pace: StandPace::Lockstep(Box::new(lockstep)) })
+                Ok(Session { robot, pace: SessionPace::Lockstep(Box::new(lockstep)) })
             }
             Self::File { path, rig, claim } => {
                 if rig.hand.side != wanted {
-                    return Err(StandError::Side { policy: side, rig: rig.hand.side });
+                    return Err(SessionError::Side { policy: side, rig: rig.hand.side });
                 }
                 let place = load_calibration(rig)?;
                 let mut robot = controller(rig, &place)?;
                 if claim.is_stop_requested() {
-                    return Err(StandError::Stopped);
+                    return Err(SessionError::Stopped);
                 }
                 let wires = OpenWires::open(&rig.wires)?;
                 let guard = start_guard(path, &rig.wires)?;
                 let worker = Worker::start()?;
                 let warm = WarmFile::new(&rig.wires);
                 let live = Live::new(wires, guard, claim.clone(), warm, worker, &mut robot);
-                Ok(Stand { robot, pace: StandPace::Live(Box::new(live)) })
+                Ok(Session { robot, pace: SessionPace::Live(Box::new(live)) })
             }
         }
     }
@@ -219,7 +219,7 @@ pub fn load_calibration(rig: &RigConfig) -> Result<Calibration, CalibrationError
     Ok(place)
 }
 
-pub(super) fn controller(rig: &RigConfig, place: &Calibration) -> Result<Robot, StandError> {
+pub(super) fn controller(rig: &RigConfig, place: &Calibration) -> Result<Robot, SessionError> {
     Ok(Robot::new(rig, rail_path(rig, place)?)?)
 }
 
@@ -231,16 +231,16 @@ fn rail_path(rig: &RigConfig, place: &Calibration) -> Result<RailPath, Calibrati
 ///
 /// # Errors
 /// If another process has it.
-pub fn claim(rig: &RigConfig) -> Result<Claim, StandError> {
-    Claim::new(&rig.wires).map_err(|source| StandError::Claimed { rig: rig.name.clone(), source })
+pub fn claim(rig: &RigConfig) -> Result<Claim, SessionError> {
+    Claim::new(&rig.wires).map_err(|source| SessionError::Claimed { rig: rig.name.clone(), source })
 }
 
 /// Starts the guard of the rig in the file `rig`, which stops the robot at `wires` if this process ends or hangs.
 ///
 /// # Errors
 /// If it cannot be started, or the file has other devices by now.
-pub fn start_guard(rig: &Path, wires: &WiresConfig) -> Result<Guard, StandError> {
-    let program = std::env::current_exe().map_err(StandError::Guard)?;
+pub fn start_guard(rig: &Path, wires: &WiresConfig) -> Result<Guard, SessionError> {
+    let program = std::env::current_exe().map_err(SessionError::Guard)?;
     Guard::start(&program, rig, wires)
 }
 
@@ -260,7 +260,7 @@ fn hand_side(side: Side) -> HandSide {
 ///
 /// # Errors
 /// If another process has the robot, or the truth of the twin or the rig's file is not valid.
-pub fn rig_choice(robot: &str, truth: &str) -> Result<RigChoice, StandError> {
+pub fn rig_choice(robot: &str, truth: &str) -> Result<RigChoice, SessionError> {
     if robot == TWIN {
         return Ok(RigChoice::Twin(Box::new(Truth::load(truth).map_err(TwinError::from)?)));
     }
@@ -277,7 +277,7 @@ pub fn rig_choice(robot: &str, truth: &str) -> Result<RigChoice, StandError> {
 ///
 /// # Errors
 /// If the world cannot be built.
-pub fn start_pose(side: Side) -> Result<[f64; JOINTS], StageError> {
+pub fn start_pose(side: Side) -> Result<[f64; DRIVEN_JOINTS], StageError> {
     let stage = StageConfig { side, ..StageConfig::default() };
     Ok(World::new(&stage, &PhysicalParams::default())?.start_pose())
 }

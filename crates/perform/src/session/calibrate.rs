@@ -7,7 +7,7 @@ use etude_robot::rig::RigConfig;
 use etude_stage::geometry::key_lateral;
 use etude_twin::SHOWN_KEYS;
 
-use super::choice::unix_secs;
+use super::rig_choice::unix_secs;
 
 /// Stores in the rig's calibration that the middle finger is over `key` when the arm is as `shown`. A calibration of another arm is
 /// replaced.

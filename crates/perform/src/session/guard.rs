@@ -18,8 +18,8 @@ use etude_robot::priority::{Priority, Rank};
 use etude_robot::rig::{RigConfig, WiresConfig};
 use etude_robot::stop::{Stopped, stop};
 
-use super::choice::StandError;
 use super::claim::Claim;
+use super::rig_choice::SessionError;
 
 /// Time between two bytes.
 pub(super) const PERIOD: Duration = Duration::from_millis(20);
@@ -64,17 +64,19 @@ impl Guard {
     ///
     /// # Errors
     /// If it cannot be started, or the file has other devices than `wires`.
-    pub fn start(program: &Path, rig: &Path, wires: &WiresConfig) -> Result<Self, StandError> {
-        let (line, mut child) = Self::spawn(program, rig).map_err(StandError::Guard)?;
+    pub fn start(program: &Path, rig: &Path, wires: &WiresConfig) -> Result<Self, SessionError> {
+        let (line, mut child) = Self::spawn(program, rig).map_err(SessionError::Guard)?;
         let refused = match Self::devices_of(&mut child) {
             Ok(Some(devices)) if devices == devices_at(wires) => {
                 return Ok(Self { child, line, sent: None, unanswered: None });
             }
-            Ok(Some(theirs)) => {
-                StandError::OtherDevices { file: rig.display().to_string(), theirs, ours: devices_at(wires) }
-            }
-            Ok(None) => StandError::Guard(std::io::Error::other("it ended at once; its message is above")),
-            Err(error) => StandError::Guard(error),
+            Ok(Some(theirs)) => SessionError::OtherDevices {
+                file: rig.display().to_string(),
+                theirs,
+                ours: devices_at(wires),
+            },
+            Ok(None) => SessionError::Guard(std::io::Error::other("it ended at once; its message is above")),
+            Err(error) => SessionError::Guard(error),
         };
         // Nothing has moved, and it must not stop the devices of another robot.
         let _ = child.kill();
@@ -150,7 +152,7 @@ impl Guard {
 ///
 /// # Errors
 /// If standard input cannot be read with a time limit.
-pub fn stand_guard(rig: &RigConfig) -> std::io::Result<Option<Stopped>> {
+pub fn run_guard(rig: &RigConfig) -> std::io::Result<Option<Stopped>> {
     let controller = parent_id();
     let _priority = Priority::of_this_thread(Rank::Guard);
     let mut line = UnixStream::from(std::io::stdin().as_fd().try_clone_to_owned()?);

@@ -13,7 +13,7 @@ use etude_twin::Lockstep;
 
 use super::claim::Claim;
 use super::guard::{Guard, PERIOD};
-use super::warm::WarmFile;
+use super::motor_warmth::WarmFile;
 use super::worker::Worker;
 use crate::error::PerformError;
 use crate::prepare::{STOPPED as STOPPED_BY_ANOTHER, prepare};
@@ -25,15 +25,15 @@ const CONFIRM: Duration = Duration::from_secs(1);
 const LOOK: Duration = Duration::from_micros(100);
 
 /// A robot with its controller.
-pub struct Stand {
+pub struct Session {
     /// The controller.
     pub robot: Robot,
     /// Lockstep with a twin, or real time over wires.
-    pub pace: StandPace,
+    pub pace: SessionPace,
 }
 
 /// How time passes for a robot.
-pub enum StandPace {
+pub enum SessionPace {
     /// With a twin, as fast as it can be computed.
     Lockstep(Box<Lockstep>),
     /// By the wall clock, under guard.
@@ -85,7 +85,7 @@ impl Live {
     }
 }
 
-impl Stand {
+impl Session {
     /// Brings the robot up and holds it still for `time`. Returns the fault if the robot stopped itself meanwhile.
     ///
     /// # Errors
@@ -132,7 +132,7 @@ impl Stand {
     }
 }
 
-impl Drop for Stand {
+impl Drop for Session {
     /// After a panic the guard acts.
     fn drop(&mut self) {
         if std::thread::panicking() {
@@ -143,7 +143,7 @@ impl Drop for Stand {
             released = self.let_go().is_ok();
             self.robot.leave(self.pace.wires());
         }
-        let StandPace::Live(live) = &mut self.pace else { return };
+        let SessionPace::Live(live) = &mut self.pace else { return };
         if released {
             live.guard.farewell();
         }
@@ -151,7 +151,7 @@ impl Drop for Stand {
     }
 }
 
-impl Pace for StandPace {
+impl Pace for SessionPace {
     fn now(&self) -> Duration {
         match self {
             Self::Lockstep(lockstep) => lockstep.now(),

@@ -46,13 +46,13 @@ impl Disk for File {
 /// A file that has an end at any moment. A write can be killed where a page of the file begins, but not within a page. So the
 /// records are written behind the old end, with the new end first, and the bytes that replace the old end come last: until then
 /// readers stop at the old end.
-pub(crate) struct Ended<D> {
+pub(crate) struct TerminatedFile<D> {
     pub(crate) disk: D,
     /// Where the end begins; it lies within one page. 0 if nothing is written yet.
     pub(crate) len: u64,
 }
 
-impl<D: Disk> Ended<D> {
+impl<D: Disk> TerminatedFile<D> {
     /// Writes whole records in the place of the end, with a new end behind them, for which [`filler`] has made room.
     pub(crate) fn add(&mut self, records: &[u8]) -> std::io::Result<()> {
         if records.is_empty() {
@@ -97,7 +97,7 @@ pub(crate) fn filler(len: usize) -> usize {
 }
 
 /// A new file with these records and an end. Under its name there is never a file without an end.
-pub(crate) fn begin_file(path: &Path, records: &[u8]) -> Result<Ended<File>, RecordingError> {
+pub(crate) fn begin_file(path: &Path, records: &[u8]) -> Result<TerminatedFile<File>, RecordingError> {
     let open = |source| RecordingError::Open { path: path.to_path_buf(), source };
     let fail = |source: std::io::Error| RecordingError::Write {
         path: path.to_path_buf(),
@@ -111,7 +111,7 @@ pub(crate) fn begin_file(path: &Path, records: &[u8]) -> Result<Ended<File>, Rec
         written.and_then(|()| whole.commit()).map_err(fail)?;
     }
     let disk = File::options().write(true).open(path).map_err(open)?;
-    let mut file = Ended { disk, len: if is_device { 0 } else { records.len() as u64 } };
+    let mut file = TerminatedFile { disk, len: if is_device { 0 } else { records.len() as u64 } };
     if is_device {
         file.add(records).map_err(fail)?;
     }

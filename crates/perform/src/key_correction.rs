@@ -4,9 +4,9 @@
 
 use etude_music::{LOWEST_PITCH, Note};
 use etude_stage::geometry::{WHITE_PITCH, key_lateral};
-use etude_stage::hand::FINGER_JOINTS;
+use etude_stage::hand::JOINTS_PER_FINGER;
 use etude_stage::kinematics::fingertip;
-use etude_stage::{FINGERS, JOINTS, RAIL, Side, joint_range};
+use etude_stage::{DRIVEN_JOINTS, FINGERS, RAIL, Side, joint_range};
 use serde::{Deserialize, Serialize};
 
 use crate::correction::{Correction, grown, ticks};
@@ -14,7 +14,7 @@ use crate::correction::{Correction, grown, ticks};
 /// Where the finger of each planned note aims, in the order of the notes.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(transparent)]
-pub struct Aims(Vec<Aim>);
+pub struct KeyCorrections(Vec<Aim>);
 
 /// Where a finger aims for a note: the distance from its path in the simulation, m.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -27,7 +27,7 @@ struct Aim {
 
 /// The notes of a performance.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Strokes {
+pub struct PlayedNotes {
     /// Those that were planned, at times of the control steps.
     pub planned: Vec<Note>,
     /// Those that were played.
@@ -54,11 +54,11 @@ const LEAST_SLOPE: f64 = 0.02;
 /// Angle by which a joint is turned to find how far that moves the fingertip, rad.
 const TURN: f64 = 1e-4;
 
-impl Aims {
+impl KeyCorrections {
     /// The aims for the next run, after one with these. It should have played its notes `late_secs` later than planned. If fewer than half of
     /// them sounded, the aims stay: then something else is wrong than where the fingers aim.
     #[must_use]
-    pub fn after(&self, strokes: &Strokes, late_secs: f64) -> Self {
+    pub fn after(&self, strokes: &PlayedNotes, late_secs: f64) -> Self {
         let heard = Heard { strokes, late_secs };
         let matched: Vec<Option<&Note>> = strokes.planned.iter().map(|note| heard.stroke_of(note)).collect();
         if 2 * matched.iter().flatten().count() < strokes.planned.len() {
@@ -100,7 +100,7 @@ impl Aims {
 
     /// What the aims add to the set-points `asked` of the planned notes (at the end of each physics step: rad, the rail in m). For a note
     /// over whose key there is no finger, nothing.
-    pub fn offsets(&self, asked: &[[f64; JOINTS]], planned: &[Note], side: Side) -> Correction {
+    pub fn offsets(&self, asked: &[[f64; DRIVEN_JOINTS]], planned: &[Note], side: Side) -> Correction {
         // For each physics step and finger: the sum of the weights, and of the weighted aims.
         let mut sums = vec![[(0.0, Aim::default()); FINGERS]; asked.len()];
         for (note, aim) in planned.iter().zip(&self.0) {
@@ -117,13 +117,13 @@ impl Aims {
             }
         }
         let offsets = asked.iter().zip(sums).enumerate().map(|(tick, (pose, sums))| {
-            let mut offsets = [0.0; JOINTS];
+            let mut offsets = [0.0; DRIVEN_JOINTS];
             for (finger, (weights, sum)) in
                 sums.into_iter().enumerate().filter(|(_, (weights, _))| *weights > 0.0)
             {
                 let weights = f64::max(weights, 1.0);
                 let aim = Aim { aside: sum.aside / weights, deeper: sum.deeper / weights };
-                for (joint, turn) in (finger * FINGER_JOINTS..).zip(turned(pose, finger, side, aim)) {
+                for (joint, turn) in (finger * JOINTS_PER_FINGER..).zip(turned(pose, finger, side, aim)) {
                     let [low, high] = joint_range(joint);
                     offsets[joint] = (pose[joint] + grown(tick) * turn).clamp(low, high) - pose[joint];
                 }
@@ -136,7 +136,7 @@ impl Aims {
 
 /// The notes of a run, and how much later than planned they should be.
 struct Heard<'a> {
-    strokes: &'a Strokes,
+    strokes: &'a PlayedNotes,
     late_secs: f64,
 }
 
@@ -180,7 +180,7 @@ impl<'a> Heard<'a> {
 }
 
 /// The finger that presses the key of `note` in the middle of it: of those over the key the lowest.
-fn pressing(asked: &[[f64; JOINTS]], note: &Note, side: Side) -> Option<usize> {
+fn pressing(asked: &[[f64; DRIVEN_JOINTS]], note: &Note, side: Side) -> Option<usize> {
     let pose = asked.get(ticks((note.start_secs + note.end_secs) / 2.0))?;
     let key = usize::from(note.pitch.checked_sub(LOWEST_PITCH)?);
     (0..FINGERS)
@@ -191,8 +191,8 @@ fn pressing(asked: &[[f64; JOINTS]], note: &Note, side: Side) -> Option<usize> {
 }
 
 /// How far the joints of a finger turn to move its tip to this aim: the first aside, the others down with the least motion.
-fn turned(pose: &[f64; JOINTS], finger: usize, side: Side, aim: Aim) -> [f64; FINGER_JOINTS] {
-    let tip = |angles: &[f64; FINGER_JOINTS]| fingertip(side, finger, angles, pose[RAIL]);
+fn turned(pose: &[f64; DRIVEN_JOINTS], finger: usize, side: Side, aim: Aim) -> [f64; JOINTS_PER_FINGER] {
+    let tip = |angles: &[f64; JOINTS_PER_FINGER]| fingertip(side, finger, angles, pose[RAIL]);
     let here = angles(pose, finger);
     // How far the tip goes for each radian by which a joint turns, along `axis`.
     let slope = |joint: usize, axis: usize| {
@@ -200,7 +200,7 @@ fn turned(pose: &[f64; JOINTS], finger: usize, side: Side, aim: Aim) -> [f64; FI
         turned[joint] += TURN;
         (tip(&turned)[axis] - tip(&here)[axis]) / TURN
     };
-    let lowers: [f64; FINGER_JOINTS] =
+    let lowers: [f64; JOINTS_PER_FINGER] =
         std::array::from_fn(|joint| if joint == 0 { 0.0 } else { -slope(joint, 2) });
     let squares: f64 = lowers.iter().map(|lowers| lowers * lowers).sum();
     let mut turns = lowers.map(|lowers| aim.deeper * lowers / squares.max(LEAST_SLOPE.powi(2)));
@@ -209,8 +209,8 @@ fn turned(pose: &[f64; JOINTS], finger: usize, side: Side, aim: Aim) -> [f64; FI
     turns
 }
 
-fn angles(pose: &[f64; JOINTS], finger: usize) -> [f64; FINGER_JOINTS] {
-    std::array::from_fn(|joint| pose[finger * FINGER_JOINTS + joint])
+fn angles(pose: &[f64; DRIVEN_JOINTS], finger: usize) -> [f64; JOINTS_PER_FINGER] {
+    std::array::from_fn(|joint| pose[finger * JOINTS_PER_FINGER + joint])
 }
 
 #[cfg(test)]
@@ -230,12 +230,12 @@ mod tests {
     const LIFTED: f64 = 0.012;
     const SOUNDS: f64 = -0.004;
 
-    fn deeper(aims: &Aims) -> Vec<f64> {
+    fn deeper(aims: &KeyCorrections) -> Vec<f64> {
         aims.0.iter().map(|aim| aim.deeper).collect()
     }
 
-    fn strokes(planned: &[Note], played: &[Note]) -> Strokes {
-        Strokes { planned: planned.to_vec(), played: played.to_vec(), end_secs: 10.0 }
+    fn strokes(planned: &[Note], played: &[Note]) -> PlayedNotes {
+        PlayedNotes { planned: planned.to_vec(), played: played.to_vec(), end_secs: 10.0 }
     }
 
     fn note(pitch: u8, start_secs: f64, end_secs: f64) -> Note {
@@ -248,30 +248,30 @@ mod tests {
     }
 
     /// The path of a finger that strikes the key in 80 ms and holds it.
-    fn path() -> Vec<[f64; JOINTS]> {
+    fn path() -> Vec<[f64; DRIVEN_JOINTS]> {
         let [x, y, z] = key_target(KEY);
         let rail = y - fingertip(SIDE, FINGER, &[0.0, 0.5, 0.8, 0.3], 0.0)[1];
         (0..300)
             .map(|tick| {
                 let secs = f64::from(tick) / SETPOINT_HZ;
                 let down = ((secs - 0.42) / 0.1).min((1.08 - secs) / 0.1).clamp(0.0, 1.0);
-                let mut pose = [0.1; JOINTS];
+                let mut pose = [0.1; DRIVEN_JOINTS];
                 let target = [x, y, z + LIFTED - 0.02 * down];
                 let angles = reach(SIDE, FINGER, target, rail).expect("within reach");
-                pose[FINGER * FINGER_JOINTS..][..FINGER_JOINTS].copy_from_slice(&angles);
+                pose[FINGER * JOINTS_PER_FINGER..][..JOINTS_PER_FINGER].copy_from_slice(&angles);
                 pose[RAIL] = rail;
                 pose
             })
             .collect()
     }
 
-    fn tips(asked: &[[f64; JOINTS]], added: &Correction) -> Vec<[f64; 3]> {
+    fn tips(asked: &[[f64; DRIVEN_JOINTS]], added: &Correction) -> Vec<[f64; 3]> {
         let sent = Tracking { asked: asked.to_vec(), measured: Vec::new() }.asked_for(added).asked;
         sent.iter().map(|pose| fingertip(SIDE, FINGER, &angles(pose, FINGER), pose[RAIL])).collect()
     }
 
     /// What a robot plays that follows its set-points exactly, on a keyboard that is `lower`, m.
-    fn play(asked: &[[f64; JOINTS]], added: &Correction, lower: f64) -> Vec<Note> {
+    fn play(asked: &[[f64; DRIVEN_JOINTS]], added: &Correction, lower: f64) -> Vec<Note> {
         let mut sounds = false;
         let mut events = Vec::new();
         for (tick, tip) in tips(asked, added).iter().enumerate() {
@@ -289,7 +289,7 @@ mod tests {
     fn a_keyboard_that_is_lower_or_higher_is_played_as_long_as_planned() {
         let (asked, planned) = (path(), planned());
         for (lower, silent) in [(0.003, false), (0.006, true), (-0.003, false)] {
-            let mut aims = Aims::default();
+            let mut aims = KeyCorrections::default();
             let first = play(&asked, &Correction::default(), lower);
             assert_eq!(first.is_empty(), silent, "{lower}");
             for _ in 0..15 {
@@ -313,20 +313,21 @@ mod tests {
             let pitch = planned[0].pitch.checked_add_signed(wrong).unwrap();
             // The right key sounds as planned, too: nothing but the side is to be learned.
             let played = [note(pitch, 0.57, 0.6), note(planned[0].pitch, 0.6, 1.1)];
-            let offsets =
-                Aims::default().after(&strokes(&planned, &played), 0.1).offsets(&asked, &planned, SIDE);
+            let offsets = KeyCorrections::default()
+                .after(&strokes(&planned, &played), 0.1)
+                .offsets(&asked, &planned, SIDE);
             let moved = tips(&asked, &offsets)[150][1] - before[150][1];
             assert!((moved - toward * ASIDE).abs() < 0.2 * ASIDE, "{wrong}: {moved}");
-            let others = |joint: &usize| joint / FINGER_JOINTS != FINGER;
+            let others = |joint: &usize| joint / JOINTS_PER_FINGER != FINGER;
             for offsets in offsets.offsets() {
-                assert!((0..JOINTS).filter(others).all(|joint| offsets[joint] == 0.0));
+                assert!((0..DRIVEN_JOINTS).filter(others).all(|joint| offsets[joint] == 0.0));
             }
-            assert_eq!(offsets.offsets()[60], [0.0; JOINTS], "long before the note");
+            assert_eq!(offsets.offsets()[60], [0.0; DRIVEN_JOINTS], "long before the note");
         }
         // A stroke that is another planned note, and one at another time, are not wrong.
         let two = [planned[0], note(planned[0].pitch + 2, 0.5, 1.0)];
         for played in [two, [planned[0], note(planned[0].pitch + 1, 0.9, 1.0)]] {
-            let aims = Aims::default().after(&strokes(&two, &played), 0.0);
+            let aims = KeyCorrections::default().after(&strokes(&two, &played), 0.0);
             assert!(aims.0.iter().all(|aim| aim.aside == 0.0), "{aims:?}");
         }
     }
@@ -336,14 +337,14 @@ mod tests {
         let asked = path();
         let planned = [note(LOWEST_PITCH + KEY as u8, 0.0, 1.0)];
         let played = [note(planned[0].pitch, 0.0, 0.5), note(planned[0].pitch + 1, 0.0, 0.6)];
-        let mut aims = Aims::default();
+        let mut aims = KeyCorrections::default();
         for _ in 0..50 {
             aims = aims.after(&strokes(&planned, &played), 0.0);
         }
         assert_eq!(aims.0, [Aim { aside: -MOST[0], deeper: MOST[1] }]);
         let offsets = aims.offsets(&asked, &planned, SIDE);
-        assert_eq!(offsets.offsets()[0], [0.0; JOINTS]);
-        assert!(offsets.offsets()[100] != [0.0; JOINTS]);
+        assert_eq!(offsets.offsets()[0], [0.0; DRIVEN_JOINTS]);
+        assert!(offsets.offsets()[100] != [0.0; DRIVEN_JOINTS]);
     }
 
     #[test]
@@ -351,9 +352,10 @@ mod tests {
         let pitch = LOWEST_PITCH + KEY as u8;
         // The keyboard is silent; the performance ends before the last key could be let go.
         let planned = [note(pitch, 0.5, 1.0), note(pitch + 4, 1.0, 1.5)];
-        assert_eq!(Aims::default().after(&strokes(&planned, &[]), 0.1), Aims::default());
+        assert_eq!(KeyCorrections::default().after(&strokes(&planned, &[]), 0.1), KeyCorrections::default());
         let played = [note(pitch, 0.6, 1.1), note(pitch + 4, 1.1, 1.5)];
-        let aims = Aims::default().after(&Strokes { end_secs: 1.5, ..strokes(&planned, &played) }, 0.1);
+        let aims = KeyCorrections::default()
+            .after(&PlayedNotes { end_secs: 1.5, ..strokes(&planned, &played) }, 0.1);
         assert!(aims.0.iter().all(|aim| aim.deeper.abs() < 1e-9 && aim.aside == 0.0), "{aims:?}");
     }
 
@@ -362,9 +364,9 @@ mod tests {
         let pitch = LOWEST_PITCH + KEY as u8;
         let planned = [note(pitch, 0.5, 0.9), note(pitch, 1.0, 1.4), note(pitch + 5, 1.0, 1.4)];
         let played = [note(pitch, 0.5, 1.4), note(pitch + 5, 1.0, 1.4)];
-        let aims = Aims::default().after(&strokes(&planned, &played), 0.0);
+        let aims = KeyCorrections::default().after(&strokes(&planned, &played), 0.0);
         assert_eq!(deeper(&aims), [-DEEPER, -DEEPER, 0.0]);
-        let aims = Aims::default().after(&strokes(&planned, &[planned[0], planned[2]]), 0.0);
+        let aims = KeyCorrections::default().after(&strokes(&planned, &[planned[0], planned[2]]), 0.0);
         assert_eq!(deeper(&aims), [0.0, DEEPER, 0.0]);
     }
 
@@ -374,7 +376,7 @@ mod tests {
         let pitch = LOWEST_PITCH + KEY as u8;
         let planned = [note(pitch, 0.5, 1.0), note(pitch + 4, 0.5, 1.0)];
         let played = [note(pitch, 0.5, 1.0), note(pitch + 2, 0.52, 1.0)];
-        let aims = Aims::default().after(&strokes(&planned, &played), 0.0);
+        let aims = KeyCorrections::default().after(&strokes(&planned, &played), 0.0);
         assert_eq!(aims.0.iter().map(|aim| aim.aside).collect::<Vec<_>>(), [0.0, ASIDE]);
     }
 }

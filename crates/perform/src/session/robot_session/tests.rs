@@ -15,9 +15,9 @@ use etude_twin::{ArmPorts, Truth, TwinServer};
 
 use super::*;
 use crate::RecordingWriter;
-use crate::stand::choice::{controller, load_calibration};
-use crate::stand::claim::file;
-use crate::stand::{ready, start_pose};
+use crate::session::claim::file;
+use crate::session::rig_choice::{controller, load_calibration};
+use crate::session::{ready, start_pose};
 
 /// Nothing here should take so long: a test that waits for it fails instead of hanging.
 const PATIENCE: Duration = Duration::from_secs(60);
@@ -137,7 +137,7 @@ fn a_guard_of_other_devices_than_the_controllers_is_refused() {
 
 /// Lets a controller act on a twin with these faults. If the machine was too busy for the controller or the echo, which has no real-time
 /// priority: once more.
-fn on_a_twin(faults: &[&str], act: impl Fn(&mut Stand, &Watch<'_>)) {
+fn on_a_twin(faults: &[&str], act: impl Fn(&mut Session, &Watch<'_>)) {
     for _ in 0..3 {
         let folder = tempfile::tempdir().unwrap();
         let faults: Vec<_> = faults.iter().map(|fault| fault.parse().unwrap()).collect();
@@ -169,10 +169,10 @@ fn on_a_twin(faults: &[&str], act: impl Fn(&mut Stand, &Watch<'_>)) {
             let claim = Arc::new(Claim::new(&rig.wires).unwrap());
             let warm = WarmFile::new(&rig.wires);
             let live = Live::new(wires, guard, claim, warm, Worker::start().unwrap(), &mut robot);
-            let mut stand = Stand { robot, pace: StandPace::Live(Box::new(live)) };
-            let acted = catch_unwind(AssertUnwindSafe(|| act(&mut stand, &Watch { seen: &seen })));
-            let busy = stand.robot.phase() == Phase::Stopped
-                || matches!(stand.robot.fault(), Some(Fault::Stalled { .. }));
+            let mut session = Session { robot, pace: SessionPace::Live(Box::new(live)) };
+            let acted = catch_unwind(AssertUnwindSafe(|| act(&mut session, &Watch { seen: &seen })));
+            let busy = session.robot.phase() == Phase::Stopped
+                || matches!(session.robot.fault(), Some(Fault::Stalled { .. }));
             match acted {
                 Err(_) if busy => true,
                 Err(panic) => resume_unwind(panic),
@@ -193,8 +193,8 @@ fn on_a_twin(faults: &[&str], act: impl Fn(&mut Stand, &Watch<'_>)) {
 #[test]
 fn a_policy_that_hangs_does_not_hold_up_the_hand_and_ends_with_a_fault() {
     let pose = start_pose(etude_stage::Side::default()).unwrap();
-    on_a_twin(&[], |stand, watch| {
-        let Stand { robot, pace } = stand;
+    on_a_twin(&[], |session, watch| {
+        let Session { robot, pace } = session;
         prepare(robot, pace, Some(&pose), None, &AtomicBool::new(false)).unwrap();
         robot.follow(pace.now(), &[pose; 10]).unwrap();
         let before = {
@@ -217,8 +217,8 @@ fn a_policy_that_hangs_does_not_hold_up_the_hand_and_ends_with_a_fault() {
 #[test]
 fn a_device_that_falls_silent_while_work_hangs_ends_with_a_fault() {
     for silent in ["finger-silent=1@6", "arm-mute@6"] {
-        on_a_twin(&[silent], |stand, watch| {
-            let Stand { robot, pace } = stand;
+        on_a_twin(&[silent], |session, watch| {
+            let Session { robot, pace } = session;
             prepare(robot, pace, None, None, &AtomicBool::new(false)).unwrap();
             let mut released = false;
             pace.run_while(robot, &mut || released = watch.until(Seen::is_released));
@@ -241,8 +241,8 @@ fn a_device_that_falls_silent_while_work_hangs_ends_with_a_fault() {
 
 #[test]
 fn a_disk_that_hangs_does_not_hold_up_a_start() {
-    on_a_twin(&[], |stand, watch| {
-        let Stand { robot, pace } = stand;
+    on_a_twin(&[], |session, watch| {
+        let Session { robot, pace } = session;
         let (writer, free) = RecordingWriter::stuck();
         let held = std::thread::scope(|scope| {
             let mut writer = writer;
