@@ -48,7 +48,7 @@ pub use performance::{Ending, Executed, Performance, Scores, Simulated, Stepped,
 pub use prepare::{prepare, record_release};
 pub use recorder::Recorder;
 pub use recording::{Recording, RecordingError};
-pub use rig::{Command, Rig, Seen};
+pub use rig::{Command, Rig, RigState};
 pub use robot_rig::RobotRig;
 pub use shaping::shaping_params;
 pub use shell::{shell_line, shell_word};
