@@ -17,7 +17,7 @@ import numpy as np
 from mcap.reader import make_reader
 from sklearn.metrics import precision_recall_fscore_support
 
-LOWEST, KEYS = 36, 49
+LOWEST, KEY_COUNT = 36, 49
 TOLERANCE = 1e-9
 NAMES = ["precision", "recall", "f1"]
 
@@ -27,7 +27,7 @@ def scores(due, pressed):
 
 
 def keys(pitches):
-    row = np.zeros(KEYS, dtype=int)
+    row = np.zeros(KEY_COUNT, dtype=int)
     row[[pitch - LOWEST for pitch in pitches]] = 1
     return row
 

@@ -18,7 +18,7 @@ import numpy as np
 from mcap.reader import make_reader
 from sklearn.metrics import f1_score
 
-LOWEST, KEYS, RAIL = 36, 49, 12
+LOWEST, KEY_COUNT, RAIL = 36, 49, 12
 PWM = [375, 675, 450, 285] * 3 + [525, 405, 270, 270]
 FINGER = {"velocity": 13.0, "acceleration": 2000.0, "jerk": 400_000.0}
 RAIL_LIMITS = {"velocity": 0.8, "acceleration": 7.5, "jerk": 1500.0}
@@ -26,7 +26,7 @@ SETPOINT_SECS = 0.005
 
 
 def down(pitches):
-    row = np.zeros(KEYS, dtype=int)
+    row = np.zeros(KEY_COUNT, dtype=int)
     row[np.array(pitches, dtype=int) - LOWEST] = 1
     return row
 

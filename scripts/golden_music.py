@@ -23,7 +23,7 @@ import mir_eval
 import numpy as np
 from sklearn.metrics import precision_recall_fscore_support
 
-KEYS, LOWEST, PERCUSSION = 49, 36, 9
+KEY_COUNT, LOWEST, PERCUSSION = 49, 36, 9
 OUT = Path(__file__).resolve().parent.parent / "crates" / "music" / "tests" / "golden"
 
 
@@ -35,7 +35,7 @@ def bits(keys):
 
 
 def row(word):
-    return [(word >> key) & 1 for key in range(KEYS)]
+    return [(word >> key) & 1 for key in range(KEY_COUNT)]
 
 
 def sklearn_scores(due, pressed):
@@ -56,12 +56,12 @@ def frame_cases():
     corner = [(0, 0), (0, one), (one, 0), (one, one), (one, other), (one, bits([24, 25])), (two, one), (two, bits([24, 25]))]
     cases = [frame_case(f"corner {i}", [d], [p]) for i, (d, p) in enumerate(corner)]
     cases.append(frame_case("all corners", [d for d, _ in corner], [p for _, p in corner]))
-    cases.append(frame_case("all keys", [bits(range(KEYS))] * 3, [bits(range(KEYS)), 0, bits([0, 48])]))
+    cases.append(frame_case("all keys", [bits(range(KEY_COUNT))] * 3, [bits(range(KEY_COUNT)), 0, bits([0, 48])]))
     cases.append(frame_case("silent song, busy hand", [0] * 5, [one, 0, two, other, 0]))
     for i in range(20):
         density, noise = rng.choice([0.01, 0.05, 0.3]), rng.choice([0.0, 0.02, 0.2])
-        due = [bits(k for k in range(KEYS) if rng.random() < density) for _ in range(rng.randint(1, 60))]
-        pressed = [d ^ bits(k for k in range(KEYS) if rng.random() < noise) for d in due]
+        due = [bits(k for k in range(KEY_COUNT) if rng.random() < density) for _ in range(rng.randint(1, 60))]
+        pressed = [d ^ bits(k for k in range(KEY_COUNT) if rng.random() < noise) for d in due]
         cases.append(frame_case(f"random {i}", due, pressed))
     return cases
 

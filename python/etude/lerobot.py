@@ -24,7 +24,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from ._native import EtudeError
-from .recordings import KEYS, LOWEST_PITCH, Recording, read_recording
+from .recordings import KEY_COUNT, LOWEST_PITCH, Recording, read_recording
 
 VERSION = "v3.0"
 FILES_A_CHUNK = 1000
@@ -60,7 +60,7 @@ def _frames(recording: Recording) -> Columns:
 
 def _features(columns: Columns, joints: list[str]) -> dict[str, dict[str, Any]]:
     """The columns as `info.json` describes them."""
-    pitches = [f"midi_{LOWEST_PITCH + key}" for key in range(KEYS)]
+    pitches = [f"midi_{LOWEST_PITCH + key}" for key in range(KEY_COUNT)]
     names = {"observation.state": joints, "action": joints, "observation.keys": pitches, "observation.due": pitches}
     features = {
         name: {"dtype": str(values.dtype), "shape": list(values.shape[1:]) or [1], "names": names.get(name)}

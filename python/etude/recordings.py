@@ -20,7 +20,7 @@ from ._native import EtudeError
 if TYPE_CHECKING:
     import pandas
 
-LOWEST_PITCH, KEYS = 36, 49
+LOWEST_PITCH, KEY_COUNT = 36, 49
 
 
 @dataclass(frozen=True)
@@ -70,7 +70,7 @@ class Recording:
             return self.pressed
         ends = (np.arange(len(self)) + 1) / self.header["control_hz"] + late_secs
         strokes = self.topics.get("/key", {"secs": (), "pitch": (), "velocity": ()})
-        heard = np.zeros((len(self), KEYS), np.bool_)
+        heard = np.zeros((len(self), KEY_COUNT), np.bool_)
         # Each change of a key holds until its next one.
         for secs, pitch, velocity in sorted(zip(strokes["secs"], strokes["pitch"], strokes["velocity"]), key=lambda stroke: stroke[0]):
             heard[ends >= secs - 1e-9, pitch - LOWEST_PITCH] = velocity > 0
@@ -102,7 +102,7 @@ class Recording:
 
 
 def _keys(rows: Any) -> NDArray[np.bool_]:
-    keys = np.zeros((len(rows), KEYS), np.bool_)
+    keys = np.zeros((len(rows), KEY_COUNT), np.bool_)
     for step, pitches in enumerate(rows):
         keys[step, np.asarray(pitches, int) - LOWEST_PITCH] = True
     return keys

@@ -29,7 +29,7 @@ fn error(why: impl Display) -> PyErr {
 /// Ids and titles of the built-in songs.
 #[pyfunction]
 fn songs() -> Vec<(&'static str, &'static str)> {
-    repertoire::PIECES.iter().map(|piece| (piece.id, piece.title)).collect()
+    repertoire::SONGS.iter().map(|piece| (piece.id, piece.title)).collect()
 }
 
 /// Raises the error that drawing such a picture would raise, except for a missing OpenGL.

@@ -4,7 +4,7 @@ use std::fmt::Display;
 use std::hash::{DefaultHasher, Hash as _, Hasher as _};
 
 use etude_lab::find_song;
-use etude_music::KEYS;
+use etude_music::KEY_COUNT;
 use etude_music::metrics::FrameTally;
 use etude_stage::mjcf;
 use etude_task::{ACTION_LEN, Environment, Piece, TargetRange, TaskConfig, layout};
@@ -128,7 +128,7 @@ fn count(name: &str, given: i64, most: usize) -> PyResult<usize> {
 fn fingerprint(config: &TaskConfig, piece: &Piece) -> PyResult<u64> {
     let mut hasher = DefaultHasher::new();
     serde_json::to_string(config).map_err(error)?.hash(&mut hasher);
-    piece.frames().iter().flat_map(|due| due.iter().chain([KEYS])).for_each(|key| key.hash(&mut hasher));
+    piece.frames().iter().flat_map(|due| due.iter().chain([KEY_COUNT])).for_each(|key| key.hash(&mut hasher));
     Ok(hasher.finish())
 }
 

@@ -53,10 +53,10 @@ class Offset:
     def f1(self, shown):
         """F1 of a song, with these keys in the place of those that sound."""
         import numpy as np
-        from etude.recordings import KEYS
+        from etude.recordings import KEY_COUNT
 
-        sounding = slice(self.goals.stop, self.goals.stop + KEYS)
-        due = slice(sounding.stop, sounding.stop + KEYS)
+        sounding = slice(self.goals.stop, self.goals.stop + KEY_COUNT)
+        due = slice(sounding.stop, sounding.stop + KEY_COUNT)
         observation, _ = self.env.reset(seed=0)
         over = False
         while not over:

@@ -6,7 +6,7 @@ use std::path::Path;
 use clap::builder::StyledStr;
 use clap::error::{ContextKind, ContextValue, ErrorKind};
 use clap::{Arg, Command};
-use etude_music::{near, repertoire};
+use etude_music::{repertoire, similar_names};
 use etude_perform::shell_line;
 
 /// Largest number of commands that are suggested.
@@ -56,12 +56,12 @@ fn commands(root: &Command, words: &[String], word: &str) -> Vec<String> {
     let names = || all.iter().filter_map(|(path, _)| path.last().copied());
     let is_name = names().any(|name| name == word);
     let here = || all.iter().filter(|(path, _)| path[..path.len() - 1] == *before);
-    let is_near_name = !near(word, here().filter_map(|(path, _)| path.last().copied())).is_empty();
+    let is_near_name = !similar_names(word, here().filter_map(|(path, _)| path.last().copied())).is_empty();
     // The word as an argument of a subcommand here, or the value of one that has nearly this name.
     let as_argument = |(path, command): &(Vec<&str>, &Command)| {
         let values = values(command);
         let is_song = is_midi(word) && repertoire::ids().all(|id| values.iter().any(|value| value == id));
-        let near = || near(word, values.iter().map(String::as_str)).first().map(ToString::to_string);
+        let near = || similar_names(word, values.iter().map(String::as_str)).first().map(ToString::to_string);
         let value = match is_song || values.iter().any(|value| value == word) {
             true => word.to_string(),
             false => near().filter(|_| !is_name && !is_near_name && !word.contains(['/', '.']))?,
@@ -70,7 +70,7 @@ fn commands(root: &Command, words: &[String], word: &str) -> Vec<String> {
         whole(path, &line)
     };
     let with_the_word: Vec<String> = here().filter_map(as_argument).collect();
-    let meant = if is_name { vec![word] } else { near(word, names()) };
+    let meant = if is_name { vec![word] } else { similar_names(word, names()) };
     let named = meant.iter().flat_map(|name| all.iter().filter(|(path, _)| path.last() == Some(name)));
     let elsewhere =
         named.map(|(path, _)| whole(path, after).unwrap_or_else(|| format!("etude {}", path.join(" "))));
@@ -109,7 +109,7 @@ fn options(root: &Command, option: &str, known: bool) -> Option<String> {
     }
     let longs: Vec<String> =
         all.iter().flat_map(|(_, command)| command.get_arguments()).flat_map(names).collect();
-    let meant = near(option, longs.iter().map(String::as_str).filter(|name| name.starts_with("--")));
+    let meant = similar_names(option, longs.iter().map(String::as_str).filter(|name| name.starts_with("--")));
     let name = meant.first().filter(|_| !known)?;
     Some(format!("did you mean `{name}`, an option of {}?", of(name)?))
 }

@@ -21,7 +21,9 @@ use etude_emulators::{
 use etude_robot::{
     allegro::{Hand, HandConfig, HandEvent, HandState},
     can::{self, CanError, CanFrame, CanTransport},
-    keyboard::{KEYS, KeyChange, Keyboard, KeyboardConfig, KeyboardState, LossReason, MidiError, MidiPort},
+    keyboard::{
+        KEY_COUNT, KeyChange, Keyboard, KeyboardConfig, KeyboardState, LossReason, MidiError, MidiPort,
+    },
 };
 
 use socketcan::{CanErrorFrame, CanSocket, Socket as _, errors::CAN_ERR_BUSOFF};
@@ -266,7 +268,7 @@ fn keyboard(way: &str) -> Checked {
             ..KeyboardEmulatorConfig::default()
         };
         let mut piano = Piano::new(&config)?;
-        for key in 0..KEYS {
+        for key in 0..KEY_COUNT {
             piano.emulator.press(piano.now, key, 2 * key as u8 + 1);
             piano.say(2)?;
             piano.emulator.release(piano.now, key);

@@ -7,7 +7,7 @@ use std::{collections::VecDeque, time::Duration};
 
 use serde::{Deserialize, Serialize};
 
-use etude_robot::keyboard::{KEYS, check_lowest_pitch, positive_secs};
+use etude_robot::keyboard::{KEY_COUNT, check_lowest_pitch, positive_secs};
 use etude_robot::setting::SettingError;
 
 /// How a release is coded.
@@ -106,7 +106,7 @@ pub struct KeyboardEmulator {
     clock: Option<Duration>,
     plugged: bool,
     /// The keys that are down.
-    down: [bool; KEYS],
+    down: [bool; KEY_COUNT],
     status: Option<u8>,
     queue: VecDeque<(Duration, u8)>,
     line_free_at: Duration,
@@ -132,7 +132,7 @@ impl KeyboardEmulator {
             sensing,
             clock,
             plugged: true,
-            down: [false; KEYS],
+            down: [false; KEY_COUNT],
             status: None,
             queue: VecDeque::new(),
             line_free_at: Duration::ZERO,
@@ -167,7 +167,7 @@ impl KeyboardEmulator {
     pub fn unplug(&mut self) {
         self.plugged = false;
         self.queue.clear();
-        self.down = [false; KEYS];
+        self.down = [false; KEY_COUNT];
         self.status = None;
     }
 

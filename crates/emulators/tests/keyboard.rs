@@ -7,7 +7,7 @@ use std::time::Duration;
 use etude_emulators::faults::{FaultPlan, FaultyBytes};
 use etude_emulators::{KeyboardEmulator, KeyboardEmulatorConfig, Line, ReleaseCoding};
 use etude_robot::keyboard::{
-    KEYS, KeyChange, Keyboard, KeyboardConfig, KeyboardState, KeyboardWarning, LossReason,
+    KEY_COUNT, KeyChange, Keyboard, KeyboardConfig, KeyboardState, KeyboardWarning, LossReason,
 };
 use proptest::prelude::*;
 
@@ -46,7 +46,7 @@ enum Action {
 
 fn actions() -> impl Strategy<Value = Vec<Action>> {
     let action = prop_oneof![
-        3 => (0..KEYS, 1_u8..=127).prop_map(|(key, velocity)| Action::Toggle { key, velocity }),
+        3 => (0..KEY_COUNT, 1_u8..=127).prop_map(|(key, velocity)| Action::Toggle { key, velocity }),
         1 => (1_u32..400).prop_map(|millis| Action::Wait { millis }),
     ];
     prop::collection::vec(action, 0..80)
@@ -123,7 +123,7 @@ proptest! {
     #[test]
     fn real_time_bytes_anywhere_and_any_split_change_nothing(
         config in any_emulator(),
-        keys in prop::collection::vec((0..KEYS, 1_u8..=127), 0..60),
+        keys in prop::collection::vec((0..KEY_COUNT, 1_u8..=127), 0..60),
         inserts in prop::collection::vec((any::<prop::sample::Index>(), 0xF8_u8..=0xFF), 0..60),
         cuts in prop::collection::vec(any::<prop::sample::Index>(), 0..20),
     ) {
@@ -171,10 +171,10 @@ proptest! {
                 2 => keyboard.acknowledge(),
                 _ => keyboard.poll(now, &mut changes),
             }
-            prop_assert!(keyboard.pressed() < 1 << KEYS);
-            prop_assert!(changes.iter().all(|change| change.key < KEYS && change.velocity < 128));
+            prop_assert!(keyboard.pressed() < 1 << KEY_COUNT);
+            prop_assert!(changes.iter().all(|change| change.key < KEY_COUNT && change.velocity < 128));
             prop_assert_eq!(fold(&changes), keyboard.pressed());
-            prop_assert!(keyboard.warnings().count() <= KEYS + 3);
+            prop_assert!(keyboard.warnings().count() <= KEY_COUNT + 3);
         }
         keyboard.disconnected(now, &mut changes);
         prop_assert_eq!(keyboard.pressed(), 0);
@@ -194,7 +194,7 @@ proptest! {
 
     #[test]
     fn any_times_do_no_harm(
-        times in prop::collection::vec((any::<u64>(), 0..KEYS), 0..20), config in any_emulator(),
+        times in prop::collection::vec((any::<u64>(), 0..KEY_COUNT), 0..20), config in any_emulator(),
     ) {
         let (mut emulator, mut keyboard, mut changes) = (emulator(config), keyboard(), Vec::new());
         for now in times.iter().map(|&(nanos, _)| Duration::from_nanos(nanos)).chain([Duration::MAX]) {
@@ -244,7 +244,7 @@ proptest! {
             keyboard.poll(now, &mut changes);
         }
         // Pressing and releasing every key anew sets all of them right.
-        for key in 0..KEYS {
+        for key in 0..KEY_COUNT {
             emulator.press(Duration::from_secs(2), key, 64);
             emulator.release(Duration::from_secs(2), key);
         }
@@ -254,7 +254,7 @@ proptest! {
             keyboard.receive(STEP * step, &wire, &mut changes);
         }
         let heard = played(&changes);
-        for key in 0..KEYS {
+        for key in 0..KEY_COUNT {
             let own: Vec<_> = heard.iter().filter(|(other, _)| *other == key).collect();
             prop_assert!(own.ends_with(&[&(key, 64), &(key, 0)]), "key {key}: {own:?}");
         }

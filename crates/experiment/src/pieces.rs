@@ -6,7 +6,7 @@ use std::path::Path;
 use anyhow::{Context as _, anyhow};
 use etude_lab::{Pianist, RunConfig, find_song, load_pianist, policy_called};
 use etude_learn::seed::fnv;
-use etude_music::{Part, Song, chords, key_is_black, melody};
+use etude_music::{Song, Split, chords, key_is_black, melody};
 
 use crate::config::{Experiment, LearnerConfig, PlayConfig};
 use crate::plan::{PlanConfig, all_or_first, notes_of};
@@ -67,9 +67,9 @@ struct Piece {
 }
 
 /// The first `count` melodies of a part.
-fn melodies(part: Part, count: usize) -> impl Iterator<Item = (String, Song)> {
+fn melodies(part: Split, count: usize) -> impl Iterator<Item = (String, Song)> {
     let all = (0..).map(|seed| (format!("{MELODY}{seed}"), melody(seed)));
-    all.filter(move |(_, song)| song.part() == part).take(count)
+    all.filter(move |(_, song)| song.split() == part).take(count)
 }
 
 /// What makes a melody hard or easy: of tempo, leaps, chords and black keys one word each.
@@ -151,10 +151,10 @@ impl Experiment {
             pieces.push(Piece { name: name.clone(), song: find_song(name)?, kinds: vec![SONGS] });
         }
         let count = |count: usize| if smoke { count.min(1) } else { count };
-        for (name, song) in melodies(Part::Validation, count(play.validation_melodies)) {
+        for (name, song) in melodies(Split::Validation, count(play.validation_melodies)) {
             pieces.push(Piece { name, song, kinds: vec![VALIDATION] });
         }
-        for (name, song) in melodies(Part::Test, count(play.melodies)) {
+        for (name, song) in melodies(Split::Test, count(play.melodies)) {
             let kinds = kinds(&song).to_vec();
             pieces.push(Piece { name, song, kinds });
         }
@@ -235,7 +235,7 @@ mod tests {
             let Work::Play { song, .. } = &trial.work else { panic!("{trial:?}") };
             let is_song = trial.labels["pieces"] == SONGS;
             assert_eq!(is_song, song == "twinkle");
-            assert!(is_song || piece_called(song).unwrap().part() == Part::Test, "{song}");
+            assert!(is_song || piece_called(song).unwrap().split() == Split::Test, "{song}");
         }
         let smoke = plan(MINE, &PlanConfig { smoke: true, ..PlanConfig::default() });
         assert_eq!(smoke.len(), 2 * (1 + 4));
@@ -266,11 +266,11 @@ mod tests {
                 "the observation is that of the sight-reader"
             );
             assert_ne!(alone.task.view, config.task.view);
-            let part = piece_called(&tuned.labels["song"]).unwrap().part();
+            let part = piece_called(&tuned.labels["song"]).unwrap().split();
             match tuned.labels["pieces"].as_str() {
-                VALIDATION => assert_eq!(part, Part::Validation),
+                VALIDATION => assert_eq!(part, Split::Validation),
                 SONGS => {}
-                _ => assert_eq!(part, Part::Test),
+                _ => assert_eq!(part, Split::Test),
             }
         }
         // What it begins with is part of the work, and one policy a seed may be.

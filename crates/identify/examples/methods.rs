@@ -1,6 +1,6 @@
-//! The two methods on the same recordings, from the same starts: the replays and seconds that each needs to reach the same
-//! error. Prints the table of docs/results/identification.md:
-//! `cargo run --release -p etude-identify --example methods -- chirp.mcap [--seeds N]`.
+//! The two methods on the same recordings, from the same starts: the replays and seconds that each
+//! needs to reach the same error. Prints the table of docs/results/identification.md: `cargo run
+//! --release -p etude-identify --example methods -- chirp.mcap [--seeds N]`.
 #![allow(clippy::print_stdout, clippy::print_stderr, reason = "printing is what it is for")]
 
 use std::collections::BTreeMap;

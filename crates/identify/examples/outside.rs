@@ -1,8 +1,10 @@
-//! One identification problem for two solvers: this crate's, and MuJoCo's own toolbox (`scripts/check_sysid.py`).
+//! One identification problem for two solvers: this crate's, and MuJoCo's own toolbox
+//! (`scripts/check_sysid.py`).
 //!
-//! Stock MuJoCo can express the problem exactly. A joint's references depend on its targets alone, so a joint is MuJoCo's
-//! position actuator with the same force limits, driven by those references once a physics step. All readings are at the
-//! ends of physics steps, so no interpolation is needed.
+//! Stock MuJoCo can express the problem exactly. A joint's references depend on its targets alone,
+//! so a joint is MuJoCo's position actuator with the same force limits, driven by those references
+//! once a physics step. All readings are at the ends of physics steps, so no interpolation is
+//! needed.
 #![allow(clippy::print_stdout, reason = "printing is what it is for")]
 
 use std::fmt::Write as _;
@@ -41,7 +43,8 @@ const MOST_FRICTION_NM: f64 = 0.08;
 const TRUTH: f64 = 1.3;
 /// Largest factor between the start and the true parameters; within the bounds.
 const FARTHEST: f64 = 3.0;
-/// Largest share of a joint's momentum that its damping removes in a physics step. Beyond 2 the simulation oscillates.
+/// Largest share of a joint's momentum that its damping removes in a physics step. Beyond 2 the
+/// simulation oscillates.
 const MOST_TAKEN: f64 = 1.5;
 /// Step of the differences for the intervals, as a share of each range.
 const ESTIMATE_STEP: f64 = 1e-4;
@@ -60,7 +63,8 @@ fn nominal() -> PhysicalParams {
     params
 }
 
-/// Parameters up to a factor `times` from `params`, of joints that can be simulated with this physics step.
+/// Parameters up to a factor `times` from `params`, of joints that can be simulated with this
+/// physics step.
 fn off(params: &PhysicalParams, times: f64, random: &mut Pcg64) -> PhysicalParams {
     let mut params = params.clone();
     for joint in FITTED {
@@ -224,8 +228,8 @@ impl Posed {
 
     /// Fits, and returns the result with its uncertainty.
     fn answer(&self) -> Fallible<Value> {
-        // There is no contact and no drive at its limit, so small differences are exact. The first step is short, because
-        // damping and armature that cannot be simulated are near.
+        // There is no contact and no drive at its limit, so small differences are exact. The first
+        // step is short, because damping and armature that cannot be simulated are near.
         let config = LmConfig { difference_step: 1e-6, initial_damping: 10.0, ..LmConfig::default() };
         let begun = Instant::now();
         let mut fit = Fit::new(self.problem.clone(), &MethodConfig::Lm(config), 0)?;
@@ -283,8 +287,8 @@ impl Posed {
     }
 }
 
-/// Writes the problem, the model and our answer into a folder:
-/// `cargo run --release -p etude-identify --example outside -- FOLDER [SEED [TIMES]]`. The fit starts up to a factor TIMES
+/// Writes the problem, the model and our answer into a folder: `cargo run --release -p
+/// etude-identify --example outside -- FOLDER [SEED [TIMES]]`. The fit starts up to a factor TIMES
 /// (default 1.3) from the true parameters.
 fn main() -> Fallible<()> {
     let arguments: Vec<String> = std::env::args().skip(1).collect();

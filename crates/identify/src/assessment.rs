@@ -6,7 +6,8 @@ use serde::{Deserialize, Serialize};
 use crate::motion::Motion;
 use crate::replay::{Replayer, Trace};
 
-/// Root mean square errors of one joint over several recordings, before and after the fit, rad or m.
+/// Root mean square errors of one joint over several recordings, before and after the fit, rad or
+/// m.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct JointErrors {
     /// Name of the joint.
@@ -31,8 +32,8 @@ pub struct Assessment {
 }
 
 impl Assessment {
-    /// Compares `motions` with replays with the parameters `before` and `after`. The errors of a simulation that diverges
-    /// are infinite.
+    /// Compares `motions` with replays with the parameters `before` and `after`. The errors of a
+    /// simulation that diverges are infinite.
     ///
     /// # Errors
     /// If the simulation cannot be built.
@@ -70,7 +71,8 @@ impl Assessment {
     }
 }
 
-/// A motion and its replays before and after the fit. A replay is `None` where the simulation diverged.
+/// A motion and its replays before and after the fit. A replay is `None` where the simulation
+/// diverged.
 pub(crate) struct Replayed<'a> {
     pub motion: &'a Motion,
     pub traces: [Option<Trace>; 2],

@@ -1,4 +1,5 @@
-//! The constants of the two methods. Their defaults suit residuals in standard deviations of the noise.
+//! The constants of the two methods. Their defaults suit residuals in standard deviations of the
+//! noise.
 
 use serde::{Deserialize, Serialize};
 
@@ -43,16 +44,18 @@ pub struct LmConfig {
     pub differences: Differences,
     /// Final step of the differences, as a share of a parameter's range.
     pub difference_step: f64,
-    /// First step of the differences, if larger. Wide differences average the roughness of a simulation. Each time the fit
-    /// converges it continues with a tenth of the step, down to `difference_step`.
+    /// First step of the differences, if larger. Wide differences average the roughness of a
+    /// simulation. Each time the fit converges it continues with a tenth of the step, down to
+    /// `difference_step`.
     pub first_difference_step: f64,
     /// Damping at the start, relative to the curvature of each parameter.
     pub initial_damping: f64,
     /// Ends when a step's predicted and actual reductions are a smaller share of the cost.
     pub cost_tolerance: f64,
-    /// A parameter is held while the cost's curvature along it is less. With residuals in standard deviations of the noise, the
-    /// parameter's own 95 % interval is then wider than `3.92 / √least_curvature` of its range.
-    pub least_curvature: f64,
+    /// A parameter is held while the cost's curvature along it is less. With residuals in standard
+    /// deviations of the noise, the parameter's own 95 % interval is then wider than `3.92 /
+    /// √min_curvature` of its range.
+    pub min_curvature: f64,
 }
 
 impl Default for LmConfig {
@@ -64,7 +67,7 @@ impl Default for LmConfig {
             first_difference_step: 1e-5,
             initial_damping: 1e-3,
             cost_tolerance: 1e-9,
-            least_curvature: 0.0,
+            min_curvature: 0.0,
         }
     }
 }

@@ -1,6 +1,7 @@
 //! Why something cannot be fitted.
 
-/// Parameters, residuals, evaluations or a configuration that cannot be fitted. The text says why, and what to do.
+/// Parameters, residuals, evaluations or a configuration that cannot be fitted. The text says why,
+/// and what to do.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("{0}")]
 pub struct FitError(pub(crate) String);

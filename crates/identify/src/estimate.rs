@@ -1,12 +1,12 @@
 //! The uncertainty of an estimate: intervals, correlations, and what is not identifiable.
 //!
-//! All of it is linear theory at the optimum: with the Jacobian J of the residuals, the covariance of the
-//! parameters is `A⁻¹ M A⁻¹` with `A = JᵀJ` and `M = Σ τ s² JᵀJ` summed over the blocks, s² being a block's
-//! residual variance and τ its integrated autocorrelation time ([`integrated_autocorrelation`]): correlated
-//! residuals count as `samples / τ`. With one block of white residuals that is `s² (JᵀJ)⁻¹`.
-//! Under the Huber loss, residuals beyond its bend do not count in A and count as the bend in s² (Huber
-//! 1981). The correction takes the slopes to be as slow as the residuals, so where they are faster the
-//! intervals are too wide, not too narrow.
+//! All of it is linear theory at the optimum: with the Jacobian J of the residuals, the covariance
+//! of the parameters is the sandwich `A⁻¹ M A⁻¹` with `A = JᵀJ` and `M = Σ τ s² JᵀJ` summed over
+//! the blocks, s² being a block's residual variance and τ its integrated autocorrelation time
+//! ([`integrated_autocorrelation`]): correlated residuals count as `samples / τ`. With one block of
+//! white residuals that is `s² (JᵀJ)⁻¹`. Under the Huber loss, residuals beyond its bend do not
+//! count in A and count as the bend in s² (Huber 1981). The correction takes the slopes to be as
+//! slow as the residuals, so where they are faster the intervals are too wide, not too narrow.
 
 use std::ops::Range;
 
@@ -20,19 +20,20 @@ use crate::problem::{Block, Problem};
 
 /// Half a 95 % interval, in standard errors.
 pub(crate) const HALF_INTERVAL: f64 = 1.959_963_984_540_054;
-/// A direction is weak when half its 95 % interval is longer than this share of the parameters' ranges, ...
+/// A direction is weak when half its 95 % interval is longer than this share of the parameters'
+/// ranges, ...
 pub(crate) const WEAK_HALF_INTERVAL: f64 = 0.5;
 /// ... or when its singular value is a smaller share of the largest (our choice).
 const WEAK_SHARE: f64 = 1e-6;
 /// Singular values smaller than this share of the largest are rounding.
-const LEAST_SHARE: f64 = 3e-8;
+const MIN_SINGULAR_SHARE: f64 = 3e-8;
 /// A parameter takes part in a direction from this component of its unit vector on.
-const TAKES_PART: f64 = 0.3;
+const MIN_COMPONENT: f64 = 0.3;
 /// Shorter blocks share one variance, without autocorrelation.
 const SHORT_BLOCK: usize = 32;
 /// How close to a bound is at it, in normalised coordinates.
 const AT_BOUND: f64 = 1e-6;
-const EIGEN_ROUNDS: usize = 10_000;
+const MAX_EIGEN_ITERATIONS: usize = 10_000;
 
 /// The bound at which an estimate is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -61,8 +62,8 @@ pub struct ParameterEstimate {
     pub coordinate_standard_error: f64,
     /// The bound it is at. Its interval is then computed as if the bound were not there.
     pub at_bound: Option<Bound>,
-    /// Whether the data identify it: false for a parameter of a weak direction, or if its own half interval is longer than
-    /// half its range.
+    /// Whether the data identify it: false for a parameter of a weak direction, or if its own half
+    /// interval is longer than half its range.
     pub is_identifiable: bool,
 }
 
@@ -90,33 +91,36 @@ pub struct BlockStatistics {
     pub rms: f64,
 }
 
-/// The uncertainty of a fit's result. Matrices are in normalised coordinates, row by row, in the order of the
-/// parameters.
+/// The uncertainty of a fit's result. Matrices are in normalised coordinates, row by row, in the
+/// order of the parameters.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Estimate {
     /// The parameters, in order.
     pub parameters: Vec<ParameterEstimate>,
     /// Covariance of the normalised parameters.
     pub covariance: Vec<Vec<f64>>,
-    /// Correlation of the parameters; the diagonal is one, and a parameter without variance has no other
-    /// correlation.
+    /// Correlation of the parameters; the diagonal is one, and a parameter without variance has no
+    /// other correlation.
     pub correlation: Vec<Vec<f64>>,
-    /// Singular values of the Jacobian, the largest first; residuals (in standard deviations) per whole
-    /// range.
+    /// Singular values of the Jacobian, the largest first; residuals (in standard deviations) per
+    /// whole range.
     pub singular_values: Vec<f64>,
     /// Largest singular value over the smallest.
     pub condition: f64,
-    /// Directions that are not identifiable: half their 95 % interval is longer than half the parameters'
-    /// ranges, or their singular value is below a millionth of the largest. The weakest first.
+    /// Directions that are not identifiable: half their 95 % interval is longer than half the
+    /// parameters' ranges, or their singular value is below a millionth of the largest. The weakest
+    /// first.
     pub weak: Vec<WeakDirection>,
     /// The blocks, in order.
     pub blocks: Vec<BlockStatistics>,
-    /// Sum of squared residuals over samples less parameters; one where nothing but the noise is left.
+    /// Sum of squared residuals over samples less parameters; one where nothing but the noise is
+    /// left.
     pub residual_variance: f64,
 }
 
 impl Estimate {
-    /// The uncertainty at a point, from its residuals and slopes ([`JacobianPlan`](crate::JacobianPlan)).
+    /// The uncertainty at a point, from its residuals and slopes
+    /// ([`JacobianPlan`](crate::JacobianPlan)).
     ///
     /// # Errors
     /// If there are too few residuals, or they are too large.
@@ -212,13 +216,16 @@ struct Spectrum {
 
 impl Spectrum {
     fn of(bread: &[f64], n: usize) -> Option<Self> {
-        let eigen =
-            SymmetricEigen::try_new(DMatrix::from_row_slice(n, n, bread), f64::EPSILON, EIGEN_ROUNDS)?;
+        let eigen = SymmetricEigen::try_new(
+            DMatrix::from_row_slice(n, n, bread),
+            f64::EPSILON,
+            MAX_EIGEN_ITERATIONS,
+        )?;
         let mut order: Vec<usize> = (0..n).collect();
         order.sort_by(|&a, &b| eigen.eigenvalues[b].total_cmp(&eigen.eigenvalues[a]));
         let largest = eigen.eigenvalues[*order.first()?].max(0.0).sqrt();
         // Not zero, so that the error of what is not identifiable is large and finite.
-        let least = (LEAST_SHARE * largest).max(1e-100);
+        let least = (MIN_SINGULAR_SHARE * largest).max(1e-100);
         let values = order.iter().map(|&k| eigen.eigenvalues[k].max(0.0).sqrt().max(least)).collect();
         Some(Self { values, directions: eigen.eigenvectors.select_columns(&order) })
     }
@@ -232,7 +239,7 @@ impl Spectrum {
         }
         // A direction without any influence on the residuals gets a standard error of ten ranges.
         for (i, value) in self.values.iter().enumerate() {
-            if *value <= LEAST_SHARE * self.values[0] || *value <= 1e-100 {
+            if *value <= MIN_SINGULAR_SHARE * self.values[0] || *value <= 1e-100 {
                 inner[(i, i)] = inner[(i, i)].clamp(100.0, 1e100);
             }
         }
@@ -250,7 +257,7 @@ impl Spectrum {
                 continue;
             }
             let mut parts: Vec<(String, f64)> = (problem.space().parameters().iter().zip(direction.iter()))
-                .filter(|(_, component)| component.abs() >= TAKES_PART)
+                .filter(|(_, component)| component.abs() >= MIN_COMPONENT)
                 .map(|(parameter, component)| (parameter.path.clone(), *component))
                 .collect();
             parts.sort_by(|a, b| b.1.abs().total_cmp(&a.1.abs()));

@@ -1,18 +1,19 @@
 //! The interface of all methods: ask for a batch, evaluate it anywhere, pass the residuals back.
 //!
-//! A fit holds what the methods share: the best candidate so far, counts, budget, failures, and the saved state.
+//! A fit holds what the methods share: the best candidate so far, counts, budget, failures, and the
+//! saved state.
 
 use serde::{Deserialize, Serialize};
 
-use crate::bo::Bo;
+use crate::bayesian::Bo;
 use crate::config::MethodConfig;
 use crate::error::FitError;
-use crate::lm::Lm;
+use crate::levenberg_marquardt::Lm;
 use crate::method::{Candidate, Method, Outcome, Reason};
 use crate::problem::{Evaluation, Problem};
 
 /// Each new candidate of Bayesian optimisation takes time in proportion to the cube of all before.
-const BO_MOST_EVALUATIONS: u64 = 2000;
+const MAX_BO_EVALUATIONS: u64 = 2000;
 
 /// The candidate with the lowest cost so far.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -50,8 +51,8 @@ impl State {
 
 /// A fit: its problem, its method and their state.
 ///
-/// Saved after any [`Fit::tell`] and loaded, it ends with the same result, bit for bit, if the format keeps every bit of
-/// a number (such as serde_json with `float_roundtrip`).
+/// Saved after any [`Fit::tell`] and loaded, it ends with the same result, bit for bit, if the
+/// format keeps every bit of a number (such as serde_json with `float_roundtrip`).
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Fit {
     problem: Problem,
@@ -66,16 +67,17 @@ pub struct Fit {
 }
 
 impl Fit {
-    /// A fit from the parameters' start values. `seed` determines every random draw; Levenberg–Marquardt makes none.
+    /// A fit from the parameters' start values. `seed` determines every random draw;
+    /// Levenberg–Marquardt makes none.
     ///
     /// # Errors
     /// If the method may make no evaluation, or more than it can handle.
     pub fn new(problem: Problem, method: &MethodConfig, seed: u64) -> Result<Self, FitError> {
         let max_evaluations = method.max_evaluations();
-        let most = if matches!(method, MethodConfig::Bo(_)) { BO_MOST_EVALUATIONS } else { u64::MAX };
-        if !(1..=most).contains(&max_evaluations) {
+        let max = if matches!(method, MethodConfig::Bo(_)) { MAX_BO_EVALUATIONS } else { u64::MAX };
+        if !(1..=max).contains(&max_evaluations) {
             return Err(FitError(format!(
-                "a fit cannot make {max_evaluations} evaluations: give from 1 to {most}"
+                "a fit cannot make {max_evaluations} evaluations: give from 1 to {max}"
             )));
         }
         let state = match method {
@@ -85,7 +87,8 @@ impl Fit {
         Ok(Self { problem, max_evaluations, state, best: None, evaluations: 0, finished: None, asked: None })
     }
 
-    /// The next batch, to be evaluated in any order. The same batch until [`Fit::tell`]; empty after the end.
+    /// The next batch, to be evaluated in any order. The same batch until [`Fit::tell`]; empty
+    /// after the end.
     pub fn ask(&mut self) -> Vec<Candidate> {
         self.proposed().iter().map(|point| Candidate::at(&self.problem, point)).collect()
     }
@@ -168,7 +171,7 @@ impl Fit {
     }
 
     /// Evaluations that it may still make; 0 after its end.
-    pub fn most_left(&self) -> u64 {
+    pub fn max_evaluations_left(&self) -> u64 {
         if self.finished.is_some() { 0 } else { self.max_evaluations.saturating_sub(self.evaluations) }
     }
 

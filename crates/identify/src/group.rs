@@ -1,7 +1,7 @@
-//! Groups: parameters that are fitted together, and their residuals. Groups of one pass hardly influence each other's
-//! readings, so one replay serves a candidate of each.
+//! Groups: parameters that are fitted together, and their residuals. Groups of one pass hardly
+//! influence each other's readings, so one replay serves a candidate of each.
 
-use etude_music::{CONTROL_HZ, KEYS};
+use etude_music::{CONTROL_HZ, KEY_COUNT};
 use etude_stage::hand::{FINGER_NAMES, JOINTS_PER_FINGER};
 use etude_stage::params::WorldRow;
 use etude_stage::{DRIVEN_JOINTS, JOINT_NAMES, PhysicalParams, RAIL};
@@ -9,16 +9,18 @@ use serde::{Deserialize, Serialize};
 
 use crate::error::FitError;
 use crate::motion::Motion;
+use crate::parameter_bounds::{contact_parameters, contact_prior};
 use crate::problem::{Block, Evaluation, Loss, Problem};
 use crate::replay::Trace;
-use crate::rows::{contact_parameters, contact_prior};
 use crate::space::{Parameter, Space};
 
-/// Every third reading is compared: the hand sends readings three times as often as its motion changes.
+/// Every third reading is compared: the hand sends readings three times as often as its motion
+/// changes.
 const STRIDE: usize = 3;
 /// Bend of the Huber loss, standard deviations: a finger may slip off a key in the simulation only.
-const SLIPS: f64 = 3.0;
-/// Standard deviation of a key's travel when it sounds, as a share of its travel: its motion in two physics steps.
+const HUBER_BEND: f64 = 3.0;
+/// Standard deviation of a key's travel when it sounds, as a share of its travel: its motion in two
+/// physics steps.
 const KEY_NOISE: f64 = 0.05;
 
 /// Parameters that are fitted together.
@@ -30,12 +32,13 @@ pub struct Group {
     pub joints: Vec<usize>,
     /// Whether the sounding keys are its residuals too.
     pub keys: bool,
-    /// Whether the prior of its parameters counts too.
-    pub believes: bool,
+    /// Whether the prior of its parameters is among its residuals.
+    pub uses_prior: bool,
 }
 
 impl Group {
-    /// The residuals of this group: a block for each joint in each motion in which it moves, and one for the keys.
+    /// The residuals of this group: a block for each joint in each motion in which it moves, and
+    /// one for the keys.
     ///
     /// # Errors
     /// If there are no parameters or no residuals.
@@ -50,15 +53,15 @@ impl Group {
                 blocks.push(Block::new(&format!("{index}.keys"), 2 * motion.commands.steps()));
             }
         }
-        if self.believes {
-            blocks.push(Block::new("belief", contact_parameters(&PhysicalParams::default()).len()));
+        if self.uses_prior {
+            blocks.push(Block::new("prior", contact_parameters(&PhysicalParams::default()).len()));
         }
-        let loss = if self.keys { Loss::Huber(SLIPS) } else { Loss::Squared };
+        let loss = if self.keys { Loss::Huber(HUBER_BEND) } else { Loss::Squared };
         Problem::new(Space::new(parameters)?, blocks, loss)
     }
 
-    /// Names of the blocks that a joint's parameters influence: those of its own finger. Its influence on other fingers
-    /// through the rail is below the noise.
+    /// Names of the blocks that a joint's parameters influence: those of its own finger. Its
+    /// influence on other fingers through the rail is below the noise.
     pub fn influenced<'a>(
         &'a self,
         joint: usize,
@@ -80,8 +83,8 @@ impl Group {
         self.joints_of(motion).next().is_some() || (self.keys && !motion.keys.is_empty())
     }
 
-    /// Residuals of the motions' replays, one trace a motion, with `params`; `before` are the parameters at the start of the
-    /// pass.
+    /// Residuals of the motions' replays, one trace a motion, with `params`; `before` are the
+    /// parameters at the start of the pass.
     pub fn evaluate(
         &self,
         before: &PhysicalParams,
@@ -103,19 +106,19 @@ impl Group {
                 key_residuals(params, motion, trace, &mut residuals);
             }
         }
-        if self.believes {
+        if self.uses_prior {
             residuals.extend(contact_prior(before, params));
         }
         Some(residuals)
     }
 }
 
-/// Two residuals a control step: by how much the keys that sounded at its end are short of where they are silent again, and by how
-/// much the others are beyond their threshold.
+/// Two residuals a control step: by how much the keys that sounded at its end are short of where
+/// they are silent again, and by how much the others are beyond their threshold.
 fn key_residuals(params: &PhysicalParams, motion: &Motion, trace: &Trace, residuals: &mut Vec<f64>) {
     let threshold = params.world(WorldRow::KeyThreshold);
     let release = threshold * (1.0 - params.world(WorldRow::KeyHysteresis));
-    let mut sounding = [false; KEYS];
+    let mut sounding = [false; KEY_COUNT];
     let mut events = motion.keys.iter().peekable();
     for step in 0..motion.commands.steps() {
         let secs = (step + 1) as f64 / CONTROL_HZ;
@@ -133,7 +136,7 @@ fn key_residuals(params: &PhysicalParams, motion: &Motion, trace: &Trace, residu
 
 /// Joints whose readings are fitted, without keys.
 fn drives(name: &str, joints: Vec<usize>) -> Group {
-    Group { name: name.to_string(), joints, keys: false, believes: false }
+    Group { name: name.to_string(), joints, keys: false, uses_prior: false }
 }
 
 /// Every joint separately.
@@ -148,8 +151,9 @@ pub fn fingers() -> Vec<Group> {
     fingers.chain([drives("rail", vec![RAIL])]).collect()
 }
 
-/// The keyboard, fitted to which keys sound and when. The pressing joints' readings are left out: how a finger yields under a
-/// key depends on play and static friction, which the simulated joints lack, and would bias the keyboard's parameters.
+/// The keyboard, fitted to which keys sound and when. The pressing joints' readings are left out:
+/// how a finger yields under a key depends on play and static friction, which the simulated joints
+/// lack, and would bias the keyboard's parameters.
 pub fn keyboard() -> Group {
-    Group { name: "keyboard".to_string(), joints: Vec::new(), keys: true, believes: true }
+    Group { name: "keyboard".to_string(), joints: Vec::new(), keys: true, uses_prior: true }
 }

@@ -1,5 +1,6 @@
-//! The Jacobian by finite differences, in one batch of candidates. Parameters without a common block are perturbed
-//! together, so that thirteen joints with eight parameters each cost 8 simulations instead of 104.
+//! The Jacobian by finite differences, in one batch of candidates. Parameters without a common
+//! block are perturbed together, so that thirteen joints with eight parameters each cost 8
+//! simulations instead of 104.
 
 use crate::config::Differences;
 use crate::error::FitError;
@@ -11,12 +12,12 @@ use crate::space::all_inside;
 /// influences are kept.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Jacobian {
-    columns: Vec<Vec<Part>>,
+    columns: Vec<Vec<BlockSlopes>>,
 }
 
 /// One block of one column.
 #[derive(Clone, Debug, PartialEq)]
-struct Part {
+struct BlockSlopes {
     block: usize,
     /// Place of the block in the residuals.
     start: usize,
@@ -24,11 +25,11 @@ struct Part {
 }
 
 impl Jacobian {
-    /// Adds a block's `scale · JᵀWJ` to `sum` (row by row, parameters × parameters); `weights` are of all
-    /// residuals.
+    /// Adds a block's `scale · JᵀWJ` to `sum` (row by row, parameters × parameters); `weights` are
+    /// of all residuals.
     pub(crate) fn add_gram(&self, block: usize, weights: &[f64], scale: f64, sum: &mut [f64]) {
         let n = self.columns.len();
-        let parts: Vec<(usize, &Part)> = self
+        let parts: Vec<(usize, &BlockSlopes)> = self
             .columns
             .iter()
             .enumerate()
@@ -48,7 +49,7 @@ impl Jacobian {
 
     /// `Jᵀ v` for a vector over all residuals.
     pub(crate) fn transposed_times(&self, vector: &[f64]) -> Vec<f64> {
-        let along = |part: &Part| -> f64 {
+        let along = |part: &BlockSlopes| -> f64 {
             part.slopes.iter().zip(&vector[part.start..]).map(|(slope, v)| slope * v).sum()
         };
         self.columns.iter().map(|parts| parts.iter().map(along).sum()).collect()
@@ -81,7 +82,8 @@ pub(crate) fn colours(problem: &Problem) -> Vec<Vec<usize>> {
     sets.into_iter().map(|(members, _)| members).collect()
 }
 
-/// How far to move a parameter from `at` in the direction of `sign`; zero where that leaves the bounds.
+/// How far to move a parameter from `at` in the direction of `sign`; zero where that leaves the
+/// bounds.
 ///
 /// The distance is the rounded one, so that the difference of the two coordinates is exact.
 fn distance(at: f64, sign: f64, step: f64) -> f64 {
@@ -91,8 +93,8 @@ fn distance(at: f64, sign: f64, step: f64) -> f64 {
 
 /// The candidates of a Jacobian at `point`, without the point itself.
 ///
-/// `attempts` counts the failures of each parameter's probes: the second attempt goes the other way, the third a tenth of
-/// the step.
+/// `attempts` counts the failures of each parameter's probes: the second attempt goes the other
+/// way, the third a tenth of the step.
 pub(crate) fn probes(
     problem: &Problem,
     point: &[f64],
@@ -135,7 +137,8 @@ pub(crate) fn probes(
     all
 }
 
-/// The Jacobian from the probes' residuals, and the parameters without any successful probe, whose columns are zero.
+/// The Jacobian from the probes' residuals, and the parameters without any successful probe, whose
+/// columns are zero.
 pub(crate) fn assemble(
     problem: &Problem,
     base: &[f64],
@@ -168,7 +171,7 @@ pub(crate) fn assemble(
             let range = ranges[block].clone();
             let start = range.start;
             let slopes = high.1[range.clone()].iter().zip(&low.1[range]).map(|(h, l)| (h - l) / width);
-            Part { block, start, slopes: slopes.collect() }
+            BlockSlopes { block, start, slopes: slopes.collect() }
         };
         columns.push(problem.influenced(parameter).iter().map(part).collect());
     }
@@ -183,8 +186,8 @@ pub struct JacobianPlan {
 }
 
 impl JacobianPlan {
-    /// Plans central differences at `point` (normalised); `step` is a share of
-    /// each range. Towards a bound, or over a failed neighbour, a parameter's difference is one-sided.
+    /// Plans central differences at `point` (normalised); `step` is a share of each range. Towards
+    /// a bound, or over a failed neighbour, a parameter's difference is one-sided.
     pub fn new(problem: &Problem, point: &[f64], step: f64) -> Self {
         let mut point = all_inside(point);
         point.resize(problem.space().len(), 0.0);

@@ -1,10 +1,12 @@
-//! Parameter estimation: the physical parameters with which a simulation repeats recordings, and their uncertainty.
+//! Parameter estimation: the physical parameters with which a simulation repeats recordings, and
+//! their uncertainty.
 //!
-//! A [`Problem`] is a [`Space`] of parameters, the [`Block`]s of residuals between simulation and recording,
-//! and a [`Loss`]. A [`Fit`] searches it by one of two methods ([`MethodConfig`]): Levenberg–Marquardt
-//! ([`LmConfig`]) or Bayesian optimisation ([`BoConfig`], the paper's). The caller
-//! evaluates: [`Fit::ask`] gives a batch of candidates, which may be simulated in any order and on any number of threads, and
-//! [`Fit::tell`] takes their residuals. An [`Estimate`] holds intervals, correlations and what is not identifiable.
+//! A [`Problem`] is a [`Space`] of parameters, the [`Block`]s of residuals between simulation and
+//! recording, and a [`Loss`]. A [`Fit`] searches it by one of two methods ([`MethodConfig`]):
+//! Levenberg–Marquardt ([`LmConfig`]) or Bayesian optimisation ([`BoConfig`], the paper's). The
+//! caller evaluates: [`Fit::ask`] gives a batch of candidates, which may be simulated in any order
+//! and on any number of threads, and [`Fit::tell`] takes their residuals. An [`Estimate`] holds
+//! intervals, correlations and what is not identifiable.
 //!
 //! ```
 //! use etude_identify::{Block, Fit, LmConfig, Loss, MethodConfig, Parameter, Problem, Space};
@@ -22,33 +24,34 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 //!
-//! Guarantees, each with a test: the same seed and evaluations give the same candidates with any number of
-//! threads; a fit that is saved after any tell and loaded ends with the same result; candidates lie inside the
-//! bounds; a failed evaluation, or one with a NaN, does not end the fit and never becomes the best; optima
-//! and covariances agree with SciPy's (`scripts/golden_identify.py`).
+//! Guarantees, each with a test: the same seed and evaluations give the same candidates with any
+//! number of threads; a fit that is saved after any tell and loaded ends with the same result;
+//! candidates lie inside the bounds; a failed evaluation, or one with a NaN, does not end the fit
+//! and never becomes the best; optima and covariances agree with SciPy's
+//! (`scripts/golden_identify.py`).
 
 mod assessment;
 mod autocorrelation;
-mod bo;
+mod bayesian;
 mod config;
 mod error;
 mod estimate;
 mod fit;
+mod gaussian_process;
+mod gravity_compensation;
 mod group;
 mod identification;
 mod jacobian;
-mod lm;
+mod levenberg_marquardt;
 mod method;
 mod motion;
+mod parameter_bounds;
 mod presses;
 mod problem;
-mod process;
 mod random;
 mod replay;
 mod report;
-mod rows;
 mod space;
-mod weight;
 
 pub use assessment::{Assessment, JointErrors};
 pub use autocorrelation::integrated_autocorrelation;
@@ -56,14 +59,14 @@ pub use config::{BoConfig, Differences, LmConfig, MethodConfig};
 pub use error::FitError;
 pub use estimate::{BlockStatistics, Bound, Estimate, ParameterEstimate, WeakDirection};
 pub use fit::{Best, Fit};
+pub use gravity_compensation::{GravityCompensation, fit_gravity_compensation};
 pub use group::Group;
 pub use identification::{Identified, IdentifyConfig, IdentifyError, Pass, PassEnd, Progress, identify};
 pub use jacobian::{Jacobian, JacobianPlan, Linearisation};
 pub use method::{Candidate, Reason};
 pub use motion::{Commands, Motion, MotionError};
-pub use presses::{Measured, in_words as keyboard_in_words};
+pub use presses::{Measured, describe as describe_keyboard};
 pub use problem::{Block, Evaluation, Loss, Problem};
 pub use replay::{Replayer, Trace};
 pub use report::{Curve, Figure, Report, ReportInput};
 pub use space::{Parameter, Scale, Space};
-pub use weight::{Weight, weigh};

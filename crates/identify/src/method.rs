@@ -50,7 +50,8 @@ pub(crate) struct Outcome<'a> {
 pub(crate) trait Method {
     /// The next batch, a function of the state alone. The fit moves coordinates inside the bounds.
     fn propose(&self, problem: &Problem) -> Vec<Vec<f64>>;
-    /// Takes the outcomes of the proposed `points`; `None` for a failure. Returns why the fit ends, if it does.
+    /// Takes the outcomes of the proposed `points`; `None` for a failure. Returns why the fit ends,
+    /// if it does.
     fn learn(
         &mut self,
         problem: &Problem,

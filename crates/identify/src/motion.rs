@@ -1,12 +1,12 @@
 //! A recording as input of a fit: commands, measured positions and sounding keys.
 //!
-//! Commands are either joint targets, one a control step and shaped on their way (excitations, the execution mode `real`), or
-//! set-points that a simulation had shaped already, one a physics step (the mirroring modes). A recording that would mislead
-//! a fit is refused with the reason.
+//! Commands are either joint targets, one a control step and shaped on their way (excitations, the
+//! execution mode `real`), or set-points that a simulation had shaped already, one a physics step
+//! (the mirroring modes). A recording that would mislead a fit is refused with the reason.
 
 use std::path::{Path, PathBuf};
 
-use etude_music::{CONTROL_HZ, KEYS, KeyEvent, LOWEST_PITCH};
+use etude_music::{CONTROL_HZ, KEY_COUNT, KeyEvent, LOWEST_PITCH};
 use etude_perform::{Activity, Excitation, HandMessage, Recording, RecordingError};
 use etude_robot::allegro::RAD_PER_COUNT;
 use etude_robot::joints::FINGER_JOINTS;
@@ -14,20 +14,21 @@ use etude_robot::rig::{RigConfig, SETPOINT_HZ};
 use etude_stage::{DRIVEN_JOINTS, JOINT_NAMES, PHYSICS_STEPS, RAIL, Side};
 
 /// Shortest motion, s: a song of a few notes.
-const SHORTEST_SECS: f64 = 1.0;
+const MIN_DURATION_SECS: f64 = 1.0;
 /// Longest gap between readings, s.
-const LONGEST_GAP_SECS: f64 = 0.1;
+const MAX_GAP_SECS: f64 = 0.1;
 /// Largest share of control steps whose command may have been a physics step late or more.
-const MOST_LATE: f64 = 0.01;
+const MAX_LATE_SHARE: f64 = 0.01;
 /// Largest share of periods in which a joint's drive may have been at its limit.
-const MOST_SATURATED: f64 = 0.5;
+const MAX_SATURATED_SHARE: f64 = 0.5;
 /// Duties that differ by more were cut, of 1200.
 const CUT_PWM: f64 = 2.0;
 /// Readings before the motion from which the start and the noise are taken.
-const AT_REST: usize = 60;
-/// The drive of a joint that moves by less is not identifiable, rad or m.
-const LEAST_MOTION: [f64; 2] = [0.02, 0.005];
-/// Noise of the rail's readings at least: the arm's report holds single-precision angles of joints, m.
+const REST_READINGS: usize = 60;
+/// Drives of joints that move less are not identifiable, rad and m.
+const MIN_MOTION: [f64; 2] = [0.02, 0.005];
+/// Noise of the rail's readings at least: the arm's report holds single-precision angles of joints,
+/// m.
 const RAIL_NOISE_M: f64 = 2e-5;
 
 /// The commands of a motion.
@@ -56,7 +57,7 @@ pub struct Motion {
     pub path: PathBuf,
     /// The rig.
     pub rig: RigConfig,
-    /// Its name; of the twin with its truth.
+    /// Its name; of the twin with its parameter set.
     pub rig_label: String,
     /// The execution mode, or the excitation.
     pub mode: String,
@@ -143,13 +144,14 @@ impl Motion {
         let secs = commands.steps() as f64 / CONTROL_HZ;
         let (before, fingers) = finger_readings(recording, secs)?;
         let (rail_before, rail) = rail_readings(recording, secs);
-        if secs < SHORTEST_SECS {
+        if secs < MIN_DURATION_SECS {
             return Err(format!(
-                "it lasts {secs:.1} s, and a fit needs {SHORTEST_SECS} s at least; record a longer motion"
+                "it lasts {secs:.1} s, and a fit needs {MIN_DURATION_SECS} s at least; record a longer motion"
             ));
         }
         check_times(recording, &fingers, &rail, secs)?;
-        // A pressing finger's drive is often at its limit; of such a motion only the keys are fitted.
+        // A pressing finger's drive is often at its limit; of such a motion only the keys are
+        // fitted.
         let keys: Vec<KeyEvent> = recording
             .keys
             .iter()
@@ -157,7 +159,7 @@ impl Motion {
             .filter(|event| event.secs <= secs)
             .filter_map(|event| {
                 let key = usize::from(event.pitch.checked_sub(LOWEST_PITCH)?);
-                (key < KEYS).then_some(KeyEvent { secs: event.secs, key, velocity: event.velocity })
+                (key < KEY_COUNT).then_some(KeyEvent { secs: event.secs, key, velocity: event.velocity })
             })
             .collect();
         if header.activity == Activity::Excitation(Excitation::Keys) && keys.is_empty() {
@@ -165,15 +167,15 @@ impl Motion {
                         then record it again"
                 .to_string());
         }
-        let most = if keys.is_empty() { MOST_SATURATED } else { 1.0 };
-        check_limits(recording, secs, most)?;
+        let max_share = if keys.is_empty() { MAX_SATURATED_SHARE } else { 1.0 };
+        check_limits(recording, secs, max_share)?;
         let (start, noise) = at_rest(&before, &rail_before)?;
         let mut moves = [false; DRIVEN_JOINTS];
         for (joint, moves) in moves.iter_mut().enumerate() {
             let values = fingers.iter().map(|(_, angles)| angles.get(joint).copied());
             let (low, high) =
-                if joint == RAIL { extent(rail.iter().map(|(_, m)| *m)) } else { extent(values.flatten()) };
-            *moves = high - low > LEAST_MOTION[usize::from(joint == RAIL)];
+                if joint == RAIL { min_max(rail.iter().map(|(_, m)| *m)) } else { min_max(values.flatten()) };
+            *moves = high - low > MIN_MOTION[usize::from(joint == RAIL)];
         }
         if !moves.contains(&true) {
             return Err(
@@ -241,11 +243,11 @@ impl Motion {
     }
 }
 
-fn extent(values: impl Iterator<Item = f64>) -> (f64, f64) {
+fn min_max(values: impl Iterator<Item = f64>) -> (f64, f64) {
     values.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), value| (low.min(value), high.max(value)))
 }
 
-fn thirteen(values: &[f64]) -> Result<[f64; DRIVEN_JOINTS], String> {
+fn joint_vector(values: &[f64]) -> Result<[f64; DRIVEN_JOINTS], String> {
     let found =
         <[f64; DRIVEN_JOINTS]>::try_from(values).ok().filter(|values| values.iter().all(|v| v.is_finite()));
     found
@@ -262,7 +264,7 @@ fn commands(recording: &Recording) -> Result<Commands, String> {
             .to_string());
     }
     if !mirrored {
-        let targets = recording.targets.iter().take(played).map(|message| thirteen(&message.targets));
+        let targets = recording.targets.iter().take(played).map(|message| joint_vector(&message.targets));
         return Ok(Commands::Targets(targets.collect::<Result<_, _>>()?));
     }
     // The set-point after physics step n is the target of that step.
@@ -272,7 +274,7 @@ fn commands(recording: &Recording) -> Result<Commands, String> {
         if index >= 1.0
             && let Some(slot) = points.get_mut(index as usize - 1)
         {
-            *slot = Some(thirteen(&point.sent)?);
+            *slot = Some(joint_vector(&point.sent)?);
         }
     }
     let mut last = None;
@@ -331,7 +333,7 @@ fn check_times(
     for (who, times) in [("hand", fingers), ("arm", rail)] {
         let all: Vec<f64> = [0.0].into_iter().chain(times).chain([secs]).collect();
         let gap = all.windows(2).map(|pair| pair[1] - pair[0]).fold(0.0, f64::max);
-        if gap > LONGEST_GAP_SECS {
+        if gap > MAX_GAP_SECS {
             return Err(format!(
                 "it is badly timed: {:.0} ms without a reading of the {who}; record it on a quieter machine or mend the link",
                 gap * 1e3
@@ -339,7 +341,7 @@ fn check_times(
         }
     }
     let late = recording.policy.iter().filter(|message| message.late_secs > 1.0 / SETPOINT_HZ).count();
-    if late as f64 > MOST_LATE * recording.policy.len() as f64 {
+    if late as f64 > MAX_LATE_SHARE * recording.policy.len() as f64 {
         return Err(format!(
             "it is badly timed: {late} of {} commands were late; record it on a quieter machine",
             recording.policy.len()
@@ -348,8 +350,9 @@ fn check_times(
     Ok(())
 }
 
-/// Refuses recordings in which a drive was at its limit for a larger share of the time than `most`.
-fn check_limits(recording: &Recording, secs: f64, most: f64) -> Result<(), String> {
+/// Refuses recordings in which a drive was at its limit for a larger share of the time than
+/// `max_share`.
+fn check_limits(recording: &Recording, secs: f64, max_share: f64) -> Result<(), String> {
     for (joint, name) in JOINT_NAMES.iter().enumerate().take(FINGER_JOINTS) {
         let cut = |message: &HandMessage| {
             let [wanted, sent] =
@@ -361,7 +364,7 @@ fn check_limits(recording: &Recording, secs: f64, most: f64) -> Result<(), Strin
             .iter()
             .filter(|(at, _)| *at > 0.0 && *at <= secs)
             .fold((0usize, 0usize), |(all, cuts), (_, message)| (all + 1, cuts + usize::from(cut(message))));
-        if cut as f64 > most * inside as f64 {
+        if cut as f64 > max_share * inside as f64 {
             return Err(format!(
                 "it is saturated: the drive of {name} was at its limit for {:.0} % of the time; move less or slower",
                 100.0 * cut as f64 / inside as f64
@@ -376,8 +379,8 @@ fn at_rest(
     fingers: &FingerReadings,
     rail: &[f64],
 ) -> Result<([f64; DRIVEN_JOINTS], [f64; DRIVEN_JOINTS]), String> {
-    let fingers = &fingers[fingers.len().saturating_sub(AT_REST)..];
-    let rail = &rail[rail.len().saturating_sub(AT_REST / 4)..];
+    let fingers = &fingers[fingers.len().saturating_sub(REST_READINGS)..];
+    let rail = &rail[rail.len().saturating_sub(REST_READINGS / 4)..];
     if fingers.is_empty() || rail.is_empty() {
         return Err(
             "it does not show where the joints were before the first command; record it again".to_string()

@@ -7,9 +7,9 @@ use serde::{Deserialize, Serialize};
 use crate::error::FitError;
 use crate::space::{Parameter, Space};
 
-/// A residual beyond this counts as a failure: its square and its differences would leave the range of
-/// numbers.
-const LARGEST_RESIDUAL: f64 = 1e100;
+/// A residual beyond this counts as a failure: its square and its differences would leave the range
+/// of numbers.
+const MAX_RESIDUAL: f64 = 1e100;
 
 /// A series of residuals in the order of time, such as one joint in one recording.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -35,7 +35,8 @@ pub enum Loss {
     /// Half its square.
     #[default]
     Squared,
-    /// Half its square up to this many standard deviations of the noise, in proportion beyond (Huber 1964).
+    /// Half its square up to this many standard deviations of the noise, in proportion beyond
+    /// (Huber 1964).
     Huber(f64),
 }
 
@@ -62,8 +63,9 @@ impl Loss {
     }
 }
 
-/// The evaluation of a candidate: residuals of all blocks, one block after the other, divided by the standard deviation of
-/// the noise; `None` if it failed, for example because the simulation diverged.
+/// The evaluation of a candidate: residuals of all blocks, one block after the other, divided by
+/// the standard deviation of the noise; `None` if it failed, for example because the simulation
+/// diverged.
 pub type Evaluation = Option<Vec<f64>>;
 
 /// Parameters, blocks of residuals and the loss.
@@ -142,8 +144,8 @@ impl Problem {
         self.blocks.iter().map(range).collect()
     }
 
-    /// Cost of residuals: the sum of the losses. With the squared loss and pure noise it is half their
-    /// number.
+    /// Cost of residuals: the sum of the losses. With the squared loss and pure noise it is half
+    /// their number.
     pub fn cost(&self, residuals: &[f64]) -> f64 {
         residuals.iter().map(|&r| self.loss().cost(r)).sum()
     }
@@ -159,6 +161,6 @@ impl Problem {
     pub(crate) fn usable<'a>(&self, evaluation: &'a Evaluation) -> Option<&'a [f64]> {
         let residuals = evaluation.as_deref()?;
         let fits = residuals.len() == self.samples();
-        (fits && residuals.iter().all(|r| r.abs() <= LARGEST_RESIDUAL)).then_some(residuals)
+        (fits && residuals.iter().all(|r| r.abs() <= MAX_RESIDUAL)).then_some(residuals)
     }
 }

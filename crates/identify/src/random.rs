@@ -1,4 +1,5 @@
-//! Random draws of one batch, seeded by the fit's seed and the batch's number, so that no generator has to be saved.
+//! Random draws of one batch, seeded by the fit's seed and the batch's number, so that no generator
+//! has to be saved.
 
 use rand::{Rng as _, SeedableRng as _};
 use rand_pcg::Pcg64;
@@ -8,7 +9,8 @@ pub(crate) struct Draws(Pcg64);
 
 impl Draws {
     pub(crate) fn new(seed: u64, batch: u64) -> Self {
-        // Two odd multipliers (from the golden ratio and from SplitMix64), so that consecutive seeds and batches differ.
+        // Two odd multipliers (from the golden ratio and from SplitMix64), so that consecutive
+        // seeds and batches differ.
         let mixed = seed.wrapping_mul(0x9e37_79b9_7f4a_7c15) ^ batch.wrapping_mul(0xbf58_476d_1ce4_e5b9);
         let mut generator = Pcg64::seed_from_u64(mixed ^ seed.rotate_left(32));
         generator.next_u64();

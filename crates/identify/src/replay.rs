@@ -1,6 +1,6 @@
 //! Replays a robot's commands in a simulation with given parameters.
 
-use etude_music::KEYS;
+use etude_music::KEY_COUNT;
 use etude_stage::{DRIVEN_JOINTS, PHYSICS_STEPS, PhysicalParams, RAIL, StageConfig, StageError, World};
 
 use crate::motion::{Commands, Motion};
@@ -21,7 +21,7 @@ pub struct Trace {
     positions: Vec<[f64; DRIVEN_JOINTS]>,
     velocities: Vec<[f64; DRIVEN_JOINTS]>,
     /// Travel of each key, if requested.
-    travel: Vec<[f32; KEYS]>,
+    travel: Vec<[f32; KEY_COUNT]>,
 }
 
 impl Replayer {
@@ -34,13 +34,13 @@ impl Replayer {
         Ok(Self { world, step_secs: stage.physics_step_secs() })
     }
 
-    /// Replays a motion with these parameters; `keys` records the travel of the keys too. `None` if the simulation diverges. An excitation
-    /// that stays in the air is replayed without contacts.
+    /// Replays a motion with these parameters; `keys` records the travel of the keys too. `None` if
+    /// the simulation diverges. An excitation that stays in the air is replayed without contacts.
     pub fn replay(&mut self, params: &PhysicalParams, motion: &Motion, keys: bool) -> Option<Trace> {
         let world = &mut self.world;
         world.set_params(params);
         world.set_contacts(!motion.is_in_the_air());
-        let zero = params_bias(params);
+        let zero = encoder_biases(params);
         world.reset_to(&std::array::from_fn(|joint| motion.start[joint] - zero[joint]));
         let steps = motion.commands.steps();
         let mut trace = Trace { step_secs: self.step_secs, ..Trace::default() };
@@ -66,7 +66,7 @@ impl Replayer {
 }
 
 /// The encoders' readings at the joints' zero.
-fn params_bias(params: &PhysicalParams) -> [f64; DRIVEN_JOINTS] {
+fn encoder_biases(params: &PhysicalParams) -> [f64; DRIVEN_JOINTS] {
     std::array::from_fn(|joint| params.joint(etude_stage::params::JointRow::EncoderBias, joint))
 }
 
@@ -79,13 +79,14 @@ impl Trace {
         }
     }
 
-    /// Position of a joint at `secs`, interpolated between physics steps by a cubic through positions and velocities.
+    /// Position of a joint at `secs`, interpolated between physics steps by a cubic through
+    /// positions and velocities.
     pub fn position(&self, joint: usize, secs: f64) -> f64 {
         let Some(last) = self.positions.len().checked_sub(1) else { return f64::NAN };
-        let place = (secs / self.step_secs).clamp(0.0, last as f64);
-        let index = (place as usize).min(last.saturating_sub(1));
+        let position = (secs / self.step_secs).clamp(0.0, last as f64);
+        let index = (position as usize).min(last.saturating_sub(1));
         let next = (index + 1).min(last);
-        let share = place - index as f64;
+        let share = position - index as f64;
         let [from, to] = [self.positions[index][joint], self.positions[next][joint]];
         let [slope_from, slope_to] =
             [self.velocities[index][joint], self.velocities[next][joint]].map(|v| v * self.step_secs);

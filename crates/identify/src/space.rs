@@ -1,7 +1,8 @@
 //! The parameters of a fit: names, bounds, and the unit cube in which the methods work.
 //!
-//! A method sees every parameter as a coordinate in [0, 1], so that steps and singular values of different parameters are
-//! comparable. Only this file converts between coordinates and physical values.
+//! A method sees every parameter as a coordinate in [0, 1], so that steps and singular values of
+//! different parameters are comparable. Only this file converts between coordinates and physical
+//! values.
 
 use serde::{Deserialize, Serialize};
 
@@ -33,8 +34,9 @@ pub struct Parameter {
     /// How the value follows the normalised coordinate.
     #[serde(default)]
     pub scale: Scale,
-    /// Names of the residual blocks ([`Block`](crate::Block)) that the parameter can influence; empty means
-    /// all. Parameters without a block in common are perturbed together when a Jacobian is measured.
+    /// Names of the residual blocks ([`Block`](crate::Block)) that the parameter can influence;
+    /// empty means all. Parameters without a block in common are perturbed together when a Jacobian
+    /// is measured.
     #[serde(default)]
     pub influences: Vec<String>,
 }

@@ -6,13 +6,13 @@ use std::time::Instant;
 
 use anyhow::{Context as _, bail};
 use etude_lab::{SIGHT_READER, resolve};
-use etude_music::{Part, key_is_black, melodies};
+use etude_music::{Split, key_is_black, melodies};
 use etude_task::Piece;
 
 fn main() -> anyhow::Result<()> {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
     let [part, count] = arguments.as_slice() else { bail!("corpus PART COUNT") };
-    let part = Part::ALL
+    let part = Split::ALL
         .into_iter()
         .find(|known| known.to_string() == *part)
         .context("the parts are training, validation, test")?;

@@ -4,8 +4,8 @@ use std::path::{Path, PathBuf};
 
 use anyhow::bail;
 use etude_identify::{
-    Assessment, BoConfig, Identified, IdentifyConfig, LmConfig, MethodConfig, Motion, Progress, Report,
-    ReportInput, Weight, identify, keyboard_in_words, weigh,
+    Assessment, BoConfig, GravityCompensation, Identified, IdentifyConfig, LmConfig, MethodConfig, Motion,
+    Progress, Report, ReportInput, describe_keyboard, fit_gravity_compensation, identify,
 };
 use etude_perform::{Excitation, Job, write_file};
 use etude_stage::PhysicalParams;
@@ -101,7 +101,7 @@ pub struct IdentifyReport {
     /// The parameters and their uncertainty.
     pub identified: Identified,
     /// What the fingers weigh, if the recordings show it.
-    pub weight: Option<Weight>,
+    pub weight: Option<GravityCompensation>,
     /// The rig's own number for it, `joint_loop.gravity_pwm_per_nm`.
     pub gravity_pwm_per_nm: f64,
     /// What slow presses of keys showed, in words; none without a recording of them.
@@ -154,8 +154,8 @@ pub fn identify_robot(
         held_out: names(&held_out),
         fit_errors: Assessment::new(&air, &before, &after)?,
         held_out_errors: Assessment::new(&held_out, &before, &after)?,
-        weight: weigh(&fitted),
-        keyboard: keyboard_in_words(&fitted, &identified.measured),
+        weight: fit_gravity_compensation(&fitted),
+        keyboard: describe_keyboard(&fitted, &identified.measured),
         gravity_pwm_per_nm: first.rig.joint_loop.gravity_pwm_per_nm,
         file: folder.join(IDENTIFIED),
         identified,

@@ -7,8 +7,8 @@ use std::sync::Arc;
 
 use anyhow::{Context as _, anyhow, bail};
 use etude_learn::{
-    EvaluationRow, LogRow, Outcome, Parts, Policy, Score, StopReason, TrainError, Trainer, TrainerConfig,
-    TrainingObserver, seed,
+    EvaluationRow, LogRow, Outcome, Policy, Score, StopReason, TrainError, Trainer, TrainerConfig,
+    TrainingInputs, TrainingObserver, seed,
 };
 use etude_music::{Song, SongError};
 use etude_perform::{Job, NoteCounts, SongEvaluator, shell_word, write_file};
@@ -417,7 +417,7 @@ fn lock_run(folder: &Path) -> anyhow::Result<File> {
 }
 
 /// What a training of `song` or, without one, of the corpus needs.
-fn parts(song: Option<&Song>, config: &RunConfig) -> anyhow::Result<Parts> {
+fn parts(song: Option<&Song>, config: &RunConfig) -> anyhow::Result<TrainingInputs> {
     let (task, envs) = (&config.task, config.trainer.num_envs);
     let root = seed::split(config.trainer.seed, "task");
     let (environment, evaluator) = if let Some(song) = song {
@@ -433,5 +433,5 @@ fn parts(song: Option<&Song>, config: &RunConfig) -> anyhow::Result<Parts> {
     let (threads, overlap) = (defaults.threads, defaults.overlap);
     let trainer = TrainerConfig { threads, overlap, ..config.trainer.clone() };
     let notes = json!({ "song": song.map(Song::title), "config": RunConfig { trainer, ..config.clone() } });
-    Ok(Parts { environment: Box::new(environment), evaluator: Box::new(evaluator), notes })
+    Ok(TrainingInputs { environment: Box::new(environment), evaluator: Box::new(evaluator), notes })
 }

@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use anyhow::{anyhow, bail};
-use etude_learn::{Parts, TrainError, Trainer, WarmStart};
+use etude_learn::{TrainError, Trainer, TrainingInputs, WarmStart};
 
 use crate::config::RunConfig;
 use crate::folder::policy_in;
@@ -43,7 +43,7 @@ pub(crate) fn warm_start(
     path: &Path,
     song: Option<&str>,
     config: &RunConfig,
-    parts: &Parts,
+    parts: &TrainingInputs,
 ) -> anyhow::Result<WarmStart> {
     let warm = match (path.is_dir(), policy_in(path)) {
         (false, _) => WarmStart::from_policy(path),

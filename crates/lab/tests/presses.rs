@@ -7,7 +7,7 @@ use std::path::Path;
 use std::sync::atomic::AtomicBool;
 
 use etude_identify::{
-    IdentifyConfig, LmConfig, Measured, MethodConfig, Motion, MotionError, identify, keyboard_in_words,
+    IdentifyConfig, LmConfig, Measured, MethodConfig, Motion, MotionError, describe_keyboard, identify,
 };
 use etude_lab::{Motion as Recorded, record_robot};
 use etude_perform::session::RigChoice;
@@ -113,7 +113,7 @@ fn keys_that_are_not_pressed_to_their_bottom_are_not_measured() {
     let low = Truth::load("ideal").unwrap().with("[physics]\n\"keyboard.height\" = -0.006").unwrap();
     let folder = tempfile::tempdir().unwrap();
     let motions = [recorded(low, folder.path()).unwrap()];
-    assert!(keyboard_in_words(&motions, &[]).unwrap().contains("record the excitation `keys` again"));
+    assert!(describe_keyboard(&motions, &[]).unwrap().contains("record the excitation `keys` again"));
     assert!(measured_of(&motions, folder.path()).is_empty());
 }
 
@@ -124,7 +124,7 @@ fn black_keys_that_no_finger_meets_leave_the_depth_unknown() {
     let motions = [recorded(far, folder.path()).unwrap()];
     let found = measured_of(&motions, folder.path());
     assert!(found.iter().all(|one| one.path != "keyboard.depth" && !one.path.contains("_2.")), "{found:?}");
-    let words = keyboard_in_words(&motions, &found).unwrap();
+    let words = describe_keyboard(&motions, &found).unwrap();
     assert!(
         words.contains(
             "how far toward the player was not measured, since a finger has met too few black keys"

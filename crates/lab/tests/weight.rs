@@ -4,20 +4,20 @@
 
 use std::sync::atomic::AtomicBool;
 
-use etude_identify::{Motion, Weight, weigh};
+use etude_identify::{GravityCompensation, Motion, fit_gravity_compensation};
 use etude_lab::record_excitations;
 use etude_perform::Excitation;
 use etude_perform::session::RigChoice;
 use etude_twin::Truth;
 
-fn weighed(change: &str) -> Weight {
+fn weighed(change: &str) -> GravityCompensation {
     let truth = Truth::load("mild").unwrap().with(change).unwrap();
     let folder = tempfile::tempdir().unwrap();
     let rig = RigChoice::Twin(Box::new(truth));
     let recordings =
         record_excitations(&rig, &Excitation::ALL, folder.path(), 0, &AtomicBool::new(false), &mut |_, _| {})
             .unwrap();
-    weigh(&Motion::load_all(&recordings).unwrap()).unwrap()
+    fit_gravity_compensation(&Motion::load_all(&recordings).unwrap()).unwrap()
 }
 
 #[test]

@@ -1,4 +1,5 @@
-//! Learns to point at a number: the smallest whole training, and what `scripts/check_tfevents.py` reads.
+//! Learns to point at a number: the smallest whole training, and what `scripts/check_tfevents.py`
+//! reads.
 //!
 //! ```text
 //! cargo run --release -p etude-learn --example toy_training -- FOLDER
@@ -10,8 +11,8 @@
 use std::{error::Error, path::Path};
 
 use etude_learn::{
-    DroqConfig, EnvironmentError, EvaluationRow, Evaluator, ObservationLayout, Parts, Score, StepBatch,
-    Trainer, TrainerConfig, TrainingObserver, VectorEnvironment, seed,
+    DroqConfig, EnvironmentError, EvaluationRow, Evaluator, ObservationLayout, Score, StepBatch, Trainer,
+    TrainerConfig, TrainingInputs, TrainingObserver, VectorEnvironment, seed,
 };
 
 const LAYOUT: ObservationLayout = ObservationLayout { real: 1, binary: 1 };
@@ -113,20 +114,20 @@ fn main() -> Result<(), Box<dyn Error>> {
     let config = TrainerConfig {
         total_steps: 20_000,
         num_envs: 4,
-        updates_per_round: 2,
+        updates_per_vector_step: 2,
         warmup_steps: 500,
         checkpoint_every_steps: 2_000,
         evaluate_every_steps: 2_000,
         ..TrainerConfig::default()
     };
-    let parts = Parts {
+    let inputs = TrainingInputs {
         environment: Box::new(Pointing { targets: vec![0.0; config.num_envs], steps: 0 }),
         evaluator: Box::new(Grid),
         notes: serde_json::json!({"task": "pointing"}),
     };
     let mut trainer = match Trainer::exists(folder) {
-        true => Trainer::resume(folder, &droq, &config, parts)?,
-        false => Trainer::start(folder, &droq, &config, parts, None)?,
+        true => Trainer::resume(folder, &droq, &config, inputs)?,
+        false => Trainer::start(folder, &droq, &config, inputs, None)?,
     };
     let outcome = trainer.run(&mut Talk)?;
     println!("{} steps, {} updates in {:.1} s", outcome.step, outcome.updates, outcome.elapsed_secs);

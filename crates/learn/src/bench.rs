@@ -17,9 +17,11 @@ const LAYOUT: ObservationLayout = ObservationLayout { real: 26, binary: 343 };
 /// Ones among the binary columns of an average observation: a few keys now and in each frame ahead.
 const ONES: usize = 15;
 
-/// Full updates (both critics, actor, temperature, targets) a second, on random transitions of the paper's sizes.
+/// Full updates (both critics, actor, temperature, targets) a second, on random transitions of the
+/// paper's sizes.
 ///
-/// Measures for about `seconds` after a warm-up of a tenth of that, on `threads` threads; a batch of 256 can use four.
+/// Measures for about `seconds` after a warm-up of a tenth of that, on `threads` threads; a batch
+/// of 256 can use four.
 ///
 /// # Errors
 /// If the configuration is not sound or the threads cannot be started.

@@ -1,6 +1,7 @@
 //! Arrays of `f32` that start on a cache line.
 //!
-//! An ordinary `Vec<f32>` starts anywhere, and then every 64-byte vector load straddles two cache lines.
+//! An ordinary `Vec<f32>` starts anywhere, and then every 64-byte vector load straddles two cache
+//! lines.
 #![allow(unsafe_code)] // Two slice casts: `Vec` cannot promise an alignment above that of its element type.
 
 use std::ops::{Deref, DerefMut};
@@ -28,7 +29,8 @@ impl Deref for Buffer {
     type Target = [f32];
 
     fn deref(&self) -> &[f32] {
-        // SAFETY: `lines` holds at least `len` initialised floats back to back (`repr(C)`, size 64, no padding).
+        // SAFETY: `lines` holds at least `len` initialised floats back to back (`repr(C)`, size 64,
+        // no padding).
         unsafe { std::slice::from_raw_parts(self.lines.as_ptr().cast::<f32>(), self.len) }
     }
 }

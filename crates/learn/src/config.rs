@@ -1,6 +1,7 @@
 //! All constants of the algorithm and of a training, with the paper's values as defaults.
 //!
-//! The paper gives few of them; the others are those of github.com/kevinzakka/robopianist-rl (`run.sh`), which it builds on.
+//! The paper gives few of them; the others are those of github.com/kevinzakka/robopianist-rl
+//! (`run.sh`), which it builds on.
 
 use serde::{Deserialize, Serialize};
 
@@ -45,13 +46,15 @@ pub enum Arithmetic {
     /// In single precision.
     #[default]
     F32,
-    /// Operands rounded to bfloat16, sums in single precision: faster on processors with AVX-512 BF16. On others, and for layers
-    /// whose width is not a multiple of 16, it is the same as [`F32`](Self::F32); a training can be resumed on another kind of
-    /// processor, but not bit for bit. Parameters, optimiser and everything between the products are in single precision.
+    /// Operands rounded to bfloat16, sums in single precision: faster on processors with AVX-512
+    /// BF16. On others, and for layers whose width is not a multiple of 16, it is the same as
+    /// [`F32`](Self::F32); a training can be resumed on another kind of processor, but not bit for
+    /// bit. Parameters, optimiser and everything between the products are in single precision.
     Bf16,
 }
 
-/// The algorithm: soft actor-critic whose two critics have dropout and LayerNorm ("DroQ" in the RoboPianist line).
+/// The algorithm: soft actor-critic whose two critics have dropout and LayerNorm ("DroQ" in the
+/// RoboPianist line).
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct DroqConfig {
@@ -67,16 +70,18 @@ pub struct DroqConfig {
     pub replay_capacity: usize,
     /// Weight of the next step's value, per control step.
     pub discount: f64,
-    /// Control steps whose rewards are summed before the critics' value of the next state is added (n-step returns); fewer where
-    /// the episode ends earlier. The paper's is 1.
+    /// Control steps whose rewards are summed before the critics' value of the next state is added
+    /// (n-step returns); fewer where the episode ends earlier. The paper's is 1.
     pub n_step: usize,
-    /// Fraction of the way that the target critics move towards the critics at each update.
+    /// Fraction of the distance that the target critics move towards the critics at each update.
     pub polyak: f64,
-    /// Fraction of the way that the policy moves towards the actor at each update. The policy, which is evaluated and saved, is thus
-    /// an average over about `1 / policy_polyak` updates of the actor. With 1 it is the actor itself (the paper).
+    /// Fraction of the distance that the policy moves towards the actor at each update. The policy,
+    /// which is evaluated and saved, is thus an average over about `1 / policy_polyak` updates of
+    /// the actor. With 1 it is the actor itself (the paper).
     pub policy_polyak: f64,
-    /// Weight of the squared change of the policy's action from one control step to the next, mean over the actions, in the actor's
-    /// loss (CAPS, arXiv 2012.06644): without it the hand trembles. The paper has none.
+    /// Weight of the squared change of the policy's action from one control step to the next, mean
+    /// over the actions, in the actor's loss (CAPS, arXiv 2012.06644): without it the hand
+    /// trembles. The paper has none.
     pub smoothness: f64,
     /// Adam step size of the actor.
     pub actor_learning_rate: f64,
@@ -115,17 +120,17 @@ impl Default for DroqConfig {
     }
 }
 
-/// The most units of a layer; also prevents overflow by the sizes in a damaged file.
-pub(crate) const WIDEST_LAYER: usize = 8192;
-/// The most hidden layers of a network.
-pub(crate) const MOST_LAYERS: usize = 16;
+/// Maximum number of units of a layer; also prevents overflow by the sizes in a damaged file.
+pub(crate) const MAX_LAYER_WIDTH: usize = 8192;
+/// Maximum number of hidden layers of a network.
+pub(crate) const MAX_LAYERS: usize = 16;
 
 impl DroqConfig {
     /// Refuses values that cannot work, naming the field.
     pub fn validate(&self) -> Result<(), ConfigError> {
         let text = format!("{:?}", self.hidden);
-        let widths = self.hidden.iter().all(|&width| (1..=WIDEST_LAYER).contains(&width));
-        let depth = (1..=MOST_LAYERS).contains(&self.hidden.len());
+        let widths = self.hidden.iter().all(|&width| (1..=MAX_LAYER_WIDTH).contains(&width));
+        let depth = (1..=MAX_LAYERS).contains(&self.hidden.len());
         require(widths && depth, "droq.hidden", text, "it must list 1 to 16 layers of 1 to 8192 units")?;
         within("droq.dropout", self.dropout, 0.0..=0.9, "it must be at least 0 and at most 0.9")?;
         within("droq.batch", self.batch, 1..=1 << 16, "it must be from 1 to 65536")?;
@@ -157,10 +162,12 @@ impl DroqConfig {
     }
 }
 
-/// A training: its length, its updates per step, and its intervals of logs, evaluations and checkpoints.
+/// A training: its length, its updates per step, and its intervals of logs, evaluations and
+/// checkpoints.
 ///
-/// A *round* is one vectorised step: `num_envs` environment steps and `updates_per_round` updates from the replay before
-/// them. All lengths are counted in environment steps and take effect at the end of the round that reaches them.
+/// A *vector step* is `num_envs` environment steps and `updates_per_vector_step` updates from the
+/// replay buffer before them. All lengths are counted in environment steps and take effect at the
+/// end of the vector step that reaches them.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct TrainerConfig {
@@ -170,19 +177,21 @@ pub struct TrainerConfig {
     pub total_steps: u64,
     /// Environments that step together.
     pub num_envs: usize,
-    /// Updates after each vectorised step, once the warm-up is over.
-    pub updates_per_round: usize,
+    /// Updates a vector step, once the warm-up is over.
+    pub updates_per_vector_step: usize,
     /// Environment steps with uniformly random actions, before the first update.
     pub warmup_steps: u64,
     /// Environment steps between rows of metrics.
     pub log_every_steps: u64,
     /// Environment steps between evaluations; 0 for none.
     pub evaluate_every_steps: u64,
-    /// Name of the evaluator's score that decides which policy is the best; its first score if this is empty.
+    /// Name of the evaluator's score that decides which policy is the best; its first score if this
+    /// is empty.
     pub best_by: String,
     /// Environment steps between checkpoints.
     pub checkpoint_every_steps: u64,
-    /// Threads for environments and learning together; 0 for one a processor core. The result does not depend on it.
+    /// Threads for environments and learning together; 0 for one a processor core. The result does
+    /// not depend on it.
     pub threads: usize,
     /// Whether the environments step while the learner updates. The result does not depend on it.
     pub overlap: bool,
@@ -194,7 +203,7 @@ impl Default for TrainerConfig {
             seed: 0,
             total_steps: 3_000_000,
             num_envs: 1,
-            updates_per_round: 1,
+            updates_per_vector_step: 1,
             warmup_steps: 5_000,
             log_every_steps: 2_000,
             evaluate_every_steps: 10_000,
@@ -206,15 +215,16 @@ impl Default for TrainerConfig {
     }
 }
 
-/// The most environments. Each is a whole world, so a typing error could fill the memory.
-const MOST_ENVS: usize = 4096;
+/// Maximum number of environments. Each is a whole simulation, so a typing error could fill the
+/// memory.
+const MAX_ENVS: usize = 4096;
 
 impl TrainerConfig {
     /// Refuses values that cannot work, naming the field.
     pub fn validate(&self) -> Result<(), ConfigError> {
-        within("trainer.num_envs", self.num_envs, 1..=MOST_ENVS, "it must be at least 1 and at most 4096")?;
+        within("trainer.num_envs", self.num_envs, 1..=MAX_ENVS, "it must be at least 1 and at most 4096")?;
         let rule = "it must be at most 1024";
-        within("trainer.updates_per_round", self.updates_per_round, ..=1024, rule)?;
+        within("trainer.updates_per_vector_step", self.updates_per_vector_step, ..=1024, rule)?;
         within("trainer.threads", self.threads, ..=1024, rule)?;
         let rule = "it must be at least 1, since updates need something to learn from";
         within("trainer.warmup_steps", self.warmup_steps, 1.., rule)?;

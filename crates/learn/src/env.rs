@@ -1,4 +1,5 @@
-//! The interface between learner and task: environments that step together, and an evaluator of policies.
+//! The interface between learner and task: environments that step together, and an evaluator of
+//! policies.
 //!
 //! The task crate implements these traits for the piano, the tests of this crate for toy problems.
 
@@ -6,8 +7,8 @@ use serde::{Deserialize, Serialize};
 
 /// Columns of an observation: `real` values first, then `binary` values that are exactly 0 or 1.
 ///
-/// The replay buffer stores binary columns as bits, and the first layer of every network adds up the weight rows of the set bits
-/// instead of multiplying by zeros.
+/// The replay buffer stores binary columns as bits, and the first layer of every network adds up
+/// the weight rows of the set bits instead of multiplying by zeros.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ObservationLayout {
@@ -39,11 +40,13 @@ impl ObservationLayout {
 pub struct StepBatch {
     /// `[n, observation]`: what to act on next, after restarting the episodes that ended.
     pub observation: Vec<f32>,
-    /// `[n, observation]`: the result of the step, before restarting. The replay buffer stores this one.
+    /// `[n, observation]`: the result of the step, before restarting. The replay buffer stores this
+    /// one.
     pub next_observation: Vec<f32>,
     /// `[n]`: the reward of the step.
     pub reward: Vec<f32>,
-    /// `[n, terms]`: the named parts of the reward, in the order of [`VectorEnvironment::reward_term_names`].
+    /// `[n, terms]`: the named parts of the reward, in the order of
+    /// [`VectorEnvironment::reward_term_names`].
     pub reward_terms: Vec<f32>,
     /// `[n]`: a terminal state was reached: no bootstrapping.
     pub terminal: Vec<bool>,
@@ -67,8 +70,9 @@ impl StepBatch {
 
 /// Environments that step together.
 ///
-/// The same state and actions must give the same bytes with any number of threads, since reproducible runs depend on it. The
-/// trainer calls [`step`](Self::step) inside its own rayon pool, so an implementation that uses rayon shares its threads.
+/// The same state and actions must give the same bytes with any number of threads, since
+/// reproducible runs depend on it. The trainer calls [`step`](Self::step) inside its own rayon
+/// pool, so an implementation that uses rayon shares its threads.
 pub trait VectorEnvironment: Send {
     /// Number of environments that one step advances.
     fn num_envs(&self) -> usize;
@@ -118,7 +122,8 @@ pub struct Score {
 ///
 /// The scores must not depend on earlier calls, because a resumed training builds a new evaluator.
 pub trait Evaluator: Send {
-    /// `act(observations, actions)` maps `[k, observation]` to `[k, action]` without exploration, for any `k`.
+    /// `act(observations, actions)` maps `[k, observation]` to `[k, action]` without exploration,
+    /// for any `k`.
     fn evaluate(&mut self, act: &mut (dyn FnMut(&[f32], &mut [f32]) + Send)) -> Vec<Score>;
 }
 

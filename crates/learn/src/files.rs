@@ -56,7 +56,8 @@ impl FileError {
     }
 }
 
-/// Replaces the file `path` so that it holds either the old contents or the new ones, also after a power failure.
+/// Replaces the file `path` so that it holds either the old contents or the new ones, also after a
+/// power failure.
 pub(crate) fn write(path: &Path, bytes: &[u8]) -> Result<(), FileError> {
     let replace = || {
         let mut file = AtomicWriteFile::open(path)?;
@@ -82,7 +83,8 @@ pub(crate) fn read(path: &Path) -> Result<Vec<u8>, FileError> {
     fs::read(path).map_err(FileError::io("read", path))
 }
 
-/// The only metadata entry of our safetensors files. There is only one because the format's map has no fixed order.
+/// The only metadata entry of our safetensors files. There is only one because the format's map has
+/// no fixed order.
 const HEADER_KEY: &str = "etude";
 
 /// A tensor of any type, to be written to a file.
@@ -101,7 +103,8 @@ impl From<NamedTensor<'_>> for RawTensor {
     }
 }
 
-/// Last field of the header: the checksum of the rest of it and of all tensors. Files of earlier builds have none.
+/// Last field of the header: the checksum of the rest of it and of all tensors. Files of earlier
+/// builds have none.
 const CHECKSUM: &str = ",\"crc32c\":\"";
 
 /// Checksum of a header, and of the names and bytes of tensors in the order of their names.

@@ -1,18 +1,19 @@
 //! A policy: the actor alone, in a small file, acting without exploration.
 //!
-//! The file is a safetensors file with the tensors `actor.layer0.weight`, `actor.layer0.bias`, …, `actor.head.weight`
-//! (`[inputs, 2 · action]`: means, then logarithms of deviations) and `actor.head.bias`, all `f32`, weights `[inputs,
-//! outputs]`, inputs in the order of the observation. One metadata entry, `etude`, holds JSON: the [`PolicyHeader`].
-//! Loading a damaged file gives an error and never panics.
+//! The file is a safetensors file with the tensors `actor.layer0.weight`, `actor.layer0.bias`, …,
+//! `actor.head.weight` (`[inputs, 2 · action]`: means, then logarithms of deviations) and
+//! `actor.head.bias`, all `f32`, weights `[inputs, outputs]`, inputs in the order of the
+//! observation. One metadata entry, `etude`, holds JSON: the [`PolicyHeader`]. Loading a damaged
+//! file gives an error and never panics.
 
 use std::path::Path;
 
 use serde::{Deserialize, Serialize};
 
 use crate::{
-    acting::Acting,
+    actor_inference::ActorInference,
     buffer::Buffer,
-    config::{MOST_LAYERS, WIDEST_LAYER},
+    config::{MAX_LAYER_WIDTH, MAX_LAYERS},
     droq::actor_shape,
     env::ObservationLayout,
     files::{FileError, TensorFile, encode_tensors, read, write},
@@ -23,8 +24,8 @@ use crate::{
 const SCHEMA: &str = "etude-policy-1";
 /// Rows of one pass; more rows take several passes.
 const ROWS: usize = 16;
-/// The most columns an observation or an action may have in a file.
-const MOST_COLUMNS: usize = 1 << 20;
+/// Maximum number of columns that an observation or an action may have in a file.
+const MAX_COLUMNS: usize = 1 << 20;
 
 /// The header of a policy file.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -47,7 +48,7 @@ pub struct PolicyHeader {
 pub struct Policy {
     header: PolicyHeader,
     parameters: Buffer,
-    acting: Acting,
+    inference: ActorInference,
 }
 
 impl std::fmt::Debug for Policy {
@@ -80,7 +81,7 @@ impl Policy {
             hidden: network.shape.hidden.clone(),
             notes,
         };
-        Self { header, parameters: copy, acting: Acting::new(network, ROWS) }
+        Self { header, parameters: copy, inference: ActorInference::new(network, ROWS) }
     }
 
     /// What the policy reads and gives, and the caller's notes.
@@ -92,11 +93,11 @@ impl Policy {
         &self.parameters
     }
 
-    /// The layers in the order in which they act: hidden ones, each followed by GELU in its tanh form, then the head with
-    /// means (whose `tanh` is the action) and logarithms of deviations.
+    /// The layers in the order in which they act: hidden ones, each followed by GELU in its tanh
+    /// form, then the head with means (whose `tanh` is the action) and logarithms of deviations.
     pub fn layers(&self) -> impl Iterator<Item = PolicyLayer<'_>> {
-        let plan = &self.acting.network().plan;
-        plan.layers.iter().chain([&plan.head]).map(|layer| PolicyLayer {
+        let layout = &self.inference.network().parameter_layout;
+        layout.layers.iter().chain([&layout.head]).map(|layer| PolicyLayer {
             inputs: layer.inputs,
             outputs: layer.outputs,
             weight: &self.parameters[layer.weight.clone()],
@@ -110,12 +111,13 @@ impl Policy {
         self.header.notes = notes;
     }
 
-    /// The best action (`tanh` of the mean), without exploration: `[k, observation]` to `[k, action]` in [-1, 1], any `k`.
+    /// The best action (`tanh` of the mean), without exploration: `[k, observation]` to `[k,
+    /// action]` in [-1, 1], any `k`.
     ///
     /// # Panics
     /// If the two slices do not have equally many whole rows.
     pub fn act(&mut self, observations: &[f32], actions: &mut [f32]) {
-        self.acting.best(&self.parameters, observations, actions);
+        self.inference.best(&self.parameters, observations, actions);
     }
 
     /// Writes the file. An older file of that name is replaced only when the new one is complete.
@@ -126,7 +128,7 @@ impl Policy {
     /// The bytes that [`save`](Self::save) writes.
     pub fn to_bytes(&self) -> Result<Vec<u8>, String> {
         let mut tensors = Vec::new();
-        name_tensors(&self.acting.network().plan, "actor", &self.parameters, &mut tensors);
+        name_tensors(&self.inference.network().parameter_layout, "actor", &self.parameters, &mut tensors);
         encode_tensors(&self.header, &tensors.into_iter().map(Into::into).collect::<Vec<_>>())
     }
 
@@ -146,11 +148,11 @@ impl Policy {
             ));
         }
         let columns = [header.layout.real, header.layout.binary, header.action_len];
-        let widths = header.hidden.iter().all(|width| (1..=WIDEST_LAYER).contains(width));
-        let depth = (1..=MOST_LAYERS).contains(&header.hidden.len());
+        let widths = header.hidden.iter().all(|width| (1..=MAX_LAYER_WIDTH).contains(width));
+        let depth = (1..=MAX_LAYERS).contains(&header.hidden.len());
         if !widths
             || !depth
-            || columns.iter().any(|&n| n > MOST_COLUMNS)
+            || columns.iter().any(|&n| n > MAX_COLUMNS)
             || header.action_len == 0
             || header.layout.is_empty()
         {
@@ -158,13 +160,14 @@ impl Policy {
         }
         let network = Network::new(actor_shape(header.layout, header.action_len, &header.hidden));
         // Check that the file is long enough for the sizes in its header before allocating them.
-        let claimed: usize = network.plan.tensors.iter().map(|tensor| 4 * tensor.range.len()).sum();
+        let claimed: usize =
+            network.parameter_layout.tensors.iter().map(|tensor| 4 * tensor.range.len()).sum();
         if claimed > bytes.len() {
             return Err("its header claims larger tensors than the file holds".to_owned());
         }
         let mut parameters = network.parameters();
-        find_tensors(&network.plan, "actor", &|name| file.floats(name), &mut parameters)?;
-        Ok(Self { header, parameters, acting: Acting::new(&network, ROWS) })
+        find_tensors(&network.parameter_layout, "actor", &|name| file.floats(name), &mut parameters)?;
+        Ok(Self { header, parameters, inference: ActorInference::new(&network, ROWS) })
     }
 }
 

@@ -1,4 +1,5 @@
-//! A random stream: PCG-64 seeded from the root seed and a purpose. Its state is saved in checkpoints.
+//! A random stream: PCG-64 seeded from the root seed and a purpose. Its state is saved in
+//! checkpoints.
 
 use rand::{Rng, SeedableRng};
 use rand_distr::{Distribution, StandardNormal};
@@ -21,7 +22,8 @@ impl From<Stream> for Pcg64 {
 impl TryFrom<Pcg64> for Stream {
     type Error = &'static str;
 
-    /// Refuses a state that always gives the same number, with which drawing a normal value may never end.
+    /// Refuses a state that always gives the same number, with which drawing a normal value may
+    /// never end.
     fn try_from(generator: Pcg64) -> Result<Self, Self::Error> {
         let mut copy = generator.clone();
         let first = copy.next_u64();
@@ -50,9 +52,11 @@ impl Stream {
         values.fill_with(|| StandardNormal.sample(&mut self.0));
     }
 
-    /// Replaces `drops` with the positions in 0..`len` of units that are each dropped with probability `rate`.
+    /// Replaces `drops` with the positions in 0..`len` of units that are each dropped with
+    /// probability `rate`.
     ///
-    /// Draws the gap to the next dropped unit, which is geometrically distributed, instead of one number a unit.
+    /// Draws the gap to the next dropped unit, which is geometrically distributed, instead of one
+    /// number a unit.
     pub(crate) fn fill_drops(&mut self, rate: f64, len: usize, drops: &mut Vec<u32>) {
         drops.clear();
         if rate <= 0.0 {

@@ -1,5 +1,6 @@
-//! TensorBoard event files: a record is a length, a masked CRC-32C of it, a small protobuf message, and a masked CRC of
-//! that. Format: tensorflow/core/lib/io/record_writer.h and tensorflow/core/util/event.proto.
+//! TensorBoard event files: a record is a length, a masked CRC-32C of it, a small protobuf message,
+//! and a masked CRC of that. Format: tensorflow/core/lib/io/record_writer.h and
+//! tensorflow/core/util/event.proto.
 
 use std::{
     fs::{File, OpenOptions},
@@ -46,8 +47,8 @@ pub(crate) struct EventFile {
 }
 
 impl EventFile {
-    /// Opens the file, of which the first `keep` bytes belong to the checkpoint. The file is not changed before
-    /// [`cut_back`](Self::cut_back).
+    /// Opens the file, of which the first `keep` bytes belong to the checkpoint. The file is not
+    /// changed before [`cut_back`](Self::cut_back).
     pub(crate) fn open(path: &Path, keep: u64) -> Result<Self, FileError> {
         let io = |error| FileError::io("write", path)(error);
         let file = OpenOptions::new().create(true).truncate(false).write(true).open(path).map_err(io)?;
@@ -55,7 +56,8 @@ impl EventFile {
         Ok(Self { path: path.to_owned(), file, len })
     }
 
-    /// Truncates the file to the kept bytes; an empty file gets its version record with `wall_time` (seconds since 1970).
+    /// Truncates the file to the kept bytes; an empty file gets its version record with `wall_time`
+    /// (seconds since 1970).
     pub(crate) fn cut_back(&mut self, wall_time: f64) -> Result<(), FileError> {
         let io = |error| FileError::io("write", &self.path)(error);
         self.file.set_len(self.len).map_err(io)?;

@@ -1,4 +1,5 @@
-//! Writes the songs that come as files into `songs/`: `cargo run -p etude-music --example write_songs`.
+//! Writes the songs that come as files into `songs/`: `cargo run -p etude-music --example
+//! write_songs`.
 //!
 //! They are examples of songs that are not in the repertoire and are found by their path.
 
@@ -13,7 +14,8 @@ const AU_CLAIR_DE_LA_LUNE: &str = "
     D4 D4 D4 D4 | A3:2 A3:2 | D4 C4 B3 A3 | G3:4 |
     C4 C4 C4 D4 | E4:2 D4:2 | C4 E4 D4 D4 | C4:4 |";
 
-/// Haydn, symphony 94, the theme of the second movement: soft, softer, and the surprise. The crescendos are ours.
+/// Haydn, symphony 94, the theme of the second movement: soft, softer, and the surprise. The
+/// crescendos are ours.
 const SURPRISE: &str = "
     p C4 C4 E4 E4 | G4 G4 E4:2 | mp F4 F4 mf D4 D4 | f B3 B3 mf G3:2 |
     p C4 C4 E4 E4 | mp G4 G4 E4:2 | mf C4 C4 f F#4> F#4 | G4:4 |

@@ -5,9 +5,7 @@ use std::path::PathBuf;
 
 use thiserror::Error;
 
-use crate::near::did_you_mean;
 use crate::range::OutOfRange;
-use crate::repertoire;
 
 /// Why bytes are not a usable MIDI file.
 #[derive(Debug, Clone, PartialEq, Error)]
@@ -43,10 +41,14 @@ pub enum SongError {
         source: MidiError,
     },
     /// Neither in the repertoire nor a file.
-    #[error("there is no song called \"{name}\"{}; `etude songs` lists the built-in ones, or give the path of a .mid file", did_you_mean(.name, repertoire::ids()))]
+    #[error(
+        "there is no song called \"{name}\"{similar}; `etude songs` lists the built-in ones, or give the path of a .mid file"
+    )]
     Unknown {
         /// The requested name.
         name: String,
+        /// ` (did you mean …?)`, or empty.
+        similar: String,
     },
     /// Notes that the keyboard does not have.
     #[error(transparent)]

@@ -1,29 +1,31 @@
 //! From notes to frames (the keys that are due in each control step), and from key events to notes.
 //!
-//! The rules are RoboPianist's (github.com/google-research/robopianist, `music/midi_file.py` and `music/piano_roll.py`), so that scores
-//! compare: the number of frames of a song, the frames that a note covers, and the gap of one frame between two strokes of a key.
+//! The rules are RoboPianist's (github.com/google-research/robopianist, `music/midi_file.py` and
+//! `music/piano_roll.py`), so that scores compare: the number of frames of a song, the frames that
+//! a note covers, and the gap of one frame between two strokes of a key.
 
 use crate::error::SongError;
-use crate::keys::{KEYS, KeySet, LOWEST_PITCH, key_of_pitch};
+use crate::keys::{KEY_COUNT, KeySet, LOWEST_PITCH, key_of_pitch};
 use crate::limits::MAX_CONTROL_HZ;
-use crate::note::{Note, one_string_a_pitch};
+use crate::note::{Note, without_overlaps};
 use crate::song::Song;
 
-/// A time this close to a frame's border, in frames, is on it. RoboPianist truncates floating point products, so that with steps of
-/// 0.7 s some notes are one frame off; here they are not.
-pub(crate) const ON_BORDER_FRAMES: f64 = 1e-6;
-/// An event this little after a time is at that time, s.
-const ON_TIME_SECS: f64 = 1e-9;
+/// A time this close to a frame's beginning, in frames, is on it. RoboPianist truncates floating
+/// point products, so that with steps of 0.7 s some notes are one frame off; here they are not.
+pub(crate) const FRAME_TOLERANCE: f64 = 1e-6;
+/// An event this short a time after a sample is included in it, s.
+const TIME_TOLERANCE_SECS: f64 = 1e-9;
 
 impl Song {
     /// One set of keys a control step.
     ///
-    /// A song of *T* seconds has floor(*T*·rate) + 1 frames. A note covers the frames from floor(start·rate) up
-    /// to but not including ceil(end·rate), one at least. Where a key sounds in one frame and is struck again in
-    /// the next, it is left out of that next frame, so that it has to be released.
+    /// A song of *T* seconds has floor(*T*·rate) + 1 frames. A note covers the frames from
+    /// floor(start·rate) up to but not including ceil(end·rate), one at least. Where a key sounds
+    /// in one frame and is struck again in the next, it is left out of that next frame, so that it
+    /// has to be released.
     ///
     /// # Errors
-    /// If a note is off the keyboard, or the rate is not a positive number of hertz within reason.
+    /// If a note is off the keyboard, or the rate is not above 0 and at most 1000 Hz.
     pub fn frames(&self, control_hz: f64) -> Result<Vec<KeySet>, SongError> {
         if !(control_hz > 0.0 && control_hz <= MAX_CONTROL_HZ) {
             return Err(SongError::Invalid(format!(
@@ -52,11 +54,12 @@ impl Song {
         Ok(sounding)
     }
 
-    /// The frames of a whole episode: silence first, then the song. The silence lasts the whole number of frames
-    /// nearest to `initial_silence_secs` (RoboPianist's `initial_buffer_time`).
+    /// The frames of a whole episode: silence first, then the song. The silence lasts the whole
+    /// number of frames nearest to `initial_silence_secs` (RoboPianist's `initial_buffer_time`).
     ///
     /// # Errors
-    /// As [`Song::frames`]; also if the silence is negative or takes the song beyond the longest duration.
+    /// As [`Song::frames`]; also if the silence is negative or takes the song beyond the longest
+    /// duration.
     pub fn episode_frames(
         &self,
         control_hz: f64,
@@ -72,12 +75,13 @@ impl Song {
 }
 
 fn floor_frame(frames: f64) -> usize {
-    (frames + ON_BORDER_FRAMES).floor() as usize
+    (frames + FRAME_TOLERANCE).floor() as usize
 }
 
-/// The whole frames that cover this many; one that is complete except for rounding does not begin another.
+/// The whole frames that cover this many; one that is complete except for rounding does not begin
+/// another.
 pub fn ceil_frame(frames: f64) -> usize {
-    (frames - ON_BORDER_FRAMES).ceil().max(0.0) as usize
+    (frames - FRAME_TOLERANCE).ceil().max(0.0) as usize
 }
 
 /// A key going down or coming up, as a physics step or a MIDI keyboard reports it.
@@ -91,14 +95,14 @@ pub struct KeyEvent {
     pub velocity: u8,
 }
 
-/// The notes of key events, in order of time. A stroke of a key that is down ends its note and begins another; a release of a key that
-/// is up is ignored; keys that are not released end at `end_secs`. Events with keys outside the keyboard or times that are not finite
-/// are ignored.
+/// The notes of key events, in order of time. A stroke of a key that is down ends its note and
+/// begins another; a release of a key that is up is ignored; keys that are not released end at
+/// `end_secs`. Events with keys outside the keyboard or times that are not finite are ignored.
 pub fn notes_from_key_events(events: &[KeyEvent], end_secs: f64) -> Vec<Note> {
     let mut events: Vec<&KeyEvent> =
-        events.iter().filter(|event| event.key < KEYS && event.secs.is_finite()).collect();
+        events.iter().filter(|event| event.key < KEY_COUNT && event.secs.is_finite()).collect();
     events.sort_by(|a, b| a.secs.total_cmp(&b.secs));
-    let mut down: [Option<(f64, u8)>; KEYS] = [None; KEYS];
+    let mut down: [Option<(f64, u8)>; KEY_COUNT] = [None; KEY_COUNT];
     let mut notes = Vec::new();
     let mut close = |key: usize, stroke: Option<(f64, u8)>, at_secs: f64| {
         if let Some((start_secs, velocity)) = stroke {
@@ -113,17 +117,17 @@ pub fn notes_from_key_events(events: &[KeyEvent], end_secs: f64) -> Vec<Note> {
     for (key, stroke) in down.into_iter().enumerate() {
         close(key, stroke, end_secs);
     }
-    one_string_a_pitch(notes)
+    without_overlaps(notes)
 }
 
-/// Keys that are down at each of these times, which do not decrease, if those of `down` are down before the first event. An event counts
-/// from its own time on.
+/// Keys that are down at each of these times, which do not decrease, if those of `down` are down
+/// before the first event. An event counts from its own time on.
 pub fn keys_at(mut down: KeySet, events: &[KeyEvent], times: impl IntoIterator<Item = f64>) -> Vec<KeySet> {
     let mut events: Vec<&KeyEvent> = events.iter().filter(|event| event.secs.is_finite()).collect();
     events.sort_by(|a, b| a.secs.total_cmp(&b.secs));
     let mut events = events.into_iter().peekable();
     let down_at = |secs| {
-        while let Some(event) = events.next_if(|event| event.secs <= secs + ON_TIME_SECS) {
+        while let Some(event) = events.next_if(|event| event.secs <= secs + TIME_TOLERANCE_SECS) {
             match event.velocity {
                 0 => down.remove(event.key),
                 _ => down.insert(event.key),

@@ -1,20 +1,21 @@
 //! Numbering of the keys, and sets of keys.
 //!
-//! A set of keys is the state of the keyboard or one frame of a song. It is one machine word, so that sets are compared by bit
-//! operations.
+//! A set of keys is the state of the keyboard or one frame of a song. It is one machine word, so
+//! that sets are compared by bit operations.
 
 use std::fmt;
 
 use serde::{Deserialize, Serialize};
 
 /// Number of keys (M-Audio Keystation 49e: 29 white and 20 black).
-pub const KEYS: usize = 49;
-/// MIDI pitch of the leftmost key without octave shift, as in github.com/lasr-lab/learning-to-play-piano.
+pub const KEY_COUNT: usize = 49;
+/// MIDI pitch of the leftmost key without octave shift, as in
+/// github.com/lasr-lab/learning-to-play-piano.
 pub const LOWEST_PITCH: u8 = 36;
 /// MIDI pitch of the rightmost key.
 pub const HIGHEST_PITCH: u8 = 84;
 
-const ALL: u64 = (1 << KEYS) - 1;
+const ALL: u64 = (1 << KEY_COUNT) - 1;
 const SEMITONES: u8 = 12;
 const NAMES: [&str; SEMITONES as usize] = ["C", "C#", "D", "D#", "E", "F", "F#", "G", "G#", "A", "A#", "B"];
 
@@ -31,7 +32,7 @@ pub fn pitch_name(pitch: u8) -> String {
 
 /// A set of keys: bit *i* stands for key *i*, whose pitch is [`LOWEST_PITCH`] + *i*.
 ///
-/// Bits at [`KEYS`] and above are never set by the methods here.
+/// Bits at [`KEY_COUNT`] and above are never set by the methods here.
 #[derive(Copy, Clone, Debug, Default, Eq, PartialEq, Ord, PartialOrd, Hash, Serialize, Deserialize)]
 #[serde(transparent)]
 pub struct KeySet(pub u64);
@@ -48,9 +49,9 @@ impl KeySet {
     /// Adds a key; true if it was not there before.
     ///
     /// # Panics
-    /// If `key` is not below [`KEYS`]. For pitches from outside, use [`KeySet::from_pitches`].
+    /// If `key` is not below [`KEY_COUNT`]. For pitches from outside, use [`KeySet::from_pitches`].
     pub fn insert(&mut self, key: usize) -> bool {
-        assert!(key < KEYS, "key {key} is off the keyboard of {KEYS} keys");
+        assert!(key < KEY_COUNT, "key {key} is off the keyboard of {KEY_COUNT} keys");
         let before = self.0;
         self.0 |= 1 << key;
         before != self.0
@@ -67,7 +68,7 @@ impl KeySet {
 
     /// Whether the key is in the set.
     pub fn contains(self, key: usize) -> bool {
-        key < KEYS && self.0 >> key & 1 == 1
+        key < KEY_COUNT && self.0 >> key & 1 == 1
     }
 
     /// Key indices from left to right.
@@ -141,8 +142,8 @@ mod tests {
 
     #[test]
     fn the_keyboard_has_twenty_black_keys_and_ends_on_cs() {
-        assert_eq!((0..KEYS).filter(|&key| key_is_black(key)).count(), 20);
-        assert_eq!(usize::from(HIGHEST_PITCH - LOWEST_PITCH) + 1, KEYS);
+        assert_eq!((0..KEY_COUNT).filter(|&key| key_is_black(key)).count(), 20);
+        assert_eq!(usize::from(HIGHEST_PITCH - LOWEST_PITCH) + 1, KEY_COUNT);
         assert_eq!(pitch_name(LOWEST_PITCH), "C2");
         assert_eq!(pitch_name(60), "C4");
         assert_eq!(pitch_name(70), "A#4");

@@ -1,6 +1,7 @@
 //! Limits on songs and MIDI files: what is beyond them is a damaged file or a typing error.
 
-/// Longest song in seconds: an hour. Frames of the whole song are kept in memory while it is learned.
+/// Longest song in seconds: an hour. Frames of the whole song are kept in memory while it is
+/// learned.
 pub const MAX_DURATION_SECS: f64 = 3600.0;
 /// Largest number of notes of a song: an hour of very fast playing.
 pub const MAX_NOTES: usize = 100_000;

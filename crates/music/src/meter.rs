@@ -1,11 +1,12 @@
 //! Bars and beats of a song, which messages name beside the seconds.
 //!
-//! The grid is a list of stretches, each with one tempo and one time signature. It may begin in the middle of a bar (a pickup), and
-//! later than the song (silence in front).
+//! The grid is a list of segments, each with one tempo and one time signature. It may begin in the
+//! middle of a bar (a pickup), and later than the song (silence in front).
 
 use std::fmt;
 
-/// A place in the score. Bars and beats count from one; bar zero is a pickup, or silence in front.
+/// A position in the score. Bars and beats count from one; bar zero is a pickup, or silence in
+/// front.
 #[derive(Copy, Clone, Debug, PartialEq)]
 pub struct Position {
     /// Bar number.
@@ -21,9 +22,9 @@ impl fmt::Display for Position {
     }
 }
 
-/// One stretch of even beats.
+/// A part of a song with one tempo and one time signature.
 #[derive(Copy, Clone, Debug, PartialEq)]
-pub(crate) struct Stretch {
+pub(crate) struct MeterSegment {
     /// Seconds at which it begins.
     pub start_secs: f64,
     /// Length of a beat in seconds.
@@ -34,34 +35,34 @@ pub(crate) struct Stretch {
     pub beat_unit: u8,
     /// Bar in which it begins.
     pub bar: u32,
-    /// Beats of that bar before the stretch.
-    pub beats_gone: f64,
+    /// Beats of that bar before the segment.
+    pub beats_before: f64,
 }
 
-impl Stretch {
-    /// Bar, and beats since its start, `beats` after the start of the stretch.
+impl MeterSegment {
+    /// Bar, and beats since its start, `beats` after the start of the segment.
     pub fn after(&self, beats: f64) -> (u32, f64) {
-        let gone = self.beats_gone + beats + TINY_BEATS;
+        let elapsed = self.beats_before + beats + BEAT_TOLERANCE;
         let per_bar = f64::from(self.beats_per_bar.max(1));
-        let bars = (gone / per_bar).floor();
+        let bars = (elapsed / per_bar).floor();
         // `as` saturates: a bar number beyond u32 stays at its largest value.
         let bar = self.bar.saturating_add(bars as u32);
-        let within = (gone - bars * per_bar - TINY_BEATS).max(0.0);
+        let within = (elapsed - bars * per_bar - BEAT_TOLERANCE).max(0.0);
         (bar, within)
     }
 }
 
 /// A time this close to a beat, in beats, is on it, so that rounding does not give the bar before.
-const TINY_BEATS: f64 = 1e-6;
-/// The same for the borders of stretches, in seconds.
-const TINY_SECS: f64 = 1e-6;
-/// The most bar lines, more than an hour of music has: a limit for damaged tempos.
-const MOST_BAR_LINES: usize = 20_000;
+const BEAT_TOLERANCE: f64 = 1e-6;
+/// The same for the borders of segments, in seconds.
+const SECS_TOLERANCE: f64 = 1e-6;
+/// Maximum number of bar lines, more than an hour of music has: a limit for damaged tempos.
+const MAX_BAR_LINES: usize = 20_000;
 
 /// The beats of a song: which bar and beat a second falls on.
 #[derive(Clone, Debug, PartialEq)]
 pub struct BeatGrid {
-    stretches: Vec<Stretch>,
+    segments: Vec<MeterSegment>,
 }
 
 impl Default for BeatGrid {
@@ -72,77 +73,79 @@ impl Default for BeatGrid {
 }
 
 impl BeatGrid {
-    /// Even beats of `beat_secs` seconds, quarter notes, in bars of `beats_per_bar`. A song that starts with a
-    /// pickup gives its length in `pickup_beats`, zero otherwise; those beats are the end of bar zero.
+    /// Even beats of `beat_secs` seconds, quarter notes, in bars of `beats_per_bar`. A song that
+    /// starts with a pickup gives its length in `pickup_beats`, zero otherwise; those beats are the
+    /// end of bar zero.
     pub fn regular(beat_secs: f64, beats_per_bar: u8, pickup_beats: f64) -> BeatGrid {
-        let (bar, beats_gone) =
+        let (bar, beats_before) =
             if pickup_beats > 0.0 { (0, f64::from(beats_per_bar) - pickup_beats) } else { (1, 0.0) };
-        let first = Stretch { start_secs: 0.0, beat_secs, beats_per_bar, beat_unit: 4, bar, beats_gone };
-        BeatGrid { stretches: vec![first] }
+        let first =
+            MeterSegment { start_secs: 0.0, beat_secs, beats_per_bar, beat_unit: 4, bar, beats_before };
+        BeatGrid { segments: vec![first] }
     }
 
-    /// A grid of stretches in order of time; there must be at least one.
-    pub(crate) fn from_stretches(stretches: Vec<Stretch>) -> BeatGrid {
-        if stretches.is_empty() { BeatGrid::default() } else { BeatGrid { stretches } }
+    /// A grid of segments in order of time; there must be at least one.
+    pub(crate) fn from_segments(segments: Vec<MeterSegment>) -> BeatGrid {
+        if segments.is_empty() { BeatGrid::default() } else { BeatGrid { segments } }
     }
 
-    pub(crate) fn stretches(&self) -> &[Stretch] {
-        &self.stretches
+    pub(crate) fn segments(&self) -> &[MeterSegment] {
+        &self.segments
     }
 
-    /// The stretch at this many seconds; none before the first.
-    fn stretch_at(&self, secs: f64) -> Option<&Stretch> {
-        let index = self.stretches.partition_point(|stretch| stretch.start_secs <= secs + TINY_SECS);
-        index.checked_sub(1).map(|index| &self.stretches[index])
+    /// The segment at this many seconds; none before the first.
+    fn segment_at(&self, secs: f64) -> Option<&MeterSegment> {
+        let index = self.segments.partition_point(|segment| segment.start_secs <= secs + SECS_TOLERANCE);
+        index.checked_sub(1).map(|index| &self.segments[index])
     }
 
     /// Bar and beat at this many seconds.
     pub fn position(&self, secs: f64) -> Position {
-        match self.stretch_at(secs) {
+        match self.segment_at(secs) {
             None => Position { bar: 0, beat: 1.0 },
-            Some(stretch) => {
-                let (bar, gone) = stretch.after((secs - stretch.start_secs) / stretch.beat_secs);
-                Position { bar, beat: gone + 1.0 }
+            Some(segment) => {
+                let (bar, beats) = segment.after((secs - segment.start_secs) / segment.beat_secs);
+                Position { bar, beat: beats + 1.0 }
             }
         }
     }
 
-    /// Length of a beat at this many seconds, s; before the first stretch that of its beats.
+    /// Length of a beat at this many seconds, s; before the first segment that of its beats.
     pub fn beat_secs(&self, secs: f64) -> f64 {
-        self.stretch_at(secs).unwrap_or(&self.stretches[0]).beat_secs
+        self.segment_at(secs).unwrap_or(&self.segments[0]).beat_secs
     }
 
     /// Times of the bar lines from the beginning of the first full bar on, before `until_secs`, s.
     pub fn bar_lines(&self, until_secs: f64) -> Vec<f64> {
         let mut lines = Vec::new();
-        for (index, stretch) in self.stretches.iter().enumerate() {
-            let next = self.stretches.get(index + 1).map_or(until_secs, |next| next.start_secs);
-            let end = next.min(until_secs) - TINY_SECS;
-            let per_bar = f64::from(stretch.beats_per_bar.max(1));
-            // A stretch that begins in the middle of a bar meets its first line later.
-            let first = (per_bar - stretch.beats_gone) % per_bar;
-            let line = |bar: u32| stretch.start_secs + (first + f64::from(bar) * per_bar) * stretch.beat_secs;
-            lines.extend((0..).map(line).take_while(|secs| *secs < end).take(MOST_BAR_LINES - lines.len()));
+        for (index, segment) in self.segments.iter().enumerate() {
+            let next = self.segments.get(index + 1).map_or(until_secs, |next| next.start_secs);
+            let end = next.min(until_secs) - SECS_TOLERANCE;
+            let per_bar = f64::from(segment.beats_per_bar.max(1));
+            // A segment that begins in the middle of a bar meets its first line later.
+            let first = (per_bar - segment.beats_before) % per_bar;
+            let line = |bar: u32| segment.start_secs + (first + f64::from(bar) * per_bar) * segment.beat_secs;
+            lines.extend((0..).map(line).take_while(|secs| *secs < end).take(MAX_BAR_LINES - lines.len()));
         }
         lines
     }
 
     /// The same grid, later by this many seconds (earlier if negative).
     pub(crate) fn delayed(&self, secs: f64) -> BeatGrid {
-        self.map(|stretch| Stretch { start_secs: stretch.start_secs + secs, ..stretch })
+        self.map(|segment| MeterSegment { start_secs: segment.start_secs + secs, ..segment })
     }
 
     /// The same grid with all times multiplied.
-    pub(crate) fn stretched(&self, factor: f64) -> BeatGrid {
-        self.map(|stretch| Stretch {
-            start_secs: stretch.start_secs * factor,
-            beat_secs: stretch.beat_secs * factor,
-            ..stretch
+    pub(crate) fn scaled(&self, factor: f64) -> BeatGrid {
+        self.map(|segment| MeterSegment {
+            start_secs: segment.start_secs * factor,
+            beat_secs: segment.beat_secs * factor,
+            ..segment
         })
     }
 
-    fn map(&self, change: impl Fn(Stretch) -> Stretch) -> BeatGrid {
-        BeatGrid { stretches: self.stretches.iter().copied().map(change).collect() }
+    fn map(&self, change: impl Fn(MeterSegment) -> MeterSegment) -> BeatGrid {
+        BeatGrid { segments: self.segments.iter().copied().map(change).collect() }
     }
 }
 
@@ -182,12 +185,12 @@ mod tests {
             assert!((pickup.position(secs).beat - 1.0).abs() < 1e-6);
         }
         assert_eq!(BeatGrid::regular(0.5, 4, 0.0).bar_lines(4.0), [0.0, 2.0]);
-        assert_eq!(BeatGrid::regular(1e-9, 1, 0.0).bar_lines(10.0).len(), MOST_BAR_LINES);
+        assert_eq!(BeatGrid::regular(1e-9, 1, 0.0).bar_lines(10.0).len(), MAX_BAR_LINES);
     }
 
     #[test]
     fn silence_in_front_is_bar_zero() {
-        let grid = BeatGrid::default().delayed(1.0).stretched(2.0);
+        let grid = BeatGrid::default().delayed(1.0).scaled(2.0);
         assert_eq!(at(&grid, 0.5), "bar 0, beat 1");
         assert_eq!(at(&grid, 2.0), "bar 1, beat 1");
         assert_eq!(at(&grid, 6.0), "bar 2, beat 1");

@@ -1,9 +1,10 @@
 //! Music written as text, for songs in source code.
 //!
-//! Tokens are separated by spaces: a pitch with its octave (`C4`, `Bb4`, `F#5`), several joined by `+` for a chord,
-//! or `-` for a rest; `>` for an accent; then, unless it lasts one beat, a colon and its length in beats. `|` ends a bar. The
-//! lengths of bars are checked; a short first bar is a pickup, and the last bar may be short. `pp`, `p`, `mp`, `mf`, `f` and `ff` say how
-//! loud what follows is; `mf` before the first of them.
+//! Tokens are separated by spaces: a pitch with its octave (`C4`, `Bb4`, `F#5`), several joined by
+//! `+` for a chord, or `-` for a rest; `>` for an accent; then, unless it lasts one beat, a colon
+//! and its length in beats. `|` ends a bar. The lengths of bars are checked; a short first bar is a
+//! pickup, and the last bar may be short. `pp`, `p`, `mp`, `mf`, `f` and `ff` say how loud what
+//! follows is; `mf` before the first of them.
 //!
 //! ```
 //! let song = etude_music::notation::read("Lullaby", "C4 D4:.5 E4:.5 C4+G4:2 | - G4:3", 0.5, 4)?;
@@ -24,7 +25,7 @@ const MEZZO_FORTE: u8 = DYNAMICS[3].1;
 /// How much louder an accent is: one mark.
 const ACCENT: u8 = 16;
 /// Lengths are decimal fractions of a beat; sums of them are compared to this, in beats.
-const SAME_BEATS: f64 = 1e-6;
+const BEAT_TOLERANCE: f64 = 1e-6;
 
 /// Reads written music with beats of `beat_secs` seconds and bars of `beats_per_bar` beats.
 ///
@@ -43,7 +44,7 @@ pub fn read(title: &str, music: &str, beat_secs: f64, beats_per_bar: u8) -> Resu
         if text == "|" {
             let length = beat - bar_began;
             let short_first = pickup.is_none() && length < f64::from(beats_per_bar);
-            if (length - f64::from(beats_per_bar)).abs() > SAME_BEATS && !short_first {
+            if (length - f64::from(beats_per_bar)).abs() > BEAT_TOLERANCE && !short_first {
                 return Err(wrong("the bar before this line does not have as many beats as a bar should"));
             }
             pickup.get_or_insert(if short_first { length } else { 0.0 });

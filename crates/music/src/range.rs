@@ -25,13 +25,13 @@ pub struct OutOfRange {
     pub title: String,
     /// Every note outside the keyboard, in order of time.
     pub notes: Vec<OffendingNote>,
-    /// Every transposition in semitones that brings the whole song onto the keyboard, lowest first; empty if
-    /// the song is wider than the keyboard.
+    /// Every transposition in semitones that brings the whole song onto the keyboard, lowest first;
+    /// empty if the song is wider than the keyboard.
     pub transpositions: Vec<i32>,
 }
 
-/// Places that a message lists for one pitch; the rest are counted.
-const PLACES_A_PITCH: usize = 6;
+/// Positions that a message lists for one pitch; the rest are counted.
+const MAX_POSITIONS: usize = 6;
 const OCTAVE: i32 = 12;
 
 impl OutOfRange {
@@ -46,15 +46,15 @@ impl OutOfRange {
         pitches.sort_unstable();
         pitches.dedup();
         for pitch in pitches {
-            let places: Vec<_> =
+            let positions: Vec<_> =
                 self.notes.iter().filter(|offending| offending.note.pitch == pitch).collect();
             let _ = write!(text, "\n  {} ({pitch}) at", pitch_name(pitch));
-            for (i, place) in places.iter().take(PLACES_A_PITCH).enumerate() {
+            for (i, one) in positions.iter().take(MAX_POSITIONS).enumerate() {
                 let comma = if i == 0 { "" } else { ";" };
-                let _ = write!(text, "{comma} {} ({:.2} s)", place.position, place.note.start_secs);
+                let _ = write!(text, "{comma} {} ({:.2} s)", one.position, one.note.start_secs);
             }
-            if places.len() > PLACES_A_PITCH {
-                let _ = write!(text, " and {} more", places.len() - PLACES_A_PITCH);
+            if positions.len() > MAX_POSITIONS {
+                let _ = write!(text, " and {} more", positions.len() - MAX_POSITIONS);
             }
         }
         text + "\n" + &self.advice()
@@ -100,7 +100,7 @@ mod tests {
     }
 
     #[test]
-    fn the_message_names_notes_places_and_remedies() {
+    fn the_message_names_notes_positions_and_remedies() {
         let error = song(&[60, 96, 72, 35, 60, 96]).check_range().unwrap_err().to_string();
         assert_eq!(
             error,

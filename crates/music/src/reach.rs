@@ -1,8 +1,9 @@
 //! Warnings about moments of a song that the hand cannot play as written.
 //!
-//! The hand plays with three fingers; the thumb is not used. The fingers have a fixed spacing, each can lean a little to the left and
-//! to the right, and the rail moves all of them together. So keys that sound together must match the spacing of the fingers within
-//! that play. A song with warnings can still be learned; the policy plays what it can.
+//! The hand plays with three fingers; the thumb is not used. The fingers have a fixed spacing, each
+//! can lean a little to the left and to the right, and the rail moves all of them together. So keys
+//! that sound together must match the spacing of the fingers within that range. A song with
+//! warnings can still be learned; the policy plays what it can.
 
 use std::fmt;
 
@@ -16,14 +17,16 @@ use crate::song::Song;
 pub const PLAYING_FINGERS: usize = 3;
 /// Distance between neighbouring fingertips at rest, in millimetres (palm of the Allegro hand).
 pub const FINGER_SPACING_MM: f64 = 43.5;
-/// How far a fingertip can move laterally to press the middle of a key, in millimetres to each side. A judgement: the finger's first
-/// joint turns it about its own axis, which moves a curled fingertip sideways by about a quarter of the spacing.
-pub const FINGER_PLAY_MM: f64 = 12.0;
-/// Width of the keyboard over its number of white keys, in millimetres: 674 mm for 29, as measured in
-/// github.com/lasr-lab/learning-to-play-piano.
+/// How far a fingertip can move laterally to press the middle of a key, in millimetres to each
+/// side. A judgement: the finger's first joint turns it about its own axis, which moves a curled
+/// fingertip sideways by about a quarter of the spacing.
+pub const FINGER_LATERAL_RANGE_MM: f64 = 12.0;
+/// Width of the keyboard over its number of white keys, in millimetres: 674 mm for 29, as measured
+/// in github.com/lasr-lab/learning-to-play-piano.
 pub const WHITE_KEY_PITCH_MM: f64 = 674.0 / 29.0;
 
-/// Notes that sound together for less than this, in seconds, are legato and not a chord: one control step.
+/// Notes that sound together for less than this, in seconds, are legato and not a chord: one
+/// control step.
 const CHORD_SECS: f64 = 1.0 / CONTROL_HZ;
 
 /// Why a moment of a song cannot be played as written.
@@ -68,8 +71,8 @@ impl fmt::Display for Warning {
     }
 }
 
-/// Lateral place of the middle of a key, in millimetres from an arbitrary origin. A black key is taken to lie on
-/// the border between its white neighbours.
+/// Lateral position of the middle of a key, in millimetres from an arbitrary origin. A black key is
+/// taken to lie on the border between its white neighbours.
 pub fn key_centre_mm(pitch: u8) -> f64 {
     const HALF_WHITES: [i32; 12] = [0, 1, 2, 3, 4, 6, 7, 8, 9, 10, 11, 12];
     const HALF_WHITES_AN_OCTAVE: i32 = 14;
@@ -79,24 +82,26 @@ pub fn key_centre_mm(pitch: u8) -> f64 {
 
 /// Whether the playing fingers can reach all of these keys at once; pitches lowest first.
 pub(crate) fn within_reach(pitches: &[u8]) -> bool {
-    // Which finger takes which key: every way to choose as many fingers, in order, as there are keys.
+    // Which finger takes which key: every way to choose as many fingers, in order, as there are
+    // keys.
     (0u32..1 << PLAYING_FINGERS).filter(|fingers| fingers.count_ones() as usize == pitches.len()).any(
         |fingers| {
             let chosen = (0..PLAYING_FINGERS).filter(|finger| fingers >> finger & 1 == 1);
-            // Where the rail would have to be for each finger to stand straight; they must agree within the play.
+            // Where the rail would have to be for each finger to be straight; they must agree
+            // within that range.
             let rail = pitches
                 .iter()
                 .zip(chosen)
                 .map(|(&pitch, f)| key_centre_mm(pitch) - f as f64 * FINGER_SPACING_MM);
             let (low, high) = rail.fold((f64::MAX, f64::MIN), |(low, high), mm| (low.min(mm), high.max(mm)));
-            high - low <= 2.0 * FINGER_PLAY_MM
+            high - low <= 2.0 * FINGER_LATERAL_RANGE_MM
         },
     )
 }
 
 impl Song {
-    /// Moments that the hand cannot play as written: more notes at once than fingers, and chords out of reach.
-    /// One warning an onset, in order of time.
+    /// Moments that the hand cannot play as written: more notes at once than fingers, and chords
+    /// out of reach. One warning an onset, in order of time.
     pub fn warnings(&self) -> Vec<Warning> {
         let mut warnings = Vec::new();
         let mut held: Vec<Note> = Vec::new();
@@ -125,7 +130,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn reach_follows_the_comb_of_fingers() {
+    fn reach_follows_the_spacing_of_the_fingers() {
         for chord in
             [&[60, 64][..], &[65, 69, 72], &[67, 71, 74], &[60, 64, 67], &[60, 62], &[60, 65], &[60, 67]]
         {

@@ -1,15 +1,15 @@
 //! The built-in songs: those of the paper and of its first version.
 //!
-//! To add a song: one entry in [`PIECES`]. Melodies are in the middle range, one voice for one hand. Tempos are chosen so that episodes
-//! are as long as the paper's, which follow from its unrounded F1 values. Songs have no silence in front; an episode adds it
-//! ([`Song::episode_frames`]).
+//! To add a song: one entry in [`SONGS`]. Melodies are in the middle range, one voice for one hand.
+//! Tempos are chosen so that episodes are as long as the paper's, which follow from its unrounded
+//! F1 values. Songs have no silence in front; an episode adds it ([`Song::episode_frames`]).
 
 use crate::notation;
 use crate::song::Song;
 
 /// An entry of the repertoire.
 #[derive(Copy, Clone, Debug, PartialEq)]
-pub struct Piece {
+pub struct BuiltInSong {
     /// What to type.
     pub id: &'static str,
     /// What to print.
@@ -22,7 +22,7 @@ pub struct Piece {
     pub music: &'static str,
 }
 
-impl Piece {
+impl BuiltInSong {
     /// The song.
     pub fn song(&self) -> Song {
         notation::read(self.title, self.music, self.beat_secs, self.beats_per_bar)
@@ -31,8 +31,8 @@ impl Piece {
 }
 
 /// Every piece, those of the paper first.
-pub const PIECES: &[Piece] = &[
-    Piece {
+pub const SONGS: &[BuiltInSong] = &[
+    BuiltInSong {
         id: "are-you-sleeping",
         title: "Are You Sleeping",
         beat_secs: 1.0,
@@ -40,7 +40,7 @@ pub const PIECES: &[Piece] = &[
         music: "C4 D4 E4 C4 | C4 D4 E4 C4 | E4 F4 G4:2 | E4 F4 G4:2 |
                 G4:.5 A4:.5 G4:.5 F4:.5 E4 C4 | G4:.5 A4:.5 G4:.5 F4:.5 E4 C4 | C4 G3 C4:2 | C4 G3 C4:2",
     },
-    Piece {
+    BuiltInSong {
         id: "happy-birthday",
         title: "Happy Birthday",
         beat_secs: 1.0,
@@ -48,7 +48,7 @@ pub const PIECES: &[Piece] = &[
         music: "C4:.5 C4:.5 | D4 C4 F4 | E4:2 C4:.5 C4:.5 | D4 C4 G4 | F4:2 C4:.5 C4:.5 |
                 C5 A4 F4 | E4 D4 Bb4:.5 Bb4:.5 | A4 F4 G4 | F4:2",
     },
-    Piece {
+    BuiltInSong {
         id: "ode-to-joy",
         title: "Ode To Joy",
         beat_secs: 1.0,
@@ -57,7 +57,7 @@ pub const PIECES: &[Piece] = &[
                 E4 E4 F4 G4 | G4 F4 E4 D4 | C4 C4 D4 E4 | D4:1.5 C4:.5 C4:2",
     },
     // RoboPianist's one-hand version: the first two phrases.
-    Piece {
+    BuiltInSong {
         id: "twinkle",
         title: "Twinkle Twinkle Little Star",
         beat_secs: 0.5,
@@ -65,21 +65,21 @@ pub const PIECES: &[Piece] = &[
         music: "C4 C4 G4 G4 | A4 A4 G4:2 | F4 F4 E4 E4 | D4 D4 C4:2",
     },
     // Scales and chords as in github.com/lasr-lab/learning-to-play-piano.
-    Piece {
+    BuiltInSong {
         id: "c-major-scale",
         title: "C-Major Scale",
         beat_secs: 0.7,
         beats_per_bar: 4,
         music: "C4 D4 E4 F4 | G4 A4 B4 C5 | B4 A4 G4 F4 | E4 D4 C4",
     },
-    Piece {
+    BuiltInSong {
         id: "d-major-scale",
         title: "D-Major Scale",
         beat_secs: 0.7,
         beats_per_bar: 4,
         music: "D4 E4 F#4 G4 | A4 B4 C#5 D5 | C#5 B4 A4 G4 | F#4 E4 D4",
     },
-    Piece {
+    BuiltInSong {
         id: "chord-progression",
         title: "Chord Progression",
         beat_secs: 0.5,
@@ -90,10 +90,10 @@ pub const PIECES: &[Piece] = &[
 
 /// The ids of every piece, in the order of the table.
 pub fn ids() -> impl Iterator<Item = &'static str> {
-    PIECES.iter().map(|piece| piece.id)
+    SONGS.iter().map(|piece| piece.id)
 }
 
 /// The song with this id.
 pub fn get(id: &str) -> Option<Song> {
-    PIECES.iter().find(|piece| piece.id == id).map(Piece::song)
+    SONGS.iter().find(|piece| piece.id == id).map(BuiltInSong::song)
 }

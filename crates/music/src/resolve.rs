@@ -5,13 +5,15 @@ use std::path::Path;
 use crate::error::SongError;
 use crate::repertoire;
 use crate::song::Song;
+use crate::spelling::did_you_mean;
 
 /// The song of this name: a built-in id, or the path of a MIDI file.
 ///
 /// A name of the repertoire wins over a file of the same name; write `./name` for the file.
 ///
 /// # Errors
-/// If there is neither; ids that look like the name are suggested. If the file cannot be read or used.
+/// If there is neither; ids that look like the name are suggested. If the file cannot be read or
+/// used.
 pub fn resolve(name_or_path: &str) -> Result<Song, SongError> {
     if let Some(song) = repertoire::get(name_or_path) {
         return Ok(song);
@@ -24,7 +26,8 @@ pub fn resolve(name_or_path: &str) -> Result<Song, SongError> {
     if named_like_a_file || path.is_file() {
         return Song::load(path);
     }
-    Err(SongError::Unknown { name: name_or_path.to_owned() })
+    let similar = did_you_mean(name_or_path, repertoire::ids());
+    Err(SongError::Unknown { name: name_or_path.to_owned(), similar })
 }
 
 #[cfg(test)]

@@ -1,26 +1,20 @@
 //! A song: notes in seconds, and the beat grid they were written on.
 //!
-//! A song is immutable; changing one makes another. Its notes are always sorted, finite, without overlaps of one pitch, and within
-//! fixed limits, so that no other code needs to check them.
-
-use std::fs::File;
-use std::io::{Read, Write};
-use std::path::Path;
-
-use atomic_write_file::AtomicWriteFile;
+//! A song is immutable; changing one makes another. Its notes are always sorted, finite, without
+//! overlaps of one pitch, and within fixed limits, so that no other code needs to check them.
 
 use crate::CONTROL_HZ;
-use crate::error::{MidiError, SongError};
+use crate::error::SongError;
 use crate::keys::{HIGHEST_PITCH, LOWEST_PITCH, key_of_pitch, pitch_name};
-use crate::limits::{MAX_DURATION_SECS, MAX_FILE_BYTES, MAX_NOTES};
+use crate::limits::{MAX_DURATION_SECS, MAX_NOTES};
 use crate::meter::{BeatGrid, Position};
-use crate::midi;
-use crate::note::{Note, chords, one_string_a_pitch};
+use crate::note::{Note, chords, without_overlaps};
 use crate::range::{OffendingNote, OutOfRange};
 
 const MAX_PITCH: u8 = 127;
-/// Largest distance of the same note in two MIDI files of a song, s: files count time in ticks.
-const SAME_SECS: f64 = 0.01;
+/// Largest difference of one note's onset in two MIDI files of a song, s: files count time in
+/// ticks.
+const ONSET_TOLERANCE_SECS: f64 = 0.01;
 pub(crate) const MAX_VELOCITY: u8 = 127;
 
 /// Notes with times in seconds, a title, and bars and beats.
@@ -33,12 +27,14 @@ pub struct Song {
 }
 
 impl Song {
-    /// A song of these notes, in any order. It lasts `duration_secs` or until its last note ends, whichever is
-    /// later. Overlapping notes of one pitch are split at each onset; the last of them ends at the latest end.
+    /// A song of these notes, in any order. It lasts `duration_secs` or until its last note ends,
+    /// whichever is later. Overlapping notes of one pitch are split at each onset; the last of them
+    /// ends at the latest end.
     ///
     /// # Errors
-    /// If a note has a pitch or velocity that MIDI lacks, or times that are not finite, negative or reversed;
-    /// if there are too many notes, or they last too long ([`MAX_NOTES`], [`MAX_DURATION_SECS`]).
+    /// If a note has a pitch or velocity that MIDI lacks, or times that are not finite, negative or
+    /// reversed; if there are too many notes, or they last too long ([`MAX_NOTES`],
+    /// [`MAX_DURATION_SECS`]).
     pub fn new(title: impl Into<String>, notes: Vec<Note>, duration_secs: f64) -> Result<Song, SongError> {
         if notes.len() > MAX_NOTES {
             return Err(SongError::Invalid(format!(
@@ -55,7 +51,7 @@ impl Song {
         if !(0.0..=MAX_DURATION_SECS).contains(&duration_secs) {
             return Err(bad_duration(duration_secs));
         }
-        let notes = one_string_a_pitch(notes);
+        let notes = without_overlaps(notes);
         Ok(Song { title: title.into(), notes, duration_secs, beats: BeatGrid::default() })
     }
 
@@ -65,63 +61,12 @@ impl Song {
         Song { beats, ..self }
     }
 
-    /// Reads a Standard MIDI File of format 0 or 1.
-    ///
-    /// All tracks and channels are played together except channel 10, which is percussion by General MIDI and
-    /// is ignored. A second note-on of a sounding pitch ends its note and begins another; a note without end lasts until the
-    /// end of the file. The pedal is ignored. The song ends with its last note, as in RoboPianist (`total_time`), without any rest
-    /// after it.
-    ///
-    /// # Errors
-    /// If the bytes are not such a file, are damaged, hold no notes, or exceed the limits on size, notes and
-    /// duration.
-    pub fn from_midi(bytes: &[u8], title: impl Into<String>) -> Result<Song, MidiError> {
-        midi::read(bytes, title.into())
-    }
-
-    /// Reads a MIDI file from disk, titled by its file name; see [`Song::from_midi`].
-    ///
-    /// # Errors
-    /// If the file cannot be read or used; the path is named.
-    pub fn load(path: impl AsRef<Path>) -> Result<Song, SongError> {
-        let path = path.as_ref();
-        let unreadable = |source| SongError::Read { path: path.into(), source };
-        let unusable = |source| SongError::Midi { path: path.into(), source };
-        let file = File::open(path).map_err(unreadable)?;
-        let mut bytes = Vec::new();
-        // One byte more than allowed shows that a file is too large, without relying on the reported size.
-        file.take(MAX_FILE_BYTES + 1).read_to_end(&mut bytes).map_err(unreadable)?;
-        let title = path.file_stem().map(|stem| stem.to_string_lossy().into_owned()).unwrap_or_default();
-        Song::from_midi(&bytes, title).map_err(unusable)
-    }
-
     /// Whether `other` has the same keys at the same times, to the precision of a MIDI file.
     pub fn has_the_notes_of(&self, other: &Song) -> bool {
         self.notes().len() == other.notes().len()
             && self.notes().iter().zip(other.notes()).all(|(one, other)| {
-                one.pitch == other.pitch && (one.start_secs - other.start_secs).abs() < SAME_SECS
+                one.pitch == other.pitch && (one.start_secs - other.start_secs).abs() < ONSET_TOLERANCE_SECS
             })
-    }
-
-    /// The song as a Standard MIDI File (format 0) with its tempo, time signatures and title. Times are rounded
-    /// to a tick, a twentieth of a millisecond at usual tempos and less than two milliseconds at any; reading the
-    /// file back gives the same notes to that precision. Rest after the last note is not read back.
-    pub fn to_midi(&self) -> Vec<u8> {
-        midi::write(self)
-    }
-
-    /// Writes [`Song::to_midi`] to a file, which is replaced only when the new contents are complete.
-    ///
-    /// # Errors
-    /// If the file cannot be written; the path is named.
-    pub fn save(&self, path: impl AsRef<Path>) -> Result<(), SongError> {
-        let path = path.as_ref();
-        let write = || {
-            let mut file = AtomicWriteFile::open(path)?;
-            file.write_all(&self.to_midi())?;
-            file.commit()
-        };
-        write().map_err(|source| SongError::Write { path: path.into(), source })
     }
 
     /// What the song is called.
@@ -152,7 +97,8 @@ impl Song {
     /// The song slower (`factor` above 1) or faster (below 1).
     ///
     /// # Errors
-    /// If the factor is not a positive number, or the song becomes longer than [`MAX_DURATION_SECS`].
+    /// If the factor is not a positive number, or the song becomes longer than
+    /// [`MAX_DURATION_SECS`].
     pub fn stretch(&self, factor: f64) -> Result<Song, SongError> {
         if !(factor.is_finite() && factor > 0.0) {
             return Err(SongError::Invalid(format!(
@@ -166,11 +112,11 @@ impl Song {
         };
         let notes = self.notes.iter().map(scale).collect();
         Ok(Song::new(self.title.clone(), notes, self.duration_secs * factor)?
-            .with_beats(self.beats.stretched(factor)))
+            .with_beats(self.beats.scaled(factor)))
     }
 
-    /// The song higher (positive) or lower (negative). Unlike RoboPianist it drops no notes: what no longer fits
-    /// the keyboard is reported by [`Song::check_range`].
+    /// The song higher (positive) or lower (negative). Unlike RoboPianist it drops no notes: what
+    /// no longer fits the keyboard is reported by [`Song::check_range`].
     ///
     /// # Errors
     /// If a note leaves the pitches that MIDI has.
@@ -192,8 +138,8 @@ impl Song {
         Ok(song)
     }
 
-    /// The upper voice alone: of the notes that begin together the highest, unless a higher one still sounds. A note that ends within
-    /// a control step from then is legato and does not count.
+    /// The upper voice alone: of the notes that begin together the highest, unless a higher one
+    /// still sounds. A note that ends within a control step from then is legato and does not count.
     #[must_use]
     pub fn upper_voice(&self) -> Song {
         let mut sounding: Vec<Note> = Vec::new();
@@ -211,7 +157,8 @@ impl Song {
     /// Checks that every note is on the keyboard.
     ///
     /// # Errors
-    /// [`SongError::OutOfRange`] with every note outside it and every transposition with which all notes fit.
+    /// [`SongError::OutOfRange`] with every note outside it and every transposition with which all
+    /// notes fit.
     pub fn check_range(&self) -> Result<(), SongError> {
         let notes: Vec<OffendingNote> = self
             .notes
@@ -232,7 +179,8 @@ impl Song {
     /// The song with this many seconds of silence in front, which are bar zero.
     ///
     /// # Errors
-    /// If the silence is negative or not finite, or the song becomes longer than [`MAX_DURATION_SECS`].
+    /// If the silence is negative or not finite, or the song becomes longer than
+    /// [`MAX_DURATION_SECS`].
     pub fn with_initial_silence(&self, secs: f64) -> Result<Song, SongError> {
         let duration_secs = self.duration_secs + secs;
         if !(secs >= 0.0 && duration_secs <= MAX_DURATION_SECS) {

@@ -1,4 +1,5 @@
-//! Broken, empty, huge and hostile MIDI files: a clear error, soon, and never more memory than the file deserves.
+//! Broken, empty, huge and hostile MIDI files: a clear error, soon, and never more memory than the
+//! file deserves.
 
 #![allow(clippy::unwrap_used, reason = "an unwrap that fails fails the test")]
 

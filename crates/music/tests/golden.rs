@@ -1,5 +1,5 @@
-//! The crate against independent implementations: scikit-learn, mir_eval, mido, and RoboPianist's rules in exact
-//! fractions. `scripts/golden_music.py` made the files.
+//! The crate against independent implementations: scikit-learn, mir_eval, mido, and RoboPianist's
+//! rules in exact fractions. `scripts/golden_music.py` made the files.
 
 #![allow(clippy::unwrap_used, reason = "an unwrap that fails fails the test")]
 

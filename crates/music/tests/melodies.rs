@@ -46,7 +46,7 @@ proptest! {
         // As a file it is the same song.
         let read = Song::from_midi(&song.to_midi(), "again").unwrap();
         prop_assert_eq!(read.notes().len(), song.notes().len());
-        prop_assert_eq!(read.part(), song.part());
+        prop_assert_eq!(read.split(), song.split());
     }
 }
 

@@ -5,12 +5,12 @@
 use std::collections::BTreeSet;
 
 use etude_music::metrics::{frame_scores, note_scores};
-use etude_music::{KEYS, KeyEvent, KeySet, Note, Song, notes_from_key_events, sound};
+use etude_music::{KEY_COUNT, KeyEvent, KeySet, Note, Song, notes_from_key_events, sound};
 use proptest::collection::{btree_set, vec};
 use proptest::prelude::*;
 
 fn key_set() -> impl Strategy<Value = KeySet> {
-    btree_set(0..KEYS, 0..6).prop_map(|keys| keys.into_iter().collect())
+    btree_set(0..KEY_COUNT, 0..6).prop_map(|keys| keys.into_iter().collect())
 }
 
 fn note(pitches: std::ops::RangeInclusive<u8>) -> impl Strategy<Value = Note> {
@@ -65,7 +65,7 @@ fn golden_files() -> Vec<Vec<u8>> {
 
 proptest! {
     #[test]
-    fn key_sets_are_sets(a in btree_set(0..KEYS, 0..KEYS), b in btree_set(0..KEYS, 0..KEYS), key in 0..KEYS) {
+    fn key_sets_are_sets(a in btree_set(0..KEY_COUNT, 0..KEY_COUNT), b in btree_set(0..KEY_COUNT, 0..KEY_COUNT), key in 0..KEY_COUNT) {
         let set = |keys: &BTreeSet<usize>| keys.iter().copied().collect::<KeySet>();
         let (x, y) = (set(&a), set(&b));
         prop_assert_eq!(x.intersection(y), set(&(&a & &b)));
@@ -86,7 +86,8 @@ proptest! {
         const TICK_SECS: f64 = 0.5 * 3.0 / 9600.0;
         let song = song.stretch(factor).unwrap().with_initial_silence(silence).unwrap();
         let again = Song::from_midi(&song.to_midi(), song.title()).unwrap();
-        // Ticks may bring the ends of notes together, and with them two strokes of no length; never more.
+        // Ticks may bring the ends of notes together, and with them two strokes of no length; never
+        // more.
         prop_assert!(again.notes().len() <= song.notes().len());
         for note in again.notes() {
             let near = song.notes().iter().any(|old| old.pitch == note.pitch

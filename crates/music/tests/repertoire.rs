@@ -15,7 +15,7 @@ fn distinct_black_keys(song: &Song) -> usize {
 
 #[test]
 fn every_piece_is_playable_and_found_by_name() {
-    for piece in repertoire::PIECES {
+    for piece in repertoire::SONGS {
         let song = resolve(piece.id).unwrap();
         assert_eq!(song, piece.song());
         assert_eq!(song.title(), piece.title);
@@ -29,7 +29,7 @@ fn every_piece_is_playable_and_found_by_name() {
     let mut ids: Vec<_> = repertoire::ids().collect();
     ids.sort_unstable();
     ids.dedup();
-    assert_eq!(ids.len(), repertoire::PIECES.len(), "two pieces share an id");
+    assert_eq!(ids.len(), repertoire::SONGS.len(), "two pieces share an id");
     assert!(repertoire::get("no-such-piece").is_none());
 }
 
@@ -63,7 +63,8 @@ fn pieces_are_as_their_sources_say() {
         assert_eq!(distinct_black_keys(&get(id)), 0, "{id}");
     }
     assert_eq!(pitches("twinkle"), [60, 60, 67, 67, 69, 69, 67, 65, 65, 64, 64, 62, 62, 60]);
-    // Six of its notes repeat the one before: as many frames with a gap, all others but the last with a note.
+    // Six of its notes repeat the one before: as many frames with a gap, all others but the last
+    // with a note.
     let frames = get("twinkle").frames(CONTROL_HZ).unwrap();
     assert_eq!(frames.iter().filter(|frame| frame.is_empty()).count(), 6 + 1);
     assert_eq!(pitches("c-major-scale"), [60, 62, 64, 65, 67, 69, 71, 72, 71, 69, 67, 65, 64, 62, 60]);
@@ -90,7 +91,8 @@ fn the_song_in_a_file_is_found_by_its_path() {
     song.frames(CONTROL_HZ).unwrap();
 }
 
-/// Every mark from *pianissimo* on, an accent, and the surprise: a chord of three, the loudest of all.
+/// Every mark from *pianissimo* on, an accent, and the surprise: a chord of three, the loudest of
+/// all.
 #[test]
 fn the_song_with_dynamics_is_soft_and_loud() {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../songs/surprise-symphony.mid");
@@ -104,7 +106,7 @@ fn the_song_with_dynamics_is_soft_and_loud() {
 
 #[test]
 fn bars_survive_the_midi_file() {
-    for piece in repertoire::PIECES {
+    for piece in repertoire::SONGS {
         let song = piece.song();
         let pickup = song.position(0.0).bar == 0;
         for silence_secs in [0.0, 1.25] {

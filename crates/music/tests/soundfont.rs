@@ -1,4 +1,5 @@
-//! Sound from a SoundFont, on the smallest one there can be: a single preset of one looped square wave.
+//! Sound from a SoundFont, on the smallest one there can be: a single preset of one looped square
+//! wave.
 
 #![allow(clippy::unwrap_used, reason = "an unwrap that fails fails the test")]
 

@@ -5,7 +5,7 @@
 
 use std::f64::consts::TAU;
 
-use etude_music::{CONTROL_HZ, KEYS, key_is_black};
+use etude_music::{CONTROL_HZ, KEY_COUNT, key_is_black};
 use etude_stage::geometry::{BLACK, WHITE, WHITE_PITCH, key_lateral};
 use etude_stage::hand::{FINGERS, JOINTS_PER_FINGER, TIP_RADIUS};
 use etude_stage::{DRIVEN_JOINTS, RAIL, Side, kinematics};
@@ -346,7 +346,7 @@ fn keys(side: Side) -> Vec<[f64; DRIVEN_JOINTS]> {
 
 /// Where the black key is that is next to the white key at `over`, m: the higher one of two. Every white key has one.
 fn black_beside(over: f64) -> Option<f64> {
-    let mut blacks = (0..KEYS).rev().filter(|key| key_is_black(*key)).map(key_lateral);
+    let mut blacks = (0..KEY_COUNT).rev().filter(|key| key_is_black(*key)).map(key_lateral);
     blacks.find(|y| (y - over).abs() < WHITE_PITCH)
 }
 

@@ -195,7 +195,7 @@ pub fn gap(sim_f1: f64, robot_f1: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use etude_music::{PlanConfig, repertoire};
+    use etude_music::{KeyScheduleConfig, repertoire};
     use etude_task::TaskConfig;
 
     /// A player that strikes and releases every key at the time of the song is right in every control step, whatever the lead; 20 ms early
@@ -206,7 +206,7 @@ mod tests {
         let song = repertoire::get("twinkle").expect("built in");
         for latency_compensation_secs in [0.025, 0.03, 0.049, 0.051, 0.074, 0.076, 0.11, 0.2] {
             let task = TaskConfig {
-                plan: PlanConfig { latency_compensation_secs, ..PlanConfig::default() },
+                plan: KeyScheduleConfig { latency_compensation_secs, ..KeyScheduleConfig::default() },
                 ..TaskConfig::default()
             };
             let piece = Piece::for_task(&song, &task).unwrap();
@@ -231,7 +231,7 @@ mod tests {
             );
         }
         let early = TaskConfig {
-            plan: PlanConfig { latency_compensation_secs: 0.01, ..PlanConfig::default() },
+            plan: KeyScheduleConfig { latency_compensation_secs: 0.01, ..KeyScheduleConfig::default() },
             ..TaskConfig::default()
         };
         assert_eq!(Piece::for_task(&song, &early).unwrap().late_secs(), 0.0);

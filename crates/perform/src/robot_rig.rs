@@ -3,7 +3,7 @@
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
-use etude_music::{CONTROL_HZ, KEYS, KeySet};
+use etude_music::{CONTROL_HZ, KEY_COUNT, KeySet};
 use etude_robot::{Pace, Phase, Record, Robot};
 use etude_stage::{DRIVEN_JOINTS, PHYSICS_STEPS, RAIL};
 
@@ -224,7 +224,7 @@ fn fault(robot: &Robot) -> Ending {
 /// Keys that are down on the robot's keyboard.
 pub fn keys(robot: &Robot) -> KeySet {
     let mut set = KeySet::EMPTY;
-    for key in (0..KEYS).filter(|key| robot.pressed() >> key & 1 == 1) {
+    for key in (0..KEY_COUNT).filter(|key| robot.pressed() >> key & 1 == 1) {
         set.insert(key);
     }
     set

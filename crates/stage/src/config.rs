@@ -1,7 +1,7 @@
 //! Which world is built. [`StageConfig`] is the choice of hand, fences and actuation; numbers that vary are in
 //! [`PhysicalParams`](crate::params::PhysicalParams). With [`ModelOptions`] the twin makes its world different from the simulator's.
 
-use etude_music::KEYS;
+use etude_music::KEY_COUNT;
 use serde::{Deserialize, Serialize};
 
 use crate::controller::Actuation;
@@ -84,7 +84,7 @@ pub struct ModelOptions {
     /// side), and about the keyboard's length (positive raises the fingertips).
     pub hand_tilt_rad: [f64; 2],
     /// The keys.
-    pub keys: [KeyFactors; KEYS],
+    pub keys: [KeyFactors; KEY_COUNT],
 }
 
 impl Default for ModelOptions {
@@ -97,7 +97,7 @@ impl Default for ModelOptions {
             keyboard_yaw_rad: 0.0,
             gravity: false,
             hand_tilt_rad: [0.0; 2],
-            keys: [KeyFactors { stiffness: 1.0, travel: 1.0 }; KEYS],
+            keys: [KeyFactors { stiffness: 1.0, travel: 1.0 }; KEY_COUNT],
         }
     }
 }

@@ -7,7 +7,7 @@
 //! `models/piano/piano_constants.py`); pitch of the white keys, black travel and masses from the authors' model of the Keystation 49e
 //! (github.com/lasr-lab/learning-to-play-piano, `robopianist/models/piano/piano_constants.py`).
 
-use etude_music::{KEYS, key_is_black};
+use etude_music::{KEY_COUNT, key_is_black};
 
 /// White keys on the keyboard.
 pub const WHITE_KEYS: usize = 29;
@@ -69,9 +69,9 @@ impl KeyShape {
 /// Centre of key `key` along the keyboard (`y`), m. A black key stands over the gap between its white neighbours.
 ///
 /// # Panics
-/// If `key` is not one of the [`KEYS`] keys.
+/// If `key` is not one of the [`KEY_COUNT`] keys.
 pub fn key_lateral(key: usize) -> f64 {
-    assert!(key < KEYS, "key {key} is not on a keyboard of {KEYS} keys");
+    assert!(key < KEY_COUNT, "key {key} is not on a keyboard of {KEY_COUNT} keys");
     let whites_below = (0..key).filter(|k| !key_is_black(*k)).count() as f64;
     let middle = (WHITE_KEYS - 1) as f64 / 2.0;
     let index = if key_is_black(key) { whites_below - 0.5 } else { whites_below };
@@ -105,7 +105,7 @@ pub const FENCE_THICKNESS: f64 = WHITE_PITCH - WHITE.size[1];
 
 /// The fences between all neighbouring white keys. Where a black key stands between them the fence ends in front of it.
 pub fn fences() -> impl Iterator<Item = Fence> {
-    (0..KEYS - 1).filter(|key| !key_is_black(*key)).map(|key| {
+    (0..KEY_COUNT - 1).filter(|key| !key_is_black(*key)).map(|key| {
         let y = key_lateral(key) + WHITE_PITCH / 2.0;
         let clearance = 0.002;
         let rear = if key_is_black(key + 1) { BLACK.front() + clearance } else { -WHITE.size[0] / 2.0 };
@@ -119,8 +119,8 @@ mod tests {
 
     #[test]
     fn the_keyboard_is_as_wide_as_measured() {
-        assert_eq!((0..KEYS).filter(|k| !key_is_black(*k)).count(), WHITE_KEYS);
-        let width = key_lateral(KEYS - 1) - key_lateral(0) + WHITE.size[1];
+        assert_eq!((0..KEY_COUNT).filter(|k| !key_is_black(*k)).count(), WHITE_KEYS);
+        let width = key_lateral(KEY_COUNT - 1) - key_lateral(0) + WHITE.size[1];
         assert!((width - 0.6733).abs() < 1e-4, "{width}");
         assert!((key_lateral(24)).abs() < 1e-12, "middle C is in the middle");
         assert_eq!(fences().count(), WHITE_KEYS - 1);
@@ -128,7 +128,7 @@ mod tests {
 
     #[test]
     fn black_keys_stand_midway_between_their_neighbours() {
-        for key in (1..KEYS - 1).filter(|k| key_is_black(*k)) {
+        for key in (1..KEY_COUNT - 1).filter(|k| key_is_black(*k)) {
             let middle = (key_lateral(key - 1) + key_lateral(key + 1)) / 2.0;
             assert!((key_lateral(key) - middle).abs() < 1e-12);
         }

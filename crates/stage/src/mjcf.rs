@@ -8,7 +8,7 @@
 //! - Contact bits restrict collision tests to hand with keyboard (bit 1) and a finger with its neighbour (bit 2).
 //! - Resting keys sleep (MuJoCo's `sleep` flag) until something touches them.
 
-use etude_music::KEYS;
+use etude_music::KEY_COUNT;
 
 use crate::config::{Cone, Integrator, ModelOptions, StageConfig};
 use crate::controller::Actuation;
@@ -150,7 +150,7 @@ fn keyboard(config: &StageConfig, params: &PhysicalParams, options: &ModelOption
 {fences}    </body>
 {keys}"#,
         HALF_WIDTH + 0.02,
-        keys = lines(0..KEYS, key),
+        keys = lines(0..KEY_COUNT, key),
     )
 }
 
@@ -349,7 +349,7 @@ mod tests {
 
         let turned = text(&ModelOptions { keyboard_yaw_rad: 0.01, ..ModelOptions::default() });
         let lines = differing(&simulators, &turned);
-        assert_eq!(lines.len(), 1 + KEYS, "the keyboard's body and each key's");
+        assert_eq!(lines.len(), 1 + KEY_COUNT, "the keyboard's body and each key's");
         assert!(lines.iter().all(|(_, line)| line.contains("<body name=\"key") && line.contains("quat=")));
 
         let mut keys = ModelOptions::default().keys;

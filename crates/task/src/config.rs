@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use etude_music::PlanConfig;
+use etude_music::KeyScheduleConfig;
 use etude_stage::{DRIVEN_JOINTS, ParamError, PhysicalParams, RAIL, StageConfig};
 use serde::{Deserialize, Serialize};
 
@@ -54,7 +54,7 @@ pub struct TaskConfig {
     pub randomisation: RandomisationConfig,
     /// What is due, and when: how repeated keys are let go, and how early they are struck. The default is RoboPianist's rule, which
     /// the paper uses.
-    pub plan: PlanConfig,
+    pub plan: KeyScheduleConfig,
     /// Silence before the first note, s.
     pub initial_silence_secs: f64,
     /// Control steps of the song that the observation shows beyond the current one.
@@ -96,7 +96,7 @@ impl Default for TaskConfig {
             physics: BTreeMap::new(),
             reward: BTreeMap::new(),
             randomisation: RandomisationConfig::default(),
-            plan: PlanConfig::default(),
+            plan: KeyScheduleConfig::default(),
             initial_silence_secs: 1.0,
             lookahead: 5,
             previous_joints: true,

@@ -1,12 +1,12 @@
 //! The pieces of a training that plays another one in every episode: drawn melodies, or the MIDI files of a folder.
 //!
-//! Both are split into parts by their notes ([`Song::part`]). Episodes play pieces of [`Part::Training`], evaluations a fixed set of
-//! [`Part::Validation`].
+//! Both are split into parts by their notes ([`Song::split`]). Episodes play pieces of [`Split::Training`], evaluations a fixed set of
+//! [`Split::Validation`].
 
 use std::path::{Path, PathBuf};
 
 use etude_learn::seed::fnv;
-use etude_music::{Part, Song, SongError, melodies};
+use etude_music::{Song, SongError, Split, melodies};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
@@ -40,7 +40,7 @@ impl CorpusConfig {
     pub fn checksum(&self) -> Result<u64, TaskError> {
         let songs = match &self.folder {
             Some(folder) => Found::below(folder)?.songs,
-            None => melodies(Part::Validation, 0).take(DISTINCTIVE).collect(),
+            None => melodies(Split::Validation, 0).take(DISTINCTIVE).collect(),
         };
         let notes: Vec<_> = songs.iter().map(Song::notes).collect();
         Ok(fnv(format!("{notes:?}").as_bytes()))
@@ -83,12 +83,12 @@ impl Corpus {
             songs.par_iter().map(|song| Piece::for_task(song, task)).collect()
         };
         let Some(folder) = &config.folder else {
-            let validation = planned(melodies(Part::Validation, 0).take(wanted).collect())?;
+            let validation = planned(melodies(Split::Validation, 0).take(wanted).collect())?;
             return Ok(Self { task: task.clone(), files: Vec::new(), validation });
         };
         let Found { songs, left_out } = Found::below(folder)?;
-        let of = |part| songs.iter().filter(|song| song.part() == part).cloned().collect::<Vec<_>>();
-        let (training, mut validation) = (of(Part::Training), of(Part::Validation));
+        let of = |part| songs.iter().filter(|song| song.split() == part).cloned().collect::<Vec<_>>();
+        let (training, mut validation) = (of(Split::Training), of(Split::Validation));
         validation.truncate(wanted);
         if training.is_empty() || validation.is_empty() {
             return Err(TaskError::Value(format!(
@@ -112,7 +112,7 @@ impl Corpus {
         if let Some(piece) = self.files.get((number % self.files.len().max(1) as u64) as usize) {
             return piece.clone();
         }
-        let song = melodies(Part::Training, number).next().expect("there is no end of melodies");
+        let song = melodies(Split::Training, number).next().expect("there is no end of melodies");
         Piece::for_task(&song, &self.task).expect("a melody fits the keyboard, and the task was checked")
     }
 

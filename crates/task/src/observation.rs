@@ -2,7 +2,7 @@
 //! actions and a fingering.
 
 use etude_learn::ObservationLayout;
-use etude_music::{KEYS, KeySet, key_is_black};
+use etude_music::{KEY_COUNT, KeySet, key_is_black};
 use etude_stage::geometry::WHITE_PITCH;
 use etude_stage::hand::JOINTS_PER_FINGER;
 use etude_stage::{DRIVEN_JOINTS, FINGERS, RAIL, joint_range, kinematics};
@@ -72,7 +72,7 @@ fn places(config: &TaskConfig) -> usize {
 /// Columns of the keys: those that are down, those due in each step and, seen from the hand, which of the slots have a black key.
 fn keys(config: &TaskConfig) -> usize {
     match config.view {
-        ObservationView::Keyboard => KEYS * (config.lookahead + 2),
+        ObservationView::Keyboard => KEY_COUNT * (config.lookahead + 2),
         ObservationView::Hand => SLOTS * (config.lookahead + 3),
     }
 }
@@ -128,7 +128,7 @@ pub fn observe(
     }
     binary.fill(0.0);
     let (keys, playing) = binary.split_at_mut(keys(config));
-    let width = if from_hand { SLOTS } else { KEYS };
+    let width = if from_hand { SLOTS } else { KEY_COUNT };
     for (index, columns) in keys.chunks_exact_mut(width).enumerate() {
         let keys = if index == 0 { pressed } else { piece.due(step + index - 1) };
         if from_hand && index == config.lookahead + 2 {

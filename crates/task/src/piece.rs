@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use etude_music::{CONTROL_HZ, KeySet, Note, Plan, PlanConfig, Song, SongError};
+use etude_music::{CONTROL_HZ, KeySchedule, KeyScheduleConfig, KeySet, Note, Song, SongError};
 
 use crate::{Fingering, Goals, TaskConfig, TaskError};
 
@@ -24,17 +24,17 @@ impl Piece {
     /// # Errors
     /// If a note lies outside the keyboard, or the song is longer than the frames may be.
     pub fn new(song: &Song, initial_silence_secs: f64) -> Result<Self, SongError> {
-        Ok(Self::of(PlanConfig::default().plan(song, initial_silence_secs)?))
+        Ok(Self::of(KeyScheduleConfig::default().schedule(song, initial_silence_secs)?))
     }
 
-    fn of(plan: Plan) -> Self {
-        let song = plan.song;
+    fn of(schedule: KeySchedule) -> Self {
+        let song = schedule.song;
         Self {
             title: song.title().to_string(),
-            due: plan.frames.into(),
+            due: schedule.frames.into(),
             notes: song.notes().into(),
             bars: song.beats().bar_lines(song.duration_secs()).into(),
-            latency_compensation_secs: plan.latency_compensation_secs,
+            latency_compensation_secs: schedule.latency_compensation_secs,
             fingering: None,
         }
     }
@@ -63,7 +63,7 @@ impl Piece {
         config: &TaskConfig,
         on_progress: &mut dyn FnMut(f64),
     ) -> Result<Self, TaskError> {
-        let mut piece = Self::of(config.plan.plan(song, config.initial_silence_secs)?);
+        let mut piece = Self::of(config.plan.schedule(song, config.initial_silence_secs)?);
         if config.fingering {
             let (stage, params) = (&config.stage, &config.params()?);
             let mut fingering = Fingering::plan(stage, params, config.change_steps, &piece, on_progress)

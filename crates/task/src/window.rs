@@ -4,7 +4,7 @@
 //! and there is none between B and C or E and F. The window is the slots around the planned place of the rail. So a passage looks the
 //! same in every octave, and what is learned in one is known in all.
 
-use etude_music::{KEYS, KeySet};
+use etude_music::{KEY_COUNT, KeySet};
 use etude_stage::geometry::{WHITE_PITCH, key_lateral};
 
 use crate::Piece;
@@ -65,5 +65,5 @@ pub(crate) fn planned_place(piece: &Piece, step: usize) -> f64 {
 
 /// All keys of the keyboard.
 pub(crate) fn all_keys() -> KeySet {
-    (0..KEYS).collect()
+    (0..KEY_COUNT).collect()
 }

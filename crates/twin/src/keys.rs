@@ -5,7 +5,7 @@
 
 use std::time::Duration;
 
-use etude_music::KEYS;
+use etude_music::KEY_COUNT;
 use etude_stage::strike_velocity;
 
 use crate::numbers::{KeysTruth, STEP};
@@ -34,21 +34,21 @@ enum Contacts {
 /// The contacts of all keys.
 pub(crate) struct Keys {
     first: f64,
-    pub(crate) second: [f64; KEYS],
+    pub(crate) second: [f64; KEY_COUNT],
     loudest_secs: f64,
     softest_secs: f64,
-    contacts: [Contacts; KEYS],
+    contacts: [Contacts; KEY_COUNT],
 }
 
 impl Keys {
     /// Keys whose second contacts are at `second`, as shares of travel.
-    pub(crate) fn new(truth: &KeysTruth, second: [f64; KEYS]) -> Self {
+    pub(crate) fn new(truth: &KeysTruth, second: [f64; KEY_COUNT]) -> Self {
         Self {
             first: truth.first_contact,
             second,
             loudest_secs: truth.loudest_secs,
             softest_secs: truth.softest_secs,
-            contacts: [Contacts::Open; KEYS],
+            contacts: [Contacts::Open; KEY_COUNT],
         }
     }
 
@@ -59,7 +59,7 @@ impl Keys {
         travel: impl Fn(usize) -> f64,
         mut emit: impl FnMut(usize, KeyEvent),
     ) {
-        for key in 0..KEYS {
+        for key in 0..KEY_COUNT {
             let travel = travel(key);
             let (first, second) = (travel >= self.first, travel >= self.second[key]);
             let begun = match self.contacts[key] {
@@ -94,7 +94,7 @@ mod tests {
     use proptest::prelude::*;
 
     fn keys() -> Keys {
-        Keys::new(&KeysTruth::default(), [0.5; KEYS])
+        Keys::new(&KeysTruth::default(), [0.5; KEY_COUNT])
     }
 
     /// What key 7 says while it goes through these places, one a millisecond.

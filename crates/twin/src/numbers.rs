@@ -5,7 +5,7 @@ use std::time::Duration;
 
 use etude_emulators::KeyboardEmulatorConfig;
 use etude_emulators::faults::{FaultPlan, OrderedFault};
-use etude_music::KEYS;
+use etude_music::KEY_COUNT;
 use etude_robot::setting::check_range;
 use etude_stage::params::WorldRow;
 use etude_stage::{Cone, Integrator, KeyFactors, ModelOptions, ParamError, PhysicalParams};
@@ -225,13 +225,13 @@ impl Numbers {
     }
 
     /// Where the second contact of each key closes, as a share of its travel.
-    pub(crate) fn second_contacts(&self, params: &PhysicalParams) -> [f64; KEYS] {
+    pub(crate) fn second_contacts(&self, params: &PhysicalParams) -> [f64; KEY_COUNT] {
         let threshold = params.world(WorldRow::KeyThreshold);
         self.key_factors(Purpose::Threshold, self.keys.threshold_spread).map(|factor| factor * threshold)
     }
 
     /// How one number differs from key to key: factors within `spread` of 1.
-    fn key_factors(&self, purpose: Purpose, spread: f64) -> [f64; KEYS] {
+    fn key_factors(&self, purpose: Purpose, spread: f64) -> [f64; KEY_COUNT] {
         std::array::from_fn(|key| 1.0 + spread * signed_share(self.seed, purpose, key))
     }
 
@@ -320,19 +320,20 @@ mod tests {
             contacts.iter().fold((1.0, 0.0), |(low, high): (f64, f64), at| (low.min(*at), high.max(*at)));
         // A fifth of a half, and with 49 keys nearly all of it is used.
         assert!((0.4..0.42).contains(&low) && (0.58..=0.6).contains(&high), "{low} … {high}");
-        let mean = contacts.iter().sum::<f64>() / KEYS as f64;
+        let mean = contacts.iter().sum::<f64>() / KEY_COUNT as f64;
         assert!((mean - 0.5).abs() < 0.02, "{mean}");
         // Thresholds and springs have draws of their own.
         let share = |key: usize| (contacts[key] / 0.5 - 1.0) / 0.2;
         assert!(
-            (0..KEYS).any(|key| (one.options().keys[key].stiffness - 1.0 - 0.3 * share(key)).abs() > 0.1)
+            (0..KEY_COUNT)
+                .any(|key| (one.options().keys[key].stiffness - 1.0 - 0.3 * share(key)).abs() > 0.1)
         );
     }
 
     #[test]
     fn without_spread_all_keys_are_alike() {
         let numbers = Numbers { seed: 9, ..Numbers::default() };
-        assert_eq!(numbers.second_contacts(&PhysicalParams::default()), [0.5; KEYS]);
+        assert_eq!(numbers.second_contacts(&PhysicalParams::default()), [0.5; KEY_COUNT]);
         assert_eq!(numbers.options().keys, ModelOptions::default().keys);
     }
 }

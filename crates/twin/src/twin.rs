@@ -14,7 +14,7 @@ use std::time::Duration;
 use etude_emulators::{
     ArmEmulator, ArmEmulatorConfig, Devices, FreeHand, HandEmulator, HandEmulatorConfig, KeyboardEmulator,
 };
-use etude_music::KEYS;
+use etude_music::KEY_COUNT;
 use etude_robot::allegro::HandSide;
 use etude_robot::calibration::{Calibration, CalibrationError, Point, RailPath, RailPlace};
 use etude_robot::joints::{FINGER_JOINTS, RAIL, to_wire};
@@ -37,7 +37,7 @@ const ORIENTATION_DEG: [f64; 3] = [-90.0, 225.0, -90.0];
 /// An arm that is no farther from its path along the keys is at them, m.
 const AT_THE_KEYS_M: f64 = 0.005;
 /// The keys that a calibration shows: the outer Cs and the middle one.
-pub const SHOWN_KEYS: [usize; 3] = [0, 24, KEYS - 1];
+pub const SHOWN_KEYS: [usize; 3] = [0, 24, KEY_COUNT - 1];
 
 /// A twin could not be made.
 #[derive(Debug, thiserror::Error)]

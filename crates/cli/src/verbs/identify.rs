@@ -122,7 +122,7 @@ fn show(status: &mut Status, at: &Progress) {
 pub(super) fn fit(at: &Progress) -> [String; 2] {
     let [ended, all] = at.ended;
     let left = at
-        .most_secs_left()
+        .max_secs_left()
         .map_or_else(String::new, |secs| format!(", at most about {} left in this pass", clock(secs)));
     let state = format!(
         ", {}, residuals {:.2} times the noise, {ended} of {all} settled, {} so far{left}",

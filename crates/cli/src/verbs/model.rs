@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use etude_music::{CONTROL_HZ, PlanConfig, ceil_frame};
+use etude_music::{CONTROL_HZ, KeyScheduleConfig, ceil_frame};
 use etude_stage::{PhysicalParams, mjcf};
 use etude_task::{Lags, TaskConfig, shortest_silences};
 use serde_json::json;
@@ -97,7 +97,7 @@ fn lags(task: &TaskConfig, as_json: bool) -> anyhow::Result<()> {
 }
 
 /// Whether a plan leaves the hand the silence that it needs to strike a key again.
-pub(super) fn restrike(silences: [Option<f64>; 2], plan: &PlanConfig) -> String {
+pub(super) fn restrike(silences: [Option<f64>; 2], plan: &KeyScheduleConfig) -> String {
     let [Some(white), Some(black)] = silences else {
         return "In this world the hand cannot strike every key again within a second".into();
     };

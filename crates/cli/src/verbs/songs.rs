@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use anyhow::Context as _;
 use clap::ValueHint;
 use etude_lab::{Arrangement, AtSight, easier, find_song, policies, predicted_at_sight};
-use etude_music::{CONTROL_HZ, Note, Part, Song, chords, melody, pitch_name, repertoire, sound};
+use etude_music::{CONTROL_HZ, Note, Song, Split, chords, melody, pitch_name, repertoire, sound};
 use etude_perform::shell_word;
 use etude_task::fingering::Limit;
 use etude_task::{Piece, TaskConfig};
@@ -79,7 +79,7 @@ enum What {
         seed: u64,
         /// Only a melody that is for this: training, validation (it decides which policy is the best) or test
         #[arg(long, value_name = "PART", value_parser = part)]
-        part: Option<Part>,
+        part: Option<Split>,
         /// The new file
         #[arg(short, long, value_name = "OUT.mid")]
         out: PathBuf,
@@ -89,8 +89,8 @@ enum What {
     },
 }
 
-fn part(text: &str) -> Result<Part, String> {
-    Part::ALL
+fn part(text: &str) -> Result<Split, String> {
+    Split::ALL
         .into_iter()
         .find(|part| part.to_string() == text)
         .ok_or_else(|| "it must be training, validation or test".to_string())
@@ -116,7 +116,7 @@ fn list(as_json: bool) -> anyhow::Result<()> {
     if !as_json {
         line(format!("{:18} {:28} {:>5} {:>7} {:>7}  policy", "id", "title", "notes", "secs", "frames"))?;
     }
-    for piece in repertoire::PIECES {
+    for piece in repertoire::SONGS {
         let (id, song) = (piece.id, piece.song());
         let (title, notes, secs) = (song.title(), song.notes().len(), song.duration_secs());
         let frames = song.episode_frames(CONTROL_HZ, 1.0)?.len();
@@ -336,13 +336,13 @@ fn save(song: &Song, out: &Path) -> anyhow::Result<()> {
     Ok(song.save(out)?)
 }
 
-fn make(seed: u64, part: Option<Part>, out: &Path, as_json: bool) -> anyhow::Result<()> {
-    let is_wanted = |seed: &u64| part.is_none_or(|part| melody(*seed).part() == part);
+fn make(seed: u64, part: Option<Split>, out: &Path, as_json: bool) -> anyhow::Result<()> {
+    let is_wanted = |seed: &u64| part.is_none_or(|part| melody(*seed).split() == part);
     let seed =
         (seed..=u64::MAX).find(is_wanted).context("there is no melody of this part from that seed on")?;
     let song = melody(seed);
     save(&song, out)?;
-    let (part, notes, secs) = (song.part().to_string(), song.notes().len(), song.duration_secs());
+    let (part, notes, secs) = (song.split().to_string(), song.notes().len(), song.duration_secs());
     if as_json {
         return json(&object!({ "seed": seed, "part": part, "notes": notes, "secs": secs }));
     }

@@ -2,7 +2,7 @@
 //!
 //! Another processor rounds otherwise, and a contact may then fall the other way: hence the tolerances.
 
-use etude_music::{Part, melodies};
+use etude_music::{Split, melodies};
 use serde_json::Value;
 
 use crate::{Desk, root, shipped};
@@ -199,7 +199,7 @@ fn the_sight_reader_plays_the_test_melodies_as_the_documents_say() {
     let [right, wrong] = right_and_wrong(said[0]);
     let desk = Desk::new();
     let mut sums = [0.0; 4];
-    for song in melodies(Part::Test, 0).take(20) {
+    for song in melodies(Split::Test, 0).take(20) {
         song.save(desk.path("melody.mid")).unwrap();
         let report = desk.json("play melody.mid --policy sight-reader -o out --json");
         for (sum, key) in sums.iter_mut().zip(["matched", "wrong", "onset_f1", "f1"]) {

@@ -1,6 +1,6 @@
 //! Playing at sight: melodies to practise on, a training on them, and what it is used for.
 
-use etude_music::{Note, Part, Song, melodies};
+use etude_music::{Note, Song, Split, melodies};
 use serde_json::Value;
 
 use crate::{Desk, errors, shipped, succeed};
@@ -20,10 +20,10 @@ fn melodies_are_written_by_seed_and_by_part() {
     let song = Song::load(desk.path("melody.mid")).unwrap();
     assert_eq!(song.notes().len(), expected.notes().len());
 
-    for part in Part::ALL {
+    for part in Split::ALL {
         let made = desk.json(&format!("songs make --part {part} --seed 3 -o {part}.mid --json"));
         let song = Song::load(desk.path(format!("{part}.mid"))).unwrap();
-        assert_eq!(song.part(), part);
+        assert_eq!(song.split(), part);
         assert_eq!((&made["part"], &made["notes"]), (&part.to_string().into(), &song.notes().len().into()));
         assert!(made["seed"].as_u64().unwrap() >= 3 && made["secs"].is_number());
     }
@@ -108,7 +108,7 @@ fn what_is_predicted_is_what_happens() {
     let desk = Desk::new();
     let mut songs: Vec<String> = etude_music::repertoire::ids().map(str::to_string).collect();
     // The first test melodies, the last of which is quick and has leaps too far for the time.
-    for (number, song) in melodies(Part::Test, 0).take(13).enumerate() {
+    for (number, song) in melodies(Split::Test, 0).take(13).enumerate() {
         song.save(desk.path(format!("melody-{number}.mid"))).unwrap();
         songs.push(format!("melody-{number}.mid"));
     }

@@ -6,21 +6,24 @@ use crate::config::{Differences, LmConfig, MethodConfig};
 use crate::estimate::{HALF_INTERVAL, WEAK_HALF_INTERVAL};
 use crate::group::{Group, fingers, joints, keyboard};
 
-/// Rounds of fits joint by joint at most.
-const MOST_ROUNDS: usize = 6;
-/// Another round follows one that reduced the error by at least this share.
-const LEAST_GAIN: f64 = 0.05;
-/// With more residuals than this many standard deviations of the noise, the simulator lacks physics of the robot: what only shows at the
-/// noise is then not looked for. On the twin `standard` it took a third of the time and gained 0.1 % of the error.
+/// Maximum number of passes joint by joint.
+const MAX_JOINT_PASSES: usize = 6;
+/// Another pass joint by joint follows one that reduced the error by at least this share.
+const MIN_GAIN: f64 = 0.05;
+/// With more residuals than this many standard deviations of the noise, the simulator lacks physics
+/// of the robot: what only shows at the noise is then not looked for. On the twin `standard` it
+/// took a third of the time and gained 0.1 % of the error.
 const FAR_FROM_NOISE: f64 = 5.0;
-/// Step of the differences for the last pass's Jacobians and for the estimates' intervals, as a share of each range.
+/// Step of the differences for the last pass's Jacobians and for the estimates' intervals, as a
+/// share of each range.
 pub(super) const ESTIMATE_STEP: f64 = 1e-3;
-/// Last step of the differences of the passes joint by joint, and the share of the cost that ends a fit there. With 1e-6 and 1e-4 they took
-/// twice the replays, and held-out errors differ by 2 % at most (docs/results/identification.md).
-const NEAR_STEP: f64 = 1e-4;
-const NEAR_TOLERANCE: f64 = 1e-3;
+/// Last step of the differences of the passes joint by joint, and the share of the cost that ends a
+/// fit there. With 1e-6 and 1e-4 they took twice the replays, and held-out errors differ by 2 % at
+/// most (docs/results/identification.md).
+const JOINT_STEP: f64 = 1e-4;
+const JOINT_TOLERANCE: f64 = 1e-3;
 /// Curvature of the cost along a parameter whose own interval is just identifiable.
-const LEAST_CURVATURE: f64 = (HALF_INTERVAL / WEAK_HALF_INTERVAL) * (HALF_INTERVAL / WEAK_HALF_INTERVAL);
+const MIN_CURVATURE: f64 = (HALF_INTERVAL / WEAK_HALF_INTERVAL) * (HALF_INTERVAL / WEAK_HALF_INTERVAL);
 
 /// Parts of an identification, in order.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -28,9 +31,11 @@ const LEAST_CURVATURE: f64 = (HALF_INTERVAL / WEAK_HALF_INTERVAL) * (HALF_INTERV
 pub enum Pass {
     /// Every joint separately.
     Joints,
-    /// Every joint separately, from another start, kept where it ends better; Levenberg–Marquardt only.
+    /// Every joint separately, from another start, kept where it ends better; Levenberg–Marquardt
+    /// only.
     Restart,
-    /// Every finger's joints together, and the rail; Levenberg–Marquardt only, the other method takes few parameters, and only near the noise.
+    /// Every finger's joints together, and the rail; Levenberg–Marquardt only, the other method
+    /// takes few parameters, and only near the noise.
     Fingers,
     /// The keyboard and the encoders' biases, from motions that touch keys.
     Contact,
@@ -45,7 +50,8 @@ pub struct PassEnd {
     pub replays: u64,
     /// Time for replays and method, s, interruptions excluded.
     pub secs: f64,
-    /// Root mean square of the residuals at its start and at its end, in standard deviations of the noise.
+    /// Root mean square of the residuals at its start and at its end, in standard deviations of the
+    /// noise.
     pub rms: [f64; 2],
 }
 
@@ -68,12 +74,13 @@ impl Pass {
         }
     }
 
-    /// The pass's method. Pass [`Fingers`](Self::Fingers) decides the drives' parameters, so it uses wide central
-    /// differences, which average the roughness of the replays without a bias to one side. It starts with little damping
-    /// and a small tolerance, because a joint's scale of torque changes the cost by only one part in 250. A parameter
-    /// that the recordings do not identify stays fixed, because a step along it can leave the region of the minimum.
-    /// The passes joint by joint need not converge fully: while one joint is fitted the others move and disturb it, so that what a finer fit gains
-    /// is lost in the next pass.
+    /// The pass's method. Pass [`Fingers`](Self::Fingers) decides the drives' parameters, so it
+    /// uses wide central differences, which average the roughness of the replays without a bias to
+    /// one side. It starts with little damping and a small tolerance, because a joint's scale of
+    /// torque changes the cost by only one part in 250. A parameter that the recordings do not
+    /// identify stays fixed, because a step along it can leave the region of the minimum. The
+    /// passes joint by joint need not converge fully: while one joint is fitted the others move and
+    /// disturb it, so that what a finer fit gains is lost in the next pass.
     pub(super) fn method(self, method: &MethodConfig) -> MethodConfig {
         match method {
             MethodConfig::Lm(lm) if self == Self::Fingers => MethodConfig::Lm(LmConfig {
@@ -82,12 +89,12 @@ impl Pass {
                 first_difference_step: ESTIMATE_STEP,
                 initial_damping: 1e-3,
                 cost_tolerance: 0.1 * lm.cost_tolerance,
-                least_curvature: LEAST_CURVATURE,
+                min_curvature: MIN_CURVATURE,
                 ..lm.clone()
             }),
             MethodConfig::Lm(lm) if self != Self::Contact => MethodConfig::Lm(LmConfig {
-                difference_step: NEAR_STEP,
-                cost_tolerance: NEAR_TOLERANCE,
+                difference_step: JOINT_STEP,
+                cost_tolerance: JOINT_TOLERANCE,
                 ..lm.clone()
             }),
             method => method.clone(),
@@ -95,20 +102,22 @@ impl Pass {
     }
 }
 
-/// The pass that follows those that have ended. `air` and `keys`: whether there are motions without keys and with keys.
+/// The pass that follows those that have ended. `air` and `keys`: whether there are motions without
+/// keys and with keys.
 pub(super) fn next(ended: &[PassEnd], method: &MethodConfig, air: bool, keys: bool) -> Option<Pass> {
     let lm = matches!(method, MethodConfig::Lm(_));
     let times = |pass: Pass| ended.iter().filter(|end| end.pass == pass).count();
     let error = |end: &PassEnd| end.rms[1];
     let gained = match ended {
-        [.., before, last] => error(last) < (1.0 - LEAST_GAIN) * error(before),
+        [.., before, last] => error(last) < (1.0 - MIN_GAIN) * error(before),
         _ => true,
     };
     let near = ended.last().is_some_and(|end| error(end) < FAR_FROM_NOISE);
     match ended.last().map(|end| end.pass) {
         None if air => Some(Pass::Joints),
-        // All joints move while one is fitted, which disturbs its slopes. The next round starts with better neighbours.
-        Some(Pass::Joints | Pass::Restart) if lm && gained && times(Pass::Joints) < MOST_ROUNDS => {
+        // All joints move while one is fitted, which disturbs its slopes. The next pass starts with
+        // better neighbours.
+        Some(Pass::Joints | Pass::Restart) if lm && gained && times(Pass::Joints) < MAX_JOINT_PASSES => {
             Some(Pass::Joints)
         }
         Some(Pass::Joints) if lm && times(Pass::Restart) == 0 => Some(Pass::Restart),

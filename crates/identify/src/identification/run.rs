@@ -1,4 +1,5 @@
-//! Runs a pass: its fits propose candidates, shared replays evaluate them, and the best become the new parameters.
+//! Runs a pass: its fits propose candidates, shared replays evaluate them, and the best become the
+//! new parameters.
 
 use std::path::Path;
 use std::time::Instant;
@@ -8,8 +9,8 @@ use etude_stage::PhysicalParams;
 
 use super::error::IdentifyError;
 use super::pass::{Pass, PassEnd};
-use super::scene::Scene;
-use super::starts::{cross_the_kinks, find_delays};
+use super::setup::Setup;
+use super::start_values::{find_delays, restart_jerk_limits};
 use super::state::State;
 use crate::fit::Fit;
 use crate::group::Group;
@@ -28,40 +29,43 @@ pub struct Progress {
     pub secs: f64,
     /// Replays of all motions so far in this pass.
     pub replays: u64,
-    /// Root mean square of all residuals of the best candidates so far, in standard deviations of the noise.
+    /// Root mean square of all residuals of the best candidates so far, in standard deviations of
+    /// the noise.
     pub rms: f64,
     /// Groups that have ended, and all groups.
     pub ended: [usize; 2],
-    /// Evaluations that a group may still make in this pass, of the one with most. Groups share replays, and most end before.
-    pub most_left: u64,
+    /// Evaluations that a group may still make in this pass, of the one with most. Groups share
+    /// replays, and most end before.
+    pub max_evaluations_left: u64,
 }
 
 impl Progress {
-    /// The longest time that the rest of the pass takes at the present speed, s; none before the first replay, and at the end.
-    pub fn most_secs_left(&self) -> Option<f64> {
-        let secs = self.secs / self.replays as f64 * self.most_left as f64;
-        (self.replays > 0 && self.most_left > 0).then_some(secs)
+    /// The longest time that the rest of the pass takes at the present speed, s; none before the
+    /// first replay, and at the end.
+    pub fn max_secs_left(&self) -> Option<f64> {
+        let secs = self.secs / self.replays as f64 * self.max_evaluations_left as f64;
+        (self.replays > 0 && self.max_evaluations_left > 0).then_some(secs)
     }
 }
 
 /// Runs or resumes a pass to its end.
 pub(super) fn run(
-    scene: &Scene<'_>,
+    setup: &Setup<'_>,
     state: &mut State,
     pass: Pass,
     file: &Path,
     job: &mut Job<'_, Progress>,
 ) -> Result<(), IdentifyError> {
-    let motions = scene.motions(pass == Pass::Contact);
+    let motions = setup.motions(pass == Pass::Contact);
     if state.fits.is_empty() || state.pass != pass {
         if state.ended.is_empty() && pass == Pass::Joints {
-            find_delays(scene, &mut state.params, &motions, job.interrupt())?;
+            find_delays(setup, &mut state.params, &motions, job.interrupt())?;
         }
         let mut starts = state.params.clone();
         if pass == Pass::Restart {
-            cross_the_kinks(scene, &mut starts);
+            restart_jerk_limits(setup, &mut starts);
         }
-        state.fits = fits(scene, state, pass, &starts, &motions)?;
+        state.fits = fits(setup, state, pass, &starts, &motions)?;
         (state.pass, state.replays, state.secs) = (pass, 0, 0.0);
     }
     let began = state.params.clone();
@@ -73,13 +77,13 @@ pub(super) fn run(
             break;
         }
         let worlds: Vec<PhysicalParams> =
-            (0..batch).map(|index| world_of(scene, state, &asked, index)).collect();
+            (0..batch).map(|index| world_of(setup, state, &asked, index)).collect();
         // Motions used by a fit that still runs.
         let wanted = |motion: &Motion| {
             let mut fits = state.fits.iter().zip(&asked);
             fits.any(|((group, _), asked)| !asked.is_empty() && group.learns_from(motion))
         };
-        let traces = scene.replay(&worlds, &motions, wanted, pass == Pass::Contact, job.interrupt())?;
+        let traces = setup.replay(&worlds, &motions, wanted, pass == Pass::Contact, job.interrupt())?;
         for ((group, fit), candidates) in state.fits.iter_mut().zip(&asked) {
             if !candidates.is_empty() {
                 let evaluations: Vec<Evaluation> = (0..candidates.len())
@@ -96,19 +100,21 @@ pub(super) fn run(
         state.secs += begun.elapsed().as_secs_f64();
         let ended = state.fits.iter().filter(|(_, fit)| fit.finished().is_some()).count();
         let (replays, ended) = (state.replays, [ended, state.fits.len()]);
-        // Before the state is saved: after a kill in between the same progress is reported again, and none is lost.
+        // Before the state is saved: after a kill in between the same progress is reported again,
+        // and none is lost.
         let (number, secs) = (state.ended.len() + 1, state.secs);
-        let most_left = state.fits.iter().map(|(_, fit)| fit.most_left()).max().unwrap_or(0);
-        job.report(&Progress { pass, number, secs, replays, rms, ended, most_left });
+        let max_evaluations_left =
+            state.fits.iter().map(|(_, fit)| fit.max_evaluations_left()).max().unwrap_or(0);
+        job.report(&Progress { pass, number, secs, replays, rms, ended, max_evaluations_left });
         state.save(file)?;
     }
-    end(scene, state, pass);
+    end(setup, state, pass);
     state.save(file)
 }
 
 /// The fits of a pass's groups. Their parameters start where an earlier pass has left them.
 fn fits(
-    scene: &Scene<'_>,
+    setup: &Setup<'_>,
     state: &State,
     pass: Pass,
     starts: &PhysicalParams,
@@ -119,9 +125,9 @@ fn fits(
         if !motions.iter().any(|motion| group.learns_from(motion)) {
             continue;
         }
-        let mut parameters = scene.parameters(&group, motions);
+        let mut parameters = setup.parameters(&group, motions);
         for parameter in &mut parameters {
-            let [now, before] = [starts.get(&parameter.path)?, scene.before.get(&parameter.path)?];
+            let [now, before] = [starts.get(&parameter.path)?, setup.before.get(&parameter.path)?];
             if now != before {
                 parameter.start = now.clamp(parameter.low, parameter.high);
             }
@@ -133,20 +139,21 @@ fn fits(
     if fits.is_empty() { Err(IdentifyError::Nothing) } else { Ok(fits) }
 }
 
-/// The parameters with candidate `index` of each fit, or its best so far if it has fewer candidates.
-fn world_of(scene: &Scene<'_>, state: &State, asked: &[Vec<Candidate>], index: usize) -> PhysicalParams {
+/// The parameters with candidate `index` of each fit, or its best so far if it has fewer
+/// candidates.
+fn world_of(setup: &Setup<'_>, state: &State, asked: &[Vec<Candidate>], index: usize) -> PhysicalParams {
     let mut params = state.params.clone();
     for ((_, fit), candidates) in state.fits.iter().zip(asked) {
         let values = candidates.get(index).map(|candidate| &candidate.values);
         if let Some(values) = values.or_else(|| fit.best().map(|best| &best.values)) {
-            scene.set(&mut params, fit.problem(), values);
+            setup.set(&mut params, fit.problem(), values);
         }
     }
     params
 }
 
 /// Takes the best candidates of a pass over into the parameters.
-fn end(scene: &Scene<'_>, state: &mut State, pass: Pass) {
+fn end(setup: &Setup<'_>, state: &mut State, pass: Pass) {
     let mut fits = std::mem::take(&mut state.fits);
     let samples = fits.iter().map(|(_, fit)| fit.problem().samples()).sum();
     let mut begin_rms = state.rms;
@@ -163,7 +170,7 @@ fn end(scene: &Scene<'_>, state: &mut State, pass: Pass) {
     for (group, fit) in &fits {
         if let Some(best) = fit.best() {
             state.costs.insert(group.name.clone(), best.cost);
-            scene.set(&mut state.params, fit.problem(), &best.values);
+            setup.set(&mut state.params, fit.problem(), &best.values);
         }
     }
     let rms = [begin_rms, root_mean_square(state.costs.values().sum(), samples)];

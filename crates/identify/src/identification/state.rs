@@ -13,7 +13,7 @@ use crate::config::MethodConfig;
 use crate::fit::Fit;
 use crate::group::Group;
 use crate::motion::Motion;
-use crate::rows::joint_parameters;
+use crate::parameter_bounds::joint_parameters;
 
 /// How to identify.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -50,7 +50,8 @@ pub(super) struct State {
 }
 
 impl State {
-    /// The state in `file`, or a new one if there is none or the file is of another identification that has ended.
+    /// The state in `file`, or a new one if there is none or the file is of another identification
+    /// that has ended.
     pub fn open(
         motions: &[Motion],
         before: &PhysicalParams,

@@ -1,4 +1,5 @@
-//! Which motion would identify parameters that the recordings do not: a table from parameters to advice.
+//! Which motion would identify parameters that the recordings do not: a table from parameters to
+//! advice.
 
 /// Why parameters are not identifiable, and what to record.
 #[derive(Debug, PartialEq, Eq)]
@@ -128,7 +129,7 @@ pub(super) fn advice<'a>(paths: impl Iterator<Item = &'a str>) -> Vec<&'static A
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::rows::{contact_parameters, joint_parameters};
+    use crate::parameter_bounds::{contact_parameters, joint_parameters};
     use etude_stage::{PhysicalParams, RAIL};
     use proptest::prelude::*;
 

@@ -4,7 +4,7 @@ use etude_stage::{DRIVEN_JOINTS, StageError};
 
 use super::document::{Figure, Report, escape, list};
 use super::input::ReportInput;
-use super::{correlation, directions, errors, overlay, parameters, remaining, summary};
+use super::{correlation, directions, errors, overlay, parameters, remaining_error, summary};
 use crate::assessment::Replayed;
 
 impl Report {
@@ -19,7 +19,7 @@ impl Report {
 
 /// The report on motions that were replayed.
 pub(super) fn report(input: &ReportInput<'_>, replayed: &[Replayed<'_>]) -> Report {
-    let parts = remaining::parts(replayed);
+    let parts = remaining_error::parts(replayed);
     let rig = input.fitted.first().map_or("", |motion| motion.rig_label.as_str());
     let figures: Vec<Figure> =
         (0..DRIVEN_JOINTS).filter_map(|joint| overlay::overlay(joint, replayed)).collect();
@@ -27,7 +27,7 @@ pub(super) fn report(input: &ReportInput<'_>, replayed: &[Replayed<'_>]) -> Repo
         ("In short", vec![list(&summary::in_short(input, &parts))]),
         ("What was fitted", summary::what_was_fitted(input)),
         ("Errors", errors::elements(input)),
-        ("What the simulator cannot express", remaining::elements(&parts, !input.held_out.is_empty())),
+        ("What the simulator cannot express", remaining_error::elements(&parts, !input.held_out.is_empty())),
         ("Before and after", figures.iter().map(Figure::markdown).collect()),
         ("Parameters", parameters::elements(input)),
         ("Correlations", correlation::elements(&input.identified.estimates)),

@@ -7,7 +7,7 @@ use crate::estimate::Estimate;
 /// Correlations from this size on are listed.
 const STRONG: f64 = 0.9;
 /// So many of each group at most.
-const MOST_LISTED: usize = 12;
+const MAX_LISTED: usize = 12;
 
 /// A path without the prefix that all joints share.
 pub(super) fn short(path: &str) -> &str {
@@ -29,7 +29,7 @@ pub(super) fn elements(estimates: &[(String, Estimate)]) -> Vec<String> {
         ),
         list(&estimates.iter().map(values).collect::<Vec<_>>()),
         table(
-            &format!("Correlations of {STRONG} or more, at most {MOST_LISTED} a group, the strongest first"),
+            &format!("Correlations of {STRONG} or more, at most {MAX_LISTED} a group, the strongest first"),
             &["group", "parameters", "correlation"],
             estimates.iter().flat_map(|(group, estimate)| strong(group, estimate)),
         ),
@@ -44,6 +44,6 @@ fn strong(group: &str, estimate: &Estimate) -> Vec<Vec<String>> {
         pairs.extend(strong.map(|(j, r)| (*r, format!("{} and {}", name(j), name(i)))));
     }
     pairs.sort_by(|a, b| b.0.abs().total_cmp(&a.0.abs()));
-    pairs.truncate(MOST_LISTED);
+    pairs.truncate(MAX_LISTED);
     pairs.into_iter().map(|(r, names)| vec![group.to_string(), names, format!("{r:+.3}")]).collect()
 }

@@ -8,7 +8,7 @@ use crate::estimate::{HALF_INTERVAL, WeakDirection};
 use crate::identification::Identified;
 
 /// Wider intervals are printed as wider than this, in ranges.
-const MOST_RANGES: f64 = 10.0;
+const MAX_RANGES: f64 = 10.0;
 
 /// Tables of the weak directions and of the advice.
 pub(super) fn elements(identified: &Identified) -> Vec<String> {
@@ -71,7 +71,7 @@ fn joint_of(path: &str) -> Option<String> {
 
 fn half_interval(weak: &WeakDirection) -> String {
     let half = HALF_INTERVAL * weak.standard_error;
-    if half > MOST_RANGES { format!("> {MOST_RANGES}") } else { number(half) }
+    if half > MAX_RANGES { format!("> {MAX_RANGES}") } else { number(half) }
 }
 
 /// The parts of a direction, the largest first and positive.

@@ -1,4 +1,5 @@
-//! The parts of a report as Markdown, and its charts as SVG. Texts are plain; they are escaped here.
+//! The parts of a report as Markdown, and its charts as SVG. Texts are plain; they are escaped
+//! here.
 
 use plotters::coord::Shift;
 use plotters::prelude::*;
@@ -7,7 +8,8 @@ use plotters::prelude::*;
 const SIZE: (u32, u32) = (560, 320);
 /// Room for the legend above the curves, as a share of their height.
 const LEGEND: f64 = 0.3;
-/// Colour and width of the curves: grey, and two of Okabe and Ito's colours, which colour-blind readers can tell apart.
+/// Colour and width of the curves: grey, and two of Okabe and Ito's colours, which colour-blind
+/// readers can tell apart.
 const STROKES: [(RGBColor, u32); 3] =
     [(RGBColor(187, 187, 187), 5), (RGBColor(213, 94, 0), 1), (RGBColor(0, 114, 178), 2)];
 
@@ -106,7 +108,8 @@ impl Figure {
     }
 }
 
-/// Plain text as Markdown that shows the same characters. A file's name may hold markup and control characters.
+/// Plain text as Markdown that shows the same characters. A file's name may hold markup and control
+/// characters.
 pub(super) fn escape(text: &str) -> String {
     let mut out = String::with_capacity(text.len());
     for c in text.chars() {

@@ -28,7 +28,8 @@ pub struct ReportInput<'a> {
 }
 
 impl<'a> ReportInput<'a> {
-    /// Replays the motions that the report compares: those held out, or without any the fitted ones that touch no key.
+    /// Replays the motions that the report compares: those held out, or without any the fitted ones
+    /// that touch no key.
     ///
     /// # Errors
     /// If the simulation cannot be built.

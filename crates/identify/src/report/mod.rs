@@ -1,4 +1,5 @@
-//! The report of an identification: what was fitted, how well the simulator repeats the robot, and which numbers to trust.
+//! The report of an identification: what was fitted, how well the simulator repeats the robot, and
+//! which numbers to trust.
 //!
 //! [`Report`] is Markdown with figures.
 
@@ -7,15 +8,15 @@ mod build;
 mod correlation;
 mod directions;
 mod document;
+mod error_decomposition;
 mod errors;
-mod held;
+mod fixed;
 mod input;
 mod number;
 mod overlay;
 mod parameters;
-mod remaining;
+mod remaining_error;
 mod summary;
-mod unexplained;
 
 #[cfg(test)]
 mod tests;

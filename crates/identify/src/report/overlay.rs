@@ -9,7 +9,8 @@ use crate::motion::Motion;
 
 /// Length of a figure, s.
 const SECS: f64 = 2.0;
-/// Readings are thinned to this interval to choose the stretch, s, so that noise does not count as motion.
+/// Readings are thinned to this interval to choose the stretch, s, so that noise does not count as
+/// motion.
 const BIN_SECS: f64 = 0.05;
 /// Between two points of a simulated curve, s.
 const STEP_SECS: f64 = 0.005;

@@ -5,14 +5,14 @@ use etude_stage::DRIVEN_JOINTS;
 use super::document::{paragraph, table};
 use super::input::ReportInput;
 use super::number::{about, milli, number};
-use super::remaining::{self, Part};
+use super::remaining_error::{self, RemainingError};
 use crate::config::MethodConfig;
+use crate::gravity_compensation::fit_gravity_compensation;
 use crate::motion::Motion;
 use crate::presses;
-use crate::weight::weigh;
 
 /// The result in a few sentences.
-pub(super) fn in_short(input: &ReportInput<'_>, parts: &[Part]) -> Vec<String> {
+pub(super) fn in_short(input: &ReportInput<'_>, parts: &[RemainingError]) -> Vec<String> {
     let (errors, which) = match input.held_out {
         [] => (input.fit_errors, "in the recordings that were fitted"),
         _ => (input.held_out_errors, "in recordings that were not fitted"),
@@ -44,12 +44,12 @@ pub(super) fn in_short(input: &ReportInput<'_>, parts: &[Part]) -> Vec<String> {
             about(after / errors.fingers_noise)
         ));
     }
-    items.extend(remaining::in_short(parts));
-    if let Some((weight, motion)) = weigh(input.fitted).zip(input.fitted.first()) {
-        let advice = weight.advice(motion.rig.joint_loop.gravity_pwm_per_nm);
+    items.extend(remaining_error::in_short(parts));
+    if let Some((gravity, motion)) = fit_gravity_compensation(input.fitted).zip(input.fitted.first()) {
+        let advice = gravity.advice(motion.rig.joint_loop.gravity_pwm_per_nm);
         items.push(format!("From the duties of the motors {advice}."));
     }
-    if let Some(keyboard) = presses::in_words(input.fitted, &input.identified.measured) {
+    if let Some(keyboard) = presses::describe(input.fitted, &input.identified.measured) {
         items.push(format!("Of the keyboard: {keyboard}."));
     }
     if input.held_out.is_empty() {

@@ -1,4 +1,5 @@
-//! A report of a small identification with known results: its tables hold them, and foreign text is escaped.
+//! A report of a small identification with known results: its tables hold them, and foreign text is
+//! escaped.
 
 use std::collections::BTreeMap;
 use std::path::PathBuf;
@@ -28,7 +29,8 @@ struct Case {
     identified: Identified,
 }
 
-/// All joints swing. The robot is the simulator with the parameters `truth`, two milliradians behind.
+/// All joints swing. The robot is the simulator with the parameters `truth`, two milliradians
+/// behind.
 fn motion(path: &str, truth: &PhysicalParams) -> Motion {
     let swing = |step: usize, joint: usize| {
         let reach = if joint == RAIL { 0.03 } else { 0.12 };

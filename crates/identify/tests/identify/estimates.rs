@@ -69,7 +69,8 @@ fn intervals_hold_the_truth_95_times_in_a_hundred() {
 
 #[test]
 fn correlated_noise_widens_the_intervals() {
-    // Without the correction, coverage would be near that of an interval three times too narrow, about 0.5.
+    // Without the correction, coverage would be near that of an interval three times too narrow,
+    // about 0.5.
     let share = coverage(200, 0.8, Loss::Squared, false);
     println!("persistence 0.8: {share}");
     assert!((0.88..=1.0).contains(&share), "{share}");
@@ -98,7 +99,8 @@ fn autocorrelation_time_is_that_of_the_process() {
 
 #[test]
 fn weak_directions_name_their_parameters_and_no_others() {
-    // Only the sum of the first two matters, the third is identifiable, the fourth has no influence.
+    // Only the sum of the first two matters, the third is identifiable, the fourth has no
+    // influence.
     let problem = problem(&[[0.0, 1.0]; 4], &[0.3, 0.4, 0.5, 0.6], 100);
     let residuals = |x: &[f64]| -> Vec<f64> {
         let wiggle = |k: usize| 0.9 * (1.7 * k as f64).sin();
@@ -136,7 +138,8 @@ fn intervals_follow_the_scale_and_end_at_the_bounds() {
     let estimate = estimated(&problem, &problem.space().start(), &residuals);
     let [log, low] = [&estimate.parameters[0], &estimate.parameters[1]];
     assert!((log.interval[0] * log.interval[1] - 1.0).abs() < 1e-9, "{log:?}");
-    // Each block has its own noise, of one and two standard deviations; 98 of 100 degrees of freedom are left.
+    // Each block has its own noise, of one and two standard deviations; 98 of 100 degrees of
+    // freedom are left.
     let expected = |deviation: f64, slope: f64| deviation / slope * (100.0 / 98.0f64).sqrt() / 50f64.sqrt();
     assert!((log.standard_error - expected(1.0, 3.0)).abs() < 1e-6, "{log:?}");
     assert!((low.standard_error - expected(2.0, 10.0)).abs() < 1e-6, "{low:?}");

@@ -58,7 +58,8 @@ impl LeastSquares {
 fn optima_are_those_of_scipy_with_bounds_active_and_not() {
     for case in golden().least_squares {
         for differences in [Differences::Central, Differences::Forward] {
-            // The error of one-sided differences is about the step, relative to the curvature of each residual.
+            // The error of one-sided differences is about the step, relative to the curvature of
+            // each residual.
             let (difference_step, tolerance) = match differences {
                 Differences::Central => (1e-5, 1e-7),
                 Differences::Forward => (1e-7, 1e-5),

@@ -59,7 +59,7 @@ proptest! {
         for _ in 0..8 {
             let batch = fit.ask();
             prop_assert_eq!(batch.is_empty(), fit.finished().is_some());
-            prop_assert_eq!(fit.most_left() == 0, fit.finished().is_some());
+            prop_assert_eq!(fit.max_evaluations_left() == 0, fit.finished().is_some());
             if batch.is_empty() {
                 break;
             }

@@ -1,4 +1,5 @@
-//! Tests of the methods and of the statistics through the public interface. One binary, because linking is slow.
+//! Tests of the methods and of the statistics through the public interface. One binary, because
+//! linking is slow.
 // clippy.toml exempts tests, but not their helpers.
 #![allow(clippy::unwrap_used, clippy::print_stdout)]
 

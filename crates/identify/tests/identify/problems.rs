@@ -51,8 +51,8 @@ pub fn estimated(problem: &Problem, point: &[f64], residuals: &Residuals<'_>) ->
     Estimate::new(problem, &linearised(problem, point, 1e-5, residuals)).unwrap()
 }
 
-/// Positions of a damped oscillator (stiffness, damping, cubic stiffness) released at one, by the classical Runge–Kutta
-/// method.
+/// Positions of a damped oscillator (stiffness, damping, cubic stiffness) released at one, by the
+/// classical Runge–Kutta method.
 pub fn oscillate(values: &[f64], step_secs: f64, steps: usize) -> Vec<f64> {
     let slope = |p: f64, v: f64| (v, -values[0] * p - values[1] * v - values[2] * p * p * p);
     let (mut p, mut v, h) = (1.0, 0.0, step_secs);

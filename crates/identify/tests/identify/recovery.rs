@@ -16,12 +16,14 @@ fn the_known_numbers_of_a_finger_come_back_to_the_noise() {
         assert!(*before > 5.0 && *after < 1.1, "{joint}");
     }
     println!("median error {:.4}, coverage {:.3}", recovery.median_error(), recovery.coverage());
-    // Two joints with seven parameters each. Of 14 intervals of 95 % fewer than 11 cover with a probability of 1 in 240.
+    // Two joints with seven parameters each. Of 14 intervals of 95 % fewer than 11 cover with a
+    // probability of 1 in 240.
     assert_eq!(recovery.numbers.len(), 14);
     assert!(recovery.median_error() < 0.05 && recovery.coverage() >= 11.0 / 14.0);
 }
 
-/// A robot of [`truth`] whose finger motors take `back_emf` (N·m·s/rad) away as they turn, at their limit too.
+/// A robot of [`truth`] whose finger motors take `back_emf` (N·m·s/rad) away as they turn, at their
+/// limit too.
 fn recover_back_emf(joints: &[usize], back_emf: f64, seed: u64) -> Result<Recovery, Error> {
     let mut truth = truth(joints, seed);
     for &joint in joints {
@@ -31,7 +33,8 @@ fn recover_back_emf(joints: &[usize], back_emf: f64, seed: u64) -> Result<Recove
     recover_as(&truth, &truth, joints, seed)
 }
 
-/// An arm that follows as a mass on a spring: its own frequency, Hz, and damping ratio; and it is late, s.
+/// An arm that follows as a mass on a spring: its own frequency, Hz, and damping ratio; and it is
+/// late, s.
 fn recover_arm(hertz: f64, ratio: f64, delay_secs: f64, seed: u64) -> Result<Recovery, Error> {
     let mut truth = truth(&[RAIL], seed);
     let world = World::new(&StageConfig::default(), &truth)?;
@@ -49,7 +52,8 @@ fn recover_arm(hertz: f64, ratio: f64, delay_secs: f64, seed: u64) -> Result<Rec
     recover_as(&truth, &truth, &[RAIL], seed)
 }
 
-/// The estimates of these parameters, each with what it should be, which its interval has to hold; and the motion has to be at its noise.
+/// The estimates of these parameters, each with what it should be, which its interval has to hold;
+/// and the motion has to be at its noise.
 fn estimates<const N: usize>(recovery: &Recovery, paths: [&str; N]) -> [[f64; 2]; N] {
     for (joint, [before, after]) in &recovery.held_out {
         println!("{joint}: {before:.2} to {after:.2} times the noise");
@@ -71,7 +75,8 @@ fn is_within_5_per_cent([value, expected]: [f64; 2]) {
     assert!((value / expected - 1.0).abs() < 0.05, "{value}, not {expected}");
 }
 
-/// A motor of 0.9 N·m and 11 rad/s without load. The scale of torque is found only as well as the inertia of the links shows it.
+/// A motor of 0.9 N·m and 11 rad/s without load. The scale of torque is found only as well as the
+/// inertia of the links shows it.
 #[test]
 fn back_emf_comes_back_as_viscosity() {
     let recovery = recover_back_emf(&[1], 0.9 / 11.0, 2).unwrap();

@@ -1,5 +1,5 @@
-//! Recovery of known parameters from the simulator's own recordings, with noise on its encoders. The test fits one finger,
-//! `examples/recovery.rs` the whole hand.
+//! Recovery of known parameters from the simulator's own recordings, with noise on its encoders.
+//! The test fits one finger, `examples/recovery.rs` the whole hand.
 
 use std::collections::BTreeMap;
 use std::path::PathBuf;
@@ -110,7 +110,8 @@ pub fn truth(joints: &[usize], seed: u64) -> PhysicalParams {
     let mut params = start.clone();
     for &joint in joints {
         if joint != RAIL {
-            // The default is the acceleration limit within one physics step, which no recording can show.
+            // The default is the acceleration limit within one physics step, which no recording can
+            // show.
             params.set_joint(JointRow::JerkLimit, joint, FINGER_JERK);
         }
         let mut scale = |quantity: JointRow, most: f64| {

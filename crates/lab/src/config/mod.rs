@@ -209,7 +209,7 @@ mod tests {
             seed = 0
             total_steps = 3_000_000 # paper
             num_envs = 1
-            updates_per_round = 1
+            updates_per_vector_step = 1
             warmup_steps = 5_000
             log_every_steps = 2_000
             evaluate_every_steps = 10_000
@@ -229,7 +229,10 @@ mod tests {
         // RoboPianist's rule and on its time, keys with one contact, and the main text's five reward terms.
         let config = resolve("paper", None, &[]).unwrap().complete();
         let (task, plan) = (&config.task, &config.task.plan);
-        assert_eq!((plan.rule, plan.latency_compensation_secs), (etude_music::PlanRule::Robopianist, 0.0));
+        assert_eq!(
+            (plan.rule, plan.latency_compensation_secs),
+            (etude_music::KeyScheduleRule::Robopianist, 0.0)
+        );
         let params = task.params().unwrap();
         assert_eq!(params.world(etude_stage::params::WorldRow::KeyHysteresis), 0.0);
         let weights: Vec<(&str, f64)> = task

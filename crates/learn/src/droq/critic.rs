@@ -1,23 +1,23 @@
 //! One critic with its target, and the three passes that an update sends through it.
 
-use super::{draws::CriticDrops, learned::Learned};
+use super::{draws::CriticDrops, trainable::Trainable};
 use crate::{
     buffer::Buffer,
     config::DroqConfig,
     kernels::{AdamStep, adam_polyak},
-    network::{Inputs, Network, Wanted, Workspace},
+    network::{GradientOf, Inputs, Network, Workspace},
 };
 
 /// A critic `Q(observation, action)`.
 #[derive(Clone)]
 pub(crate) struct Critic {
-    pub learned: Learned,
+    pub trainable: Trainable,
     pub target: Buffer,
 }
 
 impl Critic {
     pub(crate) fn new(network: &Network, parameters: Buffer) -> Self {
-        Self { target: parameters.clone(), learned: Learned::new(network, parameters) }
+        Self { target: parameters.clone(), trainable: Trainable::new(network, parameters) }
     }
 
     /// Updates the parameters by the sum of the shards' gradients, then the target.
@@ -27,9 +27,9 @@ impl Critic {
         update: u64,
         gradients: impl Iterator<Item = &'a [f32]> + Clone,
     ) {
-        self.learned.gather(gradients);
+        self.trainable.gather(gradients);
         let step = AdamStep::new(config.critic_learning_rate, update);
-        let Learned { parameters, gradient, mean, square } = &mut self.learned;
+        let Trainable { parameters, gradient, mean, square } = &mut self.trainable;
         adam_polyak(step, config.polyak as f32, parameters, gradient, mean, square, &mut self.target);
     }
 }
@@ -69,42 +69,43 @@ impl CriticPasses {
         network.forward(&critic.target, inputs, &drops.target, *dropout, false, workspace)
     }
 
-    /// Leaves the gradient of the critic loss in `gradient`, the mean over the batch and both critics of `(Q - wanted)²`. Returns this
-    /// critic's sums over rows of the squared difference and of Q.
+    /// Leaves the gradient of the critic loss in `gradient`, the mean over the batch and both
+    /// critics of `(Q - target)²`. Returns this critic's sums over rows of the squared difference
+    /// and of Q.
     pub(crate) fn regress(
         &mut self,
         critic: &Critic,
         inputs: &Inputs,
-        wanted: &[f32],
+        targets: &[f32],
         drops: &CriticDrops,
     ) -> (f64, f64) {
         let Self { network, dropout, batch, workspace, value_error, gradient, .. } = self;
-        let parameters = &critic.learned.parameters;
+        let parameters = &critic.trainable.parameters;
         let values = network.forward(parameters, inputs, &drops.online, *dropout, true, workspace);
         // The derivative of a mean of squares over rows and critics.
         let per_value = 2.0 / (super::CRITICS * *batch) as f32;
         let (mut squares, mut sum) = (0.0, 0.0);
-        for ((error, &value), &wanted) in value_error.iter_mut().zip(values).zip(wanted) {
-            let difference = value - wanted;
+        for ((error, &value), &target) in value_error.iter_mut().zip(values).zip(targets) {
+            let difference = value - target;
             *error = difference * per_value;
             squares += f64::from(difference) * f64::from(difference);
             sum += f64::from(value);
         }
-        let wanted = Wanted::Parameters(gradient);
-        network.backward(parameters, inputs, &drops.online, *dropout, value_error, wanted, workspace);
+        let of = GradientOf::Parameters(gradient);
+        network.backward(parameters, inputs, &drops.online, *dropout, value_error, of, workspace);
         (squares, sum)
     }
 
-    /// Leaves the gradient of `-mean over the batch and critics of Q` with respect to the policy's actions in
-    /// `action_error`. Returns the sum of Q over rows.
-    pub(crate) fn judge(&mut self, critic: &Critic, inputs: &Inputs, drops: &CriticDrops) -> f64 {
+    /// Leaves the gradient of `-mean over the batch and critics of Q` with respect to the policy's
+    /// actions in `action_error`. Returns the sum of Q over rows.
+    pub(crate) fn actor_loss(&mut self, critic: &Critic, inputs: &Inputs, drops: &CriticDrops) -> f64 {
         let Self { network, dropout, batch, workspace, value_error, action_error, .. } = self;
-        let parameters = &critic.learned.parameters;
+        let parameters = &critic.trainable.parameters;
         let values = network.forward(parameters, inputs, &drops.actor, *dropout, true, workspace);
         let sum = values.iter().map(|&value| f64::from(value)).sum();
         value_error.fill(-1.0 / (super::CRITICS * *batch) as f32);
-        let wanted = Wanted::Extra(action_error);
-        network.backward(parameters, inputs, &drops.actor, *dropout, value_error, wanted, workspace);
+        let of = GradientOf::Extra(action_error);
+        network.backward(parameters, inputs, &drops.actor, *dropout, value_error, of, workspace);
         sum
     }
 }

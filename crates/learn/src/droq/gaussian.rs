@@ -1,4 +1,5 @@
-//! The policy's distribution: a diagonal Gaussian with state-dependent deviation, squashed by tanh into [-1, 1].
+//! The policy's distribution: a diagonal Gaussian with state-dependent deviation, squashed by tanh
+//! into [-1, 1].
 
 use crate::{
     buffer::Buffer,
@@ -38,9 +39,11 @@ impl Gaussian {
         }
     }
 
-    /// Draws `action = tanh(mean + std · noise)` for as many rows as `noise` (`[rows, action]`) has.
+    /// Draws `action = tanh(mean + std · noise)` for as many rows as `noise` (`[rows, action]`)
+    /// has.
     ///
-    /// `output` is the actor's head, `[rows, 2 · action]`: means, then unclipped logarithms of deviations.
+    /// `output` is the actor's head, `[rows, 2 · action]`: means, then unclipped logarithms of
+    /// deviations.
     pub(crate) fn sample(&mut self, output: &[f32], noise: &[f32], [low, high]: [f64; 2]) {
         let (n, len) = (self.action_len, noise.len());
         for (to, row) in self.log_std.chunks_exact_mut(n).zip(output.chunks_exact(2 * n)) {
@@ -80,8 +83,8 @@ impl Gaussian {
         }
     }
 
-    /// Adds to `output_error` the gradient of `weight · Σ over rows of the mean over actions of (tanh(mean) - next)²`, where `next`
-    /// (`[rows, action]`) is held.
+    /// Adds to `output_error` the gradient of `weight · Σ over rows of the mean over actions of
+    /// (tanh(mean) - next)²`, where `next` (`[rows, action]`) is held.
     pub(crate) fn backward_of_change(
         &self,
         output: &[f32],
@@ -99,11 +102,12 @@ impl Gaussian {
         }
     }
 
-    /// Gradient of `Σ over rows of (weight · log_prob + Σ action · action_error)` with respect to the actor's head, into
-    /// `output_error` (`[rows, 2 · action]`); `action_error` is `[rows, action]`.
+    /// Gradient of `Σ over rows of (weight · log_prob + Σ action · action_error)` with respect to
+    /// the actor's head, into `output_error` (`[rows, 2 · action]`); `action_error` is `[rows,
+    /// action]`.
     ///
-    /// With `u = mean + std · noise`, `∂ log_prob / ∂u = 2 tanh u` (the noise is fixed) and `∂ log_prob / ∂ log_std`
-    /// adds -1. Where the clip acts, the deviation has no gradient.
+    /// With `u = mean + std · noise`, `∂ log_prob / ∂u = 2 tanh u` (the noise is fixed) and `∂
+    /// log_prob / ∂ log_std` adds -1. Where the clip acts, the deviation has no gradient.
     pub(crate) fn backward(
         &self,
         output: &[f32],

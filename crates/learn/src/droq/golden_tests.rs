@@ -39,13 +39,13 @@ impl Golden {
     /// Loads what `prefix` names, for example `before`, into a learner.
     fn load(&self, droq: &mut Droq, prefix: &str) {
         let lookup = |name: &str| self.find(&format!("{prefix}.{name}"));
-        let plan = &droq.actor_network.plan;
-        find_tensors(plan, "actor.parameters", &lookup, &mut droq.actor.parameters).unwrap();
-        let plan = &droq.critic_network.plan;
+        let layout = &droq.actor_network.parameter_layout;
+        find_tensors(layout, "actor.parameters", &lookup, &mut droq.actor.parameters).unwrap();
+        let layout = &droq.critic_network.parameter_layout;
         for (index, critic) in droq.critics.iter_mut().enumerate() {
-            let parameters = &mut critic.learned.parameters;
-            find_tensors(plan, &format!("critic{index}.parameters"), &lookup, parameters).unwrap();
-            find_tensors(plan, &format!("critic{index}.target"), &lookup, &mut critic.target).unwrap();
+            let parameters = &mut critic.trainable.parameters;
+            find_tensors(layout, &format!("critic{index}.parameters"), &lookup, parameters).unwrap();
+            find_tensors(layout, &format!("critic{index}.target"), &lookup, &mut critic.target).unwrap();
         }
         droq.log_temperature[0] = self.get(&format!("{prefix}.log_temperature"))[0];
     }
@@ -120,13 +120,13 @@ fn golden(name: &str, dropout: f64) {
             compare("losses", &losses, &golden.get(&format!("update{update}.losses")), 1e-5);
             if update == 0 {
                 let mut gradients = Vec::new();
-                let plan = &droq.critic_network.plan;
+                let layout = &droq.critic_network.parameter_layout;
                 for (index, critic) in droq.critics.iter().enumerate() {
                     let prefix = format!("gradient.critic{index}");
-                    crate::tensors::name_tensors(plan, &prefix, &critic.learned.gradient, &mut gradients);
+                    crate::tensors::name_tensors(layout, &prefix, &critic.trainable.gradient, &mut gradients);
                 }
-                let plan = &droq.actor_network.plan;
-                crate::tensors::name_tensors(plan, "gradient.actor", &droq.actor.gradient, &mut gradients);
+                let layout = &droq.actor_network.parameter_layout;
+                crate::tensors::name_tensors(layout, "gradient.actor", &droq.actor.gradient, &mut gradients);
                 for gradient in gradients {
                     compare(&gradient.name, gradient.values, &golden.get(&gradient.name), 2e-6);
                 }

@@ -1,18 +1,20 @@
-//! The algorithm: soft actor-critic with two dropout critics (Hiraoka et al. 2022, arXiv 2110.02034) in the form that
-//! the RoboPianist line uses: one update a step, and the mean of the critics in the actor's loss.
+//! The algorithm: soft actor-critic with two dropout critics (Hiraoka et al. 2022, arXiv
+//! 2110.02034) in the form that the RoboPianist line uses: one update a step, and the mean of the
+//! critics in the actor's loss.
 //!
-//! One update is, in this order: the critics towards `reward + discount · (min target Q - temperature · log π)`, the target critics
-//! towards the critics, the actor along `temperature · log π - mean Q`, and the temperature towards the target entropy. Dropout is
-//! active in all passes of critics and target critics. With `n_step` above 1 the reward is the discounted sum over several steps, and
-//! the target that of the last; the entropy of the steps in between is left out.
+//! One update is, in this order: the critics towards `reward + discount · (min target Q -
+//! temperature · log π)`, the target critics towards the critics, the actor along `temperature ·
+//! log π - mean Q`, and the temperature towards the target entropy. Dropout is active in all passes
+//! of critics and target critics. With `n_step` above 1 the reward is the discounted sum over
+//! several steps, and the target that of the last; the entropy of the steps in between is left out.
 
 mod critic;
 mod draws;
 mod gaussian;
-mod knowledge;
-mod learned;
+mod initial;
 mod shard;
 mod tensors;
+mod trainable;
 mod update;
 
 #[cfg(test)]
@@ -22,8 +24,8 @@ mod tests;
 
 pub(crate) use draws::{CRITICS, ShardStreams};
 pub(crate) use gaussian::Gaussian;
-pub(crate) use knowledge::Knowledge;
-pub(crate) use learned::Learned;
+pub(crate) use initial::InitialParameters;
+pub(crate) use trainable::Trainable;
 
 use crate::{
     buffer::Buffer,
@@ -39,7 +41,7 @@ use shard::Shard;
 /// Losses of one update.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(crate) struct Losses {
-    /// Mean over rows and critics of `(Q - wanted)²`.
+    /// Mean over rows and critics of `(Q - target)²`.
     pub critic: f64,
     /// Mean over rows of `temperature · log π - mean Q`.
     pub actor: f64,
@@ -57,7 +59,7 @@ pub(crate) struct Droq {
     action_len: usize,
     actor_network: Network,
     critic_network: Network,
-    actor: Learned,
+    actor: Trainable,
     /// Average of the actor over its updates, which is evaluated and saved.
     policy: Buffer,
     critics: [Critic; CRITICS],
@@ -84,7 +86,7 @@ fn critic_shape(layout: ObservationLayout, action_len: usize, hidden: &[usize]) 
 impl Droq {
     /// Fresh networks. `config` must be valid.
     pub(crate) fn new(config: &DroqConfig, layout: ObservationLayout, action_len: usize, seed: u64) -> Self {
-        let rows = shard::ROWS.max(config.batch.div_ceil(shard::MOST));
+        let rows = shard::ROWS.max(config.batch.div_ceil(shard::MAX_SHARDS));
         Self::with_shards_of(rows, config, layout, action_len, seed)
     }
 
@@ -113,7 +115,7 @@ impl Droq {
             config: config.clone(),
             action_len,
             policy: actor.clone(),
-            actor: Learned::new(&actor_network, actor),
+            actor: Trainable::new(&actor_network, actor),
             actor_network,
             critic_network,
             critics,
@@ -124,8 +126,8 @@ impl Droq {
         }
     }
 
-    /// One update on a batch from `replay`, which must not be empty. With `parallel`, the shards may run on the threads of
-    /// the current rayon pool; the result has the same bytes.
+    /// One update on a batch from `replay`, which must not be empty. With `parallel`, the shards
+    /// may run on the threads of the current rayon pool; the result has the same bytes.
     pub(crate) fn learn(&mut self, replay: &Replay, parallel: bool) -> Losses {
         self.update(Some(replay), parallel)
     }
@@ -138,7 +140,8 @@ impl Droq {
         &self.actor.parameters
     }
 
-    /// Parameters that are evaluated and saved. Exploration uses [`actor_parameters`](Self::actor_parameters).
+    /// Parameters that are evaluated and saved. Exploration uses
+    /// [`actor_parameters`](Self::actor_parameters).
     pub(crate) fn policy_parameters(&self) -> &[f32] {
         &self.policy
     }
@@ -156,7 +159,8 @@ impl Droq {
         self.shards.iter().map(|shard| shard.streams.clone()).collect()
     }
 
-    /// Continues with the draws and the count of a saved learner; `false` when it had another number of shards.
+    /// Continues with the draws and the count of a saved learner; `false` when it had another
+    /// number of shards.
     pub(crate) fn restore_counters(&mut self, updates: u64, streams: Vec<ShardStreams>) -> bool {
         self.updates = updates;
         let fits = streams.len() == self.shards.len();

@@ -1,9 +1,10 @@
 //! The learner's state as named tensors, for checkpoints.
 //!
-//! Names are `<network>.<kind>.<tensor>`: networks `actor`, `critic0`, `critic1`; kinds `parameters`, `adam_mean`,
-//! `adam_square`, `policy` for the actor and `target` for critics; tensors as in [`Shape`](crate::network::Shape), for example
-//! `critic0.target.layer1.norm_scale`. Weights are `[inputs, outputs]`; the rows of a first layer are real columns, then
-//! (critics) the action, then binary columns. `temperature.log` is `[3]`: value and its two moments.
+//! Names are `<network>.<kind>.<tensor>`: networks `actor`, `critic0`, `critic1`; kinds
+//! `parameters`, `adam_mean`, `adam_square`, `policy` for the actor and `target` for critics;
+//! tensors as in [`Shape`](crate::network::Shape), for example `critic0.target.layer1.norm_scale`.
+//! Weights are `[inputs, outputs]`; the rows of a first layer are real columns, then (critics) the
+//! action, then binary columns. `temperature.log` is `[3]`: value and its two moments.
 
 use super::Droq;
 use crate::tensors::{Lookup, NamedTensor, find, find_tensors, name_tensors};
@@ -14,17 +15,22 @@ impl Droq {
     /// All tensors. The random streams and the update count are not among them.
     pub(crate) fn tensors(&self) -> Vec<NamedTensor<'_>> {
         let mut out = Vec::new();
-        let plan = &self.actor_network.plan;
-        name_tensors(plan, "actor.parameters", &self.actor.parameters, &mut out);
-        name_tensors(plan, "actor.adam_mean", &self.actor.mean, &mut out);
-        name_tensors(plan, "actor.adam_square", &self.actor.square, &mut out);
-        name_tensors(plan, "actor.policy", &self.policy, &mut out);
-        let plan = &self.critic_network.plan;
+        let layout = &self.actor_network.parameter_layout;
+        name_tensors(layout, "actor.parameters", &self.actor.parameters, &mut out);
+        name_tensors(layout, "actor.adam_mean", &self.actor.mean, &mut out);
+        name_tensors(layout, "actor.adam_square", &self.actor.square, &mut out);
+        name_tensors(layout, "actor.policy", &self.policy, &mut out);
+        let layout = &self.critic_network.parameter_layout;
         for (index, critic) in self.critics.iter().enumerate() {
-            name_tensors(plan, &format!("critic{index}.parameters"), &critic.learned.parameters, &mut out);
-            name_tensors(plan, &format!("critic{index}.adam_mean"), &critic.learned.mean, &mut out);
-            name_tensors(plan, &format!("critic{index}.adam_square"), &critic.learned.square, &mut out);
-            name_tensors(plan, &format!("critic{index}.target"), &critic.target, &mut out);
+            name_tensors(
+                layout,
+                &format!("critic{index}.parameters"),
+                &critic.trainable.parameters,
+                &mut out,
+            );
+            name_tensors(layout, &format!("critic{index}.adam_mean"), &critic.trainable.mean, &mut out);
+            name_tensors(layout, &format!("critic{index}.adam_square"), &critic.trainable.square, &mut out);
+            name_tensors(layout, &format!("critic{index}.target"), &critic.target, &mut out);
         }
         out.push(NamedTensor { name: TEMPERATURE.to_owned(), shape: vec![3], values: &self.log_temperature });
         out
@@ -32,17 +38,27 @@ impl Droq {
 
     /// Restores saved tensors. After an error the learner must not be used.
     pub(crate) fn load_tensors(&mut self, lookup: &Lookup<'_>) -> Result<(), String> {
-        let plan = &self.actor_network.plan;
-        find_tensors(plan, "actor.parameters", lookup, &mut self.actor.parameters)?;
-        find_tensors(plan, "actor.adam_mean", lookup, &mut self.actor.mean)?;
-        find_tensors(plan, "actor.adam_square", lookup, &mut self.actor.square)?;
-        find_tensors(plan, "actor.policy", lookup, &mut self.policy)?;
-        let plan = &self.critic_network.plan;
+        let layout = &self.actor_network.parameter_layout;
+        find_tensors(layout, "actor.parameters", lookup, &mut self.actor.parameters)?;
+        find_tensors(layout, "actor.adam_mean", lookup, &mut self.actor.mean)?;
+        find_tensors(layout, "actor.adam_square", lookup, &mut self.actor.square)?;
+        find_tensors(layout, "actor.policy", lookup, &mut self.policy)?;
+        let layout = &self.critic_network.parameter_layout;
         for (index, critic) in self.critics.iter_mut().enumerate() {
-            find_tensors(plan, &format!("critic{index}.parameters"), lookup, &mut critic.learned.parameters)?;
-            find_tensors(plan, &format!("critic{index}.adam_mean"), lookup, &mut critic.learned.mean)?;
-            find_tensors(plan, &format!("critic{index}.adam_square"), lookup, &mut critic.learned.square)?;
-            find_tensors(plan, &format!("critic{index}.target"), lookup, &mut critic.target)?;
+            find_tensors(
+                layout,
+                &format!("critic{index}.parameters"),
+                lookup,
+                &mut critic.trainable.parameters,
+            )?;
+            find_tensors(layout, &format!("critic{index}.adam_mean"), lookup, &mut critic.trainable.mean)?;
+            find_tensors(
+                layout,
+                &format!("critic{index}.adam_square"),
+                lookup,
+                &mut critic.trainable.square,
+            )?;
+            find_tensors(layout, &format!("critic{index}.target"), lookup, &mut critic.target)?;
         }
         self.log_temperature.copy_from_slice(&find(lookup, TEMPERATURE, &[3])?);
         Ok(())

@@ -1,7 +1,7 @@
 //! The losses against finite differences; averaging, shards, threads and bfloat16.
 
 use super::{critic::CriticPasses, gaussian::Gaussian, *};
-use crate::{config::Arithmetic, network::Wanted};
+use crate::{config::Arithmetic, network::GradientOf};
 
 pub(super) const ACTION: usize = 3;
 pub(super) const LAYOUT: ObservationLayout = ObservationLayout { real: 5, binary: 40 };
@@ -33,7 +33,8 @@ pub(super) fn learner_in_shards(shard_rows: usize, dropout: f64, batch: usize) -
     Droq::with_shards_of(shard_rows, &config, LAYOUT, ACTION, 0)
 }
 
-/// Compares `gradient` with central differences of `loss` in random directions over all of `parameters`.
+/// Compares `gradient` with central differences of `loss` in random directions over all of
+/// `parameters`.
 fn check_directions(
     parameters: &mut [f32],
     gradient: &[f32],
@@ -66,8 +67,8 @@ fn check_directions(
 
 /// Parameters that belong to a tensor (the gaps between tensors have no gradient).
 fn used(network: &Network) -> Vec<bool> {
-    let mut used = vec![false; network.plan.len];
-    network.plan.tensors.iter().for_each(|tensor| used[tensor.range.clone()].fill(true));
+    let mut used = vec![false; network.parameter_layout.len];
+    network.parameter_layout.tensors.iter().for_each(|tensor| used[tensor.range.clone()].fill(true));
     used
 }
 
@@ -96,15 +97,15 @@ fn critic_gradients_match_finite_differences() {
         draws.fill(&droq.config, rows, streams);
         let drops = draws.drops[0].clone();
         let inputs = random_inputs(rows);
-        let wanted: Vec<f32> = (0..rows).map(|row| (row as f32).sin()).collect();
+        let targets: Vec<f32> = (0..rows).map(|row| (row as f32).sin()).collect();
         let critic = &droq.critics[0];
         let mut passes = CriticPasses::new(&network, &droq.config, rows);
-        passes.regress(critic, &inputs, &wanted, &drops);
-        let mut parameters = critic.learned.parameters.to_vec();
+        passes.regress(critic, &inputs, &targets, &drops);
+        let mut parameters = critic.trainable.parameters.to_vec();
         let mut workspace = network.workspace(rows, false, Arithmetic::F32);
         check_directions(&mut parameters, &passes.gradient, &used(&network), |parameters| {
             let values = network.forward(parameters, &inputs, &drops.online, dropout, false, &mut workspace);
-            let squares = values.iter().zip(&wanted).map(|(&q, &y)| f64::from(q - y).powi(2));
+            let squares = values.iter().zip(&targets).map(|(&q, &y)| f64::from(q - y).powi(2));
             squares.sum::<f64>() / (2 * rows) as f64
         });
     }
@@ -131,7 +132,7 @@ fn actor_gradients_match_finite_differences_through_the_critics() {
         let mut action_error = vec![0.0; rows * ACTION];
         let mut loss = 0.0;
         for (critic, drops) in critics.iter().zip(&drops) {
-            loss -= passes.judge(critic, inputs, drops) / 2.0;
+            loss -= passes.actor_loss(critic, inputs, drops) / 2.0;
             action_error.iter_mut().zip(passes.action_error.iter()).for_each(|(sum, &error)| *sum += error);
         }
         loss += policy.log_prob.iter().map(|&l| f64::from(temperature) * f64::from(l)).sum::<f64>();
@@ -143,8 +144,8 @@ fn actor_gradients_match_finite_differences_through_the_critics() {
         loss += f64::from(smoothness) * squares / ACTION as f64;
         policy.backward_of_change(&output, &next, smoothness / rows as f32, &mut output_error);
         let mut gradient = vec![0.0; parameters.len()];
-        let wanted = Wanted::Parameters(&mut gradient);
-        actor_network.backward(parameters, inputs, &[], 0.0, &output_error, wanted, &mut workspace);
+        let of = GradientOf::Parameters(&mut gradient);
+        actor_network.backward(parameters, inputs, &[], 0.0, &output_error, of, &mut workspace);
         (loss / rows as f64, gradient)
     };
     let mut parameters = actor.parameters.to_vec();
@@ -254,7 +255,7 @@ fn bfloat16_gradients_are_those_of_single_precision_up_to_rounding() {
     let losses = [exact.learn(&replay, false), rounded.learn(&replay, false)];
     assert!((losses[0].critic - losses[1].critic).abs() < 0.01 * losses[0].critic, "{losses:?}");
     let gradients = |droq: &Droq| {
-        let critics = droq.critics.iter().map(|critic| critic.learned.gradient.to_vec());
+        let critics = droq.critics.iter().map(|critic| critic.trainable.gradient.to_vec());
         critics.chain([droq.actor.gradient.to_vec()]).collect::<Vec<_>>()
     };
     let rounds = crate::kernels::products_or_skip(1, 16).is_some();

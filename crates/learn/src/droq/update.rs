@@ -3,8 +3,8 @@
 use rayon::prelude::*;
 
 use super::{
-    CRITICS, Droq, Learned, Losses,
-    shard::{Shard, View},
+    CRITICS, Droq, Losses, Trainable,
+    shard::{Shard, UpdateInputs},
 };
 use crate::{
     kernels::{AdamStep, adam, adam_polyak},
@@ -15,14 +15,14 @@ impl Droq {
     /// Updates with batches from `replay`, or without it with those that are in the shards.
     pub(super) fn update(&mut self, replay: Option<&Replay>, parallel: bool) -> Losses {
         self.updates += 1;
-        self.each_shard(parallel, |shard, view| {
+        self.each_shard(parallel, |shard, update| {
             if let Some(replay) = replay {
-                shard.draw(view.config, replay);
+                shard.draw(update.config, replay);
             }
-            shard.fit_critics(view);
+            shard.fit_critics(update);
         });
         self.step_critics(parallel);
-        self.each_shard(parallel, |shard, view| shard.fit_actor(view));
+        self.each_shard(parallel, |shard, update| shard.fit_actor(update));
         self.step_actor();
         let mean =
             |sum: fn(&Shard) -> f64| self.shards.iter().map(sum).sum::<f64>() / self.config.batch as f64;
@@ -34,8 +34,8 @@ impl Droq {
     }
 
     /// Calls `work` for every shard.
-    fn each_shard(&mut self, parallel: bool, work: impl Fn(&mut Shard, &View<'_>) + Sync) {
-        let view = View {
+    fn each_shard(&mut self, parallel: bool, work: impl Fn(&mut Shard, &UpdateInputs<'_>) + Sync) {
+        let update = UpdateInputs {
             config: &self.config,
             actor_network: &self.actor_network,
             actor: &self.actor.parameters,
@@ -44,9 +44,9 @@ impl Droq {
             parallel,
         };
         if parallel {
-            self.shards.par_iter_mut().with_max_len(1).for_each(|shard| work(shard, &view));
+            self.shards.par_iter_mut().with_max_len(1).for_each(|shard| work(shard, &update));
         } else {
-            self.shards.iter_mut().for_each(|shard| work(shard, &view));
+            self.shards.iter_mut().for_each(|shard| work(shard, &update));
         }
     }
 
@@ -66,7 +66,7 @@ impl Droq {
     fn step_actor(&mut self) {
         self.actor.gather(self.shards.iter().map(|shard| &shard.actor_gradient[..]));
         let step = self.actor_step(self.config.actor_learning_rate);
-        let Learned { parameters, gradient, mean, square } = &mut self.actor;
+        let Trainable { parameters, gradient, mean, square } = &mut self.actor;
         if self.config.policy_polyak < 1.0 {
             let polyak = self.config.policy_polyak as f32;
             adam_polyak(step, polyak, parameters, gradient, mean, square, &mut self.policy);
@@ -76,7 +76,8 @@ impl Droq {
         }
     }
 
-    /// The optimiser's step of the actor or the temperature. While they are held, the rate is 0 and only their moments change.
+    /// The optimiser's step of the actor or the temperature. While they are held, the rate is 0 and
+    /// only their moments change.
     fn actor_step(&self, rate: f64) -> AdamStep {
         AdamStep::new(if self.actor_held { 0.0 } else { rate }, self.updates)
     }

@@ -1,4 +1,5 @@
-//! One pass over a network's contiguous parameters: Adam (Kingma and Ba 2015) and the Polyak average of the target.
+//! One pass over a network's contiguous parameters: Adam (Kingma and Ba 2015) and the Polyak
+//! average of the target.
 #![allow(unsafe_code)] // Calls of the copies that `kernel!` compiles for wider vectors.
 
 use super::{fma, kernel};
@@ -41,7 +42,8 @@ kernel! {
 }
 
 kernel! {
-    /// One Adam step, and `target += polyak * (new parameter - target)`. All slices have the same length.
+    /// One Adam step, and `target += polyak * (new parameter - target)`. All slices have the same
+    /// length.
     fn adam_polyak(
         step: AdamStep,
         polyak: f32,

@@ -1,14 +1,17 @@
-//! Matrix products of numbers rounded to bfloat16, summed in `f32`: AVX-512's `vdpbf16ps` does two multiplications and
-//! two additions where the `f32` instruction does one of each, so a product takes about half the time.
+//! Matrix products of numbers rounded to bfloat16, summed in `f32`: AVX-512's `vdpbf16ps` does two
+//! multiplications and two additions where the `f32` instruction does one of each, so a product
+//! takes about half the time.
 //!
-//! Operands are rounded and packed afresh for every product, which is a tenth of its work. Two neighbours along the inner
-//! dimension share 32 bits, the first one in the lower half; where that dimension is odd, the last pair ends in a zero.
+//! Operands are rounded and packed afresh for every product, which is a tenth of its work. Two
+//! neighbours along the inner dimension share 32 bits, the first one in the lower half; where that
+//! dimension is odd, the last pair ends in a zero.
 #![allow(unsafe_code)] // Intrinsics and raw pointers; the bounds are asserted where the pointers are made.
 
 use super::{Matrix, product};
 use crate::buffer::Buffer;
 
-/// Room for the packed operands of one product after another. Exists only where the processor has the instruction.
+/// Room for the packed operands of one product after another. Exists only where the processor has
+/// the instruction.
 #[derive(Clone)]
 pub(crate) struct Bf16Products {
     left: Buffer,
@@ -18,19 +21,20 @@ pub(crate) struct Bf16Products {
 }
 
 impl Bf16Products {
-    /// Room for operands with at most `rows` rows or columns one way and `widest` the other, or `widest` both ways;
-    /// `None` where the processor lacks the instruction.
+    /// Room for operands with at most `rows` rows or columns one way and `widest` the other, or
+    /// `widest` both ways; `None` where the processor lacks the instruction.
     pub(crate) fn new(rows: usize, widest: usize) -> Option<Self> {
         let room = || Buffer::new((rows.max(widest) + 1) * (widest + 1));
         available().then(|| Self { left: room(), right: room(), unturned: room() })
     }
 
-    /// `out = a b`. Shapes that the kernel does not take (not both operands transposed, columns by sixteens) are
-    /// multiplied in `f32`.
+    /// `out = a b`. Shapes that the kernel does not take (not both operands transposed, columns by
+    /// sixteens) are multiplied in `f32`.
     pub(crate) fn product(&mut self, out: &mut [f32], a: Matrix<'_>, b: Matrix<'_>) {
         #[cfg(target_arch = "x86_64")]
         if b.shape().1.is_multiple_of(16) && !(a.transposed && b.transposed) {
-            // SAFETY: `new` makes a value only where the processor has what the function is compiled for.
+            // SAFETY: `new` makes a value only where the processor has what the function is
+            // compiled for.
             return unsafe { wide::product(self, out, a, b) };
         }
         product(out, false, a, b);
@@ -56,7 +60,8 @@ mod wide {
 
     use super::{super::LANES, Bf16Products, Matrix};
 
-    /// Rows and sixteens of columns of one tile: its sums, its columns and one broadcast fill the 32 registers.
+    /// Rows and sixteens of columns of one tile: its sums, its columns and one broadcast fill the
+    /// 32 registers.
     const ROWS: usize = 6;
     const COLUMNS: usize = 4;
 
@@ -114,8 +119,8 @@ mod wide {
         }
     }
 
-    /// Packed operands: pair `p` of row `i` of the left one at `i * row + p * next`, of column `j` of the right one at
-    /// `p * n + j`.
+    /// Packed operands: pair `p` of row `i` of the left one at `i * row + p * next`, of column `j`
+    /// of the right one at `p * n + j`.
     struct Strips<'a> {
         left: &'a [f32],
         row: usize,
@@ -250,8 +255,8 @@ mod wide {
 pub(crate) mod tests {
     use super::*;
 
-    /// Products for operands of these sizes. Without the instruction: says that the test is skipped. It fails where the processor
-    /// has the instruction and `ETUDE_NEEDS_ALL` is set.
+    /// Products for operands of these sizes. Without the instruction: says that the test is
+    /// skipped. It fails where the processor has the instruction and `ETUDE_NEEDS_ALL` is set.
     pub(crate) fn products_or_skip(rows: usize, widest: usize) -> Option<Bf16Products> {
         let products = Bf16Products::new(rows, widest);
         if products.is_none() {

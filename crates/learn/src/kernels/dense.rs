@@ -49,8 +49,8 @@ pub(crate) fn product(out: &mut [f32], accumulate: bool, a: Matrix<'_>, b: Matri
     let ((m, k), (inner, n)) = (a.shape(), b.shape());
     assert!(k == inner && out.len() == m * n);
     let ((a_column, a_row), (b_column, b_row)) = (a.strides(), b.strides());
-    // SAFETY: the three shapes agree and lie inside their slices (asserted here and in `strided`); `out` is borrowed
-    // exclusively, so it overlaps neither input.
+    // SAFETY: the three shapes agree and lie inside their slices (asserted here and in `strided`);
+    // `out` is borrowed exclusively, so it overlaps neither input.
     unsafe {
         gemm::gemm(
             m,
@@ -77,7 +77,8 @@ pub(crate) fn product(out: &mut [f32], accumulate: bool, a: Matrix<'_>, b: Matri
 }
 
 kernel! {
-    /// Adds `row` (`[columns]`) to every row of `matrix` (`[rows, columns]`), of which there may be one.
+    /// Adds `row` (`[columns]`) to every row of `matrix` (`[rows, columns]`), of which there may be
+    /// one.
     fn add_row(matrix: &mut [f32], row: &[f32]) {
         for values in matrix.chunks_exact_mut(row.len()) {
             for (value, &addend) in values.iter_mut().zip(row) {

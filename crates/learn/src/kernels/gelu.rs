@@ -1,7 +1,9 @@
-//! The activation: GELU in its tanh form (Hendrycks and Gimpel 2016; the default of flax), written as
-//! `x · logistic(2u)` with `u = √(2/π) (x + 0.044715 x³)`, which is the same function and one division.
+//! The activation: GELU in its tanh form (Hendrycks and Gimpel 2016; the default of flax), written
+//! as `x · logistic(2u)` with `u = √(2/π) (x + 0.044715 x³)`, which is the same function and one
+//! division.
 //!
-//! The forward pass also computes the slope, from the same exponential; the backward pass is then one multiplication.
+//! The forward pass also computes the slope, from the same exponential; the backward pass is then
+//! one multiplication.
 #![allow(unsafe_code)] // Calls of the copies that `kernel!` compiles for wider vectors.
 
 use super::{fma, kernel, math::logistic_base_2};
@@ -23,8 +25,8 @@ pub(super) fn gelu<const FMA: bool>(x: f32) -> (f32, f32) {
 }
 
 kernel! {
-    /// `values = gelu(values + bias)` for `[rows, width]` values and `[width]` bias; `slope` (same shape, or empty when
-    /// no gradient is wanted) receives the derivative.
+    /// `values = gelu(values + bias)` for `[rows, width]` values and `[width]` bias; `slope` (same
+    /// shape, or empty when no gradient is wanted) receives the derivative.
     fn bias_gelu(values: &mut [f32], bias: &[f32], slope: &mut [f32]) {
         let width = bias.len();
         if slope.is_empty() {

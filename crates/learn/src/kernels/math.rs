@@ -1,5 +1,6 @@
-//! Exponential, logistic, hyperbolic tangent and logarithm as straight-line polynomials, so that loops over them
-//! vectorise. Relative error is a few units in the last place, checked against the standard library below.
+//! Exponential, logistic, hyperbolic tangent and logarithm as straight-line polynomials, so that
+//! loops over them vectorise. Relative error is a few units in the last place, checked against the
+//! standard library below.
 #![allow(unsafe_code)] // Calls of the copies that `kernel!` compiles for wider vectors.
 
 use super::{fma, kernel};
@@ -24,13 +25,15 @@ pub(super) fn exp<const FMA: bool>(x: f32) -> f32 {
     f32::from_bits(p.to_bits().wrapping_add(shifted.to_bits() << 23))
 }
 
-/// `1 / (1 + 2^-y)`, which is the logistic function of `y ln 2`. In base 2 the range reduction is a single subtraction.
+/// `1 / (1 + 2^-y)`, which is the logistic function of `y ln 2`. In base 2 the range reduction is a
+/// single subtraction.
 #[inline(always)]
 pub(super) fn logistic_base_2<const FMA: bool>(y: f32) -> f32 {
     let x = (-y).clamp(-125.0, 125.0);
     let shifted = x + ROUND;
     let f = x - (shifted - ROUND);
-    // 2^f on |f| <= 1/2, least worst relative error (1.4e-7), fitted by reweighted least squares at Chebyshev nodes.
+    // 2^f on |f| <= 1/2, least worst relative error (1.4e-7), fitted by reweighted least squares at
+    // Chebyshev nodes.
     let mut p = 1.327_647_2e-3;
     for c in [9.675_541e-3, 5.550_713e-2, 2.402_212e-1, 6.931_469_4e-1, 1.0] {
         p = fma::<FMA>(p, f, c);
@@ -74,7 +77,8 @@ kernel! {
 }
 
 kernel! {
-    /// Squashes `u` into `action = tanh u` and writes `log_slope = ln(1 - tanh² u)`, the change of log-density.
+    /// Squashes `u` into `action = tanh u` and writes `log_slope = ln(1 - tanh² u)`, the change of
+    /// log-density.
     ///
     /// `ln(1 - tanh² u) = 2 (ln 2 - |u| - ln(1 + e^(-2|u|)))`, which does not cancel for large `u`.
     fn squash(u: &[f32], action: &mut [f32], log_slope: &mut [f32]) {

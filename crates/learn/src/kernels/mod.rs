@@ -1,10 +1,11 @@
-//! The arithmetic: matrix products by the `gemm` crate or, in bfloat16, by a kernel of our own; everything between them as fused
-//! loops.
+//! The arithmetic: matrix products by the `gemm` crate or, in bfloat16, by a kernel of our own;
+//! everything between them as fused loops.
 //!
-//! Each elementwise kernel is written once as a plain loop and compiled three times (AVX-512, AVX2 with FMA, and the
-//! target's baseline, which on aarch64 is NEON); the widest one that the processor has is chosen at run time. On one
-//! machine a kernel always gives the same bytes. Between machines of different vector width the last bit may differ, and
-//! products in bfloat16 are those of f32 where the processor has none.
+//! Each elementwise kernel is written once as a plain loop and compiled three times (AVX-512, AVX2
+//! with FMA, and the target's baseline, which on aarch64 is NEON); the widest one that the
+//! processor has is chosen at run time. On one machine a kernel always gives the same bytes.
+//! Between machines of different vector width the last bit may differ, and products in bfloat16 are
+//! those of f32 where the processor has none.
 
 mod adam;
 mod bf16;
@@ -29,7 +30,8 @@ pub(crate) use sparse::{gather_rows, scatter_rows};
 /// Number of independent partial sums in a reduction: one AVX-512 register.
 pub(crate) const LANES: usize = 16;
 
-/// `a * b + c`, in one rounding where the hardware has it. Elsewhere `mul_add` would be a slow library call.
+/// `a * b + c`, in one rounding where the hardware has it. Elsewhere `mul_add` would be a slow
+/// library call.
 #[inline(always)]
 fn fma<const FMA: bool>(a: f32, b: f32, c: f32) -> f32 {
     if FMA { a.mul_add(b, c) } else { a * b + c }
@@ -89,8 +91,8 @@ fn level() -> Level {
     Level::Baseline
 }
 
-/// Defines a kernel: `fn name(args) { loop }` becomes a function that picks the widest compiled copy of the loop. The
-/// body may use the constants `FMA` and `WIDE` (AVX-512).
+/// Defines a kernel: `fn name(args) { loop }` becomes a function that picks the widest compiled
+/// copy of the loop. The body may use the constants `FMA` and `WIDE` (AVX-512).
 macro_rules! kernel {
     ($(#[$attribute:meta])* fn $name:ident($($argument:ident: $type:ty),* $(,)?) $body:block) => {
         $(#[$attribute])*
@@ -115,7 +117,8 @@ macro_rules! kernel {
             }
 
             match crate::kernels::level() {
-                // SAFETY: `level` returns this only after it has seen every feature that the copy was compiled for.
+                // SAFETY: `level` returns this only after it has seen every feature that the copy
+                // was compiled for.
                 #[cfg(target_arch = "x86_64")]
                 crate::kernels::Level::Avx512 => unsafe { avx512($($argument),*) },
                 // SAFETY: likewise.

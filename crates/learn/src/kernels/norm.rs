@@ -1,7 +1,9 @@
-//! A critic's hidden layer after its matrix product, fused: bias, dropout, LayerNorm, GELU, forward and backward.
+//! A critic's hidden layer after its matrix product, fused: bias, dropout, LayerNorm, GELU, forward
+//! and backward.
 //!
-//! The order (dropout before LayerNorm) is that of Hiraoka et al. 2022, arXiv 2110.02034. The forward pass keeps what the backward
-//! pass needs (normalised values, slopes, one deviation a row), so that values go through the first cache once in each direction.
+//! The order (dropout before LayerNorm) is that of Hiraoka et al. 2022, arXiv 2110.02034. The
+//! forward pass keeps what the backward pass needs (normalised values, slopes, one deviation a
+//! row), so that values go through the first cache once in each direction.
 #![allow(unsafe_code)] // Calls of the copies that `kernel!` compiles for wider vectors.
 
 use super::{
@@ -15,11 +17,13 @@ use super::{
 const EPSILON: f32 = 1e-6;
 
 kernel! {
-    /// `values = gelu(scale * normalise(dropout(values + bias)) + shift)` for `[rows, width]` values, a matrix product.
+    /// `values = gelu(scale * normalise(dropout(values + bias)) + shift)` for `[rows, width]`
+    /// values, a matrix product.
     ///
-    /// `bias`, `scale` and `shift` are `[width]`. `drops` holds the positions `row * width + unit` of dropped units, ascending; kept
-    /// units are multiplied by `keep_scale`, `1 / (1 - rate)`. `normalised` and `slope` (`[rows, width]`) and `inverse_deviation`
-    /// (`[rows]`) are for the backward pass; all three are empty when no gradient is wanted.
+    /// `bias`, `scale` and `shift` are `[width]`. `drops` holds the positions `row * width + unit`
+    /// of dropped units, ascending; kept units are multiplied by `keep_scale`, `1 / (1 - rate)`.
+    /// `normalised` and `slope` (`[rows, width]`) and `inverse_deviation` (`[rows]`) are for the
+    /// backward pass; all three are empty when no gradient is wanted.
     fn norm_forward(
         values: &mut [f32],
         bias: &[f32],
@@ -67,10 +71,12 @@ kernel! {
 }
 
 kernel! {
-    /// The gradient of [`norm_forward`]: `error` (`[rows, width]`) is that of the activations before, of the matrix product after.
+    /// The gradient of [`norm_forward`]: `error` (`[rows, width]`) is that of the activations
+    /// before, of the matrix product after.
     ///
-    /// `drops` and `keep_scale` are those of the forward pass, `normalised`, `slope` and `inverse_deviation` are its results. The
-    /// three gradients (`[width]`) are overwritten; they are empty when those of the parameters are not wanted.
+    /// `drops` and `keep_scale` are those of the forward pass, `normalised`, `slope` and
+    /// `inverse_deviation` are its results. The three gradients (`[width]`) are overwritten; they
+    /// are empty when those of the parameters are not wanted.
     fn norm_backward(
         error: &mut [f32],
         scale: &[f32],

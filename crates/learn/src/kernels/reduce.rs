@@ -1,7 +1,8 @@
 //! Sums along a row.
 //!
-//! The result of a floating-point sum depends on its order, so the compiler may not vectorise it, and its code for interleaved sums takes
-//! twice as long as the rest of LayerNorm. So there are intrinsics for AVX-512; elsewhere sixteen interleaved sums.
+//! The result of a floating-point sum depends on its order, so the compiler may not vectorise it,
+//! and its code for interleaved sums takes twice as long as the rest of LayerNorm. So there are
+//! intrinsics for AVX-512; elsewhere sixteen interleaved sums.
 #![allow(unsafe_code)] // Vector loads inside slices of known length.
 
 use super::{LANES, fma};
@@ -11,7 +12,8 @@ use super::{LANES, fma};
 pub(super) fn sum<const WIDE: bool>(values: &[f32]) -> f32 {
     #[cfg(target_arch = "x86_64")]
     if WIDE {
-        // SAFETY: `WIDE` is set only in the copies of kernels that are compiled for, and run on, AVX-512.
+        // SAFETY: `WIDE` is set only in the copies of kernels that are compiled for, and run on,
+        // AVX-512.
         return unsafe { wide::sum(values) };
     }
     let mut partial = [0.0f32; LANES];
@@ -74,7 +76,8 @@ mod wide {
     #[inline]
     #[target_feature(enable = "avx512f")]
     pub(super) fn sum(values: &[f32]) -> f32 {
-        // Two sums in turn, since an addition takes longer than the next one has to wait for a load.
+        // Two sums in turn, since an addition takes longer than the next one has to wait for a
+        // load.
         let (mut even, mut odd) = (_mm512_setzero_ps(), _mm512_setzero_ps());
         let (chunks, rest) = values.as_chunks::<LANES>();
         let (pairs, last) = chunks.as_chunks::<2>();

@@ -44,7 +44,8 @@ kernel! {
 }
 
 kernel! {
-    /// `gradient[i] = Σ_{rows r in which i is one} error[r]`; the shapes are those of [`gather_rows`].
+    /// `gradient[i] = Σ_{rows r in which i is one} error[r]`; the shapes are those of
+    /// [`gather_rows`].
     fn scatter_rows(gradient: &mut [f32], width: usize, offsets: &[u32], ones: &[u32], error: &[f32]) {
         gradient.fill(0.0);
         for (row, bounds) in error.chunks_exact(width).zip(offsets.windows(2)) {

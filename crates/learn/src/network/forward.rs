@@ -6,8 +6,8 @@ use crate::kernels::{Matrix, add_row, bias_gelu, gather_rows, norm_forward, prod
 impl Network {
     /// Computes `[rows, outputs]`, which stays in the workspace until the next pass.
     ///
-    /// `drops` are the units to drop (none in an actor), `rate` is their dropout rate. With `keep`, the workspace keeps what
-    /// [`backward`](Self::backward) needs.
+    /// `drops` are the units to drop (none in an actor), `rate` is their dropout rate. With `keep`,
+    /// the workspace keeps what [`backward`](Self::backward) needs.
     pub(crate) fn forward<'w>(
         &self,
         parameters: &[f32],
@@ -18,7 +18,7 @@ impl Network {
         workspace: &'w mut Workspace,
     ) -> &'w [f32] {
         let rows = inputs.rows();
-        for (index, layer) in self.plan.layers.iter().enumerate() {
+        for (index, layer) in self.parameter_layout.layers.iter().enumerate() {
             let (before, after) = workspace.layers.split_at_mut(index);
             let values = &mut after[0];
             let len = rows * layer.outputs;
@@ -51,10 +51,10 @@ impl Network {
                 bias_gelu(out, bias, &mut values.slope[..kept]);
             }
         }
-        let head = &self.plan.head;
+        let head = &self.parameter_layout.head;
         let output = &mut workspace.output[..rows * head.outputs];
         let weight = &parameters[head.weight.clone()];
-        let last = &workspace.layers[self.plan.layers.len() - 1];
+        let last = &workspace.layers[self.parameter_layout.layers.len() - 1];
         product(
             output,
             false,

@@ -1,4 +1,5 @@
-//! Initial parameters: Xavier-uniform weights (Glorot and Bengio 2010), zero biases, unit LayerNorm scales.
+//! Initial parameters: Xavier-uniform weights (Glorot and Bengio 2010), zero biases, unit LayerNorm
+//! scales.
 
 use super::{Network, shape::Role};
 use crate::{buffer::Buffer, random::Stream};
@@ -7,7 +8,7 @@ impl Network {
     /// Initial parameters; `stream` is drawn in the order of the tensors.
     pub(crate) fn initialise(&self, stream: &mut Stream) -> Buffer {
         let mut parameters = self.parameters();
-        for tensor in &self.plan.tensors {
+        for tensor in &self.parameter_layout.tensors {
             let values = &mut parameters[tensor.range.clone()];
             match tensor.role {
                 Role::Weight => {
@@ -33,7 +34,7 @@ mod tests {
         let network =
             Network::new(Shape { layout, extra: 3, hidden: vec![64, 32], outputs: 1, normalised: true });
         let parameters = network.initialise(&mut Stream::new(1, "init"));
-        for tensor in &network.plan.tensors {
+        for tensor in &network.parameter_layout.tensors {
             let values = &parameters[tensor.range.clone()];
             let (low, high) = values.iter().fold((f32::MAX, f32::MIN), |(l, h), &x| (l.min(x), h.max(x)));
             match tensor.role {

@@ -1,4 +1,5 @@
-//! A batch of observations as the first layer reads it: real columns dense, binary columns as lists of ones.
+//! A batch of observations as the first layer reads it: real columns dense, binary columns as lists
+//! of ones.
 
 use crate::{buffer::Buffer, env::ObservationLayout};
 

@@ -1,6 +1,7 @@
 //! Multi-layer networks: actor (GELU) and critics (dropout, LayerNorm, GELU), forward and backward.
 //!
-//! A network is a [`Shape`], a flat parameter buffer and a [`Workspace`] with all buffers except those of the `gemm` crate.
+//! A network is a [`Shape`], a flat parameter buffer and a [`Workspace`] with all buffers except
+//! those of the `gemm` crate.
 
 mod backward;
 mod forward;
@@ -12,7 +13,7 @@ mod shape;
 mod tests;
 
 pub(crate) use input::Inputs;
-pub(crate) use shape::{Plan, Shape};
+pub(crate) use shape::{ParameterLayout, Shape};
 
 use crate::{
     buffer::Buffer,
@@ -20,14 +21,15 @@ use crate::{
     kernels::{Bf16Products, Matrix, product},
 };
 
-/// Dropped units of one pass: for each hidden layer the positions `row * width + unit`, ascending. Empty for actors.
+/// Dropped units of one pass: for each hidden layer the positions `row * width + unit`, ascending.
+/// Empty for actors.
 pub(crate) type Drops = [Vec<u32>];
 
 /// A network's shape, and where its tensors are in the parameter buffer.
 #[derive(Clone)]
 pub(crate) struct Network {
     pub shape: Shape,
-    pub plan: Plan,
+    pub parameter_layout: ParameterLayout,
 }
 
 /// Intermediate values of one pass over up to `capacity` rows.
@@ -62,8 +64,8 @@ struct LayerValues {
     inverse_deviation: Buffer,
 }
 
-/// Result of the backward pass.
-pub(crate) enum Wanted<'a> {
+/// What the backward pass computes.
+pub(crate) enum GradientOf<'a> {
     /// The gradient of every parameter, in a buffer laid out like the parameters.
     Parameters(&'a mut [f32]),
     /// The gradient of the extra inputs (the action), `[rows, extra]`, and none of the parameters'.
@@ -72,20 +74,21 @@ pub(crate) enum Wanted<'a> {
 
 impl Network {
     pub(crate) fn new(shape: Shape) -> Self {
-        let plan = shape.plan();
-        Self { shape, plan }
+        let parameter_layout = shape.parameter_layout();
+        Self { shape, parameter_layout }
     }
 
     pub(crate) fn parameters(&self) -> Buffer {
-        Buffer::new(self.plan.len)
+        Buffer::new(self.parameter_layout.len)
     }
 
-    /// Buffers for passes over at most `capacity` rows; without `gradients`, for forward passes only.
+    /// Buffers for passes over at most `capacity` rows; without `gradients`, for forward passes
+    /// only.
     ///
-    /// The first layer and the head are always multiplied in `f32`: rounded joint angles would lose the small differences
-    /// between two control steps.
+    /// The first layer and the head are always multiplied in `f32`: rounded joint angles would lose
+    /// the small differences between two control steps.
     pub(crate) fn workspace(&self, capacity: usize, gradients: bool, arithmetic: Arithmetic) -> Workspace {
-        let kept = |wanted: bool, len: usize| Buffer::new(if wanted { len } else { 0 });
+        let kept = |needed: bool, len: usize| Buffer::new(if needed { len } else { 0 });
         let normalised = gradients && self.shape.normalised;
         let widest = self.shape.hidden.iter().copied().max().unwrap_or(0);
         Workspace {

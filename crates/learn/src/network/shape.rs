@@ -1,7 +1,7 @@
 //! The shape of a network, and where each of its tensors is in one contiguous parameter buffer.
 //!
-//! With one buffer, the optimiser is a single pass and the checkpoint a table. Every tensor starts on a cache line; the gaps between
-//! them stay zero (zero gradient, zero moments).
+//! With one buffer, the optimiser is a single pass and the checkpoint a table. Every tensor starts
+//! on a cache line; the gaps between them stay zero (zero gradient, zero moments).
 
 use std::ops::Range;
 
@@ -20,7 +20,8 @@ pub(crate) struct Shape {
     pub hidden: Vec<usize>,
     /// Outputs of the linear head.
     pub outputs: usize,
-    /// Whether hidden layers have dropout and LayerNorm before the activation (critics) or not (actor).
+    /// Whether hidden layers have dropout and LayerNorm before the activation (critics) or not
+    /// (actor).
     pub normalised: bool,
 }
 
@@ -56,7 +57,7 @@ pub(crate) struct Layer {
 
 /// All ranges of a network.
 #[derive(Clone, Debug)]
-pub(crate) struct Plan {
+pub(crate) struct ParameterLayout {
     pub layers: Vec<Layer>,
     pub head: Layer,
     pub tensors: Vec<Tensor>,
@@ -64,8 +65,8 @@ pub(crate) struct Plan {
 }
 
 impl Shape {
-    /// Real-valued inputs, which come first in the rows of the first weight: real columns, then extras, then the binary
-    /// columns.
+    /// Real-valued inputs, which come first in the rows of the first weight: real columns, then
+    /// extras, then the binary columns.
     pub(crate) fn dense_inputs(&self) -> usize {
         self.layout.real + self.extra
     }
@@ -74,16 +75,16 @@ impl Shape {
         self.dense_inputs() + self.layout.binary
     }
 
-    pub(crate) fn plan(&self) -> Plan {
-        let mut plan = Builder { tensors: Vec::new(), len: 0 };
+    pub(crate) fn parameter_layout(&self) -> ParameterLayout {
+        let mut builder = Builder { tensors: Vec::new(), len: 0 };
         let mut inputs = self.inputs();
         let mut layers = Vec::with_capacity(self.hidden.len());
         for (index, &outputs) in self.hidden.iter().enumerate() {
-            layers.push(plan.layer(&format!("layer{index}"), inputs, outputs, self.normalised));
+            layers.push(builder.layer(&format!("layer{index}"), inputs, outputs, self.normalised));
             inputs = outputs;
         }
-        let head = plan.layer("head", inputs, self.outputs, false);
-        Plan { layers, head, tensors: plan.tensors, len: plan.len }
+        let head = builder.layer("head", inputs, self.outputs, false);
+        ParameterLayout { layers, head, tensors: builder.tensors, len: builder.len }
     }
 }
 

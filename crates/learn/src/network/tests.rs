@@ -131,9 +131,9 @@ fn network_gradients_match_finite_differences() {
         let mut gradient = vec![0.0; parameters.len()];
         let mut extra_gradient = vec![0.0; extra.len()];
         let mut backward_workspace = network.workspace(rows, true, Arithmetic::F32);
-        for wanted in [Wanted::Parameters(&mut gradient), Wanted::Extra(&mut extra_gradient)] {
+        for of in [GradientOf::Parameters(&mut gradient), GradientOf::Extra(&mut extra_gradient)] {
             network.forward(&parameters, &inputs, &drops, rate, true, &mut backward_workspace);
-            network.backward(&parameters, &inputs, &drops, rate, &weights, wanted, &mut backward_workspace);
+            network.backward(&parameters, &inputs, &drops, rate, &weights, of, &mut backward_workspace);
         }
         check("parameters", &parameters, &gradient, |parameters| loss(parameters, &inputs));
         check("extra", &extra, &extra_gradient, |extra| {

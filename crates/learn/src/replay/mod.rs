@@ -1,6 +1,8 @@
-//! The replay buffer: a ring of transitions with packed observations (real columns as `f32`, binary columns as bits).
+//! The replay buffer: a ring of transitions with packed observations (real columns as `f32`, binary
+//! columns as bits).
 //!
-//! Transitions are numbered from the beginning of the training. Number `k` is in slot `k % capacity`.
+//! Transitions are numbered from the beginning of the training. Number `k` is in slot `k %
+//! capacity`.
 
 mod segment;
 
@@ -43,7 +45,8 @@ const ENDS: u8 = 2;
 /// Number of rewards of an n-step return, and their discount.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Horizon {
-    /// Rewards that are summed, at least 1; fewer where the episode or the replay buffer ends earlier.
+    /// Rewards that are summed, at least 1; fewer where the episode or the replay buffer ends
+    /// earlier.
     pub steps: usize,
     /// Weight of the next step, per step.
     pub discount: f64,
@@ -81,7 +84,8 @@ impl Batch {
     }
 }
 
-/// Packs 0/1 values into words, bit `i` of the words being value `i`. A value counts as 1 when it is not 0.
+/// Packs 0/1 values into words, bit `i` of the words being value `i`. A value counts as 1 when it
+/// is not 0.
 fn pack(binary: &[f32], words: &mut [u64]) {
     for (bits, word) in binary.chunks(64).zip(words) {
         *word = bits.iter().enumerate().fold(0, |word, (i, &bit)| word | (u64::from(bit != 0.0) << i));
@@ -95,7 +99,8 @@ impl Replay {
         capacity: usize,
         num_envs: usize,
     ) -> Self {
-        // Zeroed pages use no memory until they are written, so a short training does not pay for a large capacity.
+        // Zeroed pages use no memory until they are written, so a short training does not pay for a
+        // large capacity.
         Self {
             layout,
             action_len,
@@ -153,7 +158,8 @@ impl Replay {
         self.total += 1;
     }
 
-    /// Fills `batch` with `rows` transitions, uniformly with replacement. The replay must not be empty.
+    /// Fills `batch` with `rows` transitions, uniformly with replacement. The replay must not be
+    /// empty.
     pub(crate) fn sample(&self, stream: &mut Stream, rows: usize, horizon: Horizon, batch: &mut Batch) {
         batch.clear();
         let (stride, real, words) = (self.value_stride(), self.layout.real, self.layout.words());

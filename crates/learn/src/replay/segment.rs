@@ -1,7 +1,9 @@
-//! Segments: immutable files with transitions `[begin, end)`, so that a checkpoint writes only new transitions.
+//! Segments: immutable files with transitions `[begin, end)`, so that a checkpoint writes only new
+//! transitions.
 //!
-//! Bytes, little endian: `ETUDEREP`, then five `u64` (real columns, binary columns, action length, begin, end), then for
-//! each transition its values (`f32`), words (`u64`) and flags (`u8`), then the CRC-32C of all before (`u32`).
+//! Bytes, little endian: `ETUDEREP`, then five `u64` (real columns, binary columns, action length,
+//! begin, end), then for each transition its values (`f32`), words (`u64`) and flags (`u8`), then
+//! the CRC-32C of all before (`u32`).
 
 use super::Replay;
 
@@ -66,7 +68,8 @@ impl Replay {
         self.total = first;
     }
 
-    /// Appends the transitions of an encoded segment. After an error nothing has changed. `Err` completes "the replay segment …".
+    /// Appends the transitions of an encoded segment. After an error nothing has changed. `Err`
+    /// completes "the replay segment …".
     pub(crate) fn decode(&mut self, segment: Segment, bytes: &[u8]) -> Result<(), String> {
         if segment.begin != self.total || segment.end < segment.begin {
             return Err("does not follow the transitions before it".to_owned());

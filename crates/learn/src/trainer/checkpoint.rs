@@ -1,8 +1,9 @@
 //! Checkpoints. A kill at any moment leaves a checkpoint that loads.
 //!
-//! `checkpoints/last.safetensors` is the checkpoint; it names the replay segments that belong to it. A save syncs the metrics, writes
-//! the new replay segment under its own name, replaces `last.safetensors` by a rename, and only then removes segments that it does
-//! not name. So all files that `last.safetensors` names always exist. See [`crate::Trainer`] for the folder.
+//! `checkpoints/last.safetensors` is the checkpoint; it names the replay segments that belong to
+//! it. A save syncs the metrics, writes the new replay segment under its own name, replaces
+//! `last.safetensors` by a rename, and only then removes segments that it does not name. So all
+//! files that `last.safetensors` names always exist. See [`crate::Trainer`] for the folder.
 
 use std::{
     fs,
@@ -18,11 +19,13 @@ use crate::{
     droq::ShardStreams,
     env::{ObservationLayout, Score},
     files::{FileError, RawTensor, TensorFile, encode_tensors, read, sync_folder, write},
+    policy::Policy,
     random::Stream,
     replay::{Replay, Segment},
 };
 
-pub(crate) const SCHEMA: &str = "etude-checkpoint-3";
+pub(crate) const SCHEMA: &str = "etude-checkpoint-4";
+pub(super) const LAST_POLICY: &str = "policy-last.safetensors";
 const OBSERVATION: &str = "trainer.observation";
 const SUMS: &str = "trainer.sums";
 const ENVIRONMENT: &str = "environment.state";
@@ -40,7 +43,7 @@ pub struct Best {
 /// Origin of a training's initial parameters.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
-pub(crate) enum Beginning {
+pub(crate) enum Origin {
     /// Drawn at random.
     #[default]
     Fresh,
@@ -63,7 +66,7 @@ pub(crate) struct Header {
     pub droq: DroqConfig,
     pub seed: u64,
     pub num_envs: usize,
-    pub updates_per_round: usize,
+    pub updates_per_vector_step: usize,
     pub warmup_steps: u64,
     pub best: Option<Best>,
     pub last_evaluation: Option<u64>,
@@ -72,9 +75,7 @@ pub(crate) struct Header {
     pub update_streams: Vec<ShardStreams>,
     pub policy_stream: Stream,
     pub warmup_stream: Stream,
-    /// Absent in checkpoints from before there were warm starts.
-    #[serde(default)]
-    pub beginning: Beginning,
+    pub origin: Origin,
 }
 
 /// The part that the headers of all versions have.
@@ -91,15 +92,18 @@ pub(crate) struct Extras {
     pub environment: Vec<u8>,
 }
 
-/// The files of a run's checkpoint.
-#[derive(Clone, Debug)]
-pub(crate) struct Store {
+/// The checkpoint of a run folder.
+pub(crate) struct Checkpoints {
+    run_folder: PathBuf,
     folder: PathBuf,
+    /// The replay segments that belong to the last checkpoint.
+    pub segments: Vec<Segment>,
 }
 
-impl Store {
+impl Checkpoints {
     pub(crate) fn new(run_folder: &Path) -> Self {
-        Self { folder: run_folder.join("checkpoints") }
+        let (run_folder, folder) = (run_folder.to_owned(), run_folder.join("checkpoints"));
+        Self { run_folder, folder, segments: Vec::new() }
     }
 
     pub(crate) fn path(&self) -> PathBuf {
@@ -114,15 +118,17 @@ impl Store {
         self.path().exists()
     }
 
-    /// Creates the folders, and removes the files of a training that was killed before its first checkpoint.
+    /// Creates the folders, and removes the files of a training that was killed before its first
+    /// checkpoint.
     pub(crate) fn prepare(&self) -> Result<(), FileError> {
         let folder = self.replay_folder();
         fs::create_dir_all(&folder).map_err(FileError::io("create", &folder))?;
         self.remove_all_but(&[])
     }
 
-    /// Writes the transitions since the last checkpoint. Afterwards `segments` are those of the next checkpoint.
-    pub(crate) fn save_replay(&self, replay: &Replay, segments: &mut Vec<Segment>) -> Result<(), FileError> {
+    /// Writes the transitions since the last checkpoint. Returns the segments of the next one.
+    fn save_replay(&self, replay: &Replay) -> Result<Vec<Segment>, FileError> {
+        let mut segments = self.segments.clone();
         let begin = segments.last().map_or(0, |last| last.end).max(replay.oldest());
         segments.retain(|segment| segment.end > replay.oldest());
         if begin < replay.total() {
@@ -130,16 +136,20 @@ impl Store {
             write(&self.replay_folder().join(segment.file_name()), &replay.encode(segment))?;
             segments.push(segment);
         }
-        Ok(())
+        Ok(segments)
     }
 
-    /// Replaces the checkpoint, then removes segments that it does not name.
+    /// Replaces the checkpoint, removes segments that it does not name, and saves the policy. The
+    /// segments of `header` are set here.
     pub(crate) fn save(
-        &self,
-        header: &Header,
+        &mut self,
+        mut header: Header,
         learner: Vec<RawTensor>,
         extras: &Extras,
+        replay: &Replay,
+        policy: &Policy,
     ) -> Result<(), FileError> {
+        header.segments = self.save_replay(replay)?;
         let path = self.path();
         let mut tensors = learner;
         let mut add = |name: &str, dtype, len, bytes| {
@@ -150,13 +160,15 @@ impl Store {
         let sums = extras.sums.iter().flat_map(|value| value.to_le_bytes()).collect();
         add(SUMS, Dtype::F64, extras.sums.len(), sums);
         add(ENVIRONMENT, Dtype::U8, extras.environment.len(), extras.environment.clone());
-        let bytes = encode_tensors(header, &tensors).map_err(|reason| FileError::content(&path, reason))?;
+        let bytes = encode_tensors(&header, &tensors).map_err(|reason| FileError::content(&path, reason))?;
         write(&path, &bytes)?;
-        self.remove_all_but(&header.segments)
+        self.remove_all_but(&header.segments)?;
+        self.segments = header.segments;
+        policy.save(&self.run_folder.join(LAST_POLICY))
     }
 
-    /// Removes everything else from the replay folder: older segments, and temporary files of interrupted writes. What cannot be
-    /// removed now is tried again at the next checkpoint.
+    /// Removes everything else from the replay folder: older segments, and temporary files of
+    /// interrupted writes. What cannot be removed now is tried again at the next checkpoint.
     fn remove_all_but(&self, segments: &[Segment]) -> Result<(), FileError> {
         let folder = self.replay_folder();
         let kept: Vec<String> = segments.iter().map(Segment::file_name).collect();
@@ -205,9 +217,9 @@ impl Store {
             let path = self.replay_folder().join(segment.file_name());
             replay.decode(segment, &read(&path)?).map_err(|error| FileError::content(&path, error))?;
         }
-        let held: u64 = segments.iter().map(|segment| segment.end - segment.begin).sum();
-        if held < replay.len() as u64 {
-            let reason = format!("its replay segments hold {held} transitions of {}", replay.len());
+        let count: u64 = segments.iter().map(|segment| segment.end - segment.begin).sum();
+        if count < replay.len() as u64 {
+            let reason = format!("its replay segments hold {count} transitions of {}", replay.len());
             return Err(FileError::content(&self.path(), reason));
         }
         Ok(())

@@ -4,7 +4,8 @@ use std::path::PathBuf;
 
 use crate::{config::ConfigError, env::EnvironmentError, files::FileError};
 
-/// Why a training could not start or continue. The last checkpoint, if there is one, is always intact.
+/// Why a training could not start or continue. The last checkpoint, if there is one, is always
+/// intact.
 #[derive(Debug, thiserror::Error)]
 pub enum TrainError {
     /// A configured value cannot work.
@@ -16,7 +17,8 @@ pub enum TrainError {
     /// The environment refused its saved state.
     #[error(transparent)]
     Environment(#[from] EnvironmentError),
-    /// It does not fit the folder, the checkpoint or the machine. The text says why, and what to do.
+    /// It does not fit the folder, the checkpoint or the machine. The text says why, and what to
+    /// do.
     #[error("{0}")]
     Refused(String),
     /// The folder holds no training.

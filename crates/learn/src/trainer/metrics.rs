@@ -1,4 +1,5 @@
-//! Metrics in two files: `metrics.jsonl`, one flat JSON object a line, and the same as TensorBoard events.
+//! Metrics in two files: `metrics.jsonl`, one flat JSON object a line, and the same as TensorBoard
+//! events.
 
 use std::{
     fs::{self, File, OpenOptions},
@@ -14,8 +15,9 @@ const EVENTS: &str = "events.out.tfevents.etude";
 /// The value from which a resumed training continues its elapsed time.
 pub(crate) const ELAPSED: &str = "perf/elapsed_secs";
 
-/// Lengths of the files at a checkpoint. Both numbers are the same in every run of one training although the rows hold times: lines
-/// are counted instead of bytes, and event records with the same names have the same length.
+/// Lengths of the files at a checkpoint. Both numbers are the same in every run of one training
+/// although the rows hold times: lines are counted instead of bytes, and event records with the
+/// same names have the same length.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct Mark {
@@ -34,8 +36,8 @@ pub(crate) struct Metrics {
 }
 
 impl Metrics {
-    /// Opens the files in `folder` to append after `mark`. They are not changed before [`cut_back`](Self::cut_back). Also returns the
-    /// elapsed seconds in the last kept row, or 0.
+    /// Opens the files in `folder` to append after `mark`. They are not changed before
+    /// [`cut_back`](Self::cut_back). Also returns the elapsed seconds in the last kept row, or 0.
     pub(crate) fn open(folder: &Path, mark: Mark) -> Result<(Self, f64), FileError> {
         let path = folder.join(METRICS);
         let io = |error| FileError::io("write", &path)(error);
@@ -69,7 +71,8 @@ impl Metrics {
     pub(crate) fn write(&mut self, step: u64, values: &[(String, f64)]) -> Result<(), FileError> {
         let mut line = format!("{{\"step\":{step}");
         for (name, value) in values {
-            // This escapes the name; a value that is not finite becomes null, as JSON cannot express it.
+            // This escapes the name; a value that is not finite becomes null, as JSON cannot
+            // express it.
             let (name, value) = (serde_json::json!(name), serde_json::json!(value));
             line.push_str(&format!(",{name}:{value}"));
         }

@@ -37,7 +37,8 @@ pub trait TrainingObserver: Send {
     fn on_log(&mut self, _row: &LogRow) {}
     /// Called after each evaluation.
     fn on_evaluation(&mut self, _row: &EvaluationRow) {}
-    /// Called once a round. If it returns a reason, the training saves a checkpoint and returns.
+    /// Called before each vector step. If it returns a reason, the training saves a checkpoint and
+    /// returns.
     fn should_stop(&mut self) -> Option<StopReason> {
         None
     }

@@ -1,19 +1,22 @@
-//! Starting a training, and building its parts.
+//! Starting and resuming a training.
 
-use std::{fmt::Display, path::Path, time::Instant};
+use std::{fmt::Display, path::Path};
 
 use super::{
-    BEST_POLICY, Buffers, Clock, LAST_POLICY, Parts, TrainError, Trainer, WarmStart,
-    checkpoint::{Beginning, Store},
-    metrics::{self, Metrics},
-    sums::Sums,
+    Trainer, TrainingInputs,
+    checkpoint::{Checkpoints, LAST_POLICY, Origin},
+    collector::Collector,
+    error::TrainError,
+    evaluation::{BEST_POLICY, Evaluation},
+    logger::Logger,
+    metrics::Mark,
+    warm_start::WarmStart,
 };
 use crate::{
-    acting::Acting,
     config::{ConfigError, DroqConfig, TrainerConfig},
     droq::Droq,
-    env::StepBatch,
-    random::Stream,
+    env::VectorEnvironment,
+    files::{FileError, read},
     replay::Replay,
 };
 
@@ -30,34 +33,112 @@ pub(crate) fn thread_pool(threads: usize) -> Result<rayon::ThreadPool, TrainErro
         })
 }
 
+/// An error unless the checkpoint's `saved` is what the caller has `given`.
+fn same<T: PartialEq + std::fmt::Debug>(what: &str, saved: &T, given: &T) -> Result<(), TrainError> {
+    if saved == given {
+        return Ok(());
+    }
+    Err(TrainError::Refused(format!(
+        "this checkpoint was made with {what} = {saved:?}, not {given:?}: resume with the saved value, or start a new training"
+    )))
+}
+
 impl Trainer {
-    /// Starts a training in `folder`, which is created if it does not exist, and saves its first checkpoint. With a `source` its
-    /// parameters are those of another training instead of random ones; see [`WarmStart`]. They are evaluated first, at step 0.
+    /// Starts a training in `folder`, which is created if it does not exist, and saves its first
+    /// checkpoint. With a `source` its parameters are those of another training instead of random
+    /// ones; see [`WarmStart`]. They are evaluated first, at step 0.
     ///
     /// # Errors
-    /// If the configuration cannot work, `folder` already holds a training, the source's networks have another shape, or a file
-    /// cannot be written. Nothing is written before all else is checked.
+    /// If the configuration cannot work, `folder` already holds a training, the source's networks
+    /// have another shape, or a file cannot be written. Nothing is written before all else is
+    /// checked.
     pub fn start(
         folder: &Path,
         droq: &DroqConfig,
         config: &TrainerConfig,
-        parts: Parts,
+        inputs: TrainingInputs,
         source: Option<&WarmStart>,
     ) -> Result<Self, TrainError> {
         Self::check_vacant(folder)?;
         droq.validate()?;
         config.validate()?;
-        let mut learner = Self::learner(droq, config, &parts);
+        let mut learner = Self::learner(droq, config, &*inputs.environment);
         if let Some(source) = source {
-            source.check(droq, &*parts.environment)?;
-            learner.adopt(&source.knowledge);
+            source.check(droq, &*inputs.environment)?;
+            learner.load_initial(&source.parameters);
         }
-        Store::new(folder).prepare()?;
-        let mut trainer = Self::build(folder, droq, config, parts, learner, metrics::Mark::default())?;
-        trainer.beginning = source.map_or(Beginning::Fresh, WarmStart::beginning);
-        trainer.parts.environment.reset(&mut trainer.buffers.observation);
-        trainer.metrics.cut_back()?;
+        Checkpoints::new(folder).prepare()?;
+        let mut trainer = Self::build(folder, droq, config, inputs, learner, (Mark::default(), [0, 0]))?;
+        trainer.origin = source.map_or(Origin::Fresh, WarmStart::origin);
+        trainer.collector.reset();
+        trainer.logger.metrics.cut_back()?;
         trainer.save()?;
+        Ok(trainer)
+    }
+
+    /// Continues the training in `folder` from its last checkpoint, bit for bit as if it had never
+    /// stopped.
+    ///
+    /// Total steps, intervals, threads and overlap may differ from before; everything else must be
+    /// the same. Rows of metrics after the checkpoint are removed, since they will be written
+    /// again.
+    ///
+    /// # Errors
+    /// If the checkpoint is missing or damaged, or belongs to a training with another
+    /// configuration. Nothing in the folder changes then.
+    pub fn resume(
+        folder: &Path,
+        droq: &DroqConfig,
+        config: &TrainerConfig,
+        inputs: TrainingInputs,
+    ) -> Result<Self, TrainError> {
+        let checkpoints = Checkpoints::new(folder);
+        if !checkpoints.exists() {
+            return Err(TrainError::NothingToResume { folder: folder.to_owned() });
+        }
+        droq.validate()?;
+        config.validate()?;
+        let path = checkpoints.path();
+        let bytes = read(&path)?;
+        let (header, file, extras) = checkpoints.load(&bytes)?;
+        let environment = &*inputs.environment;
+        same("droq", &header.droq, droq)?;
+        same("trainer.seed", &header.seed, &config.seed)?;
+        same("trainer.num_envs", &header.num_envs, &config.num_envs)?;
+        let updates = (&header.updates_per_vector_step, &config.updates_per_vector_step);
+        same("trainer.updates_per_vector_step", updates.0, updates.1)?;
+        same("trainer.warmup_steps", &header.warmup_steps, &config.warmup_steps)?;
+        same("the observation layout", &header.layout, &environment.layout())?;
+        same("the action length", &header.action_len, &environment.action_len())?;
+        same("the reward terms", &header.reward_terms, &environment.reward_term_names())?;
+        let bad = |reason: &str| TrainError::from(FileError::content(&path, reason));
+        let learner = Self::learner(droq, config, environment);
+        let at = (header.metrics, [header.step, header.updates]);
+        let mut trainer = Self::build(folder, droq, config, inputs, learner, at)?;
+        trainer.droq.load_tensors(&|name| file.floats(name)).map_err(|reason| bad(&reason))?;
+        if !trainer.droq.restore_counters(header.updates, header.update_streams) {
+            return Err(bad("its draws are those of another batch"));
+        }
+        checkpoints.load_replay(&header.segments, &mut trainer.replay)?;
+        if trainer.replay.total() != header.step {
+            return Err(bad("its replay segments do not reach its step"));
+        }
+        let Trainer { collector, logger, evaluation, .. } = &mut trainer;
+        if extras.observation.len() != collector.observation.len()
+            || !extras.observation.iter().all(|value| value.is_finite())
+        {
+            return Err(bad("its observation has the wrong length or is not finite"));
+        }
+        collector.observation = extras.observation;
+        if !logger.sums.set_values(&extras.sums) {
+            return Err(bad("its sums have the wrong length"));
+        }
+        collector.environment.load_state(&extras.environment)?;
+        (collector.policy_stream, collector.warmup_stream) = (header.policy_stream, header.warmup_stream);
+        (evaluation.best, evaluation.last_step) = (header.best, header.last_evaluation);
+        (trainer.step, trainer.origin) = (header.step, header.origin);
+        trainer.checkpoints.segments = header.segments;
+        trainer.logger.metrics.cut_back()?;
         Ok(trainer)
     }
 
@@ -71,7 +152,8 @@ impl Trainer {
         if Self::exists(folder) {
             return refuse("already: resume it, or choose another folder");
         }
-        // These files are written after the first checkpoint: a training killed before that may start again.
+        // These files are written after the first checkpoint: a training killed before that may
+        // start again.
         if [LAST_POLICY, BEST_POLICY].iter().any(|policy| folder.join(policy).exists()) {
             return refuse(
                 "without its checkpoint, which can be played but not continued: choose another folder, or delete it",
@@ -82,23 +164,28 @@ impl Trainer {
 
     /// Whether `folder` holds a training that [`resume`](Self::resume) can continue.
     pub fn exists(folder: &Path) -> bool {
-        Store::new(folder).exists()
+        Checkpoints::new(folder).exists()
     }
 
-    /// A learner with random networks for these parts.
-    pub(super) fn learner(droq: &DroqConfig, config: &TrainerConfig, parts: &Parts) -> Droq {
-        Droq::new(droq, parts.environment.layout(), parts.environment.action_len(), config.seed)
+    /// A learner with random networks for this environment.
+    pub(super) fn learner(
+        droq: &DroqConfig,
+        config: &TrainerConfig,
+        environment: &dyn VectorEnvironment,
+    ) -> Droq {
+        Droq::new(droq, environment.layout(), environment.action_len(), config.seed)
     }
 
-    pub(super) fn build(
+    /// A training whose logs continue at a mark, environment step and number of updates.
+    fn build(
         folder: &Path,
         droq_config: &DroqConfig,
         config: &TrainerConfig,
-        parts: Parts,
+        inputs: TrainingInputs,
         droq: Droq,
-        mark: metrics::Mark,
+        (mark, at): (Mark, [u64; 2]),
     ) -> Result<Self, TrainError> {
-        let environment = &parts.environment;
+        let TrainingInputs { environment, evaluator, notes } = inputs;
         let (n, layout, action_len) =
             (environment.num_envs(), environment.layout(), environment.action_len());
         let refuse = |field, value: &dyn Display, rule| {
@@ -108,41 +195,25 @@ impl Trainer {
             let rule = "the environment that was given has another number of copies";
             return refuse("trainer.num_envs", &config.num_envs, rule);
         }
-        if !Replay::fits(layout, action_len, droq_config.replay_capacity) {
+        let capacity = droq_config.replay_capacity;
+        if !Replay::fits(layout, action_len, capacity) {
             let rule = "the memory of this machine does not hold as many transitions";
-            return refuse("droq.replay_capacity", &droq_config.replay_capacity, rule);
+            return refuse("droq.replay_capacity", &capacity, rule);
         }
-        let term_names = environment.reward_term_names();
-        let pool = thread_pool(config.threads)?;
-        let (metrics, before) = Metrics::open(folder, mark)?;
-        let now = Instant::now();
+        let pool = std::sync::Arc::new(thread_pool(config.threads)?);
         Ok(Self {
+            logger: Logger::open(folder, mark, n, environment.reward_term_names(), at)?,
+            evaluation: Evaluation::new(evaluator, &config.best_by, folder),
+            collector: Collector::new(environment, &droq, droq_config, config),
+            checkpoints: Checkpoints::new(folder),
+            replay: Replay::new(layout, action_len, capacity, n),
             config: config.clone(),
             droq_config: droq_config.clone(),
-            folder: folder.to_owned(),
-            store: Store::new(folder),
-            acting: Acting::new(droq.actor_network(), n),
-            droq,
-            replay: Replay::new(layout, action_len, droq_config.replay_capacity, n),
-            segments: Vec::new(),
-            policy_stream: Stream::new(config.seed, "trainer/policy"),
-            warmup_stream: Stream::new(config.seed, "trainer/warmup"),
-            beginning: Beginning::Fresh,
+            notes,
+            origin: Origin::Fresh,
             step: 0,
-            best: None,
-            last_evaluation: None,
-            sums: Sums::new(n, term_names.len()),
-            metrics,
-            pool: std::sync::Arc::new(pool),
-            buffers: Buffers {
-                observation: vec![0.0; n * layout.len()],
-                action: vec![0.0; n * action_len],
-                noise: vec![0.0; n * action_len],
-                batch: StepBatch::new(n, layout, term_names.len()),
-            },
-            clock: Clock { started: now, before, last_row: now, last_step: 0, last_updates: 0 },
-            term_names,
-            parts,
+            droq,
+            pool,
         })
     }
 }

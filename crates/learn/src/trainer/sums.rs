@@ -1,4 +1,5 @@
-//! Sums between two rows of metrics. They are saved in checkpoints, so that a resumed training writes the same rows.
+//! Sums between two rows of metrics. They are saved in checkpoints, so that a resumed training
+//! writes the same rows.
 
 use crate::{droq::Losses, env::StepBatch};
 

@@ -1,16 +1,16 @@
 use std::{fs, path::Path};
 
 use super::{
-    toy::{Grid, Tracking, Watch, assert_same_files, config, droq, files, parts, raw},
+    toy::{Grid, Tracking, Watch, assert_same_files, config, droq, files, inputs, raw},
     *,
 };
-use crate::files::without_checksum;
+use crate::{files::without_checksum, random::Stream};
 
 #[test]
 fn the_toy_is_solved() {
     let folder = tempfile::tempdir().unwrap();
     let mut watch = Watch::default();
-    let mut trainer = Trainer::start(folder.path(), &droq(), &config(6_000), parts(), None).unwrap();
+    let mut trainer = Trainer::start(folder.path(), &droq(), &config(6_000), inputs(), None).unwrap();
     let outcome = trainer.run(&mut watch).unwrap();
     let best = outcome.best.unwrap();
     assert!(best.scores[0].value > 0.95, "{best:?}");
@@ -38,7 +38,8 @@ fn the_score_that_the_configuration_names_decides_which_policy_is_the_best() {
         let folder = tempfile::tempdir().unwrap();
         let config = TrainerConfig { best_by: best_by.to_string(), ..config(4_000) };
         let mut watch = Watch::default();
-        let outcome = Trainer::start(folder.path(), &droq(), &config, parts(), None).unwrap().run(&mut watch);
+        let outcome =
+            Trainer::start(folder.path(), &droq(), &config, inputs(), None).unwrap().run(&mut watch);
         outcome.map(|outcome| (outcome.best.unwrap(), watch.evaluations))
     };
     let value = |scores: &[Score], name: &str| scores.iter().find(|score| score.name == name).unwrap().value;
@@ -58,14 +59,14 @@ fn two_shards() -> DroqConfig {
 
 fn start_or_resume(folder: &Path, droq: &DroqConfig, config: &TrainerConfig) -> Trainer {
     let made = match Trainer::exists(folder) {
-        true => Trainer::resume(folder, droq, config, parts()),
-        false => Trainer::start(folder, droq, config, parts(), None),
+        true => Trainer::resume(folder, droq, config, inputs()),
+        false => Trainer::start(folder, droq, config, inputs(), None),
     };
     made.unwrap()
 }
 
-/// Continues a training for a hundred rounds, which end in a checkpoint.
-fn hundred_rounds(trainer: Result<Trainer, TrainError>) -> Trainer {
+/// Continues a training for a hundred vector steps, which end in a checkpoint.
+fn hundred_steps(trainer: Result<Trainer, TrainError>) -> Trainer {
     let mut trainer = trainer.unwrap();
     trainer.run(&mut Watch { stop_at: Some(100), ..Watch::default() }).unwrap();
     trainer
@@ -74,13 +75,16 @@ fn hundred_rounds(trainer: Result<Trainer, TrainError>) -> Trainer {
 #[test]
 fn stopping_and_resuming_changes_nothing() {
     let (whole, halves) = (tempfile::tempdir().unwrap(), tempfile::tempdir().unwrap());
-    Trainer::start(whole.path(), &two_shards(), &config(1_600), parts(), None).unwrap().run(&mut ()).unwrap();
-    // Stops at a checkpoint: 200 rounds of 4 steps.
+    Trainer::start(whole.path(), &two_shards(), &config(1_600), inputs(), None)
+        .unwrap()
+        .run(&mut ())
+        .unwrap();
+    // Stops at a checkpoint: 200 vector steps of 4 environments.
     let mut watch = Watch { stop_at: Some(200), ..Watch::default() };
-    let mut first = Trainer::start(halves.path(), &two_shards(), &config(1_600), parts(), None).unwrap();
+    let mut first = Trainer::start(halves.path(), &two_shards(), &config(1_600), inputs(), None).unwrap();
     assert_eq!(first.run(&mut watch).unwrap().stopped, Some(StopReason::Requested));
     drop(first);
-    let mut second = Trainer::resume(halves.path(), &two_shards(), &config(1_600), parts()).unwrap();
+    let mut second = Trainer::resume(halves.path(), &two_shards(), &config(1_600), inputs()).unwrap();
     assert_eq!(second.step(), 800);
     second.run(&mut ()).unwrap();
     assert_same_files(whole.path(), halves.path());
@@ -89,11 +93,13 @@ fn stopping_and_resuming_changes_nothing() {
 #[test]
 fn rewards_of_the_next_episode_do_not_count() {
     let folder = tempfile::tempdir().unwrap();
-    let mut trainer = Trainer::start(folder.path(), &droq(), &config(400), parts(), None).unwrap();
+    let mut trainer = Trainer::start(folder.path(), &droq(), &config(400), inputs(), None).unwrap();
     trainer.run(&mut ()).unwrap();
-    // Episodes have ten steps: a tenth of the samples is that far from the end of one, for every distance.
+    // Episodes have ten steps: a tenth of the samples is that far from the end of one, for every
+    // distance.
     let horizon = crate::replay::Horizon { steps: 10, discount: 0.5 };
-    let (observation, action) = (trainer.parts.environment.layout(), trainer.parts.environment.action_len());
+    let (observation, action) =
+        (trainer.collector.environment.layout(), trainer.collector.environment.action_len());
     let mut batch = crate::replay::Batch::new(observation, action, 2_000);
     trainer.replay.sample(&mut Stream::new(1, "test"), 2_000, horizon, &mut batch);
     for steps in 1..=10 {
@@ -105,12 +111,12 @@ fn rewards_of_the_next_episode_do_not_count() {
 #[test]
 fn stopping_between_checkpoints_changes_no_number() {
     let (whole, halves) = (tempfile::tempdir().unwrap(), tempfile::tempdir().unwrap());
-    Trainer::start(whole.path(), &droq(), &config(1_200), parts(), None).unwrap().run(&mut ()).unwrap();
+    Trainer::start(whole.path(), &droq(), &config(1_200), inputs(), None).unwrap().run(&mut ()).unwrap();
     for stop_at in [37, 50, 100] {
         let mut watch = Watch { stop_at: Some(stop_at), ..Watch::default() };
         start_or_resume(halves.path(), &droq(), &config(1_200)).run(&mut watch).unwrap();
     }
-    Trainer::resume(halves.path(), &droq(), &config(1_200), parts()).unwrap().run(&mut ()).unwrap();
+    Trainer::resume(halves.path(), &droq(), &config(1_200), inputs()).unwrap().run(&mut ()).unwrap();
     let (whole, halves) = (files(whole.path()), files(halves.path()));
     // The replay is cut into other segments, and the checkpoint names those; all else is alike.
     for name in ["metrics.jsonl", "policy-best.safetensors", "policy-last.safetensors"] {
@@ -121,14 +127,14 @@ fn stopping_between_checkpoints_changes_no_number() {
 #[test]
 fn threads_and_overlap_change_nothing() {
     let reference = tempfile::tempdir().unwrap();
-    Trainer::start(reference.path(), &two_shards(), &config(800), parts(), None)
+    Trainer::start(reference.path(), &two_shards(), &config(800), inputs(), None)
         .unwrap()
         .run(&mut ())
         .unwrap();
     for (threads, overlap) in [(1, true), (1, false), (2, false), (4, true)] {
         let folder = tempfile::tempdir().unwrap();
         let config = TrainerConfig { threads, overlap, ..config(800) };
-        Trainer::start(folder.path(), &two_shards(), &config, parts(), None).unwrap().run(&mut ()).unwrap();
+        Trainer::start(folder.path(), &two_shards(), &config, inputs(), None).unwrap().run(&mut ()).unwrap();
         assert_same_files(reference.path(), folder.path());
     }
 }
@@ -140,31 +146,31 @@ fn what_lies_among_the_replay_segments_does_no_harm_and_comes_to_none() {
     fs::create_dir_all(replay.join("cannot-be-removed.replay/as-a-file")).unwrap();
     fs::write(replay.join("notes.txt"), "mine").unwrap();
     let small = DroqConfig { replay_capacity: 300, ..droq() };
-    Trainer::start(folder.path(), &small, &config(1_200), parts(), None).unwrap().run(&mut ()).unwrap();
+    Trainer::start(folder.path(), &small, &config(1_200), inputs(), None).unwrap().run(&mut ()).unwrap();
     assert_eq!(fs::read(replay.join("notes.txt")).unwrap(), b"mine");
-    assert!(Trainer::resume(folder.path(), &small, &config(1_600), parts()).is_ok());
+    assert!(Trainer::resume(folder.path(), &small, &config(1_600), inputs()).is_ok());
 }
 
 #[test]
 fn a_better_policy_from_after_the_checkpoint_is_not_lost() {
     let folder = tempfile::tempdir().unwrap();
-    let trainer = hundred_rounds(Trainer::start(folder.path(), &droq(), &config(1_200), parts(), None));
+    let trainer = hundred_steps(Trainer::start(folder.path(), &droq(), &config(1_200), inputs(), None));
     // As an evaluation leaves it that is killed before the next checkpoint.
-    let mut policy = trainer.policy_with(&[]);
+    let mut policy = trainer.policy();
     drop(trainer);
     policy.set_notes(
         serde_json::json!({ "step": 444, "scores": { Grid.evaluate(&mut |_, _| ())[0].name.clone(): 9.0 } }),
     );
-    policy.save(&folder.path().join(BEST_POLICY)).unwrap();
-    let better = fs::read(folder.path().join(BEST_POLICY)).unwrap();
-    Trainer::resume(folder.path(), &droq(), &config(1_200), parts()).unwrap().run(&mut ()).unwrap();
+    policy.save(&folder.path().join(evaluation::BEST_POLICY)).unwrap();
+    let better = fs::read(folder.path().join(evaluation::BEST_POLICY)).unwrap();
+    Trainer::resume(folder.path(), &droq(), &config(1_200), inputs()).unwrap().run(&mut ()).unwrap();
     assert!(fs::read(folder.path().join("policy-best-444.safetensors")).unwrap() == better);
-    assert!(Policy::load(&folder.path().join(BEST_POLICY)).is_ok());
+    assert!(Policy::load(&folder.path().join(evaluation::BEST_POLICY)).is_ok());
 }
 
 #[test]
 fn a_replay_beyond_the_address_space_does_not_fit() {
-    let layout = parts().environment.layout();
+    let layout = inputs().environment.layout();
     assert!(crate::replay::Replay::fits(layout, 1, 1_000));
     assert!(!crate::replay::Replay::fits(layout, 1, 1 << 50));
 }
@@ -174,12 +180,12 @@ fn a_kill_at_any_write_leaves_a_checkpoint_that_resumes() {
     // Rebuilds every state that the folder can be in between two checkpoints, from copies of both.
     let small = DroqConfig { replay_capacity: 300, ..droq() };
     let folder = tempfile::tempdir().unwrap();
-    hundred_rounds(Trainer::start(folder.path(), &small, &config(1_200), parts(), None));
+    hundred_steps(Trainer::start(folder.path(), &small, &config(1_200), inputs(), None));
     let before = raw(folder.path());
-    hundred_rounds(Trainer::resume(folder.path(), &small, &config(1_200), parts()));
+    hundred_steps(Trainer::resume(folder.path(), &small, &config(1_200), inputs()));
     let after = raw(folder.path());
     let finished = tempfile::tempdir().unwrap();
-    Trainer::start(finished.path(), &small, &config(1_200), parts(), None).unwrap().run(&mut ()).unwrap();
+    Trainer::start(finished.path(), &small, &config(1_200), inputs(), None).unwrap().run(&mut ()).unwrap();
 
     let new: Vec<_> = after.keys().filter(|name| !before.contains_key(*name)).collect();
     let gone: Vec<_> = before.keys().filter(|name| !after.contains_key(*name)).collect();
@@ -204,7 +210,7 @@ fn a_kill_at_any_write_leaves_a_checkpoint_that_resumes() {
         if stage >= 3 {
             gone.iter().for_each(|name| fs::remove_file(killed.path().join(name)).unwrap());
         }
-        let mut trainer = Trainer::resume(killed.path(), &small, &config(1_200), parts()).unwrap();
+        let mut trainer = Trainer::resume(killed.path(), &small, &config(1_200), inputs()).unwrap();
         assert_eq!(trainer.step(), if stage >= 2 { 800 } else { 400 });
         trainer.run(&mut ()).unwrap();
         for name in ["policy-best.safetensors", "policy-last.safetensors"] {
@@ -267,28 +273,29 @@ fn numbers_that_are_not_finite_stop_the_training_and_spare_the_checkpoint() {
     let folder = tempfile::tempdir().unwrap();
     let mut environment = Tracking::new(4);
     environment.poison_at = Some(150);
-    let parts_with = Parts { environment: Box::new(environment), ..parts() };
-    let mut trainer = Trainer::start(folder.path(), &droq(), &config(1_200), parts_with, None).unwrap();
+    let poisoned = TrainingInputs { environment: Box::new(environment), ..inputs() };
+    let mut trainer = Trainer::start(folder.path(), &droq(), &config(1_200), poisoned, None).unwrap();
     let error = trainer.run(&mut ()).unwrap_err();
     assert!(error.to_string().contains("not a finite number"), "{error}");
-    assert_eq!(Trainer::resume(folder.path(), &droq(), &config(1_200), parts()).unwrap().step(), 400);
+    assert_eq!(Trainer::resume(folder.path(), &droq(), &config(1_200), inputs()).unwrap().step(), 400);
 
     let folder = tempfile::tempdir().unwrap();
-    // No policy has so high an entropy: the temperature grows e-fold with each update, on any processor.
+    // No policy has so high an entropy: the temperature grows e-fold with each update, on any
+    // processor.
     let wild = DroqConfig { target_entropy_per_action: 100.0, temperature_learning_rate: 1.0, ..droq() };
-    let result = Trainer::start(folder.path(), &wild, &config(100_000), parts(), None).unwrap().run(&mut ());
+    let result = Trainer::start(folder.path(), &wild, &config(100_000), inputs(), None).unwrap().run(&mut ());
     assert!(matches!(result, Err(TrainError::NotFinite { .. })), "{result:?}");
-    assert!(Trainer::resume(folder.path(), &wild, &config(100_000), parts()).is_ok());
+    assert!(Trainer::resume(folder.path(), &wild, &config(100_000), inputs()).is_ok());
 }
 
 #[test]
 fn a_failed_write_stops_the_training_and_spares_the_checkpoint() {
     let folder = tempfile::tempdir().unwrap();
-    hundred_rounds(Trainer::start(folder.path(), &droq(), &config(1_200), parts(), None));
+    hundred_steps(Trainer::start(folder.path(), &droq(), &config(1_200), inputs(), None));
     let path = folder.path().join("checkpoints/last.safetensors");
     let before = fs::read(&path).unwrap();
     let replay = folder.path().join("checkpoints/replay");
-    let mut trainer = Trainer::resume(folder.path(), &droq(), &config(1_200), parts()).unwrap();
+    let mut trainer = Trainer::resume(folder.path(), &droq(), &config(1_200), inputs()).unwrap();
     // No new segment of the replay can be written.
     fs::rename(&replay, folder.path().join("away")).unwrap();
     let error = trainer.run(&mut ()).unwrap_err();
@@ -296,24 +303,24 @@ fn a_failed_write_stops_the_training_and_spares_the_checkpoint() {
     assert!(error.to_string().contains("cannot write") && error.to_string().contains(".replay"), "{error}");
     fs::rename(folder.path().join("away"), &replay).unwrap();
     assert_eq!(fs::read(&path).unwrap(), before);
-    assert_eq!(Trainer::resume(folder.path(), &droq(), &config(1_200), parts()).unwrap().step(), 400);
+    assert_eq!(Trainer::resume(folder.path(), &droq(), &config(1_200), inputs()).unwrap().step(), 400);
 }
 
 #[test]
-fn wrong_beginnings_are_refused() {
+fn wrong_starts_are_refused() {
     let folder = tempfile::tempdir().unwrap();
     let resume = |droq: &DroqConfig, config: &TrainerConfig| match Trainer::resume(
         folder.path(),
         droq,
         config,
-        parts(),
+        inputs(),
     ) {
         Ok(_) => String::new(),
         Err(error) => error.to_string(),
     };
     assert!(resume(&droq(), &config(800)).contains("start a training there first"));
     let start = |config: &TrainerConfig| {
-        Trainer::start(folder.path(), &droq(), config, parts(), None).err().map(|e| e.to_string())
+        Trainer::start(folder.path(), &droq(), config, inputs(), None).err().map(|e| e.to_string())
     };
     assert!(start(&TrainerConfig { num_envs: 5, ..config(8) }).unwrap().contains("trainer.num_envs"));
     assert_eq!(start(&config(8)), None);
@@ -323,7 +330,7 @@ fn wrong_beginnings_are_refused() {
     assert_eq!(resume(&droq(), &TrainerConfig { threads: 1, ..config(900) }), "");
     let path = folder.path().join("checkpoints/last.safetensors");
     let mut older = without_checksum(fs::read(&path).unwrap());
-    let schema = b"etude-checkpoint-3";
+    let schema = b"etude-checkpoint-4";
     let at = older.windows(schema.len()).position(|window| window == schema).unwrap();
     older[at + schema.len() - 1] = b'1';
     fs::write(&path, older).unwrap();
@@ -340,18 +347,18 @@ fn wrong_beginnings_are_refused() {
 #[test]
 fn a_checkpoint_that_is_refused_leaves_the_rows_after_it() {
     let folder = tempfile::tempdir().unwrap();
-    hundred_rounds(Trainer::start(folder.path(), &droq(), &config(1_200), parts(), None));
+    hundred_steps(Trainer::start(folder.path(), &droq(), &config(1_200), inputs(), None));
     let last = folder.path().join("checkpoints/last.safetensors");
     let checkpoint = fs::read(&last).unwrap();
     let segment =
         fs::read_dir(folder.path().join("checkpoints/replay")).unwrap().next().unwrap().unwrap().path();
-    hundred_rounds(Trainer::resume(folder.path(), &droq(), &config(1_200), parts()));
+    hundred_steps(Trainer::resume(folder.path(), &droq(), &config(1_200), inputs()));
     // As after a kill before the second checkpoint, on a disk that has lost some of the replay.
     fs::write(&last, checkpoint).unwrap();
     let whole = fs::read(&segment).unwrap();
     fs::write(&segment, &whole[..whole.len() / 2]).unwrap();
     let before = raw(folder.path());
-    let error = Trainer::resume(folder.path(), &droq(), &config(1_200), parts()).err().unwrap();
+    let error = Trainer::resume(folder.path(), &droq(), &config(1_200), inputs()).err().unwrap();
     assert!(error.to_string().contains(".replay"), "{error}");
     assert!(raw(folder.path()) == before);
 }
@@ -363,7 +370,7 @@ proptest::proptest! {
         thread_local! {
             static RUN: tempfile::TempDir = {
                 let folder = tempfile::tempdir().unwrap();
-                Trainer::start(folder.path(), &droq(), &config(8), parts(), None).unwrap();
+                Trainer::start(folder.path(), &droq(), &config(8), inputs(), None).unwrap();
                 folder
             };
         }
@@ -374,7 +381,7 @@ proptest::proptest! {
             let mut bytes = whole.clone();
             bytes[at.index(if in_header { header } else { whole.len() })] = value;
             fs::write(&path, bytes).unwrap();
-            let error = Trainer::resume(folder.path(), &droq(), &config(8), parts()).err();
+            let error = Trainer::resume(folder.path(), &droq(), &config(8), inputs()).err();
             fs::write(&path, whole).unwrap();
             // Accepted, because the byte still makes sense there; or refused with a reason.
             if let Some(error) = error {

@@ -1,12 +1,17 @@
-//! What the tests of the trainer share: a toy problem, its judge, an observer, and a look at a run's files.
+//! What the tests of the trainer share: a toy problem, its evaluator, an observer, and a run's
+//! files.
 
 use std::{collections::BTreeMap, fs, path::Path};
 
 use super::*;
-use crate::env::{EnvironmentError, ObservationLayout};
+use crate::{
+    env::{EnvironmentError, ObservationLayout, StepBatch},
+    random::Stream,
+};
 
-/// Follow a number: the reward is high when the action equals the target that the observation shows. The target is
-/// shown twice, as a real column and coarsely as bits, so that both input paths carry it.
+/// Follow a number: the reward is high when the action equals the target that the observation
+/// shows. The target is shown twice, as a real column and coarsely as bits, so that both input
+/// paths carry it.
 pub(super) struct Tracking {
     targets: Vec<(f32, u32)>,
     stream: Stream,
@@ -138,7 +143,7 @@ pub(super) fn config(total_steps: u64) -> TrainerConfig {
         seed: 5,
         total_steps,
         num_envs: 4,
-        updates_per_round: 2,
+        updates_per_vector_step: 2,
         warmup_steps: 100,
         log_every_steps: 150,
         evaluate_every_steps: 400,
@@ -149,19 +154,19 @@ pub(super) fn config(total_steps: u64) -> TrainerConfig {
     }
 }
 
-pub(super) fn parts() -> Parts {
-    Parts {
+pub(super) fn inputs() -> TrainingInputs {
+    TrainingInputs {
         environment: Box::new(Tracking::new(4)),
         evaluator: Box::new(Grid),
         notes: serde_json::json!({"toy": 1}),
     }
 }
 
-/// Stops at a step, and remembers what it saw.
+/// Stops after a number of vector steps, and records the rows.
 #[derive(Default)]
 pub(super) struct Watch {
     pub(super) stop_at: Option<u64>,
-    pub(super) rounds: u64,
+    pub(super) steps: u64,
     pub(super) logs: Vec<LogRow>,
     pub(super) evaluations: Vec<EvaluationRow>,
 }
@@ -176,8 +181,8 @@ impl TrainingObserver for Watch {
     }
 
     fn should_stop(&mut self) -> Option<StopReason> {
-        self.rounds += 1;
-        self.stop_at.filter(|&round| self.rounds > round).map(|_| StopReason::Requested)
+        self.steps += 1;
+        self.stop_at.filter(|&stop_at| self.steps > stop_at).map(|_| StopReason::Requested)
     }
 }
 

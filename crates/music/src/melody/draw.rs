@@ -1,4 +1,5 @@
-//! Random draws. They use the generator's raw words alone, so that a melody stays the same when a library changes how it draws.
+//! Random draws. They use the generator's raw words alone, so that a melody stays the same when a
+//! library changes how it draws.
 
 use rand::{Rng as _, SeedableRng as _};
 use rand_pcg::Pcg64;

@@ -4,17 +4,17 @@ use super::draw::Draw;
 use crate::keys::{HIGHEST_PITCH, LOWEST_PITCH};
 use crate::reach::{WHITE_KEY_PITCH_MM, key_centre_mm, within_reach};
 
-/// Scale degrees of the widest leap: an octave.
-const WIDEST: usize = 7;
+/// Widest leap, scale degrees: an octave.
+const MAX_LEAP_DEGREES: usize = 7;
 /// Probabilities of a repeated note, a second and a third, before those of the leaps.
 const SMALL_STEPS: [f64; 3] = [0.16, 0.5, 0.2];
-/// Widths of leaps, white keys, and the least time from one onset to the next for them, s.
+/// Widths of leaps, white keys, and the shortest time from one onset to the next for them, s.
 const LEAP_SECS: [(f64, f64); 2] = [(4.0, 0.3), (6.0, 0.45)];
 
-/// Whether the hand gets from one pitch to another whose onsets are `secs` apart.
-pub(super) fn in_time(from: u8, to: u8, secs: f64) -> bool {
+/// Whether the hand can leap from one pitch to another whose onsets are `secs` apart.
+pub(super) fn leap_is_playable(from: u8, to: u8, secs: f64) -> bool {
     let keys = (key_centre_mm(to) - key_centre_mm(from)).abs() / WHITE_KEY_PITCH_MM;
-    LEAP_SECS.iter().all(|(least, needed)| keys < *least || secs >= *needed)
+    LEAP_SECS.iter().all(|(min_keys, needed)| keys < *min_keys || secs >= *needed)
 }
 
 /// The pitches of a scale in the part of the keyboard that the melody uses.
@@ -24,39 +24,39 @@ pub(super) struct Line {
     pub leaps: f64,
     /// Probability that a note is moved by a semitone.
     pub chromatic: f64,
-    at: usize,
+    degree: usize,
 }
 
 impl Line {
     /// From the middle of the scale.
     pub(super) fn new(scale: Vec<u8>, leaps: f64, chromatic: f64) -> Self {
-        let at = scale.len() / 2;
-        Self { scale, leaps, chromatic, at }
+        let degree = scale.len() / 2;
+        Self { scale, leaps, chromatic, degree }
     }
 
     /// The next pitch, `secs` after the one before.
     pub(super) fn next(&mut self, draw: &mut Draw, secs: f64) -> u8 {
         let last = self.scale.len() - 1;
-        let mut weights = [0.0; WIDEST + 1];
+        let mut weights = [0.0; MAX_LEAP_DEGREES + 1];
         weights[..SMALL_STEPS.len()].copy_from_slice(&SMALL_STEPS);
         for (width, weight) in weights.iter_mut().enumerate().skip(SMALL_STEPS.len()) {
             *weight = self.leaps / (width - 1) as f64;
         }
         // Towards the middle more often than away from it.
-        let up = draw.chance(0.5 + 0.4 * (0.5 - self.at as f64 / last.max(1) as f64));
+        let up = draw.chance(0.5 + 0.4 * (0.5 - self.degree as f64 / last.max(1) as f64));
         let reached = |width: usize| {
-            let to = if up { self.at + width } else { self.at.wrapping_sub(width) };
+            let to = if up { self.degree + width } else { self.degree.wrapping_sub(width) };
             self.scale.get(to).map(|pitch| (to, *pitch))
         };
-        let from = self.scale[self.at];
+        let from = self.scale[self.degree];
         for (width, weight) in weights.iter_mut().enumerate() {
-            if !reached(width).is_some_and(|(_, pitch)| in_time(from, pitch, secs)) {
+            if !reached(width).is_some_and(|(_, pitch)| leap_is_playable(from, pitch, secs)) {
                 *weight = 0.0;
             }
         }
         let width = draw.weighted(&weights).unwrap_or(0);
-        self.at = reached(width).map_or(self.at, |(to, _)| to);
-        let pitch = self.scale[self.at];
+        self.degree = reached(width).map_or(self.degree, |(to, _)| to);
+        let pitch = self.scale[self.degree];
         if draw.chance(self.chromatic) {
             let moved = if draw.chance(0.5) { pitch + 1 } else { pitch - 1 };
             return moved.clamp(LOWEST_PITCH, HIGHEST_PITCH);
@@ -64,19 +64,19 @@ impl Line {
         pitch
     }
 
-    /// Pitches of the scale that the hand reaches together with `pitch`, one or two of them, at most an octave away; none where it
-    /// reaches none.
+    /// Pitches of the scale that the hand reaches together with `pitch`, one or two of them, at
+    /// most an octave away; none where it reaches none.
     pub(super) fn chord(&self, draw: &mut Draw, pitch: u8) -> Vec<u8> {
-        let near =
+        let candidates =
             || self.scale.iter().copied().filter(|other| *other != pitch && other.abs_diff(pitch) <= 12);
         let sorted = |mut pitches: Vec<u8>| {
             pitches.sort_unstable();
             pitches
         };
-        let mut sets: Vec<Vec<u8>> = near().map(|one| vec![one]).collect();
+        let mut sets: Vec<Vec<u8>> = candidates().map(|one| vec![one]).collect();
         if draw.chance(0.4) {
-            sets = near()
-                .flat_map(|one| near().filter(move |two| *two > one).map(move |two| vec![one, two]))
+            sets = candidates()
+                .flat_map(|one| candidates().filter(move |two| *two > one).map(move |two| vec![one, two]))
                 .collect();
         }
         sets.retain(|others| within_reach(&sorted(others.iter().copied().chain([pitch]).collect())));

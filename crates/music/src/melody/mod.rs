@@ -1,16 +1,17 @@
 //! Melodies by the thousand: [`melody`] draws one for each seed.
 //!
-//! A melody has a *character*, which is drawn first: key and mode, metre, tempo and pace, the part of the keyboard, and how often it leaps,
-//! rests, has chords, holds notes and leaves its scale. Its bars share two rhythms; phrases of four bars may come again. Chords and held
-//! notes are such that the hand reaches them, and a leap is drawn only where the time is long enough for it.
-//! docs/sight-reading.md has the figures of a thousand of them.
+//! A melody has a *character*, which is drawn first: key and mode, metre, tempo and note density,
+//! the part of the keyboard, and how often it leaps, rests, has chords, holds notes and leaves its
+//! scale. Its bars share two rhythms; phrases of four bars may come again. Chords and held notes
+//! are such that the hand reaches them, and a leap is drawn only where the time is long enough for
+//! it. docs/sight-reading.md has the figures of a thousand of them.
 
 mod draw;
 mod line;
 mod rhythm;
 
 use crate::keys::{HIGHEST_PITCH, LOWEST_PITCH};
-use crate::meter::{BeatGrid, Stretch};
+use crate::meter::{BeatGrid, MeterSegment};
 use crate::note::Note;
 use crate::song::Song;
 use draw::Draw;
@@ -38,12 +39,13 @@ const PHRASE_BARS: usize = 4;
 const VELOCITIES: [f64; 2] = [25.0, 118.0];
 /// A chord's or a held note's loudness as a part of the melody's.
 const ACCOMPANIMENT: f64 = 0.85;
-/// Probabilities of a melody that is detached, mostly legato, and without any silence between its notes.
+/// Probabilities of a melody that is detached, mostly legato, and without any silence between its
+/// notes.
 const ARTICULATIONS: [f64; 3] = [0.2, 0.5, 0.3];
 /// Spread of the length of a note around that of its melody.
 const LENGTH_SPREAD: f64 = 0.05;
-/// The shortest that a note sounds, s.
-const SHORTEST_SECS: f64 = 0.1;
+/// Shortest note, s.
+const MIN_NOTE_SECS: f64 = 0.1;
 
 /// What the notes of a melody have in common.
 struct Character {
@@ -51,14 +53,14 @@ struct Character {
     beat_secs: f64,
     bars: usize,
     /// Typical time from one onset to the next, s.
-    pace_secs: f64,
+    onset_interval_secs: f64,
     rests: f64,
     /// Probability of a chord at each note.
     chords: f64,
     /// Probability of a held note in each bar.
     held: f64,
-    /// Part of the time to the next note for which a note sounds, before its spread; from 1 + 2 × [`LENGTH_SPREAD`] on every note sounds
-    /// until the next.
+    /// Part of the time to the next note for which a note sounds, before its spread; from 1 + 2 ×
+    /// [`LENGTH_SPREAD`] on every note sounds until the next.
     legato: f64,
     velocity: f64,
 }
@@ -88,45 +90,46 @@ pub fn melody(seed: u64) -> Song {
     let mut line = line(&mut draw, tonic);
     let Character { metre, beat_secs, .. } = character;
     let bar_beats = f64::from(metre[0]);
-    let rhythms =
-        [(); 2].map(|()| rhythm::bar(&mut draw, bar_beats, beat_secs, character.pace_secs, character.rests));
+    let rhythms = [(); 2].map(|()| {
+        rhythm::bar(&mut draw, bar_beats, beat_secs, character.onset_interval_secs, character.rests)
+    });
 
     let mut notes = Vec::new();
     let mut before: Vec<Event> = Vec::new();
     for first in (0..character.bars).step_by(PHRASE_BARS) {
         let bars = PHRASE_BARS.min(character.bars - first);
-        let again = bars == PHRASE_BARS && comes_again(&before, &character) && draw.chance(0.4);
+        let again = bars == PHRASE_BARS && can_repeat(&before, &character) && draw.chance(0.4);
         if !again {
             before = phrase(&mut draw, &mut line, &character, &rhythms, bars);
         }
         if first + bars == character.bars {
-            close(&mut before, tonic, &line.scale, bar_beats * bars as f64);
+            end_on_tonic(&mut before, tonic, &line.scale, bar_beats * bars as f64);
         }
         let start_secs = first as f64 * bar_beats * beat_secs;
         for event in &before {
-            sound(&mut draw, &character, event, start_secs, &mut notes);
+            add_notes(&mut draw, &character, event, start_secs, &mut notes);
         }
     }
     let secs = character.bars as f64 * bar_beats * beat_secs;
     let song = Song::new(format!("Melody {seed}"), notes, secs);
-    let beats = Stretch {
+    let beats = MeterSegment {
         start_secs: 0.0,
         beat_secs,
         beats_per_bar: metre[0],
         beat_unit: metre[1],
         bar: 1,
-        beats_gone: 0.0,
+        beats_before: 0.0,
     };
     song.expect("its notes are on the keyboard and its times in order")
-        .with_beats(BeatGrid::from_stretches(vec![beats]))
+        .with_beats(BeatGrid::from_segments(vec![beats]))
 }
 
-/// Whether the hand gets from the last note of a phrase to its first in time.
-fn comes_again(phrase: &[Event], character: &Character) -> bool {
+/// Whether the hand can leap from the last note of a phrase to its first.
+fn can_repeat(phrase: &[Event], character: &Character) -> bool {
     let mut melody = phrase.iter().filter(|event| !event.held);
     let (Some(first), Some(last)) = (melody.next(), melody.next_back()) else { return false };
     let pitch = |event: &Event| event.pitches[event.pitches.len() - 1];
-    line::in_time(pitch(last), pitch(first), last.beats * character.beat_secs)
+    line::leap_is_playable(pitch(last), pitch(first), last.beats * character.beat_secs)
 }
 
 fn character(draw: &mut Draw) -> Character {
@@ -141,7 +144,7 @@ fn character(draw: &mut Draw) -> Character {
         metre,
         beat_secs,
         bars,
-        pace_secs: draw.log_between(0.3, 0.9),
+        onset_interval_secs: draw.log_between(0.3, 0.9),
         rests: often(draw, 0.6, 0.03, 0.2),
         chords: often(draw, 0.4, 0.1, 1.0),
         held: often(draw, 0.2, 0.3, 0.8),
@@ -154,7 +157,8 @@ fn character(draw: &mut Draw) -> Character {
     }
 }
 
-/// The scale on this tonic (semitones above a C), from its lowest degree in the melody's part of the keyboard.
+/// The scale on this tonic (semitones above a C), from its lowest degree in the melody's part of
+/// the keyboard.
 fn line(draw: &mut Draw, tonic: u8) -> Line {
     let mode = MODES[draw.weighted(&MODES.map(|(_, weight)| weight)).unwrap_or(0)].0;
     let in_mode = |pitch: &u8| mode.contains(&((pitch + 12 - tonic) % 12));
@@ -179,7 +183,7 @@ fn phrase(
     let mut since = f64::INFINITY;
     for bar in 0..bars {
         let cells = if draw.chance(0.15) {
-            rhythm::bar(draw, bar_beats, character.beat_secs, character.pace_secs, character.rests)
+            rhythm::bar(draw, bar_beats, character.beat_secs, character.onset_interval_secs, character.rests)
         } else {
             rhythms[usize::from(draw.chance(0.4))].clone()
         };
@@ -209,8 +213,9 @@ fn phrase(
     events
 }
 
-/// Ends the last phrase, of `beats` beats, with the tonic that is nearest to its last note and sounds until the end.
-fn close(events: &mut Vec<Event>, tonic: u8, scale: &[u8], beats: f64) {
+/// Ends the last phrase, of `beats` beats, with the tonic that is nearest to its last note and
+/// sounds until the end.
+fn end_on_tonic(events: &mut Vec<Event>, tonic: u8, scale: &[u8], beats: f64) {
     let Some(last) = events.iter().rposition(|event| !event.held) else { return };
     let from = events[last].pitches[events[last].pitches.len() - 1];
     let tonics = scale.iter().filter(|pitch| **pitch % 12 == tonic);
@@ -221,7 +226,7 @@ fn close(events: &mut Vec<Event>, tonic: u8, scale: &[u8], beats: f64) {
 }
 
 /// The notes of `event`, in a phrase that begins at `start_secs`.
-fn sound(draw: &mut Draw, character: &Character, event: &Event, start_secs: f64, notes: &mut Vec<Note>) {
+fn add_notes(draw: &mut Draw, character: &Character, event: &Event, start_secs: f64, notes: &mut Vec<Note>) {
     let beat_secs = character.beat_secs;
     let start = start_secs + event.beat * beat_secs;
     let all = event.beats * beat_secs;
@@ -230,7 +235,7 @@ fn sound(draw: &mut Draw, character: &Character, event: &Event, start_secs: f64,
     } else {
         (character.legato * draw.between(1.0 - LENGTH_SPREAD, 1.0 + LENGTH_SPREAD)).min(1.0)
     };
-    let secs = (all * legato).max(SHORTEST_SECS.min(all));
+    let secs = (all * legato).max(MIN_NOTE_SECS.min(all));
     let bar_beats = f64::from(character.metre[0]);
     let accent = if event.beat % bar_beats < 1e-9 { 8.0 } else { 0.0 };
     // Louder towards the middle of a phrase.

@@ -1,8 +1,9 @@
 //! Scores by control step: pressed keys compared with due keys.
 //!
-//! There are two kinds. The paper's are RoboPianist's (github.com/google-research/robopianist, `wrappers/evaluation.py`): the means over
-//! the steps of each step's precision, recall and F1. A step without due and pressed keys then scores 1, and pressing nothing always
-//! has precision 1. *Pooled* scores count keys over the whole song first, so silence scores nothing.
+//! There are two kinds. The paper's are RoboPianist's (github.com/google-research/robopianist,
+//! `wrappers/evaluation.py`): the means over the steps of each step's precision, recall and F1. A
+//! step without due and pressed keys then scores 1, and pressing nothing always has precision 1.
+//! *Pooled* scores count keys over the whole song first, so silence scores nothing.
 
 use serde::{Deserialize, Serialize};
 
@@ -16,7 +17,8 @@ pub struct StepScores {
     pub precision: f64,
     /// Share of the due keys that were pressed; 1 if none was due.
     pub recall: f64,
-    /// Right keys counted twice over due keys and pressed keys together; 1 if there are none of either.
+    /// Right keys counted twice over due keys and pressed keys together; 1 if there are none of
+    /// either.
     pub f1: f64,
 }
 
@@ -91,8 +93,8 @@ impl FrameTally {
     }
 }
 
-/// Scores a performance, one set of keys a control step. The shorter list is extended by silence, so that a performance that was
-/// interrupted loses the rest.
+/// Scores a performance, one set of keys a control step. The shorter list is extended by silence,
+/// so that a performance that was interrupted loses the rest.
 pub fn frame_scores(due: &[KeySet], pressed: &[KeySet]) -> FrameScores {
     let mut tally = FrameTally::default();
     for step in 0..due.len().max(pressed.len()) {

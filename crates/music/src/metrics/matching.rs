@@ -1,8 +1,10 @@
-//! Which played note is which note of the song: the matching of `mir_eval`. Each pitch is matched separately.
+//! Which played note is which note of the song: the matching of `mir_eval`. Each pitch is matched
+//! separately.
 
 use crate::note::Note;
 
-/// Onsets may differ by this much, in seconds. This tolerance and the next two are the defaults of `mir_eval.transcription`.
+/// Onsets may differ by this much, in seconds. This tolerance and the next two are the defaults of
+/// `mir_eval.transcription`.
 pub(super) const ONSET_SECS: f64 = 0.05;
 /// Releases may always differ by this much, in seconds …
 const OFFSET_SECS: f64 = 0.05;
@@ -22,10 +24,10 @@ pub(super) fn pairs_within(tolerance_secs: f64, reference: &[Note], played: &[No
     pairs
 }
 
-/// How many notes can be matched if the releases must be near as well.
+/// How many notes can be matched if the releases must match as well.
 pub(super) fn matched_with_offset(reference: &[Note], played: &[Note]) -> usize {
     let mut matched = 0;
-    by_cluster(ONSET_SECS, reference, played, |due, heard| matched += most_pairs(due, heard));
+    by_cluster(ONSET_SECS, reference, played, |due, heard| matched += max_matching_size(due, heard));
     matched
 }
 
@@ -58,16 +60,17 @@ fn rounded(secs: f64) -> f64 {
     (secs * STEPS_PER_SEC).round_ties_even() / STEPS_PER_SEC
 }
 
-fn onsets_near(due: &Note, heard: &Note) -> bool {
+fn onsets_match(due: &Note, heard: &Note) -> bool {
     rounded((due.start_secs - heard.start_secs).abs()) <= ONSET_SECS
 }
 
-fn ends_near(due: &Note, heard: &Note) -> bool {
+fn ends_match(due: &Note, heard: &Note) -> bool {
     let tolerance = (OFFSET_RATIO * due.duration_secs().abs()).max(OFFSET_SECS);
     rounded((due.end_secs - heard.end_secs).abs()) <= tolerance
 }
 
-/// Cuts two sorted lists where no match is possible across the cut: where the next onset of either is too far away.
+/// Cuts two sorted lists where no match is possible across the cut: where the next onset of either
+/// is too far away.
 fn clusters<'a>(
     due: &'a [Indexed],
     heard: &'a [Indexed],
@@ -95,13 +98,13 @@ fn clusters<'a>(
     cut
 }
 
-/// Matches onsets, as many as possible and then with the smallest sum of distances, and appends the pairs. Along a line such a
-/// matching never crosses, so dynamic programming finds it.
+/// Matches onsets, as many as possible and then with the smallest sum of distances, and appends the
+/// pairs. Along a line such a matching never crosses, so dynamic programming finds it.
 fn nearest_onsets(due: &[Indexed], heard: &[Indexed], tolerance_secs: f64, pairs: &mut Vec<[usize; 2]>) {
     /// Pairs made, and their summed distance in seconds.
     type Cell = (usize, f64);
     if due.len().saturating_mul(heard.len()) > MAX_CELLS {
-        return first_come(due, heard, tolerance_secs, pairs);
+        return greedy_pairs(due, heard, tolerance_secs, pairs);
     }
     let better = |a: Cell, b: Cell| if (a.0, -a.1) >= (b.0, -b.1) { a } else { b };
     let width = heard.len() + 1;
@@ -138,7 +141,7 @@ fn nearest_onsets(due: &[Indexed], heard: &[Indexed], tolerance_secs: f64, pairs
 const MAX_CELLS: usize = 1 << 22;
 
 /// Matches as many onsets as possible, each with the first possible one.
-fn first_come(due: &[Indexed], heard: &[Indexed], tolerance_secs: f64, pairs: &mut Vec<[usize; 2]>) {
+fn greedy_pairs(due: &[Indexed], heard: &[Indexed], tolerance_secs: f64, pairs: &mut Vec<[usize; 2]>) {
     let (mut d, mut h) = (0, 0);
     while d < due.len() && h < heard.len() {
         let error = heard[h].1.start_secs - due[d].1.start_secs;
@@ -153,18 +156,20 @@ fn first_come(due: &[Indexed], heard: &[Indexed], tolerance_secs: f64, pairs: &m
     }
 }
 
-/// Size of a largest matching where releases must be near as well, by augmenting paths (breadth first).
-fn most_pairs(due: &[Indexed], heard: &[Indexed]) -> usize {
-    // Notes are sorted by onset, so the candidates are consecutive; the window is a little wider because of rounding.
+/// Size of a largest matching where releases must match as well, by augmenting paths (breadth
+/// first).
+fn max_matching_size(due: &[Indexed], heard: &[Indexed]) -> usize {
+    // Notes are sorted by onset, so the candidates are consecutive; the window is a little wider
+    // because of rounding.
     let candidates = |d: usize| {
         let start = due[d].1.start_secs;
         let first = heard.partition_point(|(_, note)| note.start_secs < start - ONSET_SECS * 1.01 - 1e-3);
-        let near_enough =
-            move |h: &usize| onsets_near(&due[d].1, &heard[*h].1) && ends_near(&due[d].1, &heard[*h].1);
+        let matches =
+            move |h: &usize| onsets_match(&due[d].1, &heard[*h].1) && ends_match(&due[d].1, &heard[*h].1);
         let window = heard[first..]
             .iter()
             .take_while(move |(_, note)| note.start_secs <= start + ONSET_SECS * 1.01 + 1e-3);
-        (first..first + window.count()).filter(near_enough)
+        (first..first + window.count()).filter(matches)
     };
     let mut partner_of_due: Vec<Option<usize>> = vec![None; due.len()];
     let mut partner_of_heard: Vec<Option<usize>> = vec![None; heard.len()];

@@ -1,8 +1,8 @@
 //! How well was it played?
 //!
-//! [`frame_scores`] is the measure of the paper, taken a control step at a time; it is generous to silence and
-//! blind to small delays. [`note_scores`] is the measure of music transcription: notes matched one to one, with
-//! what a listener would notice about them. Reports give both.
+//! [`frame_scores`] is the measure of the paper, taken a control step at a time; it is generous to
+//! silence and blind to small delays. [`note_scores`] is the measure of music transcription: notes
+//! matched one to one, with what a listener would notice about them. Reports give both.
 
 mod frame;
 mod matching;

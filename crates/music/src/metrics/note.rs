@@ -1,8 +1,9 @@
 //! Scores by note: played notes matched with the notes of the song, and their onset errors.
 //!
-//! The measure is that of music transcription, as the `mir_eval` package computes it. Played notes are matched to the song's, one to one
-//! and as many as possible, if the pitch is the same and the onset is near; in the stricter variant the release must be near too.
-//! Each pitch is matched separately.
+//! The measure is that of music transcription, as the `mir_eval` package computes it. Played notes
+//! are matched to the song's, one to one and as many as possible, if the pitch is the same and the
+//! onset is near; in the stricter variant the release must be near too. Each pitch is matched
+//! separately.
 
 use serde::{Deserialize, Serialize};
 
@@ -10,14 +11,16 @@ use super::matching::{ONSET_SECS, matched_with_offset, pairs_within};
 use super::share;
 use crate::note::Note;
 
-/// A note that comes later or earlier than this is not the same note, s (a judgement; the time between two eighths at 120 a minute).
-const LAG_SECS: f64 = 0.25;
+/// A note that comes later or earlier than this is not the same note, s (a judgement; the time
+/// between two eighths at 120 a minute).
+const MAX_LAG_SECS: f64 = 0.25;
 
-/// Share of the range of the song's velocities by which a velocity may differ; the default of `mir_eval.transcription_velocity`.
+/// Share of the range of the song's velocities by which a velocity may differ; the default of
+/// `mir_eval.transcription_velocity`.
 const VELOCITY_TOLERANCE: f64 = 0.1;
 
-/// Scores of a performance by note. Precision, recall and F1 are from 0 to 1, and 0 where the song or the
-/// performance has no notes, as in `mir_eval`.
+/// Scores of a performance by note. Precision, recall and F1 are from 0 to 1, and 0 where the song
+/// or the performance has no notes, as in `mir_eval`.
 #[derive(Copy, Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct NoteScores {
     /// Share of the played notes that match one of the song by pitch and onset.
@@ -32,8 +35,8 @@ pub struct NoteScores {
     pub onset_offset_recall: f64,
     /// Harmonic mean of the two.
     pub onset_offset_f1: f64,
-    /// Median of played minus due onset over the notes matched by onset, in seconds; late is positive. None
-    /// without a match.
+    /// Median of played minus due onset over the notes matched by onset, in seconds; late is
+    /// positive. None without a match.
     pub onset_error_median_secs: Option<f64>,
     /// Distance between the quartiles of the same errors, in seconds.
     pub onset_error_iqr_secs: Option<f64>,
@@ -41,15 +44,16 @@ pub struct NoteScores {
     pub onset_error_p95_secs: Option<f64>,
     /// Their mean, in seconds: the bias.
     pub onset_error_mean_secs: Option<f64>,
-    /// Median of played minus due onset over notes of the same pitch that are matched within 250 ms, in seconds: how late the whole
-    /// performance is. None without a match.
+    /// Median of played minus due onset over notes of the same pitch that are matched within 250
+    /// ms, in seconds: how late the whole performance is. None without a match.
     pub lag_secs: Option<f64>,
     /// `onset_f1` if everything were played earlier by `lag_secs`.
     pub onset_f1_without_lag: f64,
-    /// Correlation (Pearson's) of played and due MIDI velocities over the notes matched by onset. None where either is the same for
-    /// all of them.
+    /// Correlation (Pearson's) of played and due MIDI velocities over the notes matched by onset.
+    /// None where either is the same for all of them.
     pub velocity_correlation: Option<f64>,
-    /// As `onset_f1`, with the velocity near as well, after the played velocities were scaled and shifted to fit the song's best.
+    /// As `onset_f1`, with the velocity near as well, after the played velocities were scaled and
+    /// shifted to fit the song's best.
     pub onset_velocity_f1: f64,
     /// Notes matched by pitch and onset.
     pub matched: usize,
@@ -59,8 +63,8 @@ pub struct NoteScores {
     pub wrong: usize,
 }
 
-/// Scores played notes against those of the song. The time grows with the square of the number of strokes of one pitch that follow
-/// each other within the tolerance.
+/// Scores played notes against those of the song. The time grows with the square of the number of
+/// strokes of one pitch that follow each other within the tolerance.
 pub fn note_scores(reference: &[Note], played: &[Note]) -> NoteScores {
     let mut pairs = matched_notes(reference, played);
     // Sums are then the same in whatever order the notes are given.
@@ -106,8 +110,8 @@ pub fn note_scores(reference: &[Note], played: &[Note]) -> NoteScores {
     }
 }
 
-/// Pairs of a note of the song and the played note that matches it by pitch and onset, as indices into the two lists, in the order of
-/// the song's.
+/// Pairs of a note of the song and the played note that matches it by pitch and onset, as indices
+/// into the two lists, in the order of the song's.
 ///
 /// Of all largest matchings, it is the one with the smallest sum of onset errors.
 pub fn matched_notes(reference: &[Note], played: &[Note]) -> Vec<[usize; 2]> {
@@ -115,7 +119,7 @@ pub fn matched_notes(reference: &[Note], played: &[Note]) -> Vec<[usize; 2]> {
 }
 
 fn lag_secs(reference: &[Note], played: &[Note]) -> Option<f64> {
-    let pairs = pairs_within(LAG_SECS, reference, played);
+    let pairs = pairs_within(MAX_LAG_SECS, reference, played);
     let lags = pairs.iter().map(|[due, heard]| played[*heard].start_secs - reference[*due].start_secs);
     let mut lags: Vec<f64> = lags.collect();
     lags.sort_by(f64::total_cmp);
@@ -161,8 +165,9 @@ fn velocity_correlation(pairs: &[[usize; 2]], reference: &[Note], played: &[Note
     (spread > SAME_VELOCITIES).then(|| product(&due, &heard) / spread)
 }
 
-/// How many of the matched notes also have the velocity that is due, by the rule of `mir_eval.transcription_velocity`: the line
-/// through the matched velocities with the least squares takes out how loud the instrument is.
+/// How many of the matched notes also have the velocity that is due, by the rule of
+/// `mir_eval.transcription_velocity`: the line through the matched velocities with the least
+/// squares takes out how loud the instrument is.
 fn matched_with_velocity(pairs: &[[usize; 2]], reference: &[Note], played: &[Note]) -> usize {
     let ends = reference
         .iter()
@@ -177,11 +182,12 @@ fn matched_with_velocity(pairs: &[[usize; 2]], reference: &[Note], played: &[Not
         .count()
 }
 
-/// Linear interpolation between order statistics, as numpy's default; the list is sorted and not empty.
+/// Linear interpolation between order statistics, as numpy's default; the list is sorted and not
+/// empty.
 fn quantile(sorted: &[f64], q: f64) -> f64 {
-    let place = q * (sorted.len() - 1) as f64;
-    let (below, above) = (place.floor() as usize, place.ceil() as usize);
-    sorted[below] + (sorted[above] - sorted[below]) * (place - place.floor())
+    let position = q * (sorted.len() - 1) as f64;
+    let (below, above) = (position.floor() as usize, position.ceil() as usize);
+    sorted[below] + (sorted[above] - sorted[below]) * (position - position.floor())
 }
 
 #[cfg(test)]

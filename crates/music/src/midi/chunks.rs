@@ -1,6 +1,7 @@
 //! The chunks of a MIDI file: a header and tracks, each with its length in front.
 //!
-//! They are not read by `midly`, which accepts chunks that are longer than the file, and fails on one value of the time division.
+//! They are not read by `midly`, which accepts chunks that are longer than the file, and fails on
+//! one value of the time division.
 
 use crate::error::MidiError;
 
@@ -28,7 +29,8 @@ pub(super) struct Chunks<'a> {
 const CHUNK_HEAD: usize = 8;
 const HEADER_BODY: usize = 6;
 
-/// Splits the file into chunks. Unknown chunks are skipped, and other bytes after the last track are ignored.
+/// Splits the file into chunks. Unknown chunks are skipped, and other bytes after the last track
+/// are ignored.
 pub(super) fn split(bytes: &[u8]) -> Result<Chunks<'_>, MidiError> {
     if bytes.is_empty() {
         return Err(MidiError("the file is empty; export the song again as a Standard MIDI File".into()));

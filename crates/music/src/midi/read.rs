@@ -59,7 +59,7 @@ impl Reader {
         let mut held: BTreeMap<(u8, u8), Held> = BTreeMap::new();
         let mut tick = 0u64;
         let mut events = EventIter::new(chunk.body);
-        let mut may_have_swallowed = false;
+        let mut last_was_variable_length = false;
         loop {
             let unread = events.unread();
             let bad = || {
@@ -70,13 +70,13 @@ impl Reader {
             };
             let event = match events.next() {
                 Some(Ok(event)) => event,
-                // `midly` ends a track silently at an event that it cannot read, and takes the rest of the track as the text of an
-                // event that is too long.
-                None if unread.is_empty() && !may_have_swallowed => break,
+                // `midly` ends a track silently at an event that it cannot read, and takes the rest
+                // of the track as the text of an event that is too long.
+                None if unread.is_empty() && !last_was_variable_length => break,
                 Some(Err(_)) | None => return Err(bad()),
             };
             tick = tick.saturating_add(u64::from(event.delta.as_int()));
-            may_have_swallowed = !matches!(event.kind, TrackEventKind::Midi { .. });
+            last_was_variable_length = !matches!(event.kind, TrackEventKind::Midi { .. });
             match event.kind {
                 TrackEventKind::Midi { channel, message } => {
                     let (pitch, velocity) = match message {

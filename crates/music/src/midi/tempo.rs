@@ -3,7 +3,7 @@
 use super::chunks::Division;
 use crate::error::MidiError;
 use crate::limits::MAX_TEMPO_CHANGES;
-use crate::meter::{BeatGrid, Stretch};
+use crate::meter::{BeatGrid, MeterSegment};
 
 /// Default tempo: 120 quarter notes a minute (Standard MIDI Files 1.0).
 const DEFAULT_MICROS_PER_QUARTER: u32 = 500_000;
@@ -22,7 +22,8 @@ pub(super) enum Change {
 }
 
 impl Change {
-    /// A time signature event, unless no music could have it; bars are labels, so an odd one is not an error.
+    /// A time signature event, unless no music could have it; bars are labels, so an odd one is not
+    /// an error.
     pub fn signature(numerator: u8, denominator_power: u8) -> Option<Change> {
         (numerator > 0 && denominator_power <= SMALLEST_BEAT_POWER)
             .then(|| Change::Signature { beats_per_bar: numerator, beat_unit: 1 << denominator_power })
@@ -45,12 +46,13 @@ impl Changes {
         Ok(())
     }
 
-    /// The map of a file with this division. Changes at one tick take effect in the order of their tracks.
+    /// The map of a file with this division. Changes at one tick take effect in the order of their
+    /// tracks.
     pub fn into_map(mut self, division: Division) -> TempoMap {
         self.0.sort_by_key(|(tick, _)| *tick);
-        let mut map = TempoMap { division, tempos: vec![], stretches: vec![] };
+        let mut map = TempoMap { division, tempos: vec![], segments: vec![] };
         map.tempos.push(Tempo { tick: 0, secs: 0.0, micros_per_quarter: DEFAULT_MICROS_PER_QUARTER });
-        map.stretches.push((0, map.stretch(0.0, DEFAULT_MICROS_PER_QUARTER, 4, 4, 1, 0.0)));
+        map.segments.push((0, map.segment(0.0, DEFAULT_MICROS_PER_QUARTER, 4, 4, 1, 0.0)));
         for (tick, change) in self.0 {
             map.apply(tick, change);
         }
@@ -68,7 +70,7 @@ struct Tempo {
 pub(super) struct TempoMap {
     division: Division,
     tempos: Vec<Tempo>,
-    stretches: Vec<(u64, Stretch)>,
+    segments: Vec<(u64, MeterSegment)>,
 }
 
 impl TempoMap {
@@ -88,15 +90,15 @@ impl TempoMap {
     }
 
     pub fn into_beats(self) -> BeatGrid {
-        BeatGrid::from_stretches(self.stretches.into_iter().map(|(_, stretch)| stretch).collect())
+        BeatGrid::from_segments(self.segments.into_iter().map(|(_, segment)| segment).collect())
     }
 
     fn apply(&mut self, tick: u64, change: Change) {
         let secs = self.secs(tick);
-        let (Some(tempo), Some(&(since, last))) = (self.tempos.last(), self.stretches.last()) else { return };
+        let (Some(tempo), Some(&(since, last))) = (self.tempos.last(), self.segments.last()) else { return };
         let mut micros = tempo.micros_per_quarter;
         let (mut beats_per_bar, mut beat_unit) = (last.beats_per_bar, last.beat_unit);
-        let (mut bar, mut gone) = last.after(self.beats_between(since, tick, &last));
+        let (mut bar, mut beats_before) = last.after(self.beats_between(since, tick, &last));
         match change {
             Change::Tempo(new) => {
                 micros = new;
@@ -106,35 +108,35 @@ impl TempoMap {
             Change::Signature { beats_per_bar: beats, beat_unit: unit } => {
                 (beats_per_bar, beat_unit) = (beats, unit);
                 // A new signature begins a bar, even if the old one was not full.
-                bar = if gone > 1e-3 { bar.saturating_add(1) } else { bar };
-                gone = 0.0;
+                bar = if beats_before > 1e-3 { bar.saturating_add(1) } else { bar };
+                beats_before = 0.0;
             }
         }
-        let stretch = self.stretch(secs, micros, beats_per_bar, beat_unit, bar, gone);
-        replace_or_push(&mut self.stretches, (tick, stretch), |last| last.0 == tick);
+        let segment = self.segment(secs, micros, beats_per_bar, beat_unit, bar, beats_before);
+        replace_or_push(&mut self.segments, (tick, segment), |last| last.0 == tick);
     }
 
-    fn beats_between(&self, from: u64, to: u64, stretch: &Stretch) -> f64 {
+    fn beats_between(&self, from: u64, to: u64, segment: &MeterSegment) -> f64 {
         match self.division {
-            Division::Seconds(secs_per_tick) => (to - from) as f64 * secs_per_tick / stretch.beat_secs,
+            Division::Seconds(secs_per_tick) => (to - from) as f64 * secs_per_tick / segment.beat_secs,
             Division::PerQuarter(ticks) => {
-                (to - from) as f64 / f64::from(ticks) * f64::from(stretch.beat_unit) / QUARTERS_PER_WHOLE
+                (to - from) as f64 / f64::from(ticks) * f64::from(segment.beat_unit) / QUARTERS_PER_WHOLE
             }
         }
     }
 
-    fn stretch(
+    fn segment(
         &self,
         start_secs: f64,
         micros_per_quarter: u32,
         beats_per_bar: u8,
         beat_unit: u8,
         bar: u32,
-        beats_gone: f64,
-    ) -> Stretch {
+        beats_before: f64,
+    ) -> MeterSegment {
         let quarter_secs = f64::from(micros_per_quarter) / MICROS;
         let beat_secs = quarter_secs * QUARTERS_PER_WHOLE / f64::from(beat_unit);
-        Stretch { start_secs, beat_secs, beats_per_bar, beat_unit, bar, beats_gone }
+        MeterSegment { start_secs, beat_secs, beats_per_bar, beat_unit, bar, beats_before }
     }
 }
 

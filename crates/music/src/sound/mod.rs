@@ -1,92 +1,37 @@
 //! Rendering notes as sound.
 //!
-//! With a SoundFont a performance sounds like a piano; without one there is a built-in tone in a small room. Samples are mono, 44.1 kHz, from −1 to
-//! 1, with a second for the last note to decay, as RoboPianist renders them.
+//! With a SoundFont a performance sounds like a piano; without one there is a built-in tone in a
+//! small room. Samples are mono, 44.1 kHz, from −1 to 1, with a second for the last note to decay,
+//! as RoboPianist renders them.
 
+mod error;
 mod piano;
-mod room;
+mod reverb;
+mod samples;
 mod soundfont;
 mod wav;
 
-use std::io;
-use std::path::PathBuf;
-
-use thiserror::Error;
-
+pub use error::{SoundError, write_hint};
+pub use samples::SAMPLE_RATE_HZ;
+use samples::sample_at;
 pub use soundfont::SoundFont;
 pub use wav::write_wav;
 
 use crate::limits::MAX_DURATION_SECS;
 use crate::note::Note;
 
-/// Samples a second.
-pub const SAMPLE_RATE_HZ: u32 = 44_100;
 /// What follows the last note, in seconds.
 pub const TAIL_SECS: f64 = 1.0;
 /// Loudest sample of a rendering, leaving headroom below full scale.
 const PEAK: f32 = 0.9;
 
-/// Why notes cannot be rendered or written.
-#[derive(Debug, Error)]
-#[non_exhaustive]
-pub enum SoundError {
-    /// The SoundFont cannot be opened.
-    #[error("cannot read the SoundFont {}: {source}; check the path, or leave it out for the built-in tone", .path.display())]
-    Read {
-        /// The file.
-        path: PathBuf,
-        /// What the system says.
-        source: io::Error,
-    },
-    /// The SoundFont is compressed.
-    #[error("{} is a compressed SoundFont (SF3), which is not supported; use an SF2 file, or convert it with a SoundFont editor such as Polyphone", .path.display())]
-    Compressed {
-        /// The file.
-        path: PathBuf,
-    },
-    /// The file is not a usable SoundFont.
-    #[error("{} is not a usable SoundFont: {why}; use an SF2 file, or leave it out for the built-in tone", .path.display())]
-    NotASoundFont {
-        /// The file.
-        path: PathBuf,
-        /// What is wrong with it.
-        why: String,
-    },
-    /// Notes that cannot be rendered.
-    #[error(
-        "note {index} (counting from 0) cannot be rendered: its times must be finite, not negative, in order and below {MAX_DURATION_SECS} s"
-    )]
-    BadNote {
-        /// Its index in the list.
-        index: usize,
-    },
-    /// The WAV file cannot be written.
-    #[error("cannot write the sound to {}: {source}; {}", .path.display(), write_hint(.source))]
-    Write {
-        /// The file.
-        path: PathBuf,
-        /// What the system says.
-        source: io::Error,
-    },
-}
-
-/// What to do about a file that cannot be written.
-pub fn write_hint(source: &io::Error) -> &'static str {
-    match source.kind() {
-        io::ErrorKind::StorageFull | io::ErrorKind::QuotaExceeded => "free some space or choose another disk",
-        io::ErrorKind::NotFound => "create the folder first",
-        io::ErrorKind::PermissionDenied | io::ErrorKind::ReadOnlyFilesystem => {
-            "choose a folder that you may write to"
-        }
-        _ => "choose another place",
-    }
-}
-
-/// Renders notes with a SoundFont, or with the built-in tone without one. Empty if there are no notes; else as
-/// long as the last note and [`TAIL_SECS`]. The loudest sample is just below full scale.
+/// Renders notes with a SoundFont, or with the built-in tone without one. Empty if there are no
+/// notes; else as long as the last note and [`TAIL_SECS`]. The loudest sample is just below full
+/// scale.
 ///
 /// # Errors
-/// If a note's times are not finite, in order and within the longest song; if the SoundFont turns out to be damaged.
+/// If a note's times are not finite, in order and within the longest song; if the SoundFont turns
+/// out to be damaged.
 pub fn render(notes: &[Note], font: Option<&SoundFont>) -> Result<Vec<f32>, SoundError> {
     for (index, note) in notes.iter().enumerate() {
         let in_order = 0.0 <= note.start_secs && note.start_secs <= note.end_secs;
@@ -102,16 +47,11 @@ pub fn render(notes: &[Note], font: Option<&SoundFont>) -> Result<Vec<f32>, Soun
         Some(font) => font.render(notes, &mut samples)?,
         None => {
             notes.iter().for_each(|note| piano::strike(note, &mut samples));
-            room::reverberate(&mut samples);
+            reverb::reverberate(&mut samples);
         }
     }
     normalise(&mut samples);
     Ok(samples)
-}
-
-/// Index of the sample at this many seconds.
-fn sample_at(secs: f64) -> usize {
-    (secs * f64::from(SAMPLE_RATE_HZ)).round() as usize
 }
 
 fn normalise(samples: &mut [f32]) {

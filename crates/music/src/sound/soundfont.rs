@@ -1,7 +1,7 @@
 //! Recorded instruments: a SoundFont played by `rustysynth`.
 //!
-//! The synthesizer does not check the cross-references within a SoundFont and panics if they are damaged. Such panics are caught here and
-//! reported as a damaged file.
+//! The synthesizer does not check the cross-references within a SoundFont and panics if they are
+//! damaged. Such panics are caught here and reported as a damaged file.
 
 use std::fs::File;
 use std::io::BufReader;
@@ -11,7 +11,8 @@ use std::sync::Arc;
 
 use rustysynth::{SoundFontError, Synthesizer, SynthesizerSettings};
 
-use super::{SAMPLE_RATE_HZ, SoundError, sample_at};
+use super::error::SoundError;
+use super::samples::{SAMPLE_RATE_HZ, sample_at};
 use crate::note::Note;
 
 /// The first program of General MIDI, the grand piano, is chosen on any channel but percussion.

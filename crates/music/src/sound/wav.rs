@@ -6,7 +6,8 @@ use std::path::Path;
 use atomic_write_file::AtomicWriteFile;
 use hound::{SampleFormat, WavSpec, WavWriter};
 
-use super::{SAMPLE_RATE_HZ, SoundError};
+use super::error::SoundError;
+use super::samples::SAMPLE_RATE_HZ;
 
 const SPEC: WavSpec = WavSpec {
     channels: 1,

@@ -65,7 +65,7 @@ fn a_finger_presses_one_white_key_at_a_time_in_its_middle_or_beside_a_gap() {
             let is_push = !is_at(PRESS_X_M) && !is_at(BESIDE_X_M) && above < PRESS_M[0] - 1e-9;
             if is_push {
                 // Before the front of a black key, clear of the white ones.
-                let black = (0..KEYS).find(|key| (key_lateral(*key) - y).abs() < 1e-9).unwrap();
+                let black = (0..KEY_COUNT).find(|key| (key_lateral(*key) - y).abs() < 1e-9).unwrap();
                 assert!(key_is_black(black) && above > PUSH_M - 1e-9, "{side:?} {step}: {black} {above}");
                 assert!(x > PUSH_X_M[1] - 1e-9 && x < PUSH_X_M[0] + 1e-9, "{side:?} {step}: {x}");
                 if x < PUSH_X_M[1] + 1e-9 {

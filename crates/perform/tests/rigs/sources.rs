@@ -3,7 +3,7 @@
 use std::path::Path;
 use std::sync::atomic::AtomicBool;
 
-use etude_music::{KEYS, LOWEST_PITCH, repertoire};
+use etude_music::{KEY_COUNT, LOWEST_PITCH, repertoire};
 use etude_perform::{Header, Mode, Recording, RecordingWriter};
 use etude_stage::{DRIVEN_JOINTS, RAIL};
 use etude_task::{ACTION_LEN, ObservationScale, Piece, ScriptedBaseline, TaskConfig};
@@ -22,7 +22,7 @@ struct Seen {
 
 impl Seen {
     fn new(joints: &[f64], pitches: impl Iterator<Item = u8>) -> Self {
-        let mut keys = vec![0.0; KEYS];
+        let mut keys = vec![0.0; KEY_COUNT];
         pitches.for_each(|pitch| keys[usize::from(pitch - LOWEST_PITCH)] = 1.0);
         Self { joints: joints.iter().map(|joint| *joint as f32).collect(), keys }
     }
@@ -101,11 +101,11 @@ fn each_column_comes_from_the_rig_that_the_mode_names() {
             for (ago, columns) in actions.chunks_exact(ACTION_LEN).enumerate() {
                 assert_eq!(columns, script.action(step - 1 - ago), "{mode}, step {step}: action {ago}");
             }
-            let (pressed, sheet) = binary.split_at(KEYS);
+            let (pressed, sheet) = binary.split_at(KEY_COUNT);
             assert_eq!(pressed, keys[step - 1].keys, "{mode}, step {step}: keys");
-            for (ahead, columns) in sheet.chunks_exact(KEYS).enumerate() {
+            for (ahead, columns) in sheet.chunks_exact(KEY_COUNT).enumerate() {
                 let due = piece.due(step + ahead);
-                let shown: Vec<usize> = (0..KEYS).filter(|key| columns[*key] == 1.0).collect();
+                let shown: Vec<usize> = (0..KEY_COUNT).filter(|key| columns[*key] == 1.0).collect();
                 assert_eq!(shown, due.iter().collect::<Vec<_>>(), "{mode}, step {step}: sheet {ahead}");
             }
         }

@@ -4,7 +4,7 @@ use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
 
-use super::KEYS;
+use super::KEY_COUNT;
 use crate::setting::{DAY_SECS, POSITIVE, SettingError, check_range};
 
 /// What can be set of a [`Keyboard`](super::Keyboard).
@@ -44,7 +44,7 @@ impl KeyboardConfig {
 /// # Errors
 /// If not.
 pub fn check_lowest_pitch(pitch: u8) -> Result<(), SettingError> {
-    check_range("keyboard.lowest_pitch", pitch.into(), 0.0, (128 - KEYS) as f64)
+    check_range("keyboard.lowest_pitch", pitch.into(), 0.0, (128 - KEY_COUNT) as f64)
 }
 
 /// The time of a setting, which must be positive and at most a day.

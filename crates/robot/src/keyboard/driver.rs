@@ -13,7 +13,7 @@
 use std::{fmt, time::Duration};
 
 use super::{
-    KEYS, KeyboardConfig,
+    KEY_COUNT, KeyboardConfig,
     parser::{MidiEvent, MidiParser},
     shift::{Shift, ShiftWatch},
 };
@@ -143,7 +143,7 @@ pub struct Keyboard {
     pressed: u64,
     /// Keys that were pressed or released since the connection: the first release of another belongs to a press before it.
     seen: u64,
-    pressed_at: [Duration; KEYS],
+    pressed_at: [Duration; KEY_COUNT],
     /// When the last byte came, once the keyboard has shown that it sends active sensing.
     sensed_at: Option<Duration>,
     shift_watch: ShiftWatch,
@@ -172,7 +172,7 @@ impl Keyboard {
             state: KeyboardState::Absent,
             pressed: 0,
             seen: 0,
-            pressed_at: [Duration::ZERO; KEYS],
+            pressed_at: [Duration::ZERO; KEY_COUNT],
             sensed_at: None,
             shift_watch: ShiftWatch::new(lowest_pitch),
             shift: None,
@@ -247,7 +247,7 @@ impl Keyboard {
     /// The warnings, until they are [acknowledged](Self::acknowledge).
     pub fn warnings(&self) -> impl Iterator<Item = KeyboardWarning> + '_ {
         let (pieces, events) = (self.parser.damaged() - self.damage_seen, self.unpaired);
-        let stuck = (0..KEYS).filter(|key| self.stuck & (1 << key) != 0);
+        let stuck = (0..KEY_COUNT).filter(|key| self.stuck & (1 << key) != 0);
         let shifted = self.shift.map(KeyboardWarning::Shifted).into_iter();
         shifted
             .chain(stuck.map(|key| KeyboardWarning::Stuck { key }))
@@ -269,7 +269,7 @@ impl Keyboard {
     }
 
     fn release_all(&mut self, now: Duration, changes: &mut Vec<KeyChange>) {
-        for key in (0..KEYS).filter(|key| self.pressed & (1 << key) != 0) {
+        for key in (0..KEY_COUNT).filter(|key| self.pressed & (1 << key) != 0) {
             changes.push(KeyChange { at: now, key, velocity: 0 });
         }
         (self.pressed, self.stuck_now) = (0, 0);
@@ -278,7 +278,7 @@ impl Keyboard {
     /// The key of a note, if the keyboard has it.
     fn key(&mut self, note: u8) -> Option<usize> {
         self.shift = self.shift_watch.hear(note).or(self.shift);
-        note.checked_sub(self.lowest_pitch).map(usize::from).filter(|&key| key < KEYS)
+        note.checked_sub(self.lowest_pitch).map(usize::from).filter(|&key| key < KEY_COUNT)
     }
 
     fn press(&mut self, now: Duration, note: u8, velocity: u8, changes: &mut Vec<KeyChange>) {

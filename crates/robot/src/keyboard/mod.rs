@@ -21,4 +21,4 @@ pub use transport::open;
 /// Keys of the keyboard, four octaves and a C.
 ///
 /// As on the paper's M-Audio Keystation 49e.
-pub const KEYS: usize = 49;
+pub const KEY_COUNT: usize = 49;

@@ -3,7 +3,7 @@
 
 use std::fmt;
 
-use super::KEYS;
+use super::KEY_COUNT;
 
 /// By how much the notes of the keyboard are shifted, as far as the notes so far show.
 ///
@@ -26,7 +26,7 @@ impl Shift {
     fn of(note: u8, lowest_pitch: u8) -> Self {
         let above_lowest = i16::from(note) - i16::from(lowest_pitch);
         Self {
-            lowest_semitones: above_lowest - (KEYS as i16 - 1),
+            lowest_semitones: above_lowest - (KEY_COUNT as i16 - 1),
             highest_semitones: above_lowest,
             lowest_pitch,
         }

@@ -2,7 +2,7 @@
 //! computes the observations of a performance from nothing else.
 
 use etude_lab::Pianist;
-use etude_music::{CONTROL_HZ, KEYS, LOWEST_PITCH, Song, key_is_black};
+use etude_music::{CONTROL_HZ, KEY_COUNT, LOWEST_PITCH, Song, key_is_black};
 use etude_stage::geometry::WHITE_PITCH;
 use etude_stage::hand::LINKS;
 use etude_stage::{DRIVEN_JOINTS, FINGERS, JOINT_NAMES, RAIL, joint_range, kinematics};
@@ -75,7 +75,7 @@ fn columns(task: &TaskConfig) -> Vec<Value> {
                     next ones less that of this one, clamped to -4 ... 4";
         add("places", 0, task.lookahead + 1, name.to_string());
     }
-    let (width, of_window) = if from_hand { (SLOTS, " (see `window`)") } else { (KEYS, "") };
+    let (width, of_window) = if from_hand { (SLOTS, " (see `window`)") } else { (KEY_COUNT, "") };
     add("sounding", 0, width, format!("keys that sound, 0 or 1{of_window}"));
     for ahead in 0..=task.lookahead {
         add("due", ahead, width, format!("keys due in {ahead} control steps, 0 or 1{of_window}"));
@@ -106,8 +106,8 @@ fn scale_name(task: &TaskConfig) -> String {
 /// The part of the keyboard that an observation relative to the hand shows, for each control step.
 fn window_json(fingering: &Fingering) -> Value {
     let middle: Vec<i32> = fingering.rail().iter().map(|place| Window::around(*place).middle()).collect();
-    let slots: Vec<i32> = (0..KEYS).map(window::slot_of_key).collect();
-    let black: Vec<usize> = (0..KEYS).filter(|key| key_is_black(*key)).collect();
+    let slots: Vec<i32> = (0..KEY_COUNT).map(window::slot_of_key).collect();
+    let black: Vec<usize> = (0..KEY_COUNT).filter(|key| key_is_black(*key)).collect();
     let meaning = "A slot is half a white key wide. Key k, 0 is the lowest, stands in column key_slot[k] - middle[step] + slots_to_a_side of \
                    its group, and nowhere if there is no such column. After the end the last middle stays. The middle of the window is \
                    middle / 2 white keys from that of the keyboard.";

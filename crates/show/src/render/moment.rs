@@ -1,6 +1,6 @@
 //! What is seen at a moment of a recording: the joints, the colours of the keys, the fingertips' shadows and the arm.
 
-use etude_music::{KEYS, LOWEST_PITCH};
+use etude_music::{KEY_COUNT, LOWEST_PITCH};
 use etude_stage::{DRIVEN_JOINTS, SceneGeom};
 use nalgebra::{UnitQuaternion, Vector3};
 
@@ -31,8 +31,8 @@ pub(super) fn joints_at(take: &Take, secs: f64) -> [f64; DRIVEN_JOINTS] {
 }
 
 /// The colours of keys that are due or sound, as on the replay page.
-pub(super) fn key_colours(take: &Take, secs: f64) -> [Option<[f32; 3]>; KEYS] {
-    let mut colours = [None; KEYS];
+pub(super) fn key_colours(take: &Take, secs: f64) -> [Option<[f32; 3]>; KEY_COUNT] {
+    let mut colours = [None; KEY_COUNT];
     let mut light = |pitch: u8, colour: [u8; 3]| {
         let key = pitch.checked_sub(LOWEST_PITCH).and_then(|key| colours.get_mut(usize::from(key)));
         if let Some(key) = key {

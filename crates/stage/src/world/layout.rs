@@ -1,6 +1,6 @@
 //! Where joints, keys and geoms are in the MuJoCo model: names are resolved to ids once, when a world is built.
 
-use etude_music::KEYS;
+use etude_music::KEY_COUNT;
 use mujoco_rs::prelude::{MjModel, MjtObjBase};
 
 use crate::contacts::Part;
@@ -12,10 +12,10 @@ use crate::hand::{DRIVEN_JOINTS, FINGER_NAMES, FINGERS, JOINT_NAMES};
 pub(super) struct Layout {
     pub keyboard: usize,
     pub palm: usize,
-    pub key_dof: [usize; KEYS],
-    pub key_tree: [usize; KEYS],
-    pub key_body: [usize; KEYS],
-    pub key_geom: [usize; KEYS],
+    pub key_dof: [usize; KEY_COUNT],
+    pub key_tree: [usize; KEY_COUNT],
+    pub key_body: [usize; KEY_COUNT],
+    pub key_geom: [usize; KEY_COUNT],
     pub joint_dof: [usize; DRIVEN_JOINTS],
     pub tip_site: [usize; FINGERS],
     pub pad_site: [usize; FINGERS],
@@ -33,16 +33,16 @@ impl Layout {
         let mut layout = Self {
             keyboard: id(model, MjtObjBase::mjOBJ_BODY, "keyboard")?,
             palm: id(model, MjtObjBase::mjOBJ_BODY, "palm")?,
-            key_dof: [0; KEYS],
-            key_tree: [0; KEYS],
-            key_body: [0; KEYS],
-            key_geom: [0; KEYS],
+            key_dof: [0; KEY_COUNT],
+            key_tree: [0; KEY_COUNT],
+            key_body: [0; KEY_COUNT],
+            key_geom: [0; KEY_COUNT],
             joint_dof: [0; DRIVEN_JOINTS],
             tip_site: [0; FINGERS],
             pad_site: [0; FINGERS],
             geom_part: vec![Part::OtherLink; model.geom_friction().len()],
         };
-        for key in 0..KEYS {
+        for key in 0..KEY_COUNT {
             layout.key_dof[key] = dof(&format!("key_{key}"))?;
             // A key is never fixed, so it has a tree.
             layout.key_tree[key] = model.dof_treeid()[layout.key_dof[key]] as usize;

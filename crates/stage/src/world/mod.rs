@@ -11,7 +11,7 @@ mod step;
 #[cfg(test)]
 mod tests;
 
-use etude_music::{CONTROL_HZ, KEYS, KeyEvent, KeySet};
+use etude_music::{CONTROL_HZ, KEY_COUNT, KeyEvent, KeySet};
 use mujoco_rs::prelude::{MjData, MjModel};
 
 use crate::config::{ModelOptions, PHYSICS_STEPS, StageConfig};
@@ -33,7 +33,7 @@ pub use step::StepOutcome;
 const _: () = assert!(CONTROL_HZ * PHYSICS_STEPS as f64 == 200.0);
 
 /// Room for the key events of one control step.
-const EVENTS: usize = KEYS * PHYSICS_STEPS;
+const EVENTS: usize = KEY_COUNT * PHYSICS_STEPS;
 /// Height of the fingertips over the white keys in the starting pose, m.
 const HOVER: f64 = 0.018;
 
@@ -49,15 +49,15 @@ pub struct World {
     /// Those of the rail while a key is down.
     key_down_gains: Gains,
     /// Angle of each key from which on it sounds, rad.
-    threshold: [f64; KEYS],
+    threshold: [f64; KEY_COUNT],
     /// Angle of each key below which it is silent again, rad; at most its threshold.
-    release: [f64; KEYS],
+    release: [f64; KEY_COUNT],
     controllers: [Controller; DRIVEN_JOINTS],
     pressed: KeySet,
     /// Physics steps since the last reset.
     physics_steps: u64,
     /// Key angles at which MuJoCo last computed the quantities that depend on them; see `snapshot`.
-    derived_at: [f64; KEYS],
+    derived_at: [f64; KEY_COUNT],
     /// Torques of the last physics step, N·m, the rail's in N.
     torques: [f64; DRIVEN_JOINTS],
     /// Key events of the last control step.
@@ -65,7 +65,7 @@ pub struct World {
     /// Strikes of the last control step.
     strikes: Vec<Strike>,
     /// Greatest angle of each key since the last control step began, rad.
-    deepest: [f64; KEYS],
+    deepest: [f64; KEY_COUNT],
 }
 
 impl World {
@@ -100,16 +100,16 @@ impl World {
                 Gains::new(params, joint, config.actuation, options.step_secs)
             }),
             key_down_gains: Gains::new(params, RAIL, config.actuation, options.step_secs),
-            threshold: [0.0; KEYS],
-            release: [0.0; KEYS],
+            threshold: [0.0; KEY_COUNT],
+            release: [0.0; KEY_COUNT],
             controllers: std::array::from_fn(|_| Controller::at_rest(0.0)),
             pressed: KeySet::EMPTY,
             physics_steps: 0,
-            derived_at: [0.0; KEYS],
+            derived_at: [0.0; KEY_COUNT],
             torques: [0.0; DRIVEN_JOINTS],
             events: Vec::with_capacity(EVENTS),
             strikes: Vec::with_capacity(EVENTS),
-            deepest: [0.0; KEYS],
+            deepest: [0.0; KEY_COUNT],
         };
         world.set_params(params);
         world.reset();
@@ -120,7 +120,7 @@ impl World {
     pub fn set_params(&mut self, params: &PhysicalParams) {
         let step = self.options.step_secs;
         let value = |quantity| params.world(quantity);
-        for key in 0..KEYS {
+        for key in 0..KEY_COUNT {
             self.threshold[key] = value(WorldRow::KeyThreshold) * self.lower_stop(key);
             self.release[key] = self.threshold[key] * (1.0 - value(WorldRow::KeyHysteresis));
         }
@@ -131,7 +131,7 @@ impl World {
         // SAFETY: only values change; no size, address or id table is touched.
         let model = unsafe { self.data.model_mut() };
         model.body_pos_mut()[self.layout.keyboard] = keyboard_place(params);
-        for key in 0..KEYS {
+        for key in 0..KEY_COUNT {
             let dof = self.layout.key_dof[key];
             model.body_pos_mut()[self.layout.key_body[key]] =
                 key_place(params, self.options.keyboard_yaw_rad, key);
@@ -171,7 +171,7 @@ impl World {
         }
         self.pressed = KeySet::EMPTY;
         self.physics_steps = 0;
-        self.derived_at = [0.0; KEYS];
+        self.derived_at = [0.0; KEY_COUNT];
         self.data.forward();
         self.forget_last_step();
     }
@@ -196,7 +196,7 @@ impl World {
     }
 
     /// Gives keys these colours (red, green, blue, 0 to 1) in pictures, the others their own.
-    pub fn colour_keys(&mut self, colours: &[Option<[f32; 3]>; KEYS]) {
+    pub fn colour_keys(&mut self, colours: &[Option<[f32; 3]>; KEY_COUNT]) {
         // SAFETY: only values change; no size, address or id table is touched.
         let model = unsafe { self.data.model_mut() };
         for (key, colour) in colours.iter().enumerate() {
@@ -206,7 +206,7 @@ impl World {
     }
 
     /// Moves the keys to these angles, rad.
-    fn put_keys(&mut self, angles: &[f64; KEYS]) {
+    fn put_keys(&mut self, angles: &[f64; KEY_COUNT]) {
         let positions = self.data.qpos_mut();
         for (dof, angle) in self.layout.key_dof.iter().zip(angles) {
             positions[*dof] = *angle;

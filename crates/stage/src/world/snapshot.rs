@@ -1,7 +1,7 @@
 //! Snapshots: the state of a world as plain numbers. A world that is restored from one continues bit for bit.
 #![allow(unsafe_code)] // Restores which key trees sleep; see the use.
 
-use etude_music::{KEYS, KeySet};
+use etude_music::{KEY_COUNT, KeySet};
 use mujoco_rs::mujoco_c::{mjData, mjModel, mjtState};
 use serde::{Deserialize, Serialize};
 
@@ -77,7 +77,7 @@ impl World {
         if !controllers.iter().all(Controller::is_sound) {
             return Err(SnapshotError("a controller with a damaged queue"));
         }
-        let derived_at: &[f64; KEYS] =
+        let derived_at: &[f64; KEY_COUNT] =
             snapshot.derived_at.as_slice().try_into().map_err(|_| SnapshotError("another number of keys"))?;
         // MuJoCo computes nothing for a sleeping tree. Its derived quantities, except its place, stay as they were at the
         // beginning of the step in which it fell asleep, and are used once more in the step in which it wakes. So they are

@@ -3,7 +3,7 @@
 //! Nothing here allocates or fails.
 #![allow(unsafe_code)] // MuJoCo's model is changed in place (dry friction); see the use.
 
-use etude_music::{KEYS, KeyEvent, KeySet};
+use etude_music::{KEY_COUNT, KeyEvent, KeySet};
 use mujoco_rs::mujoco_c::mjtDisableBit;
 
 use super::World;
@@ -60,7 +60,7 @@ impl World {
         let mut outcome = StepOutcome::default();
         self.events.clear();
         self.strikes.clear();
-        self.deepest = [0.0; KEYS];
+        self.deepest = [0.0; KEY_COUNT];
         let begun = self.data.ffi().time;
         for step in 0..PHYSICS_STEPS {
             self.physics_step(wanted(step), law, &mut outcome);
@@ -136,7 +136,7 @@ impl World {
     /// One physics step under `self.torques`.
     fn advance(&mut self) {
         self.data.ctrl_mut().copy_from_slice(&self.torques);
-        for key in 0..KEYS {
+        for key in 0..KEY_COUNT {
             if self.data.tree_asleep()[self.layout.key_tree[key]] < 0 {
                 self.derived_at[key] = self.data.qpos()[self.layout.key_dof[key]];
             }
@@ -152,7 +152,7 @@ impl World {
         let angles = self.data.qpos();
         let velocities = self.data.qvel();
         let mut now = KeySet::EMPTY;
-        for key in 0..KEYS {
+        for key in 0..KEY_COUNT {
             let angle = angles[self.layout.key_dof[key]];
             self.deepest[key] = self.deepest[key].max(angle);
             let border = if self.pressed.contains(key) { self.release[key] } else { self.threshold[key] };

@@ -146,7 +146,7 @@ fn without_contacts_a_hand_moves_the_same_and_presses_nothing() {
             }
             world.step_watched(&targets, |world| path.push(world.joints()));
         }
-        let deepest = (0..KEYS).map(|key| world.key_travel(key)).fold(0.0, f64::max);
+        let deepest = (0..KEY_COUNT).map(|key| world.key_travel(key)).fold(0.0, f64::max);
         (path, deepest)
     };
     assert!(play(true, true).1 > 0.5);

@@ -1,7 +1,7 @@
 //! Pressing keys: the right one sounds, no other, for as long as it is held, and the closed-form kinematics that aims
 //! the fingers is MuJoCo's.
 
-use etude_music::{KEYS, KeySet, key_is_black};
+use etude_music::{KEY_COUNT, KeySet, key_is_black};
 use etude_stage::hand::JOINTS_PER_FINGER;
 use etude_stage::{FINGERS, PhysicalParams, RAIL, Side, StageConfig, World, joint_range, kinematics};
 use proptest::prelude::*;
@@ -41,7 +41,7 @@ fn every_key_sounds_alone_and_as_long_as_it_is_held() {
         for fences in [true, false] {
             let config = StageConfig { side, fences, ..StageConfig::default() };
             let mut world = World::new(&config, &PhysicalParams::default()).unwrap();
-            let mut reached = [0; KEYS];
+            let mut reached = [0; KEY_COUNT];
             for (key, reached) in reached.iter_mut().enumerate() {
                 for finger in 0..FINGERS {
                     let Some((before, held)) = press(&mut world, finger, key) else { continue };

@@ -5,7 +5,7 @@
 //! positions at each *physics* step (which `World` does not show) holds for the world.
 #![allow(dead_code)] // Not every test needs all of it.
 
-use etude_music::{KEYS, KeySet};
+use etude_music::{KEY_COUNT, KeySet};
 use etude_stage::controller::{Controller, Gains};
 use etude_stage::geometry::KeyShape;
 use etude_stage::params::{JointRow, WorldRow};
@@ -21,7 +21,7 @@ pub struct Replica {
     pub data: MjData<Box<MjModel>>,
     /// Degrees of freedom of the joints, and of the keys.
     pub dofs: [usize; DRIVEN_JOINTS],
-    keys: [usize; KEYS],
+    keys: [usize; KEY_COUNT],
     threshold: f64,
     gains: [Gains; DRIVEN_JOINTS],
     controllers: [Controller; DRIVEN_JOINTS],
@@ -103,7 +103,7 @@ impl Replica {
             let share = if before.contains(*key) { 1.0 - hysteresis } else { 1.0 };
             positions[self.keys[*key]] >= share * self.threshold * KeyShape::of(*key).max_angle()
         };
-        (0..KEYS).filter(sounds).collect()
+        (0..KEY_COUNT).filter(sounds).collect()
     }
 
     /// Degree of freedom of the joint called `name`.

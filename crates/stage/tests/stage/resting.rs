@@ -1,7 +1,7 @@
 //! Keys at rest cost nothing: no constraint, no contact, and they sleep. It is what makes the engine fast enough, and
 //! it must not change what is played.
 
-use etude_music::{KEYS, KeySet};
+use etude_music::{KEY_COUNT, KeySet};
 use etude_stage::{Actuation, PhysicalParams, StageConfig, World};
 use proptest::prelude::*;
 
@@ -24,8 +24,8 @@ fn a_still_world_has_no_constraints_and_its_keys_sleep() {
                 world.step(&still);
                 assert_eq!((world.data().nefc(), world.data().ncon()), (0, 0));
             }
-            assert_eq!(asleep(&world), KEYS, "all keys sleep and the hand does not");
-            assert!((0..KEYS).all(|key| world.key_travel(key) == 0.0));
+            assert_eq!(asleep(&world), KEY_COUNT, "all keys sleep and the hand does not");
+            assert!((0..KEY_COUNT).all(|key| world.key_travel(key) == 0.0));
         }
     }
 }
@@ -41,12 +41,12 @@ fn a_key_wakes_for_a_touch_and_sleeps_again() {
     for _ in 0..20 {
         world.step(&press);
     }
-    assert!(world.pressed().contains(24) && asleep(&world) < KEYS);
+    assert!(world.pressed().contains(24) && asleep(&world) < KEY_COUNT);
     let release = over(&world, 1, 24, 0.02).unwrap();
     for _ in 0..60 {
         world.step(&release);
     }
-    assert_eq!((asleep(&world), world.data().nefc()), (KEYS, 0));
+    assert_eq!((asleep(&world), world.data().nefc()), (KEY_COUNT, 0));
     assert!(world.key_travel(24).abs() < 1e-8, "it rests where it sleeps: {}", world.key_travel(24));
 }
 

@@ -1,6 +1,6 @@
 //! The terms that the paper's appendix adds or puts in the place of others.
 
-use etude_music::KEYS;
+use etude_music::KEY_COUNT;
 use etude_stage::RAIL;
 
 use super::{Moment, tolerance};
@@ -20,7 +20,7 @@ pub(super) fn graded_key_press(moment: &Moment) -> f64 {
     let (due, pressed) = (moment.due, moment.world.pressed());
     let travel = |key| moment.world.key_travel(key).clamp(0.0, 1.0);
     if due.is_empty() {
-        let deepest = (0..KEYS).map(travel).fold(0.0, f64::max);
+        let deepest = (0..KEY_COUNT).map(travel).fold(0.0, f64::max);
         return if pressed.is_empty() { 1.5 } else { 2.0 * (1.0 - deepest) };
     }
     let mean = due.iter().map(travel).sum::<f64>() / due.len() as f64;

@@ -13,7 +13,7 @@ mod appendix;
 use std::collections::BTreeMap;
 use std::ops::Range;
 
-use etude_music::{KEYS, KeySet};
+use etude_music::{KEY_COUNT, KeySet};
 use etude_stage::hand::JOINTS_PER_FINGER;
 use etude_stage::{DRIVEN_JOINTS, FINGERS, RAIL, StepOutcome, World};
 
@@ -109,7 +109,7 @@ fn wrong_travel(moment: &Moment) -> f64 {
         let lifted = moment.pressed_before.contains(key);
         if lifted { moment.world.key_travel(key) } else { moment.world.deepest_travel(key) }
     };
-    let wrong = (0..KEYS).filter(|key| !moment.due.contains(*key));
+    let wrong = (0..KEY_COUNT).filter(|key| !moment.due.contains(*key));
     -wrong.map(|key| travel(key).clamp(0.0, 1.0).powi(2)).sum::<f64>()
 }
 
@@ -136,14 +136,14 @@ fn optimal_transport(moment: &Moment) -> f64 {
         return 1.0;
     }
     let tips: [[f64; 3]; FINGERS] = std::array::from_fn(|finger| moment.world.finger_pad(finger));
-    let mut targets = [[0.0; 3]; KEYS];
-    let mut lateral = [0.0; KEYS];
+    let mut targets = [[0.0; 3]; KEY_COUNT];
+    let mut lateral = [0.0; KEY_COUNT];
     for (slot, key) in due.iter().enumerate() {
         targets[slot] = moment.world.key_target(key);
         lateral[slot] = targets[slot][1];
     }
     let count = due.len();
-    let mut chosen = [None; KEYS];
+    let mut chosen = [None; KEY_COUNT];
     assign(&lateral[..count], &tips.map(|tip| tip[1]), &mut chosen[..count]);
     let closeness: f64 = (0..count)
         .filter_map(|slot| chosen[slot].map(|finger| distance(&tips[finger], &targets[slot])))

@@ -182,7 +182,7 @@ fn turning(world: &mut World) -> f64 {
 
 #[cfg(test)]
 mod tests {
-    use etude_music::PlanConfig;
+    use etude_music::KeyScheduleConfig;
 
     use super::*;
 
@@ -213,7 +213,7 @@ mod tests {
     #[test]
     fn a_key_can_be_struck_again_within_the_rest_that_is_planned() {
         let silences = shortest_silences(&StageConfig::default(), &PhysicalParams::default()).unwrap();
-        let rest_secs = PlanConfig::default().restrike_secs;
+        let rest_secs = KeyScheduleConfig::default().restrike_secs;
         for silence in silences.map(Option::unwrap) {
             assert!(silence > CONTROL_SECS - MARGIN_SECS && silence <= rest_secs, "{silences:?}");
         }

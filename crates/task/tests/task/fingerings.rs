@@ -135,7 +135,7 @@ fn a_piece_and_a_task_agree_about_the_fingering() {
 
 #[test]
 fn every_song_has_a_plan_with_a_finger_for_every_note_that_three_fingers_can_play() {
-    for known in etude_music::repertoire::PIECES {
+    for known in etude_music::repertoire::SONGS {
         let piece = Piece::for_task(&known.song(), &with_fingering()).unwrap();
         let fingering: &Fingering = piece.fingering().unwrap();
         assert_eq!(fingering.rail().len(), piece.steps());

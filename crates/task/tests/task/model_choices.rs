@@ -7,7 +7,7 @@ use std::time::Instant;
 
 use etude_learn::Policy;
 use etude_music::metrics::frame_scores;
-use etude_music::{KEYS, KeySet, repertoire};
+use etude_music::{KEY_COUNT, KeySet, repertoire};
 use etude_stage::geometry::KeyShape;
 use etude_stage::params::WorldRow;
 use etude_stage::{PhysicalParams, RAIL, StageConfig, World, joint_range};
@@ -55,7 +55,7 @@ fn at_hand(xml: &str) -> (String, String) {
 fn gravity(xml: String) -> String {
     let (mut keys, hand) = at_hand(&swap(xml, r#"gravity="0 0 0""#, r#"gravity="0 0 -9.81""#));
     let stiffness = PhysicalParams::default().world(WorldRow::KeyStiffness);
-    for key in 0..KEYS {
+    for key in 0..KEY_COUNT {
         let shape = KeyShape::of(key);
         let rest = -shape.mass * 9.81 * shape.size[0] / 2.0 / stiffness;
         let joint = format!(r#"<joint name="key_{key}" "#);

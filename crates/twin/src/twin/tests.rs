@@ -34,7 +34,7 @@ fn an_arm_that_is_not_at_the_keys_holds_the_hand_above_them() {
         twin.step();
     }
     assert!(twin.joints()[1] > 0.5, "{:?}", twin.joints());
-    assert!((0..KEYS).all(|key| twin.world.key_travel(key) < 1e-3));
+    assert!((0..KEY_COUNT).all(|key| twin.world.key_travel(key) < 1e-3));
     assert!(twin.lift > 0.3, "{} m", twin.lift);
     twin.devices.arm.place(*twin.path.middle());
     twin.step();
@@ -74,7 +74,8 @@ fn a_turned_keyboard_has_its_ends_elsewhere() {
         assert!((body.xpos[1] + target_from_middle[0] * sine - turned_y).abs() < 1e-12, "{key}");
         assert!((body.xquat[3] - 0.005f64.sin()).abs() < 1e-12, "{key}");
     }
-    let ends = [0, KEYS - 1].map(|key| turned.world.key_target(key)[0] - straight.world.key_target(key)[0]);
+    let ends =
+        [0, KEY_COUNT - 1].map(|key| turned.world.key_target(key)[0] - straight.world.key_target(key)[0]);
     assert!(ends[0] > 0.003 && ends[1] < -0.003, "{ends:?}");
 }
 
@@ -144,7 +145,9 @@ fn keys_have_their_own_springs_and_thresholds() {
     };
     let springs = |twin: &Twin| -> Vec<f64> {
         let model = twin.world.data().model();
-        (0..KEYS).map(|key| model.joint(&format!("key_{key}")).unwrap().view(model).stiffness[0]).collect()
+        (0..KEY_COUNT)
+            .map(|key| model.joint(&format!("key_{key}")).unwrap().view(model).stiffness[0])
+            .collect()
     };
     let (one, same, other) = (spread(1), spread(1), spread(2));
     assert_eq!(springs(&one), springs(&same));

@@ -87,9 +87,8 @@ impl Desk {
 
     /// The built-in songs, then the MIDI files.
     pub fn songs(&self) -> Vec<Listed> {
-        let built_in = repertoire::PIECES
-            .iter()
-            .map(|piece| Listed { song: piece.id.into(), title: piece.title.into() });
+        let built_in =
+            repertoire::SONGS.iter().map(|piece| Listed { song: piece.id.into(), title: piece.title.into() });
         let mut files: Vec<PathBuf> = MIDI_FOLDERS.into_iter().flat_map(entries).collect();
         files.retain(|path| path.extension().is_some_and(|ending| ending == "mid") && path.is_file());
         files.sort();

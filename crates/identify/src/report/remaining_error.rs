@@ -1,0 +1,199 @@
+//! What the fitted simulator cannot express: each joint's error, divided by what it correlates
+//! with.
+
+use etude_stage::{DRIVEN_JOINTS, JOINT_NAMES, RAIL};
+
+use super::document::{list, paragraph, table};
+use super::error_decomposition::{ErrorDecomposition, decompose, samples};
+use super::number::{milli, milli_unit, number, percent};
+use crate::assessment::Replayed;
+
+/// A part dominates the error from this share on.
+const DOMINANT: f64 = 0.4;
+
+/// What an error can correlate with.
+struct Cause {
+    name: &'static str,
+    /// Verb and object for a sentence about its share.
+    phrase: &'static str,
+    /// What it means where it dominates.
+    meaning: &'static str,
+}
+
+/// In the order of [`RemainingError::shares`].
+const CAUSES: [Cause; 7] = [
+    Cause {
+        name: "offset",
+        phrase: "is a constant offset",
+        meaning: "the simulated joint is at a constant distance from the measured one: an encoder's zero, or a constant load, \
+                  such as the part of gravity that the hand does not compensate. Motions that touch keys identify \
+                  encoder_bias.",
+    },
+    Cause {
+        name: "direction",
+        phrase: "depends on the direction of motion (backlash, dry friction)",
+        meaning: "the robot stops short of the simulator from both sides (beyond it, where the size is negative): backlash \
+                  between drive and joint, of which the size is half, or another kind of dry friction. The simulator's dry \
+                  friction is the same at rest and in motion, and it has no backlash.",
+    },
+    Cause {
+        name: "velocity",
+        phrase: "depends on velocity (timing)",
+        meaning: "an error of timing: the robot is late by this time (early, where it is negative). Rows: delay, low_pass; \
+                  of a finger viscosity, of the rail damping.",
+    },
+    Cause {
+        name: "acceleration",
+        phrase: "depends on acceleration (inertia, lag)",
+        meaning: "an error of inertia, or a second lag. Rows: armature, low_pass, jerk_limit. Coupling of joints through the \
+                  hand looks the same.",
+    },
+    Cause {
+        name: "slow rest",
+        phrase: "depends on none of direction, velocity and acceleration, and changes slowly",
+        meaning: "an effect that lasts longer than a control step and depends on none of direction, velocity and \
+                  acceleration: sticking at rest, friction that changes with position or load, backlash under a load. No row of \
+                  the simulator expresses it.",
+    },
+    Cause {
+        name: "fast rest",
+        phrase: "changes within a control step of 50 ms (the response to single targets, backlash after a turn)",
+        meaning: "an effect within a control step: how the joint responds to a single target (shape of its rise, ringing, \
+                  timing finer than a physics step), backlash after a turn, vibration. Rows: jerk_limit, low_pass, delay, in \
+                  part.",
+    },
+    Cause {
+        name: "noise",
+        phrase: "is the noise of the readings",
+        meaning: "the simulator is as good as the readings.",
+    },
+];
+
+/// One joint.
+pub(super) struct RemainingError {
+    joint: usize,
+    found: ErrorDecomposition,
+}
+
+/// The joints that move, in simulations that did not diverge.
+pub(super) fn parts(replayed: &[Replayed<'_>]) -> Vec<RemainingError> {
+    let of = |joint: usize| {
+        let moving = replayed.iter().filter(|replayed| replayed.motion.moves[joint]);
+        let (mut all, mut noise, mut motions) = (Vec::new(), 0.0, 0.0);
+        for Replayed { motion, traces } in moving {
+            all.extend(samples(motion, traces[1].as_ref()?, joint));
+            noise += motion.noise[joint] * motion.noise[joint];
+            motions += 1.0;
+        }
+        let found = decompose(&all, f64::sqrt(noise / f64::max(motions, 1.0)))?;
+        Some(RemainingError { joint, found })
+    };
+    (0..DRIVEN_JOINTS).filter_map(of).collect()
+}
+
+impl RemainingError {
+    /// In the order of [`CAUSES`].
+    fn shares(&self) -> [f64; CAUSES.len()] {
+        let found = &self.found;
+        let [direction, velocity, acceleration] = found.shares;
+        [found.offset, direction, velocity, acceleration, found.slow, found.fast, found.noise]
+    }
+
+    /// The largest part, if it dominates.
+    fn dominant(&self) -> Option<usize> {
+        largest(&self.shares()).filter(|(_, share)| *share >= DOMINANT).map(|(part, _)| part)
+    }
+
+    /// The dominant part with its size.
+    fn mostly(&self) -> String {
+        let Some(part) = self.dominant() else { return "several".to_string() };
+        let unit = milli_unit(self.joint);
+        let [direction, velocity, acceleration] = self.found.slopes;
+        let name = CAUSES[part].name;
+        match part {
+            0 => format!("{name}, {} {unit}", milli(self.found.mean_error)),
+            1 => format!("{name}, {} {unit}", milli(direction)),
+            2 => format!("{name}, {} ms", number(1e3 * velocity)),
+            3 => format!("{name}, {} ms²", number(1e6 * acceleration)),
+            _ => name.to_string(),
+        }
+    }
+}
+
+fn largest(shares: &[f64]) -> Option<(usize, f64)> {
+    shares.iter().copied().enumerate().max_by(|a, b| a.1.total_cmp(&b.1))
+}
+
+/// The mean of a value over the finger joints, weighted by their mean square errors; `None` without
+/// any error.
+fn pooled(parts: &[RemainingError], value: impl Fn(&RemainingError) -> f64) -> Option<f64> {
+    let fingers = || parts.iter().filter(|part| part.joint != RAIL);
+    let whole: f64 = fingers().map(|part| part.found.rms.powi(2)).sum();
+    (whole > 0.0).then(|| fingers().map(|part| part.found.rms.powi(2) * value(part)).sum::<f64>() / whole)
+}
+
+/// Shares of the mean square error of all finger joints together.
+fn pooled_shares(parts: &[RemainingError]) -> Option<Vec<f64>> {
+    (0..CAUSES.len()).map(|cause| pooled(parts, |part| part.shares()[cause])).collect()
+}
+
+/// The largest part of the remaining error, in a sentence.
+pub(super) fn in_short(parts: &[RemainingError]) -> Option<String> {
+    let (cause, share) = largest(&pooled_shares(parts)?)?;
+    let (share, phrase) = (percent(share), CAUSES[cause].phrase);
+    Some(format!(
+        "The largest part of the remaining error, {share} of the fingers' mean square error, {phrase}."
+    ))
+}
+
+/// How much of the fingers' error occurs just after a joint has changed direction, in a sentence.
+fn turning(parts: &[RemainingError]) -> Option<String> {
+    let share = pooled(parts, |part| part.found.turning[0])?;
+    let fingers = || parts.iter().filter(|part| part.joint != RAIL);
+    let time = fingers().map(|part| part.found.turning[1]).sum::<f64>() / fingers().count() as f64;
+    Some(format!(
+        "Of the fingers' mean square error {} occurs within 50 ms after a joint has changed direction, which is {} of the \
+         time. A share far above that of the time indicates backlash, or friction that is larger at rest.",
+        percent(share),
+        percent(time)
+    ))
+}
+
+/// The table, and what its dominant parts mean.
+pub(super) fn elements(parts: &[RemainingError], held_out: bool) -> Vec<String> {
+    if parts.is_empty() {
+        let why = "There is no error to analyse: the identified simulation diverged in these recordings, or no joint moves.";
+        return vec![paragraph(why)];
+    }
+    let which =
+        if held_out { "held-out recordings" } else { "recordings that were fitted (none was held out)" };
+    let line = |joint: &str, error: String, shares: &[f64], mostly: String| {
+        let shares = shares.iter().copied().map(percent);
+        [joint.to_string(), error].into_iter().chain(shares).chain([mostly]).collect::<Vec<String>>()
+    };
+    let row = |part: &RemainingError| {
+        let error = format!("{} {}", milli(part.found.rms), milli_unit(part.joint));
+        line(JOINT_NAMES[part.joint], error, &part.shares(), part.mostly())
+    };
+    let pooled = pooled_shares(parts).map(|shares| line("fingers", String::new(), &shares, String::new()));
+    let meaning = |(index, cause): (usize, &Cause)| {
+        let dominated = parts.iter().filter(|part| part.dominant() == Some(index));
+        let joints: Vec<&str> = dominated.map(|part| JOINT_NAMES[part.joint]).collect();
+        (!joints.is_empty()).then(|| format!("{} ({}): {}", cause.name, joints.join(", "), cause.meaning))
+    };
+    let names = CAUSES.iter().map(|cause| cause.name);
+    let columns: Vec<&str> = ["joint", "error"].into_iter().chain(names).chain(["mostly"]).collect();
+    let mut elements = vec![
+        paragraph(&format!(
+            "Parts of the mean square error after the fit in the {which}, from a regression of simulated minus measured \
+             positions on direction of motion (the last direction, where the joint stands), velocity and acceleration of the \
+             simulated joint. The rest is slow where it shows in a moving mean over 50 ms. A part of {} or more is named \
+             with its size.",
+            percent(DOMINANT)
+        )),
+        table("Shares of the mean square error after the fit", &columns, parts.iter().map(row).chain(pooled)),
+        list(&CAUSES.iter().enumerate().filter_map(meaning).collect::<Vec<_>>()),
+    ];
+    elements.extend(turning(parts).as_deref().map(paragraph));
+    elements
+}
