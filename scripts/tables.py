@@ -16,7 +16,7 @@ import sys
 
 from tables.common import COMMANDS, ROOT, Stopped
 
-MODULES = ["identification", "iterations", "learning", "robot", "sight", "wall_clock", "wrong_keys"]
+MODULES = ["experiments", "identification", "iterations", "learning", "robot", "sight", "wall_clock", "wrong_keys"]
 MARK = "<!-- tables.py "
 
 

@@ -57,7 +57,7 @@ def iterations(options):
     kept = [max(entries, key=value) for entries in each]
     names = ["nothing fitted", "after one iteration", "after two iterations"][: min(map(len, each))]
     columns = [*zip(*(entries[: len(names)] for entries in each)), kept]
-    head("rehearsals", "notes right, wrong", "onset F1", "F1 on the twin", "worst F1")
+    head("rehearsals", "notes right, wrong", "onset F1", "F1 (articulated plan), twin", "worst F1")
     for name, column in zip([*names, "the best of these"], columns):
         summary_row(name, where, column)
     if all(adapted):
@@ -313,6 +313,7 @@ def rise(before, after):
 @command(
     "after-iteration",
     argument("rows", type=pathlib.Path, help="CSV with one row a performance"),
+    argument("--rule", default="RoboPianist's rule", help="by which F1 is counted, for the heading"),
     argument("--by-song", action="store_true"),
     argument("--measure", metavar="EXPERIMENT", help="first extend ROWS: a name in configs/experiments"),
     argument("--seeds", type=int, nargs="+", default=[0, 1, 2]),
@@ -345,7 +346,7 @@ def after_iteration(options):
     both = set.intersection(*({performance(row) for row in rows if row["iteration"] == number} for number in "01"))
     rows = [row for row in rows if performance(row) in both]
     labels = LABELS[: 4 if options.by_song else 3]
-    columns = ["F1 simulation", "F1 twin", "gap", "precision, recall", "onset F1", "notes right, wrong"]
+    columns = [f"F1 ({options.rule}), simulation", "twin", "gap", "precision, recall", "onset F1", "notes right, wrong"]
     head(", ".join(labels).replace("_", " "), "seeds", "", *columns)
     groups = collections.defaultdict(list)
     for entry in rows:
