@@ -7,7 +7,7 @@
 The example writes the problem and our answer into FOLDER. The toolbox (`mujoco.sysid`) gets the same model, references,
 readings, start and bounds, and makes models, rollouts, slopes, steps and intervals itself. Prints Markdown; exits with 1 if
 the answers differ. `--venv` puts what the toolbox needs into a throw-away virtual environment first (SYSID_VENV names its
-folder, /tmp/venv-sysid if not set) and runs there. Measured: docs/results/sysid-check.md.
+folder, /tmp/venv-sysid if not set) and runs there. Measured: benches/sysid-check.md.
 """
 
 import contextlib

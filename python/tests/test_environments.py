@@ -118,7 +118,7 @@ def test_actions_reach_over_what_the_song_needs(short_song):
     env, scale = etude.PianoEnv(short_song), etude.PianoEnv("c-major-scale")
     assert env.action_low.shape == env.action_high.shape == (13,)
     np.testing.assert_array_equal(env.action_low[:12], scale.action_low[:12])
-    # docs/results/learning.md: 297 mm.
+    # The part of the keyboard that the song needs.
     assert scale.action_high[12] - scale.action_low[12] == pytest.approx(0.297, abs=1e-3)
     assert env.action_high[12] - env.action_low[12] < 0.297
     np.testing.assert_array_equal(etude.PianoVectorEnv(1, short_song).action_low, env.action_low)

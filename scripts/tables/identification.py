@@ -93,7 +93,6 @@ def implied_keyboard(params):
     silent = 1.0 - travel * (1.0 - keys.get("first_contact", 0.3))
     rows = {"key.threshold": sounds, "key.hysteresis": 1.0 - silent / sounds}
     zero = ["key.preload", "keyboard.height", "keyboard.lateral", "keyboard.depth"]
-    zero += [f"joint.{finger}_{joint}.encoder_bias" for finger in ("index", "middle", "ring") for joint in range(3)]
     rows["key.stiffness"] = physics.get("key.stiffness", 1.0)
     rows |= {path: physics.get(path, 0.0) for path in zero}
     # Longer travel looks like a lower keyboard.
@@ -103,11 +102,11 @@ def implied_keyboard(params):
 
 @command("presses", argument("twin_params", nargs="*", default=["ideal", "mild", "standard", "worn"]))
 def presses(options):
-    """What the excitation `keys` measures of the keyboard, and what the twin's parameters imply.
+    """What the excitation `keys` measures of the keyboard (95 %), and what the twin's parameters imply.
 
-    Lengths are in mm, angles in mrad.
+    Lengths are in mm.
     """
-    head("twin parameters", "row", "measured (95 %)", "implied")
+    columns = []
     for name in options.twin_params:
         implied = implied_keyboard(twin_params(name))
         with tempfile.TemporaryDirectory() as folder:
@@ -115,10 +114,12 @@ def presses(options):
             recording = folder / "keys.mcap"
             say("record", "--robot", "twin", "--twin-params", name, "--excitation", "keys", "-o", recording)
             found = etude("identify", recording, "-o", folder / "identified")["identified"]["measured"]
-        for measure in found:
+        columns.append({})
+        for measure in (measure for measure in found if measure["path"] in implied):
             path = measure["path"]
-            if path in implied:
-                low, high = measure["interval"]
-                scale = 1e3 if path.startswith("keyboard.") or path.endswith("bias") else 1.0
-                value = f"{scale * measure['value']:.2f} ({scale * low:.2f} … {scale * high:.2f})"
-                row(name, f"`{path}`", value, f"{scale * implied[path]:.2f}")
+            scale = 1e3 if path.startswith("keyboard.") else 1.0
+            value, low, high, target = (scale * one for one in (measure["value"], *measure["interval"], implied[path]))
+            columns[-1][path] = f"{value:.2f} ({low:.2f} … {high:.2f}); {target:.2f}"
+    head("parameter", *(f"`{name}`" for name in options.twin_params))
+    for path in sorted(columns[0]):
+        row(f"`{path}`", *(column[path] for column in columns))

@@ -1,5 +1,5 @@
 //! The two methods on the same recordings, from the same starts: the replays and seconds that each
-//! needs to reach the same error. Prints the table of docs/results/identification.md: `cargo run
+//! needs to reach the same error. Prints a table: `cargo run
 //! --release -p etude-identify --example methods -- chirp.mcap [--seeds N]`.
 #![allow(clippy::print_stdout, clippy::print_stderr, reason = "printing is what it is for")]
 

@@ -17,7 +17,7 @@ pub enum ObservationScale {
     /// As the paper's table has it: rad, and m for the rail.
     Si,
     /// Finger joints by their range, to [−1, 1]; the rail in white keys from the middle, so that a movement by one key is as large
-    /// as the bending of a finger. Our choice: in SI units policies learn more slowly (docs/results/experiments/fast/notes.md).
+    /// as the bending of a finger. Our choice: in SI units policies learn more slowly (docs/results/choices.md).
     #[default]
     Normalised,
 }

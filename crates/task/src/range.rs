@@ -14,7 +14,7 @@ use crate::{ACTION_LEN, Fingering, Piece};
 /// [`TaskConfig::finger_range`](crate::TaskConfig::finger_range) those of the finger joints are around the planned pose.
 ///
 /// If the rail's range were the whole keyboard, a change of its action by 0.02 would be 7 mm, more than a fingertip may be off the
-/// middle of a key between fences. docs/results/learning.md compares the two.
+/// middle of a key between fences.
 #[derive(Clone, Debug, PartialEq)]
 pub struct TargetRange {
     ranges: [[f64; 2]; DRIVEN_JOINTS],

@@ -18,7 +18,7 @@ const BEGINNINGS: &[(&str, &str)] = &[("twin", BY_THE_CLOCK), ("robot ", BY_THE_
 /// The same for parts of commands.
 const PARTS: &[(&str, &str)] = &[
     ("--simulator", RESULT),
-    ("-o runs/rounds/", RESULT),
+    ("-o runs/iterations/", RESULT),
     ("--robot out/twin/twin.toml", BY_THE_CLOCK),
     ("out/lab", BY_THE_CLOCK),
     ("rehearse", REHEARSED),

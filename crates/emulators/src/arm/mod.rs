@@ -2,7 +2,7 @@
 //!
 //! The behaviour follows the sources that `etude_robot::xarm` names. Where they say nothing, the behaviour that is harder
 //! for a driver was chosen. What our driver does not use follows xarm-python-sdk 1.18.4, whose calls all get an answer;
-//! `docs/results/robot.md` lists what differs from a real controller.
+//! `docs/robot.md` lists what differs from a real controller.
 
 mod answers;
 mod inputs;

@@ -19,7 +19,7 @@ const FAR_FROM_NOISE: f64 = 5.0;
 pub(super) const ESTIMATE_STEP: f64 = 1e-3;
 /// Last step of the differences of the passes joint by joint, and the share of the cost that ends a
 /// fit there. With 1e-6 and 1e-4 they took twice the replays, and held-out errors differ by 2 % at
-/// most (docs/results/identification.md).
+/// most.
 const JOINT_STEP: f64 = 1e-4;
 const JOINT_TOLERANCE: f64 = 1e-3;
 /// Curvature of the cost along a parameter whose own interval is just identifiable.
